@@ -1,0 +1,183 @@
+//! One error type, by who can act on it (design: scene, mesh, device, memory, output).
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// Result of every fallible call of the engine.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// Where in a text file something was found. Lines and columns count from 1.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The file, where the text came from one.
+    pub file: Option<PathBuf>,
+    /// Line and column, where they are known.
+    pub line_column: Option<(usize, usize)>,
+    /// The offending line of the text with a caret below it, where it is known.
+    pub excerpt: Option<String>,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.file {
+            Some(file) => write!(f, "{}", file.display())?,
+            None => write!(f, "scene")?,
+        }
+        if let Some((line, column)) = self.line_column {
+            write!(f, ":{line}:{column}")?;
+        }
+        Ok(())
+    }
+}
+
+/// What went wrong, by who can act on it.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Error {
+    /// The scene asks for something that cannot be.
+    Scene {
+        /// Where the key stands.
+        place: Box<Place>,
+        /// Full path of the key, as `detector.pitch` or `object[2].unit`.
+        key: String,
+        /// What was found there.
+        found: String,
+        /// What is allowed there.
+        allowed: String,
+    },
+    /// A mesh or shape cannot serve as a sample.
+    Mesh {
+        /// Name of the object, with its file where it has one.
+        object: String,
+        /// What is wrong.
+        problem: String,
+        /// Where: line, triangle, position.
+        place: String,
+    },
+    /// No Vulkan device can serve, or the device failed.
+    Device {
+        /// What was looked for or was being done.
+        wanted: String,
+        /// What was found or happened.
+        found: String,
+        /// What to install or change.
+        remedy: String,
+    },
+    /// Not enough memory.
+    Memory {
+        /// What the memory is for.
+        purpose: String,
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes available, where known.
+        available: Option<u64>,
+        /// What to change.
+        remedy: String,
+    },
+    /// A file or directory cannot be read or written.
+    Output {
+        /// The path.
+        path: PathBuf,
+        /// What was being done, and what is allowed.
+        problem: String,
+        /// The system's own word, where there is one.
+        source: Option<std::io::Error>,
+    },
+    /// Too many rays failed a check (see the tally); the result is not to be trusted.
+    Tally(
+        /// The count that passed its threshold.
+        String,
+    ),
+    /// The caller asked the run to stop.
+    Interrupted,
+}
+
+impl Error {
+    /// A scene error at a key path without a known place in a file.
+    pub fn scene(
+        key: impl Into<String>,
+        found: impl Into<String>,
+        allowed: impl Into<String>,
+    ) -> Self {
+        Self::Scene {
+            place: Box::default(),
+            key: key.into(),
+            found: found.into(),
+            allowed: allowed.into(),
+        }
+    }
+
+    /// A mesh error.
+    pub fn mesh(
+        object: impl Into<String>,
+        problem: impl Into<String>,
+        place: impl Into<String>,
+    ) -> Self {
+        Self::Mesh { object: object.into(), problem: problem.into(), place: place.into() }
+    }
+
+    /// A device error.
+    pub fn device(
+        wanted: impl Into<String>,
+        found: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self::Device { wanted: wanted.into(), found: found.into(), remedy: remedy.into() }
+    }
+
+    /// An input/output error on a path.
+    pub fn output(
+        path: impl Into<PathBuf>,
+        problem: impl Into<String>,
+        source: Option<std::io::Error>,
+    ) -> Self {
+        Self::Output { path: path.into(), problem: problem.into(), source }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Scene { place, key, found, allowed } => {
+                write!(f, "{place}: {key}: found {found}; allowed: {allowed}")?;
+                if let Some(excerpt) = &place.excerpt {
+                    write!(f, "\n{excerpt}")?;
+                }
+                Ok(())
+            }
+            Self::Mesh { object, problem, place } => {
+                write!(f, "{object}: {problem}")?;
+                if place.is_empty() { Ok(()) } else { write!(f, " ({place})") }
+            }
+            Self::Device { wanted, found, remedy } => {
+                write!(f, "{wanted}: {found}")?;
+                if remedy.is_empty() { Ok(()) } else { write!(f, "; {remedy}") }
+            }
+            Self::Memory { purpose, needed, available, remedy } => {
+                write!(f, "{purpose} needs {} MiB", needed.div_ceil(1 << 20))?;
+                if let Some(available) = available {
+                    write!(f, ", {} MiB are available", available >> 20)?;
+                }
+                write!(f, "; {remedy}")
+            }
+            Self::Output { path, problem, source } => {
+                write!(f, "{}: {problem}", path.display())?;
+                match source {
+                    Some(source) => write!(f, ": {source}"),
+                    None => Ok(()),
+                }
+            }
+            Self::Tally(what) => write!(f, "too many rays failed a check: {what}"),
+            Self::Interrupted => write!(f, "interrupted"),
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Output { source: Some(source), .. } => Some(source),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
+
+use glam::DVec3;
+
+/// All surfaces of the sample in world coordinates (m), welded, closed and oriented outwards
+/// (away from the material of their object; the surface of a void points into the void).
+#[derive(Debug, Clone, Default)]
+pub struct Sample {
+    /// Vertex positions, m.
+    pub vertices: Vec<DVec3>,
+    /// Vertex indices, counter-clockwise seen from outside the material.
+    pub triangles: Vec<[u32; 3]>,
+    /// Component of each triangle.
+    pub triangle_component: Vec<u32>,
+    /// Connected surface components.
+    pub components: Vec<Component>,
+    /// Objects in the order of the scene.
+    pub objects: Vec<ObjectSummary>,
+}
+
+/// A connected closed surface of one object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Component {
+    /// Index of the object that it bounds.
+    pub object: u32,
+    /// Object whose material is on the outer side of the surface; `None`: the surroundings.
+    pub outside: Option<u32>,
+    /// Signed volume, m3; negative for a void.
+    pub volume: f64,
+    /// Area, m2.
+    pub area: f64,
+    /// Bounding box, m.
+    pub bounds: [DVec3; 2],
+}
+
+/// What `check` tells of an object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ObjectSummary {
+    /// Name in the scene.
+    pub name: String,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Volume of its outer surfaces less its voids, m3.
+    pub volume: f64,
+    /// Bounding box, m.
+    pub bounds: [DVec3; 2],
+    /// Objects that it stands in, by its components (`None`: the surroundings).
+    pub inside: Vec<Option<u32>>,
+    /// SHA-256 of the mesh as read (file bytes, or arrays), hexadecimal; empty for shapes.
+    pub hash: String,
+    /// What is odd about it, in words (suspicious size, for one).
+    pub warnings: Vec<String>,
+}

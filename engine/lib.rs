@@ -1,0 +1,25 @@
+//! beamlet simulates edge-illumination X-ray phase contrast imaging from CAD models.
+//!
+//! A [`scene::Scene`] is loaded or built, an [`Engine`] opens a Vulkan device, and a run
+//! streams stacks of frames, one per mask step, to a [`stack::Sink`] or returns them as
+//! `ndarray` arrays. Lengths are metres, angles radians and energies keV unless a name says
+//! otherwise. The frame of reference and the signs are those of docs/physics.md.
+//!
+//! The engine never prints, exits or panics on input; messages go through the `log` crate.
+
+pub mod accel;
+mod engine;
+mod error;
+pub mod geometry;
+pub mod gpu;
+pub mod illuminate;
+pub mod material;
+mod run;
+pub mod scene;
+pub mod stack;
+pub mod trace;
+pub mod units;
+
+pub use engine::{Engine, EngineOptions};
+pub use error::{Error, Place, Result};
+pub use run::{Backend, Control, Progress, RunRecord, Tally};

@@ -1,0 +1,102 @@
+//! One run: every view of a scene, traced, illuminated and handed to a sink.
+
+use crate::stack::View;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::sync::atomic::AtomicBool;
+
+/// Traversal backend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backend {
+    /// Hardware or driver acceleration structures through `VK_KHR_ray_query`.
+    RayQuery,
+    /// Software BVH in a compute shader.
+    Bvh,
+}
+
+impl fmt::Display for Backend {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::RayQuery => "ray-query",
+            Self::Bvh => "bvh",
+        })
+    }
+}
+
+/// What a caller may steer while a run goes on.
+#[derive(Default)]
+pub struct Control<'a> {
+    /// Called now and then from the calling thread.
+    pub progress: Option<&'a mut dyn FnMut(Progress)>,
+    /// Set to true to end the run with [`crate::Error::Interrupted`].
+    pub cancel: Option<&'a AtomicBool>,
+    /// Views that are committed already and are not computed again.
+    pub skip: Vec<View>,
+}
+
+impl fmt::Debug for Control<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Control").field("skip", &self.skip).finish_non_exhaustive()
+    }
+}
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Work done, in pixel rows (over all views, the flat included).
+    pub rows_done: u64,
+    /// All work of this run.
+    pub rows_total: u64,
+    /// The view in work.
+    pub view: View,
+    /// Rays traced so far.
+    pub rays: u64,
+}
+
+/// Counts of a run: shaders cannot return errors.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Tally {
+    /// Rays traced to first order.
+    pub rays: u64,
+    /// Rays traced again in order (or in order alone with `transport = exact`).
+    pub exact: u64,
+    /// Cells split by refinement.
+    pub split: u64,
+    /// Rays that entered and left some object unequally often after all re-tracing.
+    pub unbalanced: u64,
+    /// Ray-query rays traced again with the software BVH.
+    pub retraced: u64,
+    /// Cells or crossings dropped at a limit.
+    pub dropped: u64,
+    /// Rays that were totally reflected at least once.
+    pub reflected: u64,
+    /// Rays with a value that is not finite; their light is left out.
+    pub not_finite: u64,
+    /// Cells whose light landed outside the detector or too far off to follow.
+    pub landed_off: u64,
+}
+
+/// Provenance of a run, stored as run.json.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// Version of beamlet.
+    pub version: String,
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Backend used.
+    pub backend: Backend,
+    /// Why that backend.
+    pub backend_reason: String,
+    /// Calibration: million rays a second by backend name.
+    pub calibration: std::collections::BTreeMap<String, f64>,
+    /// Seed.
+    pub seed: u64,
+    /// Counts.
+    pub tally: Tally,
+    /// Seconds by stage.
+    pub seconds: std::collections::BTreeMap<String, f64>,
+}

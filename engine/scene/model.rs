@@ -1,0 +1,251 @@
+//! The scene model. All values are SI (metres, radians, 1/m) except energies in keV; ranges
+//! stand on the fields and are enforced by [`Scene::validate`].
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// A whole scene, every default filled in. See docs/scene.md for the file form.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    /// Directory that relative paths start from.
+    pub directory: PathBuf,
+    /// X-ray source.
+    pub source: Source,
+    /// Detector.
+    pub detector: Detector,
+    /// Mask before the sample, if there is one.
+    pub sample_mask: Option<MaskSpec>,
+    /// Mask before the detector, if there is one.
+    pub detector_mask: Option<MaskSpec>,
+    /// How rays are chosen.
+    pub sampling: Sampling,
+    /// Mask offsets and angles.
+    pub scan: Scan,
+    /// Materials defined in the scene; they shadow built-in names.
+    pub materials: BTreeMap<String, MaterialSpec>,
+    /// Name of the material of the surroundings (medium 0).
+    pub surroundings: String,
+    /// Objects of the sample. Where they overlap the one listed later wins.
+    pub objects: Vec<Object>,
+}
+
+/// X-ray source on the optical axis at (0, -distance, 0).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    /// Source to rotation centre, m. > 0.
+    pub distance: f64,
+    /// FWHM of the Gaussian focal spot along x and z, m. >= 0; 0 is a point.
+    pub spot: [f64; 2],
+    /// Photon energy, keV. > 0.
+    pub energy: f64,
+}
+
+/// Flat detector across the optical axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detector {
+    /// Source to detector, m. > source distance.
+    pub distance: f64,
+    /// Columns and rows. >= 1 each.
+    pub pixels: [u32; 2],
+    /// Pixel pitch along x and z, m. > 0.
+    pub pitch: [f64; 2],
+}
+
+/// A slit mask, periodic without end in x and unbounded in z.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MaskSpec {
+    /// Source to the centre plane of the bars, m.
+    pub distance: f64,
+    /// Period in the mask plane, m. Default: pitch * mask distance / detector distance.
+    pub period: f64,
+    /// Aperture width in the mask plane, m. 0 < aperture <= period.
+    pub aperture: f64,
+    /// Displacement of the lattice along +x in the mask plane, m.
+    pub offset: f64,
+    /// What the bars are.
+    pub body: MaskBody,
+}
+
+/// What the bars of a mask are.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MaskBody {
+    /// Straight boxes of a material.
+    Bars {
+        /// Material name.
+        material: String,
+        /// Thickness along y, m. > 0.
+        thickness: f64,
+    },
+    /// A hard-edged sheet without thickness.
+    Sheet {
+        /// Transmission of the bars, 0..=1.
+        transmission: f64,
+    },
+}
+
+/// How rays are chosen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sampling {
+    /// Cells or random rays.
+    pub scheme: Scheme,
+    /// Cells: cells per period in x before refinement; `None`: from the geometry.
+    pub cells: Option<u32>,
+    /// Cells: traced rows per pixel in z before refinement. >= 1.
+    pub rows: u32,
+    /// Cells: displacement error at the detector that splits a cell, m. > 0.
+    pub tolerance: f64,
+    /// Random: rays per pixel in x and z. >= 1 each.
+    pub rays: [u32; 2],
+    /// Order of the transport.
+    pub transport: Transport,
+    /// Seed of every random number.
+    pub seed: u64,
+}
+
+/// How rays are chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scheme {
+    /// One ray per cell boundary, cells integrated analytically.
+    Cells,
+    /// The paper's: evenly spaced targets in the pixel, random source offsets.
+    Random,
+}
+
+/// Order of the transport through the sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Transport {
+    /// First order, and exact for the rays that need it.
+    Auto,
+    /// First order in delta for every ray.
+    FirstOrder,
+    /// Ordered walk with refraction at every surface for every ray.
+    Exact,
+}
+
+/// Mask offsets and angles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scan {
+    /// Displacements of the sample mask along +x in its own plane, m. At least one.
+    pub mask_offsets: Vec<f64>,
+    /// Rotation of source, masks and detector about +z, rad. At least one.
+    pub angles: Vec<f64>,
+}
+
+/// Definition of a material.
+#[derive(Debug, Clone, PartialEq)]
+pub enum MaterialSpec {
+    /// Chemical formula and density.
+    Formula {
+        /// Such as "C" or "H2O".
+        formula: String,
+        /// Density, g/cm3. > 0.
+        density: f64,
+    },
+    /// Constants for the scene's single energy.
+    Constants {
+        /// Linear attenuation coefficient, 1/m. >= 0.
+        mu: f64,
+        /// Refractive index decrement.
+        delta: f64,
+    },
+    /// Table file with columns `energy_keV,mu_per_cm,delta`.
+    Table {
+        /// The file, relative to the scene's directory.
+        path: PathBuf,
+    },
+}
+
+/// One object of the sample.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Object {
+    /// Unique name.
+    pub name: String,
+    /// Shape or mesh.
+    pub geometry: ShapeOrMesh,
+    /// Material name.
+    pub material: String,
+    /// Where it stands.
+    pub placement: Placement,
+}
+
+/// What an object's surface is.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ShapeOrMesh {
+    /// Built-in shape, in metres.
+    Shape(Shape),
+    /// Mesh file, or arrays given in the library.
+    Mesh(Mesh),
+}
+
+/// Built-in shapes: along z, centred, with area-preserving facets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Shape {
+    /// Full edge lengths along x, y, z, m.
+    Box {
+        /// Edge lengths, m.
+        size: [f64; 3],
+    },
+    /// Cylinder along z.
+    Cylinder {
+        /// Radius, m.
+        radius: f64,
+        /// Height, m.
+        height: f64,
+        /// Facets around. >= 3.
+        sides: u32,
+    },
+    /// Regular prism along z; `radius` is the circumradius of its base, not area-corrected.
+    Prism {
+        /// Circumradius, m.
+        radius: f64,
+        /// Height, m.
+        height: f64,
+        /// Sides. >= 3.
+        sides: u32,
+    },
+    /// Sphere.
+    Sphere {
+        /// Radius, m.
+        radius: f64,
+        /// Facets around the equator. >= 4.
+        sides: u32,
+    },
+}
+
+/// A triangle mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Mesh {
+    /// A file; `unit` is the length of 1.0 in it, m.
+    File {
+        /// The file, relative to the scene's directory.
+        path: PathBuf,
+        /// Metres per unit of the file.
+        unit: f64,
+    },
+    /// Vertices in metres and triangles that index them, counter-clockwise seen from outside.
+    Arrays {
+        /// Vertex positions, m.
+        vertices: Vec<[f64; 3]>,
+        /// Vertex indices.
+        triangles: Vec<[u32; 3]>,
+    },
+}
+
+/// Placement of an object: center, then scale, then rotations, then position.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placement {
+    /// Move the centre of the bounding box to the mesh origin first.
+    pub center: bool,
+    /// Scale about the mesh origin. > 0.
+    pub scale: f64,
+    /// Rotations about the mesh origin in the order listed: axis, angle in rad.
+    pub rotate: Vec<([f64; 3], f64)>,
+    /// Translation, m.
+    pub position: [f64; 3],
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self { center: false, scale: 1.0, rotate: Vec::new(), position: [0.0; 3] }
+    }
+}
