@@ -14,7 +14,15 @@ use std::{env, fs, process};
 type Permutation = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
 
 /// The shaders of the engine, from shaders/. `trace_bvh` becomes `gpu::shaders::TRACE_BVH`.
-const PERMUTATIONS: &[Permutation] = &[];
+const PERMUTATIONS: &[Permutation] = &[
+    ("trace_bvh", "trace.comp", &[]),
+    ("trace_ray_query", "trace.comp", &[("BACKEND_RAY_QUERY", "1")]),
+    ("exact_bvh", "exact.comp", &[]),
+    ("exact_ray_query", "exact.comp", &[("BACKEND_RAY_QUERY", "1")]),
+    ("illuminate", "illuminate.comp", &[]),
+    ("random_rays", "random_rays.comp", &[]),
+    ("random_light", "random_light.comp", &[]),
+];
 
 /// The shaders of the tests, from tests/gpu/; they are not part of the library.
 const TEST_PERMUTATIONS: &[Permutation] = &[
