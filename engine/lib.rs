@@ -8,6 +8,7 @@
 //! The engine never prints, exits or panics on input; messages go through the `log` crate.
 
 pub mod accel;
+pub mod check;
 mod engine;
 mod error;
 pub mod geometry;
