@@ -115,7 +115,11 @@ fn readable(error: &GlslangError) -> String {
     let (GlslangError::ParseError(log) | GlslangError::LinkError(log)) = error else {
         return error.to_string();
     };
-    let summary = |line: &str| line.contains("compilation errors") || line.is_empty();
+    let summary = |line: &str| {
+        line.contains("compilation errors")
+            || line.contains("compilation terminated")
+            || line.is_empty()
+    };
     log.log
         .lines()
         .filter(|line| !summary(line.trim()))

@@ -184,22 +184,42 @@ fn a_device_that_is_not_there_is_an_error_that_lists_those_that_are() {
     assert!(text.contains(&Device::list().unwrap()[0].name), "{text}");
 }
 
-#[test]
-fn without_a_driver_the_error_names_the_package() {
-    // A process of its own: the loader reads the environment once.
+/// What a process of its own says when it opens a device in that environment.
+fn opened_with(environment: &[(&str, &str)]) -> String {
     let output = Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "open_without_a_driver", "--ignored", "--nocapture"])
-        .env("VK_DRIVER_FILES", "/nonexistent.json")
-        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .args(["--exact", "open_and_say", "--ignored", "--nocapture"])
+        .envs(environment.iter().copied())
         .output()
         .unwrap();
-    let text = String::from_utf8_lossy(&output.stdout);
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn without_a_driver_the_error_names_the_package() {
+    let nothing = "/nonexistent.json";
+    let text = opened_with(&[("VK_DRIVER_FILES", nothing), ("VK_ICD_FILENAMES", nothing)]);
     assert!(text.contains("mesa-vulkan-drivers"), "{text}");
 }
 
 #[test]
-#[ignore = "run by without_a_driver_the_error_names_the_package"]
-fn open_without_a_driver() {
+fn the_environment_chooses_a_device() {
+    let text = opened_with(&[("BEAMLET_DEVICE", "no such device")]);
+    assert!(text.contains("device \"no such device\": it is not among"), "{text}");
+}
+
+#[test]
+fn messages_of_the_validation_layer_are_counted() {
+    let device = open(false);
+    if device.validation() {
+        // The push constants of the shader are longer than those of the kernel.
+        let _ = device.kernel("short push", shaders::FILL, 8, None);
+        assert!(device.validation_messages() > 0);
+    }
+}
+
+#[test]
+#[ignore = "run by opened_with"]
+fn open_and_say() {
     match Device::open(&DeviceOptions::default()) {
         Ok(device) => println!("{device:?}"),
         Err(error) => println!("{error}"),

@@ -114,6 +114,11 @@ impl Device {
         self.instance.messages()
     }
 
+    /// Whether the validation layer listens.
+    pub fn validation(&self) -> bool {
+        self.instance.validation()
+    }
+
     /// The most workgroups of one dispatch, in x, y and z.
     pub fn max_groups(&self) -> [u32; 3] {
         self.physical.limits.max_compute_work_group_count
