@@ -1,4 +1,5 @@
 //! Compiles the compute shaders to SPIR-V. A shader error ends the build with its file and line.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "cargo reads and shows both")]
 
 use glslang::error::GlslangError;
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
@@ -62,8 +63,11 @@ fn build_all(folder: &str, permutations: &[Permutation], out: &Path, generated: 
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         fs::write(out.join(format!("{name}.spv")), bytes).expect("OUT_DIR can be written");
         let constant = name.to_uppercase();
-        write!(rust, "/// SPIR-V of {folder}/{file} {defines:?}.\npub const {constant}: &[u32] = &[")
-            .expect("a string grows");
+        write!(
+            rust,
+            "/// SPIR-V of {folder}/{file} {defines:?}.\npub const {constant}: &[u32] = &["
+        )
+        .expect("a string grows");
         for word in &words {
             write!(rust, "{word:#x},").expect("a string grows");
         }
@@ -119,7 +123,11 @@ fn readable(error: &GlslangError) -> String {
     let (GlslangError::ParseError(log) | GlslangError::LinkError(log)) = error else {
         return error.to_string();
     };
-    let summary = |line: &str| line.contains("compilation errors") || line.is_empty();
+    let summary = |line: &str| {
+        line.contains("compilation errors")
+            || line.contains("compilation terminated")
+            || line.is_empty()
+    };
     log.log
         .lines()
         .filter(|line| !summary(line.trim()))

@@ -41,8 +41,9 @@ impl AccelerationStructure {
         triangles: u32,
     ) -> Result<Self> {
         let count = u64::from(triangles) * 3;
-        assert!(stride >= 12 && stride % 4 == 0, "a stride of {stride} bytes");
-        vertices.check(0, (u64::from(stride) * count.saturating_sub(1) + 12) * u64::from(count > 0));
+        assert!(stride >= 12 && stride.is_multiple_of(4), "a stride of {stride} bytes");
+        vertices
+            .check(0, (u64::from(stride) * count.saturating_sub(1) + 12) * u64::from(count > 0));
         let geometry = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
             .vertex_format(vk::Format::R32G32B32_SFLOAT)
             .vertex_data(vk::DeviceOrHostAddressConstKHR { device_address: vertices.address() })
@@ -54,9 +55,11 @@ impl AccelerationStructure {
             .geometry(vk::AccelerationStructureGeometryDataKHR { triangles: geometry })
             .flags(vk::GeometryFlagsKHR::NO_DUPLICATE_ANY_HIT_INVOCATION);
         let kind = vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL;
-        let bottom = Level::build(device, "bottom acceleration structure", kind, geometry, triangles)?;
+        let bottom =
+            Level::build(device, "bottom acceleration structure", kind, geometry, triangles)?;
 
-        let instances = device.upload("acceleration structure instance", &instance(bottom.address))?;
+        let instances =
+            device.upload("acceleration structure instance", &instance(bottom.address))?;
         let geometry = vk::AccelerationStructureGeometryInstancesDataKHR::default()
             .data(vk::DeviceOrHostAddressConstKHR { device_address: instances.address() });
         let geometry = vk::AccelerationStructureGeometryKHR::default()
@@ -80,7 +83,9 @@ impl AccelerationStructure {
 
 impl fmt::Debug for AccelerationStructure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("AccelerationStructure").field("bytes", &self.bytes()).finish_non_exhaustive()
+        f.debug_struct("AccelerationStructure")
+            .field("bytes", &self.bytes())
+            .finish_non_exhaustive()
     }
 }
 
@@ -91,8 +96,22 @@ fn instance(bottom: u64) -> [u32; 16] {
     let cull_disable = vk::GeometryInstanceFlagsKHR::TRIANGLE_FACING_CULL_DISABLE.as_raw();
     let [low, high] = bytemuck::cast(bottom);
     [
-        one, 0, 0, 0, 0, one, 0, 0, 0, 0, one, 0, // rows of the transform
-        0xff << 24, cull_disable << 24, low, high,
+        one,
+        0,
+        0,
+        0,
+        0,
+        one,
+        0,
+        0,
+        0,
+        0,
+        one,
+        0, // rows of the transform
+        0xff << 24,
+        cull_disable << 24,
+        low,
+        high,
     ]
 }
 
@@ -157,7 +176,8 @@ impl Level {
                 structures.cmd_build_acceleration_structures(r.commands, &[info], &[&[range]]);
             }
         })?;
-        let info = vk::AccelerationStructureDeviceAddressInfoKHR::default().acceleration_structure(raw);
+        let info =
+            vk::AccelerationStructureDeviceAddressInfoKHR::default().acceleration_structure(raw);
         // SAFETY: the structure was made by this device.
         level.address = unsafe { structures.get_acceleration_structure_device_address(&info) };
         device.name(raw, name);

@@ -66,9 +66,7 @@ impl Device {
         let mut allocator = lock(&self.allocator);
         let allocator = allocator.as_mut().expect("the device is open");
         allocator.allocate(&description).map_err(|e| match e {
-            AllocationError::OutOfMemory => {
-                failure::out_of_memory(name, requirements.size, None)
-            }
+            AllocationError::OutOfMemory => failure::out_of_memory(name, requirements.size, None),
             // The allocator wraps the host's want of memory in text.
             AllocationError::Internal(text) if text.contains("OUT_OF") => {
                 failure::out_of_memory(name, requirements.size, None)

@@ -74,11 +74,10 @@ impl Device {
         // SAFETY: the queue was asked for when the device was opened.
         let queue = unsafe { raw.get_device_queue(physical.queue_family, 0) };
         let ray_query = physical.description.ray_query;
-        let structures = ray_query
-            .then(|| ash::khr::acceleration_structure::Device::new(&instance.raw, &raw));
-        let names = instance
-            .validation()
-            .then(|| ash::ext::debug_utils::Device::new(&instance.raw, &raw));
+        let structures =
+            ray_query.then(|| ash::khr::acceleration_structure::Device::new(&instance.raw, &raw));
+        let names =
+            instance.validation().then(|| ash::ext::debug_utils::Device::new(&instance.raw, &raw));
         // SAFETY: `physical` is a device of `instance`.
         let memory_types =
             unsafe { instance.raw.get_physical_device_memory_properties(physical.raw) };
@@ -115,6 +114,11 @@ impl Device {
         self.instance.messages()
     }
 
+    /// Whether the validation layer listens.
+    pub fn validation(&self) -> bool {
+        self.instance.validation()
+    }
+
     /// The most workgroups of one dispatch, in x, y and z.
     pub fn max_groups(&self) -> [u32; 3] {
         self.physical.limits.max_compute_work_group_count
@@ -138,7 +142,8 @@ impl Device {
     /// Names an object in the messages of the validation layer.
     pub(super) fn name(&self, object: impl vk::Handle, name: &str) {
         let (Some(names), Ok(name)) = (&self.names, std::ffi::CString::new(name)) else { return };
-        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
+        let info =
+            vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
         // SAFETY: the extension is enabled with validation; the object was made by this device.
         if let Err(e) = unsafe { names.set_debug_utils_object_name(&info) } {
             log::debug!("naming a Vulkan object: {e}");
@@ -235,8 +240,8 @@ fn open(instance: &Instance, physical: &Physical) -> Result<ash::Device> {
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
         .buffer_device_address(true)
         .scalar_block_layout(true);
-    let mut structure = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default()
-        .acceleration_structure(true);
+    let mut structure =
+        vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
     let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true);
     let mut info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)

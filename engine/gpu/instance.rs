@@ -118,11 +118,7 @@ fn check_version(entry: &ash::Entry) -> Result<()> {
     }
     Err(Error::device(
         "a Vulkan loader of version 1.2",
-        format!(
-            "version {}.{}",
-            vk::api_version_major(version),
-            vk::api_version_minor(version)
-        ),
+        format!("version {}.{}", vk::api_version_major(version), vk::api_version_minor(version)),
         INSTALL,
     ))
 }
@@ -142,7 +138,9 @@ fn check_layer(entry: &ash::Entry) -> Result<()> {
 }
 
 fn messenger_info(messages: &AtomicU32) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
-    use vk::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Kind};
+    use vk::{
+        DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Kind,
+    };
     vk::DebugUtilsMessengerCreateInfoEXT::default()
         .message_severity(Severity::WARNING | Severity::ERROR)
         .message_type(Kind::GENERAL | Kind::VALIDATION)

@@ -34,7 +34,10 @@ impl Device {
         push_bytes: u32,
         workgroup_size: Option<u32>,
     ) -> Result<Kernel> {
-        assert!(push_bytes <= PUSH_BYTES && push_bytes % 4 == 0, "{name}: {push_bytes} push bytes");
+        assert!(
+            push_bytes <= PUSH_BYTES && push_bytes.is_multiple_of(4),
+            "{name}: {push_bytes} push bytes"
+        );
         self.check_kernel(name, spirv, workgroup_size)?;
         let failed = |e| failure::vulkan(&format!("making the kernel {name}"), e);
 
@@ -46,8 +49,7 @@ impl Device {
             info = info.push_constant_ranges(&range);
         }
         // SAFETY: the device is alive; the range is within what every device has.
-        let layout =
-            unsafe { self.raw.create_pipeline_layout(&info, None) }.map_err(failed)?;
+        let layout = unsafe { self.raw.create_pipeline_layout(&info, None) }.map_err(failed)?;
         // From here on dropping the kernel cleans up; null pipelines may be destroyed.
         let mut kernel = Kernel {
             device: self.clone(),
@@ -62,8 +64,7 @@ impl Device {
         let module = unsafe { self.raw.create_shader_module(&info, None) }.map_err(failed)?;
         let data = workgroup_size.unwrap_or(0).to_ne_bytes();
         let entries = [vk::SpecializationMapEntry::default().constant_id(0).offset(0).size(4)];
-        let constants =
-            vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+        let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
         let mut stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)
@@ -73,8 +74,7 @@ impl Device {
         }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
         // SAFETY: module and layout were just made by this device, as was the cache.
-        let made =
-            unsafe { self.raw.create_compute_pipelines(self.pipeline_cache, &[info], None) };
+        let made = unsafe { self.raw.create_compute_pipelines(self.pipeline_cache, &[info], None) };
         // SAFETY: a module is not needed once its pipeline is made.
         unsafe { self.raw.destroy_shader_module(module, None) };
         kernel.pipeline = made.map_err(|(_, e)| failed(e))?[0];
@@ -92,7 +92,8 @@ impl Device {
             ));
         }
         let limits = &self.physical.limits;
-        let most = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
+        let most =
+            limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
         match workgroup_size {
             Some(size) if size == 0 || size > most => Err(Error::device(
                 wanted(),

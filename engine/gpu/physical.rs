@@ -91,9 +91,7 @@ pub(super) fn choose(mut devices: Vec<Physical>, choice: Option<&str>) -> Result
         None => true,
         Some(text) => match text.trim().parse::<usize>() {
             Ok(index) => d.description.index == index,
-            Err(_) => {
-                d.description.name.to_lowercase().contains(&text.trim().to_lowercase())
-            }
+            Err(_) => d.description.name.to_lowercase().contains(&text.trim().to_lowercase()),
         },
     };
     let wanted = choice.map_or("a Vulkan device".to_owned(), |c| format!("device {c:?}"));
@@ -101,7 +99,11 @@ pub(super) fn choose(mut devices: Vec<Physical>, choice: Option<&str>) -> Result
         let mut names: Vec<_> = devices.iter().map(|d| d.description.to_string()).collect();
         names.sort();
         let found = format!("it is not among the devices: {}", names.join(", "));
-        return Err(Error::device(wanted, found, "choose one of these by number or part of its name"));
+        return Err(Error::device(
+            wanted,
+            found,
+            "choose one of these by number or part of its name",
+        ));
     };
     let device = devices.swap_remove(at);
     match &device.description.problem {

@@ -71,9 +71,7 @@ impl Recorder<'_> {
     fn barrier_to(&mut self, stages: vk::PipelineStageFlags, reads: vk::AccessFlags) {
         let barrier = [vk::MemoryBarrier::default()
             .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
-            .dst_access_mask(
-                vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE | reads,
-            )];
+            .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE | reads)];
         // SAFETY: the command buffer is recording.
         unsafe {
             self.device.raw.cmd_pipeline_barrier(
@@ -94,7 +92,11 @@ impl Recorder<'_> {
     /// Where the range is not in the buffer or not of whole words.
     pub fn fill(&mut self, buffer: &Buffer, offset: u64, bytes: u64, word: u32) {
         buffer.check(offset, bytes);
-        assert!(offset % 4 == 0 && bytes % 4 == 0, "{}: a fill of whole words", buffer.name());
+        assert!(
+            offset.is_multiple_of(4) && bytes.is_multiple_of(4),
+            "{}: a fill of whole words",
+            buffer.name()
+        );
         if bytes > 0 {
             // SAFETY: the command buffer is recording and the range was checked; the buffer is of
             // this device and is kept until the submission ends.

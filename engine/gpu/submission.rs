@@ -84,10 +84,7 @@ impl Device {
     ///
     /// # Errors
     /// As [`Device::run`].
-    pub fn submit(
-        self: &Arc<Self>,
-        record: impl FnOnce(&mut Recorder<'_>),
-    ) -> Result<Submission> {
+    pub fn submit(self: &Arc<Self>, record: impl FnOnce(&mut Recorder<'_>)) -> Result<Submission> {
         let reused = lock(&self.batches).pop();
         let batch = match reused {
             Some(batch) => batch,
@@ -176,8 +173,9 @@ impl Submission {
         }
         // SAFETY: the work has ended.
         let reset = unsafe {
-            raw.reset_fences(&[batch.fence])
-                .and_then(|()| raw.reset_command_pool(batch.pool, vk::CommandPoolResetFlags::empty()))
+            raw.reset_fences(&[batch.fence]).and_then(|()| {
+                raw.reset_command_pool(batch.pool, vk::CommandPoolResetFlags::empty())
+            })
         };
         match reset {
             Ok(()) => lock(&self.device.batches).push(batch),
