@@ -14,22 +14,24 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
     if promised == Some(bytes.len() as u64) {
         return binary(&bytes[HEADER..]);
     }
-    match std::str::from_utf8(bytes) {
-        Ok(text) if text.trim_start().get(..5).is_some_and(|word| is(word, "solid")) => ascii(text),
-        _ => Err(match (count(bytes), promised) {
-            (Some(count), Some(promised)) => Defect::new(
-                format!(
-                    "a binary STL of {count} triangles has {promised} bytes, this file has {}",
-                    bytes.len()
-                ),
-                "truncated, or not an STL file",
-            ),
-            _ => Defect::new(
-                format!("{} bytes are too few for an STL file", bytes.len()),
-                "a binary one has at least 84 bytes, an ASCII one begins with \"solid\"",
-            ),
-        }),
+    // A name in some other encoding than UTF-8 is no reason to refuse a text file.
+    let word = bytes.trim_ascii_start().get(..5).unwrap_or_default();
+    if word.eq_ignore_ascii_case(b"solid") && !bytes.contains(&0) {
+        return ascii(&String::from_utf8_lossy(bytes));
     }
+    Err(match (count(bytes), promised) {
+        (Some(count), Some(promised)) => Defect::new(
+            format!(
+                "a binary STL of {count} triangles has {promised} bytes, this file has {}",
+                bytes.len()
+            ),
+            "truncated, or not an STL file",
+        ),
+        _ => Defect::new(
+            format!("{} bytes are too few for an STL file", bytes.len()),
+            "a binary one has at least 84 bytes, an ASCII one begins with \"solid\"",
+        ),
+    })
 }
 
 fn count(bytes: &[u8]) -> Option<u32> {

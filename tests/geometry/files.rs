@@ -87,8 +87,11 @@ fn binary_stl_ascii_stl_and_obj_give_the_same_sample() {
     let solid = read("b.STL", &binary(&part, b"solid but binary"));
     let text = read("c.stl", ascii(&part).as_bytes());
     let windows = read("d.stl", ascii(&part).replace('\n', "\r\n").to_uppercase().as_bytes());
+    let named = ascii(&part);
+    let latin = [&b"solid pi\xe8ce\n"[..], &named.as_bytes()["solid part of mine\n".len()..]];
+    let latin = read("f.stl", &latin.concat());
     let wavefront = read("e.obj", obj(&part).as_bytes());
-    for other in [solid, text, windows, wavefront] {
+    for other in [solid, text, windows, latin, wavefront] {
         assert_eq!(first.triangles.len(), other.triangles.len());
         assert_eq!(first.vertices.len(), other.vertices.len());
         for (a, b) in first.triangles.iter().zip(&other.triangles) {

@@ -2,6 +2,7 @@
 
 use beamlet::geometry::load;
 use beamlet::scene::{Placement, Shape};
+use proptest::prelude::*;
 
 use crate::set_up::{Arrays, at, close, cube, refusal, scene, shape};
 
@@ -120,5 +121,33 @@ fn grid_aligned_points_are_told_inside_from_outside() {
         let core = at(cube("core", 1e-3), position);
         let sample = load(&scene(vec![cube("box", 8e-3 - 4e-3), core])).unwrap();
         assert_eq!(sample.components[1].outside, inside, "{position:?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// A small turned cube near a big one: by the distance of its middle from the surface of
+    /// the big one it is surely inside, surely outside, or surely across.
+    #[test]
+    fn turned_cube_is_inside_outside_or_across_as_its_distance_says(
+        middle in prop::array::uniform3(-1.6e-3..1.6e-3_f64),
+        axis in prop::array::uniform3(0.1..1.0_f64),
+        angle in 0.0..6.0_f64,
+    ) {
+        let mut small = at(cube("small", 0.4e-3), middle);
+        small.placement.rotate = vec![(axis, angle)];
+        let (inscribed, circumscribed) = (0.2e-3, 0.2e-3 * 3.0_f64.sqrt());
+        let beyond = middle.map(|x| (x.abs() - 1e-3).max(0.0));
+        let outside = beyond.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let depth = middle.iter().map(|x| 1e-3 - x.abs()).fold(f64::INFINITY, f64::min);
+        let found = load(&scene(vec![cube("big", 2e-3), small]));
+        if depth > circumscribed {
+            prop_assert_eq!(found.unwrap().components[1].outside, Some(0));
+        } else if outside > circumscribed {
+            prop_assert_eq!(found.unwrap().components[1].outside, None);
+        } else if outside < inscribed && depth < inscribed {
+            prop_assert!(found.is_err());
+        }
     }
 }
