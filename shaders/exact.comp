@@ -17,13 +17,15 @@ layout(push_constant, scalar) uniform ExactPush {
     Rays rays;
     Laws laws;
     Words list; // [0]: count, then indices; not used when `all` is set
+    Words unbalanced; // [0]: count, then indices of rays to trace again
     Words tally;
     uint count;
     uint all;
     uint first;
+    uint last; // no further attempt follows
 } push;
 
-#define sample_ push.sample_ref.at
+#define sample_ push.sample_ref.at[0]
 
 #include "walk/triangle.glsl"
 #include "physics/refraction.glsl"
@@ -137,6 +139,11 @@ void main() {
         }
     }
     if (media.count != 0u) {
+        if (push.last == 0u) {
+            uint slot = atomicAdd(push.unbalanced.at[0], 1u);
+            push.unbalanced.at[1u + slot] = index;
+            return;
+        }
         // A crossing was lost between two bends: the first order is the better answer.
         flags |= FLAG_UNBALANCED;
         atomicAdd(push.tally.at[TALLY_UNBALANCED], 1u);

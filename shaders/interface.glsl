@@ -92,7 +92,7 @@ struct Sample {
     uvec2 acceleration; // address of the top-level acceleration structure
     Views views;
 };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer SampleRef { Sample at; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer SampleRef { Sample at[]; };
 
 // Moments of a ray, version 1: the head (signature: order-free hash of crossing counts per
 // object; balance: +- hash per crossing, 0 where every object was left as often as entered;
@@ -163,6 +163,8 @@ struct Cell {
     float displacement_low; // at the analyser
     float displacement_high;
     float displacement_z;   // at the detector, mean
+    float above;            // share that lands in the row above; -1: farther, to be computed
+    float below;            // share that lands in the row below
     float pixel_shift;      // of pixel edges on the analyser, from the gap to the detector
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Cells { Cell at[]; };
@@ -193,7 +195,7 @@ struct Light {
     float source_z;       // standard deviation of the spot, m
     float column_pitch;   // m, on the detector
 };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightRef { Light at; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightRef { Light at[]; };
 
 // A pixel of the random scheme.
 struct Pixel {

@@ -57,7 +57,7 @@ void main() {
     uint p = gl_GlobalInvocationID.x;
     uint mask_step = push.first_step + gl_GlobalInvocationID.y;
     if (p >= push.pixel_count) return;
-    Light light = push.light_ref.at;
+    Light light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[p];
     Column column = light.columns.at[pixel.table];
     float one = 1.0 / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));

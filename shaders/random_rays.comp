@@ -27,7 +27,7 @@ layout(push_constant, scalar) uniform RandomRaysPush {
 void main() {
     uint index = gl_GlobalInvocationID.x;
     if (index >= push.pixel_count * push.batch) return;
-    Light light = push.light_ref.at;
+    Light light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[index / push.batch];
     uint ray = push.first_ray + index % push.batch;
     Draw d = draw(light, pixel, push.view_seed, push.seed, ray, push.rays_per_pixel);

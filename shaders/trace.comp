@@ -28,7 +28,7 @@ layout(push_constant, scalar) uniform TracePush {
     float nudge; // moves the rays in x, m
 } push;
 
-#define sample_ push.sample_ref.at
+#define sample_ push.sample_ref.at[0]
 
 #include "walk/triangle.glsl"
 #include "physics/refraction.glsl"

@@ -25,6 +25,8 @@ pub struct Bvh {
     pub nodes: Vec<Node>,
     /// Triangles in the order of the BVH.
     pub leaves: Vec<Leaf>,
+    /// Padded boxes of the leaves, low and high corner.
+    pub boxes: Vec<[[f32; 3]; 2]>,
 }
 
 impl Bvh {
@@ -52,6 +54,10 @@ impl Bvh {
                 Aabb::new(a.min(b).min(c) - pad, a.max(b).max(c) + pad)
             })
             .collect();
+        let leaf_box = |i: &u32| {
+            let b = &boxes[*i as usize];
+            [b.min.to_array(), b.max.to_array()]
+        };
         // Pre-splitting would put a triangle into several leaves and count it twice.
         let params = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
         let bvh = build_cwbvh(&boxes, params, &mut Duration::default());
@@ -77,7 +83,8 @@ impl Bvh {
                 }
             })
             .collect();
-        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves })
+        let boxes = bvh.primitive_indices.par_iter().map(leaf_box).collect();
+        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes })
     }
 }
 

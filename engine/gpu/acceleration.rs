@@ -1,4 +1,8 @@
-//! An acceleration structure over triangles, for ray queries.
+//! An acceleration structure over boxes, for ray queries.
+//!
+//! Boxes, not triangles: drivers differ in which triangles a ray near an edge meets (lavapipe
+//! loses both sides of thin ones near grazing), and a pair that is lost leaves no trace. Every
+//! padded box that a ray meets is a candidate; the shader's own test decides.
 
 use super::buffer::{Buffer, Memory};
 use super::device::Device;
@@ -9,8 +13,11 @@ use ash::vk;
 use std::fmt;
 use std::sync::Arc;
 
-/// All triangles in one bottom level, placed once, unchanged, by a top level. Triangles are not
-/// opaque, so that a query sees every one, each once, and faces are never culled.
+/// Bytes of a box: `VkAabbPositionsKHR`.
+const BOX_BYTES: u64 = 24;
+
+/// All boxes in one bottom level, placed once, unchanged, by a top level. A query sees every box
+/// that it meets, each once.
 pub struct AccelerationStructure {
     bottom: Level,
     top: Level,
@@ -25,38 +32,27 @@ struct Level {
 }
 
 impl AccelerationStructure {
-    /// Builds over triangles: `vertices` holds three positions (x, y, z as f32) per triangle, one
-    /// every `stride` bytes. The vertices are not needed afterwards. Some drivers split triangles
-    /// in the order given, so let neighbours follow each other.
+    /// Builds over boxes: `boxes` holds the low and high corner (x, y, z as f32 each) of each.
+    /// They are not needed afterwards. Some drivers split in the order given, so let neighbours
+    /// follow each other.
     ///
     /// # Errors
     /// [`Error::Device`] without ray query, [`Error::Memory`] where memory runs out.
     ///
     /// # Panics
-    /// Where the buffer is too short or the stride is not a multiple of 4.
-    pub fn build(
-        device: &Arc<Device>,
-        vertices: &Buffer,
-        stride: u32,
-        triangles: u32,
-    ) -> Result<Self> {
-        let count = u64::from(triangles) * 3;
-        assert!(stride >= 12 && stride.is_multiple_of(4), "a stride of {stride} bytes");
-        vertices
-            .check(0, (u64::from(stride) * count.saturating_sub(1) + 12) * u64::from(count > 0));
-        let geometry = vk::AccelerationStructureGeometryTrianglesDataKHR::default()
-            .vertex_format(vk::Format::R32G32B32_SFLOAT)
-            .vertex_data(vk::DeviceOrHostAddressConstKHR { device_address: vertices.address() })
-            .vertex_stride(u64::from(stride))
-            .max_vertex(triangles.saturating_mul(3).saturating_sub(1))
-            .index_type(vk::IndexType::NONE_KHR);
+    /// Where the buffer is too short.
+    pub fn build(device: &Arc<Device>, boxes: &Buffer, count: u32) -> Result<Self> {
+        boxes.check(0, BOX_BYTES * u64::from(count));
+        let geometry = vk::AccelerationStructureGeometryAabbsDataKHR::default()
+            .data(vk::DeviceOrHostAddressConstKHR { device_address: boxes.address() })
+            .stride(BOX_BYTES);
         let geometry = vk::AccelerationStructureGeometryKHR::default()
-            .geometry_type(vk::GeometryTypeKHR::TRIANGLES)
-            .geometry(vk::AccelerationStructureGeometryDataKHR { triangles: geometry })
+            .geometry_type(vk::GeometryTypeKHR::AABBS)
+            .geometry(vk::AccelerationStructureGeometryDataKHR { aabbs: geometry })
             .flags(vk::GeometryFlagsKHR::NO_DUPLICATE_ANY_HIT_INVOCATION);
         let kind = vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL;
         let bottom =
-            Level::build(device, "bottom acceleration structure", kind, geometry, triangles)?;
+            Level::build(device, "bottom acceleration structure", kind, geometry, count)?;
 
         let instances =
             device.upload("acceleration structure instance", &instance(bottom.address))?;

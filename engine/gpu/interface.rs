@@ -181,6 +181,8 @@ shared_structs! {
         pub displacement_low: f32,
         pub displacement_high: f32,
         pub displacement_z: f32,
+        pub above: f32,
+        pub below: f32,
         pub pixel_shift: f32,
     }
 
@@ -241,10 +243,12 @@ shared_structs! {
         pub rays: Address,
         pub laws: Address,
         pub list: Address,
+        pub unbalanced: Address,
         pub tally: Address,
         pub count: u32,
         pub all: u32,
         pub first: u32,
+        pub last: u32,
     }
 
     /// Push constants of illuminate.comp.

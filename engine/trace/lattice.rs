@@ -2,6 +2,7 @@
 //! and where they land. All in f64 on the host; the device gets offsets inside an index.
 
 use super::occupancy::Shadow;
+use super::rows::RowSpread;
 use crate::gpu::interface::{Column, Ray};
 use crate::scene::{MaskSpec, Scene};
 use std::ops::Range;
@@ -28,6 +29,8 @@ pub struct Lattice {
     pub halo_columns: i64,
     /// Blur by the spot of what lies at the rotation centre, in columns and rows, whole reach.
     blur: [f64; 2],
+    /// How cells spread over rows.
+    pub(super) row_spread: RowSpread,
     /// Distance from source to rotation centre, m.
     rotation: f64,
     detector: f64,
@@ -84,6 +87,7 @@ impl Lattice {
             halo,
             halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
             blur,
+            row_spread: RowSpread { blur: blur[1] / 6.0 },
             rotation: scene.source.distance,
             detector,
             pitch,

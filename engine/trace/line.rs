@@ -5,6 +5,9 @@ use crate::gpu::interface::{FLAG_GRAZING, FLAG_NOT_FINITE, Law};
 
 /// Silhouettes are bisected to this width, m in the cell plane.
 const SHARPEST: f32 = 20e-9;
+/// Where the signature stays the same, a jump of the law is followed to this width: it moves
+/// less light than a silhouette changes.
+const SHARPEST_LAW: f32 = 60e-9;
 /// Flagged segments are split at least to this share of a period.
 const FLAGGED_SHARE: f32 = 1.0 / 64.0;
 /// Error of the optical depth of a whole beamlet that splits a segment.
@@ -142,7 +145,8 @@ impl Line {
         self.splits += 1;
         for (a, b) in [(low, mid), (mid, high)] {
             let step = a.signature() != b.signature();
-            if b.x - a.x > SHARPEST && representable(a.x, b.x) {
+            let sharpest = if step { SHARPEST } else { SHARPEST_LAW };
+            if b.x - a.x > sharpest && representable(a.x, b.x) {
                 self.open.push(Segment { low: a, high: b });
             } else if step {
                 // Across a silhouette the law is constant on each side, never interpolated.

@@ -5,6 +5,7 @@ mod line;
 mod media;
 mod moments;
 mod occupancy;
+mod rows;
 mod strips;
 mod tracer;
 mod upload;

@@ -72,29 +72,51 @@ fn units(view: &View<'_>) -> i64 {
     2 * FINEST * i64::from(view.scene.sampling.rows)
 }
 
+impl Strips {
+    /// Appends a strip with its cells.
+    fn push(&mut self, strip: Strip, cells: &[Cell]) {
+        if cells.is_empty() {
+            return;
+        }
+        let (first, count) = (self.cells.len() as u32, cells.len() as u32);
+        self.strips.push(Strip { first, count, ..strip });
+        self.cells.extend_from_slice(cells);
+    }
+
+    /// Strips of about equal size side by side: invocations of a subgroup wait for one another.
+    fn balance(&mut self) {
+        self.strips.sort_by_key(|s| std::cmp::Reverse({ s.count }));
+    }
+}
+
 /// Strips of all beamlets without a sample: one cell each.
 #[must_use]
 pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
     let mut out = Strips::default();
+    let cell = empty_cell(lattice);
     for row in rows {
         for column in 0..lattice.beamlets.end - lattice.beamlets.start {
-            push_empty(&mut out, lattice, column, row);
+            out.push(empty_strip(column, row), &[cell]);
         }
     }
     out
 }
 
-fn push_empty(out: &mut Strips, lattice: &Lattice, column: i64, row: i64) {
-    let half = (lattice.period / 2.0) as f32;
-    out.strips.push(Strip {
-        first: out.cells.len() as u32,
-        count: 1,
+fn empty_strip(column: i64, row: i64) -> Strip {
+    Strip {
+        first: 0,
+        count: 0,
         column: column as u32,
         row: row as i32,
         top: 0.0,
         bottom: 1.0,
-    });
-    out.cells.push(Cell { x_low: -half, x_high: half, ..bytemuck::Zeroable::zeroed() });
+    }
+}
+
+fn empty_cell(lattice: &Lattice) -> Cell {
+    let half = (lattice.period / 2.0) as f32;
+    let [above, below] = lattice.row_spread.shares(0.0, 1.0, 0.0).unwrap_or([-1.0, 0.0]);
+    Cell { x_low: -half, x_high: half, above, below, ..bytemuck::Zeroable::zeroed() }
 }
 
 /// Beamlets of a row that a shadow touches.
@@ -165,14 +187,28 @@ pub fn trace_strips(
     }
     done.sort_unstable_by_key(|s| (s.low.div_euclid(units), s.beamlet, s.low));
     let mut out = Strips::default();
+    let cell = empty_cell(view.lattice);
     for (column, row) in blank {
-        push_empty(&mut out, view.lattice, column, row);
+        out.push(empty_strip(column, row), &[cell]);
     }
-    for span in done {
-        work.push_strip(&mut out, &span, &lines[&(span.beamlet, span.middle())]);
+    let strips: Vec<SpanCells> =
+        done.par_iter().map(|s| work.cells(s, &lines[&(s.beamlet, s.middle())])).collect();
+    for made in strips {
+        out.push(made.strip, &made.cells);
+        out.landed_off += made.landed_off;
+        out.not_finite += made.not_finite;
     }
     out.splits = lines.values().map(|l| l.splits).sum();
+    out.balance();
     Ok(out)
+}
+
+/// The cells of one span.
+struct SpanCells {
+    strip: Strip,
+    cells: Vec<Cell>,
+    landed_off: u64,
+    not_finite: u64,
 }
 
 struct Work<'a> {
@@ -328,23 +364,38 @@ impl<'a> Work<'a> {
         })
     }
 
-    fn push_strip(&self, out: &mut Strips, span: &Span, line: &Line) {
+    fn cells(&self, span: &Span, line: &Line) -> SpanCells {
         let row = span.low.div_euclid(self.units);
-        let first = out.cells.len();
+        let top = self.row(span.low) - row as f64;
+        let bottom = self.row(span.high) - row as f64;
+        let column = (span.beamlet - self.view.lattice.beamlets.start) as u32;
+        let mut made = SpanCells {
+            strip: Strip {
+                top: top as f32,
+                bottom: bottom as f32,
+                ..empty_strip(i64::from(column), row)
+            },
+            cells: Vec::with_capacity(line.segments.len()),
+            landed_off: 0,
+            not_finite: 0,
+        };
         for segment in &line.segments {
             let (low, high) = (&segment.low, &segment.high);
             if (low.law.flags | high.law.flags) & FLAG_NOT_FINITE != 0 {
-                out.not_finite += 1;
+                made.not_finite += 1;
                 continue;
             }
             let mean = |f: fn(&Law) -> f32| 0.5 * (f(&low.law) + f(&high.law));
             let displacement_z = mean(|l| l.displacement_z) + mean(|l| l.slope_z) * self.gap;
             if displacement_z.abs() > self.view.lattice.halo as f32 * self.row_pitch {
-                out.landed_off += 1;
+                made.landed_off += 1;
             }
             let pixel_shift = mean(|l| l.displacement_x) * (1.0 - self.ratio)
                 - mean(|l| l.slope_x) * self.gap * self.ratio;
-            out.cells.push(Cell {
+            let down = -f64::from(displacement_z / self.row_pitch);
+            let [above, below] =
+                self.view.lattice.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0]);
+            made.cells.push(Cell {
                 x_low: low.x,
                 x_high: high.x,
                 depth_low: low.law.optical_depth,
@@ -352,17 +403,12 @@ impl<'a> Work<'a> {
                 displacement_low: low.law.displacement_x,
                 displacement_high: high.law.displacement_x,
                 displacement_z,
+                above,
+                below,
                 pixel_shift,
             });
         }
-        out.strips.push(Strip {
-            first: first as u32,
-            count: (out.cells.len() - first) as u32,
-            column: (span.beamlet - self.view.lattice.beamlets.start) as u32,
-            row: row as i32,
-            top: (self.row(span.low) - row as f64) as f32,
-            bottom: (self.row(span.high) - row as f64) as f32,
-        });
+        made
     }
 }
 

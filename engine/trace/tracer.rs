@@ -260,7 +260,14 @@ impl Tracer {
         let flagged = if all { n } else { self.batch.exact.read::<u32>(0, 1)?[0] };
         if flagged > 0 && self.transport != Transport::FirstOrder {
             self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
-            time += self.exact_pass(exact, flagged, all)?;
+            let software = self.backend == Backend::Bvh;
+            time += self.exact_pass(exact, flagged, &self.batch.exact, all, software)?;
+            let lost = self.batch.unbalanced.read::<u32>(0, 1)?[0];
+            if lost > 0 && !software {
+                self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
+                let kernel = &self.kernels.exact_bvh;
+                time += self.exact_pass(kernel, lost, &self.batch.unbalanced, false, true)?;
+            }
         }
         Ok(time)
     }
@@ -303,8 +310,18 @@ impl Tracer {
     }
 
     /// Ordered walks search once per crossing: they go in small dispatches.
-    fn exact_pass(&self, kernel: &Kernel, n: u32, all: bool) -> Result<Duration> {
+    fn exact_pass(
+        &self,
+        kernel: &Kernel,
+        n: u32,
+        list: &Buffer,
+        all: bool,
+        last: bool,
+    ) -> Result<Duration> {
         let mut time = Duration::ZERO;
+        if !last {
+            self.batch.unbalanced.write(0, &[0_u32])?;
+        }
         let mut first = 0;
         let mut size = 4096;
         while first < n {
@@ -312,11 +329,13 @@ impl Tracer {
                 sample_ref: self.sample.record.address(),
                 rays: self.batch.rays.address(),
                 laws: self.batch.laws.address(),
-                list: self.batch.exact.address(),
+                list: list.address(),
+                unbalanced: self.batch.unbalanced.address(),
                 tally: self.tally.address(),
                 count: n.min(first + size),
                 all: all.into(),
                 first,
+                last: last.into(),
             };
             let groups = (push.count - first).div_ceil(GROUP);
             let took = self.device.run(|r| {

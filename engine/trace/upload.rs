@@ -48,10 +48,8 @@ impl DeviceSample {
             .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
             .collect();
         let acceleration = if ray_query && !bvh.leaves.is_empty() {
-            let corners: Vec<[[f32; 3]; 3]> =
-                bvh.leaves.iter().map(|leaf| [leaf.a, leaf.b, leaf.c]).collect();
-            let vertices = device.upload("triangles of the acceleration structure", &corners)?;
-            Some(AccelerationStructure::build(device, &vertices, 36, count(corners.len()))?)
+            let boxes = device.upload("boxes of the acceleration structure", &bvh.boxes)?;
+            Some(AccelerationStructure::build(device, &boxes, count(bvh.boxes.len()))?)
         } else {
             None
         };

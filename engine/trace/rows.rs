@@ -1,0 +1,60 @@
+//! How the light of a cell spreads over its row and the two beside it, blurred by the spot.
+
+use std::f64::consts::{PI, SQRT_2};
+
+/// Light of an interval of a row (coordinates in rows, downwards, 0..1 inside the row).
+#[derive(Debug, Clone, Copy)]
+pub(super) struct RowSpread {
+    /// Standard deviation of the blur, rows.
+    pub(super) blur: f64,
+}
+
+impl RowSpread {
+    /// Shares that land in the row above and in the row below, or `None` where light lands
+    /// farther off. `shift` is downwards.
+    pub(super) fn shares(self, top: f64, bottom: f64, shift: f64) -> Option<[f32; 2]> {
+        let (low, high) = (top + shift, bottom + shift);
+        let reach = 6.0 * self.blur;
+        if low - reach < -1.0 || high + reach > 2.0 {
+            return None;
+        }
+        let above = self.share_below(0.0, low, high);
+        let below = 1.0 - self.share_below(1.0, low, high);
+        Some([above as f32, below as f32])
+    }
+
+    /// Share of light spread evenly over [low, high] and blurred that lies before `e`.
+    fn share_below(self, e: f64, low: f64, high: f64) -> f64 {
+        if self.blur <= 0.0 {
+            return ((e - low) / (high - low)).clamp(0.0, 1.0);
+        }
+        let (near, far) = ((e - high) / self.blur, (e - low) / self.blur);
+        (ramp(far) - ramp(near)) / (far - near)
+    }
+}
+
+/// Antiderivative of the normal distribution function: t Phi(t) + phi(t).
+fn ramp(t: f64) -> f64 {
+    if t > 8.0 {
+        return t;
+    }
+    if t < -8.0 {
+        return 0.0;
+    }
+    0.5 * t * libm::erfc(-t / SQRT_2) + libm::exp(-0.5 * t * t) / (2.0 * PI).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_row_loses_the_same_share_on_both_sides() {
+        let spread = RowSpread { blur: 0.036 };
+        let [above, below] = spread.shares(0.0, 1.0, 0.0).unwrap();
+        // Each edge loses blur / sqrt(2 pi).
+        let lost = 0.036 / (2.0 * PI).sqrt();
+        assert!((f64::from(above) - lost).abs() < 1e-8 && (f64::from(below) - lost).abs() < 1e-8);
+        assert!(spread.shares(0.0, 1.0, 1.5).is_none());
+    }
+}
