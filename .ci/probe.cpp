@@ -1,6 +1,7 @@
 // Lists the Vulkan devices of this machine, one line each: name, API version, `ray-query` or `-`,
 // separated by tabs; then a line `layer: validation` where the Khronos layer is installed.
 // Needs no Vulkan headers, so that set-up can ask before anything is installed. Exit 1: no loader.
+// With any argument it breaks a rule of Vulkan, to which a validation layer at work objects.
 
 #include <cstdint>
 #include <cstdio>
@@ -49,7 +50,7 @@ template <typename F> static F load(GetInstanceProcAddr get, void *instance, con
     return reinterpret_cast<F>(get(instance, name));
 }
 
-int main() {
+int main(int argc, char **) {
     void *loader = nullptr;
     for (const char *name : {"libvulkan.so.1", "libvulkan.1.dylib", "/opt/homebrew/lib/libvulkan.1.dylib",
                              "/usr/local/lib/libvulkan.1.dylib"})
@@ -75,7 +76,8 @@ int main() {
     instance_extensions(nullptr, &count, extensions.data());
     for (const auto &e : extensions) portable = portable || !strcmp(e.name, portability);
 
-    ApplicationInfo application = {0, nullptr, "beamlet-setup", 0, nullptr, 0, (1u << 22) | (2u << 12)};
+    const uint32_t type = argc > 1 ? 48 : 0;
+    ApplicationInfo application = {type, nullptr, "beamlet-setup", 0, nullptr, 0, (1u << 22) | (2u << 12)};
     InstanceCreateInfo info = {1, nullptr, portable ? 1u : 0u, &application, 0, nullptr, portable ? 1u : 0u, &portability};
     void *instance = nullptr;
     if (create(&info, nullptr, &instance) == 0) {
