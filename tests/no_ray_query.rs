@@ -57,6 +57,7 @@ rotate = [{ axis = [0, 0, 1], angle = "0.1 deg" }]
 "#;
 
 /// The driver's description; `None` where there is none and none has to be.
+#[expect(clippy::print_stderr, reason = "a test that skips itself has to say so")]
 fn icd() -> Option<PathBuf> {
     let icd = std::env::var_os("BEAMLET_NO_RAY_QUERY_ICD").map(PathBuf::from);
     let ci = std::env::var("CI").is_ok_and(|value| value == "true");
