@@ -47,9 +47,9 @@ pub struct RunStart {
     pub backend_reason: String,
     /// Calibration: million rays a second by backend name.
     pub calibration: BTreeMap<String, f64>,
-    /// SHA-256 of the meshes in the order of the scene's objects, as
-    /// [`crate::geometry::ObjectSummary::hash`]; empty strings for shapes.
-    pub mesh_hashes: Vec<String>,
+    /// SHA-256 of the meshes by the name of their object, as
+    /// [`crate::geometry::ObjectSummary::hash`]; shapes have none.
+    pub mesh_hashes: BTreeMap<String, String>,
 }
 
 /// Takes stacks band by band. Calls come in this order: `begin`, then for each view `write`

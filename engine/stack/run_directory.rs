@@ -49,6 +49,8 @@ pub struct RunDirectory {
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
+    /// `key=value` that the scene was loaded with, for scene.toml.
+    overrides: Vec<String>,
     resumed: Option<Resumed>,
     open: Option<Open>,
 }
@@ -109,7 +111,15 @@ impl RunDirectory {
                 }
             }
         }
-        Ok(Self { path, format, overwrite, allow_mixed: false, resumed: None, open: None })
+        Ok(Self {
+            path,
+            format,
+            overwrite,
+            allow_mixed: false,
+            overrides: Vec::new(),
+            resumed: None,
+            open: None,
+        })
     }
 
     /// The directory of an interrupted run of `scene`. Only looks; what is committed, and still
@@ -140,7 +150,15 @@ impl RunDirectory {
         }
         let format = file.format;
         let resumed = Some(Resumed { file, committed });
-        Ok(Self { path, format, overwrite: false, allow_mixed: false, resumed, open: None })
+        Ok(Self {
+            path,
+            format,
+            overwrite: false,
+            allow_mixed: false,
+            overrides: Vec::new(),
+            resumed,
+            open: None,
+        })
     }
 
     /// Lets a run be resumed on another device, driver, backend or version. The result is then
@@ -148,6 +166,13 @@ impl RunDirectory {
     #[must_use]
     pub fn allow_mixed(mut self, allow: bool) -> Self {
         self.allow_mixed = allow;
+        self
+    }
+
+    /// Records in scene.toml the `key=value` overrides that the scene was loaded with.
+    #[must_use]
+    pub fn overrides(mut self, overrides: &[String]) -> Self {
+        self.overrides = overrides.to_vec();
         self
     }
 
@@ -230,9 +255,10 @@ impl Sink for RunDirectory {
         let extent = Extent::of(scene)?;
         let mut file = RunFile::begin(self.format, extent, scene.sampling.seed, start);
         let scene_path = self.path.join(SCENE);
-        let resolved = scene_file::resolved(scene, &start.mesh_hashes)?;
+        let resolved =
+            scene_file::resolved(&self.path, scene, &start.mesh_hashes, &self.overrides)?;
         if let Some(resumed) = &self.resumed {
-            let hashes = Some(start.mesh_hashes.as_slice());
+            let hashes = Some(&start.mesh_hashes);
             refuse_other_scene(&self.path, &scene_file::differences(&scene_path, scene, hashes)?)?;
             self.refuse_mixed(&resumed.file.record, &file.record)?;
             file.resumed_views = u32::try_from(resumed.committed.len()).unwrap_or(u32::MAX);

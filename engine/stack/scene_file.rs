@@ -2,12 +2,19 @@
 
 use crate::scene::Scene;
 use crate::{Error, Result};
+use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Value;
 
-/// Text of the resolved scene with the hashes of its meshes.
-pub(super) fn resolved(scene: &Scene, mesh_hashes: &[String]) -> Result<String> {
-    scene.to_toml(mesh_hashes)
+/// Text of the resolved scene for a file in `directory`, with the hashes of its meshes by
+/// object and the overrides that it was loaded with.
+pub(super) fn resolved(
+    directory: &Path,
+    scene: &Scene,
+    mesh_hashes: &BTreeMap<String, String>,
+    overrides: &[String],
+) -> Result<String> {
+    scene.to_toml(directory, mesh_hashes, overrides)
 }
 
 /// Keys in which `scene` differs from the scene stored at `path`, with both values.
@@ -15,16 +22,18 @@ pub(super) fn resolved(scene: &Scene, mesh_hashes: &[String]) -> Result<String> 
 pub(super) fn differences(
     path: &Path,
     scene: &Scene,
-    mesh_hashes: Option<&[String]>,
+    mesh_hashes: Option<&BTreeMap<String, String>>,
 ) -> Result<Vec<String>> {
     let text = std::fs::read_to_string(path)
         .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
     let stored = parse(path, &text)?;
-    let now = parse(path, &resolved(scene, mesh_hashes.unwrap_or(&[]))?)?;
+    let directory = path.parent().unwrap_or(path);
+    let none = BTreeMap::new();
+    let now = parse(path, &resolved(directory, scene, mesh_hashes.unwrap_or(&none), &[])?)?;
     let mut found = Vec::new();
     compare("", Some(&stored), Some(&now), &mut found);
     if mesh_hashes.is_none() {
-        found.retain(|(key, _)| !key.ends_with(".hash"));
+        found.retain(|(key, _)| !key.ends_with(".sha256"));
     }
     Ok(found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect())
 }
