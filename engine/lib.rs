@@ -17,10 +17,12 @@ pub mod illuminate;
 pub mod material;
 mod run;
 pub mod scene;
+mod simulation;
 pub mod stack;
 pub mod trace;
 pub mod units;
 
 pub use engine::{Engine, EngineOptions};
 pub use error::{Error, Place, Result};
+pub use simulation::Simulation;
 pub use run::{Backend, Control, Progress, RunRecord, Tally};
