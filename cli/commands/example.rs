@@ -28,13 +28,13 @@ macro_rules! files {
 const SHIPPED: &[Shipped] = &[
     Shipped {
         name: "cylinder",
-        about: "carbon cylinder between two gold masks, one view",
-        files: files!("cylinder": "scene.toml"),
+        about: "carbon cylinder of 8 mm between gold masks, one view",
+        files: files!("cylinder": "scene.toml", "cylinder.stl"),
     },
     Shipped {
         name: "bracket",
-        about: "printed bracket from a mesh",
-        files: files!("bracket": "scene.toml", "bracket.stl"),
+        about: "nylon bracket with a carbon core inside, three views",
+        files: files!("bracket": "scene.toml", "bracket.stl", "core.stl"),
     },
 ];
 

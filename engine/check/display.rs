@@ -17,7 +17,7 @@ impl Display for CheckReport {
         for object in &self.objects {
             write_object(f, object)?;
         }
-        writeln!(f, "\nwork (before refinement)")?;
+        writeln!(f, "\nwork (at most, before refinement)")?;
         let work = &self.work;
         line(
             f,
