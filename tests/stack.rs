@@ -1,5 +1,7 @@
 //! Sinks: what goes in comes out through other readers, and only what is committed counts.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
 use beamlet::scene::{
     Detector, MaskBody, MaskSpec, Object, Placement, Sampling, Scan, Scene, Shape, ShapeOrMesh,
     Source,
