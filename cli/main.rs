@@ -1,1 +1,53 @@
-fn main(){}
+//! The command line of beamlet: a thin shell over the engine's public interface.
+//!
+//! Arguments are parsed, resolved into options and handed to one function per verb. Results go
+//! to stdout and everything else to stderr, so that a pipe gets results only. The process ends
+//! with 0 (done), 1 (failed), 2 (usage) or 130 (interrupted).
+
+mod args;
+mod commands;
+mod failure;
+mod interrupt;
+mod progress;
+
+use clap::Parser;
+use failure::Failure;
+use std::io::Write;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments = match args::Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            // Help and version come this way too, with code 0; a closed pipe is no failure.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+        }
+    };
+    log_to_stderr(arguments.verbosity());
+    let stdout = std::io::stdout();
+    let mut out = stdout.lock();
+    let done = commands::run(arguments, &mut out).and_then(|()| out.flush().map_err(Failure::from));
+    match done {
+        // Whoever read our results has read enough.
+        Ok(()) | Err(Failure::ClosedPipe) => ExitCode::SUCCESS,
+        Err(failure) => {
+            let _ = writeln!(std::io::stderr(), "{failure}");
+            ExitCode::from(failure.exit_code())
+        }
+    }
+}
+
+/// Sends log messages of the engine to stderr. `RUST_LOG`, where set, has the last word.
+fn log_to_stderr(verbosity: args::Verbosity) {
+    let level = match verbosity {
+        args::Verbosity::Quiet => "error",
+        args::Verbosity::Normal => "warn",
+        args::Verbosity::Verbose => "debug",
+    };
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(level))
+        .format(|out, record| {
+            writeln!(out, "{}: {}", record.level().as_str().to_lowercase(), record.args())
+        })
+        .init();
+}

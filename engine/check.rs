@@ -5,13 +5,11 @@ use crate::geometry::{self, ObjectSummary, Sample};
 use crate::material;
 use crate::scene::{MaskBody, MaskSpec, Scene, Scheme};
 use crate::stack::Extent;
+use crate::trace::Lattice;
 use crate::{Error, Result};
 use serde::Serialize;
 
 mod display;
-
-/// Cells per period of the sample mask that are assumed where the scene leaves them open.
-const TYPICAL_CELLS: u32 = 20;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -87,7 +85,8 @@ pub struct CheckedObject {
     pub hash: String,
 }
 
-/// An estimate of the work, before refinement and re-tracing.
+/// An estimate of the work before refinement and re-tracing, as if the sample filled the image;
+/// pixels that no shadow of it reaches are not traced.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Work {
     /// Rays of one view.
@@ -123,7 +122,7 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
     }
     Ok(CheckReport {
         setup: setup(scene, extent),
-        work: work(scene, extent, materials.len())?,
+        work: work(scene, extent, &materials)?,
         materials,
         objects: objects(scene, &sample),
         warnings,
@@ -198,15 +197,16 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
     sample.objects.iter().enumerate().map(checked).collect()
 }
 
-fn work(scene: &Scene, extent: Extent, materials: usize) -> Result<Work> {
+fn work(scene: &Scene, extent: Extent, materials: &[Material]) -> Result<Work> {
     let too_many =
         || Error::scene("sampling", "more than 2^64 rays", "fewer views, pixels, cells or rays");
-    let line = rays_of_row(scene, extent);
+    let strongest = materials.iter().fold(0.0_f64, |most, m| most.max(m.delta.abs()));
+    let line = rays_of_row(scene, extent, strongest);
     let rays_per_view = line.checked_mul(extent.rows.into()).ok_or_else(too_many)?;
     let rays = rays_per_view.checked_mul(extent.views.into()).ok_or_else(too_many)?;
     // Per ray and material: path length, displacements in x and z, and sum of slopes in x and
     // z; besides, coordinates and a signature. Per pixel and step one 64-bit sum.
-    let ray_bytes = 4 * (5 * materials as u64 + 8);
+    let ray_bytes = 4 * (5 * materials.len() as u64 + 8);
     let sums = 8 * u64::from(extent.columns) * u64::from(extent.steps);
     Ok(Work {
         rays_per_view,
@@ -216,32 +216,16 @@ fn work(scene: &Scene, extent: Extent, materials: usize) -> Result<Work> {
     })
 }
 
-/// Rays of one row of pixels of one view. Cells share the rays on their boundaries.
-fn rays_of_row(scene: &Scene, extent: Extent) -> u64 {
+/// Rays of one row of pixels of one view. Cells share the rays on their boundaries; beamlets
+/// beside the detector whose light may reach it count.
+fn rays_of_row(scene: &Scene, extent: Extent, strongest: f64) -> u64 {
     let sampling = &scene.sampling;
     if sampling.scheme == Scheme::Random {
         let [x, z] = sampling.rays.map(u64::from);
         return u64::from(extent.columns).saturating_mul(x).saturating_mul(z);
     }
-    let per_period = u64::from(sampling.cells.unwrap_or(TYPICAL_CELLS));
-    let periods = match &scene.sample_mask {
-        Some(mask) => {
-            let projected = mask.period * scene.detector.distance / mask.distance;
-            let width = f64::from(extent.columns) * scene.detector.pitch[0];
-            periods_across(width / projected)
-        }
-        None => extent.columns.into(),
-    };
-    let line = periods.saturating_mul(per_period).saturating_add(1);
+    let lattice = Lattice::of(scene, strongest);
+    let beamlets = u64::try_from(lattice.beamlets.end - lattice.beamlets.start).unwrap_or(0);
+    let line = beamlets.saturating_mul(lattice.cells.into()).saturating_add(1);
     line.saturating_mul(sampling.rows.into())
-}
-
-/// Periods that a detector of `width` periods needs; rounding errors do not add one.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a float to integer cast saturates, which an estimate can bear"
-)]
-fn periods_across(width: f64) -> u64 {
-    (width - 1e-6).ceil().max(1.0) as u64
 }

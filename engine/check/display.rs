@@ -17,7 +17,7 @@ impl Display for CheckReport {
         for object in &self.objects {
             write_object(f, object)?;
         }
-        writeln!(f, "\nwork (before refinement)")?;
+        writeln!(f, "\nwork (at most, before refinement)")?;
         let work = &self.work;
         line(
             f,
@@ -26,10 +26,10 @@ impl Display for CheckReport {
         )?;
         line(f, "memory", format!("{} per row of a band", bytes(work.row_bytes)))?;
         line(f, "output", bytes(work.output_bytes))?;
-        for warning in &self.warnings {
-            writeln!(f, "\nwarning: {warning}")?;
+        if !self.warnings.is_empty() {
+            writeln!(f)?;
         }
-        Ok(())
+        self.warnings.iter().try_for_each(|warning| writeln!(f, "warning: {warning}"))
     }
 }
 

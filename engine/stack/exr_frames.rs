@@ -115,8 +115,8 @@ impl ExrFrames {
     fn write_frame(&self, view: View, step: u32, values: Vec<f32>) -> Result<()> {
         let path = self.root.join(PARTIAL).join(self.step_name(step));
         let size = (self.extent.columns as usize, self.extent.rows as usize);
-        let mut attributes = LayerAttributes::default();
-        attributes.software_name = Some(Text::from(concat!("beamlet ", env!("CARGO_PKG_VERSION"))));
+        let software_name = Some(Text::from(concat!("beamlet ", env!("CARGO_PKG_VERSION"))));
+        let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
         // One attribute, not many: the crate writes custom ones in the random order of a hash
         // map, and the same frame is to be the same bytes.
         let about = Text::new_or_none(self.about.of_frame(view, step)).unwrap_or_default();

@@ -1,0 +1,189 @@
+//! The arguments as they are typed. Help texts live here; what arguments mean is decided in
+//! `commands`.
+
+use beamlet::Backend;
+use beamlet::stack::Format;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Edge-illumination X-ray phase contrast imaging, simulated from CAD models.
+#[derive(Debug, Parser)]
+#[command(
+    name = "beamlet",
+    version,
+    subcommand_required = true,
+    arg_required_else_help = true,
+    after_help = "Start here:\n  beamlet example cylinder -o cylinder\n  beamlet check cylinder/scene.toml\n  \
+                  beamlet simulate cylinder/scene.toml -o run\n\n\
+                  Exit codes: 0 done, 1 failed, 2 usage, 130 interrupted."
+)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) verb: Verb,
+}
+
+/// How much goes to stderr.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Verbosity {
+    Quiet,
+    Normal,
+    Verbose,
+}
+
+impl Arguments {
+    pub(crate) fn verbosity(&self) -> Verbosity {
+        match &self.verb {
+            Verb::Simulate(simulate) if simulate.quiet => Verbosity::Quiet,
+            Verb::Simulate(simulate) if simulate.verbose => Verbosity::Verbose,
+            _ => Verbosity::Normal,
+        }
+    }
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Verb {
+    /// Simulate a scene into a run directory
+    Simulate(Simulate),
+    /// Tell what a scene amounts to, without simulating it
+    Check(Check),
+    /// List the Vulkan devices
+    Devices(Devices),
+    /// List the scenes that come with beamlet, or write one with its meshes
+    Example(Example),
+}
+
+/// A scene and what is changed in it.
+#[derive(Debug, Args)]
+pub(crate) struct SceneArguments {
+    /// Scene file, TOML or JSON
+    pub(crate) scene: PathBuf,
+    /// Change a value of the scene: key.path=value (may be repeated)
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub(crate) sets: Vec<String>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet simulate scene.toml -o run\n  \
+    beamlet simulate scene.toml -o run --resume\n  \
+    beamlet simulate scene.toml -o run40 --format npy --set 'source.energy=40 keV'\n\n\
+    The run directory holds scene.toml (the scene with every default), run.json (device, \
+    counts, times), progress.log (what is committed) and the frames: flat and sample. \
+    Ctrl-C ends a run so that --resume goes on with it.")]
+pub(crate) struct Simulate {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// Run directory to write
+    #[arg(short, long, value_name = "RUN")]
+    pub(crate) output: PathBuf,
+    /// File format of the frames [default: exr; with --resume that of the run]
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<FormatName>,
+    /// How rays find triangles: auto measures both on the scene
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    pub(crate) backend: BackendName,
+    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
+    #[arg(long, value_name = "N|NAME")]
+    pub(crate) device: Option<String>,
+    /// Go on with an interrupted run
+    #[arg(long, conflicts_with = "overwrite")]
+    pub(crate) resume: bool,
+    /// With --resume: accept another device, driver, backend or version than the run began with
+    #[arg(long, requires = "resume")]
+    pub(crate) allow_mixed: bool,
+    /// Replace an earlier run; files that are not of a run stay
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// No progress, errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// More of what is going on
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet check scene.toml\n  \
+    beamlet check scene.toml --set 'detector.pixels=[512, 512]'\n  \
+    beamlet check scene.toml --json")]
+pub(crate) struct Check {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// Print JSON (SI units, energies in keV)
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Choose a device with `simulate --device` or the environment variable \
+    BEAMLET_DEVICE, by its number or part of its name.")]
+pub(crate) struct Devices {
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet example\n  \
+    beamlet example cylinder -o cylinder\n  \
+    beamlet simulate cylinder/scene.toml -o run")]
+pub(crate) struct Example {
+    /// Name of the scene; without it the names are listed
+    #[arg(requires = "output")]
+    pub(crate) name: Option<String>,
+    /// Directory to write it to
+    #[arg(short, long, value_name = "DIR", requires = "name")]
+    pub(crate) output: Option<PathBuf>,
+    /// Replace files that are there
+    #[arg(long, requires = "name")]
+    pub(crate) overwrite: bool,
+}
+
+/// `--format`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FormatName {
+    /// One 32-bit float EXR file per frame
+    Exr,
+    /// Two arrays for numpy: flat.npy and sample.npy
+    Npy,
+}
+
+impl From<FormatName> for Format {
+    fn from(name: FormatName) -> Self {
+        match name {
+            FormatName::Exr => Self::Exr,
+            FormatName::Npy => Self::Npy,
+        }
+    }
+}
+
+/// `--backend`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackendName {
+    /// The faster one on this scene
+    Auto,
+    /// The driver's acceleration structures
+    RayQuery,
+    /// Our own tree, in a compute shader
+    Bvh,
+}
+
+impl BackendName {
+    /// `None` leaves the choice to the engine.
+    pub(crate) fn choice(self) -> Option<Backend> {
+        match self {
+            Self::Auto => None,
+            Self::RayQuery => Some(Backend::RayQuery),
+            Self::Bvh => Some(Backend::Bvh),
+        }
+    }
+}
+
+fn key_value(text: &str) -> Result<String, String> {
+    match text.split_once('=') {
+        Some((key, _)) if !key.trim().is_empty() => Ok(text.to_owned()),
+        _ => Err("write key.path=value, as in 'source.energy=40 keV'".into()),
+    }
+}

@@ -1,0 +1,15 @@
+//! `beamlet check`: what a scene amounts to, before hours are spent on it.
+
+use crate::args::Check;
+use crate::failure::Failure;
+use beamlet::scene::Scene;
+use std::io::Write;
+
+pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
+    let scene = Scene::load_with(&arguments.scene.scene, &arguments.scene.sets)?;
+    let report = beamlet::check::check(&scene)?;
+    if arguments.json {
+        return super::write_json(&report, out);
+    }
+    Ok(write!(out, "{report}")?)
+}

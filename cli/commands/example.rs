@@ -1,0 +1,69 @@
+//! `beamlet example`: scenes that come inside the program, so that the first simulation needs
+//! nothing but the program.
+
+use crate::args::Example;
+use crate::failure::Failure;
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+/// A shipped scene.
+struct Shipped {
+    name: &'static str,
+    about: &'static str,
+    /// File name and contents.
+    files: &'static [(&'static str, &'static [u8])],
+}
+
+/// The files of docs/experiments/NAME.
+macro_rules! files {
+    ($name:literal: $($file:literal),+) => {
+        &[$((
+            $file,
+            include_bytes!(concat!("../../docs/experiments/", $name, "/", $file)),
+        )),+]
+    };
+}
+
+const SHIPPED: &[Shipped] = &[
+    Shipped {
+        name: "cylinder",
+        about: "carbon cylinder of 8 mm between gold masks, one view",
+        files: files!("cylinder": "scene.toml", "cylinder.stl"),
+    },
+    Shipped {
+        name: "bracket",
+        about: "nylon bracket with a carbon core inside, three views",
+        files: files!("bracket": "scene.toml", "bracket.stl", "core.stl"),
+    },
+];
+
+pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failure> {
+    let (Some(name), Some(directory)) = (&arguments.name, &arguments.output) else {
+        let width = SHIPPED.iter().map(|shipped| shipped.name.len()).max().unwrap_or(0);
+        for Shipped { name, about, .. } in SHIPPED {
+            writeln!(out, "{name:width$}  {about}")?;
+        }
+        return Ok(());
+    };
+    let shipped = SHIPPED.iter().find(|shipped| shipped.name == name).ok_or_else(|| {
+        let names: Vec<&str> = SHIPPED.iter().map(|shipped| shipped.name).collect();
+        Failure::Usage(format!("there is no example '{name}'; there are: {}", names.join(", ")))
+    })?;
+    let failed = |path: &Path, problem: String| Failure::File { path: path.into(), problem };
+    for (file, _) in shipped.files {
+        let path = directory.join(file);
+        if path.exists() && !arguments.overwrite {
+            return Err(failed(&path, "is there already; --overwrite replaces it".into()));
+        }
+    }
+    for (file, contents) in shipped.files {
+        let path = directory.join(file);
+        path.parent()
+            .map_or(Ok(()), fs::create_dir_all)
+            .and_then(|()| fs::write(&path, contents))
+            .map_err(|error| failed(&path, format!("cannot be written: {error}")))?;
+        writeln!(out, "{}", path.display())?;
+    }
+    Ok(())
+}

@@ -1,0 +1,26 @@
+//! One file per verb, each a function from arguments to lines on stdout.
+
+mod check;
+mod devices;
+mod example;
+mod simulate;
+
+use crate::args::{Arguments, Verb};
+use crate::failure::Failure;
+use std::io::Write;
+
+/// Runs the verb that was asked for.
+pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
+    match arguments.verb {
+        Verb::Simulate(arguments) => simulate::run(&arguments, out),
+        Verb::Check(arguments) => check::run(&arguments, out),
+        Verb::Devices(arguments) => devices::run(&arguments, out),
+        Verb::Example(arguments) => example::run(&arguments, out),
+    }
+}
+
+/// Prints a value as JSON.
+fn write_json(value: &impl serde::Serialize, out: &mut impl Write) -> Result<(), Failure> {
+    let text = serde_json::to_string_pretty(value).map_err(std::io::Error::from)?;
+    Ok(writeln!(out, "{text}")?)
+}

@@ -1,0 +1,149 @@
+//! `beamlet simulate`: a scene into a run directory, resumable at any time.
+
+use crate::args::Simulate;
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::progress::Reporter;
+use beamlet::scene::Scene;
+use beamlet::stack::{Extent, Format, RunDirectory, RunState};
+use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, Tally};
+use std::io::Write;
+use std::time::Instant;
+
+pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Failure> {
+    let began = Instant::now();
+    let scene = Scene::load_with(&arguments.scene.scene, &arguments.scene.sets)?;
+    let extent = Extent::of(&scene)?;
+    let mut sink = directory(arguments, &scene)?;
+    if let Some(recorded) = sink.recorded()
+        && recorded.state == RunState::Done
+        && extent.all_views().all(|view| sink.committed().contains(&view))
+    {
+        writeln!(out, "{} is complete already", sink.path().display())?;
+        return Ok(());
+    }
+    let recorded_backend = sink.recorded().map(|file| file.record.backend);
+    interrupt::listen();
+    let mut reporter = Reporter::new(arguments.quiet, arguments.verbose);
+    let engine = Engine::open(&EngineOptions {
+        device: arguments.device.clone(),
+        // A resumed run goes on with the backend that began it, or its bits would change.
+        backend: arguments.backend.choice().or(recorded_backend),
+        ..EngineOptions::default()
+    })?;
+    let skip = sink.committed().to_vec();
+    let done = engine.run(
+        &scene,
+        &mut sink,
+        Control {
+            progress: Some(&mut |progress| reporter.update(progress)),
+            cancel: Some(&interrupt::CANCELLED),
+            skip,
+        },
+    );
+    reporter.finish();
+    match done {
+        Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out),
+        Err(Error::Interrupted) => Err(Failure::Interrupted { advice: advice(arguments) }),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failure> {
+    let format = arguments.format.map(Format::from);
+    let sink = if arguments.resume {
+        let sink = RunDirectory::resume(&arguments.output, scene)?;
+        if let Some(format) = format.filter(|format| *format != sink.format()) {
+            return Err(Failure::Usage(format!(
+                "the run was begun with --format {}; it cannot go on with --format {format}",
+                sink.format()
+            )));
+        }
+        sink.allow_mixed(arguments.allow_mixed)
+    } else {
+        RunDirectory::create(&arguments.output, format.unwrap_or_default(), arguments.overwrite)?
+    };
+    Ok(sink.overrides(&arguments.scene.sets))
+}
+
+/// What the user wants to know at the end, on stdout.
+fn summary(
+    sink: &RunDirectory,
+    extent: Extent,
+    record: &RunRecord,
+    seconds: f64,
+    out: &mut impl Write,
+) -> Result<(), Failure> {
+    let Extent { views, steps, rows, columns } = extent;
+    let rate = record.tally.rays as f64 / 1e6 / seconds.max(1e-9);
+    writeln!(out, "run      {} ({})", sink.path().display(), sink.format())?;
+    writeln!(out, "views    {views} x {steps} steps of {columns} x {rows} pixels, and the flat")?;
+    writeln!(out, "device   {} ({})", record.device, record.driver)?;
+    writeln!(out, "backend  {}: {}", record.backend, record.backend_reason)?;
+    writeln!(out, "rays     {} in {seconds:.1} s ({rate:.2} million a second)", record.tally.rays)?;
+    for (count, what) in counts(&record.tally).into_iter().filter(|(count, _)| *count > 0) {
+        writeln!(out, "         {count} {what}")?;
+    }
+    Ok(())
+}
+
+/// Counts of a tally that are worth a line where they are not zero.
+fn counts(tally: &Tally) -> [(u64, &'static str); 8] {
+    [
+        (tally.exact, "rays traced in order"),
+        (tally.split, "cells split by refinement"),
+        (tally.unbalanced, "rays unbalanced after re-tracing"),
+        (tally.retraced, "rays traced again with the software BVH"),
+        (tally.dropped, "cells or crossings dropped at a limit"),
+        (tally.reflected, "rays totally reflected"),
+        (tally.not_finite, "rays not finite, their light left out"),
+        (tally.landed_off, "cells landed off the detector"),
+    ]
+}
+
+/// What to enter to go on after an interrupt.
+fn advice(arguments: &Simulate) -> String {
+    let began = arguments.output.join("run.json").exists();
+    let mut command = vec![
+        "beamlet simulate".to_owned(),
+        quoted(&arguments.scene.scene.to_string_lossy()),
+        "-o".into(),
+        quoted(&arguments.output.to_string_lossy()),
+    ];
+    for set in &arguments.scene.sets {
+        command.extend(["--set".into(), quoted(set)]);
+    }
+    if let Some(device) = &arguments.device {
+        command.extend(["--device".into(), quoted(device)]);
+    }
+    if arguments.allow_mixed {
+        command.push("--allow-mixed".into());
+    }
+    if !began {
+        return format!("nothing was written; to start again: {}", command.join(" "));
+    }
+    command.push("--resume".into());
+    format!("to resume: {}", command.join(" "))
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:,+@%=".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn words_with_blanks_and_quotes_survive_a_shell() {
+        assert_eq!(quoted("runs/a-1.toml"), "runs/a-1.toml");
+        assert_eq!(quoted("source.energy=40 keV"), "'source.energy=40 keV'");
+        assert_eq!(quoted("it's"), r"'it'\''s'");
+        assert_eq!(quoted(""), "''");
+    }
+}

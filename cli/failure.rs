@@ -1,0 +1,61 @@
+//! How a command fails, and the exit code that tells it.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// Why a command did not end well.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The engine's error.
+    Engine(beamlet::Error),
+    /// A file that the command itself reads or writes.
+    File { path: PathBuf, problem: String },
+    /// Arguments that do not go together, found after parsing.
+    Usage(String),
+    /// The user stopped the run; what to enter to go on.
+    Interrupted { advice: String },
+    /// The reader of stdout went away.
+    ClosedPipe,
+    /// Stdout cannot be written.
+    Stdout(std::io::Error),
+}
+
+impl Failure {
+    pub(crate) fn exit_code(&self) -> u8 {
+        match self {
+            Self::ClosedPipe => 0,
+            Self::Engine(_) | Self::File { .. } | Self::Stdout(_) => 1,
+            Self::Usage(_) => 2,
+            Self::Interrupted { .. } => crate::interrupt::EXIT_CODE,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Engine(error) => write!(f, "error: {error}"),
+            Self::File { path, problem } => write!(f, "error: {}: {problem}", path.display()),
+            Self::Usage(problem) => write!(f, "error: {problem}\n\nFor more, try '--help'."),
+            Self::Interrupted { advice } => write!(f, "interrupted\n{advice}"),
+            Self::ClosedPipe => Ok(()),
+            Self::Stdout(error) => write!(f, "error: stdout cannot be written: {error}"),
+        }
+    }
+}
+
+impl From<beamlet::Error> for Failure {
+    fn from(error: beamlet::Error) -> Self {
+        Self::Engine(error)
+    }
+}
+
+/// Only writes to stdout reach this one; other files carry their path.
+impl From<std::io::Error> for Failure {
+    fn from(error: std::io::Error) -> Self {
+        match error.kind() {
+            std::io::ErrorKind::BrokenPipe => Self::ClosedPipe,
+            _ => Self::Stdout(error),
+        }
+    }
+}

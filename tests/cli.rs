@@ -1,0 +1,310 @@
+//! The program as a user meets it: real binary, temporary directories, exit codes.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const SCENE: &str = r#"
+[source]
+distance = "1.21 m"
+spot = ["30 um", "26 um"]
+energy = "30 keV"
+
+[detector]
+distance = "1.8 m"
+pixels = [16, 4]
+pitch = "150 um"
+
+[sample_mask]
+distance = "1.2 m"
+material = "gold"
+thickness = "225 um"
+projected_aperture = "30 um"
+
+[detector_mask]
+material = "gold"
+thickness = "225 um"
+projected_aperture = "30 um"
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
+angles = { from = "0 deg", to = "360 deg", count = 2 }
+
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.4 mm", height = "16 mm", sides = 64 } }
+material = "carbon"
+
+[materials.carbon]
+formula = "C"
+density = "2.0 g/cm3"
+"#;
+
+fn beamlet(directory: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+    command.current_dir(directory).env_remove("RUST_LOG");
+    command
+}
+
+/// Runs `beamlet` with the words of `line`.
+fn run(directory: &Path, line: &str) -> Output {
+    beamlet(directory).args(line.split_whitespace()).output().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+#[track_caller]
+fn assert_code(output: &Output, code: i32) {
+    assert_eq!(output.status.code(), Some(code), "{}\n{}", stdout(output), stderr(output));
+}
+
+/// A temporary directory with scene.toml in it.
+fn workplace() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("scene.toml"), SCENE).unwrap();
+    directory
+}
+
+fn names(directory: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(directory)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn usage_errors_end_with_2_and_say_what_is_missing() {
+    let place = workplace();
+    for (line, wanted) in [
+        ("", "Usage"),
+        ("simulate", "<SCENE>"),
+        ("simulate scene.toml", "--output"),
+        ("simulate scene.toml -o run --format tiff", "exr"),
+        ("simulate scene.toml -o run --resume --overwrite", "--overwrite"),
+        ("simulate scene.toml -o run --set energy", "key.path=value"),
+        ("simulate scene.toml -o run -q -v", "--verbose"),
+        ("example cylinder", "--output"),
+        ("example teapot -o here", "cylinder"),
+        ("simulat scene.toml", "simulate"),
+    ] {
+        let output = run(place.path(), line);
+        assert_code(&output, 2);
+        assert!(stderr(&output).contains(wanted), "{line}: {}", stderr(&output));
+        assert!(output.stdout.is_empty(), "{line}");
+    }
+    assert_eq!(names(place.path()), ["scene.toml"]);
+}
+
+#[test]
+fn help_and_version_go_to_stdout_with_examples() {
+    let place = workplace();
+    for (line, wanted) in [
+        ("--version", env!("CARGO_PKG_VERSION")),
+        ("simulate --help", "--resume"),
+        ("--help", "130"),
+    ] {
+        let output = run(place.path(), line);
+        assert_code(&output, 0);
+        assert!(stdout(&output).contains(wanted), "{line}");
+    }
+}
+
+#[test]
+fn an_unknown_key_is_shown_with_its_place_and_nothing_is_written() {
+    let place = workplace();
+    let text = SCENE.replace("pitch =", "pich =");
+    fs::write(place.path().join("scene.toml"), text).unwrap();
+    let output = run(place.path(), "simulate scene.toml -o run");
+    assert_code(&output, 1);
+    let message = stderr(&output);
+    assert!(message.starts_with("error: ") && message.contains("scene.toml:10"), "{message}");
+    assert!(message.contains("pitch"), "suggests the right key: {message}");
+    assert_eq!(names(place.path()), ["scene.toml"]);
+}
+
+#[test]
+fn a_missing_scene_is_named() {
+    let place = workplace();
+    let output = run(place.path(), "simulate nowhere.toml -o run");
+    assert_code(&output, 1);
+    assert!(stderr(&output).contains("nowhere.toml"));
+}
+
+#[test]
+fn a_directory_with_files_of_others_is_not_written_to() {
+    let place = workplace();
+    let output = run(place.path(), "simulate scene.toml -o .");
+    assert_code(&output, 1);
+    assert!(stderr(&output).contains("not empty"), "{}", stderr(&output));
+    let output = run(place.path(), "simulate scene.toml -o . --overwrite");
+    assert_code(&output, 1);
+    assert_eq!(fs::read_to_string(place.path().join("scene.toml")).unwrap(), SCENE);
+    assert_eq!(names(place.path()), ["scene.toml"]);
+}
+
+#[test]
+fn resuming_where_there_is_no_run_fails() {
+    let place = workplace();
+    let output = run(place.path(), "simulate scene.toml -o run --resume");
+    assert_code(&output, 1);
+    assert!(stderr(&output).contains("run.json"));
+}
+
+#[test]
+fn check_tells_geometry_materials_objects_and_work() {
+    let place = workplace();
+    let output = run(place.path(), "check scene.toml");
+    assert_code(&output, 0);
+    let text = stdout(&output);
+    for wanted in ["mask magnification    1.5\n", "lever arm", "carbon", "gold", "rod", "rays"] {
+        assert!(text.contains(wanted), "{wanted}: {text}");
+    }
+    let mut command = beamlet(place.path());
+    command.args(["check", "scene.toml", "--json", "--set", "source.energy=40 keV"]);
+    let output = command.output().unwrap();
+    assert_code(&output, 0);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["setup"]["energy"], 40.0);
+    assert_eq!(report["setup"]["extent"]["steps"], 3);
+    assert_eq!(report["work"]["output_bytes"], 3 * 3 * 16 * 4 * 4);
+    assert_eq!(report["materials"][1]["shadows_builtin"], true);
+    assert_eq!(names(place.path()), ["scene.toml"]);
+}
+
+#[test]
+fn examples_are_listed_and_written_and_pass_their_own_check() {
+    let place = workplace();
+    let output = run(place.path(), "example");
+    assert_code(&output, 0);
+    for name in ["cylinder", "bracket"] {
+        assert!(stdout(&output).contains(name));
+        let write = format!("example {name} -o {name}");
+        assert_code(&run(place.path(), &write), 0);
+        assert_code(&run(place.path(), &format!("check {name}/scene.toml")), 0);
+        let scene = place.path().join(name).join("scene.toml");
+        fs::write(&scene, "mine").unwrap();
+        assert_code(&run(place.path(), &write), 1);
+        assert_eq!(fs::read_to_string(&scene).unwrap(), "mine");
+        assert_code(&run(place.path(), &format!("{write} --overwrite")), 0);
+        assert_ne!(fs::read_to_string(&scene).unwrap(), "mine");
+    }
+}
+
+#[test]
+fn devices_are_listed_for_people_and_programs() {
+    let place = workplace();
+    let output = run(place.path(), "devices --json");
+    assert_code(&output, 0);
+    let devices: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let name = devices[0]["name"].as_str().unwrap();
+    assert!(stdout(&run(place.path(), "devices")).contains(name));
+}
+
+#[test]
+fn a_small_scene_is_simulated_once_and_not_overwritten_unasked() {
+    let place = workplace();
+    let output = run(place.path(), "simulate scene.toml -o run");
+    assert_code(&output, 0);
+    let text = stdout(&output);
+    assert!(text.contains("run ") && text.contains("2 x 3 steps of 16 x 4 pixels"), "{text}");
+    let path = place.path().join("run");
+    assert_eq!(names(&path), ["flat", "progress.log", "run.json", "sample", "scene.toml"]);
+    assert_eq!(names(&path.join("sample/view_0001")).len(), 3);
+    let record: serde_json::Value =
+        serde_json::from_slice(&fs::read(path.join("run.json")).unwrap()).unwrap();
+    assert_eq!(record["state"], "done");
+
+    let output = run(place.path(), "simulate scene.toml -o run");
+    assert_code(&output, 1);
+    assert!(stderr(&output).contains("holds a run already"));
+    assert_code(&run(place.path(), "simulate scene.toml -o run --overwrite -q --format npy"), 0);
+    assert_eq!(names(&path), ["flat.npy", "progress.log", "run.json", "sample.npy", "scene.toml"]);
+    let output = run(place.path(), "simulate scene.toml -o run --resume");
+    assert_code(&output, 0);
+    assert!(stdout(&output).contains("complete already"));
+}
+
+#[test]
+fn the_resolved_scene_of_a_run_gives_the_same_bits() {
+    let place = workplace();
+    let mut command = beamlet(place.path());
+    command.args(["simulate", "scene.toml", "-o", "one", "--format", "npy"]);
+    command.args(["--backend", "bvh", "--set", "detector.pixels=[8, 3]"]);
+    assert_code(&command.output().unwrap(), 0);
+    let line = "simulate one/scene.toml -o two --format npy --backend bvh";
+    assert_code(&run(place.path(), line), 0);
+    for name in ["flat.npy", "sample.npy"] {
+        let bytes = |run: &str| fs::read(place.path().join(run).join(name)).unwrap();
+        assert!(bytes("one") == bytes("two"), "{name}");
+    }
+}
+
+/// A run of 400 views, interrupted once it has committed the first.
+#[cfg(unix)]
+fn interrupted(place: &Path) -> Output {
+    let mut command = beamlet(place);
+    command.args(["simulate", "scene.toml", "-o", "run", "--format", "npy", "--backend", "bvh"]);
+    command.args(["--set", "scan.angles={ from = \"0 deg\", to = \"360 deg\", count = 400 }"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let log: PathBuf = place.join("run/progress.log");
+    let began = Instant::now();
+    while fs::metadata(&log).map_or(0, |log| log.len()) == 0 {
+        if child.try_wait().unwrap().is_some() {
+            return child.wait_with_output().unwrap();
+        }
+        assert!(began.elapsed() < Duration::from_secs(120), "no view was committed");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    child.wait_with_output().unwrap()
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_run_names_the_command_that_resumes_it_to_the_same_bits() {
+    let place = workplace();
+    let output = interrupted(place.path());
+    assert_code(&output, 130);
+    let message = stderr(&output);
+    let resume = message.lines().find_map(|line| line.strip_prefix("to resume: beamlet ")).unwrap();
+    let command = format!("{} {resume}", env!("CARGO_BIN_EXE_beamlet"));
+    let resumed =
+        Command::new("sh").args(["-c", &command]).current_dir(place.path()).output().unwrap();
+    assert_code(&resumed, 0);
+
+    let mut whole = beamlet(place.path());
+    whole.args(["simulate", "scene.toml", "-o", "whole", "--format", "npy", "--backend", "bvh"]);
+    whole.args(["--set", "scan.angles={ from = \"0 deg\", to = \"360 deg\", count = 400 }"]);
+    assert_code(&whole.output().unwrap(), 0);
+    for name in ["flat.npy", "sample.npy"] {
+        let bytes = |run: &str| fs::read(place.path().join(run).join(name)).unwrap();
+        assert!(bytes("run") == bytes("whole"), "{name}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_reader_that_goes_away_is_no_failure() {
+    let place = workplace();
+    let mut child = beamlet(place.path())
+        .args(["check", "scene.toml", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_code(&output, 0);
+    assert_eq!(stderr(&output), "");
+}

@@ -1,0 +1,385 @@
+//! Sinks: what goes in comes out through other readers, and only what is committed counts.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use beamlet::scene::{
+    Detector, MaskBody, MaskSpec, Object, Placement, Sampling, Scan, Scene, Shape, ShapeOrMesh,
+    Source,
+};
+use beamlet::stack::{
+    ArraySink, CallbackSink, Extent, Format, RunDirectory, RunFile, RunStart, RunState, Sink, View,
+};
+use beamlet::{Backend, Error, RunRecord, Tally};
+use ndarray::{Array3, Array4, s};
+use ndarray_npy::ReadNpyExt;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const COLUMNS: usize = 7;
+const ROWS: usize = 5;
+const STEPS: usize = 3;
+const VIEWS: u32 = 2;
+
+fn scene() -> Scene {
+    let mask = |distance: f64, period: f64, aperture: f64| {
+        Some(MaskSpec {
+            distance,
+            period,
+            aperture,
+            offset: 0.0,
+            body: MaskBody::Sheet { transmission: 0.0 },
+        })
+    };
+    Scene {
+        directory: PathBuf::new(),
+        source: Source { distance: 1.21, spot: [30e-6, 26e-6], energy: 30.0 },
+        detector: Detector { distance: 1.8, pixels: [7, 5], pitch: [150e-6; 2] },
+        sample_mask: mask(1.2, 100e-6, 20e-6),
+        detector_mask: mask(1.8, 150e-6, 30e-6),
+        sampling: Sampling::default(),
+        scan: Scan { mask_offsets: vec![-1e-5, 0.0, 1e-5], angles: vec![0.0, 1.0] },
+        materials: BTreeMap::new(),
+        surroundings: "vacuum".into(),
+        objects: vec![Object {
+            name: "rod".into(),
+            geometry: ShapeOrMesh::Shape(Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: 64 }),
+            material: "carbon".into(),
+            placement: Placement::default(),
+            sha256: None,
+        }],
+    }
+}
+
+fn start() -> RunStart {
+    RunStart {
+        device: "tested device".into(),
+        driver: "1.0".into(),
+        backend: Backend::Bvh,
+        backend_reason: "the test says so".into(),
+        calibration: BTreeMap::from([("bvh".into(), 2.5)]),
+        mesh_hashes: BTreeMap::new(),
+    }
+}
+
+fn record() -> RunRecord {
+    let start = start();
+    RunRecord {
+        version: env!("CARGO_PKG_VERSION").into(),
+        device: start.device,
+        driver: start.driver,
+        backend: start.backend,
+        backend_reason: start.backend_reason,
+        calibration: start.calibration,
+        seed: 1,
+        tally: Tally { rays: 1234, ..Tally::default() },
+        seconds: BTreeMap::new(),
+    }
+}
+
+/// Values that differ everywhere, some of them awkward.
+fn values(view: View) -> Array3<f32> {
+    let view = match view {
+        View::Flat => 0.5,
+        View::Sample(index) => f32::from(u16::try_from(index).unwrap()) + 1.25,
+    };
+    Array3::from_shape_fn((STEPS, ROWS, COLUMNS), |(step, row, column)| {
+        if (step, row, column) == (1, 2, 3) {
+            return f32::MIN_POSITIVE / 4.0;
+        }
+        (view * 1000.0 + (step * 100 + row * 10 + column) as f32) / 3.0
+    })
+}
+
+/// Writes a view in bands of at most `band` rows.
+fn put(sink: &mut dyn Sink, view: View, band: usize) {
+    let values = values(view);
+    for first in (0..ROWS).step_by(band) {
+        let last = ROWS.min(first + band);
+        let rows = u32::try_from(first).unwrap()..u32::try_from(last).unwrap();
+        sink.write(view, rows, values.slice(s![.., first..last, ..])).unwrap();
+    }
+}
+
+fn whole_run(sink: &mut dyn Sink, band: usize) {
+    sink.begin(&scene(), &start()).unwrap();
+    for view in [View::Flat, View::Sample(0), View::Sample(1)] {
+        put(sink, view, band);
+        sink.commit(view).unwrap();
+    }
+    sink.finish(&record()).unwrap();
+}
+
+fn run_in(path: &Path, format: Format, band: usize) {
+    whole_run(&mut RunDirectory::create(path, format, false).unwrap(), band);
+}
+
+/// Every file below `root` that is not run.json, with its bytes.
+fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![root.to_path_buf()];
+    while let Some(directory) = open.pop() {
+        for entry in fs::read_dir(directory).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                found.insert(path.strip_prefix(root).unwrap().into(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    found.remove(Path::new("run.json"));
+    found
+}
+
+fn read_exr(path: &Path) -> (Vec<f32>, String) {
+    use exr::prelude::*;
+    let image = read_first_flat_layer_from_file(path).unwrap();
+    assert_eq!(image.layer_data.size, Vec2(COLUMNS, ROWS));
+    let [channel] = image.layer_data.channel_data.list.as_slice() else { panic!("one channel") };
+    assert_eq!(channel.name.to_string(), "Y");
+    let FlatSamples::F32(values) = &channel.sample_data else { panic!("32-bit floats") };
+    let about = match &image.layer_data.attributes.other[&Text::from("beamlet")] {
+        AttributeValue::Text(text) => text.to_string(),
+        other => panic!("{other:?}"),
+    };
+    (values.clone(), about)
+}
+
+#[test]
+fn exr_frames_read_back_bit_for_bit_with_their_geometry() {
+    let temporary = tempfile::tempdir().unwrap();
+    let run = temporary.path().join("run");
+    run_in(&run, Format::Exr, ROWS);
+    for step in 0..STEPS {
+        let (flat, _) = read_exr(&run.join(format!("flat/step_{step:03}.exr")));
+        assert_eq!(
+            flat,
+            values(View::Flat).slice(s![step, .., ..]).iter().copied().collect::<Vec<_>>()
+        );
+        let (frame, about) = read_exr(&run.join(format!("sample/view_0001/step_{step:03}.exr")));
+        let wanted = values(View::Sample(1));
+        assert!(
+            frame
+                .iter()
+                .zip(wanted.slice(s![step, .., ..]))
+                .all(|(a, b)| a.to_bits() == b.to_bits())
+        );
+        let about: serde_json::Value = serde_json::from_str(&about).unwrap();
+        assert_eq!(about["mask_offset"], scene().scan.mask_offsets[step]);
+        assert_eq!(about["angle"], 1.0);
+        assert_eq!(about["source_distance"], 1.21);
+    }
+}
+
+#[test]
+fn npy_stacks_read_back_bit_for_bit() {
+    let temporary = tempfile::tempdir().unwrap();
+    run_in(temporary.path(), Format::Npy, 2);
+    let open = |name| fs::File::open(temporary.path().join(name)).unwrap();
+    let flat = Array3::<f32>::read_npy(open("flat.npy")).unwrap();
+    let sample = Array4::<f32>::read_npy(open("sample.npy")).unwrap();
+    assert_eq!(flat, values(View::Flat));
+    assert_eq!(sample.dim(), (VIEWS as usize, STEPS, ROWS, COLUMNS));
+    for index in 0..VIEWS {
+        assert_eq!(sample.slice(s![index as usize, .., .., ..]), values(View::Sample(index)));
+    }
+    let bytes = fs::read(temporary.path().join("flat.npy")).unwrap();
+    assert_eq!((bytes.len() - 4 * STEPS * ROWS * COLUMNS) % 64, 0, "values are aligned");
+}
+
+#[test]
+fn bands_do_not_change_a_byte() {
+    for format in [Format::Exr, Format::Npy] {
+        let temporary = tempfile::tempdir().unwrap();
+        let [one, many] = ["one", "many"].map(|name| temporary.path().join(name));
+        run_in(&one, format, ROWS);
+        run_in(&many, format, 2);
+        assert_eq!(files(&one), files(&many));
+    }
+}
+
+#[test]
+fn a_finished_run_leaves_nothing_but_its_files() {
+    let temporary = tempfile::tempdir().unwrap();
+    run_in(temporary.path(), Format::Exr, 2);
+    let names: Vec<String> = files(temporary.path())
+        .into_keys()
+        .map(|path| path.display().to_string())
+        .filter(|name| !name.ends_with(".exr"))
+        .collect();
+    assert_eq!(names, ["progress.log", "scene.toml"]);
+    assert_eq!(RunFile::read(&temporary.path().join("run.json")).unwrap().state, RunState::Done);
+    assert!(!temporary.path().join("partial").exists());
+}
+
+#[test]
+fn nothing_is_written_before_the_run_begins() {
+    let temporary = tempfile::tempdir().unwrap();
+    let path = temporary.path().join("run");
+    let sink = RunDirectory::create(&path, Format::Exr, false).unwrap();
+    drop(sink);
+    assert!(!path.exists());
+}
+
+#[test]
+fn a_view_that_is_not_committed_leaves_no_file_that_counts() {
+    for (format, band) in [(Format::Exr, ROWS), (Format::Exr, 2), (Format::Npy, 2)] {
+        let temporary = tempfile::tempdir().unwrap();
+        let mut sink = RunDirectory::create(temporary.path(), format, false).unwrap();
+        sink.begin(&scene(), &start()).unwrap();
+        put(&mut sink, View::Flat, band);
+        sink.commit(View::Flat).unwrap();
+        put(&mut sink, View::Sample(0), band);
+        drop(sink);
+        assert!(!temporary.path().join("sample").exists());
+        assert!(!temporary.path().join("partial").exists());
+        let resumed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
+        assert_eq!(resumed.committed(), [View::Flat]);
+        assert_eq!(resumed.recorded().unwrap().state, RunState::Running);
+    }
+}
+
+#[test]
+fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
+    for format in [Format::Exr, Format::Npy] {
+        let temporary = tempfile::tempdir().unwrap();
+        let [whole, resumed] = ["whole", "resumed"].map(|name| temporary.path().join(name));
+        run_in(&whole, format, ROWS);
+        let mut sink = RunDirectory::create(&resumed, format, false).unwrap();
+        sink.begin(&scene(), &start()).unwrap();
+        put(&mut sink, View::Flat, 2);
+        sink.commit(View::Flat).unwrap();
+        put(&mut sink, View::Sample(0), 2);
+        drop(sink);
+        let mut sink = RunDirectory::resume(&resumed, &scene()).unwrap();
+        sink.begin(&scene(), &start()).unwrap();
+        for view in [View::Sample(0), View::Sample(1)] {
+            put(&mut sink, view, 2);
+            sink.commit(view).unwrap();
+        }
+        sink.finish(&record()).unwrap();
+        assert_eq!(files(&whole), files(&resumed));
+        let file = RunFile::read(&resumed.join("run.json")).unwrap();
+        assert_eq!((file.state, file.resumed_views), (RunState::Done, 1));
+    }
+}
+
+#[test]
+fn a_changed_frame_no_longer_counts_as_committed() {
+    for (format, name) in
+        [(Format::Exr, "sample/view_0000/step_001.exr"), (Format::Npy, "sample.npy")]
+    {
+        let temporary = tempfile::tempdir().unwrap();
+        run_in(temporary.path(), format, ROWS);
+        let path = temporary.path().join(name);
+        let mut bytes = fs::read(&path).unwrap();
+        let header = bytes.len() % (4 * COLUMNS * ROWS);
+        let at = if format == Format::Exr { bytes.len() - 3 } else { header + 41 };
+        bytes[at] ^= 1;
+        fs::write(&path, bytes).unwrap();
+        let resumed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
+        assert_eq!(resumed.committed(), [View::Flat, View::Sample(1)]);
+    }
+}
+
+#[test]
+fn another_scene_or_device_does_not_resume_a_run() {
+    let temporary = tempfile::tempdir().unwrap();
+    run_in(temporary.path(), Format::Npy, ROWS);
+    let mut other = scene();
+    other.sampling.seed = 2;
+    let message = RunDirectory::resume(temporary.path(), &other).unwrap_err().to_string();
+    assert!(message.contains("seed") && message.contains("there 1, here 2"), "{message}");
+
+    let mut elsewhere = start();
+    elsewhere.device = "another device".into();
+    let mut sink = RunDirectory::resume(temporary.path(), &scene()).unwrap();
+    let message = sink.begin(&scene(), &elsewhere).unwrap_err().to_string();
+    assert!(message.contains("another device") && message.contains("tested device"), "{message}");
+    let mixed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
+    mixed.allow_mixed(true).begin(&scene(), &elsewhere).unwrap();
+}
+
+#[test]
+fn a_run_is_not_overwritten_unless_asked_and_files_of_others_survive() {
+    for format in [Format::Exr, Format::Npy] {
+        let temporary = tempfile::tempdir().unwrap();
+        let path = temporary.path();
+        run_in(path, Format::Exr, ROWS);
+        let foreign =
+            ["notes.txt", "flat/notes.txt", "sample/view_0000/notes.txt", "sample/mine/a"];
+        fs::create_dir(path.join("sample/mine")).unwrap();
+        for name in foreign {
+            fs::write(path.join(name), name).unwrap();
+        }
+        let message = RunDirectory::create(path, format, false).unwrap_err().to_string();
+        assert!(message.contains("holds a run already"), "{message}");
+        whole_run(&mut RunDirectory::create(path, format, true).unwrap(), ROWS);
+        for name in foreign {
+            assert_eq!(fs::read_to_string(path.join(name)).unwrap(), name);
+        }
+        let exr_left = path.join("sample/view_0001/step_000.exr").exists();
+        assert_eq!(exr_left, format == Format::Exr);
+        assert_eq!(RunDirectory::resume(path, &scene()).unwrap().committed().len(), 3);
+    }
+}
+
+#[test]
+fn overwriting_never_takes_the_files_of_a_directory_that_is_no_run() {
+    let temporary = tempfile::tempdir().unwrap();
+    fs::write(temporary.path().join("scene.toml"), "mine").unwrap();
+    for overwrite in [false, true] {
+        let error = RunDirectory::create(temporary.path(), Format::Exr, overwrite).unwrap_err();
+        assert!(matches!(error, Error::Output { .. }));
+    }
+    assert_eq!(fs::read_to_string(temporary.path().join("scene.toml")).unwrap(), "mine");
+}
+
+#[test]
+fn bands_out_of_order_or_missing_are_refused() {
+    let temporary = tempfile::tempdir().unwrap();
+    let mut sink = RunDirectory::create(temporary.path(), Format::Npy, false).unwrap();
+    sink.begin(&scene(), &start()).unwrap();
+    let values = values(View::Flat);
+    assert!(sink.write(View::Flat, 2..4, values.slice(s![.., 2..4, ..])).is_err());
+    sink.write(View::Flat, 0..2, values.slice(s![.., 0..2, ..])).unwrap();
+    assert!(sink.commit(View::Flat).is_err());
+}
+
+#[test]
+fn arrays_and_callbacks_take_the_same_stacks() {
+    let mut arrays = ArraySink::new();
+    whole_run(&mut arrays, 2);
+    let stacks = arrays.into_stacks().unwrap();
+    assert_eq!(stacks.flat, values(View::Flat));
+    assert_eq!(stacks.sample.slice(s![1, .., .., ..]), values(View::Sample(1)));
+    assert_eq!(stacks.record, record());
+
+    let mut bands = Vec::new();
+    let mut sink = CallbackSink::new(|view, rows, data: ndarray::ArrayView3<'_, f32>| {
+        bands.push((view, rows.clone()));
+        assert_eq!(data, values(view).slice(s![.., rows.start as usize..rows.end as usize, ..]));
+        Ok(())
+    });
+    whole_run(&mut sink, 3);
+    assert_eq!(bands.len(), 6);
+}
+
+#[test]
+fn names_grow_with_the_numbers_they_hold() {
+    let temporary = tempfile::tempdir().unwrap();
+    let mut scene = scene();
+    scene.scan.angles = vec![0.0; 10_001];
+    let mut sink = RunDirectory::create(temporary.path(), Format::Exr, false).unwrap();
+    sink.begin(&scene, &start()).unwrap();
+    let view = View::Sample(10_000);
+    put(&mut sink, view, ROWS);
+    sink.commit(view).unwrap();
+    assert!(temporary.path().join("sample/view_10000/step_000.exr").exists());
+    let view = View::Sample(7);
+    put(&mut sink, view, ROWS);
+    sink.commit(view).unwrap();
+    assert!(temporary.path().join("sample/view_00007/step_002.exr").exists());
+    assert_eq!(Extent::of(&scene).unwrap().all_views().count(), 10_002);
+}
