@@ -1,1 +1,154 @@
-fn main(){}
+//! Compiles the compute shaders to SPIR-V. A shader error ends the build with its file and line.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "cargo reads and shows both")]
+
+use glslang::error::GlslangError;
+use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
+use glslang::{
+    Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
+    SourceLanguage, SpirvVersion, Target, VulkanVersion,
+};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs, process};
+
+/// One compiled shader: its name, its file, and the macros defined for it.
+type Permutation = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
+
+/// The shaders of the engine, from shaders/. `trace_bvh` becomes `gpu::shaders::TRACE_BVH`.
+const PERMUTATIONS: &[Permutation] = &[
+    ("trace_bvh", "trace.comp", &[]),
+    ("trace_ray_query", "trace.comp", &[("BACKEND_RAY_QUERY", "1")]),
+    ("exact_bvh", "exact.comp", &[]),
+    ("exact_ray_query", "exact.comp", &[("BACKEND_RAY_QUERY", "1")]),
+    ("illuminate", "illuminate.comp", &[]),
+    ("random_rays", "random_rays.comp", &[]),
+    ("random_light", "random_light.comp", &[]),
+];
+
+/// The shaders of the tests, from tests/gpu/; they are not part of the library.
+const TEST_PERMUTATIONS: &[Permutation] = &[
+    ("fill", "fill.comp", &[]),
+    ("fill_twice", "fill.comp", &[("FACTOR", "2")]),
+    ("crossings", "crossings.comp", &[]),
+];
+
+/// Every `#include` is found from this folder, whichever file asks.
+const ROOT: &str = "shaders";
+const TEST_ROOT: &str = "tests/gpu";
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    build_all(ROOT, PERMUTATIONS, &out, "shaders.rs");
+    // A package from a registry may come without its tests.
+    let tests = if Path::new(TEST_ROOT).is_dir() { TEST_PERMUTATIONS } else { &[] };
+    build_all(TEST_ROOT, tests, &out, "test_shaders.rs");
+}
+
+/// Compiles a table of permutations and writes the words as Rust constants.
+fn build_all(folder: &str, permutations: &[Permutation], out: &Path, generated: &str) {
+    if Path::new(folder).is_dir() {
+        println!("cargo::rerun-if-changed={folder}");
+    }
+    let (mut rust, mut all, mut failed) = (String::new(), String::new(), false);
+    for (name, file, defines) in permutations {
+        let words = match compile(folder, file, defines) {
+            Ok(words) => words,
+            Err(message) => {
+                eprintln!("shader {name}:\n{message}");
+                failed = true;
+                continue;
+            }
+        };
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        fs::write(out.join(format!("{name}.spv")), bytes).expect("OUT_DIR can be written");
+        let constant = name.to_uppercase();
+        write!(
+            rust,
+            "/// SPIR-V of {folder}/{file} {defines:?}.\npub const {constant}: &[u32] = &["
+        )
+        .expect("a string grows");
+        for word in &words {
+            write!(rust, "{word:#x},").expect("a string grows");
+        }
+        rust.push_str("];\n");
+        write!(all, "({name:?}, {constant}),").expect("a string grows");
+    }
+    if failed {
+        process::exit(1);
+    }
+    write!(rust, "/// Every shader by name.\npub const ALL: &[(&str, &[u32])] = &[{all}];\n")
+        .expect("a string grows");
+    fs::write(out.join(generated), rust).expect("OUT_DIR can be written");
+}
+
+fn compile(folder: &str, file: &str, defines: &[(&str, &str)]) -> Result<Vec<u32>, String> {
+    let path = Path::new(folder).join(file);
+    let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    let source = ShaderSource::from(with_defines(&path, &text, defines)?);
+    let options = CompilerOptions {
+        source_language: SourceLanguage::GLSL,
+        target: Target::Vulkan {
+            version: VulkanVersion::Vulkan1_2,
+            spirv_version: SpirvVersion::SPIRV1_5,
+        },
+        version_profile: None,
+        messages: ShaderMessage::DEFAULT,
+    };
+    let compiler = Compiler::acquire().expect("glslang starts");
+    let mut includes = Includes;
+    let no_defines: Option<&[(&str, Option<&str>)]> = None;
+    ShaderInput::new(&source, ShaderStage::Compute, &options, no_defines, Some(&mut includes))
+        .and_then(|input| compiler.create_shader(input))
+        .and_then(|shader| shader.compile())
+        .map_err(|error| readable(&error))
+}
+
+/// Puts the macros behind the `#version` line; `#line` keeps file and line of later messages.
+fn with_defines(path: &Path, text: &str, defines: &[(&str, &str)]) -> Result<String, String> {
+    let version = text
+        .lines()
+        .position(|line| line.starts_with("#version"))
+        .ok_or_else(|| format!("{}: no #version line", path.display()))?;
+    let mut lines: Vec<String> = text.lines().take(version + 1).map(str::to_owned).collect();
+    lines.push("#extension GL_GOOGLE_include_directive : require".into());
+    lines.extend(defines.iter().map(|(name, value)| format!("#define {name} {value}")));
+    lines.push(format!("#line {} \"{}\"", version + 2, path.display()));
+    lines.extend(text.lines().skip(version + 1).map(str::to_owned));
+    Ok(lines.join("\n") + "\n")
+}
+
+/// The messages of glslang, one per line, as `file:line: message`.
+fn readable(error: &GlslangError) -> String {
+    let (GlslangError::ParseError(log) | GlslangError::LinkError(log)) = error else {
+        return error.to_string();
+    };
+    let summary = |line: &str| {
+        line.contains("compilation errors")
+            || line.contains("compilation terminated")
+            || line.is_empty()
+    };
+    log.log
+        .lines()
+        .filter(|line| !summary(line.trim()))
+        .map(|line| line.strip_prefix("ERROR: ").unwrap_or(line))
+        .collect::<Vec<_>>()
+        .join("\n")
+}
+
+/// Finds included files below [`ROOT`].
+struct Includes;
+
+impl IncludeHandler for Includes {
+    fn include(
+        &mut self,
+        _: IncludeType,
+        header: &str,
+        _includer: &str,
+        _depth: usize,
+    ) -> Option<IncludeResult> {
+        let path = Path::new(ROOT).join(header);
+        let data = fs::read_to_string(&path).ok()?;
+        Some(IncludeResult { name: path.display().to_string(), data })
+    }
+}

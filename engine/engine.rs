@@ -1,9 +1,14 @@
 //! The engine: a Vulkan device that serves many scenes one after another.
 
+use crate::Result;
+use crate::gpu::{Device, DeviceDescription, DeviceOptions, Kernel};
+use crate::illuminate::CellIlluminator;
 use crate::run::{Backend, Control, RunRecord};
 use crate::scene::Scene;
-use crate::stack::{Sink, Stacks};
-use crate::{Error, Result};
+use crate::simulation::{Kernels, Simulation};
+use crate::stack::{ArraySink, Sink, Stacks};
+use crate::trace::TraceKernels;
+use std::sync::Arc;
 
 /// How to open an [`Engine`].
 #[derive(Debug, Clone, Default)]
@@ -25,30 +30,78 @@ pub struct EngineOptions {
 
 /// A Vulkan device that serves many scenes one after another.
 #[derive(Debug)]
-pub struct Engine {}
+pub struct Engine {
+    options: EngineOptions,
+    device: Arc<Device>,
+    kernels: Kernels,
+}
 
 impl Engine {
     /// Opens a device.
     ///
     /// # Errors
-    /// [`Error::Device`] without a Vulkan loader or a device that can serve.
+    /// [`crate::Error::Device`] without a Vulkan loader or a device that can serve.
     pub fn open(options: &EngineOptions) -> Result<Self> {
-        let _ = options;
-        Err(Error::device("a Vulkan device", "not built yet", ""))
+        let device = Device::open(&DeviceOptions {
+            choice: options.device.clone(),
+            validation: options.validation,
+            ..DeviceOptions::default()
+        })?;
+        let kernels = Kernels {
+            trace: Arc::new(TraceKernels::new(&device)?),
+            illuminate: CellIlluminator::kernel(&device)?,
+        };
+        Ok(Self { options: options.clone(), device, kernels })
+    }
+
+    /// The device in use.
+    #[must_use]
+    pub fn description(&self) -> &DeviceDescription {
+        self.device.description()
+    }
+
+    /// Messages of the validation layer so far, where it was asked for.
+    #[must_use]
+    pub fn validation_messages(&self) -> u32 {
+        self.device.validation_messages()
+    }
+
+    pub(crate) const fn options(&self) -> &EngineOptions {
+        &self.options
+    }
+
+    pub(crate) const fn device(&self) -> &Arc<Device> {
+        &self.device
+    }
+
+    pub(crate) const fn trace_kernels(&self) -> &Arc<TraceKernels> {
+        &self.kernels.trace
+    }
+
+    pub(crate) const fn illuminate_kernel(&self) -> &Arc<Kernel> {
+        &self.kernels.illuminate
+    }
+
+    /// Makes a scene ready: loads and checks its meshes, uploads them, chooses a backend.
+    ///
+    /// # Errors
+    /// [`crate::Error::Scene`], [`crate::Error::Mesh`], [`crate::Error::Device`],
+    /// [`crate::Error::Memory`].
+    pub fn prepare(&self, scene: &Scene) -> Result<Simulation<'_>> {
+        Simulation::new(self, scene)
     }
 
     /// Runs a scene: every view is traced, illuminated and handed to `sink`.
     ///
     /// # Errors
-    /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
+    /// See [`crate::Error`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
     pub fn run(
         &self,
         scene: &Scene,
         sink: &mut dyn Sink,
         control: Control<'_>,
     ) -> Result<RunRecord> {
-        let _ = (scene, sink, control);
-        Err(Error::Interrupted)
+        self.prepare(scene)?.run(sink, control)
     }
 
     /// Runs a scene into arrays.
@@ -56,7 +109,8 @@ impl Engine {
     /// # Errors
     /// As [`Engine::run`].
     pub fn simulate(&self, scene: &Scene) -> Result<Stacks> {
-        let _ = scene;
-        Err(Error::Interrupted)
+        let mut sink = ArraySink::new();
+        self.run(scene, &mut sink, Control::default())?;
+        sink.into_stacks().ok_or(crate::Error::Interrupted)
     }
 }

@@ -8,6 +8,7 @@
 //! The engine never prints, exits or panics on input; messages go through the `log` crate.
 
 pub mod accel;
+pub mod check;
 mod engine;
 mod error;
 pub mod geometry;
@@ -16,10 +17,12 @@ pub mod illuminate;
 pub mod material;
 mod run;
 pub mod scene;
+mod simulation;
 pub mod stack;
 pub mod trace;
 pub mod units;
 
 pub use engine::{Engine, EngineOptions};
 pub use error::{Error, Place, Result};
+pub use simulation::Simulation;
 pub use run::{Backend, Control, Progress, RunRecord, Tally};

@@ -1,1 +1,343 @@
 //! Quantities with units: "150 um", "30 keV", "0.93 g/cm3", "12 deg".
+//!
+//! Every unit but the degree is a power of ten of the base unit, so a quantity is read by
+//! moving the decimal point in its text: "150 um" is the double nearest to 150e-6, with one
+//! rounding only, and what [`Dimension::format`] writes reads back to the same bits.
+
+use std::fmt;
+
+/// What a quantity measures, and with it the units allowed and the base unit returned.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimension {
+    /// Length in metres.
+    Length,
+    /// Photon energy in keV.
+    Energy,
+    /// Mass density in g/cm3.
+    Density,
+    /// Angle in radians.
+    Angle,
+    /// Linear attenuation coefficient in 1/m.
+    Attenuation,
+}
+
+/// A text that is no quantity of the dimension asked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct QuantityError {
+    /// What was found.
+    pub found: String,
+    /// What is allowed, with the list of units.
+    pub allowed: String,
+}
+
+impl fmt::Display for QuantityError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "found {}; allowed: {}", self.found, self.allowed)
+    }
+}
+
+impl std::error::Error for QuantityError {}
+
+#[derive(Clone, Copy)]
+enum Scale {
+    /// Power of ten of the base unit.
+    Ten(i64),
+    Degree,
+}
+
+use Scale::{Degree, Ten};
+
+/// Spellings of the units; the micro sign and the Greek letter both stand for micro.
+const LENGTHS: &[(&str, Scale)] = &[
+    ("m", Ten(0)),
+    ("cm", Ten(-2)),
+    ("mm", Ten(-3)),
+    ("um", Ten(-6)),
+    ("\u{b5}m", Ten(-6)),
+    ("\u{3bc}m", Ten(-6)),
+    ("nm", Ten(-9)),
+    ("pm", Ten(-12)),
+];
+const ENERGIES: &[(&str, Scale)] = &[("eV", Ten(-3)), ("keV", Ten(0)), ("MeV", Ten(3))];
+const DENSITIES: &[(&str, Scale)] = &[("g/cm3", Ten(0)), ("kg/m3", Ten(-3))];
+const ANGLES: &[(&str, Scale)] = &[
+    ("deg", Degree),
+    ("rad", Ten(0)),
+    ("mrad", Ten(-3)),
+    ("urad", Ten(-6)),
+    ("\u{b5}rad", Ten(-6)),
+    ("\u{3bc}rad", Ten(-6)),
+];
+const ATTENUATIONS: &[(&str, Scale)] = &[
+    ("1/m", Ten(0)),
+    ("/m", Ten(0)),
+    ("1/cm", Ten(2)),
+    ("/cm", Ten(2)),
+    ("1/mm", Ten(3)),
+    ("/mm", Ten(3)),
+];
+
+impl Dimension {
+    const fn table(self) -> &'static [(&'static str, Scale)] {
+        match self {
+            Self::Length => LENGTHS,
+            Self::Energy => ENERGIES,
+            Self::Density => DENSITIES,
+            Self::Angle => ANGLES,
+            Self::Attenuation => ATTENUATIONS,
+        }
+    }
+
+    /// What is allowed, in words, with an example and the list of units.
+    pub fn allowed(self) -> String {
+        let (noun, example) = match self {
+            Self::Length => ("a length", "150 um"),
+            Self::Energy => ("an energy", "30 keV"),
+            Self::Density => ("a density", "0.93 g/cm3"),
+            Self::Angle => ("an angle", "12 deg"),
+            Self::Attenuation => ("an attenuation coefficient", "0.25 /cm"),
+        };
+        let mut units: Vec<_> = self.table().iter().map(|unit| unit.0).collect();
+        // The Greek letter looks like the micro sign: accepted, not listed.
+        units.retain(|unit| !unit.starts_with('\u{3bc}'));
+        format!("{noun} with its unit, such as \"{example}\"; units: {}", units.join(", "))
+    }
+
+    fn error<T>(self, found: impl Into<String>) -> Result<T, QuantityError> {
+        Err(QuantityError { found: found.into(), allowed: self.allowed() })
+    }
+
+    fn scale(self, unit: &str) -> Option<Scale> {
+        self.table().iter().find(|entry| entry.0 == unit).map(|entry| entry.1)
+    }
+
+    /// Reads a quantity into metres, keV, g/cm3, radians or 1/m. The result is finite.
+    ///
+    /// # Errors
+    ///
+    /// [`QuantityError`] if there is no number, no unit, an unknown unit, or an overflow.
+    pub fn parse(self, text: &str) -> Result<f64, QuantityError> {
+        let text = text.trim();
+        let Some((mantissa, exponent, unit)) = split_number(text) else {
+            return self.error(format!("{text:?}, which does not start with a number"));
+        };
+        if unit.is_empty() {
+            return self.error(format!("{text:?}, a number without a unit"));
+        }
+        let Some(scale) = self.scale(unit) else {
+            return self.error(format!("the unit {unit:?} in {text:?}{}", self.suggestion(unit)));
+        };
+        let value = match scale {
+            Ten(power) => shifted(mantissa, exponent.saturating_add(power)),
+            Degree => shifted(mantissa, exponent).map(f64::to_radians),
+        };
+        match value {
+            Some(value) if value.is_finite() => Ok(value),
+            _ => self.error(format!("{text:?}, which is too large")),
+        }
+    }
+
+    /// The size of a unit given by its bare name ("mm") or as a quantity ("25.4 mm").
+    ///
+    /// # Errors
+    ///
+    /// [`QuantityError`] if it is neither.
+    pub fn parse_unit(self, text: &str) -> Result<f64, QuantityError> {
+        match self.scale(text.trim()) {
+            Some(_) => self.parse(&format!("1 {text}")),
+            None if text.trim().starts_with(|c: char| c.is_ascii_digit() || c == '.') => {
+                self.parse(text)
+            }
+            None => self.error(format!("the unit {text:?}{}", self.suggestion(text))),
+        }
+    }
+
+    fn suggestion(self, unit: &str) -> String {
+        let same = self.table().iter().find(|entry| entry.0.eq_ignore_ascii_case(unit));
+        same.map_or_else(String::new, |entry| format!(" (did you mean {:?}?)", entry.0))
+    }
+
+    /// Writes a value in metres, keV, g/cm3, radians or 1/m so that it reads back to the same
+    /// bits. Lengths get the largest of m, mm, um, nm that leaves at least 1.
+    pub fn format(self, value: f64) -> String {
+        let (power, unit) = match self {
+            Self::Length if value.abs() >= 1.0 || value.abs() <= 0.0 => (0, "m"),
+            Self::Length if value.abs() >= 1e-3 => (-3, "mm"),
+            Self::Length if value.abs() >= 1e-6 => (-6, "um"),
+            Self::Length => (-9, "nm"),
+            Self::Energy => (0, "keV"),
+            Self::Density => (0, "g/cm3"),
+            Self::Attenuation => (0, "1/m"),
+            Self::Angle => {
+                let degrees = (value.to_degrees() * 1e9).round() / 1e9;
+                if degrees.to_radians().to_bits() == value.to_bits() {
+                    return format!("{} deg", decimal(degrees, 0));
+                }
+                (0, "rad")
+            }
+        };
+        format!("{} {unit}", decimal(value, power))
+    }
+}
+
+/// Splits "1.5e3 um" into mantissa, power of ten, and what follows.
+fn split_number(text: &str) -> Option<(&str, i64, &str)> {
+    let digits = |at: usize| text.bytes().skip(at).take_while(u8::is_ascii_digit).count();
+    let sign = usize::from(text.starts_with(['+', '-']));
+    let mut end = sign + digits(sign);
+    let mut count = end - sign;
+    if text[end..].starts_with('.') {
+        let fraction = digits(end + 1);
+        count += fraction;
+        end += 1 + fraction;
+    }
+    if count == 0 {
+        return None;
+    }
+    let mantissa = &text[..end];
+    let mut exponent = 0;
+    // "1eV" has no exponent: an e counts only if digits follow.
+    if text[end..].starts_with(['e', 'E']) {
+        let signed = usize::from(text[end + 1..].starts_with(['+', '-']));
+        let count = digits(end + 1 + signed);
+        if count > 0 {
+            let stop = end + 1 + signed + count;
+            exponent = text[end + 1..stop].parse().unwrap_or(i64::MAX);
+            end = stop;
+        }
+    }
+    Some((mantissa, exponent, text[end..].trim()))
+}
+
+fn shifted(mantissa: &str, exponent: i64) -> Option<f64> {
+    format!("{mantissa}e{exponent}").parse().ok()
+}
+
+/// The shortest digits of `value`, divided by 10^`power` by moving the point.
+fn decimal(value: f64, power: i64) -> String {
+    let text = format!("{value:e}");
+    let Some((mantissa, exponent)) = text.split_once('e') else {
+        return text; // not finite: never valid, shown as it is
+    };
+    let (sign, mantissa) = mantissa.strip_prefix('-').map_or(("", mantissa), |rest| ("-", rest));
+    let digits = mantissa.replace('.', "");
+    let exponent = exponent.parse::<i64>().unwrap_or(0) - power;
+    let body = match usize::try_from(exponent + 1) {
+        Ok(point) if point >= 1 && point >= digits.len() && point <= 16 => {
+            format!("{digits:0<point$}")
+        }
+        Ok(point) if point >= 1 && point < digits.len() => {
+            format!("{}.{}", &digits[..point], &digits[point..])
+        }
+        _ if (-4..0).contains(&exponent) => {
+            let zeros = usize::try_from(-exponent - 1).unwrap_or(0);
+            format!("0.{}{digits}", "0".repeat(zeros))
+        }
+        _ if digits.len() == 1 => format!("{digits}e{exponent}"),
+        _ => format!("{}.{}e{exponent}", &digits[..1], &digits[1..]),
+    };
+    format!("{sign}{body}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn length(text: &str) -> f64 {
+        Dimension::Length.parse(text).unwrap()
+    }
+
+    fn message(dimension: Dimension, text: &str) -> String {
+        dimension.parse(text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn every_unit_reads_to_the_double_nearest_to_its_text() {
+        let cases = [
+            (Dimension::Length, "1.21 m", 1.21),
+            (Dimension::Length, "15 cm", 0.15),
+            (Dimension::Length, "150um", 150e-6),
+            (Dimension::Length, "150 \u{b5}m", 150e-6),
+            (Dimension::Length, "150 \u{3bc}m", 150e-6),
+            (Dimension::Length, "-.5e1 nm", -5e-9),
+            (Dimension::Length, "7 pm", 7e-12),
+            (Dimension::Energy, "1eV", 1e-3),
+            (Dimension::Energy, "5e3eV", 5.0),
+            (Dimension::Energy, "80.725 keV", 80.725),
+            (Dimension::Energy, "0.1 MeV", 100.0),
+            (Dimension::Density, "0.93 g/cm3", 0.93),
+            (Dimension::Density, "930 kg/m3", 0.93),
+            (Dimension::Angle, "180 deg", std::f64::consts::PI),
+            (Dimension::Angle, "3 urad", 3e-6),
+            (Dimension::Attenuation, "0.25 /cm", 25.0),
+            (Dimension::Attenuation, "0.25 1/cm", 25.0),
+            (Dimension::Attenuation, "2 /mm", 2000.0),
+        ];
+        for (dimension, text, expected) in cases {
+            assert_eq!(dimension.parse(text).unwrap().to_bits(), f64::to_bits(expected), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_bare_number_names_the_units() {
+        let text = message(Dimension::Length, "150");
+        assert!(text.contains("a number without a unit"), "{text}");
+        assert!(text.contains("units: m, cm, mm, um, \u{b5}m, nm, pm"), "{text}");
+    }
+
+    #[test]
+    fn a_wrong_unit_is_named_with_a_suggestion() {
+        let text = message(Dimension::Energy, "30 kev");
+        assert!(text.contains("did you mean \"keV\""), "{text}");
+        assert!(message(Dimension::Energy, "30 um").contains("the unit \"um\""));
+    }
+
+    #[test]
+    fn no_text_gives_an_infinite_or_undefined_value() {
+        for text in ["inf m", "nan m", "NaN", "1e999 m", "1e99999999999999999999 m", "", "-", "."] {
+            assert!(Dimension::Length.parse(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn mesh_units_are_names_or_quantities() {
+        let unit = |text| Dimension::Length.parse_unit(text);
+        assert_eq!(unit("mm").unwrap().to_bits(), 1e-3_f64.to_bits());
+        assert_eq!(unit("25.4 mm").unwrap().to_bits(), 25.4e-3_f64.to_bits());
+        assert!(unit("inch").unwrap_err().found.contains("inch"));
+        assert!(unit("1").unwrap_err().found.contains("without a unit"));
+    }
+
+    #[test]
+    fn formatted_lengths_are_readable() {
+        let texts = [150e-6, 1.21, 0.0, 4e-3, 20.5e-6, -25e-6, 1e-9, 3e-11, 1200.0, 1e30];
+        let written = texts.map(|value| Dimension::Length.format(value));
+        let expected = [
+            "150 um", "1.21 m", "0 m", "4 mm", "20.5 um", "-25 um", "1 nm", "0.03 nm", "1200 m",
+            "1e30 m",
+        ];
+        assert_eq!(written, expected);
+        assert_eq!(Dimension::Angle.format(30_f64.to_radians()), "30 deg");
+        assert_eq!(length("0.1 mm").to_bits(), 1e-4_f64.to_bits());
+    }
+
+    proptest! {
+        #[test]
+        fn every_finite_value_reads_back_to_the_same_bits(value in proptest::num::f64::NORMAL) {
+            for dimension in [
+                Dimension::Length, Dimension::Energy, Dimension::Density, Dimension::Angle,
+                Dimension::Attenuation,
+            ] {
+                let text = dimension.format(value);
+                prop_assert_eq!(dimension.parse(&text).unwrap().to_bits(), value.to_bits());
+            }
+        }
+
+        #[test]
+        fn random_text_never_panics(text in "\\PC*") {
+            let _ = Dimension::Length.parse(&text);
+            let _ = Dimension::Angle.parse_unit(&text);
+        }
+    }
+}

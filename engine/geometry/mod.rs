@@ -1,6 +1,27 @@
 //! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
+//!
+//! [`load`] reads the objects of a scene (`stl`, `obj`, `shapes`), welds and places them,
+//! refuses what is not closed (`topology`), turns what is inside out (`body`), and finds which
+//! object surrounds which (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
+//! the sample sweeps over the views with the set-up.
+
+mod body;
+mod distance;
+mod load;
+mod nesting;
+mod obj;
+mod placement;
+mod search;
+mod shapes;
+mod stl;
+mod surface;
+mod swept;
+mod topology;
 
 use glam::DVec3;
+
+pub use load::{file_hash, load};
+pub use swept::{Extent, Swept, check_clearance, fov_warnings, swept};
 
 /// All surfaces of the sample in world coordinates (m), welded, closed and oriented outwards
 /// (away from the material of their object; the surface of a void points into the void).

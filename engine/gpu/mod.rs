@@ -1,1 +1,34 @@
-//! gpu
+//! Headless Vulkan compute, one file per object. It knows no physics.
+//!
+//! Every buffer, and the acceleration structure, reaches a kernel as a device address in its push
+//! constants; there are no descriptor sets. So a buffer may be larger than the device's largest
+//! storage-buffer range, and a scene of any number of parts needs no bindings.
+//!
+//! A [`Device`] opens, owns and outlives everything made from it. What a submission may still use
+//! is destroyed only after that submission ended, whenever it is dropped. The addresses in push
+//! constants are not checked: a kernel that is handed a wrong one reads or writes foreign memory.
+
+mod acceleration;
+mod allocation;
+mod buffer;
+mod device;
+mod failure;
+mod instance;
+pub mod interface;
+mod kernel;
+mod physical;
+mod recorder;
+mod retire;
+pub mod shaders;
+mod submission;
+
+pub use acceleration::AccelerationStructure;
+pub use buffer::{Buffer, Memory};
+pub use device::{Device, DeviceOptions};
+pub use kernel::Kernel;
+pub use physical::{DeviceDescription, DeviceKind};
+pub use recorder::Recorder;
+pub use submission::Submission;
+
+/// Largest push constant block, in bytes: what every Vulkan device has.
+pub const PUSH_BYTES: u32 = 128;

@@ -1,1 +1,11 @@
-//! illuminate
+//! Illumination: from the laws of cells or rays to the light in the pixels at every mask step.
+
+mod cells;
+mod light;
+mod random;
+mod sums;
+
+pub use cells::CellIlluminator;
+pub use light::LightRecord;
+pub use random::{Cast, RandomKernels, cast};
+pub use sums::{BYTES as SUM_BYTES, Sums};

@@ -1,8 +1,122 @@
 //! The scene: what is simulated, resolved to SI units with every default filled in.
+//!
+//! A scene is read from TOML or JSON (docs/scene.md), or built from the structs below. The
+//! text is parsed into one tree that knows where every value stands, overrides are applied to
+//! that tree, and one reader turns it into the model, so that every error can show its place.
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+mod derived;
+mod keys;
+mod limits;
 mod model;
+mod parse;
+mod path;
+mod read;
+mod read_sample;
+mod set;
+mod table;
+mod tree;
+mod validate;
+mod write;
 
+pub use keys::known_keys;
 pub use model::{
     Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,
     Scheme, Shape, ShapeOrMesh, Source, Transport,
 };
+
+use crate::{Error, Result};
+use tree::Document;
+
+impl Scene {
+    /// Loads and validates a scene file, TOML or JSON by its extension.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Output`] if the file cannot be read; [`Error::Scene`] with place, key, what was
+    /// found and what is allowed otherwise.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        Self::load_with(path, &[])
+    }
+
+    /// Loads a scene file with overrides `key.path=value` applied to it in their order. The
+    /// value is TOML, or a bare string: `source.energy=40 keV`, `object[0].material=gold`,
+    /// `object.rod.material=gold`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::load`]; also where an override leads nowhere.
+    pub fn load_with(path: impl AsRef<Path>, sets: &[String]) -> Result<Self> {
+        let path = path.as_ref();
+        let file = Some(path.to_owned());
+        let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
+        let parse = match extension.as_deref() {
+            Some("toml") => parse::toml,
+            Some("json") => parse::json,
+            _ => {
+                let problem = "the scene file has to end in .toml or .json".to_owned();
+                return Err(Error::output(path, problem, None));
+            }
+        };
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| Error::output(path, "cannot read the scene", Some(source)))?;
+        let directory = match path.parent() {
+            Some(parent) if !parent.as_os_str().is_empty() => parent,
+            _ => Path::new("."),
+        };
+        Self::from_document(parse(&text, file)?, sets, directory)
+    }
+
+    /// Reads and validates TOML text; relative paths in it start from `directory`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Scene`] with place, key, what was found and what is allowed.
+    pub fn from_toml(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
+        Self::from_document(parse::toml(text, None)?, &[], directory.as_ref())
+    }
+
+    /// Reads and validates JSON text; relative paths in it start from `directory`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Scene`] with place, key, what was found and what is allowed.
+    pub fn from_json(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
+        Self::from_document(parse::json(text, None)?, &[], directory.as_ref())
+    }
+
+    fn from_document(mut document: Document, sets: &[String], directory: &Path) -> Result<Self> {
+        for set in sets {
+            set::apply(&mut document, set)?;
+        }
+        let scene = read::read_scene(&document, directory)?;
+        scene.validate().map_err(|error| document.located(error))?;
+        Ok(scene)
+    }
+
+    /// A path of the scene, from where the program runs.
+    pub fn resolve(&self, path: &Path) -> PathBuf {
+        self.directory.join(path)
+    }
+
+    /// The resolved scene as TOML for a file in `directory`: every default filled in, every
+    /// quantity so that it reads back to the same bits, and so an equal scene. `hashes` are the
+    /// SHA-256 of mesh files by the name of their object; an object without an entry keeps its
+    /// own. `sets` are recorded as comments. In another directory than the scene's own, paths
+    /// are written absolute. A mesh given as arrays is left out, with a comment in its place:
+    /// such a text documents the run and does not load.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Output`] if a path is not Unicode or the working directory is gone.
+    pub fn to_toml(
+        &self,
+        directory: impl AsRef<Path>,
+        hashes: &BTreeMap<String, String>,
+        sets: &[String],
+    ) -> Result<String> {
+        write::to_toml(self, directory.as_ref(), hashes, sets)
+    }
+}

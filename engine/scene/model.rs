@@ -83,6 +83,16 @@ pub enum MaskBody {
     },
 }
 
+impl MaskBody {
+    /// Thickness along y, m; 0 for a sheet.
+    pub const fn thickness(&self) -> f64 {
+        match self {
+            Self::Bars { thickness, .. } => *thickness,
+            Self::Sheet { .. } => 0.0,
+        }
+    }
+}
+
 /// How rays are chosen.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sampling {
@@ -100,6 +110,20 @@ pub struct Sampling {
     pub transport: Transport,
     /// Seed of every random number.
     pub seed: u64,
+}
+
+impl Default for Sampling {
+    fn default() -> Self {
+        Self {
+            scheme: Scheme::Cells,
+            cells: None,
+            rows: 1,
+            tolerance: 1e-9,
+            rays: [5000, 1],
+            transport: Transport::Auto,
+            seed: 1,
+        }
+    }
 }
 
 /// How rays are chosen.
@@ -129,6 +153,13 @@ pub struct Scan {
     pub mask_offsets: Vec<f64>,
     /// Rotation of source, masks and detector about +z, rad. At least one.
     pub angles: Vec<f64>,
+}
+
+impl Default for Scan {
+    /// Aligned masks and one view at angle 0.
+    fn default() -> Self {
+        Self { mask_offsets: vec![0.0], angles: vec![0.0] }
+    }
 }
 
 /// Definition of a material.
@@ -166,6 +197,9 @@ pub struct Object {
     pub material: String,
     /// Where it stands.
     pub placement: Placement,
+    /// SHA-256 of the mesh file that the scene was resolved with, 64 lower-case hexadecimal
+    /// digits. A mesh file that does not have it is refused.
+    pub sha256: Option<String>,
 }
 
 /// What an object's surface is.

@@ -1,8 +1,28 @@
 //! Stacks of frames and the sinks that take them.
+//!
+//! A stack is `[step][row][column]` per view, f32 intensities, row 0 on top. The engine knows
+//! only [`Sink`]; where the frames end up (a run directory, arrays, a callback) is decided here.
 
-use crate::Result;
+mod array;
+mod callback;
+mod exr_frames;
+mod npy;
+mod progress_log;
+mod run_directory;
+mod run_file;
+mod scene_file;
+
+pub use array::ArraySink;
+pub use callback::CallbackSink;
+pub use run_directory::{Format, RunDirectory};
+pub use run_file::{RunFile, RunState};
+
+use crate::run::Backend;
 use crate::scene::Scene;
+use crate::{Error, Result};
 use ndarray::{Array3, Array4, ArrayView3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// A view is the unit of commit. The flat field is a view of its own.
@@ -14,6 +34,24 @@ pub enum View {
     Sample(u32),
 }
 
+/// What is known when a run begins: the part of its record that does not depend on its outcome.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunStart {
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Backend used.
+    pub backend: Backend,
+    /// Why that backend.
+    pub backend_reason: String,
+    /// Calibration: million rays a second by backend name.
+    pub calibration: BTreeMap<String, f64>,
+    /// SHA-256 of the meshes by the name of their object, as
+    /// [`crate::geometry::ObjectSummary::hash`]; shapes have none.
+    pub mesh_hashes: BTreeMap<String, String>,
+}
+
 /// Takes stacks band by band. Calls come in this order: `begin`, then for each view `write`
 /// for each band of rows (top to bottom) and one `commit`, then `finish`.
 pub trait Sink {
@@ -21,7 +59,7 @@ pub trait Sink {
     ///
     /// # Errors
     /// Where the place cannot take the stacks.
-    fn begin(&mut self, scene: &Scene) -> Result<()>;
+    fn begin(&mut self, scene: &Scene, start: &RunStart) -> Result<()>;
 
     /// One band of rows of a view with all its steps; intensities, `[step][row][column]`.
     ///
@@ -51,4 +89,59 @@ pub struct Stacks {
     pub sample: Array4<f32>,
     /// Provenance and counts.
     pub record: crate::RunRecord,
+}
+
+/// Extent of the stacks of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Extent {
+    /// Views with the sample (the flat is one more).
+    pub views: u32,
+    /// Mask steps.
+    pub steps: u32,
+    /// Detector rows.
+    pub rows: u32,
+    /// Detector columns.
+    pub columns: u32,
+}
+
+impl Extent {
+    /// Extent of the stacks of `scene`.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] where a list of the scan is longer than 2^32.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        let count = |key: &str, n: usize| {
+            u32::try_from(n)
+                .map_err(|_| Error::scene(key, format!("{n} entries"), "fewer than 2^32"))
+        };
+        Ok(Self {
+            views: count("scan.angles", scene.scan.angles.len())?,
+            steps: count("scan.mask_offsets", scene.scan.mask_offsets.len())?,
+            rows: scene.detector.pixels[1],
+            columns: scene.detector.pixels[0],
+        })
+    }
+
+    /// Bytes of one frame.
+    #[must_use]
+    pub fn frame_bytes(&self) -> u64 {
+        4 * u64::from(self.rows) * u64::from(self.columns)
+    }
+
+    /// Bytes of one view with all its steps.
+    #[must_use]
+    pub fn view_bytes(&self) -> u64 {
+        self.frame_bytes() * u64::from(self.steps)
+    }
+
+    /// Bytes of all views, the flat included.
+    #[must_use]
+    pub fn total_bytes(&self) -> u64 {
+        self.view_bytes() * (u64::from(self.views) + 1)
+    }
+
+    /// Every view: the flat, then the angles in order.
+    pub fn all_views(&self) -> impl Iterator<Item = View> + use<> {
+        std::iter::once(View::Flat).chain((0..self.views).map(View::Sample))
+    }
 }

@@ -1,0 +1,110 @@
+//! The software BVH: compressed wide nodes, and leaves in their order. Ray query gets its
+//! triangles in the same order: drivers that split in input order need it.
+
+use crate::geometry::Sample;
+use crate::gpu::interface::{Leaf, Node};
+use crate::{Error, Result};
+use glam::{DVec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::cwbvh::node::CwBvhNode;
+use rayon::prelude::*;
+use std::time::Duration;
+
+/// Stack of shaders/walk/bvh.glsl: one entry per level.
+const STACK: usize = 32;
+
+/// Bits of a leaf's surface word that index the surfaces; the kind stands above them.
+const SURFACE_LIMIT: usize = 1 << 28;
+
+/// Nodes and leaves as the shaders read them.
+#[derive(Debug, Clone, Default)]
+pub struct Bvh {
+    /// Nodes; the root is the first.
+    pub nodes: Vec<Node>,
+    /// Triangles in the order of the BVH.
+    pub leaves: Vec<Leaf>,
+}
+
+impl Bvh {
+    /// Builds the BVH of a sample; the surface of a leaf is its component.
+    ///
+    /// # Errors
+    /// [`Error::Mesh`] where the tree would be deeper than the shaders' stack, or there are
+    /// more surfaces than a leaf can name.
+    pub fn build(sample: &Sample) -> Result<Self> {
+        if sample.triangles.is_empty() {
+            return Ok(Self::default());
+        }
+        if sample.components.len() >= SURFACE_LIMIT {
+            return Err(Error::mesh("sample", "has too many separate surfaces", ""));
+        }
+        let corners = |t: &[u32; 3]| t.map(|v| sample.vertices[v as usize]);
+        // Boxes are padded by what the box test may lose to rounding at this distance.
+        let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
+        let pad = Vec3A::splat(single(reach) * 2.0_f32.powi(-19));
+        let boxes: Vec<Aabb> = sample
+            .triangles
+            .par_iter()
+            .map(|t| {
+                let [a, b, c] = corners(t).map(|v| v.as_vec3a());
+                Aabb::new(a.min(b).min(c) - pad, a.max(b).max(c) + pad)
+            })
+            .collect();
+        // Pre-splitting would put a triangle into several leaves and count it twice.
+        let params = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
+        let bvh = build_cwbvh(&boxes, params, &mut Duration::default());
+        let depth = depth(&bvh.nodes);
+        if depth > STACK {
+            return Err(Error::mesh(
+                "sample",
+                format!("its BVH is {depth} levels deep, {STACK} are allowed"),
+                "triangles that lie on one another, or extreme scales",
+            ));
+        }
+        let leaves = bvh
+            .primitive_indices
+            .par_iter()
+            .map(|&i| {
+                let [a, b, c] = corners(&sample.triangles[i as usize]);
+                Leaf {
+                    a: a.as_vec3().to_array(),
+                    b: b.as_vec3().to_array(),
+                    c: c.as_vec3().to_array(),
+                    normal: normal(a, b, c).as_vec3().to_array(),
+                    surface: sample.triangle_component[i as usize],
+                }
+            })
+            .collect();
+        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves })
+    }
+}
+
+fn normal(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+fn single(value: f64) -> f32 {
+    value as f32
+}
+
+/// Levels of the tree. Children stand behind their parents in the array.
+fn depth(nodes: &[CwBvhNode]) -> usize {
+    let mut levels = vec![0_usize; nodes.len()];
+    let mut deepest = 0;
+    let mut stack = vec![(0_usize, 1_usize)];
+    while let Some((index, level)) = stack.pop() {
+        if levels[index] != 0 {
+            continue;
+        }
+        levels[index] = level;
+        deepest = deepest.max(level);
+        let node = &nodes[index];
+        for child in 0..node.imask.count_ones() {
+            stack.push(((node.child_base_idx + child) as usize, level + 1));
+        }
+    }
+    deepest
+}

@@ -1,0 +1,247 @@
+//! What a scene amounts to, told before hours are spent on it: geometry of the set-up,
+//! materials at the energy, objects, clearance, and an estimate of the work.
+
+use crate::geometry::{self, ObjectSummary, Sample};
+use crate::material;
+use crate::scene::{MaskBody, MaskSpec, Scene, Scheme};
+use crate::stack::Extent;
+use crate::{Error, Result};
+use serde::Serialize;
+
+mod display;
+
+/// Cells per period of the sample mask that are assumed where the scene leaves them open.
+const TYPICAL_CELLS: u32 = 20;
+
+/// What a scene amounts to. Lengths in metres, angles in radians.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CheckReport {
+    /// The set-up.
+    pub setup: Setup,
+    /// Materials in use, the surroundings first.
+    pub materials: Vec<Material>,
+    /// Objects of the sample, in the order of the scene.
+    pub objects: Vec<CheckedObject>,
+    /// What it will cost.
+    pub work: Work,
+    /// What looks odd but does not stop a run.
+    pub warnings: Vec<String>,
+}
+
+/// The set-up in numbers.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Setup {
+    /// Photon energy, keV.
+    pub energy: f64,
+    /// Mask magnification M = analyser distance / sample mask distance.
+    pub magnification: f64,
+    /// Magnification of the rotation centre on the detector.
+    pub object_magnification: f64,
+    /// Rotation centre to analyser, m.
+    pub lever_arm: f64,
+    /// Full angle of the fan that reaches the detector, in x, rad.
+    pub fan_angle: f64,
+    /// Field of view in the plane of the rotation centre, x and z, m.
+    pub field_of_view: [f64; 2],
+    /// Period and aperture of the sample mask, m.
+    pub sample_mask: Option<[f64; 2]>,
+    /// Period and aperture of the detector mask, m.
+    pub detector_mask: Option<[f64; 2]>,
+    /// Extent of the stacks.
+    pub extent: Extent,
+}
+
+/// A material at the energy of the scene.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Material {
+    /// Name in the scene.
+    pub name: String,
+    /// Where it is used.
+    pub used_by: Vec<String>,
+    /// Linear attenuation coefficient, 1/m.
+    pub mu: f64,
+    /// Refractive index decrement.
+    pub delta: f64,
+    /// Critical angle of total reflection from vacuum, sqrt(2 delta), rad.
+    pub critical_angle: f64,
+    /// Whether an entry of the scene hides a built-in material of this name.
+    pub shadows_builtin: bool,
+}
+
+/// An object of the sample.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CheckedObject {
+    /// Name in the scene.
+    pub name: String,
+    /// Material name.
+    pub material: String,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Volume, m3.
+    pub volume: f64,
+    /// Corners of its bounding box, m.
+    pub bounds: [[f64; 3]; 2],
+    /// Names of the objects that it stands in; empty: none.
+    pub inside: Vec<String>,
+    /// SHA-256 of its mesh; empty for a shape.
+    pub hash: String,
+}
+
+/// An estimate of the work, before refinement and re-tracing.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Work {
+    /// Rays of one view.
+    pub rays_per_view: u64,
+    /// Rays of all views. The flat needs none.
+    pub rays: u64,
+    /// Bytes on the device for one row of pixels of one view with all its steps; a band is as
+    /// many rows as the memory limit allows.
+    pub row_bytes: u64,
+    /// Bytes of the output on disk.
+    pub output_bytes: u64,
+}
+
+/// Loads everything that a run would load, checks it, and tells what it amounts to.
+///
+/// # Errors
+/// Whatever would stop a run before its first ray: materials, meshes, a sample that would hit
+/// a mask.
+pub fn check(scene: &Scene) -> Result<CheckReport> {
+    let extent = Extent::of(scene)?;
+    let materials = materials(scene)?;
+    let sample = geometry::load(scene)?;
+    geometry::check_clearance(scene, &sample)?;
+    let mut warnings = geometry::fov_warnings(scene, &sample);
+    for material in materials.iter().filter(|material| material.shadows_builtin) {
+        warnings.push(format!("materials.{} hides the built-in material", material.name));
+    }
+    for object in &sample.objects {
+        warnings.extend(object.warnings.iter().map(|text| format!("{}: {text}", object.name)));
+    }
+    if scene.objects.is_empty() {
+        warnings.push("there is no object: the sample stack will equal the flat".into());
+    }
+    Ok(CheckReport {
+        setup: setup(scene, extent),
+        work: work(scene, extent, materials.len())?,
+        materials,
+        objects: objects(scene, &sample),
+        warnings,
+    })
+}
+
+fn setup(scene: &Scene, extent: Extent) -> Setup {
+    let mask = |mask: &Option<MaskSpec>| mask.as_ref().map(|mask| [mask.period, mask.aperture]);
+    Setup {
+        energy: scene.source.energy,
+        magnification: scene.magnification(),
+        object_magnification: scene.detector.distance / scene.source.distance,
+        lever_arm: scene.lever_arm(),
+        fan_angle: scene.fan_angle(),
+        field_of_view: scene.field_of_view(),
+        sample_mask: mask(&scene.sample_mask),
+        detector_mask: mask(&scene.detector_mask),
+        extent,
+    }
+}
+
+/// Materials in use, each once, in the order: surroundings, objects, masks.
+fn materials(scene: &Scene) -> Result<Vec<Material>> {
+    let bars = |mask: &Option<MaskSpec>| match mask {
+        Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => Some(material.clone()),
+        _ => None,
+    };
+    let uses = [("surroundings".to_owned(), Some(scene.surroundings.clone()))]
+        .into_iter()
+        .chain(scene.objects.iter().map(|o| (o.name.clone(), Some(o.material.clone()))))
+        .chain([
+            ("sample_mask".to_owned(), bars(&scene.sample_mask)),
+            ("detector_mask".to_owned(), bars(&scene.detector_mask)),
+        ]);
+    let mut found: Vec<Material> = Vec::new();
+    for (user, name) in uses.filter_map(|(user, name)| name.map(|name| (user, name))) {
+        if let Some(known) = found.iter_mut().find(|material| material.name == name) {
+            known.used_by.push(user);
+            continue;
+        }
+        let constants = material::constants(scene, &name)?;
+        found.push(Material {
+            used_by: vec![user],
+            mu: constants.mu,
+            delta: constants.delta,
+            critical_angle: (2.0 * constants.delta.max(0.0)).sqrt(),
+            shadows_builtin: scene.materials.contains_key(&name)
+                && material::builtin(&name).is_some(),
+            name,
+        });
+    }
+    Ok(found)
+}
+
+fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
+    let checked = |(index, summary): (usize, &ObjectSummary)| {
+        let mut inside: Vec<String> = Vec::new();
+        for &outer in summary.inside.iter().flatten() {
+            let name = scene.objects.get(outer as usize).map(|object| object.name.clone());
+            inside.extend(name.filter(|name| !inside.contains(name)));
+        }
+        CheckedObject {
+            name: summary.name.clone(),
+            material: scene.objects.get(index).map(|o| o.material.clone()).unwrap_or_default(),
+            triangles: summary.triangles,
+            volume: summary.volume,
+            bounds: summary.bounds.map(|corner| corner.to_array()),
+            inside,
+            hash: summary.hash.clone(),
+        }
+    };
+    sample.objects.iter().enumerate().map(checked).collect()
+}
+
+fn work(scene: &Scene, extent: Extent, materials: usize) -> Result<Work> {
+    let too_many =
+        || Error::scene("sampling", "more than 2^64 rays", "fewer views, pixels, cells or rays");
+    let line = rays_of_row(scene, extent);
+    let rays_per_view = line.checked_mul(extent.rows.into()).ok_or_else(too_many)?;
+    let rays = rays_per_view.checked_mul(extent.views.into()).ok_or_else(too_many)?;
+    // Per ray and material: path length, displacements in x and z, and sum of slopes in x and
+    // z; besides, coordinates and a signature. Per pixel and step one 64-bit sum.
+    let ray_bytes = 4 * (5 * materials as u64 + 8);
+    let sums = 8 * u64::from(extent.columns) * u64::from(extent.steps);
+    Ok(Work {
+        rays_per_view,
+        rays,
+        row_bytes: line.saturating_mul(ray_bytes).saturating_add(sums),
+        output_bytes: extent.total_bytes(),
+    })
+}
+
+/// Rays of one row of pixels of one view. Cells share the rays on their boundaries.
+fn rays_of_row(scene: &Scene, extent: Extent) -> u64 {
+    let sampling = &scene.sampling;
+    if sampling.scheme == Scheme::Random {
+        let [x, z] = sampling.rays.map(u64::from);
+        return u64::from(extent.columns).saturating_mul(x).saturating_mul(z);
+    }
+    let per_period = u64::from(sampling.cells.unwrap_or(TYPICAL_CELLS));
+    let periods = match &scene.sample_mask {
+        Some(mask) => {
+            let projected = mask.period * scene.detector.distance / mask.distance;
+            let width = f64::from(extent.columns) * scene.detector.pitch[0];
+            periods_across(width / projected)
+        }
+        None => extent.columns.into(),
+    };
+    let line = periods.saturating_mul(per_period).saturating_add(1);
+    line.saturating_mul(sampling.rows.into())
+}
+
+/// Periods that a detector of `width` periods needs; rounding errors do not add one.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a float to integer cast saturates, which an estimate can bear"
+)]
+fn periods_across(width: f64) -> u64 {
+    (width - 1e-6).ceil().max(1.0) as u64
+}

@@ -1,0 +1,160 @@
+//! The report as aligned text for a terminal.
+
+use super::{CheckReport, CheckedObject, Material};
+use std::fmt::{self, Display, Formatter};
+
+impl Display for CheckReport {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        self.write_setup(f)?;
+        writeln!(f, "\nmaterials at {} keV", number(self.setup.energy))?;
+        let width = self.materials.iter().map(|m| m.name.chars().count()).max().unwrap_or(0);
+        for material in &self.materials {
+            write_material(f, material, width)?;
+        }
+        if !self.objects.is_empty() {
+            writeln!(f, "\nobjects")?;
+        }
+        for object in &self.objects {
+            write_object(f, object)?;
+        }
+        writeln!(f, "\nwork (before refinement)")?;
+        let work = &self.work;
+        line(
+            f,
+            "rays",
+            format!("{} per view, {} in all", count(work.rays_per_view), count(work.rays)),
+        )?;
+        line(f, "memory", format!("{} per row of a band", bytes(work.row_bytes)))?;
+        line(f, "output", bytes(work.output_bytes))?;
+        for warning in &self.warnings {
+            writeln!(f, "\nwarning: {warning}")?;
+        }
+        Ok(())
+    }
+}
+
+impl CheckReport {
+    fn write_setup(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let setup = &self.setup;
+        let extent = setup.extent;
+        writeln!(f, "set-up")?;
+        line(f, "mask magnification", number(setup.magnification))?;
+        line(f, "object magnification", number(setup.object_magnification))?;
+        line(f, "lever arm", length(setup.lever_arm))?;
+        line(f, "fan angle", format!("{} deg", number(setup.fan_angle.to_degrees())))?;
+        let [x, z] = setup.field_of_view.map(length);
+        line(f, "field of view", format!("{x} x {z}"))?;
+        for (name, mask) in
+            [("sample mask", setup.sample_mask), ("detector mask", setup.detector_mask)]
+        {
+            let text = match mask {
+                Some([period, aperture]) => {
+                    format!("period {}, aperture {}", length(period), length(aperture))
+                }
+                None => "none".into(),
+            };
+            line(f, name, text)?;
+        }
+        let (views, steps) = (extent.views, extent.steps);
+        let frames = format!("{views} x {steps} of {} x {} pixels", extent.columns, extent.rows);
+        line(f, "views x steps", frames)
+    }
+}
+
+fn write_material(f: &mut Formatter<'_>, material: &Material, width: usize) -> fmt::Result {
+    let Material { name, mu, delta, critical_angle, .. } = material;
+    let angle = format!("{} mrad", number(critical_angle * 1e3));
+    write!(f, "  {name:width$}  mu {:>12}  delta {delta:>11.4e}", format!("{} /m", number(*mu)))?;
+    write!(f, "  critical angle {angle:>14}  ({})", material.used_by.join(", "))?;
+    writeln!(f, "{}", if material.shadows_builtin { ", hides the built-in one" } else { "" })
+}
+
+fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
+    writeln!(f, "  {} ({})", object.name, object.material)?;
+    let detail =
+        |f: &mut Formatter<'_>, label: &str, text: String| writeln!(f, "    {label:<18}{text}");
+    detail(f, "triangles", count(object.triangles as u64))?;
+    detail(f, "volume", format!("{} mm3", number(object.volume * 1e9)))?;
+    let [low, high] = object.bounds.map(|corner| corner.map(|value| number(value * 1e3)));
+    let range = |axis: usize| format!("{} to {}", low[axis], high[axis]);
+    detail(f, "box x, y, z [mm]", format!("{}; {}; {}", range(0), range(1), range(2)))?;
+    if !object.inside.is_empty() {
+        detail(f, "inside", object.inside.join(", "))?;
+    }
+    Ok(())
+}
+
+fn line(f: &mut Formatter<'_>, label: &str, text: String) -> fmt::Result {
+    writeln!(f, "  {label:<22}{text}")
+}
+
+/// Five significant digits without trailing zeros.
+fn number(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let magnitude = value.abs().log10().floor();
+    if !(-4.0..9.0).contains(&magnitude) {
+        return format!("{value:.4e}");
+    }
+    let decimals = [0, 1, 2, 3, 4, 5, 6, 7, 8];
+    let decimals = decimals.into_iter().find(|&d| f64::from(d) >= 4.0 - magnitude).unwrap_or(8);
+    let text = format!("{value:.*}", usize::try_from(decimals).unwrap_or(0));
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+        false => text,
+    }
+}
+
+/// A length in the unit that suits it.
+fn length(metres: f64) -> String {
+    let (scale, unit) = match metres.abs() {
+        size if size >= 0.1 || size == 0.0 => (1.0, "m"),
+        size if size >= 1e-3 => (1e3, "mm"),
+        _ => (1e6, "um"),
+    };
+    format!("{} {unit}", number(metres * scale))
+}
+
+/// A count with its thousands apart.
+fn count(value: u64) -> String {
+    let digits = value.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Bytes in the unit that suits them.
+fn bytes(value: u64) -> String {
+    const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
+    let mut scaled = value as f64 / 1024.0;
+    let mut unit = 0;
+    while scaled >= 1024.0 && unit + 1 < UNITS.len() {
+        scaled /= 1024.0;
+        unit += 1;
+    }
+    format!("{scaled:.1} {}", UNITS[unit])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_keep_five_digits_and_lengths_their_unit() {
+        assert_eq!(number(0.59), "0.59");
+        assert_eq!(number(51.234_56), "51.235");
+        assert_eq!(number(53_122.4), "53122");
+        assert_eq!(number(-8.0), "-8");
+        assert_eq!(number(2.56e-7), "2.5600e-7");
+        assert_eq!(length(1.5e-4), "150 um");
+        assert_eq!(length(0.0128), "12.8 mm");
+        assert_eq!(count(1_234_567), "1 234 567");
+        assert_eq!(bytes(3 << 20), "3.0 MiB");
+    }
+}

@@ -1,0 +1,163 @@
+//! One object as a closed, oriented surface in the world.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::Component;
+use super::search::{Search, winding_by_solid_angle};
+use super::surface::{Defect, Surface, bounds_of, encloses, in_mm};
+use super::topology;
+
+/// A closed surface, its components turned so that material lies behind every triangle.
+#[derive(Debug)]
+pub(super) struct Body {
+    pub(super) surface: Surface,
+    pub(super) triangle_component: Vec<u32>,
+    pub(super) components: Vec<Component>,
+    pub(super) warnings: Vec<String>,
+}
+
+impl Body {
+    /// Checks and orients a welded surface of the object number `object`.
+    pub(super) fn new(mut surface: Surface, object: u32) -> Result<Self, Defect> {
+        if surface.triangles.is_empty() {
+            return Err(Defect::new("there are no triangles", ""));
+        }
+        let mut warnings = Vec::new();
+        let (mut triangle_component, count) = topology::components(&surface)?;
+        let mut components = measure(&surface, &triangle_component, count, object);
+        let flat = drop_flat(&mut surface, &mut triangle_component, &mut components);
+        if flat > 0 {
+            warnings.push(format!("{flat} closed parts without volume were left out"));
+        }
+        if components.is_empty() {
+            return Err(Defect::new("the surface encloses no volume", ""));
+        }
+        let depths = depths(&surface, &triangle_component, &components);
+        let turned: Vec<bool> = components
+            .iter()
+            .zip(&depths)
+            .map(|(component, depth)| (component.volume > 0.0) != (depth % 2 == 0))
+            .collect();
+        for (triangle, component) in surface.triangles.iter_mut().zip(&triangle_component) {
+            if turned[*component as usize] {
+                triangle.swap(1, 2);
+            }
+        }
+        for (component, turned) in components.iter_mut().zip(&turned) {
+            if *turned {
+                component.volume = -component.volume;
+            }
+        }
+        if let Some(first) = turned.iter().position(|turned| *turned) {
+            let [low, high] = components[first].bounds;
+            warnings.push(format!(
+                "{} of {} closed parts were inside out and have been turned (the first around {})",
+                turned.iter().filter(|turned| **turned).count(),
+                turned.len(),
+                in_mm(low.midpoint(high))
+            ));
+        }
+        Ok(Self { surface, triangle_component, components, warnings })
+    }
+
+    /// Bounding box of all components.
+    pub(super) fn bounds(&self) -> [DVec3; 2] {
+        self.surface.bounds()
+    }
+}
+
+fn measure(surface: &Surface, of: &[u32], count: u32, object: u32) -> Vec<Component> {
+    let empty = bounds_of(std::iter::empty());
+    let blank = Component { object, outside: None, volume: 0.0, area: 0.0, bounds: empty };
+    let mut components = vec![blank; count as usize];
+    for (triangle, component) in of.iter().enumerate() {
+        let [low, high] = &mut components[*component as usize].bounds;
+        for corner in surface.corners(triangle) {
+            *low = low.min(corner);
+            *high = high.max(corner);
+        }
+    }
+    for (triangle, component) in of.iter().enumerate() {
+        let component = &mut components[*component as usize];
+        // About the middle of the part, or a part far from the origin loses its digits.
+        let middle = component.bounds[0].midpoint(component.bounds[1]);
+        let [a, b, c] = surface.corners(triangle).map(|corner| corner - middle);
+        component.volume += a.dot(b.cross(c)) / 6.0;
+        component.area += (b - a).cross(c - a).length() / 2.0;
+    }
+    components
+}
+
+/// Removes components that enclose nothing, such as a sheet folded onto itself: they have no
+/// outside, and change nothing.
+fn drop_flat(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Component>) -> usize {
+    let solid: Vec<bool> = components
+        .iter()
+        .map(|component| component.volume.abs() > 1e-10 * component.area.powf(1.5))
+        .collect();
+    let flat = solid.iter().filter(|solid| !**solid).count();
+    if flat == 0 {
+        return 0;
+    }
+    let mut next = 0;
+    let renumbered: Vec<Option<u32>> = solid
+        .iter()
+        .map(|solid| {
+            solid.then(|| {
+                next += 1;
+                next - 1
+            })
+        })
+        .collect();
+    let (triangles, kept) = surface
+        .triangles
+        .iter()
+        .zip(of.iter())
+        .filter_map(|(triangle, component)| Some((*triangle, renumbered[*component as usize]?)))
+        .unzip();
+    surface.triangles = triangles;
+    *of = kept;
+    let mut solid = solid.into_iter();
+    components.retain(|_| solid.next().unwrap_or(true));
+    surface.forget_unused();
+    flat
+}
+
+/// How many other components of the object each component lies in.
+fn depths(surface: &Surface, of: &[u32], components: &[Component]) -> Vec<usize> {
+    let around: Vec<Vec<usize>> = components
+        .par_iter()
+        .map(|inner| {
+            let contains = |outer: &Component| {
+                outer.volume.abs() > inner.volume.abs() && encloses(outer.bounds, inner.bounds)
+            };
+            (0..components.len()).filter(|outer| contains(&components[*outer])).collect()
+        })
+        .collect();
+    if around.iter().all(Vec::is_empty) {
+        return vec![0; components.len()];
+    }
+    let mut members = vec![Vec::new(); components.len()];
+    for (triangle, component) in of.iter().enumerate() {
+        members[*component as usize].push(triangle);
+    }
+    let search = Search::new(surface);
+    let inside = |point: DVec3, outer: usize| match search.crossings(point) {
+        Some(hits) => hits.iter().filter(|(t, _)| of[*t] as usize == outer).count() % 2 == 1,
+        None => {
+            let shell = members[outer].iter().copied();
+            winding_by_solid_angle(surface, shell, point).abs() > 0.5
+        }
+    };
+    // Several points must agree, or a part that pokes into another would count as a void.
+    let contained = |inner: usize, outer: usize| {
+        let triangles = &members[inner];
+        let stride = triangles.len().div_ceil(8);
+        triangles.iter().step_by(stride).all(|t| inside(surface.corners(*t)[0], outer))
+    };
+    (0..components.len())
+        .into_par_iter()
+        .map(|inner| around[inner].iter().filter(|outer| contained(inner, **outer)).count())
+        .collect()
+}

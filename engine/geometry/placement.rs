@@ -1,0 +1,38 @@
+//! From mesh coordinates to the world.
+
+use glam::{DMat3, DVec3};
+
+use super::surface::{Defect, Surface};
+use crate::scene::Placement;
+
+/// Applies unit, then center, scale, rotations in their order, and position.
+pub(super) fn place(surface: &mut Surface, unit: f64, placement: &Placement) -> Result<(), Defect> {
+    let scale = unit * placement.scale;
+    if !(unit.is_finite() && unit > 0.0 && scale.is_finite() && scale > 0.0) {
+        let problem = format!("unit {unit} m and scale {} must be above 0", placement.scale);
+        return Err(Defect::new(problem, "placement"));
+    }
+    let mut linear = DMat3::from_diagonal(DVec3::splat(scale));
+    for (axis, angle) in &placement.rotate {
+        let axis = DVec3::from_array(*axis)
+            .try_normalize()
+            .filter(|_| angle.is_finite())
+            .ok_or_else(|| Defect::new("a rotation needs an axis longer than 0", "rotate"))?;
+        linear = DMat3::from_axis_angle(axis, *angle) * linear;
+    }
+    let centre = if placement.center {
+        let [low, high] = surface.bounds();
+        low.midpoint(high)
+    } else {
+        DVec3::ZERO
+    };
+    let position = DVec3::from_array(placement.position);
+    for vertex in &mut surface.vertices {
+        *vertex = linear * (*vertex - centre) + position;
+        // The device sees f32.
+        if !vertex.as_vec3().is_finite() {
+            return Err(Defect::new("a vertex is not finite after placement", "placement"));
+        }
+    }
+    Ok(())
+}

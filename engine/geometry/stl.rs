@@ -1,0 +1,101 @@
+//! STL files, binary and ASCII.
+
+use glam::DVec3;
+
+use super::surface::{Defect, Surface};
+
+const HEADER: usize = 84;
+const RECORD: usize = 50;
+
+/// Reads an STL file. Three vertices per triangle, not yet welded.
+pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
+    // Many exporters begin a binary file with "solid" as well, so the length decides.
+    let promised = count(bytes).map(|count| HEADER as u64 + RECORD as u64 * u64::from(count));
+    if promised == Some(bytes.len() as u64) {
+        return binary(&bytes[HEADER..]);
+    }
+    // A name in some other encoding than UTF-8 is no reason to refuse a text file.
+    let word = bytes.trim_ascii_start().get(..5).unwrap_or_default();
+    if word.eq_ignore_ascii_case(b"solid") && !bytes.contains(&0) {
+        return ascii(&String::from_utf8_lossy(bytes));
+    }
+    Err(match (count(bytes), promised) {
+        (Some(count), Some(promised)) => Defect::new(
+            format!(
+                "a binary STL of {count} triangles has {promised} bytes, this file has {}",
+                bytes.len()
+            ),
+            "truncated, or not an STL file",
+        ),
+        _ => Defect::new(
+            format!("{} bytes are too few for an STL file", bytes.len()),
+            "a binary one has at least 84 bytes, an ASCII one begins with \"solid\"",
+        ),
+    })
+}
+
+fn count(bytes: &[u8]) -> Option<u32> {
+    let field = bytes.get(HEADER - 4..HEADER)?;
+    Some(u32::from_le_bytes(field.try_into().ok()?))
+}
+
+fn binary(records: &[u8]) -> Result<Surface, Defect> {
+    let mut surface = Surface::default();
+    for (index, record) in records.chunks_exact(RECORD).enumerate() {
+        let number = |at: usize| {
+            let bytes = [record[at], record[at + 1], record[at + 2], record[at + 3]];
+            f64::from(f32::from_le_bytes(bytes))
+        };
+        // The normal in the first 12 bytes is redundant and often wrong.
+        let corners = [12, 24, 36].map(|at| DVec3::new(number(at), number(at + 4), number(at + 8)));
+        surface.push_triangle(corners).map_err(|problem| {
+            Defect::new(problem, format!("triangle {} of the file", index + 1))
+        })?;
+    }
+    Ok(surface)
+}
+
+fn ascii(text: &str) -> Result<Surface, Defect> {
+    let mut surface = Surface::default();
+    let mut corners: Vec<DVec3> = Vec::with_capacity(3);
+    let (mut inside, mut last) = (false, 0);
+    for (index, line) in text.lines().enumerate() {
+        last = index + 1;
+        let at = |problem: String| Defect::new(problem, format!("line {}", index + 1));
+        let mut words = line.split_ascii_whitespace();
+        let Some(word) = words.next() else { continue };
+        if is(word, "vertex") {
+            corners.push(vertex(words).ok_or_else(|| {
+                at(format!("expected \"vertex x y z\", found \"{}\"", line.trim()))
+            })?);
+        } else if is(word, "endloop") {
+            let found = corners.len();
+            let triangle = <[DVec3; 3]>::try_from(std::mem::take(&mut corners))
+                .map_err(|_| at(format!("a facet has {found} vertices, not 3")))?;
+            surface.push_triangle(triangle).map_err(at)?;
+        } else if is(word, "solid") {
+            inside = true;
+        } else if is(word, "endsolid") {
+            inside = false;
+        } else if !["facet", "outer", "endfacet"].iter().any(|known| is(word, known)) {
+            return Err(at(format!("\"{word}\" is not part of an ASCII STL file")));
+        }
+    }
+    if inside || !corners.is_empty() {
+        return Err(Defect::new(
+            "the file ends before \"endsolid\": truncated",
+            format!("line {last}"),
+        ));
+    }
+    Ok(surface)
+}
+
+fn vertex<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<DVec3> {
+    let mut number = || words.next()?.parse::<f64>().ok();
+    let vertex = DVec3::new(number()?, number()?, number()?);
+    words.next().is_none().then_some(vertex)
+}
+
+fn is(word: &str, keyword: &str) -> bool {
+    word.eq_ignore_ascii_case(keyword)
+}

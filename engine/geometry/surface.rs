@@ -1,0 +1,117 @@
+//! A triangle surface before it is part of a sample, and what can be wrong with it.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+
+/// What is wrong with a surface, and where.
+#[derive(Debug)]
+pub(super) struct Defect {
+    pub(super) problem: String,
+    pub(super) place: String,
+}
+
+impl Defect {
+    pub(super) fn new(problem: impl Into<String>, place: impl Into<String>) -> Self {
+        Self { problem: problem.into(), place: place.into() }
+    }
+}
+
+/// Vertices and the triangles that index them.
+#[derive(Debug, Default)]
+pub(super) struct Surface {
+    pub(super) vertices: Vec<DVec3>,
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+impl Surface {
+    /// Adds a triangle with vertices of its own; the error says what is wrong with it.
+    pub(super) fn push_triangle(&mut self, corners: [DVec3; 3]) -> Result<(), String> {
+        if let Some(bad) = corners.iter().find(|corner| !corner.is_finite()) {
+            return Err(format!("a vertex is not finite: ({}, {}, {})", bad.x, bad.y, bad.z));
+        }
+        let first = u32::try_from(self.vertices.len())
+            .ok()
+            .filter(|first| *first < u32::MAX - 3)
+            .ok_or("more vertices than 32 bits can count")?;
+        self.vertices.extend(corners);
+        self.triangles.push([first, first + 1, first + 2]);
+        Ok(())
+    }
+
+    /// The three corners of a triangle.
+    pub(super) fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|vertex| self.vertices[vertex as usize])
+    }
+
+    /// Merges vertices that are equal in f32, the precision of STL files and of the device;
+    /// drops the triangles that this makes degenerate, and unused vertices. Returns how many
+    /// triangles were dropped.
+    pub(super) fn weld(&mut self) -> usize {
+        let mut welded: HashMap<[u32; 3], u32> = HashMap::with_capacity(self.triangles.len() / 2);
+        let mut vertices = Vec::with_capacity(self.triangles.len() / 2 + 2);
+        let mut triangles = Vec::with_capacity(self.triangles.len());
+        for triangle in &self.triangles {
+            let corners = triangle.map(|corner| {
+                let position = self.vertices[corner as usize];
+                // + 0.0 makes the negative zero positive.
+                let key = position.as_vec3().to_array().map(|x| (x + 0.0).to_bits());
+                *welded.entry(key).or_insert_with(|| {
+                    vertices.push(position);
+                    u32::try_from(vertices.len() - 1).unwrap_or(u32::MAX)
+                })
+            });
+            let [a, b, c] = corners;
+            if a != b && b != c && c != a {
+                triangles.push(corners);
+            }
+        }
+        let dropped = self.triangles.len() - triangles.len();
+        *self = Self { vertices, triangles };
+        if dropped > 0 {
+            self.forget_unused();
+        }
+        dropped
+    }
+
+    /// Removes vertices that no triangle uses: they would count in the bounding box.
+    pub(super) fn forget_unused(&mut self) {
+        let mut moved = vec![None; self.vertices.len()];
+        let mut vertices = Vec::with_capacity(self.vertices.len());
+        for corner in self.triangles.as_flattened_mut() {
+            *corner = *moved[*corner as usize].get_or_insert_with(|| {
+                vertices.push(self.vertices[*corner as usize]);
+                u32::try_from(vertices.len() - 1).unwrap_or(u32::MAX)
+            });
+        }
+        self.vertices = vertices;
+    }
+
+    /// Bounding box of the vertices.
+    pub(super) fn bounds(&self) -> [DVec3; 2] {
+        bounds_of(self.vertices.iter().copied())
+    }
+}
+
+/// Bounding box of points; empty (min above max) for none.
+pub(super) fn bounds_of(points: impl Iterator<Item = DVec3>) -> [DVec3; 2] {
+    points.fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], point| {
+        [low.min(point), high.max(point)]
+    })
+}
+
+/// Whether two boxes come within `margin` of each other, axis by axis.
+pub(super) fn near(a: [DVec3; 2], b: [DVec3; 2], margin: f64) -> bool {
+    (a[0] - margin).cmple(b[1]).all() && (b[0] - margin).cmple(a[1]).all()
+}
+
+/// Whether the box `inner` lies in the box `outer`.
+pub(super) fn encloses(outer: [DVec3; 2], inner: [DVec3; 2]) -> bool {
+    outer[0].cmple(inner[0]).all() && inner[1].cmple(outer[1]).all()
+}
+
+/// A position in mm, for messages.
+pub(super) fn in_mm(point: DVec3) -> String {
+    let mm = point * 1e3;
+    format!("({:.6}, {:.6}, {:.6}) mm", mm.x, mm.y, mm.z)
+}

@@ -1,0 +1,191 @@
+//! What the sample sweeps over the views: does it clear the masks, does it fit the detector.
+
+use glam::{DVec2, DVec3};
+
+use super::Sample;
+use crate::error::{Error, Result};
+use crate::scene::{MaskBody, MaskSpec, Scene};
+
+/// Outline of each object seen along the rotation axis, enough for its extent in any view.
+#[derive(Debug, Clone, Default)]
+pub struct Swept {
+    outlines: Vec<Outline>,
+}
+
+#[derive(Debug, Clone)]
+struct Outline {
+    name: String,
+    /// Convex hull of (x, y), m.
+    hull: Vec<DVec2>,
+    /// Least and greatest z, m.
+    z: [f64; 2],
+}
+
+/// Extent of an object in the beam frame of one view, m from the rotation centre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Extent {
+    /// Along the beam, source to detector.
+    pub y: [f64; 2],
+    /// Across the slits.
+    pub x: [f64; 2],
+    /// Along the slits.
+    pub z: [f64; 2],
+}
+
+/// The outlines of the objects of a sample.
+pub fn swept(sample: &Sample) -> Swept {
+    let mut points = vec![Vec::new(); sample.objects.len()];
+    for (triangle, component) in sample.triangles.iter().zip(&sample.triangle_component) {
+        let object = sample.components[*component as usize].object as usize;
+        points[object].extend(triangle.map(|vertex| {
+            let DVec3 { x, y, .. } = sample.vertices[vertex as usize];
+            DVec2::new(x, y)
+        }));
+    }
+    let outlines = points
+        .into_iter()
+        .zip(&sample.objects)
+        .map(|(points, object)| Outline {
+            name: object.name.clone(),
+            hull: hull(points),
+            z: [object.bounds[0].z, object.bounds[1].z],
+        })
+        .collect();
+    Swept { outlines }
+}
+
+impl Swept {
+    /// Extent of each object in the view at `angle` (rad), in the order of the objects.
+    pub fn extents(&self, angle: f64) -> impl Iterator<Item = Extent> {
+        self.outlines.iter().map(move |outline| {
+            let turned = outline.turned(angle);
+            Extent {
+                x: range(turned.clone().map(|p| p.x)),
+                y: range(turned.map(|p| p.y)),
+                z: outline.z,
+            }
+        })
+    }
+}
+
+impl Outline {
+    /// The hull in the beam frame: source and detector turn by +angle, so it turns back.
+    fn turned(&self, angle: f64) -> impl Iterator<Item = DVec2> + Clone {
+        let back = DVec2::from_angle(-angle);
+        self.hull.iter().map(move |point| back.rotate(*point))
+    }
+}
+
+fn range(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+        [low.min(value), high.max(value)]
+    })
+}
+
+/// Convex hull, counter-clockwise (Andrew's monotone chain).
+fn hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    points.dedup();
+    let mut hull: Vec<DVec2> = Vec::new();
+    for upper in [false, true] {
+        let start = hull.len();
+        let mut add = |point: DVec2| {
+            while let [.., a, b] = hull[start..] {
+                if (b - a).perp_dot(point - a) > 0.0 {
+                    break;
+                }
+                hull.pop();
+            }
+            hull.push(point);
+        };
+        if upper {
+            points.iter().rev().for_each(|point| add(*point));
+        } else {
+            points.iter().for_each(|point| add(*point));
+        }
+        // The end of one chain is the beginning of the other.
+        hull.pop();
+    }
+    if hull.is_empty() { points } else { hull }
+}
+
+/// Checks that no object reaches a mask in any view; where a mask is missing, the source or
+/// the detector.
+///
+/// # Errors
+/// The first object that does, with the angle and the distances.
+pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
+    let half = |mask: &MaskSpec| match mask.body {
+        MaskBody::Bars { thickness, .. } => thickness / 2.0,
+        MaskBody::Sheet { .. } => 0.0,
+    };
+    let (near, near_name) = match &scene.sample_mask {
+        Some(mask) => (mask.distance + half(mask), "the back of the sample mask"),
+        None => (0.0, "the source"),
+    };
+    let (far, far_name) = match &scene.detector_mask {
+        Some(mask) => (mask.distance - half(mask), "the front of the detector mask"),
+        None => (scene.detector.distance, "the detector"),
+    };
+    let swept = swept(sample);
+    for angle in &scene.scan.angles {
+        for (number, extent) in swept.extents(*angle).enumerate() {
+            let [first, last] = extent.y.map(|y| scene.source.distance + y);
+            if first > near && last < far {
+                continue;
+            }
+            let (side, wall) = if first > near { ("back", far_name) } else { ("front", near_name) };
+            return Err(Error::scene(
+                format!("object[{number}] \"{}\"", swept.outlines[number].name),
+                format!(
+                    "at angle {:.3} deg it reaches from {:.6} m to {:.6} m from the source, so its \
+                     {side} meets {wall}",
+                    angle.to_degrees(),
+                    first,
+                    last
+                ),
+                format!("from {near:.6} m ({near_name}) to {far:.6} m ({far_name})"),
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// What of the sample may lie outside the field of view, in words; at most one sentence for
+/// each object and direction.
+pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
+    let swept = swept(sample);
+    let [columns, rows] = scene.detector.pixels.map(f64::from);
+    let [pitch_x, pitch_z] = scene.detector.pitch;
+    let half = [columns * pitch_x / 2.0, rows * pitch_z / 2.0];
+    let centre = scene.source.distance;
+    let mut warnings = Vec::new();
+    for outline in &swept.outlines {
+        // Greatest distance from the detector's centre over the views, and its angle.
+        let mut worst = [(0.0, 0.0); 2];
+        for angle in &scene.scan.angles {
+            let z = outline.z[0].abs().max(outline.z[1].abs());
+            for point in outline.turned(*angle) {
+                let magnification = scene.detector.distance / (centre + point.y);
+                for (worst, reach) in worst.iter_mut().zip([point.x.abs(), z]) {
+                    if reach * magnification > worst.0 {
+                        *worst = (reach * magnification, *angle);
+                    }
+                }
+            }
+        }
+        for (((reach, angle), half), axis) in worst.into_iter().zip(half).zip(["x", "z"]) {
+            if reach > half {
+                warnings.push(format!(
+                    "\"{}\" reaches outside the field of view: {:.3} mm from the centre of the \
+                     detector in {axis} at angle {:.3} deg, where the detector ends at {:.3} mm",
+                    outline.name,
+                    reach * 1e3,
+                    angle.to_degrees(),
+                    half * 1e3
+                ));
+            }
+        }
+    }
+    warnings
+}

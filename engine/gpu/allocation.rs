@@ -1,0 +1,99 @@
+//! Memory of a device: which kind serves a buffer, and how much is left to ask for.
+
+use super::buffer::Memory;
+use super::device::{Device, lock};
+use super::failure;
+use super::physical::DeviceKind;
+use crate::{Error, Result};
+use ash::vk;
+use gpu_allocator::vulkan::{
+    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
+};
+use gpu_allocator::{AllocationError, AllocationSizes, MemoryLocation};
+use vk::MemoryPropertyFlags as Flags;
+
+/// First and largest size of the blocks that small buffers share, in bytes.
+const BLOCK: [u64; 2] = [16 << 20, 256 << 20];
+
+pub(super) fn allocator(
+    instance: &ash::Instance,
+    device: &ash::Device,
+    physical: vk::PhysicalDevice,
+) -> Result<Allocator> {
+    Allocator::new(&AllocatorCreateDesc {
+        instance: instance.clone(),
+        device: device.clone(),
+        physical_device: physical,
+        debug_settings: Default::default(),
+        buffer_device_address: true,
+        allocation_sizes: AllocationSizes::new(BLOCK[0], BLOCK[0])
+            .with_max_device_memblock_size(BLOCK[1])
+            .with_max_host_memblock_size(BLOCK[1]),
+    })
+    .map_err(|e| Error::device("the device memory", e.to_string(), ""))
+}
+
+impl Device {
+    /// Memory for a buffer.
+    pub(super) fn allocate(
+        &self,
+        name: &str,
+        mut requirements: vk::MemoryRequirements,
+        memory: Memory,
+    ) -> Result<Allocation> {
+        let limit = self.physical.description.max_allocation_bytes;
+        if requirements.size > limit {
+            return Err(failure::out_of_memory(name, requirements.size, Some(limit)));
+        }
+        let mut location = match memory {
+            Memory::Host => MemoryLocation::GpuToCpu,
+            Memory::Device => MemoryLocation::GpuOnly,
+        };
+        if memory == Memory::Device {
+            let mapped = requirements.memory_type_bits & self.mapped_device_types();
+            if mapped != 0 {
+                requirements.memory_type_bits = mapped;
+                location = MemoryLocation::GpuToCpu;
+            }
+        }
+        let description = AllocationCreateDesc {
+            name,
+            requirements,
+            location,
+            linear: true,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        let mut allocator = lock(&self.allocator);
+        let allocator = allocator.as_mut().expect("the device is open");
+        allocator.allocate(&description).map_err(|e| match e {
+            AllocationError::OutOfMemory => failure::out_of_memory(name, requirements.size, None),
+            // The allocator wraps the host's want of memory in text.
+            AllocationError::Internal(text) if text.contains("OUT_OF") => {
+                failure::out_of_memory(name, requirements.size, None)
+            }
+            e => Error::device(format!("memory for {name}"), e.to_string(), ""),
+        })
+    }
+
+    /// Gives memory back.
+    pub(super) fn free(&self, memory: Allocation) {
+        if let Some(allocator) = lock(&self.allocator).as_mut()
+            && let Err(e) = allocator.free(memory)
+        {
+            log::error!("giving device memory back: {e}");
+        }
+    }
+
+    /// Bits of the memory types that are as fast for the device as any and that the host can read
+    /// at full speed: those of devices that share the host's memory.
+    fn mapped_device_types(&self) -> u32 {
+        let shares = [DeviceKind::Cpu, DeviceKind::Integrated];
+        if !shares.contains(&self.physical.description.kind) {
+            return 0;
+        }
+        let wanted =
+            Flags::DEVICE_LOCAL | Flags::HOST_VISIBLE | Flags::HOST_COHERENT | Flags::HOST_CACHED;
+        let types = self.memory_types.memory_types_as_slice().iter().zip(0u32..);
+        types.filter(|(t, _)| t.property_flags.contains(wanted)).map(|(_, bit)| 1 << bit).sum()
+    }
+}

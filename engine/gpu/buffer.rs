@@ -1,0 +1,254 @@
+//! A buffer: memory with a device address.
+
+use super::device::Device;
+use super::failure;
+use super::retire::Retired;
+use crate::Result;
+use ash::vk;
+use bytemuck::{AnyBitPattern, NoUninit, Pod};
+use gpu_allocator::vulkan::Allocation;
+use std::fmt;
+use std::sync::Arc;
+
+/// Largest staging buffer, in bytes; more is copied in parts.
+const STAGING: u64 = 64 << 20;
+
+/// Where a buffer lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Memory {
+    /// Fast for the device. Mapped too where the device shares the host's memory.
+    Device,
+    /// Mapped and fast to read for the host; the device may reach it slowly.
+    Host,
+}
+
+/// Memory with a device address. Reads and writes of the host must not meet a running submission
+/// that uses the same bytes.
+pub struct Buffer {
+    device: Arc<Device>,
+    raw: vk::Buffer,
+    /// `None` only while it is being dropped.
+    memory: Option<Allocation>,
+    name: String,
+    len: u64,
+    address: u64,
+    staged: bool,
+}
+
+impl Device {
+    /// A buffer of `bytes` bytes; the content is undefined. `name` says what it holds, in errors.
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`] where there is not that much.
+    pub fn buffer(self: &Arc<Self>, name: &str, bytes: u64, memory: Memory) -> Result<Buffer> {
+        let mut usage = vk::BufferUsageFlags::empty();
+        if self.structures.is_some() {
+            usage |= vk::BufferUsageFlags::ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_KHR;
+        }
+        Buffer::new(self, name, bytes, memory, usage)
+    }
+
+    /// A device buffer with the content of a slice.
+    ///
+    /// # Errors
+    /// As [`Device::buffer`]; [`crate::Error::Device`] where the copy fails.
+    pub fn upload<T: NoUninit>(self: &Arc<Self>, name: &str, content: &[T]) -> Result<Buffer> {
+        let buffer = self.buffer(name, size_of_val(content) as u64, Memory::Device)?;
+        buffer.write(0, content)?;
+        Ok(buffer)
+    }
+}
+
+impl Buffer {
+    pub(super) fn new(
+        device: &Arc<Device>,
+        name: &str,
+        bytes: u64,
+        memory: Memory,
+        usage: vk::BufferUsageFlags,
+    ) -> Result<Self> {
+        use vk::BufferUsageFlags as Usage;
+        let limit = device.physical.description.max_allocation_bytes;
+        if bytes > limit {
+            return Err(failure::out_of_memory(name, bytes, Some(limit)));
+        }
+        // Vulkan knows no empty buffers; whole words can be filled.
+        let size = bytes.max(16).next_multiple_of(16);
+        let usage = usage
+            | Usage::STORAGE_BUFFER
+            | Usage::SHADER_DEVICE_ADDRESS
+            | Usage::TRANSFER_SRC
+            | Usage::TRANSFER_DST;
+        let info = vk::BufferCreateInfo::default().size(size).usage(usage);
+        // SAFETY: the device is alive; the size is within its limit and not zero.
+        let raw = unsafe { device.raw.create_buffer(&info, None) }
+            .map_err(|e| failure::vulkan(name, e))?;
+        // SAFETY: `raw` was just made by this device.
+        let requirements = unsafe { device.raw.get_buffer_memory_requirements(raw) };
+        let allocation = device.allocate(name, requirements, memory).inspect_err(|_| {
+            // SAFETY: nothing uses the buffer yet.
+            unsafe { device.raw.destroy_buffer(raw, None) }
+        })?;
+        let mapped = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
+        let staged = allocation.mapped_ptr().is_none()
+            || !allocation.memory_properties().contains(mapped)
+            || (device.staging && memory == Memory::Device);
+        // SAFETY: the allocation meets the requirements of this buffer and is bound once.
+        let bound =
+            unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) };
+        let mut buffer = Self {
+            device: device.clone(),
+            raw,
+            memory: Some(allocation),
+            name: name.to_owned(),
+            len: bytes,
+            address: 0,
+            staged,
+        };
+        bound.map_err(|e| failure::vulkan(name, e))?;
+        let info = vk::BufferDeviceAddressInfo::default().buffer(raw);
+        // SAFETY: the buffer is bound to memory and was made for device addresses.
+        buffer.address = unsafe { device.raw.get_buffer_device_address(&info) };
+        device.name(raw, name);
+        Ok(buffer)
+    }
+
+    /// Address for kernels.
+    pub fn address(&self) -> u64 {
+        self.address
+    }
+
+    /// Length in bytes, as asked for.
+    pub fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// Whether the length is zero.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// What the buffer holds.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(super) fn raw(&self) -> vk::Buffer {
+        self.raw
+    }
+
+    /// Writes a slice at a byte offset, and waits until it is there.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] or [`crate::Error::Memory`] where the copy fails.
+    ///
+    /// # Panics
+    /// Where the slice does not fit.
+    pub fn write<T: NoUninit>(&self, offset: u64, content: &[T]) -> Result<()> {
+        let bytes: &[u8] = bytemuck::cast_slice(content);
+        self.check(offset, bytes.len() as u64);
+        if let Some(pointer) = self.mapped(offset) {
+            // SAFETY: the range was checked, the memory is mapped while the buffer lives, and
+            // `bytes` is host memory apart from it.
+            unsafe { pointer.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len()) };
+            return Ok(());
+        }
+        let Some(staging) = self.staging(bytes.len() as u64)? else { return Ok(()) };
+        let mut at = offset;
+        for part in bytes.chunks(usize::try_from(staging.len).unwrap_or(usize::MAX)) {
+            staging.write(0, part)?;
+            self.device.run(|r| r.copy(&staging, 0, self, at, part.len() as u64))?;
+            at += part.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Reads `count` values from a byte offset.
+    ///
+    /// # Errors
+    /// As [`Buffer::write`].
+    ///
+    /// # Panics
+    /// Where the buffer is shorter.
+    pub fn read<T: Pod>(&self, offset: u64, count: usize) -> Result<Vec<T>> {
+        let mut values = vec![T::zeroed(); count];
+        self.read_into(offset, &mut values)?;
+        Ok(values)
+    }
+
+    /// Reads from a byte offset into a slice.
+    ///
+    /// # Errors
+    /// As [`Buffer::write`].
+    ///
+    /// # Panics
+    /// Where the buffer is shorter.
+    pub fn read_into<T: NoUninit + AnyBitPattern>(
+        &self,
+        offset: u64,
+        values: &mut [T],
+    ) -> Result<()> {
+        let bytes: &mut [u8] = bytemuck::cast_slice_mut(values);
+        self.check(offset, bytes.len() as u64);
+        if let Some(pointer) = self.mapped(offset) {
+            // SAFETY: as in `write`, the other way round.
+            unsafe { pointer.copy_to_nonoverlapping(bytes.as_mut_ptr(), bytes.len()) };
+            return Ok(());
+        }
+        let Some(staging) = self.staging(bytes.len() as u64)? else { return Ok(()) };
+        let mut at = offset;
+        for part in bytes.chunks_mut(usize::try_from(staging.len).unwrap_or(usize::MAX)) {
+            self.device.run(|r| r.copy(self, at, &staging, 0, part.len() as u64))?;
+            staging.read_into(0, part)?;
+            at += part.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Asserts that a range of bytes lies in the buffer.
+    pub(super) fn check(&self, offset: u64, bytes: u64) {
+        assert!(
+            offset.checked_add(bytes).is_some_and(|end| end <= self.len),
+            "bytes {offset} + {bytes} are not in {} of {} bytes",
+            self.name,
+            self.len
+        );
+    }
+
+    /// The mapped byte at an offset, where the host may use the memory directly.
+    fn mapped(&self, offset: u64) -> Option<*mut u8> {
+        if self.staged {
+            return None;
+        }
+        let pointer = self.memory.as_ref()?.mapped_ptr()?.cast::<u8>();
+        let offset = usize::try_from(offset).ok()?;
+        // SAFETY: the offset was checked to lie in the buffer, and so in its mapped memory.
+        Some(unsafe { pointer.as_ptr().add(offset) })
+    }
+
+    /// A host buffer for a copy of so many bytes; `None` for none.
+    fn staging(&self, bytes: u64) -> Result<Option<Self>> {
+        if bytes == 0 {
+            return Ok(None);
+        }
+        let name = format!("staging for {}", self.name);
+        self.device.buffer(&name, bytes.min(STAGING), Memory::Host).map(Some)
+    }
+}
+
+impl fmt::Debug for Buffer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Buffer")
+            .field("name", &self.name)
+            .field("len", &self.len)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        if let Some(memory) = self.memory.take() {
+            self.device.retire(Retired::Buffer(self.raw, memory));
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! An open device: the owner of everything made from it.
+
+use super::allocation;
+use super::failure;
+use super::instance::Instance;
+use super::physical::{self, DeviceDescription, Physical};
+use super::retire::{Retired, Retirement};
+use super::submission::Batch;
+use crate::{Error, Result};
+use ash::vk;
+use gpu_allocator::vulkan::Allocator;
+use std::fmt;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Name of the environment variable that chooses a device where the options do not.
+const CHOICE: &str = "BEAMLET_DEVICE";
+
+/// How to open a [`Device`].
+#[derive(Debug, Clone, Default)]
+pub struct DeviceOptions {
+    /// Index or part of the name, in any case; `None`: the environment variable `BEAMLET_DEVICE`,
+    /// then the first usable of discrete, integrated, virtual and CPU devices.
+    pub choice: Option<String>,
+    /// Ask for the Khronos validation layer; its messages go to `log` and are counted.
+    pub validation: bool,
+    /// Copy through staging buffers even where device memory is mapped (for tests of that path).
+    pub staging: bool,
+}
+
+/// An open Vulkan device with one compute queue.
+pub struct Device {
+    pub(super) raw: ash::Device,
+    pub(super) physical: Physical,
+    /// Where ray query is there.
+    pub(super) structures: Option<ash::khr::acceleration_structure::Device>,
+    pub(super) pipeline_cache: vk::PipelineCache,
+    pub(super) memory_types: vk::PhysicalDeviceMemoryProperties,
+    pub(super) staging: bool,
+    names: Option<ash::ext::debug_utils::Device>,
+    queue: Mutex<vk::Queue>,
+    /// `None` only while the device is being destroyed.
+    pub(super) allocator: Mutex<Option<Allocator>>,
+    pub(super) retirement: Mutex<Retirement>,
+    /// Batches that ended and wait for reuse.
+    pub(super) batches: Mutex<Vec<Batch>>,
+    /// After everything made from it.
+    instance: Instance,
+}
+
+impl Device {
+    /// Every device that Vulkan shows, usable or not.
+    ///
+    /// # Errors
+    /// [`Error::Device`] without a Vulkan loader, driver or device.
+    pub fn list() -> Result<Vec<DeviceDescription>> {
+        let devices = physical::enumerate(&Instance::new(false)?)?;
+        Ok(devices.into_iter().map(|device| device.description).collect())
+    }
+
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`Error::Device`] without a loader, driver, or device that can serve, where the chosen
+    /// device is not there, or where validation is asked for and not installed.
+    pub fn open(options: &DeviceOptions) -> Result<Arc<Self>> {
+        let instance = Instance::new(options.validation)?;
+        let from_environment =
+            || std::env::var(CHOICE).ok().filter(|choice| !choice.trim().is_empty());
+        let choice = options.choice.clone().or_else(from_environment);
+        let physical = physical::choose(physical::enumerate(&instance)?, choice.as_deref())?;
+        let raw = open(&instance, &physical)?;
+        let guard = Unowned(&raw);
+
+        // SAFETY: the queue was asked for when the device was opened.
+        let queue = unsafe { raw.get_device_queue(physical.queue_family, 0) };
+        let ray_query = physical.description.ray_query;
+        let structures =
+            ray_query.then(|| ash::khr::acceleration_structure::Device::new(&instance.raw, &raw));
+        let names =
+            instance.validation().then(|| ash::ext::debug_utils::Device::new(&instance.raw, &raw));
+        // SAFETY: `physical` is a device of `instance`.
+        let memory_types =
+            unsafe { instance.raw.get_physical_device_memory_properties(physical.raw) };
+        let allocator = allocation::allocator(&instance.raw, &raw, physical.raw)?;
+        let cache_info = vk::PipelineCacheCreateInfo::default();
+        // SAFETY: the device is alive.
+        let pipeline_cache = unsafe { raw.create_pipeline_cache(&cache_info, None) }
+            .map_err(|e| failure::vulkan("making a pipeline cache", e))?;
+        log::debug!("opened {}", physical.description);
+        std::mem::forget(guard);
+        Ok(Arc::new(Self {
+            raw,
+            physical,
+            structures,
+            pipeline_cache,
+            memory_types,
+            staging: options.staging,
+            names,
+            queue: Mutex::new(queue),
+            allocator: Mutex::new(Some(allocator)),
+            retirement: Mutex::default(),
+            batches: Mutex::default(),
+            instance,
+        }))
+    }
+
+    /// What the device is.
+    pub fn description(&self) -> &DeviceDescription {
+        &self.physical.description
+    }
+
+    /// Warnings and errors of the validation layer so far; 0 without it.
+    pub fn validation_messages(&self) -> u32 {
+        self.instance.messages()
+    }
+
+    /// Whether the validation layer listens.
+    pub fn validation(&self) -> bool {
+        self.instance.validation()
+    }
+
+    /// The most workgroups of one dispatch, in x, y and z.
+    pub fn max_groups(&self) -> [u32; 3] {
+        self.physical.limits.max_compute_work_group_count
+    }
+
+    /// Folds a row of workgroups into x and y where it is longer than a dispatch may be. A kernel
+    /// counts them as `gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x`; there may be
+    /// more than asked for.
+    pub fn fold_groups(&self, groups: u64) -> [u32; 3] {
+        let rows = groups.div_ceil(u64::from(self.max_groups()[0])).max(1);
+        let columns = groups.div_ceil(rows);
+        let clamp = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
+        [clamp(columns), clamp(rows), 1]
+    }
+
+    /// The queue, for one thread at a time as Vulkan demands.
+    pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
+        lock(&self.queue)
+    }
+
+    /// Names an object in the messages of the validation layer.
+    pub(super) fn name(&self, object: impl vk::Handle, name: &str) {
+        let (Some(names), Ok(name)) = (&self.names, std::ffi::CString::new(name)) else { return };
+        let info =
+            vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
+        // SAFETY: the extension is enabled with validation; the object was made by this device.
+        if let Err(e) = unsafe { names.set_debug_utils_object_name(&info) } {
+            log::debug!("naming a Vulkan object: {e}");
+        }
+    }
+
+    /// Destroys something as soon as no submission can use it.
+    pub(super) fn retire(&self, retired: Retired) {
+        let ready = lock(&self.retirement).retire(retired);
+        self.destroy(ready);
+    }
+
+    /// Destroys what no submission uses any more.
+    pub(super) fn destroy(&self, retired: impl IntoIterator<Item = Retired>) {
+        for one in retired {
+            // SAFETY: each was made by this device, and `Retirement` hands it out once, after the
+            // last submission that could use it.
+            unsafe {
+                match one {
+                    Retired::Buffer(buffer, memory) => {
+                        self.raw.destroy_buffer(buffer, None);
+                        self.free(memory);
+                    }
+                    Retired::Pipeline(pipeline, layout) => {
+                        self.raw.destroy_pipeline(pipeline, None);
+                        self.raw.destroy_pipeline_layout(layout, None);
+                    }
+                    Retired::AccelerationStructure(structure) => {
+                        if let Some(structures) = &self.structures {
+                            structures.destroy_acceleration_structure(structure, None);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Locks; what a panicking thread left behind is still consistent here.
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl fmt::Debug for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Device").field("description", self.description()).finish_non_exhaustive()
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        // SAFETY: nothing made from the device is left but what is destroyed here: buffers,
+        // kernels, structures and submissions keep the device alive.
+        unsafe {
+            if let Err(e) = self.raw.device_wait_idle() {
+                log::warn!("closing the device: {e}");
+            }
+            let retired = lock(&self.retirement).drain();
+            self.destroy(retired);
+            for batch in lock(&self.batches).drain(..) {
+                batch.destroy(&self.raw);
+            }
+            self.raw.destroy_pipeline_cache(self.pipeline_cache, None);
+            drop(lock(&self.allocator).take());
+            self.raw.destroy_device(None);
+        }
+    }
+}
+
+/// A device that nothing owns yet: closed unless forgotten.
+struct Unowned<'a>(&'a ash::Device);
+
+impl Drop for Unowned<'_> {
+    fn drop(&mut self) {
+        // SAFETY: opening failed half way, before anything was made that outlives this.
+        unsafe { self.0.destroy_device(None) };
+    }
+}
+
+fn open(instance: &Instance, physical: &Physical) -> Result<ash::Device> {
+    let ray_query = physical.description.ray_query;
+    let mut extensions = Vec::new();
+    if physical.portability_subset {
+        extensions.push(ash::khr::portability_subset::NAME.as_ptr());
+    }
+    if ray_query {
+        extensions.push(ash::khr::acceleration_structure::NAME.as_ptr());
+        extensions.push(ash::khr::ray_query::NAME.as_ptr());
+        extensions.push(ash::khr::deferred_host_operations::NAME.as_ptr());
+    }
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(physical.queue_family)
+        .queue_priorities(&[1.0])];
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
+        .buffer_device_address(true)
+        .scalar_block_layout(true);
+    let mut structure =
+        vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default().acceleration_structure(true);
+    let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true);
+    let mut info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&extensions)
+        .push_next(&mut v12);
+    if ray_query {
+        info = info.push_next(&mut structure).push_next(&mut query);
+    }
+    // SAFETY: every extension and feature asked for was found on this device before.
+    unsafe { instance.raw.create_device(physical.raw, &info, None) }.map_err(|e| {
+        Error::device(
+            format!("opening {}", physical.description),
+            format!("Vulkan answered {e:?}"),
+            "choose another device",
+        )
+    })
+}

@@ -1,0 +1,142 @@
+//! A kernel: one compute shader, ready to dispatch.
+
+use super::PUSH_BYTES;
+use super::device::Device;
+use super::failure;
+use super::retire::Retired;
+use crate::{Error, Result};
+use ash::vk;
+use std::fmt;
+use std::sync::Arc;
+
+/// A compute shader with its push constants, ready to dispatch.
+pub struct Kernel {
+    device: Arc<Device>,
+    pub(super) pipeline: vk::Pipeline,
+    pub(super) layout: vk::PipelineLayout,
+    pub(super) push_bytes: u32,
+    name: String,
+}
+
+impl Device {
+    /// A kernel from SPIR-V with the entry point `main`. `push_bytes` is the size of its push
+    /// constants; `workgroup_size` sets its specialisation constant 0 (`local_size_x_id = 0`).
+    ///
+    /// # Errors
+    /// [`Error::Device`] where the device cannot run it.
+    ///
+    /// # Panics
+    /// With more than [`PUSH_BYTES`] bytes of push constants, or not a multiple of 4.
+    pub fn kernel(
+        self: &Arc<Self>,
+        name: &str,
+        spirv: &[u32],
+        push_bytes: u32,
+        workgroup_size: Option<u32>,
+    ) -> Result<Kernel> {
+        assert!(
+            push_bytes <= PUSH_BYTES && push_bytes.is_multiple_of(4),
+            "{name}: {push_bytes} push bytes"
+        );
+        self.check_kernel(name, spirv, workgroup_size)?;
+        let failed = |e| failure::vulkan(&format!("making the kernel {name}"), e);
+
+        let range = [vk::PushConstantRange::default()
+            .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            .size(push_bytes)];
+        let mut info = vk::PipelineLayoutCreateInfo::default();
+        if push_bytes > 0 {
+            info = info.push_constant_ranges(&range);
+        }
+        // SAFETY: the device is alive; the range is within what every device has.
+        let layout = unsafe { self.raw.create_pipeline_layout(&info, None) }.map_err(failed)?;
+        // From here on dropping the kernel cleans up; null pipelines may be destroyed.
+        let mut kernel = Kernel {
+            device: self.clone(),
+            pipeline: vk::Pipeline::null(),
+            layout,
+            push_bytes,
+            name: name.to_owned(),
+        };
+
+        let info = vk::ShaderModuleCreateInfo::default().code(spirv);
+        // SAFETY: the words are SPIR-V for Vulkan 1.2 by the contract of this function.
+        let module = unsafe { self.raw.create_shader_module(&info, None) }.map_err(failed)?;
+        let data = workgroup_size.unwrap_or(0).to_ne_bytes();
+        let entries = [vk::SpecializationMapEntry::default().constant_id(0).offset(0).size(4)];
+        let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main");
+        if workgroup_size.is_some() {
+            stage = stage.specialization_info(&constants);
+        }
+        let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
+        // SAFETY: module and layout were just made by this device, as was the cache.
+        let made = unsafe { self.raw.create_compute_pipelines(self.pipeline_cache, &[info], None) };
+        // SAFETY: a module is not needed once its pipeline is made.
+        unsafe { self.raw.destroy_shader_module(module, None) };
+        kernel.pipeline = made.map_err(|(_, e)| failed(e))?[0];
+        self.name(kernel.pipeline, name);
+        Ok(kernel)
+    }
+
+    fn check_kernel(&self, name: &str, spirv: &[u32], workgroup_size: Option<u32>) -> Result<()> {
+        let wanted = || format!("the kernel {name}");
+        if uses_ray_query(spirv) && !self.physical.description.ray_query {
+            return Err(Error::device(
+                wanted(),
+                format!("{} has no ray query", self.physical.description.name),
+                "choose the bvh backend or another device",
+            ));
+        }
+        let limits = &self.physical.limits;
+        let most =
+            limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
+        match workgroup_size {
+            Some(size) if size == 0 || size > most => Err(Error::device(
+                wanted(),
+                format!("a workgroup of {size} invocations"),
+                format!("the device runs 1 to {most}"),
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Whether SPIR-V declares the capability of ray queries.
+fn uses_ray_query(spirv: &[u32]) -> bool {
+    const CAPABILITY: [u32; 2] = [2 << 16 | 17, 4472];
+    // Capabilities come first, right after the five words of the header.
+    let mut rest = spirv.get(5..).unwrap_or(&[]);
+    while let [opcode, capability, ..] = rest {
+        if *opcode != CAPABILITY[0] {
+            return false;
+        }
+        if *capability == CAPABILITY[1] {
+            return true;
+        }
+        rest = &rest[2..];
+    }
+    false
+}
+
+impl Kernel {
+    /// What the kernel does.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+impl fmt::Debug for Kernel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Kernel").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+impl Drop for Kernel {
+    fn drop(&mut self) {
+        self.device.retire(Retired::Pipeline(self.pipeline, self.layout));
+    }
+}

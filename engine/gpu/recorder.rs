@@ -1,0 +1,131 @@
+//! What a submission does: dispatches, copies and fills, in order.
+
+use super::buffer::Buffer;
+use super::device::Device;
+use super::kernel::Kernel;
+use crate::Error;
+use ash::vk;
+use std::fmt;
+
+/// Records the commands of one submission. Commands may overlap unless a barrier parts them.
+/// Submissions themselves do not overlap on the device, and the host sees all that they wrote.
+pub struct Recorder<'a> {
+    pub(super) device: &'a Device,
+    pub(super) commands: vk::CommandBuffer,
+    /// The first command that could not be recorded.
+    pub(super) error: Option<Error>,
+}
+
+impl Recorder<'_> {
+    /// Runs a kernel with so many workgroups in x, y and z. More than [`Device::max_groups`] make
+    /// the submission fail; see [`Device::fold_groups`].
+    ///
+    /// # Panics
+    /// Where the push constants are not as long as the kernel's.
+    pub fn dispatch(&mut self, kernel: &Kernel, push: &[u8], groups: [u32; 3]) {
+        assert!(
+            push.len() == kernel.push_bytes as usize,
+            "{}: {} push bytes, {} expected",
+            kernel.name(),
+            push.len(),
+            kernel.push_bytes
+        );
+        if groups.contains(&0) {
+            return;
+        }
+        let most = self.device.max_groups();
+        if groups.iter().zip(most).any(|(&n, most)| n > most) {
+            self.error.get_or_insert_with(|| {
+                Error::device(
+                    format!("the kernel {}", kernel.name()),
+                    format!("a dispatch of {groups:?} workgroups"),
+                    format!("the device runs at most {most:?}: use smaller batches"),
+                )
+            });
+            return;
+        }
+        let (raw, commands) = (&self.device.raw, self.commands);
+        // SAFETY: the command buffer is recording, the kernel is of this device and is kept until
+        // the submission ends, and push constants and counts were checked.
+        unsafe {
+            raw.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline);
+            if !push.is_empty() {
+                let stage = vk::ShaderStageFlags::COMPUTE;
+                raw.cmd_push_constants(commands, kernel.layout, stage, 0, push);
+            }
+            raw.cmd_dispatch(commands, groups[0], groups[1], groups[2]);
+        }
+    }
+
+    /// Everything before ends, and is seen by everything after.
+    pub fn barrier(&mut self) {
+        self.barrier_to(vk::PipelineStageFlags::ALL_COMMANDS, vk::AccessFlags::empty());
+    }
+
+    /// As [`Recorder::barrier`], and seen by the host.
+    pub(super) fn barrier_to_host(&mut self) {
+        let stages = vk::PipelineStageFlags::ALL_COMMANDS | vk::PipelineStageFlags::HOST;
+        self.barrier_to(stages, vk::AccessFlags::HOST_READ);
+    }
+
+    fn barrier_to(&mut self, stages: vk::PipelineStageFlags, reads: vk::AccessFlags) {
+        let barrier = [vk::MemoryBarrier::default()
+            .src_access_mask(vk::AccessFlags::MEMORY_WRITE)
+            .dst_access_mask(vk::AccessFlags::MEMORY_READ | vk::AccessFlags::MEMORY_WRITE | reads)];
+        // SAFETY: the command buffer is recording.
+        unsafe {
+            self.device.raw.cmd_pipeline_barrier(
+                self.commands,
+                vk::PipelineStageFlags::ALL_COMMANDS,
+                stages,
+                vk::DependencyFlags::empty(),
+                &barrier,
+                &[],
+                &[],
+            );
+        }
+    }
+
+    /// Sets `bytes` bytes from a byte offset on to a repeated word.
+    ///
+    /// # Panics
+    /// Where the range is not in the buffer or not of whole words.
+    pub fn fill(&mut self, buffer: &Buffer, offset: u64, bytes: u64, word: u32) {
+        buffer.check(offset, bytes);
+        assert!(
+            offset.is_multiple_of(4) && bytes.is_multiple_of(4),
+            "{}: a fill of whole words",
+            buffer.name()
+        );
+        if bytes > 0 {
+            // SAFETY: the command buffer is recording and the range was checked; the buffer is of
+            // this device and is kept until the submission ends.
+            unsafe {
+                self.device.raw.cmd_fill_buffer(self.commands, buffer.raw(), offset, bytes, word);
+            }
+        }
+    }
+
+    /// Copies bytes between two buffers, or between apart ranges of one.
+    ///
+    /// # Panics
+    /// Where a range is not in its buffer.
+    pub fn copy(&mut self, from: &Buffer, at: u64, to: &Buffer, to_offset: u64, bytes: u64) {
+        from.check(at, bytes);
+        to.check(to_offset, bytes);
+        if bytes > 0 {
+            let region =
+                [vk::BufferCopy::default().src_offset(at).dst_offset(to_offset).size(bytes)];
+            // SAFETY: as in `fill`.
+            unsafe {
+                self.device.raw.cmd_copy_buffer(self.commands, from.raw(), to.raw(), &region);
+            }
+        }
+    }
+}
+
+impl fmt::Debug for Recorder<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Recorder").field("error", &self.error).finish_non_exhaustive()
+    }
+}

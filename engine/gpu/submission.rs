@@ -1,0 +1,203 @@
+//! Work handed to the device, and the wait for its end.
+
+use super::device::{Device, lock};
+use super::failure;
+use super::recorder::Recorder;
+use crate::{Error, Result};
+use ash::vk;
+use std::fmt;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// How long a submission may take before it counts as hung.
+const PATIENCE: Duration = Duration::from_secs(30 * 60);
+
+/// A command buffer with its pool, and the fence that tells its end.
+pub(super) struct Batch {
+    pool: vk::CommandPool,
+    commands: vk::CommandBuffer,
+    fence: vk::Fence,
+}
+
+impl Batch {
+    fn new(raw: &ash::Device, family: u32) -> Result<Self> {
+        let failed = |e| failure::vulkan("memory for commands", e);
+        let info = vk::CommandPoolCreateInfo::default()
+            .queue_family_index(family)
+            .flags(vk::CommandPoolCreateFlags::TRANSIENT);
+        // SAFETY: the device is alive and has a queue of this family.
+        let pool = unsafe { raw.create_command_pool(&info, None) }.map_err(failed)?;
+        let info = vk::CommandBufferAllocateInfo::default()
+            .command_pool(pool)
+            .level(vk::CommandBufferLevel::PRIMARY)
+            .command_buffer_count(1);
+        // SAFETY: the pool was just made; a fence needs nothing.
+        let made = unsafe {
+            raw.allocate_command_buffers(&info).and_then(|commands| {
+                let fence = raw.create_fence(&vk::FenceCreateInfo::default(), None)?;
+                Ok((commands[0], fence))
+            })
+        };
+        match made {
+            Ok((commands, fence)) => Ok(Self { pool, commands, fence }),
+            Err(e) => {
+                // SAFETY: nothing uses the pool.
+                unsafe { raw.destroy_command_pool(pool, None) };
+                Err(failed(e))
+            }
+        }
+    }
+
+    /// Destroys pool, commands and fence.
+    ///
+    /// # Safety
+    /// The device does not run the commands, and `raw` is the device that made them.
+    pub(super) unsafe fn destroy(self, raw: &ash::Device) {
+        // SAFETY: by the contract of this function.
+        unsafe {
+            raw.destroy_fence(self.fence, None);
+            raw.destroy_command_pool(self.pool, None);
+        }
+    }
+}
+
+/// Work that the device does. Dropping it waits for its end.
+pub struct Submission {
+    device: Arc<Device>,
+    /// `None` once it has ended.
+    batch: Option<Batch>,
+    number: u64,
+    started: Instant,
+}
+
+impl Device {
+    /// Records, submits and waits.
+    ///
+    /// # Errors
+    /// [`Error::Device`] where a command cannot be recorded or the device fails;
+    /// [`Error::Memory`] where there is no memory for the commands.
+    pub fn run(self: &Arc<Self>, record: impl FnOnce(&mut Recorder<'_>)) -> Result<Duration> {
+        self.submit(record)?.wait()
+    }
+
+    /// Records and submits. Several submissions may be in flight; they run one after another.
+    ///
+    /// # Errors
+    /// As [`Device::run`].
+    pub fn submit(self: &Arc<Self>, record: impl FnOnce(&mut Recorder<'_>)) -> Result<Submission> {
+        let reused = lock(&self.batches).pop();
+        let batch = match reused {
+            Some(batch) => batch,
+            None => Batch::new(&self.raw, self.physical.queue_family)?,
+        };
+        // What recording names may be dropped while it runs, even before this returns.
+        let number = lock(&self.retirement).begin();
+        let mut submission =
+            Submission { device: self.clone(), batch: None, number, started: Instant::now() };
+        match self.record(&batch, record) {
+            Ok(()) => {
+                submission.batch = Some(batch);
+                Ok(submission)
+            }
+            Err(error) => {
+                // SAFETY: the batch was not submitted.
+                unsafe { batch.destroy(&self.raw) };
+                Err(error)
+            }
+        }
+    }
+
+    fn record(&self, batch: &Batch, record: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
+        let failed = |e| failure::vulkan("submitting work to the device", e);
+        let info = vk::CommandBufferBeginInfo::default()
+            .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: a batch in hand is in no other hand and not in flight.
+        unsafe { self.raw.begin_command_buffer(batch.commands, &info) }.map_err(failed)?;
+        let mut recorder = Recorder { device: self, commands: batch.commands, error: None };
+        recorder.barrier();
+        record(&mut recorder);
+        recorder.barrier_to_host();
+        if let Some(error) = recorder.error {
+            return Err(error);
+        }
+        let commands = [batch.commands];
+        let submits = [vk::SubmitInfo::default().command_buffers(&commands)];
+        let queue = self.queue();
+        // SAFETY: the command buffer is complete, the fence unsignalled, and the queue locked.
+        unsafe {
+            self.raw.end_command_buffer(batch.commands).map_err(failed)?;
+            self.raw.queue_submit(*queue, &submits, batch.fence).map_err(failed)
+        }
+    }
+}
+
+impl Submission {
+    /// Waits for the end; returns the time since the submission.
+    ///
+    /// # Errors
+    /// [`Error::Device`] where the device was lost or hangs.
+    pub fn wait(mut self) -> Result<Duration> {
+        self.finish()?;
+        Ok(self.started.elapsed())
+    }
+
+    /// Whether the device has done the work, or will not.
+    pub fn is_done(&self) -> bool {
+        self.batch.as_ref().is_none_or(|batch| {
+            // SAFETY: the fence lives as long as the batch.
+            !matches!(unsafe { self.device.raw.get_fence_status(batch.fence) }, Ok(false))
+        })
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        let Some(batch) = self.batch.take() else { return Ok(()) };
+        let raw = &self.device.raw;
+        let patience = u64::try_from(PATIENCE.as_nanos()).unwrap_or(u64::MAX);
+        // SAFETY: the fence was submitted with the work.
+        match unsafe { raw.wait_for_fences(&[batch.fence], true, patience) } {
+            Ok(()) => {}
+            Err(vk::Result::TIMEOUT) => {
+                // It may still run: what it uses, the batch included, is left as it is.
+                self.number = 0;
+                return Err(Error::device(
+                    "work on the device",
+                    format!("no end after {} s", PATIENCE.as_secs()),
+                    "the device hangs, or batches are far too large for it",
+                ));
+            }
+            Err(e) => {
+                // SAFETY: a lost device runs nothing.
+                unsafe { batch.destroy(raw) };
+                return Err(failure::vulkan("work on the device", e));
+            }
+        }
+        // SAFETY: the work has ended.
+        let reset = unsafe {
+            raw.reset_fences(&[batch.fence]).and_then(|()| {
+                raw.reset_command_pool(batch.pool, vk::CommandPoolResetFlags::empty())
+            })
+        };
+        match reset {
+            Ok(()) => lock(&self.device.batches).push(batch),
+            // SAFETY: the work has ended.
+            Err(_) => unsafe { batch.destroy(raw) },
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Submission {
+    fn drop(&mut self) {
+        if let Err(e) = self.finish() {
+            log::error!("{e}");
+        }
+        let ready = lock(&self.device.retirement).end(self.number);
+        self.device.destroy(ready);
+    }
+}
+
+impl fmt::Debug for Submission {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Submission").field("number", &self.number).finish_non_exhaustive()
+    }
+}

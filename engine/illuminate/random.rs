@@ -1,0 +1,128 @@
+//! The random scheme: rays made, traced and illuminated on the device.
+
+use super::light::LightRecord;
+use super::sums::Sums;
+use crate::Result;
+use crate::gpu::interface::{Pixel, RandomLightPush, RandomRaysPush};
+use crate::gpu::{Device, Kernel, shaders};
+use crate::scene::Scene;
+use crate::trace::{Tracer, push_bytes};
+use std::sync::Arc;
+
+/// Invocations per workgroup of both kernels.
+const GROUP: u32 = 64;
+
+/// Kernels of the random scheme.
+#[derive(Debug)]
+pub struct RandomKernels {
+    rays: Kernel,
+    light: Kernel,
+}
+
+impl RandomKernels {
+    /// Compiles them.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`].
+    pub fn new(device: &Arc<Device>) -> Result<Self> {
+        Ok(Self {
+            rays: device.kernel(
+                "random_rays",
+                shaders::RANDOM_RAYS,
+                push_bytes::<RandomRaysPush>(),
+                None,
+            )?,
+            light: device.kernel(
+                "random_light",
+                shaders::RANDOM_LIGHT,
+                push_bytes::<RandomLightPush>(),
+                None,
+            )?,
+        })
+    }
+}
+
+/// What one call casts.
+#[derive(Debug, Clone, Copy)]
+pub struct Cast<'a> {
+    /// Pixels, inside the detector or beside it.
+    pub pixels: &'a [Pixel],
+    /// Index of the view.
+    pub view: u32,
+    /// No ray of these pixels meets the sample.
+    pub empty: bool,
+}
+
+/// Casts the random rays of the pixels and adds their light to the sums.
+///
+/// # Errors
+/// [`crate::Error::Memory`], [`crate::Error::Device`].
+pub fn cast(
+    device: &Arc<Device>,
+    kernels: &RandomKernels,
+    scene: &Scene,
+    tracer: &mut Tracer,
+    light: &LightRecord,
+    sums: &Sums,
+    job: Cast<'_>,
+) -> Result<()> {
+    let rays_per_pixel = scene.sampling.rays;
+    let all = rays_per_pixel[0] * rays_per_pixel[1];
+    let seed = [scene.sampling.seed as u32, (scene.sampling.seed >> 32) as u32];
+    let steps = scene.scan.mask_offsets.len() as u32;
+    let capacity = tracer.capacity();
+    let at_once = (capacity / all.min(capacity)).max(1);
+    for pixels in job.pixels.chunks(at_once as usize) {
+        let buffer = device.upload("pixels", pixels)?;
+        let pixel_count = pixels.len() as u32;
+        let mut first_ray = 0;
+        while first_ray < all {
+            let batch = (all - first_ray).min(capacity / pixel_count);
+            if !job.empty {
+                let push = RandomRaysPush {
+                    light_ref: light.buffer.address(),
+                    pixels: buffer.address(),
+                    rays: tracer.rays().address(),
+                    seed,
+                    rays_per_pixel,
+                    first_ray,
+                    batch,
+                    pixel_count,
+                    view: job.view,
+                    view_seed: job.view,
+                };
+                let groups = (pixel_count * batch).div_ceil(GROUP);
+                device.run(|r| {
+                    r.dispatch(&kernels.rays, bytemuck::bytes_of(&push), [groups, 1, 1]);
+                })?;
+                tracer.trace_on_device(pixel_count * batch)?;
+            }
+            let mut first_step = 0;
+            while first_step < steps {
+                // A few steps at a time keep dispatches short.
+                let n = (steps - first_step).min(16);
+                let push = RandomLightPush {
+                    light_ref: light.buffer.address(),
+                    pixels: buffer.address(),
+                    laws: tracer.laws().address(),
+                    sums: sums.buffer.address(),
+                    seed,
+                    rays_per_pixel,
+                    first_ray,
+                    batch,
+                    pixel_count,
+                    view_seed: job.view,
+                    empty: job.empty.into(),
+                    first_step,
+                };
+                device.run(|r| {
+                    let groups = [pixel_count.div_ceil(GROUP), n, 1];
+                    r.dispatch(&kernels.light, bytemuck::bytes_of(&push), groups);
+                })?;
+                first_step += n;
+            }
+            first_ray += batch;
+        }
+    }
+    Ok(())
+}

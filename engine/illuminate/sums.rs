@@ -1,0 +1,60 @@
+//! Sums of light of a band of rows: 64-bit fixed point on the device, f32 on the host.
+
+use crate::gpu::{Buffer, Device, Memory};
+use crate::{Error, Result};
+use ndarray::Array3;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Bytes per pixel and step on the device and in transfer.
+pub const BYTES: u64 = 8 + 8 + 4;
+
+/// Sums of a band, `[step][row][column]`.
+#[derive(Debug)]
+pub struct Sums {
+    /// Two words per pixel and step.
+    pub buffer: Buffer,
+    device: Arc<Device>,
+    shape: [usize; 3],
+}
+
+impl Sums {
+    /// Room for a band.
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    pub fn new(device: &Arc<Device>, steps: usize, rows: usize, columns: usize) -> Result<Self> {
+        let bytes = steps as u64 * rows as u64 * columns as u64 * 8;
+        let buffer = device.buffer("sums of light", bytes, Memory::Device)?;
+        Ok(Self { buffer, device: device.clone(), shape: [steps, rows, columns] })
+    }
+
+    /// Sets all sums of a band of `rows` rows to zero.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn clear(&mut self, rows: &Range<u32>) -> Result<()> {
+        self.shape[1] = (rows.end - rows.start) as usize;
+        let bytes = self.shape.iter().product::<usize>() as u64 * 8;
+        self.device.run(|r| {
+            r.fill(&self.buffer, 0, bytes, 0);
+        })?;
+        Ok(())
+    }
+
+    /// The sums as intensities, `[step][row][column]`.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn intensities(&self) -> Result<Array3<f32>> {
+        let words: Vec<[u32; 2]> = self.buffer.read(0, self.shape.iter().product())?;
+        let values: Vec<f32> = words
+            .par_iter()
+            .map(|[low, high]| (f64::from(*high) + f64::from(*low) / 4_294_967_296.0) as f32)
+            .collect();
+        Array3::from_shape_vec(self.shape, values).map_err(|e| {
+            Error::device("sums of light", format!("have the wrong shape: {e}"), "report this")
+        })
+    }
+}

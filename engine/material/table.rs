@@ -1,0 +1,119 @@
+//! Material tables: CSV with the columns `energy_keV,mu_per_cm,delta`.
+
+use std::path::{Path, PathBuf};
+
+use super::Constants;
+use crate::error::{Error, Place, Result};
+
+const COLUMNS: [&str; 3] = ["energy_keV", "mu_per_cm", "delta"];
+
+/// Rows of (energy keV, mu 1/cm, delta), energies strictly ascending, everything above 0.
+pub(super) struct Table {
+    path: PathBuf,
+    rows: Vec<[f64; 3]>,
+}
+
+impl Table {
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| Error::output(path, "cannot read the material table", Some(e)))?;
+        let mut rows: Vec<[f64; 3]> = Vec::new();
+        let mut order = None;
+        for (index, line) in text.lines().enumerate() {
+            let at = Line { path, number: index + 1, text: line };
+            let line = line.trim_start_matches('\u{feff}').trim();
+            if line.is_empty() || line.starts_with('#') {
+                continue;
+            }
+            let fields: Vec<&str> = line.split(',').map(str::trim).collect();
+            let Some(order) = order else {
+                order = Some(header(&at, &fields)?);
+                continue;
+            };
+            let row = row(&at, &fields, order)?;
+            if rows.last().is_some_and(|last| last[0] >= row[0]) {
+                return Err(at.error(COLUMNS[0], fields[order[0]], "energies in ascending order"));
+            }
+            rows.push(row);
+        }
+        if rows.is_empty() {
+            let at = Line { path, number: text.lines().count().max(1), text: "" };
+            return Err(at.error("table", "no rows", "a header and at least one row of numbers"));
+        }
+        Ok(Self { path: path.to_owned(), rows })
+    }
+
+    /// Constants at `energy` keV, interpolated linearly in the logarithms.
+    pub(super) fn at(&self, name: &str, energy: f64) -> Result<Constants> {
+        let (first, last) = (self.rows[0], self.rows[self.rows.len() - 1]);
+        if !(first[0]..=last[0]).contains(&energy) {
+            return Err(Error::scene(
+                "source.energy",
+                format!("{energy} keV"),
+                format!(
+                    "{} keV to {} keV, the range of {} for \"{name}\"",
+                    first[0],
+                    last[0],
+                    self.path.display()
+                ),
+            ));
+        }
+        let above = self.rows.partition_point(|row| row[0] < energy);
+        let (a, b) = (self.rows[above.saturating_sub(1)], self.rows[above]);
+        // At the first row both neighbours are the same one.
+        let t = if above == 0 { 0.0 } else { (energy / a[0]).ln() / (b[0] / a[0]).ln() };
+        let between = |column: usize| a[column] * (b[column] / a[column]).powf(t);
+        Ok(Constants { mu: between(1) * 100.0, delta: between(2) })
+    }
+}
+
+/// Position of each of `COLUMNS` in the file.
+fn header(at: &Line<'_>, fields: &[&str]) -> Result<[usize; 3]> {
+    let mut order = [0; 3];
+    for (slot, column) in order.iter_mut().zip(COLUMNS) {
+        *slot = fields.iter().position(|field| *field == column).ok_or_else(|| {
+            at.error(
+                column,
+                &fields.join(","),
+                &format!("a header line with the columns {}", COLUMNS.join(",")),
+            )
+        })?;
+    }
+    Ok(order)
+}
+
+fn row(at: &Line<'_>, fields: &[&str], order: [usize; 3]) -> Result<[f64; 3]> {
+    let mut row = [0.0; 3];
+    for ((value, index), column) in row.iter_mut().zip(order).zip(COLUMNS) {
+        let field = fields.get(index).copied().unwrap_or("nothing");
+        *value = match field.parse::<f64>() {
+            Ok(number) if number.is_finite() && number > 0.0 => number,
+            _ => return Err(at.error(column, field, "a number above 0")),
+        };
+    }
+    Ok(row)
+}
+
+/// A line of the file, for messages.
+struct Line<'a> {
+    path: &'a Path,
+    number: usize,
+    text: &'a str,
+}
+
+impl Line<'_> {
+    fn error(&self, key: &str, found: &str, allowed: &str) -> Error {
+        let column = self.text.find(found).map_or(1, |at| self.text[..at].chars().count() + 1);
+        let place = Place {
+            file: Some(self.path.to_owned()),
+            line_column: Some((self.number, column)),
+            excerpt: None,
+        };
+        Error::Scene {
+            place: Box::new(place),
+            key: key.into(),
+            found: found.into(),
+            allowed: allowed.into(),
+        }
+    }
+}

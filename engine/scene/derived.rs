@@ -1,0 +1,58 @@
+//! Distances and counts that follow from the scene.
+
+use super::Scene;
+
+/// A detector mask whose back face is this close to the detector, m, counts as at the detector.
+pub(super) const AT_DETECTOR: f64 = 1e-9;
+
+impl Scene {
+    /// Distance `z_a` from the source to the analyser, m: the centre plane of the detector mask,
+    /// or the detector where there is none or where the mask's back face lies on it.
+    pub fn analyser_distance(&self) -> f64 {
+        let detector = self.detector.distance;
+        match &self.detector_mask {
+            Some(mask) => {
+                let back = mask.distance + mask.body.thickness() / 2.0;
+                if (detector - back).abs() <= AT_DETECTOR { detector } else { mask.distance }
+            }
+            None => detector,
+        }
+    }
+
+    /// Distance `z_1` from the source to the plane of the cells, m: the centre plane of the
+    /// sample mask, or the rotation centre where there is none.
+    pub fn cell_plane_distance(&self) -> f64 {
+        self.sample_mask.as_ref().map_or(self.source.distance, |mask| mask.distance)
+    }
+
+    /// Mask magnification `M = z_a / z_1`, or that of the rotation centre without a sample
+    /// mask.
+    pub fn magnification(&self) -> f64 {
+        self.analyser_distance() / self.cell_plane_distance()
+    }
+
+    /// Lever arm `z = z_a - z_c` of a deflection at the rotation centre, m.
+    pub fn lever_arm(&self) -> f64 {
+        self.analyser_distance() - self.source.distance
+    }
+
+    /// Full angle that the detector rows span as seen from the source, rad.
+    pub fn fan_angle(&self) -> f64 {
+        let half = self.detector.pitch[0] * f64::from(self.detector.pixels[0]) / 2.0;
+        2.0 * libm::atan2(half, self.detector.distance)
+    }
+
+    /// Width and height at the rotation centre that the detector covers, along x and z, m.
+    pub fn field_of_view(&self) -> [f64; 2] {
+        let shrink = self.source.distance / self.detector.distance;
+        let side = |axis: usize| {
+            self.detector.pitch[axis] * f64::from(self.detector.pixels[axis]) * shrink
+        };
+        [side(0), side(1)]
+    }
+
+    /// Number of mask steps: frames per view.
+    pub const fn mask_steps(&self) -> usize {
+        self.scan.mask_offsets.len()
+    }
+}

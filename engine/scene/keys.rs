@@ -1,0 +1,81 @@
+//! The keys of a scene file, table by table. The reader takes no other, and docs/scene.md
+//! documents each (a test compares).
+
+const MASK: &[&str] = &[
+    "distance",
+    "material",
+    "thickness",
+    "transmission",
+    "aperture",
+    "projected_aperture",
+    "period",
+    "offset",
+];
+
+const KNOWN: &[(&str, &[&str])] = &[
+    (
+        "",
+        &[
+            "source",
+            "detector",
+            "sample_mask",
+            "detector_mask",
+            "sampling",
+            "scan",
+            "materials",
+            "surroundings",
+            "object",
+        ],
+    ),
+    ("source", &["distance", "spot", "energy"]),
+    ("detector", &["distance", "pixels", "pitch"]),
+    ("sample_mask", MASK),
+    ("detector_mask", MASK),
+    ("sampling", &["scheme", "cells", "rows", "tolerance", "rays", "transport", "seed"]),
+    ("scan", &["mask_offsets", "angles"]),
+    ("scan.range", &["from", "to", "count"]),
+    ("materials.NAME", &["formula", "density", "mu", "delta", "table"]),
+    ("surroundings", &["material"]),
+    (
+        "object",
+        &[
+            "name", "mesh", "unit", "sha256", "shape", "material", "center", "scale", "rotate",
+            "position",
+        ],
+    ),
+    ("object.rotate", &["axis", "angle"]),
+    ("object.shape", &["box", "cylinder", "prism", "sphere"]),
+    ("object.shape.box", &["size"]),
+    ("object.shape.cylinder", &["radius", "height", "sides"]),
+    ("object.shape.prism", &["radius", "height", "sides"]),
+    ("object.shape.sphere", &["radius", "sides"]),
+];
+
+/// Every key that a scene file may have, by table; the table of the top level is "".
+pub const fn known_keys() -> &'static [(&'static str, &'static [&'static str])] {
+    KNOWN
+}
+
+/// The keys of one table.
+pub(super) fn keys_of(table: &str) -> &'static [&'static str] {
+    KNOWN.iter().find(|entry| entry.0 == table).map_or(&[], |entry| entry.1)
+}
+
+/// The candidate that was probably meant by `word`.
+pub(super) fn suggestion<'a>(
+    word: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
+    let word = word.to_lowercase();
+    let likeness = |candidate: &str| {
+        let inside = candidate.contains(&word) || word.contains(candidate);
+        let bonus = if inside && !word.is_empty() { 0.3 } else { 0.0 };
+        strsim::normalized_damerau_levenshtein(&word, candidate) + bonus
+    };
+    candidates
+        .into_iter()
+        .map(|candidate| (likeness(candidate), candidate))
+        .filter(|pair| pair.0 > 0.5)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|pair| pair.1)
+}

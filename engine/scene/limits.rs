@@ -1,0 +1,15 @@
+//! Upper limits of counts: far beyond any use, and low enough that a slip of a digit is an
+//! error and not an allocation.
+
+/// Pixels per side of the detector.
+pub(super) const PIXELS: u32 = 65_536;
+/// Rays or cells per pixel and direction.
+pub(super) const RAYS: u32 = 1_000_000;
+/// Mask offsets of a scan.
+pub(super) const MASK_OFFSETS: u32 = 100_000;
+/// Angles of a scan.
+pub(super) const ANGLES: u32 = 10_000_000;
+/// Facets around a cylinder or prism.
+pub(super) const SIDES: u32 = 1_000_000;
+/// Facets around the equator of a sphere, which has about half their square.
+pub(super) const SPHERE_SIDES: u32 = 16_384;

@@ -1,0 +1,205 @@
+//! The scene model from the tree: kinds of values, defaults and alternatives. Ranges that
+//! concern several keys, and those of quantities, are checked by [`Scene::validate`].
+
+use std::path::Path;
+
+use super::limits;
+use super::read_sample::{read_materials, read_objects};
+use super::table::{Item, Table};
+use super::tree::Document;
+use super::{Detector, MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
+use crate::Result;
+use crate::units::Dimension::{self, Angle, Energy, Length};
+
+/// Reads a scene. The result still has to be validated.
+pub(super) fn read_scene(document: &Document, directory: &Path) -> Result<Scene> {
+    let top = Item::root(document).table("")?;
+    let source = read_source(&top.require("source", "a table [source]")?.table("source")?)?;
+    let detector =
+        read_detector(&top.require("detector", "a table [detector]")?.table("detector")?)?;
+    let mask = |key: &str| {
+        top.get(key).map(|item| read_mask(&item.table(key)?, key, &detector)).transpose()
+    };
+    let sample_mask = mask("sample_mask")?;
+    let detector_mask = mask("detector_mask")?;
+    let surroundings = match top.get("surroundings") {
+        Some(item) => match item.table("surroundings")?.get("material") {
+            Some(item) => item.text("name of a material")?.to_owned(),
+            None => "vacuum".to_owned(),
+        },
+        None => "vacuum".to_owned(),
+    };
+    Ok(Scene {
+        directory: directory.to_owned(),
+        sample_mask,
+        detector_mask,
+        sampling: read_sampling(&top)?,
+        scan: read_scan(&top)?,
+        materials: read_materials(&top)?,
+        surroundings,
+        objects: read_objects(&top)?,
+        source,
+        detector,
+    })
+}
+
+fn read_source(table: &Table<'_>) -> Result<Source> {
+    let spot = table.require("spot", pair_allowed(Length))?;
+    Ok(Source {
+        distance: table.quantity("distance", Length)?,
+        spot: read_pair(&spot, Length)?,
+        energy: table.quantity("energy", Energy)?,
+    })
+}
+
+fn read_detector(table: &Table<'_>) -> Result<Detector> {
+    let pixels = "columns and rows, such as [128, 128]";
+    let pitch = table.require("pitch", pair_allowed(Length))?;
+    Ok(Detector {
+        distance: table.quantity("distance", Length)?,
+        pixels: table
+            .require("pixels", pixels)?
+            .array(pixels, |item| item.integer(1..=limits::PIXELS))?,
+        pitch: read_pair(&pitch, Length)?,
+    })
+}
+
+fn pair_allowed(dimension: Dimension) -> String {
+    format!("{}; or a list of two of them, [x, z]", dimension.allowed())
+}
+
+/// One quantity for both directions, or a list of x and z.
+fn read_pair(item: &Item<'_>, dimension: Dimension) -> Result<[f64; 2]> {
+    if item.is_list() {
+        return item.array(&pair_allowed(dimension), |item| item.quantity(dimension));
+    }
+    Ok([item.quantity(dimension)?; 2])
+}
+
+fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Result<MaskSpec> {
+    let body = read_body(table)?;
+    let distance = match table.get("distance") {
+        Some(item) => item.quantity(Length)?,
+        None if key == "detector_mask" => detector.distance - body.thickness() / 2.0,
+        None => return Err(table.missing("distance", Length.allowed())),
+    };
+    // Lengths on the detector shrink towards the source.
+    let projected = |length: f64| length * distance / detector.distance;
+    let period = match table.get("period") {
+        Some(item) => item.quantity(Length)?,
+        None => projected(detector.pitch[0]),
+    };
+    let aperture = match (table.get("aperture"), table.get("projected_aperture")) {
+        (Some(aperture), None) => aperture.quantity(Length)?,
+        (None, Some(aperture)) => projected(aperture.quantity(Length)?),
+        (Some(_), Some(both)) => {
+            return Err(both.error("both aperture and projected_aperture", "one of them"));
+        }
+        (None, None) => {
+            let allowed = format!("{}; or projected_aperture instead", Length.allowed());
+            return Err(table.missing("aperture", allowed));
+        }
+    };
+    // A mask without bars is allowed; the projection rounds.
+    let rounding = aperture > period && aperture <= period * (1.0 + 1e-12);
+    Ok(MaskSpec {
+        distance,
+        period,
+        aperture: if rounding { period } else { aperture },
+        offset: table.optional_quantity("offset", Length)?.unwrap_or(0.0),
+        body,
+    })
+}
+
+fn read_body(table: &Table<'_>) -> Result<MaskBody> {
+    if let Some(item) = table.get("transmission") {
+        for key in ["material", "thickness"] {
+            table.forbid(key, "either transmission, or material and thickness")?;
+        }
+        return Ok(MaskBody::Sheet { transmission: item.number()? });
+    }
+    let material = "name of a material; or transmission instead of material and thickness";
+    Ok(MaskBody::Bars {
+        material: table.require("material", material)?.text(material)?.to_owned(),
+        thickness: table.quantity("thickness", Length)?,
+    })
+}
+
+fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
+    let default = Sampling::default();
+    let Some(item) = top.get("sampling") else { return Ok(default) };
+    let table = item.table("sampling")?;
+    let schemes = [("cells", Scheme::Cells), ("random", Scheme::Random)];
+    let transports = [
+        ("auto", Transport::Auto),
+        ("first-order", Transport::FirstOrder),
+        ("exact", Transport::Exact),
+    ];
+    let count = 1..=limits::RAYS;
+    let rays = "rays per pixel in x and z, such as [5000, 1]";
+    let get = |key| table.get(key);
+    Ok(Sampling {
+        scheme: get("scheme").map_or(Ok(default.scheme), |item| item.choice(&schemes))?,
+        cells: get("cells").map(|item| item.integer(count.clone())).transpose()?,
+        rows: get("rows").map_or(Ok(default.rows), |item| item.integer(count.clone()))?,
+        tolerance: table.optional_quantity("tolerance", Length)?.unwrap_or(default.tolerance),
+        rays: get("rays").map_or(Ok(default.rays), |item| {
+            item.array(rays, |item| item.integer(count.clone()))
+        })?,
+        transport: get("transport")
+            .map_or(Ok(default.transport), |item| item.choice(&transports))?,
+        seed: get("seed").map_or(Ok(default.seed), |item| item.integer(0..=u64::MAX))?,
+    })
+}
+
+fn read_scan(top: &Table<'_>) -> Result<Scan> {
+    let mut scan = Scan::default();
+    let Some(item) = top.get("scan") else { return Ok(scan) };
+    let table = item.table("scan")?;
+    if let Some(item) = table.get("mask_offsets") {
+        scan.mask_offsets = read_series(&item, Length, limits::MASK_OFFSETS, offset_range)?;
+    }
+    if let Some(item) = table.get("angles") {
+        scan.angles = read_series(&item, Angle, limits::ANGLES, angle_range)?;
+    }
+    Ok(scan)
+}
+
+/// A list, or a range { from, to, count } spread out by `spread`.
+fn read_series(
+    item: &Item<'_>,
+    dimension: Dimension,
+    most: u32,
+    spread: fn(f64, f64, u32) -> Vec<f64>,
+) -> Result<Vec<f64>> {
+    if item.is_table() {
+        let table = item.table("scan.range")?;
+        let from = table.quantity("from", dimension)?;
+        let to = table.quantity("to", dimension)?;
+        let counts = format!("a whole number from 1 to {most}");
+        let count = table.require("count", counts)?.integer(1..=most)?;
+        return Ok(spread(from, to, count));
+    }
+    let allowed = format!("a list of 1 to {most} quantities, or {{ from, to, count }}");
+    let items = item.items(&allowed)?;
+    if items.is_empty() || items.len() > most as usize {
+        return Err(item.mismatch(allowed));
+    }
+    items.iter().map(|item| item.quantity(dimension)).collect()
+}
+
+/// `count` offsets with both ends included; a single one lies in the middle.
+pub(super) fn offset_range(from: f64, to: f64, count: u32) -> Vec<f64> {
+    let last = f64::from(count - 1);
+    let offset = |index| match index {
+        _ if count == 1 => from + (to - from) / 2.0,
+        _ if index == count - 1 => to,
+        _ => from + (to - from) * (f64::from(index) / last),
+    };
+    (0..count).map(offset).collect()
+}
+
+/// `count` angles with the end excluded.
+pub(super) fn angle_range(from: f64, to: f64, count: u32) -> Vec<f64> {
+    (0..count).map(|index| from + (to - from) * (f64::from(index) / f64::from(count))).collect()
+}

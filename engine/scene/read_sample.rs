@@ -1,0 +1,146 @@
+//! Materials and objects from the tree.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::limits;
+use super::table::{Item, Table};
+use super::{MaterialSpec, Mesh, Object, Placement, Shape, ShapeOrMesh};
+use crate::Result;
+use crate::units::Dimension::{Angle, Attenuation, Density, Length};
+
+const MATERIAL: &str = "name of a material";
+const FILE: &str = "path of a file";
+
+pub(super) fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
+    let Some(item) = top.get("materials") else { return Ok(BTreeMap::new()) };
+    let named = item.named()?;
+    let entry = |(name, item): &(&str, Item<'_>)| Ok(((*name).to_owned(), read_material(item)?));
+    named.iter().map(entry).collect()
+}
+
+fn read_material(item: &Item<'_>) -> Result<MaterialSpec> {
+    let table = item.table("materials.NAME")?;
+    let one = "one of: formula and density; mu and delta; table";
+    let only = |wanted: &[&str]| {
+        let others = ["formula", "density", "mu", "delta", "table"];
+        others.iter().filter(|key| !wanted.contains(key)).try_for_each(|key| table.forbid(key, one))
+    };
+    if let Some(item) = table.get("table") {
+        only(&["table"])?;
+        return Ok(MaterialSpec::Table { path: PathBuf::from(item.text(FILE)?) });
+    }
+    if let Some(item) = table.get("formula") {
+        only(&["formula", "density"])?;
+        let formula = item.text("a chemical formula, such as \"H2O\"")?.to_owned();
+        return Ok(MaterialSpec::Formula { formula, density: table.quantity("density", Density)? });
+    }
+    if table.get("mu").is_some() || table.get("delta").is_some() {
+        only(&["mu", "delta"])?;
+        let delta = table.require("delta", "a number without a unit")?.number()?;
+        return Ok(MaterialSpec::Constants { mu: table.quantity("mu", Attenuation)?, delta });
+    }
+    Err(table.missing("formula", one))
+}
+
+pub(super) fn read_objects(top: &Table<'_>) -> Result<Vec<Object>> {
+    let Some(item) = top.get("object") else { return Ok(Vec::new()) };
+    item.items("tables [[object]]")?.iter().map(read_object).collect()
+}
+
+fn read_object(item: &Item<'_>) -> Result<Object> {
+    let table = item.table("object")?;
+    let name = "a name of its own";
+    Ok(Object {
+        name: table.require("name", name)?.text(name)?.to_owned(),
+        geometry: read_geometry(&table)?,
+        material: table.require("material", MATERIAL)?.text(MATERIAL)?.to_owned(),
+        placement: read_placement(&table)?,
+        sha256: table.get("sha256").map(|item| read_hash(&item)).transpose()?,
+    })
+}
+
+fn read_geometry(table: &Table<'_>) -> Result<ShapeOrMesh> {
+    let either = "either mesh or shape";
+    if let Some(item) = table.get("shape") {
+        table.forbid("mesh", either)?;
+        table.forbid("unit", "no unit: the lengths of a shape carry theirs")?;
+        table.forbid("sha256", "no hash: a shape has no file")?;
+        return Ok(ShapeOrMesh::Shape(read_shape(&item)?));
+    }
+    let path = PathBuf::from(table.require("mesh", either)?.text(FILE)?);
+    let units = "the length of 1.0 in the mesh file, such as \"mm\" or \"25.4 mm\"";
+    let item = table.require("unit", units)?;
+    let unit = Length.parse_unit(item.text(units)?).map_err(|error| item.quantity_error(error))?;
+    Ok(ShapeOrMesh::Mesh(Mesh::File { path, unit }))
+}
+
+fn read_hash(item: &Item<'_>) -> Result<String> {
+    let allowed = "the SHA-256 of the mesh file, 64 hexadecimal digits";
+    let text = item.text(allowed)?;
+    if text.len() != 64 || !text.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+        return Err(item.mismatch(allowed));
+    }
+    Ok(text.to_ascii_lowercase())
+}
+
+fn read_shape(item: &Item<'_>) -> Result<Shape> {
+    let allowed = "one of box, cylinder, prism, sphere, as { sphere = { ... } }";
+    let table = item.table("object.shape")?;
+    let mut kinds = ["box", "cylinder", "prism", "sphere"]
+        .into_iter()
+        .filter_map(|kind| table.get(kind).map(|item| (kind, item)));
+    let (kind, item) = kinds.next().ok_or_else(|| item.mismatch(allowed))?;
+    if let Some((_, second)) = kinds.next() {
+        return Err(second.error("a second shape", allowed));
+    }
+    let shape = item.table(&format!("object.shape.{kind}"))?;
+    let sides = |least, most| {
+        let allowed = format!("a whole number from {least} to {most}");
+        shape.require("sides", allowed)?.integer(least..=most)
+    };
+    let radius = || shape.quantity("radius", Length);
+    let height = || shape.quantity("height", Length);
+    Ok(match kind {
+        "box" => {
+            let allowed = "edge lengths along x, y and z, such as [\"1 mm\", \"1 mm\", \"1 mm\"]";
+            let size = shape.require("size", allowed)?;
+            Shape::Box { size: size.array(allowed, |item| item.quantity(Length))? }
+        }
+        "sphere" => Shape::Sphere { radius: radius()?, sides: sides(4, limits::SPHERE_SIDES)? },
+        "prism" => {
+            Shape::Prism { radius: radius()?, height: height()?, sides: sides(3, limits::SIDES)? }
+        }
+        _ => Shape::Cylinder {
+            radius: radius()?,
+            height: height()?,
+            sides: sides(3, limits::SIDES)?,
+        },
+    })
+}
+
+fn read_placement(table: &Table<'_>) -> Result<Placement> {
+    let mut placement = Placement::default();
+    if let Some(item) = table.get("center") {
+        placement.center = item.boolean()?;
+    }
+    if let Some(item) = table.get("scale") {
+        placement.scale = item.number()?;
+    }
+    if let Some(item) = table.get("rotate") {
+        let turns = item.items("a list of { axis = [x, y, z], angle = \"30 deg\" }")?;
+        placement.rotate = turns.iter().map(read_turn).collect::<Result<_>>()?;
+    }
+    if let Some(item) = table.get("position") {
+        let allowed = "three lengths, such as [\"0 mm\", \"0 mm\", \"1 mm\"]";
+        placement.position = item.array(allowed, |item| item.quantity(Length))?;
+    }
+    Ok(placement)
+}
+
+fn read_turn(item: &Item<'_>) -> Result<([f64; 3], f64)> {
+    let table = item.table("object.rotate")?;
+    let allowed = "a direction, such as [0, 0, 1]";
+    let axis = table.require("axis", allowed)?.array(allowed, Item::number)?;
+    Ok((axis, table.quantity("angle", Angle)?))
+}

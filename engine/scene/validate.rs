@@ -1,0 +1,277 @@
+//! What a scene has to fulfil, whether it was read from a file or built in the library.
+
+use std::collections::HashSet;
+
+use super::derived::AT_DETECTOR;
+use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
+use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
+use crate::{Error, Result};
+
+impl Scene {
+    /// Checks every range, and the order of what stands along the optical axis. That meshes
+    /// exist, that materials are known, and that the sample fits between the masks is checked
+    /// where they are loaded.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Scene`] for the first value that is not allowed, with its key.
+    pub fn validate(&self) -> Result<()> {
+        self.validate_axis()?;
+        for (key, mask) in
+            [("sample_mask", &self.sample_mask), ("detector_mask", &self.detector_mask)]
+        {
+            if let Some(mask) = mask {
+                validate_mask(key, mask)?;
+            }
+        }
+        self.validate_order()?;
+        self.validate_sampling()?;
+        self.validate_scan()?;
+        for (name, spec) in &self.materials {
+            validate_material(name, spec)?;
+        }
+        named("surroundings.material", &self.surroundings)?;
+        self.validate_objects()
+    }
+
+    fn validate_axis(&self) -> Result<()> {
+        let (source, detector) = (&self.source, &self.detector);
+        positive("source.distance", source.distance, Length)?;
+        source.spot.iter().try_for_each(|spot| not_negative("source.spot", *spot, Length))?;
+        positive("source.energy", source.energy, Energy)?;
+        positive("detector.distance", detector.distance, Length)?;
+        for pixels in detector.pixels {
+            count("detector.pixels", pixels, 1, limits::PIXELS)?;
+        }
+        detector.pitch.iter().try_for_each(|pitch| positive("detector.pitch", *pitch, Length))?;
+        ordered(
+            "detector.distance",
+            detector.distance,
+            source.distance < detector.distance,
+            format!("more than source.distance, {}", Length.format(source.distance)),
+        )
+    }
+
+    /// Source, sample mask, rotation centre, detector mask, detector: in this order.
+    fn validate_order(&self) -> Result<()> {
+        let centre = self.source.distance;
+        if let Some(mask) = &self.sample_mask {
+            let half = mask.body.thickness() / 2.0;
+            ordered(
+                "sample_mask.distance",
+                mask.distance,
+                mask.distance - half > 0.0 && mask.distance + half < centre,
+                format!(
+                    "bars between the source and the rotation centre at source.distance, {}",
+                    Length.format(centre)
+                ),
+            )?;
+        }
+        if let Some(mask) = &self.detector_mask {
+            let half = mask.body.thickness() / 2.0;
+            let back = self.detector.distance + AT_DETECTOR;
+            ordered(
+                "detector_mask.distance",
+                mask.distance,
+                mask.distance - half > centre && mask.distance + half <= back,
+                format!(
+                    "bars between the rotation centre at source.distance, {}, and the detector \
+                     at {}; the distance is that of the centre plane of the bars",
+                    Length.format(centre),
+                    Length.format(self.detector.distance)
+                ),
+            )?;
+        }
+        Ok(())
+    }
+
+    fn validate_sampling(&self) -> Result<()> {
+        let sampling = &self.sampling;
+        if let Some(cells) = sampling.cells {
+            count("sampling.cells", cells, 1, limits::RAYS)?;
+        }
+        count("sampling.rows", sampling.rows, 1, limits::RAYS)?;
+        positive("sampling.tolerance", sampling.tolerance, Length)?;
+        sampling.rays.iter().try_for_each(|rays| count("sampling.rays", *rays, 1, limits::RAYS))
+    }
+
+    fn validate_scan(&self) -> Result<()> {
+        let scan = &self.scan;
+        series("scan.mask_offsets", &scan.mask_offsets, Length, limits::MASK_OFFSETS)?;
+        series("scan.angles", &scan.angles, Angle, limits::ANGLES)?;
+        let moved = scan.mask_offsets.iter().find(|offset| offset.abs() > 0.0);
+        match (moved, &self.sample_mask) {
+            (Some(offset), None) => Err(Error::scene(
+                "scan.mask_offsets",
+                format!("{} without a sample mask", Length.format(*offset)),
+                "only \"0 m\" where there is no [sample_mask] to move",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn validate_objects(&self) -> Result<()> {
+        let mut names = HashSet::new();
+        for (index, object) in self.objects.iter().enumerate() {
+            let key = |key: &str| format!("object[{index}].{key}");
+            named(&key("name"), &object.name)?;
+            if !names.insert(&object.name) {
+                let found = format!("{:?}, the name of an earlier object", object.name);
+                return Err(Error::scene(key("name"), found, "a name of its own"));
+            }
+            named(&key("material"), &object.material)?;
+            match &object.geometry {
+                ShapeOrMesh::Shape(shape) => validate_shape(&key("shape"), shape)?,
+                ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
+                    if path.as_os_str().is_empty() {
+                        return Err(Error::scene(key("mesh"), "\"\"", "path of a file"));
+                    }
+                    positive(&key("unit"), *unit, Length)?;
+                }
+                ShapeOrMesh::Mesh(Mesh::Arrays { .. }) => {}
+            }
+            let placement = &object.placement;
+            plain(&key("scale"), placement.scale, placement.scale > 0.0, "a number > 0")?;
+            for (turn, (axis, angle)) in placement.rotate.iter().enumerate() {
+                let key = |what: &str| format!("object[{index}].rotate[{turn}].{what}");
+                let length = libm::hypot(libm::hypot(axis[0], axis[1]), axis[2]);
+                let allowed = "a direction of finite length > 0";
+                plain(&key("axis"), length, length > 0.0, allowed)?;
+                finite(&key("angle"), *angle, Angle)?;
+            }
+            for offset in placement.position {
+                finite(&key("position"), offset, Length)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn validate_mask(table: &str, mask: &MaskSpec) -> Result<()> {
+    let key = |key: &str| format!("{table}.{key}");
+    positive(&key("distance"), mask.distance, Length)?;
+    positive(&key("period"), mask.period, Length)?;
+    positive(&key("aperture"), mask.aperture, Length)?;
+    finite(&key("offset"), mask.offset, Length)?;
+    if mask.aperture > mask.period {
+        return Err(Error::scene(
+            key("aperture"),
+            format!("{} in the mask plane", Length.format(mask.aperture)),
+            format!("no more than the period, {}", Length.format(mask.period)),
+        ));
+    }
+    match &mask.body {
+        MaskBody::Bars { material, thickness } => {
+            named(&key("material"), material)?;
+            positive(&key("thickness"), *thickness, Length)
+        }
+        MaskBody::Sheet { transmission } => {
+            let inside = (0.0..=1.0).contains(transmission);
+            plain(&key("transmission"), *transmission, inside, "a number from 0 to 1")
+        }
+    }
+}
+
+fn validate_material(name: &str, spec: &MaterialSpec) -> Result<()> {
+    let table = path::join("materials", name);
+    named("materials", name)?;
+    let key = |key: &str| path::join(&table, key);
+    match spec {
+        MaterialSpec::Formula { formula, density } => {
+            named(&key("formula"), formula)?;
+            positive(&key("density"), *density, Density)
+        }
+        MaterialSpec::Constants { mu, delta } => {
+            not_negative(&key("mu"), *mu, Attenuation)?;
+            // Beyond this the expansion in delta is no longer that of X-rays.
+            plain(&key("delta"), *delta, delta.abs() < 0.1, "a number between -0.1 and 0.1")
+        }
+        MaterialSpec::Table { path } if path.as_os_str().is_empty() => {
+            Err(Error::scene(key("table"), "\"\"", "path of a file"))
+        }
+        MaterialSpec::Table { .. } => Ok(()),
+    }
+}
+
+fn validate_shape(key: &str, shape: &Shape) -> Result<()> {
+    let check = |kind: &str, lengths: &[(&str, f64)], sides: Option<(u32, u32, u32)>| {
+        for (name, length) in lengths {
+            positive(&format!("{key}.{kind}.{name}"), *length, Length)?;
+        }
+        match sides {
+            Some((sides, least, most)) => count(&format!("{key}.{kind}.sides"), sides, least, most),
+            None => Ok(()),
+        }
+    };
+    match *shape {
+        Shape::Box { size } => check("box", &size.map(|edge| ("size", edge)), None),
+        Shape::Cylinder { radius, height, sides } => {
+            let lengths = [("radius", radius), ("height", height)];
+            check("cylinder", &lengths, Some((sides, 3, limits::SIDES)))
+        }
+        Shape::Prism { radius, height, sides } => {
+            let lengths = [("radius", radius), ("height", height)];
+            check("prism", &lengths, Some((sides, 3, limits::SIDES)))
+        }
+        Shape::Sphere { radius, sides } => {
+            check("sphere", &[("radius", radius)], Some((sides, 4, limits::SPHERE_SIDES)))
+        }
+    }
+}
+
+fn positive(key: &str, value: f64, dimension: Dimension) -> Result<()> {
+    if value.is_finite() && value > 0.0 {
+        return Ok(());
+    }
+    Err(Error::scene(key, dimension.format(value), "a value > 0"))
+}
+
+fn not_negative(key: &str, value: f64, dimension: Dimension) -> Result<()> {
+    if value.is_finite() && value >= 0.0 {
+        return Ok(());
+    }
+    Err(Error::scene(key, dimension.format(value), "a value >= 0"))
+}
+
+fn finite(key: &str, value: f64, dimension: Dimension) -> Result<()> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    Err(Error::scene(key, dimension.format(value), "a finite value"))
+}
+
+fn plain(key: &str, value: f64, fulfilled: bool, allowed: &str) -> Result<()> {
+    if value.is_finite() && fulfilled {
+        return Ok(());
+    }
+    Err(Error::scene(key, format!("{value:?}"), allowed))
+}
+
+fn count(key: &str, value: u32, least: u32, most: u32) -> Result<()> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::scene(key, value.to_string(), format!("a whole number from {least} to {most}")))
+}
+
+fn named(key: &str, name: &str) -> Result<()> {
+    if !name.trim().is_empty() {
+        return Ok(());
+    }
+    Err(Error::scene(key, format!("{name:?}"), "a name"))
+}
+
+fn ordered(key: &str, value: f64, fulfilled: bool, allowed: String) -> Result<()> {
+    if fulfilled {
+        return Ok(());
+    }
+    Err(Error::scene(key, Length.format(value), allowed))
+}
+
+fn series(key: &str, values: &[f64], dimension: Dimension, most: u32) -> Result<()> {
+    if values.is_empty() || values.len() > most as usize {
+        let found = format!("{} of them", values.len());
+        return Err(Error::scene(key, found, format!("1 to {most} of them")));
+    }
+    values.iter().try_for_each(|value| finite(key, *value, dimension))
+}

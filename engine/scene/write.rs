@@ -1,0 +1,286 @@
+//! The resolved scene as TOML.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use super::read::{angle_range, offset_range};
+use super::{
+    MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape, ShapeOrMesh, Transport,
+    path,
+};
+use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
+use crate::{Error, Result};
+
+/// A TOML text that grows line by line.
+struct Text(String);
+
+impl Text {
+    fn table(&mut self, header: &str) {
+        let _ = writeln!(self.0, "\n{header}");
+    }
+
+    fn comment(&mut self, text: &str) {
+        // A comment ends with its line, and TOML allows no control characters in it.
+        let line: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        let _ = writeln!(self.0, "# {line}");
+    }
+
+    /// A key with a value that is TOML already.
+    fn raw(&mut self, key: &str, value: impl std::fmt::Display) {
+        let _ = writeln!(self.0, "{key} = {value}");
+    }
+
+    fn text(&mut self, key: &str, value: &str) {
+        self.raw(key, quoted(value));
+    }
+
+    fn quantity(&mut self, key: &str, value: f64, dimension: Dimension) {
+        self.raw(key, quantity(value, dimension));
+    }
+}
+
+pub(super) fn to_toml(
+    scene: &Scene,
+    directory: &Path,
+    hashes: &BTreeMap<String, String>,
+    sets: &[String],
+) -> Result<String> {
+    let mut out = Text(String::new());
+    out.comment(concat!("Resolved scene, beamlet ", env!("CARGO_PKG_VERSION")));
+    sets.iter().for_each(|set| out.comment(&format!("--set {set}")));
+
+    out.table("[source]");
+    out.quantity("distance", scene.source.distance, Length);
+    out.raw("spot", list(&scene.source.spot, Length));
+    out.quantity("energy", scene.source.energy, Energy);
+
+    out.table("[detector]");
+    out.quantity("distance", scene.detector.distance, Length);
+    out.raw("pixels", format!("{:?}", scene.detector.pixels));
+    out.raw("pitch", list(&scene.detector.pitch, Length));
+
+    let masks = [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)];
+    for (key, mask) in masks {
+        if let Some(mask) = mask {
+            out.table(&format!("[{key}]"));
+            write_mask(&mut out, mask);
+        }
+    }
+
+    write_sampling(&mut out, scene);
+
+    out.table("[scan]");
+    let offsets = &scene.scan.mask_offsets;
+    let last = offsets.last().copied().unwrap_or(0.0);
+    out.raw("mask_offsets", series(offsets, &[last], Length, offset_range));
+    out.raw("angles", series(&scene.scan.angles, &ends(&scene.scan.angles), Angle, angle_range));
+
+    for (name, spec) in &scene.materials {
+        let key = if path::is_bare(name) { name.clone() } else { quoted(name) };
+        out.table(&format!("[materials.{key}]"));
+        write_material(&mut out, spec, scene, directory)?;
+    }
+    out.table("[surroundings]");
+    out.text("material", &scene.surroundings);
+
+    for object in &scene.objects {
+        out.table("[[object]]");
+        let hash = hashes.get(&object.name).or(object.sha256.as_ref());
+        write_object(&mut out, object, hash, scene, directory)?;
+    }
+    Ok(out.0)
+}
+
+fn write_mask(out: &mut Text, mask: &MaskSpec) {
+    out.quantity("distance", mask.distance, Length);
+    match &mask.body {
+        MaskBody::Bars { material, thickness } => {
+            out.text("material", material);
+            out.quantity("thickness", *thickness, Length);
+        }
+        MaskBody::Sheet { transmission } => out.raw("transmission", number(*transmission)),
+    }
+    out.quantity("aperture", mask.aperture, Length);
+    out.quantity("period", mask.period, Length);
+    out.quantity("offset", mask.offset, Length);
+}
+
+fn write_sampling(out: &mut Text, scene: &Scene) {
+    let sampling = &scene.sampling;
+    out.table("[sampling]");
+    let scheme = match sampling.scheme {
+        Scheme::Cells => "cells",
+        Scheme::Random => "random",
+    };
+    let transport = match sampling.transport {
+        Transport::Auto => "auto",
+        Transport::FirstOrder => "first-order",
+        Transport::Exact => "exact",
+    };
+    out.text("scheme", scheme);
+    match sampling.cells {
+        Some(cells) => out.raw("cells", cells),
+        None => out.comment("cells: from the geometry"),
+    }
+    out.raw("rows", sampling.rows);
+    out.quantity("tolerance", sampling.tolerance, Length);
+    out.raw("rays", format!("{:?}", sampling.rays));
+    out.text("transport", transport);
+    out.raw("seed", sampling.seed);
+}
+
+fn write_material(
+    out: &mut Text,
+    spec: &MaterialSpec,
+    scene: &Scene,
+    directory: &Path,
+) -> Result<()> {
+    match spec {
+        MaterialSpec::Formula { formula, density } => {
+            out.text("formula", formula);
+            out.quantity("density", *density, Density);
+        }
+        MaterialSpec::Constants { mu, delta } => {
+            out.quantity("mu", *mu, Attenuation);
+            out.raw("delta", number(*delta));
+        }
+        MaterialSpec::Table { path } => {
+            out.text("table", &file(path, scene, directory)?);
+        }
+    }
+    Ok(())
+}
+
+fn write_object(
+    out: &mut Text,
+    object: &Object,
+    hash: Option<&String>,
+    scene: &Scene,
+    directory: &Path,
+) -> Result<()> {
+    out.text("name", &object.name);
+    match &object.geometry {
+        ShapeOrMesh::Shape(shape) => out.raw("shape", shape_table(shape)),
+        ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
+            out.text("mesh", &file(path, scene, directory)?);
+            let text = Length.format(*unit);
+            out.text("unit", text.strip_prefix("1 ").unwrap_or(&text));
+            if let Some(hash) = hash {
+                out.text("sha256", hash);
+            }
+        }
+        ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }) => {
+            let (vertices, triangles) = (vertices.len(), triangles.len());
+            out.comment(&format!(
+                "mesh given as arrays: {vertices} vertices, {triangles} triangles"
+            ));
+            if let Some(hash) = hash {
+                out.comment(&format!("sha256 {hash}"));
+            }
+        }
+    }
+    out.text("material", &object.material);
+    let placement = &object.placement;
+    out.raw("center", placement.center);
+    out.raw("scale", number(placement.scale));
+    let turn = |(axis, angle): &([f64; 3], f64)| {
+        let axis = axis.map(number).join(", ");
+        format!("{{ axis = [{axis}], angle = {} }}", quantity(*angle, Angle))
+    };
+    let turns: Vec<_> = placement.rotate.iter().map(turn).collect();
+    out.raw("rotate", format!("[{}]", turns.join(", ")));
+    out.raw("position", list(&placement.position, Length));
+    Ok(())
+}
+
+fn shape_table(shape: &Shape) -> String {
+    let length = |value: f64| quantity(value, Length);
+    let round = |kind: &str, radius: f64, height: f64, sides: u32| {
+        let (radius, height) = (length(radius), length(height));
+        format!("{{ {kind} = {{ radius = {radius}, height = {height}, sides = {sides} }} }}")
+    };
+    match *shape {
+        Shape::Box { size } => format!("{{ box = {{ size = {} }} }}", list(&size, Length)),
+        Shape::Cylinder { radius, height, sides } => round("cylinder", radius, height, sides),
+        Shape::Prism { radius, height, sides } => round("prism", radius, height, sides),
+        Shape::Sphere { radius, sides } => {
+            format!("{{ sphere = {{ radius = {}, sides = {sides} }} }}", length(radius))
+        }
+    }
+}
+
+/// A path as it has to stand in a file in `directory`.
+fn file(path: &Path, scene: &Scene, directory: &Path) -> Result<String> {
+    let unicode = |path: &Path| {
+        let problem = "the path has to be Unicode to be written into a scene";
+        path.to_str().map(str::to_owned).ok_or_else(|| Error::output(path, problem, None))
+    };
+    if directory == scene.directory {
+        return unicode(path);
+    }
+    let path = scene.resolve(path);
+    let absolute = std::path::absolute(&path)
+        .map_err(|source| Error::output(&path, "cannot make the path absolute", Some(source)))?;
+    unicode(&absolute)
+}
+
+fn quantity(value: f64, dimension: Dimension) -> String {
+    quoted(&dimension.format(value))
+}
+
+fn list(values: &[f64], dimension: Dimension) -> String {
+    let texts: Vec<_> = values.iter().map(|value| quantity(*value, dimension)).collect();
+    format!("[{}]", texts.join(", "))
+}
+
+/// Shortest text that reads back to the same number.
+fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// A range where one reads back to the same bits, or else the list.
+fn series(
+    values: &[f64],
+    ends: &[f64],
+    dimension: Dimension,
+    spread: fn(f64, f64, u32) -> Vec<f64>,
+) -> String {
+    let count = u32::try_from(values.len()).unwrap_or(0);
+    let from = values.first().copied().unwrap_or(0.0);
+    let same = |end: &&f64| {
+        let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        count > 2 && bits(&spread(from, **end, count)) == bits(values)
+    };
+    match ends.iter().find(same) {
+        Some(end) => {
+            let (from, to) = (quantity(from, dimension), quantity(*end, dimension));
+            format!("{{ from = {from}, to = {to}, count = {count} }}")
+        }
+        None => list(values, dimension),
+    }
+}
+
+/// Candidates for the excluded end of a range of angles: as computed, and its round degrees.
+fn ends(angles: &[f64]) -> Vec<f64> {
+    let [first, second, ..] = angles else { return Vec::new() };
+    let end = first + (second - first) * angles.len() as f64;
+    let degrees = (end.to_degrees() * 1e6).round() / 1e6;
+    vec![degrees.to_radians(), end]
+}
+
+/// A TOML basic string.
+fn quoted(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => {
+                let _ = write!(out, "\\u{:04X}", u32::from(c));
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}

@@ -1,0 +1,81 @@
+//! Stacks in memory, for callers that go on computing with them.
+
+use super::{Extent, RunStart, Sink, Stacks, View};
+use crate::scene::Scene;
+use crate::{Error, Result, RunRecord};
+use ndarray::{Array3, Array4, ArrayView3, Axis, s};
+use std::ops::Range;
+
+/// Collects a run into `ndarray` arrays. All views are held at once.
+#[derive(Debug, Default)]
+pub struct ArraySink {
+    flat: Array3<f32>,
+    sample: Array4<f32>,
+    record: Option<RunRecord>,
+}
+
+impl ArraySink {
+    /// An empty sink; the arrays are made when the run begins.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The stacks of the finished run; `None` before it has finished.
+    #[must_use]
+    pub fn into_stacks(self) -> Option<Stacks> {
+        let Self { flat, sample, record } = self;
+        record.map(|record| Stacks { flat, sample, record })
+    }
+}
+
+impl Sink for ArraySink {
+    fn begin(&mut self, scene: &Scene, _start: &RunStart) -> Result<()> {
+        let extent = Extent::of(scene)?;
+        let [views, steps, rows, columns] =
+            [extent.views, extent.steps, extent.rows, extent.columns].map(|n| n as usize);
+        let zeros = |len: usize| {
+            let mut values = Vec::new();
+            values.try_reserve_exact(len).map_err(|_| Error::Memory {
+                purpose: "holding the stacks in arrays".into(),
+                needed: extent.total_bytes(),
+                available: None,
+                remedy: "write them to a run directory instead, or simulate fewer views".into(),
+            })?;
+            values.resize(len, 0.0_f32);
+            Ok(values)
+        };
+        let frames = steps * rows * columns;
+        self.record = None;
+        self.flat = shaped(Array3::from_shape_vec((steps, rows, columns), zeros(frames)?));
+        self.sample = shaped(Array4::from_shape_vec(
+            (views, steps, rows, columns),
+            zeros(frames.saturating_mul(views))?,
+        ));
+        Ok(())
+    }
+
+    fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
+        let rows = rows.start as usize..rows.end as usize;
+        let mut stack = match view {
+            View::Flat => self.flat.view_mut(),
+            View::Sample(index) => self.sample.index_axis_mut(Axis(0), index as usize),
+        };
+        stack.slice_mut(s![.., rows, ..]).assign(&data);
+        Ok(())
+    }
+
+    fn commit(&mut self, _view: View) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(&mut self, record: &RunRecord) -> Result<()> {
+        self.record = Some(record.clone());
+        Ok(())
+    }
+}
+
+/// The array of a vector that was made for its shape.
+fn shaped<A>(array: std::result::Result<A, ndarray::ShapeError>) -> A {
+    array.unwrap_or_else(|error| unreachable!("the vector was made for this shape: {error}"))
+}

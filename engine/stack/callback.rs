@@ -1,0 +1,58 @@
+//! Bands handed to a closure, for callers that consume frames as they come.
+
+use super::{RunStart, Sink, View};
+use crate::scene::Scene;
+use crate::{Result, RunRecord};
+use ndarray::ArrayView3;
+use std::fmt;
+use std::ops::Range;
+
+/// Calls `on_band(view, rows, data)` for every band, `data` being `[step][row][column]`.
+pub struct CallbackSink<F> {
+    on_band: F,
+    record: Option<RunRecord>,
+}
+
+impl<F> CallbackSink<F>
+where
+    F: FnMut(View, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
+{
+    /// A sink that hands every band to `on_band`; an error from it ends the run.
+    pub fn new(on_band: F) -> Self {
+        Self { on_band, record: None }
+    }
+
+    /// Record of the finished run; `None` before it has finished.
+    pub fn record(&self) -> Option<&RunRecord> {
+        self.record.as_ref()
+    }
+}
+
+impl<F> fmt::Debug for CallbackSink<F> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("CallbackSink").field("record", &self.record).finish_non_exhaustive()
+    }
+}
+
+impl<F> Sink for CallbackSink<F>
+where
+    F: FnMut(View, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
+{
+    fn begin(&mut self, _scene: &Scene, _start: &RunStart) -> Result<()> {
+        self.record = None;
+        Ok(())
+    }
+
+    fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
+        (self.on_band)(view, rows, data)
+    }
+
+    fn commit(&mut self, _view: View) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(&mut self, record: &RunRecord) -> Result<()> {
+        self.record = Some(record.clone());
+        Ok(())
+    }
+}

@@ -1,0 +1,271 @@
+//! EXR: one 32-bit float file per frame, for every image viewer.
+//!
+//! A view is built in `partial/` and renamed into place, so that a directory of frames is whole
+//! or not there. A view that comes in one band is converted as it comes; one in several bands is
+//! spooled to a raw file first, because an EXR file is written once from top to bottom.
+
+use super::npy::{hex, le_bytes};
+use super::{Extent, View};
+use crate::scene::Scene;
+use crate::{Error, Result};
+use exr::prelude::*;
+use ndarray::ArrayView3;
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+use std::fs::{self, File};
+use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Frames of a view in the making, and the spool.
+pub(super) const PARTIAL: &str = "partial";
+
+/// The frames of a run directory as EXR files.
+#[derive(Debug)]
+pub(super) struct ExrFrames {
+    root: PathBuf,
+    extent: Extent,
+    about: About,
+    /// Raw values `[step][row][column]` of the view in work, when it comes in several bands.
+    spool: Option<File>,
+    /// Checksum of the view in work once its frames stand in `partial/`.
+    converted: Option<String>,
+}
+
+impl ExrFrames {
+    pub(super) fn begin(root: &Path, extent: Extent, scene: &Scene) -> Self {
+        let about = About::of(scene);
+        Self { root: root.to_path_buf(), extent, about, spool: None, converted: None }
+    }
+
+    pub(super) fn write(
+        &mut self,
+        view: View,
+        rows: &Range<u32>,
+        data: ArrayView3<'_, f32>,
+    ) -> Result<()> {
+        if rows.len() == self.extent.rows as usize {
+            let mut hasher = Sha256::new();
+            self.make_partial()?;
+            for (step, frame) in (0_u32..).zip(data.outer_iter()) {
+                let values: Vec<f32> = frame.iter().copied().collect();
+                hasher.update(le_bytes(values.iter().copied()));
+                self.write_frame(view, step, values)?;
+            }
+            self.converted = Some(hex(&hasher.finalize()));
+            return Ok(());
+        }
+        let path = self.spool_path();
+        if self.spool.is_none() {
+            self.make_partial()?;
+            let mut options = File::options();
+            let file = options.create(true).truncate(true).read(true).write(true).open(&path);
+            self.spool = Some(file.map_err(failed(&path, "cannot be created"))?);
+        }
+        let row_bytes = 4 * u64::from(self.extent.columns);
+        for (step, frame) in (0_u64..).zip(data.outer_iter()) {
+            let offset = step * self.extent.frame_bytes() + u64::from(rows.start) * row_bytes;
+            let bytes = le_bytes(frame.iter().copied());
+            if let Some(file) = &mut self.spool {
+                file.seek(SeekFrom::Start(offset))
+                    .and_then(|_| file.write_all(&bytes))
+                    .map_err(failed(&path, "cannot be written"))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the frames of the view in place and syncs them; their checksum.
+    pub(super) fn commit(&mut self, view: View) -> Result<String> {
+        if let Some(spool) = self.spool.take() {
+            self.converted = Some(self.convert(view, spool)?);
+        }
+        let checksum = self.converted.take().unwrap_or_default();
+        let partial = self.root.join(PARTIAL);
+        let frames: Vec<PathBuf> =
+            (0..self.extent.steps).map(|step| partial.join(self.step_name(step))).collect();
+        // Journalling file systems settle syncs that wait at the same time together.
+        frames.par_iter().try_for_each(|path| {
+            File::open(path).and_then(|file| file.sync_all()).map_err(failed(path, "cannot sync"))
+        })?;
+        self.put_in_place(view, &partial)?;
+        Ok(checksum)
+    }
+
+    /// Spooled values to frames, one frame in memory at a time.
+    fn convert(&self, view: View, mut spool: File) -> Result<String> {
+        let path = self.spool_path();
+        let unread = failed(&path, "cannot be read");
+        let mut hasher = Sha256::new();
+        spool.seek(SeekFrom::Start(0)).map_err(&unread)?;
+        let frame_bytes = self.extent.rows as usize * self.extent.columns as usize * 4;
+        let mut bytes = vec![0_u8; frame_bytes];
+        for step in 0..self.extent.steps {
+            spool.read_exact(&mut bytes).map_err(&unread)?;
+            hasher.update(&bytes);
+            let values =
+                bytes.as_chunks().0.iter().map(|&value| f32::from_le_bytes(value)).collect();
+            self.write_frame(view, step, values)?;
+        }
+        drop(spool);
+        fs::remove_file(&path).map_err(failed(&path, "cannot be removed"))?;
+        Ok(hex(&hasher.finalize()))
+    }
+
+    fn write_frame(&self, view: View, step: u32, values: Vec<f32>) -> Result<()> {
+        let path = self.root.join(PARTIAL).join(self.step_name(step));
+        let size = (self.extent.columns as usize, self.extent.rows as usize);
+        let mut attributes = LayerAttributes::default();
+        attributes.software_name = Some(Text::from(concat!("beamlet ", env!("CARGO_PKG_VERSION"))));
+        // One attribute, not many: the crate writes custom ones in the random order of a hash
+        // map, and the same frame is to be the same bytes.
+        let about = Text::new_or_none(self.about.of_frame(view, step)).unwrap_or_default();
+        attributes.other.insert(Text::from("beamlet"), AttributeValue::Text(about));
+        let channel = AnyChannel::new("Y", FlatSamples::F32(values));
+        let layer = Layer::new(
+            size,
+            attributes,
+            ENCODING,
+            AnyChannels::sort([channel].into_iter().collect()),
+        );
+        let written = File::create(&path)
+            .map_err(exr::error::Error::Io)
+            .and_then(|file| Image::from_layer(layer).write().to_buffered(BufWriter::new(file)));
+        written.map_err(|error| match error {
+            exr::error::Error::Io(source) => {
+                Error::output(&path, "cannot be written", Some(source))
+            }
+            other => Error::output(&path, format!("cannot be written: {other}"), None),
+        })
+    }
+
+    /// Renames the frames to where they belong.
+    fn put_in_place(&self, view: View, partial: &Path) -> Result<()> {
+        let target = self.root.join(view_directory(self.extent, view));
+        let parent = target.parent().unwrap_or(&self.root).to_path_buf();
+        fs::create_dir_all(&parent).map_err(failed(&parent, "cannot be created"))?;
+        if target.exists() {
+            // A directory that also holds files of others: they stay.
+            for step in 0..self.extent.steps {
+                let name = self.step_name(step);
+                fs::rename(partial.join(&name), target.join(&name))
+                    .map_err(failed(&target, "frames cannot be moved there"))?;
+            }
+        } else {
+            fs::rename(partial, &target).map_err(failed(&target, "cannot be renamed to"))?;
+        }
+        super::run_directory::sync_directory(&target)?;
+        super::run_directory::sync_directory(&parent)
+    }
+
+    fn make_partial(&self) -> Result<()> {
+        let path = self.root.join(PARTIAL);
+        fs::create_dir_all(&path).map_err(failed(&path, "cannot be created"))
+    }
+
+    fn spool_path(&self) -> PathBuf {
+        self.root.join(PARTIAL).join("spool.f32")
+    }
+
+    fn step_name(&self, step: u32) -> String {
+        step_file(self.extent, step)
+    }
+}
+
+/// Neither zip nor anything else earns its time: noise-free f32 hardly shrink.
+const ENCODING: Encoding = Encoding {
+    compression: Compression::Uncompressed,
+    blocks: Blocks::ScanLines,
+    line_order: LineOrder::Increasing,
+};
+
+/// Directory of a view's frames, relative to the run directory.
+pub(super) fn view_directory(extent: Extent, view: View) -> PathBuf {
+    match view {
+        View::Flat => "flat".into(),
+        View::Sample(index) => {
+            let width = digits(extent.views).max(4);
+            Path::new("sample").join(format!("view_{index:0width$}"))
+        }
+    }
+}
+
+/// File name of a step's frame.
+pub(super) fn step_file(extent: Extent, step: u32) -> String {
+    let width = digits(extent.steps).max(3);
+    format!("step_{step:0width$}.exr")
+}
+
+/// Digits of the largest index below `count`.
+fn digits(count: u32) -> usize {
+    count.saturating_sub(1).checked_ilog10().map_or(1, |log| log as usize + 1)
+}
+
+/// SHA-256 of a view as it stands in its frames under `root`.
+pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String> {
+    let directory = root.join(view_directory(extent, view));
+    let mut hasher = Sha256::new();
+    for step in 0..extent.steps {
+        let path = directory.join(step_file(extent, step));
+        let image = read_first_flat_layer_from_file(&path)
+            .map_err(|error| Error::output(&path, format!("cannot be read: {error}"), None))?;
+        match image.layer_data.channel_data.list.first().map(|channel| &channel.sample_data) {
+            Some(FlatSamples::F32(values)) => hasher.update(le_bytes(values.iter().copied())),
+            _ => return Err(Error::output(&path, "has no 32-bit float channel", None)),
+        }
+    }
+    Ok(hex(&hasher.finalize()))
+}
+
+fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Error + 'a {
+    move |error| Error::output(path, problem, Some(error))
+}
+
+/// What the header of a frame tells, as JSON in the attribute `beamlet`.
+#[derive(Debug)]
+struct About {
+    /// What all frames share.
+    shared: serde_json::Map<String, serde_json::Value>,
+    mask_offsets: Vec<f64>,
+    angles: Vec<f64>,
+}
+
+impl About {
+    fn of(scene: &Scene) -> Self {
+        let mask = |mask: &Option<crate::scene::MaskSpec>| match mask {
+            Some(mask) => serde_json::json!({
+                "distance": mask.distance, "period": mask.period,
+                "aperture": mask.aperture, "offset": mask.offset,
+            }),
+            None => serde_json::Value::Null,
+        };
+        let shared = [
+            ("units", "m, rad, keV".into()),
+            ("intensity", "1 = pixel without masks and sample".into()),
+            ("row_0", "top (largest z); columns run along +x".into()),
+            ("energy", scene.source.energy.into()),
+            ("source_distance", scene.source.distance.into()),
+            ("spot", scene.source.spot.to_vec().into()),
+            ("detector_distance", scene.detector.distance.into()),
+            ("pitch", scene.detector.pitch.to_vec().into()),
+            ("sample_mask", mask(&scene.sample_mask)),
+            ("detector_mask", mask(&scene.detector_mask)),
+        ];
+        Self {
+            shared: shared.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
+            mask_offsets: scene.scan.mask_offsets.clone(),
+            angles: scene.scan.angles.clone(),
+        }
+    }
+
+    fn of_frame(&self, view: View, step: u32) -> String {
+        let mut about = self.shared.clone();
+        about.insert("mask_step".into(), step.into());
+        about.insert("mask_offset".into(), self.mask_offsets.get(step as usize).copied().into());
+        if let View::Sample(index) = view {
+            about.insert("view".into(), index.into());
+            about.insert("angle".into(), self.angles.get(index as usize).copied().into());
+        }
+        serde_json::Value::Object(about).to_string()
+    }
+}

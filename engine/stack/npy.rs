@@ -1,0 +1,176 @@
+//! NPY: one file per stack, preallocated, views written at their offsets.
+//!
+//! Version 1.0 of the format with the header padded to 64 bytes, f32 little endian, C order:
+//! numpy, and everything that memory-maps, reads it as it is. Until a run is done the views
+//! that are not committed read as zero or as a part; progress.log tells which count.
+
+use super::{Extent, View};
+use crate::{Error, Result};
+use ndarray::ArrayView3;
+use sha2::{Digest, Sha256};
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// File of the flat, (S, R, C).
+pub(super) const FLAT: &str = "flat.npy";
+/// File of the sample stacks, (V, S, R, C).
+pub(super) const SAMPLE: &str = "sample.npy";
+
+/// Bytes hashed at a time.
+const BLOCK: usize = 1 << 20;
+
+/// flat.npy and sample.npy of a run directory.
+#[derive(Debug)]
+pub(super) struct NpyFrames {
+    root: PathBuf,
+    extent: Extent,
+    flat: Array,
+    sample: Array,
+}
+
+#[derive(Debug)]
+struct Array {
+    file: File,
+    path: PathBuf,
+    /// Bytes before the first value.
+    header: u64,
+}
+
+impl NpyFrames {
+    /// Creates the files, or opens those of a run that is resumed.
+    pub(super) fn begin(root: &Path, extent: Extent) -> Result<Self> {
+        let flat_bytes = extent.view_bytes();
+        let sample_bytes = flat_bytes * u64::from(extent.views);
+        let [flat, sample] = headers(extent);
+        Ok(Self {
+            root: root.to_path_buf(),
+            extent,
+            flat: Array::open(root.join(FLAT), &flat, flat_bytes)?,
+            sample: Array::open(root.join(SAMPLE), &sample, sample_bytes)?,
+        })
+    }
+
+    pub(super) fn write(
+        &mut self,
+        view: View,
+        rows: &Range<u32>,
+        data: ArrayView3<'_, f32>,
+    ) -> Result<()> {
+        let row_bytes = 4 * u64::from(self.extent.columns);
+        let frame_bytes = self.extent.frame_bytes();
+        let (array, start) = self.locate(view);
+        let mut offset = start + row_bytes * u64::from(rows.start);
+        for frame in data.outer_iter() {
+            let bytes = le_bytes(frame.iter().copied());
+            array
+                .file
+                .seek(SeekFrom::Start(offset))
+                .and_then(|_| array.file.write_all(&bytes))
+                .map_err(|error| Error::output(&array.path, "cannot be written", Some(error)))?;
+            offset += frame_bytes;
+        }
+        Ok(())
+    }
+
+    /// Syncs the view; its checksum.
+    pub(super) fn commit(&mut self, view: View) -> Result<String> {
+        let (array, _) = self.locate(view);
+        let synced = array.file.sync_data();
+        synced.map_err(|error| Error::output(&array.path, "cannot be synced", Some(error)))?;
+        checksum(&self.root, self.extent, view)
+    }
+
+    /// The file of a view and the offset of its first value.
+    fn locate(&mut self, view: View) -> (&mut Array, u64) {
+        match view {
+            View::Flat => {
+                let start = self.flat.header;
+                (&mut self.flat, start)
+            }
+            View::Sample(index) => {
+                let start = self.sample.header + self.extent.view_bytes() * u64::from(index);
+                (&mut self.sample, start)
+            }
+        }
+    }
+}
+
+impl Array {
+    fn open(path: PathBuf, header: &[u8], value_bytes: u64) -> Result<Self> {
+        let len = header.len() as u64 + value_bytes;
+        let create = || {
+            let mut options = OpenOptions::new();
+            let mut file = options.create(true).truncate(false).write(true).open(&path)?;
+            if file.metadata()?.len() != len {
+                file.set_len(0)?;
+                file.set_len(len)?;
+            }
+            file.write_all(header)?;
+            Ok(file)
+        };
+        let file =
+            create().map_err(|error| Error::output(&path, "cannot be created", Some(error)))?;
+        Ok(Self { file, path, header: header.len() as u64 })
+    }
+}
+
+/// SHA-256 of a view as it stands in the files under `root`.
+pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String> {
+    let [flat, sample] = headers(extent);
+    let (name, header, start) = match view {
+        View::Flat => (FLAT, flat, 0),
+        View::Sample(index) => (SAMPLE, sample, extent.view_bytes() * u64::from(index)),
+    };
+    let path = root.join(name);
+    let read = || {
+        let mut file = File::open(&path)?;
+        let mut hasher = Sha256::new();
+        let mut block = vec![0_u8; BLOCK];
+        let mut left = extent.view_bytes();
+        file.seek(SeekFrom::Start(header.len() as u64 + start))?;
+        while left > 0 {
+            let len = usize::try_from(left).map_or(BLOCK, |left| left.min(BLOCK));
+            file.read_exact(&mut block[..len])?;
+            hasher.update(&block[..len]);
+            left -= len as u64;
+        }
+        Ok(hex(&hasher.finalize()))
+    };
+    read().map_err(|error| Error::output(&path, "cannot be read", Some(error)))
+}
+
+/// Headers of flat.npy and sample.npy.
+fn headers(extent: Extent) -> [Vec<u8>; 2] {
+    let Extent { views, steps, rows, columns } = extent;
+    let flat = format!("{steps}, {rows}, {columns}");
+    [header(&flat), header(&format!("{views}, {flat}"))]
+}
+
+/// Header of version 1.0: magic, version, length, a Python dict padded with spaces so that the
+/// values start at a multiple of 64 bytes. `shape` has commas between its numbers, at least two.
+fn header(shape: &str) -> Vec<u8> {
+    const BEFORE_DICT: usize = 10;
+    let mut dict = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}");
+    let end = (BEFORE_DICT + dict.len() + 1).next_multiple_of(64);
+    dict.push_str(&" ".repeat(end - BEFORE_DICT - dict.len() - 1));
+    dict.push('\n');
+    // At most four numbers of ten digits each: the dict never comes near 64 KiB.
+    let len = u16::try_from(dict.len()).unwrap_or(u16::MAX);
+    [b"\x93NUMPY\x01\x00".as_slice(), &len.to_le_bytes(), dict.as_bytes()].concat()
+}
+
+/// Values as little-endian bytes.
+pub(super) fn le_bytes(values: impl Iterator<Item = f32>) -> Vec<u8> {
+    values.flat_map(f32::to_le_bytes).collect()
+}
+
+/// Lower-case hexadecimal.
+pub(super) fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write;
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}

@@ -1,0 +1,158 @@
+//! progress.log: what of a run is on disk for certain.
+//!
+//! Append-only text, one line per committed view, synced after each. A view counts when its
+//! line is there and its frames still have the checksum of that line; a line cut short by a
+//! crash does not count. The checksum is the SHA-256 of the view's f32 values, little endian,
+//! `[step][row][column]`: the same for every file format, and in Python
+//! `hashlib.sha256(sample[v].tobytes()).hexdigest()`.
+
+use super::View;
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+use std::fs::{File, OpenOptions};
+use std::io::{Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+/// A committed view as the log knows it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Entry {
+    /// Bytes of its values.
+    pub(super) bytes: u64,
+    /// SHA-256 of its values, hexadecimal.
+    pub(super) sha256: String,
+}
+
+/// The open log. It is locked while it is open: one writer per run directory.
+#[derive(Debug)]
+pub(super) struct ProgressLog {
+    file: File,
+    path: PathBuf,
+}
+
+impl ProgressLog {
+    /// Opens the log for appending, without what a crash left of a last line.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let fail = |what: &str, error| Error::output(path, what, Some(error));
+        let mut file = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .read(true)
+            .write(true)
+            .open(path)
+            .map_err(|error| fail("cannot be opened", error))?;
+        if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
+            return Err(Error::output(path, "another beamlet is writing this run", None));
+        }
+        let mut text = Vec::new();
+        file.read_to_end(&mut text).map_err(|error| fail("cannot be read", error))?;
+        let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at as u64 + 1);
+        if whole < text.len() as u64 {
+            file.set_len(whole).map_err(|error| fail("cannot be mended", error))?;
+        }
+        file.seek(SeekFrom::Start(whole)).map_err(|error| fail("cannot be opened", error))?;
+        Ok(Self { file, path: path.to_path_buf() })
+    }
+
+    /// Appends a line and syncs it.
+    pub(super) fn append(&mut self, view: View, entry: &Entry) -> Result<()> {
+        let line = format!("{} {} sha256:{}\n", name(view), entry.bytes, entry.sha256);
+        self.file
+            .write_all(line.as_bytes())
+            .and_then(|()| self.file.sync_data())
+            .map_err(|error| Error::output(&self.path, "cannot be written", Some(error)))
+    }
+}
+
+/// Reads a log; the last line of a view counts. A missing log is an empty one.
+pub(super) fn read(path: &Path) -> Result<BTreeMap<View, Entry>> {
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(BTreeMap::new()),
+        Err(error) => return Err(Error::output(path, "cannot be read", Some(error))),
+    };
+    let mut entries = BTreeMap::new();
+    for (index, line) in text.split_inclusive('\n').enumerate() {
+        let Some(line) = line.strip_suffix('\n') else { break };
+        let (view, entry) = parse(line).ok_or_else(|| {
+            let problem =
+                format!("line {} is not \"view bytes sha256:checksum\": found {line:?}", index + 1);
+            Error::output(path, problem, None)
+        })?;
+        entries.insert(view, entry);
+    }
+    Ok(entries)
+}
+
+fn parse(line: &str) -> Option<(View, Entry)> {
+    let mut words = line.split(' ');
+    let view = match words.next()? {
+        "flat" => View::Flat,
+        word => View::Sample(word.strip_prefix("sample/")?.parse().ok()?),
+    };
+    let bytes = words.next()?.parse().ok()?;
+    let sha256 = words.next()?.strip_prefix("sha256:")?.to_owned();
+    let whole = sha256.len() == 64 && words.next().is_none();
+    whole.then_some((view, Entry { bytes, sha256 }))
+}
+
+/// The view's name in the log.
+fn name(view: View) -> String {
+    match view {
+        View::Flat => "flat".into(),
+        View::Sample(index) => format!("sample/{index}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(digit: char) -> Entry {
+        Entry { bytes: 44, sha256: digit.to_string().repeat(64) }
+    }
+
+    #[test]
+    fn what_is_appended_is_read_back_and_the_last_line_of_a_view_counts() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("progress.log");
+        let mut log = ProgressLog::open(&path).unwrap();
+        log.append(View::Flat, &entry('a')).unwrap();
+        log.append(View::Sample(12345), &entry('b')).unwrap();
+        log.append(View::Flat, &entry('c')).unwrap();
+        let read = read(&path).unwrap();
+        assert_eq!(read.len(), 2);
+        assert_eq!(read[&View::Flat], entry('c'));
+        assert_eq!(read[&View::Sample(12345)], entry('b'));
+    }
+
+    #[test]
+    fn a_line_cut_short_does_not_count_and_is_not_appended_to() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("progress.log");
+        ProgressLog::open(&path).unwrap().append(View::Flat, &entry('a')).unwrap();
+        let mut text = std::fs::read_to_string(&path).unwrap();
+        text.push_str("sample/0 44 sha256:bbbb");
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(read(&path).unwrap().len(), 1);
+        ProgressLog::open(&path).unwrap().append(View::Sample(1), &entry('c')).unwrap();
+        let views: Vec<View> = read(&path).unwrap().into_keys().collect();
+        assert_eq!(views, [View::Flat, View::Sample(1)]);
+    }
+
+    #[test]
+    fn a_damaged_line_is_an_error_with_its_number() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("progress.log");
+        std::fs::write(&path, "flat forty-four sha256:aa\n").unwrap();
+        let message = read(&path).unwrap_err().to_string();
+        assert!(message.contains("progress.log") && message.contains("line 1"), "{message}");
+    }
+
+    #[test]
+    fn a_second_writer_is_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("progress.log");
+        let _first = ProgressLog::open(&path).unwrap();
+        assert!(ProgressLog::open(&path).is_err());
+    }
+}

@@ -1,0 +1,404 @@
+//! A run on disk: scene.toml, run.json, progress.log and the frames, view by view.
+//!
+//! Long runs get interrupted, so a run directory can always be resumed: a view is there with
+//! all its steps or it is not, and progress.log says which. Nothing is written before the run
+//! begins, and nothing that beamlet did not write is ever removed.
+
+use super::exr_frames::{self, ExrFrames, PARTIAL};
+use super::npy::{self, NpyFrames};
+use super::progress_log::{self, Entry, ProgressLog};
+use super::run_file::{RunFile, RunState};
+use super::{Extent, RunStart, Sink, View, scene_file};
+use crate::scene::Scene;
+use crate::{Error, Result, RunRecord};
+use ndarray::ArrayView3;
+use serde::{Deserialize, Serialize};
+use std::fs::{self, File};
+use std::io::Write;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+const SCENE: &str = "scene.toml";
+const RUN: &str = "run.json";
+const LOG: &str = "progress.log";
+
+/// File format of frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Format {
+    /// One 32-bit float EXR file per frame.
+    #[default]
+    Exr,
+    /// flat.npy and sample.npy.
+    Npy,
+}
+
+impl std::fmt::Display for Format {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Exr => "exr",
+            Self::Npy => "npy",
+        })
+    }
+}
+
+/// Sink that keeps a run in a directory.
+#[derive(Debug)]
+pub struct RunDirectory {
+    path: PathBuf,
+    format: Format,
+    overwrite: bool,
+    allow_mixed: bool,
+    /// `key=value` that the scene was loaded with, for scene.toml.
+    overrides: Vec<String>,
+    resumed: Option<Resumed>,
+    open: Option<Open>,
+}
+
+/// What stood in the directory when the run was resumed.
+#[derive(Debug)]
+struct Resumed {
+    file: RunFile,
+    committed: Vec<View>,
+}
+
+/// State between `begin` and `finish`.
+#[derive(Debug)]
+struct Open {
+    file: RunFile,
+    log: ProgressLog,
+    frames: Frames,
+    /// First row that the view in work still lacks.
+    next_row: u32,
+}
+
+#[derive(Debug)]
+enum Frames {
+    Exr(ExrFrames),
+    Npy(NpyFrames),
+}
+
+impl RunDirectory {
+    /// A directory for a new run. Only looks; it is made when the run begins.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where `path` is taken: a run, or anything else that is not an empty
+    /// directory. With `overwrite` the files of an earlier run there are replaced and files of
+    /// others are left; it is still an error where a file of others has the name of one of ours.
+    pub fn create(path: impl Into<PathBuf>, format: Format, overwrite: bool) -> Result<Self> {
+        let path = path.into();
+        match fs::read_dir(&path) {
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+            Err(error) => {
+                return Err(Error::output(path, "cannot hold a run", Some(error)));
+            }
+            Ok(entries) => {
+                let empty = entries.count() == 0;
+                let is_run = RunFile::read(&path.join(RUN)).is_ok();
+                if !empty && !overwrite {
+                    let problem = if is_run {
+                        "holds a run already; resume it, overwrite it or choose another directory"
+                    } else {
+                        "is not empty; choose another directory (or overwrite: files that are \
+                         not of a run stay)"
+                    };
+                    return Err(Error::output(path, problem, None));
+                }
+                if !is_run && let Some(name) = first_of_our_names(&path) {
+                    let problem = "was not written by beamlet and would be replaced; choose \
+                                   another directory";
+                    return Err(Error::output(path.join(name), problem, None));
+                }
+            }
+        }
+        Ok(Self {
+            path,
+            format,
+            overwrite,
+            allow_mixed: false,
+            overrides: Vec::new(),
+            resumed: None,
+            open: None,
+        })
+    }
+
+    /// The directory of an interrupted run of `scene`. Only looks; what is committed, and still
+    /// has its checksum, is told by [`RunDirectory::committed`].
+    ///
+    /// # Errors
+    /// [`Error::Output`] where there is no run, or one of another scene (says what differs).
+    pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
+        let path = path.into();
+        let file = RunFile::read(&path.join(RUN))?;
+        let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
+        refuse_other_scene(&path, &differences)?;
+        let extent = Extent::of(scene)?;
+        let mut committed = Vec::new();
+        for (view, entry) in progress_log::read(&path.join(LOG))? {
+            let checksum = match file.format {
+                Format::Exr => exr_frames::checksum(&path, extent, view),
+                Format::Npy => npy::checksum(&path, extent, view),
+            };
+            match checksum {
+                Ok(checksum) if checksum == entry.sha256 => committed.push(view),
+                Ok(_) => log::warn!(
+                    "{}: {view:?} is not what was committed; it is simulated again",
+                    path.display()
+                ),
+                Err(error) => log::warn!("{error}; {view:?} is simulated again"),
+            }
+        }
+        let format = file.format;
+        let resumed = Some(Resumed { file, committed });
+        Ok(Self {
+            path,
+            format,
+            overwrite: false,
+            allow_mixed: false,
+            overrides: Vec::new(),
+            resumed,
+            open: None,
+        })
+    }
+
+    /// Lets a run be resumed on another device, driver, backend or version. The result is then
+    /// equal within the tolerances of docs/validation.md only.
+    #[must_use]
+    pub fn allow_mixed(mut self, allow: bool) -> Self {
+        self.allow_mixed = allow;
+        self
+    }
+
+    /// Records in scene.toml the `key=value` overrides that the scene was loaded with.
+    #[must_use]
+    pub fn overrides(mut self, overrides: &[String]) -> Self {
+        self.overrides = overrides.to_vec();
+        self
+    }
+
+    /// Where the run is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Format of the frames; that of the recorded run where one is resumed.
+    #[must_use]
+    pub fn format(&self) -> Format {
+        self.format
+    }
+
+    /// Views that are committed already, for [`crate::Control::skip`].
+    #[must_use]
+    pub fn committed(&self) -> &[View] {
+        self.resumed.as_ref().map_or(&[], |resumed| &resumed.committed)
+    }
+
+    /// run.json of the run that is resumed.
+    #[must_use]
+    pub fn recorded(&self) -> Option<&RunFile> {
+        self.resumed.as_ref().map(|resumed| &resumed.file)
+    }
+
+    /// Refuses a device, driver, backend or version other than those that began the run.
+    fn refuse_mixed(&self, recorded: &RunRecord, now: &RunRecord) -> Result<()> {
+        let pairs = [
+            ("version", recorded.version.clone(), now.version.clone()),
+            ("device", recorded.device.clone(), now.device.clone()),
+            ("driver", recorded.driver.clone(), now.driver.clone()),
+            ("backend", recorded.backend.to_string(), now.backend.to_string()),
+        ];
+        for (what, before, now) in pairs {
+            if before == now {
+                continue;
+            }
+            if !self.allow_mixed {
+                let problem = format!(
+                    "was begun with {what} {before}, this is {now}; results may differ in the \
+                     last digits: go back to the first, start anew, or allow a mixed run"
+                );
+                return Err(Error::output(&self.path, problem, None));
+            }
+            log::warn!("{}: {what} changes from {before} to {now}", self.path.display());
+        }
+        Ok(())
+    }
+
+    /// Removes what an earlier run, or an interrupted view, left; never a file of others.
+    fn clear(&self, extent: Extent) -> Result<()> {
+        let partial = self.path.join(PARTIAL);
+        let keep = self.committed();
+        let earlier = match &self.resumed {
+            Some(_) => extent,
+            None => match RunFile::read(&self.path.join(RUN)) {
+                Ok(file) => file.extent,
+                Err(_) => return remove_frames(&partial, extent),
+            },
+        };
+        if self.resumed.is_none() {
+            // The log first: without it nothing that is left counts as committed.
+            for name in [LOG, RUN, SCENE, npy::FLAT, npy::SAMPLE] {
+                remove_file(&self.path.join(name))?;
+            }
+        }
+        remove_frames(&partial, earlier)?;
+        for view in earlier.all_views().filter(|view| !keep.contains(view)) {
+            remove_frames(&self.path.join(exr_frames::view_directory(earlier, view)), earlier)?;
+        }
+        let _ = fs::remove_dir(self.path.join("sample"));
+        Ok(())
+    }
+}
+
+impl Sink for RunDirectory {
+    fn begin(&mut self, scene: &Scene, start: &RunStart) -> Result<()> {
+        let extent = Extent::of(scene)?;
+        let mut file = RunFile::begin(self.format, extent, scene.sampling.seed, start);
+        let scene_path = self.path.join(SCENE);
+        let resolved =
+            scene_file::resolved(&self.path, scene, &start.mesh_hashes, &self.overrides)?;
+        if let Some(resumed) = &self.resumed {
+            let hashes = Some(&start.mesh_hashes);
+            refuse_other_scene(&self.path, &scene_file::differences(&scene_path, scene, hashes)?)?;
+            self.refuse_mixed(&resumed.file.record, &file.record)?;
+            file.resumed_views = u32::try_from(resumed.committed.len()).unwrap_or(u32::MAX);
+        } else {
+            // Somebody else may have come here since `create` looked.
+            let _ = Self::create(&self.path, self.format, self.overwrite)?;
+        }
+        fs::create_dir_all(&self.path)
+            .map_err(|error| Error::output(&self.path, "cannot be created", Some(error)))?;
+        // Locked before anything is removed: another process may be writing this run.
+        let log_path = self.path.join(LOG);
+        drop(ProgressLog::open(&log_path)?);
+        self.clear(extent)?;
+        let log = ProgressLog::open(&log_path)?;
+        if self.resumed.is_none() {
+            write_whole(&scene_path, resolved.as_bytes())?;
+        }
+        file.write(&self.path.join(RUN))?;
+        let frames = match self.format {
+            Format::Exr => Frames::Exr(ExrFrames::begin(&self.path, extent, scene)),
+            Format::Npy => Frames::Npy(NpyFrames::begin(&self.path, extent)?),
+        };
+        self.open = Some(Open { file, log, frames, next_row: 0 });
+        Ok(())
+    }
+
+    fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
+        let open = opened(&mut self.open, &self.path)?;
+        let Extent { steps, columns, .. } = open.file.extent;
+        let shape = (steps as usize, rows.len(), columns as usize);
+        if rows.start != open.next_row || data.dim() != shape {
+            let problem = format!(
+                "rows {rows:?} of {view:?} as {:?} do not follow row {} as {shape:?}",
+                data.dim(),
+                open.next_row
+            );
+            return Err(Error::output(&self.path, problem, None));
+        }
+        open.next_row = rows.end;
+        match &mut open.frames {
+            Frames::Exr(frames) => frames.write(view, &rows, data),
+            Frames::Npy(frames) => frames.write(view, &rows, data),
+        }
+    }
+
+    fn commit(&mut self, view: View) -> Result<()> {
+        let open = opened(&mut self.open, &self.path)?;
+        let extent = open.file.extent;
+        if open.next_row != extent.rows {
+            let problem = format!("{view:?} has {} of {} rows", open.next_row, extent.rows);
+            return Err(Error::output(&self.path, problem, None));
+        }
+        open.next_row = 0;
+        let sha256 = match &mut open.frames {
+            Frames::Exr(frames) => frames.commit(view)?,
+            Frames::Npy(frames) => frames.commit(view)?,
+        };
+        open.log.append(view, &Entry { bytes: extent.view_bytes(), sha256 })
+    }
+
+    fn finish(&mut self, record: &RunRecord) -> Result<()> {
+        let open = opened(&mut self.open, &self.path)?;
+        open.file.state = RunState::Done;
+        open.file.record = record.clone();
+        open.file.write(&self.path.join(RUN))?;
+        self.open = None;
+        let _ = fs::remove_dir(self.path.join(PARTIAL));
+        Ok(())
+    }
+}
+
+impl Drop for RunDirectory {
+    /// A view that was not committed leaves nothing behind.
+    fn drop(&mut self) {
+        if let Some(open) = self.open.take() {
+            let _ = remove_frames(&self.path.join(PARTIAL), open.file.extent);
+        }
+    }
+}
+
+fn opened<'a>(open: &'a mut Option<Open>, path: &Path) -> Result<&'a mut Open> {
+    open.as_mut().ok_or_else(|| Error::output(path, "no run has begun here", None))
+}
+
+fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {
+    if differences.is_empty() {
+        return Ok(());
+    }
+    let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
+    Err(Error::output(path, problem, None))
+}
+
+/// The first name of ours that stands in `path`.
+fn first_of_our_names(path: &Path) -> Option<&'static str> {
+    let names = [SCENE, RUN, LOG, npy::FLAT, npy::SAMPLE, "flat", "sample", PARTIAL];
+    names.into_iter().find(|name| path.join(name).exists())
+}
+
+fn remove_file(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(Error::output(path, "cannot be removed", Some(error)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Removes the frames (and the spool) in a directory, and the directory if nothing else is in it.
+fn remove_frames(directory: &Path, extent: Extent) -> Result<()> {
+    if !directory.exists() {
+        return Ok(());
+    }
+    remove_file(&directory.join("spool.f32"))?;
+    for step in 0..extent.steps {
+        remove_file(&directory.join(exr_frames::step_file(extent, step)))?;
+    }
+    let _ = fs::remove_dir(directory);
+    Ok(())
+}
+
+/// Writes a small file under another name, syncs it and renames it into place.
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(".new");
+    let new = path.with_file_name(name);
+    let write = || {
+        let mut file = File::create(&new)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&new, path)
+    };
+    write().map_err(|error| Error::output(path, "cannot be written", Some(error)))
+}
+
+/// Makes renames in a directory last; systems without that notion do without.
+pub(super) fn sync_directory(path: &Path) -> Result<()> {
+    if cfg!(not(unix)) {
+        return Ok(());
+    }
+    File::open(path)
+        .and_then(|directory| directory.sync_all())
+        .map_err(|error| Error::output(path, "cannot be synced", Some(error)))
+}

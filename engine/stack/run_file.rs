@@ -1,0 +1,76 @@
+//! run.json: the provenance of a run, written when it begins and again when it ends.
+
+use super::{Extent, Format, RunStart};
+use crate::{Error, Result, RunRecord, Tally};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// How far a run came.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RunState {
+    /// It runs, or was interrupted.
+    Running,
+    /// Every view is committed.
+    Done,
+}
+
+/// Contents of run.json.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunFile {
+    /// How far the run came.
+    pub state: RunState,
+    /// File format of the frames.
+    pub format: Format,
+    /// Extent of the stacks.
+    pub extent: Extent,
+    /// Views that stood already when the run was resumed; tally and times leave them out.
+    #[serde(default)]
+    pub resumed_views: u32,
+    /// Provenance; tally and times are zero until the run is done.
+    #[serde(flatten)]
+    pub record: RunRecord,
+}
+
+impl RunFile {
+    /// The file of a run that begins.
+    pub(super) fn begin(format: Format, extent: Extent, seed: u64, start: &RunStart) -> Self {
+        Self {
+            state: RunState::Running,
+            format,
+            extent,
+            resumed_views: 0,
+            record: RunRecord {
+                version: env!("CARGO_PKG_VERSION").into(),
+                device: start.device.clone(),
+                driver: start.driver.clone(),
+                backend: start.backend,
+                backend_reason: start.backend_reason.clone(),
+                calibration: start.calibration.clone(),
+                seed,
+                tally: Tally::default(),
+                seconds: std::collections::BTreeMap::new(),
+            },
+        }
+    }
+
+    /// Reads a run.json.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where it is missing or was not written by beamlet.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+        serde_json::from_str(&text).map_err(|error| {
+            Error::output(path, format!("is not the record of a beamlet run: {error}"), None)
+        })
+    }
+
+    /// Writes it whole or not at all.
+    pub(super) fn write(&self, path: &Path) -> Result<()> {
+        let mut text = serde_json::to_string_pretty(self)
+            .map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))?;
+        text.push('\n');
+        super::run_directory::write_whole(path, text.as_bytes())
+    }
+}

@@ -1,0 +1,101 @@
+//! scene.toml of a run: the resolved scene, and how another one differs from it.
+
+use crate::scene::Scene;
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+use std::path::Path;
+use toml::Value;
+
+/// Text of the resolved scene for a file in `directory`, with the hashes of its meshes by
+/// object and the overrides that it was loaded with.
+pub(super) fn resolved(
+    directory: &Path,
+    scene: &Scene,
+    mesh_hashes: &BTreeMap<String, String>,
+    overrides: &[String],
+) -> Result<String> {
+    scene.to_toml(directory, mesh_hashes, overrides)
+}
+
+/// Keys in which `scene` differs from the scene stored at `path`, with both values.
+/// `mesh_hashes`: `None` leaves the meshes' hashes out.
+pub(super) fn differences(
+    path: &Path,
+    scene: &Scene,
+    mesh_hashes: Option<&BTreeMap<String, String>>,
+) -> Result<Vec<String>> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    let stored = parse(path, &text)?;
+    let directory = path.parent().unwrap_or(path);
+    let none = BTreeMap::new();
+    let now = parse(path, &resolved(directory, scene, mesh_hashes.unwrap_or(&none), &[])?)?;
+    let mut found = Vec::new();
+    compare("", Some(&stored), Some(&now), &mut found);
+    if mesh_hashes.is_none() {
+        found.retain(|(key, _)| !key.ends_with(".sha256"));
+    }
+    Ok(found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect())
+}
+
+fn parse(path: &Path, text: &str) -> Result<Value> {
+    toml::from_str::<toml::Table>(text)
+        .map(Value::Table)
+        .map_err(|error| Error::output(path, format!("is not a scene: {error}"), None))
+}
+
+/// Leaves that differ, as key and "there …, here …".
+fn compare(
+    key: &str,
+    there: Option<&Value>,
+    here: Option<&Value>,
+    found: &mut Vec<(String, String)>,
+) {
+    match (there, here) {
+        (Some(Value::Table(there)), Some(Value::Table(here))) => {
+            let added = here.keys().filter(|name| !there.contains_key(*name));
+            for name in there.keys().chain(added) {
+                let dot = if key.is_empty() { "" } else { "." };
+                compare(&format!("{key}{dot}{name}"), there.get(name), here.get(name), found);
+            }
+        }
+        (Some(Value::Array(there)), Some(Value::Array(here))) if there.len() == here.len() => {
+            for (index, (there, here)) in there.iter().zip(here).enumerate() {
+                compare(&format!("{key}[{index}]"), Some(there), Some(here), found);
+            }
+        }
+        (there, here) if there == here => {}
+        (there, here) => {
+            found.push((key.into(), format!("there {}, here {}", word(there), word(here))))
+        }
+    }
+}
+
+/// A value in a message.
+fn word(value: Option<&Value>) -> String {
+    match value {
+        None => "nothing".into(),
+        Some(Value::Table(_)) => "a table".into(),
+        Some(Value::Array(values)) => format!("a list of {}", values.len()),
+        Some(value) => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn differences_name_key_and_both_values() {
+        let there = "a = 1\n[[object]]\nname = \"rod\"\nscale = 1.0\n[s]\nx = [1, 2]";
+        let here = "a = 1\nb = 2\n[[object]]\nname = \"rod\"\nscale = 2.0\n[s]\nx = [1]";
+        let (there, here) =
+            (parse(Path::new("t"), there).unwrap(), parse(Path::new("h"), here).unwrap());
+        let mut found = Vec::new();
+        compare("", Some(&there), Some(&here), &mut found);
+        found.sort();
+        let keys: Vec<&str> = found.iter().map(|(key, _)| key.as_str()).collect();
+        assert_eq!(keys, ["b", "object[0].scale", "s.x"]);
+        assert_eq!(found[1].1, "there 1.0, here 2.0");
+    }
+}

@@ -1,0 +1,189 @@
+//! The lattice of cells: where beamlets stand in the cell plane, which rays bound their cells,
+//! and where they land. All in f64 on the host; the device gets offsets inside an index.
+
+use super::occupancy::Shadow;
+use crate::gpu::interface::{Column, Ray};
+use crate::scene::{MaskSpec, Scene};
+use std::ops::Range;
+
+/// Largest sine of total reflection is sqrt(2 delta); two reflections deflect by four times it.
+const REFLECTION_REACH: f64 = 4.0;
+
+/// The lattice of cells of a scene.
+#[derive(Debug, Clone)]
+pub struct Lattice {
+    /// Distance of the cell plane from the source, m.
+    pub plane: f64,
+    /// Period in the cell plane, m.
+    pub period: f64,
+    /// Displacement of the lattice along x, m.
+    pub offset: f64,
+    /// Cells per period before refinement.
+    pub cells: u32,
+    /// Beamlets whose light may reach the detector.
+    pub beamlets: Range<i64>,
+    /// Rows beyond a band (or the detector) whose light may reach it.
+    pub halo: i64,
+    /// Columns beside the detector whose light may reach it.
+    pub halo_columns: i64,
+    /// Blur by the spot of what lies at the rotation centre, in columns and rows, whole reach.
+    blur: [f64; 2],
+    /// Distance from source to rotation centre, m.
+    rotation: f64,
+    detector: f64,
+    pitch: [f64; 2],
+    pixels: [f64; 2],
+}
+
+/// Largest distance over which the sample throws light, in x and z on the detector, m.
+fn throw(scene: &Scene, delta: f64) -> f64 {
+    REFLECTION_REACH
+        * (2.0 * delta.abs()).sqrt()
+        * (scene.detector.distance - scene.source.distance)
+}
+
+/// Standard deviation of a Gaussian of this FWHM.
+pub fn deviation(fwhm: f64) -> f64 {
+    fwhm / (8.0 * std::f64::consts::LN_2).sqrt()
+}
+
+impl Lattice {
+    /// The lattice of a scene whose strongest material has this delta.
+    #[must_use]
+    pub fn of(scene: &Scene, delta: f64) -> Self {
+        let plane = scene.cell_plane_distance();
+        let detector = scene.detector.distance;
+        let pitch = scene.detector.pitch;
+        let pixels = scene.detector.pixels.map(f64::from);
+        let (period, offset, aperture) = match &scene.sample_mask {
+            Some(mask) => (mask.period, mask.offset, mask.aperture),
+            None => {
+                let pixel = pitch[0] * plane / detector;
+                (pixel, 0.0, pixel)
+            }
+        };
+        let cells = scene.sampling.cells.unwrap_or_else(|| default_cells(period, aperture));
+        let throw = throw(scene, delta);
+        let spread = |axis: usize, from: f64| {
+            6.0 * deviation(scene.source.spot[axis]) * (detector - from) / from
+        };
+        let shift = scene.scan.mask_offsets.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+        let reach = (shift + period) * detector / plane + throw + spread(0, plane);
+        let half = pitch[0] * pixels[0] / 2.0 + reach;
+        let step = period * detector / plane;
+        let middle = pixels[0] / 2.0 - 0.5 - offset / period;
+        let beamlets = (middle - half / step).floor() as i64..(middle + half / step).ceil() as i64 + 1;
+        let blur = [0, 1].map(|axis| spread(axis, scene.source.distance) / pitch[axis]);
+        let halo = (throw / pitch[1] + blur[1]).ceil() as i64;
+        Self {
+            plane,
+            period,
+            offset,
+            cells,
+            beamlets,
+            halo,
+            halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
+            blur,
+            rotation: scene.source.distance,
+            detector,
+            pitch,
+            pixels,
+        }
+    }
+
+    /// x of a beamlet's centre in the cell plane, m.
+    #[must_use]
+    pub fn centre(&self, beamlet: i64) -> f64 {
+        (beamlet as f64 + 0.5 - self.pixels[0] / 2.0) * self.period + self.offset
+    }
+
+    /// The ray from the source centre through `x` of a beamlet (m, from its centre, in the cell
+    /// plane) that reaches the detector at row coordinate `row` (downwards, 0 on top).
+    #[must_use]
+    pub fn ray(&self, beamlet: i64, x: f64, row: f64, view: u32) -> Ray {
+        let slope_x = (self.centre(beamlet) + x) / self.plane;
+        let slope_z = (self.pixels[1] / 2.0 - row) * self.pitch[1] / self.detector;
+        Ray {
+            x: (slope_x * self.rotation) as f32,
+            z: (slope_z * self.rotation) as f32,
+            slope_x: slope_x as f32,
+            slope_z: slope_z as f32,
+            view,
+        }
+    }
+
+    /// x in the cell plane and row coordinate of the straight line from the source through a
+    /// point of the beam frame (m).
+    #[must_use]
+    pub fn project(&self, x: f64, y: f64, z: f64) -> [f64; 2] {
+        let distance = self.rotation + y;
+        [
+            x * self.plane / distance,
+            self.pixels[1] / 2.0 - z * self.detector / distance / self.pitch[1],
+        ]
+    }
+
+    /// Beamlets that an interval of x in the cell plane touches.
+    #[must_use]
+    pub fn beamlets_of(&self, x: [f64; 2]) -> Range<i64> {
+        let index = |x: f64| ((x - self.offset) / self.period + self.pixels[0] / 2.0).floor() as i64;
+        index(x[0]).max(self.beamlets.start)..(index(x[1]) + 1).min(self.beamlets.end)
+    }
+
+    /// Whether a ray from anywhere on the spot to this pixel can meet one of the shadows.
+    #[must_use]
+    pub fn pixel_meets(&self, shadows: &[Shadow], column: i64, row: i64) -> bool {
+        let (column, row) = (column as f64, row as f64);
+        shadows.iter().any(|s| {
+            let at = |x: f64| x * self.detector / self.plane / self.pitch[0] + self.pixels[0] / 2.0;
+            at(s.x[0]) - self.blur[0] <= column + 1.0
+                && at(s.x[1]) + self.blur[0] >= column
+                && s.rows[0] - self.blur[1] <= row + 1.0
+                && s.rows[1] + self.blur[1] >= row
+        })
+    }
+
+    /// Table of the beamlets, in the order of `self.beamlets`.
+    #[must_use]
+    pub fn columns(&self, scene: &Scene) -> Vec<Column> {
+        let analyser = scene.analyser_distance();
+        self.beamlets
+            .clone()
+            .map(|k| {
+                let slope = self.centre(k) / self.plane;
+                column(scene, slope, analyser, self.plane)
+            })
+            .collect()
+    }
+}
+
+/// What depends on the direction of a beamlet's (or pixel's) central ray alone.
+pub fn column(scene: &Scene, slope: f64, analyser: f64, sample_plane: f64) -> Column {
+    let detector = &scene.detector;
+    let columns = f64::from(detector.pixels[0]);
+    let landing = slope * detector.distance / detector.pitch[0] + columns / 2.0;
+    let pixel = landing.floor();
+    let off_period = |mask: Option<&MaskSpec>, plane: f64| {
+        mask.map_or(0.0, |mask| {
+            // Lattice of the mask seen in `plane`: (k + 1/2 - C/2) period + offset.
+            let scale = plane / mask.distance;
+            let period = mask.period * scale;
+            let at = (slope * plane - mask.offset * scale) / period + columns / 2.0 - 0.5;
+            (at - at.round()) * period
+        })
+    };
+    Column {
+        pixel: pixel as i32,
+        pixel_offset: ((landing - pixel - 0.5) * detector.pitch[0] * analyser / detector.distance)
+            as f32,
+        aperture_offset: off_period(scene.detector_mask.as_ref(), analyser) as f32,
+        sample_offset: off_period(scene.sample_mask.as_ref(), sample_plane) as f32,
+        slope: slope as f32,
+    }
+}
+
+/// Enough cells that the linear law holds in them almost everywhere before refinement: four to
+/// an aperture, within reason.
+fn default_cells(period: f64, aperture: f64) -> u32 {
+    ((2.0 * period / aperture).ceil() as u32).clamp(6, 64)
+}

@@ -1,0 +1,80 @@
+//! Moments of rays: sums over crossings that do not depend on energy, masks or steps.
+
+use crate::gpu::interface::{MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
+
+/// First-order moments of rays, by ray and material. Material 0 is the surroundings.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Moments {
+    words: Vec<u32>,
+    materials: usize,
+}
+
+/// Moments of one ray in one material.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moment {
+    /// Path length, m (of the surroundings: less that of the empty beam).
+    pub path: f32,
+    /// Sum of +-slope change per delta times the lever to the analyser, x and z, m.
+    pub lever: [f32; 2],
+    /// Sum of +-slope change per delta, x and z.
+    pub slope: [f32; 2],
+}
+
+impl Moments {
+    pub(crate) fn new(words: Vec<u32>, materials: u32) -> Self {
+        Self { words, materials: materials as usize }
+    }
+
+    fn ray(&self, ray: usize) -> &[u32] {
+        let stride = MOMENTS_HEAD + self.materials * MOMENTS_PER_MATERIAL;
+        &self.words[ray * stride..(ray + 1) * stride]
+    }
+
+    /// Number of rays.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.words.len() / (MOMENTS_HEAD + self.materials * MOMENTS_PER_MATERIAL)
+    }
+
+    /// Whether there are no rays.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.words.is_empty()
+    }
+
+    /// Number of materials.
+    #[must_use]
+    pub const fn materials(&self) -> usize {
+        self.materials
+    }
+
+    /// Entries less exits, hashed by object: 0 where every object was left as often as entered.
+    ///
+    /// # Panics
+    /// Where there is no such ray.
+    #[must_use]
+    pub fn balance(&self, ray: usize) -> u32 {
+        self.ray(ray)[1]
+    }
+
+    /// Crossings of a ray.
+    ///
+    /// # Panics
+    /// Where there is no such ray.
+    #[must_use]
+    pub fn crossings(&self, ray: usize) -> u32 {
+        self.ray(ray)[3]
+    }
+
+    /// Moments of a ray in a material.
+    ///
+    /// # Panics
+    /// Where there is no such ray or material.
+    #[must_use]
+    pub fn of(&self, ray: usize, material: usize) -> Moment {
+        assert!(material < self.materials, "material {material} of {}", self.materials);
+        let at = MOMENTS_HEAD + material * MOMENTS_PER_MATERIAL;
+        let m: &[f32] = bytemuck::cast_slice(&self.ray(ray)[at..at + MOMENTS_PER_MATERIAL]);
+        Moment { path: m[0], lever: [m[1], m[2]], slope: [m[3], m[4]] }
+    }
+}

@@ -1,0 +1,71 @@
+//! Which beamlets can meet the sample: the shadows of its components on the detector.
+
+use super::lattice::Lattice;
+use crate::geometry::Sample;
+use glam::DVec3;
+
+/// Shadow of one component from the source centre: a rectangle, and how fine it may be inside.
+#[derive(Debug, Clone, Copy)]
+pub struct Shadow {
+    /// x in the cell plane, m.
+    pub x: [f64; 2],
+    /// Row coordinates, downwards.
+    pub rows: [f64; 2],
+    /// Cells wider than this may step over the component, m in the cell plane.
+    pub width: f64,
+    /// Strips higher than this may step over it, rows.
+    pub height: f64,
+}
+
+/// Mean chord below which a component can hide between two rays is half of it: two rays then
+/// meet it wherever it is thicker than its mean.
+const CHORD_SHARE: f64 = 0.5;
+
+/// Shadows of all components in a view.
+pub fn shadows(sample: &Sample, lattice: &Lattice, angle: f64) -> Vec<Shadow> {
+    let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+    let chords = mean_chords(sample, DVec3::new(cos, sin, 0.0));
+    sample
+        .components
+        .iter()
+        .zip(chords)
+        .map(|(component, [chord_x, chord_z])| {
+            let [low, high] = component.bounds;
+            let mut x = [f64::INFINITY, f64::NEG_INFINITY];
+            let mut rows = x;
+            for corner in 0..8 {
+                let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+                let (wx, wy, wz) = (pick(0), pick(1), pick(2));
+                let [px, row] = lattice.project(wx * cos + wy * sin, wy * cos - wx * sin, wz);
+                x = [x[0].min(px), x[1].max(px)];
+                rows = [rows[0].min(row), rows[1].max(row)];
+            }
+            let scale = lattice.project(1.0, 0.0, 0.0)[0];
+            let rows_per_metre = lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];
+            Shadow {
+                x,
+                rows,
+                width: CHORD_SHARE * chord_x * scale,
+                height: CHORD_SHARE * chord_z * rows_per_metre,
+            }
+        })
+        .collect()
+}
+
+/// Mean chord of each component along `x` and along z: volume over projected area (Cauchy).
+fn mean_chords(sample: &Sample, x: DVec3) -> Vec<[f64; 2]> {
+    let mut areas = vec![[0.0_f64; 2]; sample.components.len()];
+    for (t, &component) in sample.triangles.iter().zip(&sample.triangle_component) {
+        let [a, b, c] = t.map(|v| sample.vertices[v as usize]);
+        let area = 0.5 * (b - a).cross(c - a);
+        let sum = &mut areas[component as usize];
+        sum[0] += 0.5 * area.dot(x).abs();
+        sum[1] += 0.5 * area.z.abs();
+    }
+    sample
+        .components
+        .iter()
+        .zip(areas)
+        .map(|(c, [ax, az])| [c.volume.abs() / ax, c.volume.abs() / az])
+        .collect()
+}

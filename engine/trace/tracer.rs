@@ -1,0 +1,365 @@
+//! The tracer: rays in, laws out, in batches, on either backend.
+
+use super::upload::DeviceSample;
+use crate::gpu::interface::{ExactPush, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, TracePush};
+use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use crate::run::{Backend, Tally};
+use crate::scene::Transport;
+use crate::Result;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+/// Invocations per workgroup in trace.comp and exact.comp.
+const GROUP: u32 = 64;
+/// Rays of a batch to begin with; batches adapt so that no dispatch is long.
+const FIRST_BATCH: u32 = 1 << 16;
+/// Most rays of a batch.
+const LARGEST_BATCH: u32 = 1 << 19;
+/// Dispatches longer than this are cut, well short of a desktop driver's time-out.
+const LONG: Duration = Duration::from_millis(100);
+/// Unbalanced rays are tried again this far to the side, m: far below any accuracy wanted, far
+/// above the rounding of coordinates that made an edge ambiguous.
+const NUDGES: [f32; 4] = [0.0, 3e-10, -7e-10, 2.3e-9];
+
+/// The kernels of one device, compiled once.
+#[derive(Debug)]
+pub struct TraceKernels {
+    trace_bvh: Kernel,
+    exact_bvh: Kernel,
+    ray_query: Option<(Kernel, Kernel)>,
+}
+
+impl TraceKernels {
+    /// Compiles them.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`] where the driver refuses.
+    pub fn new(device: &Arc<Device>) -> Result<Self> {
+        let trace = push_bytes::<TracePush>();
+        let exact = push_bytes::<ExactPush>();
+        let ray_query = if device.description().ray_query {
+            Some((
+                device.kernel("trace_ray_query", shaders::TRACE_RAY_QUERY, trace, None)?,
+                device.kernel("exact_ray_query", shaders::EXACT_RAY_QUERY, exact, None)?,
+            ))
+        } else {
+            None
+        };
+        Ok(Self {
+            trace_bvh: device.kernel("trace_bvh", shaders::TRACE_BVH, trace, None)?,
+            exact_bvh: device.kernel("exact_bvh", shaders::EXACT_BVH, exact, None)?,
+            ray_query,
+        })
+    }
+
+    fn of(&self, backend: Backend) -> (&Kernel, &Kernel) {
+        match (&self.ray_query, backend) {
+            (Some((trace, exact)), Backend::RayQuery) => (trace, exact),
+            _ => (&self.trace_bvh, &self.exact_bvh),
+        }
+    }
+}
+
+/// Bytes of a push constant struct.
+pub fn push_bytes<T>() -> u32 {
+    u32::try_from(size_of::<T>()).unwrap_or(u32::MAX)
+}
+
+/// Traces rays through a sample on the device.
+#[derive(Debug)]
+pub struct Tracer {
+    device: Arc<Device>,
+    kernels: Arc<TraceKernels>,
+    sample: Arc<DeviceSample>,
+    backend: Backend,
+    transport: Transport,
+    batch: Batch,
+    tally: Buffer,
+    fixed_batch: Option<u32>,
+    counts: Counts,
+}
+
+/// Buffers of one batch.
+#[derive(Debug)]
+struct Batch {
+    capacity: u32,
+    rays: Buffer,
+    moments: Buffer,
+    laws: Buffer,
+    exact: Buffer,
+    unbalanced: Buffer,
+    list: Buffer,
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    rays: AtomicU64,
+    exact: AtomicU64,
+    retraced: AtomicU64,
+    device: [AtomicU64; 4],
+}
+
+impl Batch {
+    fn new(device: &Arc<Device>, capacity: u32, materials: u32) -> Result<Self> {
+        let n = u64::from(capacity);
+        let words = stride(materials) as u64;
+        let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
+        Ok(Self {
+            capacity,
+            rays: make("rays", n * size_of::<Ray>() as u64)?,
+            moments: make("moments", n * words * 4)?,
+            laws: make("laws", n * size_of::<Law>() as u64)?,
+            exact: make("rays to trace in order", (n + 1) * 4)?,
+            unbalanced: make("unbalanced rays", (n + 1) * 4)?,
+            list: make("rays to trace again", (n + 1) * 4)?,
+        })
+    }
+}
+
+/// Words of a ray's moments.
+const fn stride(materials: u32) -> usize {
+    MOMENTS_HEAD + materials as usize * MOMENTS_PER_MATERIAL
+}
+
+impl Tracer {
+    /// A tracer; `fixed_batch` sets the rays of a dispatch (results do not depend on it).
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`], or [`crate::Error::Device`] where the backend is not to be had.
+    pub fn new(
+        device: &Arc<Device>,
+        kernels: &Arc<TraceKernels>,
+        sample: &Arc<DeviceSample>,
+        backend: Backend,
+        transport: Transport,
+        fixed_batch: Option<u32>,
+    ) -> Result<Self> {
+        let capacity = fixed_batch.unwrap_or(FIRST_BATCH).clamp(1, LARGEST_BATCH);
+        Ok(Self {
+            device: device.clone(),
+            kernels: kernels.clone(),
+            sample: sample.clone(),
+            backend,
+            transport,
+            batch: Batch::new(device, capacity, sample.materials)?,
+            tally: device.upload("tally", &[0_u32; 4])?,
+            fixed_batch,
+            counts: Counts::default(),
+        })
+    }
+
+    /// Backend in use.
+    #[must_use]
+    pub const fn backend(&self) -> Backend {
+        self.backend
+    }
+
+    /// Most rays that one batch on the device takes now.
+    #[must_use]
+    pub const fn capacity(&self) -> u32 {
+        self.batch.capacity
+    }
+
+    /// Rays of the batch on the device, for kernels that make them there.
+    #[must_use]
+    pub const fn rays(&self) -> &Buffer {
+        &self.batch.rays
+    }
+
+    /// Laws of the batch on the device, for kernels that use them there.
+    #[must_use]
+    pub const fn laws(&self) -> &Buffer {
+        &self.batch.laws
+    }
+
+    /// Traces rays given by the host; one law per ray.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`], [`crate::Error::Memory`].
+    pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Law>> {
+        let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
+        self.each_batch(rays, &mut laws, |_, _, _| Ok(()))?;
+        Ok(laws)
+    }
+
+    /// Traces rays and keeps their moments, `[ray][word]` (see [`super::Moments`]).
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub fn trace_with_moments(&mut self, rays: &[Ray]) -> Result<(Vec<Law>, Vec<u32>)> {
+        let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
+        let words = stride(self.sample.materials);
+        let mut moments = vec![0_u32; rays.len() * words];
+        self.each_batch(rays, &mut laws, |batch, first, n| {
+            batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
+        })?;
+        Ok((laws, moments))
+    }
+
+    fn each_batch(
+        &mut self,
+        rays: &[Ray],
+        laws: &mut [Law],
+        mut after: impl FnMut(&Batch, usize, usize) -> Result<()>,
+    ) -> Result<()> {
+        let mut first = 0;
+        while first < rays.len() {
+            let n = (rays.len() - first).min(self.batch.capacity as usize);
+            self.batch.rays.write(0, &rays[first..first + n])?;
+            let time = self.trace_on_device(u32::try_from(n).unwrap_or(u32::MAX))?;
+            self.batch.laws.read_into(0, &mut laws[first..first + n])?;
+            after(&self.batch, first, n)?;
+            first += n;
+            self.adapt(n, time)?;
+        }
+        Ok(())
+    }
+
+    /// Grows or shrinks batches towards dispatches that are neither short nor long.
+    fn adapt(&mut self, n: usize, time: Duration) -> Result<()> {
+        let capacity = self.batch.capacity;
+        if self.fixed_batch.is_some() || n < capacity as usize {
+            return Ok(());
+        }
+        let next = if time > LONG && capacity > 1024 {
+            capacity / 2
+        } else if time < LONG / 4 && capacity < LARGEST_BATCH {
+            capacity * 2
+        } else {
+            return Ok(());
+        };
+        self.batch = Batch::new(&self.device, next, self.sample.materials)?;
+        Ok(())
+    }
+
+    /// Traces the first `n` rays of the batch where they are; the laws stay on the device.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`].
+    pub fn trace_on_device(&self, n: u32) -> Result<Duration> {
+        let (trace, exact) = self.kernels.of(self.backend);
+        let mut time = self.pass(trace, n, false, 0.0, false)?;
+        self.counts.rays.fetch_add(u64::from(n), Ordering::Relaxed);
+        // Whatever the driver's search or the rounding at an edge lost is traced again by the
+        // software BVH, at last a hair beside.
+        let mut unbalanced = self.batch.unbalanced.read::<u32>(0, 1)?[0];
+        for (i, nudge) in NUDGES.into_iter().enumerate() {
+            if unbalanced == 0 {
+                break;
+            }
+            if i == 0 && self.backend == Backend::Bvh {
+                continue;
+            }
+            self.counts.retraced.fetch_add(u64::from(unbalanced), Ordering::Relaxed);
+            let last = i + 1 == NUDGES.len();
+            time += self.pass(&self.kernels.trace_bvh, unbalanced, true, nudge, last)?;
+            unbalanced = if last { 0 } else { self.batch.unbalanced.read::<u32>(0, 1)?[0] };
+        }
+        let all = self.transport == Transport::Exact;
+        let flagged = if all { n } else { self.batch.exact.read::<u32>(0, 1)?[0] };
+        if flagged > 0 && self.transport != Transport::FirstOrder {
+            self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
+            time += self.exact_pass(exact, flagged, all)?;
+        }
+        Ok(time)
+    }
+
+    fn pass(
+        &self,
+        kernel: &Kernel,
+        n: u32,
+        listed: bool,
+        nudge: f32,
+        last: bool,
+    ) -> Result<Duration> {
+        let b = &self.batch;
+        let push = TracePush {
+            sample_ref: self.sample.record.address(),
+            rays: b.rays.address(),
+            moments: b.moments.address(),
+            laws: b.laws.address(),
+            exact: b.exact.address(),
+            unbalanced: b.unbalanced.address(),
+            list: b.list.address(),
+            tally: self.tally.address(),
+            count: n,
+            materials: self.sample.materials,
+            listed: listed.into(),
+            last: last.into(),
+            nudge,
+        };
+        self.device.run(|r| {
+            if listed {
+                r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(n) + 1) * 4);
+            } else {
+                r.fill(&b.exact, 0, 4, 0);
+            }
+            r.barrier();
+            r.fill(&b.unbalanced, 0, 4, 0);
+            r.barrier();
+            r.dispatch(kernel, bytemuck::bytes_of(&push), [n.div_ceil(GROUP), 1, 1]);
+        })
+    }
+
+    /// Ordered walks search once per crossing: they go in small dispatches.
+    fn exact_pass(&self, kernel: &Kernel, n: u32, all: bool) -> Result<Duration> {
+        let mut time = Duration::ZERO;
+        let mut first = 0;
+        let mut size = 4096;
+        while first < n {
+            let push = ExactPush {
+                sample_ref: self.sample.record.address(),
+                rays: self.batch.rays.address(),
+                laws: self.batch.laws.address(),
+                list: self.batch.exact.address(),
+                tally: self.tally.address(),
+                count: n.min(first + size),
+                all: all.into(),
+                first,
+            };
+            let groups = (push.count - first).div_ceil(GROUP);
+            let took = self.device.run(|r| {
+                r.dispatch(kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
+            })?;
+            first += size;
+            time += took;
+            if took > LONG {
+                size = (size / 2).max(GROUP);
+            } else if took < LONG / 4 {
+                size = (size * 2).min(LARGEST_BATCH);
+            }
+        }
+        Ok(time)
+    }
+
+    /// Rays traced so far.
+    #[must_use]
+    pub fn rays_traced(&self) -> u64 {
+        self.counts.rays.load(Ordering::Relaxed)
+    }
+
+    /// Counts so far.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`].
+    pub fn tally(&self) -> Result<Tally> {
+        // Device counters are 32 bits wide: move them to the host before they could overflow.
+        let device: Vec<u32> = self.tally.read(0, 4)?;
+        self.tally.write(0, &[0_u32; 4])?;
+        let mut sums = [0_u64; 4];
+        for ((sum, kept), new) in sums.iter_mut().zip(&self.counts.device).zip(device) {
+            *sum = kept.fetch_add(new.into(), Ordering::Relaxed) + u64::from(new);
+        }
+        Ok(Tally {
+            rays: self.counts.rays.load(Ordering::Relaxed),
+            exact: self.counts.exact.load(Ordering::Relaxed),
+            retraced: self.counts.retraced.load(Ordering::Relaxed),
+            unbalanced: sums[0],
+            dropped: sums[1],
+            reflected: sums[2],
+            not_finite: sums[3],
+            ..Tally::default()
+        })
+    }
+}

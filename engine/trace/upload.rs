@@ -1,0 +1,136 @@
+//! The sample on the device: uploaded once, views are records.
+
+use super::media::Media;
+use crate::Result;
+use crate::accel::Bvh;
+use crate::geometry;
+use crate::gpu::interface::{self, Surface, View};
+use crate::gpu::{AccelerationStructure, Buffer, Device};
+use crate::scene::{Scene, Transport};
+use std::sync::Arc;
+
+/// Error of the slope, rad, above which the first order is not enough at a surface.
+const FIRST_ORDER_ERROR: f64 = 1e-9;
+
+/// The sample on the device, for both backends.
+#[derive(Debug)]
+pub struct DeviceSample {
+    /// Address of the record that shaders start from.
+    pub record: Buffer,
+    /// Number of materials.
+    pub materials: u32,
+    /// Bytes on the device.
+    pub bytes: u64,
+    _kept: Vec<Buffer>,
+    acceleration: Option<AccelerationStructure>,
+}
+
+impl DeviceSample {
+    /// Uploads geometry, materials and views; builds acceleration structures if `ray_query`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`], [`crate::Error::Device`], [`crate::Error::Mesh`].
+    pub fn upload(
+        device: &Arc<Device>,
+        scene: &Scene,
+        sample: &geometry::Sample,
+        media: &Media,
+        ray_query: bool,
+    ) -> Result<Self> {
+        let bvh = Bvh::build(sample)?;
+        let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
+        let views: Vec<View> = scene.scan.angles.iter().map(|&a| view(scene, a, reach)).collect();
+        let surfaces: Vec<Surface> =
+            sample.components.iter().map(|c| surface(scene, media, c)).collect();
+        let constants: Vec<interface::Constants> = media
+            .constants
+            .iter()
+            .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
+            .collect();
+        let acceleration = if ray_query && !bvh.leaves.is_empty() {
+            let corners: Vec<[[f32; 3]; 3]> =
+                bvh.leaves.iter().map(|leaf| [leaf.a, leaf.b, leaf.c]).collect();
+            let vertices = device.upload("triangles of the acceleration structure", &corners)?;
+            Some(AccelerationStructure::build(device, &vertices, 36, count(corners.len()))?)
+        } else {
+            None
+        };
+        let kept = vec![
+            device.upload("nodes", at_least_one(&bvh.nodes).as_slice())?,
+            device.upload("leaves", at_least_one(&bvh.leaves).as_slice())?,
+            device.upload("surfaces", at_least_one(&surfaces).as_slice())?,
+            device.upload("constants", &constants)?,
+            device.upload("materials of objects", at_least_one(&media.of_object).as_slice())?,
+            device.upload("views", &views)?,
+        ];
+        let record = device.upload(
+            "sample",
+            &[interface::Sample {
+                nodes: kept[0].address(),
+                leaves: kept[1].address(),
+                surfaces: kept[2].address(),
+                constants: kept[3].address(),
+                object_materials: kept[4].address(),
+                views: kept[5].address(),
+                acceleration: acceleration.as_ref().map_or(0, AccelerationStructure::address),
+            }],
+        )?;
+        let bytes = kept.iter().map(Buffer::len).sum::<u64>()
+            + acceleration.as_ref().map_or(0, AccelerationStructure::bytes);
+        Ok(Self { record, materials: count(constants.len()), bytes, _kept: kept, acceleration })
+    }
+
+    /// Whether the sample has acceleration structures.
+    #[must_use]
+    pub const fn has_acceleration(&self) -> bool {
+        self.acceleration.is_some()
+    }
+}
+
+/// Buffers cannot be empty.
+fn at_least_one<T: bytemuck::Zeroable + Clone>(items: &[T]) -> Vec<T> {
+    if items.is_empty() { vec![T::zeroed()] } else { items.to_vec() }
+}
+
+fn view(scene: &Scene, angle: f64, reach: f64) -> View {
+    View {
+        cos_angle: single(libm::cos(angle)),
+        sin_angle: single(libm::sin(angle)),
+        start: -single(1.01 * reach + 1e-6),
+        analyser: single(scene.lever_arm()),
+    }
+}
+
+fn surface(scene: &Scene, media: &Media, component: &geometry::Component) -> Surface {
+    let [inside, outside] = media.sides(component.object, component.outside);
+    let jump = media.constants[inside as usize].delta - media.constants[outside as usize].delta;
+    let grazing = match scene.sampling.transport {
+        Transport::FirstOrder => 0.0,
+        // The slope error of the first order is jump^2 / (2 c^3).
+        Transport::Auto | Transport::Exact => libm::cbrt(jump * jump / (2.0 * FIRST_ORDER_ERROR)),
+    };
+    Surface {
+        object: component.object,
+        inside,
+        outside,
+        hash: hash(component.object),
+        grazing: single(grazing),
+    }
+}
+
+/// Mixes an object's index into 32 bits (splitmix64), so that sums of few of them differ.
+fn hash(object: u32) -> u32 {
+    let mut z = (u64::from(object) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 32) as u32 | 1
+}
+
+fn count(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+fn single(value: f64) -> f32 {
+    value as f32
+}

@@ -1,0 +1,214 @@
+#version 460
+// Light of cells: one invocation per strip and mask step integrates every cell over the sample
+// mask, the focal spot, the detector mask and the pixels (docs/physics.md, "Cells").
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, scalar) uniform IlluminatePush {
+    LightRef light_ref;
+    Strips strips;
+    Cells cells;
+    Words sums; // [step][row][column][2]
+    uint strip_count;
+    uint first_strip;
+    uint first_step;
+} push;
+
+#include "physics/gauss.glsl"
+#include "light/sum.glsl"
+#include "light/mask.glsl"
+
+const float NEGLIGIBLE = 1e-9; // leaks below this are left out
+
+// Light waiting for one pixel in three rows, so that sums meet memory once per pixel.
+struct Pending {
+    int pixel;
+    vec3 rows; // row - 1, row, row + 1
+};
+
+void flush(Light light, int row, uint mask_step, inout Pending pending) {
+    for (int i = 0; i < 3; i++) {
+        uint index;
+        if (pending.rows[i] > 0.0
+            && place_of_light(light, row - 1 + i, pending.pixel, mask_step, index)) {
+            add_light(push.sums, index, pending.rows[i]);
+        }
+    }
+    pending.rows = vec3(0.0);
+}
+
+// How the light of a cell spreads over rows.
+struct RowSpread {
+    float middle;
+    float half_height;
+    bool near; // within the row and its two neighbours
+    vec3 shares;
+};
+
+RowSpread row_spread(Light light, Strip strip, float displacement_z) {
+    RowSpread spread;
+    spread.middle = 0.5 * (strip.top + strip.bottom) - displacement_z / light.row_pitch;
+    spread.half_height = 0.5 * (strip.bottom - strip.top);
+    float reach = spread.half_height + 6.0 * light.row_blur;
+    spread.near = spread.middle - reach >= -1.0 && spread.middle + reach <= 2.0;
+    float above = share_below(0.0, spread.middle, spread.half_height, light.row_blur);
+    float below = share_below(1.0, spread.middle, spread.half_height, light.row_blur);
+    spread.shares = vec3(above, below - above, 1.0 - below);
+    return spread;
+}
+
+// Light of a piece of a cell, evenly spread on the analyser over middle +- half_width.
+struct Piece {
+    float amount;
+    float middle;
+    float half_width;
+    float blur;       // at edges of the detector mask
+    float pixel_blur; // at edges of pixels
+    float pixel_shift;
+};
+
+float share(Piece piece, float edge, bool of_pixel) {
+    return share_below(edge, piece.middle, piece.half_width, of_pixel ? piece.pixel_blur : piece.blur);
+}
+
+// Share of the piece that passes the detector mask and lands in the pixel [low, high].
+float response(Light light, Column column, float row_z, Piece piece, float low, float high) {
+    float whole = share(piece, high, true) - share(piece, low, true);
+    if (light.detector_mask.present == 0u) return whole;
+    Mask mask = light.detector_mask;
+    float sec = secant(column.slope, row_z);
+    float leak = bar_transmission(mask, sec);
+    float open = 0.0;
+    float reach = piece.half_width + 6.0 * piece.blur;
+    float first = max(low, piece.middle - reach) + column.aperture_offset;
+    float last = min(high, piece.middle + reach) + column.aperture_offset;
+    int from = int(floor(first / mask.period - 0.5));
+    int to = int(ceil(last / mask.period + 0.5));
+    for (int j = from; j <= to; j++) {
+        float period = float(j) * mask.period - column.aperture_offset;
+        for (uint i = 0u; i < mask.count; i++) {
+            Aperture aperture = mask.apertures.at[i];
+            float centre = period + 0.5 * (aperture.low + aperture.high);
+            float slope = column.slope + centre / light.analyser;
+            float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
+            float a = centre - 0.5 * width;
+            float b = centre + 0.5 * width;
+            if (b <= low || a >= high || b <= a) continue;
+            float upper = b < high ? share(piece, b, false) : share(piece, high, true);
+            float lower = a > low ? share(piece, a, false) : share(piece, low, true);
+            open += max(upper - lower, 0.0);
+        }
+    }
+    return leak < NEGLIGIBLE ? open : leak * whole + (1.0 - leak) * open;
+}
+
+void deposit(Light light, Strip strip, Column column, float row_z, uint mask_step, Piece piece,
+             RowSpread spread, inout Pending pending) {
+    float reach = piece.half_width + 6.0 * max(piece.blur, piece.pixel_blur);
+    float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
+    int from = int(floor((landing - reach) / light.pixel + 0.5));
+    int to = int(floor((landing + reach) / light.pixel + 0.5));
+    // Far outside the detector there is nothing to sum.
+    from = max(from, -column.pixel);
+    to = min(to, int(light.column_count) - 1 - column.pixel);
+    for (int q = from; q <= to; q++) {
+        float low = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
+        float value = piece.amount * response(light, column, row_z, piece, low, low + light.pixel);
+        if (!(value > 0.0)) continue;
+        int pixel = column.pixel + q;
+        if (spread.near) {
+            if (pixel != pending.pixel) {
+                flush(light, strip.row, mask_step, pending);
+                pending.pixel = pixel;
+            }
+            pending.rows += value * spread.shares;
+        } else {
+            float span = spread.half_height + 6.0 * light.row_blur;
+            int top = int(floor(spread.middle - span));
+            int bottom = int(floor(spread.middle + span));
+            float above = 0.0;
+            for (int r = top; r <= bottom; r++) {
+                float below = share_below(float(r + 1), spread.middle, spread.half_height, light.row_blur);
+                uint index;
+                if (place_of_light(light, strip.row + r, pixel, mask_step, index)) {
+                    add_light(push.sums, index, value * (below - above));
+                }
+                above = below;
+            }
+        }
+    }
+}
+
+// The part [a, b] of a cell, as seen on the analyser.
+Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float transmission) {
+    float span = cell.x_high - cell.x_low;
+    float depth_slope = (cell.depth_high - cell.depth_low) / span;
+    float bend = (cell.displacement_high - cell.displacement_low) / span;
+    float middle = 0.5 * (a + b);
+    float width = b - a;
+    float from_low = middle - cell.x_low;
+    float tilt = depth_slope * light.kappa * light.source_x; // per standard deviation of source
+    float c = (light.magnification - 1.0) - bend * light.kappa;
+    float growth = light.magnification + bend;
+    float lean = depth_slope * width; // change of depth over the piece
+    float attenuation = exp(-(cell.depth_low + depth_slope * from_low) + 0.5 * tilt * tilt)
+        * (1.0 + lean * lean / 24.0);
+    Piece piece;
+    piece.amount = transmission * attenuation * width * light.weight * (strip.bottom - strip.top);
+    piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low
+        + c * tilt * light.source_x - growth * lean * width / 12.0;
+    piece.half_width = 0.5 * abs(growth) * width;
+    piece.blur = abs(c) * light.source_x;
+    piece.pixel_blur = abs(c + (1.0 - light.ratio)) * light.source_x;
+    piece.pixel_shift = cell.pixel_shift;
+    return piece;
+}
+
+void main() {
+    uint index = push.first_strip + gl_GlobalInvocationID.x;
+    uint mask_step = push.first_step + gl_GlobalInvocationID.y;
+    if (gl_GlobalInvocationID.x >= push.strip_count) return;
+    Light light = push.light_ref.at;
+    Strip strip = push.strips.at[index];
+    Column column = light.columns.at[strip.column];
+    float row_middle = float(strip.row) + 0.5 * (strip.top + strip.bottom);
+    float row_z = (row_middle - light.middle_row) * light.row_slope;
+
+    Mask mask = light.sample_mask;
+    float sec = secant(column.slope, row_z);
+    float leak = mask.present == 0u ? 1.0 : bar_transmission(mask, sec);
+    float offset = mask.present == 0u ? 0.0 : light.offsets.at[mask_step] - column.sample_offset;
+
+    Pending pending = Pending(column.pixel, vec3(0.0));
+    for (uint i = 0u; i < strip.count; i++) {
+        Cell cell = push.cells.at[strip.first + i];
+        RowSpread spread = row_spread(light, strip, cell.displacement_z);
+        if (leak > NEGLIGIBLE) {
+            Piece piece = piece_of(light, strip, cell, cell.x_low, cell.x_high, leak);
+            deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
+        }
+        if (mask.present == 0u) continue;
+        int from = int(floor((cell.x_low - offset) / mask.period - 0.5));
+        int to = int(ceil((cell.x_high - offset) / mask.period + 0.5));
+        for (int k = from; k <= to; k++) {
+            for (uint j = 0u; j < mask.count; j++) {
+                Aperture aperture = mask.apertures.at[j];
+                float centre = float(k) * mask.period + offset + 0.5 * (aperture.low + aperture.high);
+                float slope = column.slope + centre / light.cell_plane;
+                float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
+                float a = max(cell.x_low, centre - 0.5 * width);
+                float b = min(cell.x_high, centre + 0.5 * width);
+                if (b <= a) continue;
+                Piece piece = piece_of(light, strip, cell, a, b, 1.0 - leak);
+                deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
+            }
+        }
+    }
+    flush(light, strip.row, mask_step, pending);
+}

@@ -1,0 +1,26 @@
+// Masks: transmission of the bars, and the hard-edged aperture that passes as much light as a
+// thick one does (docs/physics.md, "Thick bars").
+
+float secant(float slope_x, float slope_z) {
+    return sqrt(1.0 + slope_x * slope_x + slope_z * slope_z);
+}
+
+float bar_transmission(Mask mask, float sec) {
+    return mask.attenuation > 0.0 ? exp(-mask.attenuation * sec) : mask.transmission;
+}
+
+// Width of the hard-edged aperture; `leak` is the transmission of the bars.
+float effective_width(Mask mask, float width, float slope, float sec, float leak) {
+    float shadow = mask.thickness * abs(slope);
+    float a = mask.attenuation * sec;
+    if (shadow <= 0.0 || a <= 0.0 || 1.0 - leak < 1e-5) return width;
+    if (shadow <= width) {
+        float mean = a < 1e-3 ? 1.0 - 0.5 * a : (1.0 - leak) / a;
+        return width - shadow * (1.0 - 2.0 * (mean - leak) / (1.0 - leak));
+    }
+    // The two shadows overlap: no ray passes free.
+    float least = exp(-a * (1.0 - width / shadow));
+    float open = 2.0 * (shadow * (least - leak) / a - width * leak)
+        + (shadow - width) * (least - leak);
+    return open / (1.0 - leak);
+}

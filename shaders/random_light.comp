@@ -1,0 +1,105 @@
+#version 460
+// Light of random rays: one invocation per pixel and mask step sums its rays of a batch.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, scalar) uniform RandomLightPush {
+    LightRef light_ref;
+    Pixels pixels;
+    Laws laws; // [pixel][ray of the batch], unless `empty`
+    Words sums;
+    uvec2 seed;
+    uvec2 rays_per_pixel;
+    uint first_ray;
+    uint batch;
+    uint pixel_count;
+    uint view_seed;
+    uint empty; // no sample: every law is zero
+    uint first_step;
+} push;
+
+#include "random/draw.glsl"
+#include "light/sum.glsl"
+#include "light/mask.glsl"
+
+// Share of [low, high] that lies in apertures; `shift`: of the lattice.
+float open_share(Mask mask, float low, float high, float shift) {
+    float open = 0.0;
+    int from = int(floor((low - shift) / mask.period - 0.5));
+    int to = int(ceil((high - shift) / mask.period + 0.5));
+    for (int k = from; k <= to; k++) {
+        for (uint i = 0u; i < mask.count; i++) {
+            float a = float(k) * mask.period + shift + mask.apertures.at[i].low;
+            float b = float(k) * mask.period + shift + mask.apertures.at[i].high;
+            if (high > low) open += max(min(b, high) - max(a, low), 0.0);
+            else if (low > a && low < b) return 1.0;
+        }
+    }
+    return high > low ? open / (high - low) : 0.0;
+}
+
+// Transmission of the exact path through the bars.
+float mask_transmission(Mask mask, float x, float shift, float slope, float sec) {
+    if (mask.present == 0u) return 1.0;
+    float half_shadow = 0.5 * mask.thickness * abs(slope);
+    float open = open_share(mask, x - half_shadow, x + half_shadow, shift);
+    if (mask.attenuation > 0.0) return exp(-mask.attenuation * sec * (1.0 - open));
+    return open > 0.5 ? 1.0 : mask.transmission;
+}
+
+void main() {
+    uint p = gl_GlobalInvocationID.x;
+    uint mask_step = push.first_step + gl_GlobalInvocationID.y;
+    if (p >= push.pixel_count) return;
+    Light light = push.light_ref.at;
+    Pixel pixel = push.pixels.at[p];
+    Column column = light.columns.at[pixel.table];
+    float one = 1.0 / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));
+    float row_z = (float(pixel.row) + 0.5 - light.middle_row) * light.row_slope;
+    float plane = light.cell_plane / light.detector;
+    float gap = light.detector - light.analyser;
+    uint low = 0u, high = 0u; // sum of the pixel's own light, 64 bits
+    for (uint r = 0u; r < push.batch; r++) {
+        Draw d = draw(light, pixel, push.view_seed, push.seed, push.first_ray + r, push.rays_per_pixel);
+        Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u);
+        if (push.empty == 0u) law = push.laws.at[p * push.batch + r];
+        if ((law.flags & FLAG_NOT_FINITE) != 0u) continue;
+        float slope = column.slope + (d.target.x - d.source.x) / light.detector;
+        float slope_z = row_z + (d.target.y - d.source.y) / light.detector;
+        float sec = secant(slope, slope_z);
+        float x = d.source.x * (1.0 - plane) + d.target.x * plane;
+        float shift = light.sample_mask.present == 0u ? 0.0
+            : light.offsets.at[mask_step] - column.sample_offset;
+        float value = one * mask_transmission(light.sample_mask, x, shift, slope, sec);
+        float u = d.source.x * (1.0 - light.ratio) + d.target.x * light.ratio + law.displacement_x;
+        value *= mask_transmission(light.detector_mask, u, -column.aperture_offset, slope, sec);
+        value *= exp(-law.optical_depth);
+        float land_x = d.target.x + law.displacement_x + law.slope_x * gap;
+        float land_z = d.target.y + law.displacement_z + law.slope_z * gap;
+        int to_column = int(floor(land_x / light.column_pitch + 0.5));
+        int to_row = int(floor(-land_z / light.row_pitch + 0.5));
+        if (to_column == 0 && to_row == 0) {
+            float whole = floor(value);
+            uint part = uint((value - whole) * 4294967296.0);
+            low += part;
+            high += uint(whole) + (low < part ? 1u : 0u);
+        } else {
+            uint index;
+            if (place_of_light(light, pixel.row + to_row, pixel.column + to_column, mask_step, index)) {
+                add_light(push.sums, index, value);
+            }
+        }
+    }
+    uint index;
+    if (place_of_light(light, pixel.row, pixel.column, mask_step, index)) {
+        uint old = atomicAdd(push.sums.at[2u * index], low);
+        if (old + low < old) high += 1u;
+        if (high != 0u) atomicAdd(push.sums.at[2u * index + 1u], high);
+    }
+}

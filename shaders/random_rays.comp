@@ -1,0 +1,40 @@
+#version 460
+// Rays of the random scheme: evenly spaced targets in each pixel, Gaussian source offsets.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+
+layout(local_size_x = 64) in;
+
+layout(push_constant, scalar) uniform RandomRaysPush {
+    LightRef light_ref;
+    Pixels pixels;
+    RaysOut rays; // [pixel][ray of the batch]
+    uvec2 seed;
+    uvec2 rays_per_pixel; // in x and z
+    uint first_ray;
+    uint batch; // rays per pixel in this batch
+    uint pixel_count;
+    uint view;      // of the ray records
+    uint view_seed; // of the random numbers
+} push;
+
+#include "random/draw.glsl"
+
+void main() {
+    uint index = gl_GlobalInvocationID.x;
+    if (index >= push.pixel_count * push.batch) return;
+    Light light = push.light_ref.at;
+    Pixel pixel = push.pixels.at[index / push.batch];
+    uint ray = push.first_ray + index % push.batch;
+    Draw d = draw(light, pixel, push.view_seed, push.seed, ray, push.rays_per_pixel);
+    vec2 centre = vec2(float(pixel.column) + 0.5 - 0.5 * float(light.column_count), 0.0)
+        * light.column_pitch;
+    centre.y = (light.middle_row - float(pixel.row) - 0.5) * light.row_pitch;
+    vec2 slope = (centre + d.target - d.source) / light.detector;
+    vec2 at = d.source + slope * light.rotation;
+    push.rays.at[index] = Ray(at.x, at.y, slope.x, slope.y, push.view);
+}

@@ -1,0 +1,11 @@
+//! Geometry: shapes, files, closedness, orientation, nesting, clearance.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod clearance;
+mod experiments;
+mod files;
+mod meshes;
+mod nesting;
+mod set_up;
+mod shapes;

@@ -1,0 +1,116 @@
+//! Scenes and meshes that the tests share.
+
+use std::collections::BTreeMap;
+
+use beamlet::geometry::{Sample, load};
+use beamlet::scene::{
+    Detector, MaskBody, MaskSpec, Mesh, Object, Placement, Sampling, Scan, Scene, Scheme, Shape,
+    ShapeOrMesh, Source, Transport,
+};
+
+pub(crate) fn mask(distance: f64) -> MaskSpec {
+    let body = MaskBody::Bars { material: "gold".into(), thickness: 225e-6 };
+    MaskSpec { distance, period: 1e-4, aperture: 2e-5, offset: 0.0, body }
+}
+
+pub(crate) fn scene(objects: Vec<Object>) -> Scene {
+    Scene {
+        directory: ".".into(),
+        source: Source { distance: 1.21, spot: [0.0; 2], energy: 30.0 },
+        detector: Detector { distance: 1.8, pixels: [128, 128], pitch: [150e-6; 2] },
+        sample_mask: Some(mask(1.2)),
+        detector_mask: Some(mask(1.8 - 112.5e-6)),
+        sampling: Sampling {
+            scheme: Scheme::Cells,
+            cells: None,
+            rows: 1,
+            tolerance: 1e-9,
+            rays: [1, 1],
+            transport: Transport::Auto,
+            seed: 1,
+        },
+        scan: Scan { mask_offsets: vec![0.0], angles: vec![0.0] },
+        materials: BTreeMap::new(),
+        surroundings: "vacuum".into(),
+        objects,
+    }
+}
+
+pub(crate) fn object(name: &str, geometry: ShapeOrMesh) -> Object {
+    Object {
+        name: name.into(),
+        geometry,
+        material: "carbon".into(),
+        placement: Placement::default(),
+    }
+}
+
+pub(crate) fn shape(name: &str, shape: Shape) -> Object {
+    object(name, ShapeOrMesh::Shape(shape))
+}
+
+/// A cube around the origin.
+pub(crate) fn cube(name: &str, edge: f64) -> Object {
+    shape(name, Shape::Box { size: [edge; 3] })
+}
+
+pub(crate) fn at(mut object: Object, position: [f64; 3]) -> Object {
+    object.placement.position = position;
+    object
+}
+
+/// Vertices and triangles of some surface.
+#[derive(Clone, Default)]
+pub(crate) struct Arrays(pub(crate) Vec<[f64; 3]>, pub(crate) Vec<[u32; 3]>);
+
+impl Arrays {
+    /// The surface of a shape, as the engine makes it.
+    pub(crate) fn of(shape: Shape) -> Self {
+        let sample = load(&scene(vec![object("x", ShapeOrMesh::Shape(shape))])).unwrap();
+        Self(sample.vertices.iter().map(|v| v.to_array()).collect(), sample.triangles)
+    }
+
+    pub(crate) fn cube(edge: f64) -> Self {
+        Self::of(Shape::Box { size: [edge; 3] })
+    }
+
+    pub(crate) fn sphere(radius: f64) -> Self {
+        Self::of(Shape::Sphere { radius, sides: 24 })
+    }
+
+    pub(crate) fn turned(mut self) -> Self {
+        self.1.iter_mut().for_each(|triangle| triangle.swap(0, 1));
+        self
+    }
+
+    pub(crate) fn moved(mut self, by: [f64; 3]) -> Self {
+        for vertex in &mut self.0 {
+            *vertex = [vertex[0] + by[0], vertex[1] + by[1], vertex[2] + by[2]];
+        }
+        self
+    }
+
+    pub(crate) fn and(mut self, other: Self) -> Self {
+        let first = u32::try_from(self.0.len()).unwrap();
+        self.0.extend(other.0);
+        self.1.extend(other.1.iter().map(|triangle| triangle.map(|vertex| vertex + first)));
+        self
+    }
+
+    pub(crate) fn object(self, name: &str) -> Object {
+        object(name, ShapeOrMesh::Mesh(Mesh::Arrays { vertices: self.0, triangles: self.1 }))
+    }
+
+    pub(crate) fn load(self) -> beamlet::Result<Sample> {
+        load(&scene(vec![self.object("part")]))
+    }
+}
+
+/// The message of the error that a sample must give.
+pub(crate) fn refusal(objects: Vec<Object>) -> String {
+    load(&scene(objects)).unwrap_err().to_string()
+}
+
+pub(crate) fn close(a: f64, b: f64, relative: f64) -> bool {
+    (a - b).abs() <= relative * b.abs()
+}

@@ -1,0 +1,183 @@
+//! Overrides, the resolved scene that a run records, and text that is no scene at all.
+
+#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
+#![allow(clippy::float_cmp, reason = "quantities read to the nearest double, without slack")]
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use beamlet::scene::{MaskBody, MaterialSpec, Mesh, Scene, ShapeOrMesh};
+use beamlet::{Error, Place};
+use proptest::prelude::*;
+
+const PAPER: &str = include_str!("scene_paper.toml");
+
+fn load(text: &str) -> Result<Scene, Error> {
+    Scene::from_toml(text, "somewhere")
+}
+
+fn parts(result: Result<Scene, Error>) -> (Place, String, String, String) {
+    match result.unwrap_err() {
+        Error::Scene { place, key, found, allowed } => (*place, key, found, allowed),
+        other => panic!("not a scene error: {other}"),
+    }
+}
+
+fn with_sets(sets: &[&str]) -> Result<Scene, Error> {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("paper.toml");
+    std::fs::write(&path, PAPER).unwrap();
+    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
+    Scene::load_with(&path, &sets)
+}
+
+fn paper_json() -> String {
+    let value: toml::Table = PAPER.parse().unwrap();
+    serde_json::to_string_pretty(&value).unwrap()
+}
+
+#[test]
+fn overrides_change_and_add_keys() {
+    let scene = with_sets(&[
+        "source.energy=40keV",
+        "detector.distance = \"2 m\"",
+        "detector.pixels=[64, 32]",
+        "detector.pixels[1]=16",
+        "object.rod.material=gold",
+        "object[1].scale=2",
+        "sampling.seed=18446744073709551615",
+        "sample_mask.offset=1 um",
+        "detector_mask.transmission=0.25",
+        "materials.resin={ formula = \"C3H4O2\", density = \"1.1 g/cm3\" }",
+        "materials.\"my plastic\".table=resin.csv",
+        "object[1].mesh=ball.stl",
+        "object[1].unit=um",
+    ])
+    .unwrap();
+    assert_eq!(scene.source.energy, 40.0);
+    assert_eq!(scene.detector.distance, 2.0);
+    assert_eq!(scene.detector.pixels, [64, 16]);
+    assert_eq!(scene.objects[0].material, "gold");
+    assert_eq!(scene.objects[1].placement.scale, 2.0);
+    assert_eq!(scene.sampling.seed, u64::MAX);
+    assert_eq!(scene.sample_mask.as_ref().unwrap().offset, 1e-6);
+    let sheet = MaskBody::Sheet { transmission: 0.25 };
+    assert_eq!(scene.detector_mask.as_ref().unwrap().body, sheet);
+    assert_eq!(scene.detector_mask.as_ref().unwrap().distance, 2.0);
+    assert!(scene.materials.contains_key("resin"));
+    assert!(matches!(scene.materials["my plastic"], MaterialSpec::Table { .. }));
+    assert!(matches!(scene.objects[1].geometry, ShapeOrMesh::Mesh(Mesh::File { .. })));
+}
+
+#[test]
+fn overrides_that_lead_nowhere_are_refused() {
+    let cases = [
+        ("source.energy", "source.energy", "no `=`"),
+        ("source..energy=1", "source..energy", "no path"),
+        ("object.rood.material=gold", "object.rood.material", "\"rood\""),
+        ("object[2].material=gold", "object[2].material", "index 2 of a list of 2"),
+        ("source.energy.value=1", "source.energy.value", "single value"),
+        ("source[0]=1", "source[0]", "index 0 of no list"),
+        ("detector.pixels=[1,", "detector.pixels", "array"),
+        ("source.enregy=\"40 keV\"", "source.enregy", "an unknown key"),
+        ("source.energy=40", "source.energy", "the number 40, without a unit"),
+        ("scan.mask_offsets.count=0", "scan.mask_offsets.count", "the number 0"),
+        ("object.rod.shape.sphere.radius=1 mm", "object[0].shape.sphere.sides", "nothing"),
+    ];
+    for (set, expected, problem) in cases {
+        let error = with_sets(&[set]).unwrap_err();
+        let text = error.to_string();
+        let (_, key, found, _) = parts(Err(error));
+        assert_eq!(key, expected, "{set}");
+        assert!(found.contains(problem), "{set}: {found}");
+        assert!(text.contains(&format!("--set {set}")), "{text}");
+    }
+    let late = with_sets(&["sample_mask.distance=1.3 m"]).unwrap_err().to_string();
+    assert!(late.contains("--set sample_mask.distance=1.3 m"), "{late}");
+    let both = with_sets(&["sample_mask.aperture=1 um", "sample_mask.projected_aperture=1 um"]);
+    assert_eq!(parts(both).1, "sample_mask.projected_aperture");
+}
+
+fn resolved(scene: &Scene, directory: &Path) -> String {
+    let hashes = BTreeMap::from([("rod".to_owned(), "0123456789abcdef".repeat(4))]);
+    scene.to_toml(directory, &hashes, &["source.energy=\"40 keV\"\n".to_owned()]).unwrap()
+}
+
+#[test]
+fn resolved_scene_loads_back_equal_with_its_hash() {
+    let mut scene = load(PAPER).unwrap();
+    scene.sampling.seed = u64::MAX;
+    scene.scan.mask_offsets[3] += 1e-9;
+    let text = resolved(&scene, Path::new("somewhere"));
+    assert!(text.contains("# --set source.energy=\"40 keV\""), "{text}");
+    assert!(text.contains("{ from = \"0 deg\", to = \"360 deg\", count = 360 }"), "{text}");
+    scene.objects[0].sha256 = Some("0123456789abcdef".repeat(4));
+    assert_eq!(load(&text).unwrap(), scene);
+    // Resolving the resolved scene changes nothing.
+    let again = scene.to_toml("somewhere", &BTreeMap::new(), &[]).unwrap();
+    assert_eq!(load(&again).unwrap(), scene);
+}
+
+#[test]
+fn resolved_scene_elsewhere_still_finds_its_files() {
+    let scene = load(PAPER).unwrap();
+    let moved = Scene::from_toml(&resolved(&scene, Path::new("run")), "run").unwrap();
+    let path = |scene: &Scene| match &scene.objects[0].geometry {
+        ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
+            std::path::absolute(scene.resolve(path)).unwrap()
+        }
+        _ => panic!("not a mesh"),
+    };
+    assert_eq!(path(&moved), path(&scene));
+}
+
+#[test]
+fn mesh_arrays_are_documented_and_not_loadable() {
+    let mut scene = load(PAPER).unwrap();
+    let mesh = Mesh::Arrays { vertices: vec![[0.0; 3]; 4], triangles: vec![[0, 1, 2]; 4] };
+    scene.objects[0].geometry = ShapeOrMesh::Mesh(mesh);
+    scene.validate().unwrap();
+    let text = resolved(&scene, Path::new("somewhere"));
+    assert!(text.contains("# mesh given as arrays: 4 vertices, 4 triangles"), "{text}");
+    assert_eq!(parts(load(&text)).1, "object[0].mesh");
+}
+
+proptest! {
+    #[test]
+    fn random_text_never_panics(text in "\\PC*", set in "\\PC*") {
+        let _ = load(&text);
+        let _ = Scene::from_json(&text, ".");
+        let _ = with_sets(&[&set]);
+    }
+
+    #[test]
+    fn mangled_scenes_never_panic(
+        at in 0..PAPER.len(),
+        gone in 0..40_usize,
+        new in "[\\[\\]{}\"=.,0-9a-z \\n\\\\\u{b5}]{0,6}",
+    ) {
+        let end = (at + gone).min(PAPER.len());
+        let text = format!("{}{new}{}", &PAPER[..at], &PAPER[end..]);
+        let _ = load(&text).map(|scene| scene.to_toml(".", &BTreeMap::new(), &[]));
+        let json = paper_json();
+        let (at, end) = (at.min(json.len()), end.min(json.len()));
+        let _ = Scene::from_json(&format!("{}{new}{}", &json[..at], &json[end..]), ".");
+    }
+
+    #[test]
+    fn scenes_round_trip_to_the_bit(
+        values in prop::collection::vec(1e-9..1e-3_f64, 8),
+        angles in prop::collection::vec(-10.0..10.0_f64, 1..6),
+    ) {
+        let mut scene = load(PAPER).unwrap();
+        scene.source.spot = [values[0], values[1]];
+        scene.source.energy = values[2] * 1e6;
+        scene.detector.pitch = [values[3], values[4]];
+        scene.scan.mask_offsets = values.clone();
+        scene.scan.angles = angles.clone();
+        scene.objects[0].placement.rotate = vec![([values[5], -values[6], 1.0], angles[0])];
+        scene.objects[1].placement.position = [values[5], -values[6], values[7]];
+        let text = scene.to_toml("somewhere", &BTreeMap::new(), &[]).unwrap();
+        prop_assert_eq!(load(&text).unwrap(), scene);
+    }
+}
