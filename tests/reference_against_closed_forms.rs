@@ -33,7 +33,7 @@ fn close(got: f64, want: f64, tolerance: f64) {
 }
 
 fn thin(setup: &Setup, leak: f64) -> ThinMasks {
-    let (a, b) = (setup.sample_mask.unwrap(), setup.detector_mask.unwrap());
+    let (a, b) = setup.sample_mask.zip(setup.detector_mask).expect("both masks");
     ThinMasks {
         magnification: b.distance / a.distance,
         sample: [a.aperture, a.period],

@@ -12,6 +12,7 @@
     clippy::cast_sign_loss,
     reason = "bin and cell indices come from floored, clamped floats"
 )]
+#![allow(clippy::float_cmp, reason = "media of the very same constants do not deflect")]
 
 pub(crate) mod closed_form;
 pub(crate) mod masks;

@@ -22,7 +22,8 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
         aperture: mask.aperture,
         // The setup's origin is the aperture nearest the axis; the scene's is the lattice of
         // aperture k at (k + 1/2 - C/2) periods.
-        offset: mask.origin - if setup.pixels[0] % 2 == 0 { 0.5 * mask.period } else { 0.0 },
+        offset: mask.origin
+            - if setup.pixels[0].is_multiple_of(2) { 0.5 * mask.period } else { 0.0 },
         body: match mask.bars {
             Bars::Boxes { mu, thickness } => {
                 MaskBody::Bars { material: add(name.to_owned(), mu, 0.0), thickness }
@@ -40,6 +41,7 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
         }),
         material: add(format!("material {i}"), body.mu, body.delta),
         placement: Placement::default(),
+        sha256: None,
     });
     let objects = objects.collect();
     Scene {

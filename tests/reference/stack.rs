@@ -88,7 +88,7 @@ impl Setup {
     pub(crate) fn mask(&self, distance: f64, aperture: f64, bars: Bars) -> Mask {
         let period = self.pitch[0] * distance / self.detector_distance;
         // Aperture k of C is centred at (k + 1/2 - C/2) periods.
-        let origin = if self.pixels[0] % 2 == 0 { 0.5 * period } else { 0.0 };
+        let origin = if self.pixels[0].is_multiple_of(2) { 0.5 * period } else { 0.0 };
         Mask { distance, period, aperture, origin, bars }
     }
 
