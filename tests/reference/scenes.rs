@@ -1,0 +1,71 @@
+//! The same set-up and bodies as a scene of the engine: plain data only.
+
+use super::masks::{Bars, Mask};
+use super::stack::Setup;
+use super::surfaces::Body;
+use beamlet::scene::{
+    Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,
+    Scheme, ShapeOrMesh, Source, Transport,
+};
+use std::collections::BTreeMap;
+
+/// A scene with `bodies` in it, every constant given by number, one view at angle 0.
+pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
+    let mut materials = BTreeMap::new();
+    let mut add = |name: String, mu: f64, delta: f64| {
+        materials.insert(name.clone(), MaterialSpec::Constants { mu, delta });
+        name
+    };
+    let mut spec = |mask: &Mask, name: &str| MaskSpec {
+        distance: mask.distance,
+        period: mask.period,
+        aperture: mask.aperture,
+        // The setup's origin is the aperture nearest the axis; the scene's is the lattice of
+        // aperture k at (k + 1/2 - C/2) periods.
+        offset: mask.origin
+            - if setup.pixels[0].is_multiple_of(2) { 0.5 * mask.period } else { 0.0 },
+        body: match mask.bars {
+            Bars::Boxes { mu, thickness } => {
+                MaskBody::Bars { material: add(name.to_owned(), mu, 0.0), thickness }
+            }
+            Bars::Sheet { transmission } => MaskBody::Sheet { transmission },
+        },
+    };
+    let sample_mask = setup.sample_mask.as_ref().map(|m| spec(m, "bars before the sample"));
+    let detector_mask = setup.detector_mask.as_ref().map(|m| spec(m, "bars before the detector"));
+    let objects = bodies.iter().enumerate().map(|(i, body)| Object {
+        name: format!("body {i}"),
+        geometry: ShapeOrMesh::Mesh(Mesh::Arrays {
+            vertices: body.mesh.vertices.clone(),
+            triangles: body.mesh.triangles.clone(),
+        }),
+        material: add(format!("material {i}"), body.mu, body.delta),
+        placement: Placement::default(),
+        sha256: None,
+    });
+    let objects = objects.collect();
+    Scene {
+        directory: ".".into(),
+        source: Source { distance: setup.source_distance, spot: setup.spot, energy: 30.0 },
+        detector: Detector {
+            distance: setup.detector_distance,
+            pixels: setup.pixels,
+            pitch: setup.pitch,
+        },
+        sample_mask,
+        detector_mask,
+        sampling: Sampling {
+            scheme: Scheme::Cells,
+            cells: None,
+            rows: 1,
+            tolerance: 1e-9,
+            rays: [5000, 1],
+            transport: Transport::Auto,
+            seed: 1,
+        },
+        scan: Scan { mask_offsets: offsets.to_vec(), angles: vec![0.0] },
+        materials,
+        surroundings: "vacuum".to_owned(),
+        objects,
+    }
+}

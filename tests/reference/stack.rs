@@ -1,0 +1,336 @@
+//! Images: sums over rays of every source point, traced one by one.
+
+use super::masks::{self, Bars, Mask, Stretch};
+use super::normal::{self, SIGMA_PER_FWHM};
+use super::rays::{Order, Sample, Trace};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Source, masks and detector of one view, in the frame of the beam.
+#[derive(Debug, Clone)]
+pub(crate) struct Setup {
+    /// Source to rotation centre, m.
+    pub(crate) source_distance: f64,
+    /// FWHM of the focal spot in x and z, m.
+    pub(crate) spot: [f64; 2],
+    /// Source to detector, m.
+    pub(crate) detector_distance: f64,
+    /// Columns and rows.
+    pub(crate) pixels: [u32; 2],
+    /// Pixel pitch in x and z, m.
+    pub(crate) pitch: [f64; 2],
+    /// Mask before the sample.
+    pub(crate) sample_mask: Option<Mask>,
+    /// Mask before the detector.
+    pub(crate) detector_mask: Option<Mask>,
+}
+
+/// How finely an image is summed.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Quadrature {
+    /// Rays along x in one period of the detector's pixels. Masks are averaged over a cell, so
+    /// few are needed where the sample is smooth.
+    pub(crate) cells: usize,
+    /// Source points in x for each ray target, over `reach` standard deviations on either side.
+    pub(crate) sources: usize,
+    /// Standard deviations of the focal spot that count.
+    pub(crate) reach: f64,
+    /// Lines along z in a pixel, each with a source height of its own; 1: the row's centre
+    /// line from the source's centre, for samples that do not change along z.
+    pub(crate) lines: usize,
+    /// Largest displacement of light that is followed, m at the detector.
+    pub(crate) farthest: f64,
+}
+
+impl Quadrature {
+    /// For whole lines: 1e-5 of open beam where the sample is smooth (kinks of overlapping
+    /// edges between source points).
+    pub(crate) fn line() -> Self {
+        Self { cells: 200, sources: 121, reach: 5.0, lines: 1, farthest: 20e-6 }
+    }
+
+    /// For single pixels of samples that do not change along z.
+    pub(crate) fn fine() -> Self {
+        Self { cells: 1000, sources: 241, reach: 5.0, lines: 1, farthest: 20e-6 }
+    }
+
+    /// For single pixels of samples that change along z.
+    pub(crate) fn volume() -> Self {
+        Self { cells: 100, sources: 81, reach: 5.0, lines: 64, farthest: 20e-6 }
+    }
+
+    /// The same with light followed farther.
+    pub(crate) fn following(mut self, farthest: f64) -> Self {
+        self.farthest = farthest;
+        self
+    }
+}
+
+impl Setup {
+    /// The paper's: gold bars of 225 um at 30 keV, masks 100/20 and 150/30 um, M = 1.5.
+    pub(crate) fn paper(pixels: [u32; 2]) -> Self {
+        let bars = Bars::Boxes { mu: 53_122.0, thickness: 225e-6 };
+        let mut setup = Self {
+            source_distance: 1.21,
+            spot: [30e-6, 26e-6],
+            detector_distance: 1.8,
+            pixels,
+            pitch: [150e-6; 2],
+            sample_mask: None,
+            detector_mask: None,
+        };
+        setup.sample_mask = Some(setup.mask(1.2, 20e-6, bars));
+        setup.detector_mask = Some(setup.mask(1.8, 30e-6, bars));
+        setup
+    }
+
+    /// A mask of one aperture per pixel column, aligned with the columns.
+    pub(crate) fn mask(&self, distance: f64, aperture: f64, bars: Bars) -> Mask {
+        let period = self.pitch[0] * distance / self.detector_distance;
+        // Aperture k of C is centred at (k + 1/2 - C/2) periods.
+        let origin = if self.pixels[0].is_multiple_of(2) { 0.5 * period } else { 0.0 };
+        Mask { distance, period, aperture, origin, bars }
+    }
+
+    /// Both masks with bars of this kind.
+    pub(crate) fn with_bars(mut self, bars: Bars) -> Self {
+        for mask in self.sample_mask.iter_mut().chain(self.detector_mask.iter_mut()) {
+            mask.bars = bars;
+        }
+        self
+    }
+
+    /// Standard deviation of the focal spot in x and z, m.
+    pub(crate) fn sigma(&self) -> [f64; 2] {
+        self.spot.map(|s| s * SIGMA_PER_FWHM)
+    }
+
+    /// The analyser from the source: the detector mask, or the detector.
+    pub(crate) fn analyser(&self) -> f64 {
+        self.detector_mask.map_or(self.detector_distance, |m| m.distance)
+    }
+
+    /// Centre of a pixel on the detector, x and z.
+    pub(crate) fn centre(&self, column: u32, row: u32) -> [f64; 2] {
+        let [columns, rows] = self.pixels.map(f64::from);
+        [
+            (f64::from(column) + 0.5 - 0.5 * columns) * self.pitch[0],
+            (0.5 * rows - 0.5 - f64::from(row)) * self.pitch[1],
+        ]
+    }
+
+    /// Traces the ray from source point `source` (x, z) that would go straight to `target`
+    /// (x, z) on the detector.
+    pub(crate) fn trace(
+        &self,
+        sample: &Sample,
+        source: [f64; 2],
+        target: [f64; 2],
+        order: Order,
+    ) -> Trace {
+        let slope = [0, 1].map(|k| (target[k] - source[k]) / self.detector_distance);
+        let from = [source[0], -self.source_distance, source[1]];
+        let analyser = self.analyser() - self.source_distance;
+        sample.trace(from, [slope[0], 1.0, slope[1]], analyser, order)
+    }
+
+    /// Intensity of one pixel at each mask offset.
+    pub(crate) fn pixel(
+        &self,
+        sample: Option<&Sample>,
+        order: Order,
+        how: &Quadrature,
+        column: u32,
+        row: u32,
+        offsets: &[f64],
+    ) -> Vec<f64> {
+        let line = self.line(sample, order, how, column..column + 1, row, offsets);
+        line.into_iter().map(|step| step[0]).collect()
+    }
+
+    /// Intensities `[step][column - columns.start]` of a stretch of one row: every ray that
+    /// lands there counts where it lands, whichever aperture it came through.
+    pub(crate) fn line(
+        &self,
+        sample: Option<&Sample>,
+        order: Order,
+        how: &Quadrature,
+        columns: Range<u32>,
+        row: u32,
+        offsets: &[f64],
+    ) -> Vec<Vec<f64>> {
+        let heights = self.heights(how, row);
+        // Cells are equal lengths on the sample mask (or the rotation centre's plane).
+        let plane = self.sample_mask.map_or(self.source_distance, |m| m.distance);
+        let magnification = self.detector_distance / plane;
+        let cell = self.pitch[0] / magnification / how.cells as f64;
+        let sources = normal::nodes(self.sigma()[0], how.sources, how.reach);
+        let widest = how.reach * self.sigma()[0];
+        let beyond = ((magnification - 1.0) * widest + how.farthest) / magnification;
+        let left = (self.centre(columns.start, row)[0] - 0.5 * self.pitch[0]) / magnification;
+        let extra = (beyond / cell).ceil();
+        let count = columns.len() * how.cells + 2 * extra as usize;
+        let width = columns.len();
+        let job = Job {
+            setup: self,
+            sample,
+            order,
+            offsets,
+            sources: &sources,
+            heights: &heights,
+            plane,
+            cell,
+            left: left * magnification,
+            width,
+            row,
+        };
+        let parts: Vec<Vec<f64>> = (0..count.div_ceil(64))
+            .into_par_iter()
+            .map(|part| {
+                let mut sum = vec![0.0; offsets.len() * width];
+                for i in part * 64..count.min(part * 64 + 64) {
+                    job.add_cell(left + (i as f64 + 0.5 - extra) * cell, &mut sum);
+                }
+                sum
+            })
+            .collect();
+        let mut total = vec![0.0; offsets.len() * width];
+        for part in parts {
+            total.iter_mut().zip(part).for_each(|(t, p)| *t += p);
+        }
+        total.chunks(width).map(<[f64]>::to_vec).collect()
+    }
+
+    /// Lines in z: height on the detector, height of the source, breadth on the detector (0:
+    /// the row counts as one) and weight.
+    fn heights(&self, how: &Quadrature, row: u32) -> Vec<[f64; 4]> {
+        let centre = self.centre(0, row)[1];
+        if how.lines == 1 {
+            return vec![[centre, 0.0, 0.0, 1.0]];
+        }
+        let breadth = self.pitch[1] / how.lines as f64;
+        let extra = (how.farthest / breadth).ceil() as usize;
+        let count = how.lines + 2 * extra;
+        (0..count)
+            .map(|i| {
+                let at = i as f64 + 0.5 - 0.5 * count as f64;
+                // Golden-ratio lattice: source heights spread evenly over any stretch of lines.
+                let share = (i as f64 * 0.618_033_988_749_894_9 + 0.5).fract();
+                let source = self.sigma()[1] * normal::quantile(share);
+                [centre + at * breadth, source, breadth, breadth / self.pitch[1]]
+            })
+            .collect()
+    }
+}
+
+struct Job<'a> {
+    setup: &'a Setup,
+    sample: Option<&'a Sample>,
+    order: Order,
+    offsets: &'a [f64],
+    sources: &'a [(f64, f64)],
+    heights: &'a [[f64; 4]],
+    /// Plane of the cells, from the source.
+    plane: f64,
+    /// Width of a cell there.
+    cell: f64,
+    /// Left edge of the stretch on the detector.
+    left: f64,
+    /// Columns.
+    width: usize,
+    row: u32,
+}
+
+impl Job<'_> {
+    /// Light through the cell centred at `x1`, from every source point.
+    fn add_cell(&self, x1: f64, sum: &mut [f64]) {
+        let setup = self.setup;
+        let far = setup.detector_distance;
+        for &[height, source_z, breadth, weight_z] in self.heights {
+            let slope_z = (height - source_z) / far;
+            for &(source_x, weight_x) in self.sources {
+                let slope_x = (x1 - source_x) / self.plane;
+                let target = source_x + slope_x * far;
+                let trace = match self.sample {
+                    Some(sample) => {
+                        setup.trace(sample, [source_x, source_z], [target, height], self.order)
+                    }
+                    None => Trace::default(),
+                };
+                let rest = far - setup.analyser();
+                let landing = [target, height];
+                let landing =
+                    [0, 1].map(|k| landing[k] + trace.displacement[k] + trace.slope[k] * rest);
+                let mut weight = weight_x * weight_z * (-trace.optical_depth).exp();
+                if breadth > 0.0 {
+                    weight *= self.share_of_row(landing[1], breadth);
+                }
+                if weight == 0.0 {
+                    continue;
+                }
+                let slope = [slope_x + trace.slope[0], slope_z + trace.slope[1]];
+                self.land(x1, [slope_x, slope_z], landing[0], slope, weight, sum);
+            }
+        }
+    }
+
+    fn share_of_row(&self, z: f64, breadth: f64) -> f64 {
+        let half = 0.5 * self.setup.pitch[1];
+        let from = z - self.setup.centre(0, self.row)[1];
+        let (low, high) = ((from - 0.5 * breadth).max(-half), (from + 0.5 * breadth).min(half));
+        (high - low).max(0.0) / breadth
+    }
+
+    /// Shares the light of a cell, as wide as it is on the detector, among pixels and steps.
+    fn land(
+        &self,
+        x1: f64,
+        before: [f64; 2],
+        at: f64,
+        after: [f64; 2],
+        weight: f64,
+        sum: &mut [f64],
+    ) {
+        let setup = self.setup;
+        let (pitch, far) = (setup.pitch[0], setup.detector_distance);
+        let spread = self.cell * far / self.plane;
+        let (low, high) = (at - 0.5 * spread, at + 0.5 * spread);
+        let first = ((low - self.left) / pitch).floor().max(0.0) as usize;
+        for column in first..self.width {
+            let edge = self.left + column as f64 * pitch;
+            let (a, b) = (low.max(edge), high.min(edge + pitch));
+            if a >= high {
+                break;
+            }
+            if b <= a {
+                continue;
+            }
+            // Where this light went through the masks.
+            let on_first = |d: f64| x1 + (d - at) * self.plane / far;
+            let back = after[0] * setup.detector_mask.map_or(0.0, |m| far - m.distance);
+            let second = setup.detector_mask.map(|mask| Stretch {
+                mask,
+                low: a - back,
+                high: b - back,
+                slope: after,
+            });
+            if second.is_some_and(|s| masks::mean(&[s]) == 0.0) {
+                continue;
+            }
+            for (step, offset) in self.offsets.iter().enumerate() {
+                let first = setup.sample_mask.map(|mask| Stretch {
+                    mask: mask.moved(*offset),
+                    low: on_first(a),
+                    high: on_first(b),
+                    slope: before,
+                });
+                let through = match (first, second) {
+                    (None, None) => 1.0,
+                    (Some(m), None) | (None, Some(m)) => masks::mean(&[m]),
+                    (Some(m), Some(n)) => masks::mean(&[m, n]),
+                };
+                sum[step * self.width + column] += weight * through * (b - a) / pitch;
+            }
+        }
+    }
+}
