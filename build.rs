@@ -65,7 +65,7 @@ fn build_all(folder: &str, permutations: &[Permutation], out: &Path, generated: 
         let constant = name.to_uppercase();
         write!(
             rust,
-            "/// SPIR-V of {folder}/{file} {defines:?}.\npub const {constant}: &[u32] = &["
+            "/// SPIR-V of `{folder}/{file}` `{defines:?}`.\npub const {constant}: &[u32] = &["
         )
         .expect("a string grows");
         for word in &words {

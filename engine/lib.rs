@@ -24,5 +24,5 @@ pub mod units;
 
 pub use engine::{Engine, EngineOptions};
 pub use error::{Error, Place, Result};
-pub use simulation::Simulation;
 pub use run::{Backend, Control, Progress, RunRecord, Tally};
+pub use simulation::Simulation;

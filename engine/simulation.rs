@@ -1,12 +1,17 @@
 //! A simulation: one scene made ready on a device, traced view by view and illuminated.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
 use crate::gpu::interface::Pixel;
-use crate::illuminate::{
-    Cast, CellIlluminator, LightRecord, RandomKernels, SUM_BYTES, Sums, cast,
-};
+use crate::illuminate::{Cast, CellIlluminator, LightRecord, RandomKernels, SUM_BYTES, Sums, cast};
 use crate::run::{Backend, Control, Progress, RunRecord, Tally};
 use crate::scene::{Scene, Scheme};
 use crate::stack::{self, RunStart, Sink};
@@ -59,8 +64,7 @@ impl<'e> Simulation<'e> {
             ));
         }
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
-        let on_device =
-            Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query)?);
+        let on_device = Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query)?);
         let strongest = media.constants.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
         let lattice = Lattice::of(scene, strongest);
         let mut simulation = Self {
@@ -167,9 +171,10 @@ impl<'e> Simulation<'e> {
     fn calibration_rays(&self) -> Vec<Ray> {
         let shadows = self.shadows(0);
         let span = |f: fn(&Shadow) -> [f64; 2]| {
-            shadows.iter().map(f).fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| {
-                [a[0].min(b[0]), a[1].max(b[1])]
-            })
+            shadows
+                .iter()
+                .map(f)
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
         };
         let (x, rows) = (span(|s| s.x), span(|s| s.rows));
         let middle = self.lattice.beamlets.start;
@@ -338,7 +343,8 @@ impl<'s> Work<'s> {
         } else {
             LightRecord::of_cells(&device, scene, &simulation.lattice, offsets)?
         };
-        let blur = 6.0 * trace::deviation(scene.source.spot[1])
+        let blur = 6.0
+            * trace::deviation(scene.source.spot[1])
             * (scene.detector.distance - scene.source.distance)
             / scene.source.distance
             / scene.detector.pitch[1];

@@ -144,7 +144,9 @@ void deposit(Light light, Strip strip, Column column, float row_z, uint mask_ste
 }
 
 // The part [a, b] of a cell, as seen on the analyser.
-Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float transmission) {
+// `soft`: variance that the shadows of thick bars add, of the sample mask in the cell plane and
+// of the detector mask on the analyser.
+Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float transmission, vec2 soft) {
     float span = cell.x_high - cell.x_low;
     float depth_slope = (cell.depth_high - cell.depth_low) / span;
     float bend = (cell.displacement_high - cell.displacement_low) / span;
@@ -162,8 +164,11 @@ Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float tran
     piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low
         + c * tilt * light.source_x - growth * lean * width / 12.0;
     piece.half_width = 0.5 * abs(growth) * width;
-    piece.blur = abs(c) * light.source_x;
-    piece.pixel_blur = abs(c + (1.0 - light.ratio)) * light.source_x;
+    float spot = c * light.source_x;
+    float pixel_spot = (c + 1.0 - light.ratio) * light.source_x;
+    float shadow = growth * growth * soft.x;
+    piece.blur = sqrt(spot * spot + shadow + soft.y);
+    piece.pixel_blur = sqrt(pixel_spot * pixel_spot + shadow);
     piece.pixel_shift = cell.pixel_shift;
     return piece;
 }
@@ -183,6 +188,10 @@ void main() {
     float leak = mask.present == 0u ? 1.0 : bar_transmission(mask, sec);
     float offset = mask.present == 0u ? 0.0 : light.offsets.at[mask_step] - column.sample_offset;
 
+    float other_leak = bar_transmission(light.detector_mask, sec);
+    vec2 soft = vec2(edge_variance(mask, column.slope, sec, leak),
+                     edge_variance(light.detector_mask, column.slope, sec, other_leak));
+
     Pending pending = Pending(column.pixel, vec3(0.0));
     bool faint = mask.present != 0u && leak > NEGLIGIBLE && leak < FAINT;
     float faint_amount = 0.0;
@@ -190,9 +199,9 @@ void main() {
         Cell cell = push.cells.at[strip.first + i];
         RowSpread spread = row_spread(light, strip, cell);
         if (faint) {
-            faint_amount += piece_of(light, strip, cell, cell.x_low, cell.x_high, leak).amount;
+            faint_amount += piece_of(light, strip, cell, cell.x_low, cell.x_high, leak, soft).amount;
         } else if (leak > NEGLIGIBLE) {
-            Piece piece = piece_of(light, strip, cell, cell.x_low, cell.x_high, leak);
+            Piece piece = piece_of(light, strip, cell, cell.x_low, cell.x_high, leak, soft);
             deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
         }
         if (mask.present == 0u) continue;
@@ -207,7 +216,7 @@ void main() {
                 float a = max(cell.x_low, centre - 0.5 * width);
                 float b = min(cell.x_high, centre + 0.5 * width);
                 if (b <= a) continue;
-                Piece piece = piece_of(light, strip, cell, a, b, 1.0 - leak);
+                Piece piece = piece_of(light, strip, cell, a, b, 1.0 - leak, soft);
                 deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
             }
         }

@@ -194,6 +194,7 @@ struct Light {
     float rotation;       // distance of the rotation centre from the source
     float source_z;       // standard deviation of the spot, m
     float column_pitch;   // m, on the detector
+    uint padding;         // to a multiple of the addresses' alignment
 };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightRef { Light at[]; };
 

@@ -51,8 +51,7 @@ impl AccelerationStructure {
             .geometry(vk::AccelerationStructureGeometryDataKHR { aabbs: geometry })
             .flags(vk::GeometryFlagsKHR::NO_DUPLICATE_ANY_HIT_INVOCATION);
         let kind = vk::AccelerationStructureTypeKHR::BOTTOM_LEVEL;
-        let bottom =
-            Level::build(device, "bottom acceleration structure", kind, geometry, count)?;
+        let bottom = Level::build(device, "bottom acceleration structure", kind, geometry, count)?;
 
         let instances =
             device.upload("acceleration structure instance", &instance(bottom.address))?;

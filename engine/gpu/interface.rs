@@ -211,6 +211,7 @@ shared_structs! {
         pub rotation: f32,
         pub source_z: f32,
         pub column_pitch: f32,
+        pub padding: u32,
     }
 
     /// A pixel of the random scheme.
@@ -220,7 +221,7 @@ shared_structs! {
         pub table: u32,
     }
 
-    /// Push constants of trace.comp.
+    /// Push constants of `trace.comp`.
     pub struct TracePush {
         pub sample_ref: Address,
         pub rays: Address,
@@ -237,7 +238,7 @@ shared_structs! {
         pub nudge: f32,
     }
 
-    /// Push constants of exact.comp.
+    /// Push constants of `exact.comp`.
     pub struct ExactPush {
         pub sample_ref: Address,
         pub rays: Address,
@@ -251,7 +252,7 @@ shared_structs! {
         pub last: u32,
     }
 
-    /// Push constants of illuminate.comp.
+    /// Push constants of `illuminate.comp`.
     pub struct IlluminatePush {
         pub light_ref: Address,
         pub strips: Address,
@@ -262,7 +263,7 @@ shared_structs! {
         pub first_step: u32,
     }
 
-    /// Push constants of random_rays.comp.
+    /// Push constants of `random_rays.comp`.
     pub struct RandomRaysPush {
         pub light_ref: Address,
         pub pixels: Address,
@@ -276,7 +277,7 @@ shared_structs! {
         pub view_seed: u32,
     }
 
-    /// Push constants of random_light.comp.
+    /// Push constants of `random_light.comp`.
     pub struct RandomLightPush {
         pub light_ref: Address,
         pub pixels: Address,

@@ -1,5 +1,12 @@
 //! Illuminates strips of cells at every mask step.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use super::light::LightRecord;
 use super::sums::Sums;
 use crate::Result;
@@ -107,7 +114,7 @@ fn fit<T: bytemuck::Pod>(
     name: &str,
     items: &[T],
 ) -> Result<()> {
-    let bytes = std::mem::size_of_val(items) as u64;
+    let bytes = size_of_val(items) as u64;
     if buffer.as_ref().is_none_or(|b| b.len() < bytes) {
         *buffer = None;
         *buffer = Some(device.buffer(name, bytes.next_power_of_two(), Memory::Device)?);

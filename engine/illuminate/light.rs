@@ -1,5 +1,12 @@
 //! The parameters of the light stages, from the scene.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use crate::gpu::interface::{Aperture, Column, Light, Mask};
 use crate::gpu::{Buffer, Device};
 use crate::scene::{MaskBody, MaskSpec, Scene};
@@ -112,6 +119,7 @@ impl LightRecord {
             rotation: source.distance as f32,
             source_z: spot[1] as f32,
             column_pitch: detector.pitch[0] as f32,
+            padding: 0,
         };
         let buffer = device.upload("light", &[light])?;
         kept.extend([columns, offsets]);

@@ -1,5 +1,12 @@
 //! The random scheme: rays made, traced and illuminated on the device.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use super::light::LightRecord;
 use super::sums::Sums;
 use crate::Result;

@@ -1,5 +1,12 @@
 //! Sums of light of a band of rows: 64-bit fixed point on the device, f32 on the host.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use crate::gpu::{Buffer, Device, Memory};
 use crate::{Error, Result};
 use ndarray::Array3;

@@ -1,6 +1,13 @@
 //! The lattice of cells: where beamlets stand in the cell plane, which rays bound their cells,
 //! and where they land. All in f64 on the host; the device gets offsets inside an index.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use super::occupancy::Shadow;
 use super::rows::RowSpread;
 use crate::gpu::interface::{Column, Ray};
@@ -75,7 +82,8 @@ impl Lattice {
         let half = pitch[0] * pixels[0] / 2.0 + reach;
         let step = period * detector / plane;
         let middle = pixels[0] / 2.0 - 0.5 - offset / period;
-        let beamlets = (middle - half / step).floor() as i64..(middle + half / step).ceil() as i64 + 1;
+        let beamlets =
+            (middle - half / step).floor() as i64..(middle + half / step).ceil() as i64 + 1;
         let blur = [0, 1].map(|axis| spread(axis, scene.source.distance) / pitch[axis]);
         let halo = (throw / pitch[1] + blur[1]).ceil() as i64;
         Self {
@@ -130,7 +138,8 @@ impl Lattice {
     /// Beamlets that an interval of x in the cell plane touches.
     #[must_use]
     pub fn beamlets_of(&self, x: [f64; 2]) -> Range<i64> {
-        let index = |x: f64| ((x - self.offset) / self.period + self.pixels[0] / 2.0).floor() as i64;
+        let index =
+            |x: f64| ((x - self.offset) / self.period + self.pixels[0] / 2.0).floor() as i64;
         index(x[0]).max(self.beamlets.start)..(index(x[1]) + 1).min(self.beamlets.end)
     }
 

@@ -1,6 +1,13 @@
 //! One line: the laws of a beamlet along x at one row coordinate, refined until the linear law
 //! holds in every segment (docs/physics.md, "Refinement").
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use crate::gpu::interface::{FLAG_GRAZING, FLAG_NOT_FINITE, Law};
 
 /// Silhouettes are bisected to this width, m in the cell plane.
@@ -11,18 +18,18 @@ const SHARPEST_LAW: f32 = 60e-9;
 /// Flagged segments are split at least to this share of a period.
 const FLAGGED_SHARE: f32 = 1.0 / 64.0;
 /// Error of the optical depth of a whole beamlet that splits a segment.
-pub const DEPTH_TOLERANCE: f32 = 2e-5;
+pub(super) const DEPTH_TOLERANCE: f32 = 2e-5;
 /// A segment of this share of the period may deviate by the tolerance; narrower ones by more,
 /// in proportion, since they carry less light.
 const FULL_SHARE: f32 = 1.0 / 40.0;
 
 /// A traced point of a line.
 #[derive(Debug, Clone, Copy)]
-pub struct Point {
+pub(super) struct Point {
     /// From the beamlet's centre in the cell plane, m.
-    pub x: f32,
+    pub(super) x: f32,
     /// Its law.
-    pub law: Law,
+    pub(super) law: Law,
 }
 
 impl Point {
@@ -33,63 +40,63 @@ impl Point {
 
 /// An interval of x in which the law is linear between its ends.
 #[derive(Debug, Clone, Copy)]
-pub struct Segment {
+pub(super) struct Segment {
     /// Lower end.
-    pub low: Point,
+    pub(super) low: Point,
     /// Upper end.
-    pub high: Point,
+    pub(super) high: Point,
 }
 
 /// A place where the signature changes along a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Edge {
+pub(super) struct Edge {
     /// m from the beamlet's centre.
-    pub x: f32,
+    pub(super) x: f32,
     /// Signatures below and above.
-    pub signatures: [u32; 2],
+    pub(super) signatures: [u32; 2],
 }
 
 /// What refinement aims at.
 #[derive(Debug, Clone)]
-pub struct Aim {
+pub(super) struct Aim {
     /// Period of the lattice, m.
-    pub period: f32,
+    pub(super) period: f32,
     /// Cells per period before refinement.
-    pub cells: u32,
+    pub(super) cells: u32,
     /// Displacement error at the detector that splits a cell, m.
-    pub tolerance: f32,
+    pub(super) tolerance: f32,
 }
 
 /// Intervals that must be cut finer than their law asks: they may hide a narrow component.
 #[derive(Debug, Clone, Copy)]
-pub struct Narrow {
+pub(super) struct Narrow {
     /// From the beamlet's centre, m.
-    pub x: [f32; 2],
+    pub(super) x: [f32; 2],
     /// Widest segment allowed there, m.
-    pub width: f32,
+    pub(super) width: f32,
 }
 
 /// A line in work: rays asked for, laws given, until nothing more is asked.
 #[derive(Debug, Default)]
-pub struct Line {
+pub(super) struct Line {
     /// Laws at the ends of the unrefined cells.
-    pub base: Vec<Point>,
+    pub(super) base: Vec<Point>,
     /// Finished segments, sorted by x once the line is done.
-    pub segments: Vec<Segment>,
+    pub(super) segments: Vec<Segment>,
     /// Segments cut.
-    pub splits: u64,
+    pub(super) splits: u64,
     open: Vec<Segment>,
 }
 
 impl Line {
     /// Places of the first rays: cell ends and cell middles.
-    pub fn first_places(aim: &Aim) -> Vec<f32> {
+    pub(super) fn first_places(aim: &Aim) -> Vec<f32> {
         let n = 2 * aim.cells;
         (0..=n).map(|i| aim.period * ((i as f32) / (n as f32) - 0.5)).collect()
     }
 
     /// Takes the laws of the first rays.
-    pub fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
+    pub(super) fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
         let points: Vec<Point> = Self::first_places(aim)
             .into_iter()
             .zip(laws)
@@ -102,22 +109,22 @@ impl Line {
     }
 
     /// Whether every ray of the line misses the sample.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.segments.iter().all(|s| s.low.law.crossings == 0 && s.high.law.crossings == 0)
     }
 
     /// Places of the rays wanted next, one for each open segment.
-    pub fn wanted(&self) -> impl Iterator<Item = f32> + '_ {
+    pub(super) fn wanted(&self) -> impl Iterator<Item = f32> + '_ {
         self.open.iter().map(|s| middle(s.low.x, s.high.x))
     }
 
     /// Number of rays wanted next.
-    pub fn wanted_count(&self) -> usize {
+    pub(super) fn wanted_count(&self) -> usize {
         self.open.len()
     }
 
     /// Takes the laws of the rays wanted; sorts the segments when the line is done.
-    pub fn give(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
+    pub(super) fn give(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
         for (segment, law) in std::mem::take(&mut self.open).into_iter().zip(laws) {
             let point = Point { x: middle(segment.low.x, segment.high.x), law: *law };
             self.judge(aim, narrow, segment.low, point, segment.high);
@@ -128,7 +135,7 @@ impl Line {
     }
 
     /// Sorts the segments and joins neighbours that need not be apart.
-    pub fn finish(&mut self) {
+    pub(super) fn finish(&mut self) {
         self.segments.sort_by(|a, b| a.low.x.total_cmp(&b.low.x));
         if self.is_empty() {
             let (first, last) = (self.segments[0].low, self.segments[self.segments.len() - 1].high);
@@ -161,13 +168,12 @@ impl Line {
 
     fn push_constant(&mut self, from: f32, to: f32, law: Law) {
         if to > from {
-            self.segments
-                .push(Segment { low: Point { x: from, law }, high: Point { x: to, law } });
+            self.segments.push(Segment { low: Point { x: from, law }, high: Point { x: to, law } });
         }
     }
 
     /// Places where the signature changes.
-    pub fn edges(&self) -> Vec<Edge> {
+    pub(super) fn edges(&self) -> Vec<Edge> {
         self.segments
             .windows(2)
             .filter(|w| w[0].high.signature() != w[1].low.signature())
@@ -204,9 +210,7 @@ fn is_linear(aim: &Aim, narrow: &[Narrow], low: &Point, mid: &Point, high: &Poin
     if narrow.iter().any(|n| n.x[0] < high.x && n.x[1] > low.x && width > n.width) {
         return false;
     }
-    let bend = |f: fn(&Law) -> f32| {
-        (f(&mid.law) - 0.5 * (f(&low.law) + f(&high.law))).abs()
-    };
+    let bend = |f: fn(&Law) -> f32| (f(&mid.law) - 0.5 * (f(&low.law) + f(&high.law))).abs();
     let room = (aim.period * FULL_SHARE / width).max(1.0);
     bend(|l| l.displacement_x) <= aim.tolerance * room
         && bend(|l| l.displacement_z) <= 100.0 * aim.tolerance * room

@@ -1,5 +1,12 @@
 //! Which beamlets can meet the sample: the shadows of its components on the detector.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use super::lattice::Lattice;
 use crate::geometry::Sample;
 use glam::DVec3;
@@ -34,14 +41,16 @@ pub fn shadows(sample: &Sample, lattice: &Lattice, angle: f64) -> Vec<Shadow> {
             let mut x = [f64::INFINITY, f64::NEG_INFINITY];
             let mut rows = x;
             for corner in 0..8 {
-                let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
+                let pick =
+                    |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
                 let (wx, wy, wz) = (pick(0), pick(1), pick(2));
                 let [px, row] = lattice.project(wx * cos + wy * sin, wy * cos - wx * sin, wz);
                 x = [x[0].min(px), x[1].max(px)];
                 rows = [rows[0].min(row), rows[1].max(row)];
             }
             let scale = lattice.project(1.0, 0.0, 0.0)[0];
-            let rows_per_metre = lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];
+            let rows_per_metre =
+                lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];
             Shadow {
                 x,
                 rows,

@@ -1,5 +1,12 @@
 //! How the light of a cell spreads over its row and the two beside it, blurred by the spot.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use std::f64::consts::{PI, SQRT_2};
 
 /// Light of an interval of a row (coordinates in rows, downwards, 0..1 inside the row).

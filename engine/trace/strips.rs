@@ -2,6 +2,13 @@
 //! agree. Each row of a beamlet is refined on its own, from lines at its borders and inside,
 //! so that the outcome does not depend on how rows are grouped into bands.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
 use super::lattice::Lattice;
 use super::line::{Aim, DEPTH_TOLERANCE, Edge, Line, Narrow};
 use super::occupancy::Shadow;
@@ -85,7 +92,7 @@ impl Strips {
 
     /// Strips of about equal size side by side: invocations of a subgroup wait for one another.
     fn balance(&mut self) {
-        self.strips.sort_by_key(|s| std::cmp::Reverse({ s.count }));
+        self.strips.sort_by_key(|s| std::cmp::Reverse(s.count));
     }
 }
 
@@ -103,14 +110,7 @@ pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
 }
 
 fn empty_strip(column: i64, row: i64) -> Strip {
-    Strip {
-        first: 0,
-        count: 0,
-        column: column as u32,
-        row: row as i32,
-        top: 0.0,
-        bottom: 1.0,
-    }
+    Strip { first: 0, count: 0, column: column as u32, row: row as i32, top: 0.0, bottom: 1.0 }
 }
 
 fn empty_cell(lattice: &Lattice) -> Cell {

@@ -1,11 +1,11 @@
 //! The tracer: rays in, laws out, in batches, on either backend.
 
 use super::upload::DeviceSample;
+use crate::Result;
 use crate::gpu::interface::{ExactPush, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, TracePush};
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
 use crate::run::{Backend, Tally};
 use crate::scene::Transport;
-use crate::Result;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;

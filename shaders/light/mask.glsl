@@ -24,3 +24,13 @@ float effective_width(Mask mask, float width, float slope, float sec, float leak
         + (shadow - width) * (least - leak);
     return open / (1.0 - leak);
 }
+
+// Variance of an edge that shadows soften, m2, beyond the hard edge above.
+float edge_variance(Mask mask, float slope, float sec, float leak) {
+    float shadow = mask.thickness * abs(slope);
+    float a = mask.attenuation * sec;
+    if (mask.present == 0u || shadow <= 0.0 || a <= 0.0) return 0.0;
+    if (a < 0.1) return shadow * shadow / 12.0; // the difference below would lose its digits
+    float opaque = 1.0 - leak;
+    return max(shadow * shadow * (1.0 / (a * a) - leak / (opaque * opaque)), 0.0);
+}
