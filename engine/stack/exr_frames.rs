@@ -172,9 +172,10 @@ impl ExrFrames {
     }
 }
 
-/// Neither zip nor anything else earns its time: noise-free f32 hardly shrink.
+/// Zip, lossless: noise-free frames shrink to a fifth (measured on the bracket of the examples, 512
+/// x 256 pixels) and take 0.2 s instead of 0.08 s per 22 MiB on two cores.
 const ENCODING: Encoding = Encoding {
-    compression: Compression::Uncompressed,
+    compression: Compression::ZIP16,
     blocks: Blocks::ScanLines,
     line_order: LineOrder::Increasing,
 };
