@@ -78,6 +78,15 @@ fn body(scene: &Scene, object: &Object, number: u32) -> Result<(Body, String)> {
             "it is {extent:.3e} m across: is its `unit` (or `scale`) the right one?"
         ));
     }
+    if let Some(recorded) = &object.sha256
+        && *recorded != hash
+    {
+        return Err(Error::mesh(
+            &object.name,
+            "is not the mesh that the scene was made with",
+            format!("sha256 {hash}, the scene records {recorded}"),
+        ));
+    }
     Ok((body, hash))
 }
 

@@ -42,6 +42,7 @@ pub(crate) fn object(name: &str, geometry: ShapeOrMesh) -> Object {
         geometry,
         material: "carbon".into(),
         placement: Placement::default(),
+        sha256: None,
     }
 }
 
