@@ -45,6 +45,12 @@ pub struct Setup {
     pub sample_mask: Option<[f64; 2]>,
     /// Period and aperture of the detector mask, m.
     pub detector_mask: Option<[f64; 2]>,
+    /// Distances from the source that the sample sweeps over all views, nearest and farthest,
+    /// m; `None` without a sample.
+    pub swept: Option<[f64; 2]>,
+    /// Distances from the source between which it may be: the faces of the masks that are
+    /// there, or source and detector, m.
+    pub room: [f64; 2],
     /// Extent of the stacks.
     pub extent: Extent,
 }
@@ -121,7 +127,7 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     Ok(CheckReport {
-        setup: setup(scene, extent),
+        setup: setup(scene, &sample, extent),
         work: work(scene, extent, &materials)?,
         materials,
         objects: objects(scene, &sample),
@@ -129,7 +135,15 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
     })
 }
 
-fn setup(scene: &Scene, extent: Extent) -> Setup {
+fn setup(scene: &Scene, sample: &Sample, extent: Extent) -> Setup {
+    let swept = geometry::swept(sample);
+    let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(
+        None,
+        |reach: Option<[f64; 2]>, extent| {
+            let [low, high] = extent.y.map(|y| scene.source.distance + y);
+            Some(reach.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]))
+        },
+    );
     let mask = |mask: &Option<MaskSpec>| mask.as_ref().map(|mask| [mask.period, mask.aperture]);
     Setup {
         energy: scene.source.energy,
@@ -140,6 +154,8 @@ fn setup(scene: &Scene, extent: Extent) -> Setup {
         field_of_view: scene.field_of_view(),
         sample_mask: mask(&scene.sample_mask),
         detector_mask: mask(&scene.detector_mask),
+        swept: reach,
+        room: geometry::room(scene).map(|(distance, _)| distance),
         extent,
     }
 }

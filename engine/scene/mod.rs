@@ -19,6 +19,7 @@ mod set;
 mod table;
 mod tree;
 mod validate;
+mod view;
 mod write;
 
 pub use keys::known_keys;
@@ -26,6 +27,7 @@ pub use model::{
     Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,
     Scheme, Shape, ShapeOrMesh, Source, Transport,
 };
+pub use view::{Pose, View};
 
 use crate::{Error, Result};
 use tree::Document;
