@@ -100,7 +100,10 @@ impl LightRecord {
             offsets: offsets.address(),
             magnification: (analyser / cell_plane) as f32,
             source_x: spot[0] as f32,
-            kappa: (-(source.distance - cell_plane) / source.distance) as f32,
+            spot: (spot[0] * (analyser / source.distance - 1.0)) as f32,
+            pixel_spot: (spot[0] * (detector.distance / source.distance - 1.0) * analyser
+                / detector.distance) as f32,
+            shift: (spot[0] * (source.distance - cell_plane) / source.distance) as f32,
             cell_plane: cell_plane as f32,
             analyser: analyser as f32,
             ratio: (analyser / detector.distance) as f32,
