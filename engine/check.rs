@@ -3,7 +3,7 @@
 
 use crate::geometry::{self, ObjectSummary, Sample};
 use crate::material;
-use crate::scene::{MaskBody, MaskSpec, Scene, Scheme};
+use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
 use crate::stack::Extent;
 use crate::trace::Lattice;
 use crate::{Error, Result};
@@ -166,20 +166,28 @@ fn materials(scene: &Scene) -> Result<Vec<Material>> {
         Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => Some(material.clone()),
         _ => None,
     };
-    let uses = [("surroundings".to_owned(), Some(scene.surroundings.clone()))]
+    // Who uses it, the key where it is named, its name.
+    let object = |(number, object): (usize, &Object)| {
+        let key = format!("object[{number}].material");
+        (object.name.clone(), key, Some(object.material.clone()))
+    };
+    let mask = |name: &str, spec| (name.to_owned(), format!("{name}.material"), bars(spec));
+    let surroundings = Some(scene.surroundings.clone());
+    let uses = [("surroundings".to_owned(), "surroundings.material".to_owned(), surroundings)]
         .into_iter()
-        .chain(scene.objects.iter().map(|o| (o.name.clone(), Some(o.material.clone()))))
+        .chain(scene.objects.iter().enumerate().map(object))
         .chain([
-            ("sample_mask".to_owned(), bars(&scene.sample_mask)),
-            ("detector_mask".to_owned(), bars(&scene.detector_mask)),
+            mask("sample_mask", &scene.sample_mask),
+            mask("detector_mask", &scene.detector_mask),
         ]);
     let mut found: Vec<Material> = Vec::new();
-    for (user, name) in uses.filter_map(|(user, name)| name.map(|name| (user, name))) {
+    for (user, key, name) in uses.filter_map(|(user, key, name)| name.map(|name| (user, key, name)))
+    {
         if let Some(known) = found.iter_mut().find(|material| material.name == name) {
             known.used_by.push(user);
             continue;
         }
-        let constants = material::constants(scene, &name)?;
+        let constants = material::constants_for(scene, &name, &key)?;
         found.push(Material {
             used_by: vec![user],
             mu: constants.mu,
