@@ -22,7 +22,8 @@ layout(push_constant, scalar) uniform ExactPush {
     uint count;
     uint all;
     uint first;
-    uint last; // no further attempt follows
+    uint last;   // no further attempt follows
+    float nudge; // moves the rays in x, m
 } push;
 
 #define sample_ push.sample_ref.at[0]
@@ -65,6 +66,7 @@ void main() {
     if (index >= push.count) return;
     if (push.all == 0u) index = push.list.at[1u + index];
     Ray ray = push.rays.at[index];
+    ray.x += push.nudge;
     Beam beam = beam_of(ray, sample_.views.at[ray.view]);
     Law first_order = push.laws.at[index];
 

@@ -250,6 +250,7 @@ shared_structs! {
         pub all: u32,
         pub first: u32,
         pub last: u32,
+        pub nudge: f32,
     }
 
     /// Push constants of `illuminate.comp`.

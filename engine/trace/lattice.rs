@@ -14,8 +14,8 @@ use crate::gpu::interface::{Column, Ray};
 use crate::scene::{MaskSpec, Scene};
 use std::ops::Range;
 
-/// Largest sine of total reflection is sqrt(2 delta); two reflections deflect by four times it.
-const REFLECTION_REACH: f64 = 4.0;
+/// Total reflection happens up to a grazing angle of sqrt(2 delta) and deflects by twice it.
+const REFLECTION_REACH: f64 = 2.0;
 
 /// The lattice of cells of a scene.
 #[derive(Debug, Clone)]
@@ -30,6 +30,8 @@ pub struct Lattice {
     pub cells: u32,
     /// Beamlets whose light may reach the detector.
     pub beamlets: Range<i64>,
+    /// Those of them that reach it without a deflection.
+    pub direct: Range<i64>,
     /// Rows beyond a band (or the detector) whose light may reach it.
     pub halo: i64,
     /// Columns beside the detector whose light may reach it.
@@ -78,12 +80,15 @@ impl Lattice {
             6.0 * deviation(scene.source.spot[axis]) * (detector - from) / from
         };
         let shift = scene.scan.mask_offsets.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
-        let reach = (shift + period) * detector / plane + throw + spread(0, plane);
-        let half = pitch[0] * pixels[0] / 2.0 + reach;
+        let direct = (shift + period) * detector / plane + spread(0, plane);
         let step = period * detector / plane;
         let middle = pixels[0] / 2.0 - 0.5 - offset / period;
-        let beamlets =
-            (middle - half / step).floor() as i64..(middle + half / step).ceil() as i64 + 1;
+        let within = |reach: f64| {
+            let half = (pitch[0] * pixels[0] / 2.0 + reach) / step;
+            (middle - half).floor() as i64..(middle + half).ceil() as i64 + 1
+        };
+        let beamlets = within(direct + throw);
+        let direct = within(direct);
         let blur = [0, 1].map(|axis| spread(axis, scene.source.distance) / pitch[axis]);
         let halo = (throw / pitch[1] + blur[1]).ceil() as i64;
         Self {
@@ -92,6 +97,7 @@ impl Lattice {
             offset,
             cells,
             beamlets,
+            direct,
             halo,
             halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
             blur,

@@ -102,8 +102,8 @@ pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
     let mut out = Strips::default();
     let cell = empty_cell(lattice);
     for row in rows {
-        for column in 0..lattice.beamlets.end - lattice.beamlets.start {
-            out.push(empty_strip(column, row), &[cell]);
+        for beamlet in lattice.direct.clone() {
+            out.push(empty_strip(beamlet - lattice.beamlets.start, row), &[cell]);
         }
     }
     out
@@ -134,8 +134,8 @@ fn occupied(view: &View<'_>, row: i64) -> Vec<bool> {
     marks
 }
 
-/// Traces and refines the beamlets of some rows. Rows without sample outside
-/// `rows_of_interest` are left out.
+/// Traces and refines the beamlets of some rows. `lit`: the rows from which undeflected light
+/// matters; what neither stands nor lands there is left out.
 ///
 /// # Errors
 /// As [`Tracer::trace`].
@@ -143,7 +143,7 @@ pub fn trace_strips(
     view: &View<'_>,
     tracer: &mut Tracer,
     rows: Range<i64>,
-    empty_rows: &Range<i64>,
+    lit: &Range<i64>,
 ) -> Result<Strips> {
     let units = units(view);
     let parts = i64::from(view.scene.sampling.rows);
@@ -158,7 +158,7 @@ pub fn trace_strips(
                     let low = row * units + part * step;
                     open.push(Span { beamlet, low, high: low + step });
                 }
-            } else if empty_rows.contains(&row) {
+            } else if lit.contains(&row) && view.lattice.direct.contains(&beamlet) {
                 blank.push((column as i64, row));
             }
         }
@@ -194,7 +194,10 @@ pub fn trace_strips(
     let strips: Vec<SpanCells> =
         done.par_iter().map(|s| work.cells(s, &lines[&(s.beamlet, s.middle())])).collect();
     for made in strips {
-        out.push(made.strip, &made.cells);
+        let row = i64::from(made.strip.row);
+        if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
+            out.push(made.strip, &made.cells);
+        }
         out.landed_off += made.landed_off;
         out.not_finite += made.not_finite;
     }
@@ -207,6 +210,8 @@ pub fn trace_strips(
 struct SpanCells {
     strip: Strip,
     cells: Vec<Cell>,
+    /// Rows, relative to its own, where it lands.
+    lands: Range<i64>,
     landed_off: u64,
     not_finite: u64,
 }
@@ -376,6 +381,7 @@ impl<'a> Work<'a> {
                 ..empty_strip(i64::from(column), row)
             },
             cells: Vec::with_capacity(line.segments.len()),
+            lands: 0..1,
             landed_off: 0,
             not_finite: 0,
         };
@@ -393,6 +399,8 @@ impl<'a> Work<'a> {
             let pixel_shift = mean(|l| l.displacement_x) * (1.0 - self.ratio)
                 - mean(|l| l.slope_x) * self.gap * self.ratio;
             let down = -f64::from(displacement_z / self.row_pitch);
+            made.lands.start = made.lands.start.min(down.floor() as i64);
+            made.lands.end = made.lands.end.max(down.ceil() as i64 + 1);
             let [above, below] =
                 self.view.lattice.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0]);
             made.cells.push(Cell {

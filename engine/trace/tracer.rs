@@ -20,7 +20,7 @@ const LARGEST_BATCH: u32 = 1 << 19;
 const LONG: Duration = Duration::from_millis(100);
 /// Unbalanced rays are tried again this far to the side, m: far below any accuracy wanted, far
 /// above the rounding of coordinates that made an edge ambiguous.
-const NUDGES: [f32; 4] = [0.0, 3e-10, -7e-10, 2.3e-9];
+const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
 
 /// The kernels of one device, compiled once.
 #[derive(Debug)]
@@ -260,14 +260,8 @@ impl Tracer {
         let flagged = if all { n } else { self.batch.exact.read::<u32>(0, 1)?[0] };
         if flagged > 0 && self.transport != Transport::FirstOrder {
             self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
-            let software = self.backend == Backend::Bvh;
-            time += self.exact_pass(exact, flagged, &self.batch.exact, all, software)?;
-            let lost = self.batch.unbalanced.read::<u32>(0, 1)?[0];
-            if lost > 0 && !software {
-                self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
-                let kernel = &self.kernels.exact_bvh;
-                time += self.exact_pass(kernel, lost, &self.batch.unbalanced, false, true)?;
-            }
+            time += self.exact_pass(exact, flagged, &self.batch.exact, all, 0.0, false)?;
+            time += self.exact_again()?;
         }
         Ok(time)
     }
@@ -309,6 +303,28 @@ impl Tracer {
         })
     }
 
+    /// Tries again the ordered walks that lost a crossing: a bend at an edge can move the ray
+    /// past the facet it would leave by.
+    fn exact_again(&self) -> Result<Duration> {
+        let b = &self.batch;
+        let mut time = Duration::ZERO;
+        for (i, nudge) in NUDGES.into_iter().enumerate() {
+            let lost = b.unbalanced.read::<u32>(0, 1)?[0];
+            if lost == 0 {
+                break;
+            }
+            if i == 0 && self.backend == Backend::Bvh {
+                continue;
+            }
+            self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
+            self.device.run(|r| r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(lost) + 1) * 4))?;
+            let kernel = &self.kernels.exact_bvh;
+            let last = i + 1 == NUDGES.len();
+            time += self.exact_pass(kernel, lost, &b.list, false, nudge, last)?;
+        }
+        Ok(time)
+    }
+
     /// Ordered walks search once per crossing: they go in small dispatches.
     fn exact_pass(
         &self,
@@ -316,12 +332,11 @@ impl Tracer {
         n: u32,
         list: &Buffer,
         all: bool,
+        nudge: f32,
         last: bool,
     ) -> Result<Duration> {
         let mut time = Duration::ZERO;
-        if !last {
-            self.batch.unbalanced.write(0, &[0_u32])?;
-        }
+        self.batch.unbalanced.write(0, &[0_u32])?;
         let mut first = 0;
         let mut size = 4096;
         while first < n {
@@ -336,6 +351,7 @@ impl Tracer {
                 all: all.into(),
                 first,
                 last: last.into(),
+                nudge,
             };
             let groups = (push.count - first).div_ceil(GROUP);
             let took = self.device.run(|r| {
