@@ -39,7 +39,7 @@ layout(push_constant, scalar) uniform ExactPush {
 #endif
 
 const uint DEPTH = 16u;           // objects that a point may be inside of at once
-const uint CROSSINGS = 1u << 20;  // of one ray
+const uint CROSSINGS = 1u << 20;  // offered to one ray
 const uint REFLECTION_HASH = 0x9e3779b9u;
 
 // The objects that the ray is inside of; the one listed last wins.
@@ -80,6 +80,7 @@ void main() {
     uint signature = 0u;
     uint flags = FLAG_EXACT | (first_order.flags & FLAG_GRAZING);
     uint crossings = 0u;
+    uint offered = 0u;
     Media media;
     media.count = 0u;
 
@@ -91,8 +92,8 @@ void main() {
     while (next(beam, y, id, crossing)) {
         y = crossing.y;
         id = crossing.id;
-        crossings += 1u;
-        if (crossings > CROSSINGS) {
+        offered += 1u;
+        if (offered > CROSSINGS) {
             flags |= FLAG_DROPPED;
             break;
         }
@@ -100,6 +101,7 @@ void main() {
         uint place = place_of(media, surface.object);
         // A bend at an edge can bring the neighbouring facet up once more: not a crossing.
         if (crossing.entering == (place < DEPTH)) continue;
+        crossings += 1u;
         Media after = media;
         if (crossing.entering) {
             if (after.count == DEPTH) {
