@@ -2,6 +2,7 @@
 //! `commands`.
 
 use beamlet::Backend;
+use beamlet::scene::Scene;
 use beamlet::stack::Format;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -60,6 +61,18 @@ pub(crate) struct SceneArguments {
     /// Change a value of the scene: key.path=value (may be repeated)
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
     pub(crate) sets: Vec<String>,
+}
+
+impl SceneArguments {
+    /// The scene with its changes.
+    pub(crate) fn load(&self) -> beamlet::Result<Scene> {
+        Scene::load_with(&self.scene, &self.sets)
+    }
+
+    /// Gives an error of a later stage its place in the scene file.
+    pub(crate) fn locate(&self, error: beamlet::Error) -> beamlet::Error {
+        Scene::locate(&self.scene, &self.sets, error)
+    }
 }
 
 #[derive(Debug, Args)]

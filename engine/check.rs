@@ -3,7 +3,7 @@
 
 use crate::geometry::{self, ObjectSummary, Sample};
 use crate::material;
-use crate::scene::{MaskBody, MaskSpec, Scene, Scheme};
+use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
 use crate::stack::Extent;
 use crate::trace::Lattice;
 use crate::{Error, Result};
@@ -45,6 +45,12 @@ pub struct Setup {
     pub sample_mask: Option<[f64; 2]>,
     /// Period and aperture of the detector mask, m.
     pub detector_mask: Option<[f64; 2]>,
+    /// Distances from the source that the sample sweeps over all views, nearest and farthest,
+    /// m; `None` without a sample.
+    pub swept: Option<[f64; 2]>,
+    /// Distances from the source between which it may be: the faces of the masks that are
+    /// there, or source and detector, m.
+    pub room: [f64; 2],
     /// Extent of the stacks.
     pub extent: Extent,
 }
@@ -121,7 +127,7 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     Ok(CheckReport {
-        setup: setup(scene, extent),
+        setup: setup(scene, &sample, extent),
         work: work(scene, extent, &materials)?,
         materials,
         objects: objects(scene, &sample),
@@ -129,7 +135,15 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
     })
 }
 
-fn setup(scene: &Scene, extent: Extent) -> Setup {
+fn setup(scene: &Scene, sample: &Sample, extent: Extent) -> Setup {
+    let swept = geometry::swept(sample);
+    let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(
+        None,
+        |reach: Option<[f64; 2]>, extent| {
+            let [low, high] = extent.y.map(|y| scene.source.distance + y);
+            Some(reach.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]))
+        },
+    );
     let mask = |mask: &Option<MaskSpec>| mask.as_ref().map(|mask| [mask.period, mask.aperture]);
     Setup {
         energy: scene.source.energy,
@@ -140,6 +154,8 @@ fn setup(scene: &Scene, extent: Extent) -> Setup {
         field_of_view: scene.field_of_view(),
         sample_mask: mask(&scene.sample_mask),
         detector_mask: mask(&scene.detector_mask),
+        swept: reach,
+        room: geometry::room(scene).map(|(distance, _)| distance),
         extent,
     }
 }
@@ -150,20 +166,28 @@ fn materials(scene: &Scene) -> Result<Vec<Material>> {
         Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => Some(material.clone()),
         _ => None,
     };
-    let uses = [("surroundings".to_owned(), Some(scene.surroundings.clone()))]
+    // Who uses it, the key where it is named, its name.
+    let object = |(number, object): (usize, &Object)| {
+        let key = format!("object[{number}].material");
+        (object.name.clone(), key, Some(object.material.clone()))
+    };
+    let mask = |name: &str, spec| (name.to_owned(), format!("{name}.material"), bars(spec));
+    let surroundings = Some(scene.surroundings.clone());
+    let uses = [("surroundings".to_owned(), "surroundings.material".to_owned(), surroundings)]
         .into_iter()
-        .chain(scene.objects.iter().map(|o| (o.name.clone(), Some(o.material.clone()))))
+        .chain(scene.objects.iter().enumerate().map(object))
         .chain([
-            ("sample_mask".to_owned(), bars(&scene.sample_mask)),
-            ("detector_mask".to_owned(), bars(&scene.detector_mask)),
+            mask("sample_mask", &scene.sample_mask),
+            mask("detector_mask", &scene.detector_mask),
         ]);
     let mut found: Vec<Material> = Vec::new();
-    for (user, name) in uses.filter_map(|(user, name)| name.map(|name| (user, name))) {
+    for (user, key, name) in uses.filter_map(|(user, key, name)| name.map(|name| (user, key, name)))
+    {
         if let Some(known) = found.iter_mut().find(|material| material.name == name) {
             known.used_by.push(user);
             continue;
         }
-        let constants = material::constants(scene, &name)?;
+        let constants = material::constants_for(scene, &name, &key)?;
         found.push(Material {
             used_by: vec![user],
             mu: constants.mu,

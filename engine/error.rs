@@ -107,6 +107,15 @@ impl Error {
         }
     }
 
+    /// The same error at another key, where it is one of the scene.
+    #[must_use]
+    pub fn at_key(mut self, new: impl Into<String>) -> Self {
+        if let Self::Scene { key, .. } = &mut self {
+            *key = new.into();
+        }
+        self
+    }
+
     /// A mesh error.
     pub fn mesh(
         object: impl Into<String>,

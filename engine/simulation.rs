@@ -191,7 +191,8 @@ impl<'e> Simulation<'e> {
     }
 
     fn shadows(&self, view: u32) -> Vec<Shadow> {
-        trace::shadows(&self.sample, &self.lattice, self.scene.scan.angles[view as usize])
+        let angle = self.scene.scan.angles[view as usize];
+        trace::shadows(&self.sample, &self.lattice, &self.scene.view_at(angle))
     }
 
     /// Traces rays and returns their laws at the scene's energy, in the order of the rays.

@@ -21,6 +21,7 @@ layout(push_constant, scalar) uniform IlluminatePush {
 } push;
 
 #include "physics/gauss.glsl"
+#include "physics/polygon.glsl"
 #include "light/sum.glsl"
 #include "light/mask.glsl"
 
@@ -61,29 +62,68 @@ RowSpread row_spread(Light light, Strip strip, Cell cell) {
     return spread;
 }
 
-// Light of a piece of a cell, evenly spread on the analyser over middle +- half_width.
+// Light of a cell, or of what a hard edge leaves of it, on the analyser: evenly spread over
+// middle +- half_width, blurred by the spot.
 struct Piece {
     float amount;
     float middle;
-    float half_width;
+    float half_width; // signed: light may land in reverse order
     float blur;       // at edges of the detector mask
     float pixel_blur; // at edges of pixels
     float pixel_shift;
+    float lean;       // half the change of optical depth over the piece
+    // Where the aperture of the sample mask cuts the piece the cut depends on the source offset
+    // t (in standard deviations): half_cell * xi + shift * t lies in [aperture_low, aperture_high].
+    bool cut;
+    float half_cell;
+    float shift;
+    float aperture_low;
+    float aperture_high;
 };
 
-float share(Piece piece, float edge, bool of_pixel) {
-    return share_below(edge, piece.middle, piece.half_width, of_pixel ? piece.pixel_blur : piece.blur);
+// An edge on the analyser.
+struct Edge {
+    float at;
+    bool of_pixel;
+};
+
+float blur_at(Piece piece, Edge edge) {
+    return edge.of_pixel ? piece.pixel_blur : piece.blur;
+}
+
+// Share of the piece between two edges.
+float window(Piece piece, Edge low, Edge high) {
+    if (!piece.cut) {
+        float width = abs(piece.half_width);
+        return share_below(high.at, piece.middle, width, blur_at(piece, high))
+            - share_below(low.at, piece.middle, width, blur_at(piece, low));
+    }
+    Polygon region = rectangle(1.0, 6.5);
+    float scale = 1.0 / (piece.half_cell + piece.shift);
+    cut(region, scale * vec3(piece.half_cell, piece.shift, -piece.aperture_low));
+    cut(region, scale * vec3(-piece.half_cell, -piece.shift, piece.aperture_high));
+    float low_blur = blur_at(piece, low);
+    float high_blur = blur_at(piece, high);
+    float low_scale = 1.0 / (abs(piece.half_width) + low_blur);
+    float high_scale = 1.0 / (abs(piece.half_width) + high_blur);
+    cut(region, low_scale * vec3(piece.half_width, -low_blur, piece.middle - low.at));
+    cut(region, high_scale * vec3(-piece.half_width, high_blur, high.at - piece.middle));
+    vec2 moments = polygon_moments(region);
+    return 0.5 * (moments.x - piece.lean * moments.y);
 }
 
 // Share of the piece that passes the detector mask and lands in the pixel [low, high].
 float response(Light light, Column column, float row_z, Piece piece, float low, float high) {
-    float whole = share(piece, high, true) - share(piece, low, true);
-    if (light.detector_mask.present == 0u) return whole;
+    Edge pixel_low = Edge(low, true);
+    Edge pixel_high = Edge(high, true);
+    float whole = 0.0;
+    if (light.detector_mask.present == 0u) return window(piece, pixel_low, pixel_high);
     Mask mask = light.detector_mask;
     float sec = secant(column.slope, row_z);
     float leak = bar_transmission(mask, sec);
+    if (leak >= NEGLIGIBLE) whole = window(piece, pixel_low, pixel_high);
     float open = 0.0;
-    float reach = piece.half_width + 6.0 * piece.blur;
+    float reach = abs(piece.half_width) + 6.5 * piece.blur;
     float first = max(low, piece.middle - reach) + column.aperture_offset;
     float last = min(high, piece.middle + reach) + column.aperture_offset;
     int from = int(floor(first / mask.period - 0.5));
@@ -98,9 +138,9 @@ float response(Light light, Column column, float row_z, Piece piece, float low, 
             float a = centre - 0.5 * width;
             float b = centre + 0.5 * width;
             if (b <= low || a >= high || b <= a) continue;
-            float upper = b < high ? share(piece, b, false) : share(piece, high, true);
-            float lower = a > low ? share(piece, a, false) : share(piece, low, true);
-            open += max(upper - lower, 0.0);
+            Edge upper = b < high ? Edge(b, false) : pixel_high;
+            Edge lower = a > low ? Edge(a, false) : pixel_low;
+            open += max(window(piece, lower, upper), 0.0);
         }
     }
     return leak < NEGLIGIBLE ? open : leak * whole + (1.0 - leak) * open;
@@ -108,7 +148,7 @@ float response(Light light, Column column, float row_z, Piece piece, float low, 
 
 void deposit(Light light, Strip strip, Column column, float row_z, uint mask_step, Piece piece,
              RowSpread spread, inout Pending pending) {
-    float reach = piece.half_width + 6.0 * max(piece.blur, piece.pixel_blur);
+    float reach = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
     float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
     int from = int(floor((landing - reach) / light.pixel + 0.5));
     int to = int(floor((landing + reach) / light.pixel + 0.5));
@@ -143,9 +183,10 @@ void deposit(Light light, Strip strip, Column column, float row_z, uint mask_ste
     }
 }
 
-// The part [a, b] of a cell, as seen on the analyser.
-// `soft`: variance that the shadows of thick bars add, of the sample mask in the cell plane and
-// of the detector mask on the analyser.
+// The part [a, b] of a cell on the analyser. x is where the ray from the centre of the source
+// that meets the sample in the same place crosses the cell plane: what the sample does depends
+// on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
+// cell plane and of the detector mask on the analyser.
 Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float transmission, vec2 soft) {
     float span = cell.x_high - cell.x_low;
     float depth_slope = (cell.depth_high - cell.depth_low) / span;
@@ -153,24 +194,26 @@ Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float tran
     float middle = 0.5 * (a + b);
     float width = b - a;
     float from_low = middle - cell.x_low;
-    float tilt = depth_slope * light.kappa * light.source_x; // per standard deviation of source
-    float c = (light.magnification - 1.0) - bend * light.kappa;
     float growth = light.magnification + bend;
-    float lean = depth_slope * width; // change of depth over the piece
-    float attenuation = exp(-(cell.depth_low + depth_slope * from_low) + 0.5 * tilt * tilt)
-        * (1.0 + lean * lean / 24.0);
+    float lean = depth_slope * width;
     Piece piece;
-    piece.amount = transmission * attenuation * width * light.weight * (strip.bottom - strip.top);
-    piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low
-        + c * tilt * light.source_x - growth * lean * width / 12.0;
-    piece.half_width = 0.5 * abs(growth) * width;
-    float spot = c * light.source_x;
-    float pixel_spot = (c + 1.0 - light.ratio) * light.source_x;
+    piece.amount = transmission * exp(-(cell.depth_low + depth_slope * from_low)) * width
+        * (1.0 + lean * lean / 24.0) * light.weight * (strip.bottom - strip.top);
+    piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low;
+    piece.half_width = 0.5 * growth * width;
     float shadow = growth * growth * soft.x;
-    piece.blur = sqrt(spot * spot + shadow + soft.y);
-    piece.pixel_blur = sqrt(pixel_spot * pixel_spot + shadow);
+    piece.blur = sqrt(light.spot * light.spot + shadow + soft.y);
+    piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow);
     piece.pixel_shift = cell.pixel_shift;
+    piece.lean = 0.5 * lean;
+    piece.cut = false;
+    piece.half_cell = 0.5 * width;
     return piece;
+}
+
+// Without a cut the lean only moves the centre of the light.
+void settle(inout Piece piece) {
+    piece.middle -= piece.half_width * piece.lean / 3.0;
 }
 
 void main() {
@@ -199,9 +242,11 @@ void main() {
         Cell cell = push.cells.at[strip.first + i];
         RowSpread spread = row_spread(light, strip, cell);
         if (faint) {
-            faint_amount += piece_of(light, strip, cell, cell.x_low, cell.x_high, leak, soft).amount;
+            Piece piece = piece_of(light, strip, cell, cell.x_low, cell.x_high, leak, soft);
+            faint_amount += piece.amount;
         } else if (leak > NEGLIGIBLE) {
             Piece piece = piece_of(light, strip, cell, cell.x_low, cell.x_high, leak, soft);
+            settle(piece);
             deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
         }
         if (mask.present == 0u) continue;
@@ -213,26 +258,39 @@ void main() {
                 float centre = float(k) * mask.period + offset + 0.5 * (aperture.low + aperture.high);
                 float slope = column.slope + centre / light.cell_plane;
                 float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
-                float a = max(cell.x_low, centre - 0.5 * width);
-                float b = min(cell.x_high, centre + 0.5 * width);
-                if (b <= a) continue;
-                Piece piece = piece_of(light, strip, cell, a, b, 1.0 - leak, soft);
+                float a = centre - 0.5 * width;
+                float b = centre + 0.5 * width;
+                float reach = 6.5 * light.shift;
+                if (b <= a || b + reach <= cell.x_low || a - reach >= cell.x_high) continue;
+                bool inside = a + reach <= cell.x_low && b - reach >= cell.x_high;
+                // A source without extent, or cells in the plane of the mask: the cut is sharp.
+                bool sharp = light.shift <= 0.0;
+                float from_x = sharp ? max(cell.x_low, a) : cell.x_low;
+                float to_x = sharp ? min(cell.x_high, b) : cell.x_high;
+                Piece piece = piece_of(light, strip, cell, from_x, to_x, 1.0 - leak, soft);
+                if (inside || sharp) {
+                    settle(piece);
+                } else {
+                    float middle = 0.5 * (from_x + to_x);
+                    piece.cut = true;
+                    piece.shift = light.shift;
+                    piece.aperture_low = a - middle;
+                    piece.aperture_high = b - middle;
+                }
                 deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
             }
         }
     }
-    if (faint) {
+    if (faint && strip.count > 0u) {
         // Bars of this leak pass about 1e-6 of open beam: where in the strip does not matter.
-        Cell first = push.cells.at[strip.first];
-        Cell last = push.cells.at[strip.first + strip.count - 1u];
-        Piece piece;
+        Cell whole = push.cells.at[strip.first];
+        whole.x_high = push.cells.at[strip.first + strip.count - 1u].x_high;
+        whole.depth_low = whole.depth_high = 0.0;
+        whole.displacement_low = whole.displacement_high = 0.0;
+        whole.pixel_shift = 0.0;
+        Piece piece = piece_of(light, strip, whole, whole.x_low, whole.x_high, 1.0, vec2(0.0));
         piece.amount = faint_amount;
-        piece.middle = 0.5 * light.magnification * (first.x_low + last.x_high);
-        piece.half_width = 0.5 * light.magnification * (last.x_high - first.x_low);
-        piece.blur = (light.magnification - 1.0) * light.source_x;
-        piece.pixel_blur = (light.magnification - light.ratio) * light.source_x;
-        piece.pixel_shift = 0.0;
-        deposit(light, strip, column, row_z, mask_step, piece, row_spread(light, strip, first), pending);
+        deposit(light, strip, column, row_z, mask_step, piece, row_spread(light, strip, whole), pending);
     }
     flush(light, strip.row, mask_step, pending);
 }

@@ -177,7 +177,9 @@ struct Light {
     Offsets offsets;      // of the sample mask, per step, m
     float magnification;  // cell plane to analyser
     float source_x;       // standard deviation of the spot, m
-    float kappa;          // shift of x in the cell plane per source offset, seen at the sample
+    float spot;           // blur on the analyser of what lies at the rotation centre, m, std
+    float pixel_spot;     // the same at edges of pixels, seen on the analyser
+    float shift;          // std of x at the sample mask for a fixed place in the sample, m
     float cell_plane;     // distance from the source
     float analyser;       // distance from the source
     float ratio;          // analyser / detector distance

@@ -2,12 +2,11 @@
 
 use crate::args::Check;
 use crate::failure::Failure;
-use beamlet::scene::Scene;
 use std::io::Write;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
-    let scene = Scene::load_with(&arguments.scene.scene, &arguments.scene.sets)?;
-    let report = beamlet::check::check(&scene)?;
+    let scene = arguments.scene.load()?;
+    let report = beamlet::check::check(&scene).map_err(|e| arguments.scene.locate(e))?;
     if arguments.json {
         return super::write_json(&report, out);
     }

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Failure> {
     let began = Instant::now();
-    let scene = Scene::load_with(&arguments.scene.scene, &arguments.scene.sets)?;
+    let scene = arguments.scene.load()?;
     let extent = Extent::of(&scene)?;
     let mut sink = directory(arguments, &scene)?;
     if let Some(recorded) = sink.recorded()
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     match done {
         Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out),
         Err(Error::Interrupted) => Err(Failure::Interrupted { advice: advice(arguments) }),
-        Err(error) => Err(error.into()),
+        Err(error) => Err(arguments.scene.locate(error).into()),
     }
 }
 

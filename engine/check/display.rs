@@ -55,6 +55,11 @@ impl CheckReport {
             };
             line(f, name, text)?;
         }
+        let [near, far] = setup.room.map(distance);
+        let text = setup.swept.map_or("nothing".into(), |[low, high]| {
+            format!("{} to {} from the source", distance(low), distance(high))
+        });
+        line(f, "sample sweeps", format!("{text}, room from {near} to {far}"))?;
         let (views, steps) = (extent.views, extent.steps);
         let frames = format!("{views} x {steps} of {} x {} pixels", extent.columns, extent.rows);
         line(f, "views x steps", frames)
@@ -139,6 +144,11 @@ fn bytes(value: u64) -> String {
         unit += 1;
     }
     format!("{scaled:.1} {}", UNITS[unit])
+}
+
+/// A distance from the source, to the micrometre.
+fn distance(metres: f64) -> String {
+    format!("{metres:.6} m")
 }
 
 #[cfg(test)]

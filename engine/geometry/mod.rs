@@ -21,7 +21,7 @@ mod topology;
 use glam::DVec3;
 
 pub use load::{file_hash, load};
-pub use swept::{Extent, Swept, check_clearance, fov_warnings, swept};
+pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
 
 /// All surfaces of the sample in world coordinates (m), welded, closed and oriented outwards
 /// (away from the material of their object; the surface of a void points into the void).

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::Sample;
 use crate::error::{Error, Result};
-use crate::scene::{MaskBody, MaskSpec, Scene};
+use crate::scene::Scene;
 
 /// Outline of each object seen along the rotation axis, enough for its extent in any view.
 #[derive(Debug, Clone, Default)]
@@ -109,24 +109,27 @@ fn hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
     if hull.is_empty() { points } else { hull }
 }
 
+/// Where a sample may be: the nearest and farthest distance from the source, m, and what is
+/// there.
+#[must_use]
+pub fn room(scene: &Scene) -> [(f64, &'static str); 2] {
+    let before = scene.sample_mask.as_ref().map_or((0.0, "the source"), |mask| {
+        (mask.distance + mask.body.thickness() / 2.0, "the back of the sample mask")
+    });
+    let behind =
+        scene.detector_mask.as_ref().map_or((scene.detector.distance, "the detector"), |mask| {
+            (mask.distance - mask.body.thickness() / 2.0, "the front of the detector mask")
+        });
+    [before, behind]
+}
+
 /// Checks that no object reaches a mask in any view; where a mask is missing, the source or
 /// the detector.
 ///
 /// # Errors
 /// The first object that does, with the angle and the distances.
 pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
-    let half = |mask: &MaskSpec| match mask.body {
-        MaskBody::Bars { thickness, .. } => thickness / 2.0,
-        MaskBody::Sheet { .. } => 0.0,
-    };
-    let (near, near_name) = match &scene.sample_mask {
-        Some(mask) => (mask.distance + half(mask), "the back of the sample mask"),
-        None => (0.0, "the source"),
-    };
-    let (far, far_name) = match &scene.detector_mask {
-        Some(mask) => (mask.distance - half(mask), "the front of the detector mask"),
-        None => (scene.detector.distance, "the detector"),
-    };
+    let [(near, near_name), (far, far_name)] = room(scene);
     let swept = swept(sample);
     for angle in &scene.scan.angles {
         for (number, extent) in swept.extents(*angle).enumerate() {
@@ -136,10 +139,11 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
             }
             let (side, wall) = if first > near { ("back", far_name) } else { ("front", near_name) };
             return Err(Error::scene(
-                format!("object[{number}] \"{}\"", swept.outlines[number].name),
+                format!("object[{number}]"),
                 format!(
-                    "at angle {:.3} deg it reaches from {:.6} m to {:.6} m from the source, so its \
+                    "\"{}\", which at angle {:.3} deg reaches from {:.6} m to {:.6} m from the source, so its \
                      {side} meets {wall}",
+                    swept.outlines[number].name,
                     angle.to_degrees(),
                     first,
                     last

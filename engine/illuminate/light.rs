@@ -28,12 +28,13 @@ struct MaskShape {
 
 impl MaskShape {
     /// The mask seen from the source in the plane at `plane`.
-    fn of(scene: &Scene, mask: &MaskSpec, plane: f64) -> Result<Self> {
+    fn of(scene: &Scene, name: &str, mask: &MaskSpec, plane: f64) -> Result<Self> {
         let scale = plane / mask.distance;
         let half = mask.aperture * scale / 2.0;
         let (thickness, attenuation, transmission) = match &mask.body {
             MaskBody::Bars { material, thickness } => {
-                let mu = material::constants(scene, material)?.mu;
+                let key = format!("{name}.material");
+                let mu = material::constants_for(scene, material, &key)?.mu;
                 (*thickness, mu * thickness, 0.0)
             }
             MaskBody::Sheet { transmission } => (0.0, 0.0, *transmission),
@@ -73,7 +74,7 @@ impl LightRecord {
         let mut kept = Vec::new();
         let mut mask = |name: &str, spec: Option<&MaskSpec>, plane: f64| -> Result<Mask> {
             let Some(spec) = spec else { return Ok(bytemuck::Zeroable::zeroed()) };
-            let shape = MaskShape::of(scene, spec, plane)?;
+            let shape = MaskShape::of(scene, name, spec, plane)?;
             let apertures = device.upload(name, &shape.apertures)?;
             let record = Mask {
                 apertures: apertures.address(),
@@ -87,8 +88,8 @@ impl LightRecord {
             kept.push(apertures);
             Ok(record)
         };
-        let sample_mask = mask("sample mask", scene.sample_mask.as_ref(), cell_plane)?;
-        let detector_mask = mask("detector mask", scene.detector_mask.as_ref(), analyser)?;
+        let sample_mask = mask("sample_mask", scene.sample_mask.as_ref(), cell_plane)?;
+        let detector_mask = mask("detector_mask", scene.detector_mask.as_ref(), analyser)?;
         let columns = device.upload("columns", columns)?;
         let offsets: Vec<f32> = offsets.iter().map(|&f| f as f32).collect();
         let offsets = device.upload("mask offsets", &offsets)?;
@@ -100,7 +101,10 @@ impl LightRecord {
             offsets: offsets.address(),
             magnification: (analyser / cell_plane) as f32,
             source_x: spot[0] as f32,
-            kappa: (-(source.distance - cell_plane) / source.distance) as f32,
+            spot: (spot[0] * (analyser / source.distance - 1.0)) as f32,
+            pixel_spot: (spot[0] * (detector.distance / source.distance - 1.0) * analyser
+                / detector.distance) as f32,
+            shift: (spot[0] * (source.distance - cell_plane) / source.distance) as f32,
             cell_plane: cell_plane as f32,
             analyser: analyser as f32,
             ratio: (analyser / detector.distance) as f32,

@@ -31,6 +31,17 @@ pub fn constants(scene: &Scene, name: &str) -> Result<Constants> {
     constants_at(scene, name, scene.source.energy)
 }
 
+/// As [`constants`]; an unknown name is an error at `key`, where the scene names it.
+///
+/// # Errors
+/// As [`constants`].
+pub fn constants_for(scene: &Scene, name: &str, key: &str) -> Result<Constants> {
+    constants(scene, name).map_err(|error| match &error {
+        Error::Scene { key: own, .. } if own == "material" => error.at_key(key),
+        _ => error,
+    })
+}
+
 /// Constants of the material `name` at `energy` keV. Constants given as numbers are returned
 /// as they are, since nothing says how they change with energy.
 ///

@@ -19,6 +19,7 @@ mod set;
 mod table;
 mod tree;
 mod validate;
+mod view;
 mod write;
 
 pub use keys::known_keys;
@@ -26,6 +27,7 @@ pub use model::{
     Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,
     Scheme, Shape, ShapeOrMesh, Source, Transport,
 };
+pub use view::{Pose, View};
 
 use crate::{Error, Result};
 use tree::Document;
@@ -50,6 +52,21 @@ impl Scene {
     /// As [`Self::load`]; also where an override leads nowhere.
     pub fn load_with(path: impl AsRef<Path>, sets: &[String]) -> Result<Self> {
         let path = path.as_ref();
+        let document = Self::document(path, sets)?;
+        Self::from_document(&document, directory_of(path))
+    }
+
+    /// Gives an error that came up after loading its place in the scene file: the line of its
+    /// key, or of the nearest table above it.
+    #[must_use]
+    pub fn locate(path: impl AsRef<Path>, sets: &[String], error: Error) -> Error {
+        match Self::document(path.as_ref(), sets) {
+            Ok(document) => document.located(error),
+            Err(_) => error,
+        }
+    }
+
+    fn document(path: &Path, sets: &[String]) -> Result<Document> {
         let file = Some(path.to_owned());
         let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
         let parse = match extension.as_deref() {
@@ -62,11 +79,11 @@ impl Scene {
         };
         let text = std::fs::read_to_string(path)
             .map_err(|source| Error::output(path, "cannot read the scene", Some(source)))?;
-        let directory = match path.parent() {
-            Some(parent) if !parent.as_os_str().is_empty() => parent,
-            _ => Path::new("."),
-        };
-        Self::from_document(parse(&text, file)?, sets, directory)
+        let mut document = parse(&text, file)?;
+        for set in sets {
+            set::apply(&mut document, set)?;
+        }
+        Ok(document)
     }
 
     /// Reads and validates TOML text; relative paths in it start from `directory`.
@@ -75,7 +92,7 @@ impl Scene {
     ///
     /// [`Error::Scene`] with place, key, what was found and what is allowed.
     pub fn from_toml(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
-        Self::from_document(parse::toml(text, None)?, &[], directory.as_ref())
+        Self::from_document(&parse::toml(text, None)?, directory.as_ref())
     }
 
     /// Reads and validates JSON text; relative paths in it start from `directory`.
@@ -84,14 +101,11 @@ impl Scene {
     ///
     /// [`Error::Scene`] with place, key, what was found and what is allowed.
     pub fn from_json(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
-        Self::from_document(parse::json(text, None)?, &[], directory.as_ref())
+        Self::from_document(&parse::json(text, None)?, directory.as_ref())
     }
 
-    fn from_document(mut document: Document, sets: &[String], directory: &Path) -> Result<Self> {
-        for set in sets {
-            set::apply(&mut document, set)?;
-        }
-        let scene = read::read_scene(&document, directory)?;
+    fn from_document(document: &Document, directory: &Path) -> Result<Self> {
+        let scene = read::read_scene(document, directory)?;
         scene.validate().map_err(|error| document.located(error))?;
         Ok(scene)
     }
@@ -118,5 +132,13 @@ impl Scene {
         sets: &[String],
     ) -> Result<String> {
         write::to_toml(self, directory.as_ref(), hashes, sets)
+    }
+}
+
+/// Where relative paths of a scene file start.
+fn directory_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
     }
 }

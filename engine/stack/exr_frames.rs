@@ -227,8 +227,7 @@ fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Er
 struct About {
     /// What all frames share.
     shared: serde_json::Map<String, serde_json::Value>,
-    mask_offsets: Vec<f64>,
-    angles: Vec<f64>,
+    scene: Box<Scene>,
 }
 
 impl About {
@@ -254,18 +253,24 @@ impl About {
         ];
         Self {
             shared: shared.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
-            mask_offsets: scene.scan.mask_offsets.clone(),
-            angles: scene.scan.angles.clone(),
+            scene: Box::new(scene.clone()),
         }
     }
 
     fn of_frame(&self, view: View, step: u32) -> String {
         let mut about = self.shared.clone();
         about.insert("mask_step".into(), step.into());
-        about.insert("mask_offset".into(), self.mask_offsets.get(step as usize).copied().into());
+        about.insert(
+            "mask_offset".into(),
+            self.scene.scan.mask_offsets.get(step as usize).copied().into(),
+        );
         if let View::Sample(index) = view {
             about.insert("view".into(), index.into());
-            about.insert("angle".into(), self.angles.get(index as usize).copied().into());
+            if let Some(&angle) = self.scene.scan.angles.get(index as usize) {
+                about.insert("angle".into(), angle.into());
+                let vectors = serde_json::to_value(self.scene.view_at(angle));
+                about.insert("vectors".into(), vectors.unwrap_or_default());
+            }
         }
         serde_json::Value::Object(about).to_string()
     }

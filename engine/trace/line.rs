@@ -10,11 +10,11 @@
 
 use crate::gpu::interface::{FLAG_GRAZING, FLAG_NOT_FINITE, Law};
 
-/// Silhouettes are bisected to this width, m in the cell plane.
-const SHARPEST: f32 = 20e-9;
-/// Where the signature stays the same, a jump of the law is followed to this width: it moves
-/// less light than a silhouette changes.
-const SHARPEST_LAW: f32 = 60e-9;
+/// Silhouettes are bisected to this width at least, m in the cell plane.
+const SHARP: f32 = 20e-9;
+/// Nothing is bisected farther than this: outermost facets of a thin fibre are that narrow, and
+/// deflect by more than an aperture.
+const SHARPEST: f32 = 2e-9;
 /// Flagged segments are split at least to this share of a period.
 const FLAGGED_SHARE: f32 = 1.0 / 64.0;
 /// Error of the optical depth of a whole beamlet that splits a segment.
@@ -152,8 +152,13 @@ impl Line {
         self.splits += 1;
         for (a, b) in [(low, mid), (mid, high)] {
             let step = a.signature() != b.signature();
-            let sharpest = if step { SHARPEST } else { SHARPEST_LAW };
-            if b.x - a.x > sharpest && representable(a.x, b.x) {
+            let width = b.x - a.x;
+            let open = if step {
+                width > SHARP || (width > SHARPEST && !jump_is_small(aim, &a, &b))
+            } else {
+                width > SHARPEST
+            };
+            if open && representable(a.x, b.x) {
                 self.open.push(Segment { low: a, high: b });
             } else if step {
                 // Across a silhouette the law is constant on each side, never interpolated.
@@ -193,6 +198,14 @@ fn middle(a: f32, b: f32) -> f32 {
 fn representable(a: f32, b: f32) -> bool {
     let m = middle(a, b);
     m > a && m < b
+}
+
+/// Whether it does not matter where between the two the law jumps.
+fn jump_is_small(aim: &Aim, a: &Point, b: &Point) -> bool {
+    let room = aim.period * FULL_SHARE / (b.x - a.x);
+    let jump = |f: fn(&Law) -> f32| (f(&a.law) - f(&b.law)).abs();
+    jump(|l| l.displacement_x) <= aim.tolerance * room
+        && jump(|l| l.optical_depth) <= DEPTH_TOLERANCE * room
 }
 
 fn is_linear(aim: &Aim, narrow: &[Narrow], low: &Point, mid: &Point, high: &Point) -> bool {

@@ -23,14 +23,19 @@ impl Media {
     pub fn of(scene: &Scene) -> Result<Self> {
         let mut media = Self {
             names: vec![scene.surroundings.clone()],
-            constants: vec![material::constants(scene, &scene.surroundings)?],
+            constants: vec![material::constants_for(
+                scene,
+                &scene.surroundings,
+                "surroundings.material",
+            )?],
             of_object: Vec::with_capacity(scene.objects.len()),
         };
-        for object in &scene.objects {
+        for (number, object) in scene.objects.iter().enumerate() {
             let index = match media.names.iter().position(|n| *n == object.material) {
                 Some(index) => index,
                 None => {
-                    media.constants.push(material::constants(scene, &object.material)?);
+                    let key = format!("object[{number}].material");
+                    media.constants.push(material::constants_for(scene, &object.material, &key)?);
                     media.names.push(object.material.clone());
                     media.names.len() - 1
                 }

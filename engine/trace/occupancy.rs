@@ -9,6 +9,7 @@
 
 use super::lattice::Lattice;
 use crate::geometry::Sample;
+use crate::scene::View;
 use glam::DVec3;
 
 /// Shadow of one component from the source centre: a rectangle, and how fine it may be inside.
@@ -29,8 +30,8 @@ pub struct Shadow {
 const CHORD_SHARE: f64 = 0.5;
 
 /// Shadows of all components in a view.
-pub fn shadows(sample: &Sample, lattice: &Lattice, angle: f64) -> Vec<Shadow> {
-    let (sin, cos) = (libm::sin(angle), libm::cos(angle));
+pub fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Shadow> {
+    let [cos, sin] = view.turn();
     let chords = mean_chords(sample, DVec3::new(cos, sin, 0.0));
     sample
         .components

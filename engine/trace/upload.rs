@@ -13,7 +13,7 @@ use crate::accel::Bvh;
 use crate::geometry;
 use crate::gpu::interface::{self, Surface, View};
 use crate::gpu::{AccelerationStructure, Buffer, Device};
-use crate::scene::{Scene, Transport};
+use crate::scene::{self, Scene, Transport};
 use std::sync::Arc;
 
 /// Error of the slope, rad, above which the first order is not enough at a surface.
@@ -46,7 +46,7 @@ impl DeviceSample {
     ) -> Result<Self> {
         let bvh = Bvh::build(sample)?;
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
-        let views: Vec<View> = scene.scan.angles.iter().map(|&a| view(scene, a, reach)).collect();
+        let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
             sample.components.iter().map(|c| surface(scene, media, c)).collect();
         let constants: Vec<interface::Constants> = media
@@ -97,10 +97,11 @@ fn at_least_one<T: bytemuck::Zeroable + Clone>(items: &[T]) -> Vec<T> {
     if items.is_empty() { vec![T::zeroed()] } else { items.to_vec() }
 }
 
-fn view(scene: &Scene, angle: f64, reach: f64) -> View {
+fn view(scene: &Scene, view: &scene::View, reach: f64) -> View {
+    let [cos, sin] = view.turn();
     View {
-        cos_angle: single(libm::cos(angle)),
-        sin_angle: single(libm::sin(angle)),
+        cos_angle: single(cos),
+        sin_angle: single(sin),
         start: -single(1.01 * reach + 1e-6),
         analyser: single(scene.lever_arm()),
     }
