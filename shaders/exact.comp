@@ -39,10 +39,10 @@ layout(push_constant, scalar) uniform ExactPush {
 #endif
 
 const uint DEPTH = 16u;           // objects that a point may be inside of at once
-const uint CROSSINGS = 1u << 20;  // of one ray
+const uint CROSSINGS = 1u << 20;  // offered to one ray
 const uint REFLECTION_HASH = 0x9e3779b9u;
 
-// The objects that the ray is inside of; the one listed last wins.
+// The objects that the ray is inside of, each as often as it is; the one listed last wins.
 struct Media {
     uint objects[DEPTH];
     uint count;
@@ -80,26 +80,31 @@ void main() {
     uint signature = 0u;
     uint flags = FLAG_EXACT | (first_order.flags & FLAG_GRAZING);
     uint crossings = 0u;
+    uint offered = 0u;
     Media media;
     media.count = 0u;
 
     float y = -1e30;
     uint id = 0xffffffffu;
+    float bent = -1e30;  // y of the last bend
     float entered = 0.0; // y where the current medium began
     uint material = 0u;
     Crossing crossing;
     while (next(beam, y, id, crossing)) {
         y = crossing.y;
         id = crossing.id;
-        crossings += 1u;
-        if (crossings > CROSSINGS) {
+        offered += 1u;
+        if (offered > CROSSINGS) {
             flags |= FLAG_DROPPED;
             break;
         }
         Surface surface = sample_.surfaces.at[crossing.surface];
         uint place = place_of(media, surface.object);
-        // A bend at an edge can bring the neighbouring facet up once more: not a crossing.
-        if (crossing.entering == (place < DEPTH)) continue;
+        // A bend at an edge can bring the neighbouring facet up once more: not a crossing. Farther
+        // on, sheets of one object that lie on one another may be entered before they are left.
+        bool inside = place < DEPTH;
+        if (crossing.entering == inside && (!inside || y - bent <= order_slack(y))) continue;
+        crossings += 1u;
         Media after = media;
         if (crossing.entering) {
             if (after.count == DEPTH) {
@@ -125,6 +130,7 @@ void main() {
         bool reflected;
         vec2 bend = refract_slope(now, crossing.normal, sample_.constants.at[material].delta,
                                   sample_.constants.at[next_material].delta, reflected);
+        bent = y;
         slope += bend;
         displacement += bend * (beam.analyser - y);
         moved -= bend * y;

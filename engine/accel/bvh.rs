@@ -7,7 +7,11 @@ use crate::{Error, Result};
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
 use rayon::prelude::*;
 use std::time::Duration;
@@ -60,7 +64,10 @@ impl Bvh {
         };
         // Pre-splitting would put a triangle into several leaves and count it twice.
         let params = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
-        let bvh = build_cwbvh(&boxes, params, &mut Duration::default());
+        let mut bvh = build_cwbvh(&boxes, params, &mut Duration::default());
+        if depth(&bvh.nodes) > STACK {
+            bvh = balanced(&boxes, params.max_prims_per_leaf);
+        }
         let depth = depth(&bvh.nodes);
         if depth > STACK {
             return Err(Error::mesh(
@@ -86,6 +93,36 @@ impl Bvh {
         let boxes = bvh.primitive_indices.par_iter().map(leaf_box).collect();
         Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes })
     }
+}
+
+/// A BVH that halves its triangles at every level. Costs more to search than one built by
+/// surface area, but stays shallow where that one becomes a chain: the slivers of a fan, as a
+/// disc of a thousand sides is often cut into, lie in one another's boxes.
+fn balanced(boxes: &[Aabb], leaf: u32) -> CwBvh {
+    let mut order: Vec<u32> = (0..u32::try_from(boxes.len()).unwrap_or(u32::MAX)).collect();
+    let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0)];
+    let mut open = vec![(0_usize, 0..boxes.len())];
+    while let Some((index, range)) = open.pop() {
+        let mine = &mut order[range.clone()];
+        let of = |i: u32| &boxes[i as usize];
+        let all = mine.iter().fold(Aabb::empty(), |all, &i| all.union(of(i)));
+        if let [_] = mine {
+            nodes[index] = Bvh2Node::new(all, 1, u32::try_from(range.start).unwrap_or(u32::MAX));
+            continue;
+        }
+        let centres: Vec<Vec3A> = mine.iter().map(|&i| of(i).center()).collect();
+        let axis = Aabb::from_points(&centres).largest_axis();
+        let half = mine.len() / 2;
+        let key = |i: u32| of(i).center_axis(axis);
+        mine.select_nth_unstable_by(half, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
+        let first = nodes.len();
+        nodes.extend([nodes[index]; 2]);
+        nodes[index] = Bvh2Node::new(all, 0, u32::try_from(first).unwrap_or(u32::MAX));
+        open.push((first, range.start..range.start + half));
+        open.push((first + 1, range.start + half..range.end));
+    }
+    let binary = Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() };
+    bvh2_to_cwbvh(&binary, leaf.clamp(1, 3), true, false)
 }
 
 fn normal(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
@@ -114,4 +151,28 @@ fn depth(nodes: &[CwBvhNode]) -> usize {
         }
     }
     deepest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chain_of_nested_boxes_is_halved() {
+        // Slivers of a fan: a shared apex, and rim points on a circle.
+        let boxes: Vec<Aabb> = (0..5000)
+            .map(|i| {
+                let at = |i: f32| (std::f32::consts::TAU * i / 5000.0).sin_cos();
+                let ((y, x), (v, u)) = (at(i as f32), at(i as f32 + 1.0));
+                Aabb::from_points(
+                    &[[1.0, 0.0], [x, y], [u, v]].map(|p| Vec3A::new(p[0], p[1], 0.0)),
+                )
+            })
+            .collect();
+        let bvh = balanced(&boxes, 3);
+        assert!(depth(&bvh.nodes) <= 13, "{} levels", depth(&bvh.nodes));
+        let mut found = bvh.primitive_indices.clone();
+        found.sort_unstable();
+        assert!(found.iter().enumerate().all(|(i, &f)| i == f as usize) && found.len() == 5000);
+    }
 }

@@ -340,6 +340,13 @@ impl<'a> Work<'a> {
         {
             return false;
         }
+        // No silhouette crosses the lines, yet one may run between them.
+        let signature = |line: &Line| line.base[line.base.len() / 2].law.signature;
+        if edges.iter().all(|e| e.x.abs() >= half - limit)
+            && [low, high].into_iter().any(|line| signature(line) != signature(middle))
+        {
+            return false;
+        }
         let bend = |f: fn(&Law) -> f32| {
             let mut sum = 0.0;
             for ((a, m), b) in low.base.iter().zip(&middle.base).zip(&high.base) {

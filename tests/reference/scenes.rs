@@ -32,7 +32,8 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
         },
     };
     let sample_mask = setup.sample_mask.as_ref().map(|m| spec(m, "bars before the sample"));
-    let detector_mask = setup.detector_mask.as_ref().map(|m| spec(m, "bars before the detector"));
+    let before_detector = setup.detector_mask.map(|m| on_detector(m, setup.detector_distance));
+    let detector_mask = before_detector.as_ref().map(|m| spec(m, "bars before the detector"));
     let objects = bodies.iter().enumerate().map(|(i, body)| Object {
         name: format!("body {i}"),
         geometry: ShapeOrMesh::Mesh(Mesh::Arrays {
@@ -68,4 +69,19 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
         surroundings: "vacuum".to_owned(),
         objects,
     }
+}
+
+/// Bars whose centre would stand on the detector have their back face on it in a scene, and count
+/// as at the detector: seen from the source, apertures are where they were.
+fn on_detector(mut mask: Mask, detector: f64) -> Mask {
+    if let Bars::Boxes { thickness, .. } = mask.bars
+        && mask.distance == detector
+    {
+        mask.distance = detector - 0.5 * thickness;
+        let scale = mask.distance / detector;
+        mask.period *= scale;
+        mask.aperture *= scale;
+        mask.origin *= scale;
+    }
+    mask
 }

@@ -38,30 +38,36 @@ pub(crate) struct Quadrature {
     /// Lines along z in a pixel, each with a source height of its own; 1: the row's centre
     /// line from the source's centre, for samples that do not change along z.
     pub(crate) lines: usize,
-    /// Largest displacement of light that is followed, m at the detector.
-    pub(crate) farthest: f64,
+    /// Largest displacement of light that is followed along x and z, m at the detector.
+    pub(crate) farthest: [f64; 2],
 }
 
 impl Quadrature {
     /// For whole lines: 1e-5 of open beam where the sample is smooth (kinks of overlapping
     /// edges between source points).
     pub(crate) fn line() -> Self {
-        Self { cells: 200, sources: 121, reach: 5.0, lines: 1, farthest: 20e-6 }
+        Self { cells: 200, sources: 121, reach: 5.0, lines: 1, farthest: [20e-6; 2] }
     }
 
     /// For single pixels of samples that do not change along z.
     pub(crate) fn fine() -> Self {
-        Self { cells: 1000, sources: 241, reach: 5.0, lines: 1, farthest: 20e-6 }
+        Self { cells: 1000, sources: 241, reach: 5.0, lines: 1, farthest: [20e-6; 2] }
     }
 
     /// For single pixels of samples that change along z.
     pub(crate) fn volume() -> Self {
-        Self { cells: 100, sources: 81, reach: 5.0, lines: 64, farthest: 20e-6 }
+        Self { cells: 100, sources: 81, reach: 5.0, lines: 64, farthest: [20e-6; 2] }
     }
 
-    /// The same with light followed farther.
+    /// The same with light followed farther along x.
     pub(crate) fn following(mut self, farthest: f64) -> Self {
-        self.farthest = farthest;
+        self.farthest[0] = farthest;
+        self
+    }
+
+    /// The same with light followed farther along z.
+    pub(crate) fn following_along_z(mut self, farthest: f64) -> Self {
+        self.farthest[1] = farthest;
         self
     }
 }
@@ -166,7 +172,7 @@ impl Setup {
         let cell = self.pitch[0] / magnification / how.cells as f64;
         let sources = normal::nodes(self.sigma()[0], how.sources, how.reach);
         let widest = how.reach * self.sigma()[0];
-        let beyond = ((magnification - 1.0) * widest + how.farthest) / magnification;
+        let beyond = ((magnification - 1.0) * widest + how.farthest[0]) / magnification;
         let left = (self.centre(columns.start, row)[0] - 0.5 * self.pitch[0]) / magnification;
         let extra = (beyond / cell).ceil();
         let count = columns.len() * how.cells + 2 * extra as usize;
@@ -209,7 +215,7 @@ impl Setup {
             return vec![[centre, 0.0, 0.0, 1.0]];
         }
         let breadth = self.pitch[1] / how.lines as f64;
-        let extra = (how.farthest / breadth).ceil() as usize;
+        let extra = (how.farthest[1] / breadth).ceil() as usize;
         let count = how.lines + 2 * extra;
         (0..count)
             .map(|i| {

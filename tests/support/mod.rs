@@ -1,0 +1,95 @@
+//! What the proof tests share: engines that listen to the validation layer, and figures that
+//! are printed beside the tolerances they are held to (`cargo test -- --nocapture`).
+
+#![allow(dead_code, reason = "every test binary uses another part")]
+
+use beamlet::{Backend, Engine, EngineOptions};
+use std::ops::Deref;
+
+/// Carbon of 2.0 g/cm3 at 30 keV: mu in 1/m, delta.
+pub(crate) const CARBON: [f64; 2] = [51.235, 4.6092e-7];
+/// Water at 30 keV.
+pub(crate) const WATER: [f64; 2] = [37.559, 2.5604e-7];
+/// Gold at 30 keV, 1/m.
+pub(crate) const GOLD: f64 = 53_122.0;
+
+/// An engine that must not have heard a word from the validation layer when it is dropped.
+#[derive(Debug)]
+pub(crate) struct Checked(Engine);
+
+impl Deref for Checked {
+    type Target = Engine;
+
+    fn deref(&self) -> &Engine {
+        &self.0
+    }
+}
+
+impl Drop for Checked {
+    fn drop(&mut self) {
+        if !std::thread::panicking() {
+            assert_eq!(self.0.validation_messages(), 0, "messages of the validation layer");
+        }
+    }
+}
+
+/// An engine on this backend.
+pub(crate) fn engine(backend: Backend) -> Checked {
+    engine_with(EngineOptions { backend: Some(backend), ..EngineOptions::default() })
+}
+
+/// An engine; with `BEAMLET_VALIDATION` in the environment under the validation layer.
+pub(crate) fn engine_with(options: EngineOptions) -> Checked {
+    let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
+    Checked(Engine::open(&EngineOptions { validation, ..options }).expect("a Vulkan device"))
+}
+
+/// The backends that this device can run.
+pub(crate) fn backends() -> Vec<Backend> {
+    let device = engine(Backend::Bvh);
+    let mut all = vec![Backend::Bvh];
+    if device.description().ray_query {
+        all.push(Backend::RayQuery);
+    }
+    all
+}
+
+/// Largest of some deviations, with where it was found.
+#[derive(Debug, Clone)]
+pub(crate) struct Worst {
+    what: &'static str,
+    tolerance: f64,
+    value: f64,
+    place: String,
+    count: usize,
+}
+
+impl Worst {
+    pub(crate) fn new(what: &'static str, tolerance: f64) -> Self {
+        Self { what, tolerance, value: 0.0, place: String::new(), count: 0 }
+    }
+
+    /// Takes a deviation; one that is not a number is infinite.
+    pub(crate) fn take(&mut self, deviation: f64, place: impl FnOnce() -> String) {
+        let deviation = if deviation.is_nan() { f64::INFINITY } else { deviation.abs() };
+        self.count += 1;
+        if deviation > self.value {
+            self.value = deviation;
+            self.place = place();
+        }
+    }
+}
+
+impl Drop for Worst {
+    #[allow(clippy::print_stdout, reason = "measured figures are what this is for")]
+    fn drop(&mut self) {
+        let Self { what, tolerance, value, place, count } = &*self;
+        println!(
+            "measured {what}: {value:.3e} of {tolerance:.1e} allowed, at {place} (of {count})"
+        );
+        if !std::thread::panicking() {
+            assert!(*count > 0, "{what}: nothing was compared");
+            assert!(value <= tolerance, "{what}: {value:e} exceeds {tolerance:e} at {place}");
+        }
+    }
+}
