@@ -2,6 +2,7 @@
 
 use super::device::{Device, lock};
 use super::failure;
+use super::faults::FaultyCall;
 use super::recorder::Recorder;
 use crate::{Error, Result};
 use ash::vk;
@@ -46,6 +47,14 @@ impl Batch {
                 Err(failed(e))
             }
         }
+    }
+
+    /// Whether its work ends within this time (or never will, with the device lost).
+    pub(super) fn ends_within(&self, raw: &ash::Device, time: Duration) -> bool {
+        let nanoseconds = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        // SAFETY: the fence was submitted with the work.
+        let ended = unsafe { raw.wait_for_fences(&[self.fence], true, nanoseconds) };
+        ended != Err(vk::Result::TIMEOUT)
     }
 
     /// Destroys pool, commands and fence.
@@ -126,6 +135,7 @@ impl Device {
         // SAFETY: the command buffer is complete, the fence unsignalled, and the queue locked.
         unsafe {
             self.raw.end_command_buffer(batch.commands).map_err(failed)?;
+            self.faults.check(FaultyCall::Submit).map_err(failed)?;
             self.raw.queue_submit(*queue, &submits, batch.fence).map_err(failed)
         }
     }
@@ -154,16 +164,16 @@ impl Submission {
         let raw = &self.device.raw;
         let patience = u64::try_from(PATIENCE.as_nanos()).unwrap_or(u64::MAX);
         // SAFETY: the fence was submitted with the work.
-        match unsafe { raw.wait_for_fences(&[batch.fence], true, patience) } {
+        let ended = unsafe { raw.wait_for_fences(&[batch.fence], true, patience) };
+        // A fault that a test asked for comes after the real end: the device did the work.
+        match ended.and_then(|()| self.device.faults.check(FaultyCall::Wait)) {
             Ok(()) => {}
             Err(vk::Result::TIMEOUT) => {
                 // It may still run: what it uses, the batch included, is left as it is.
                 self.number = 0;
-                return Err(Error::device(
-                    "work on the device",
-                    format!("no end after {} s", PATIENCE.as_secs()),
-                    "the device hangs, or batches are far too large for it",
-                ));
+                lock(&self.device.stuck).push(batch);
+                let found = format!("no end after {} s", PATIENCE.as_secs());
+                return Err(failure::hung("work on the device", found));
             }
             Err(e) => {
                 // SAFETY: a lost device runs nothing.

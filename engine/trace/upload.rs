@@ -44,7 +44,7 @@ impl DeviceSample {
         media: &Media,
         ray_query: bool,
     ) -> Result<Self> {
-        let bvh = Bvh::build(sample)?;
+        let Bvh { nodes, leaves, boxes } = Bvh::build(sample)?;
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
         let views: Vec<View> = scene.scan.angles.iter().map(|&a| view(scene, a, reach)).collect();
         let surfaces: Vec<Surface> =
@@ -54,20 +54,24 @@ impl DeviceSample {
             .iter()
             .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
             .collect();
-        let acceleration = if ray_query && !bvh.leaves.is_empty() {
-            let boxes = device.upload("boxes of the acceleration structure", &bvh.boxes)?;
-            Some(AccelerationStructure::build(device, &boxes, count(bvh.boxes.len()))?)
+        let kept = vec![
+            device.upload("nodes", &nodes)?,
+            device.upload("leaves", &leaves)?,
+            device.upload("surfaces", &surfaces)?,
+            device.upload("constants", &constants)?,
+            device.upload("materials of objects", &media.of_object)?,
+            device.upload("views", &views)?,
+        ];
+        // The host's copies go before the driver asks for memory to build in.
+        drop((nodes, leaves));
+        let acceleration = if ray_query && !boxes.is_empty() {
+            let on_device = device.upload("boxes of the acceleration structure", &boxes)?;
+            let number = count(boxes.len());
+            drop(boxes);
+            Some(AccelerationStructure::build(device, &on_device, number)?)
         } else {
             None
         };
-        let kept = vec![
-            device.upload("nodes", at_least_one(&bvh.nodes).as_slice())?,
-            device.upload("leaves", at_least_one(&bvh.leaves).as_slice())?,
-            device.upload("surfaces", at_least_one(&surfaces).as_slice())?,
-            device.upload("constants", &constants)?,
-            device.upload("materials of objects", at_least_one(&media.of_object).as_slice())?,
-            device.upload("views", &views)?,
-        ];
         let record = device.upload(
             "sample",
             &[interface::Sample {
@@ -90,11 +94,6 @@ impl DeviceSample {
     pub const fn has_acceleration(&self) -> bool {
         self.acceleration.is_some()
     }
-}
-
-/// Buffers cannot be empty.
-fn at_least_one<T: bytemuck::Zeroable + Clone>(items: &[T]) -> Vec<T> {
-    if items.is_empty() { vec![T::zeroed()] } else { items.to_vec() }
 }
 
 fn view(scene: &Scene, angle: f64, reach: f64) -> View {
