@@ -3,7 +3,7 @@
 //! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
-use crate::scene::{Scene, ShapeOrMesh, Scheme};
+use crate::scene::{Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
 use crate::trace::Lattice;
 use crate::{Error, Result};
@@ -168,7 +168,8 @@ impl Needs {
         ]
         .map(program);
         let run = self.run(band_rows, rays_at_once);
-        let peak = |of: fn(Bytes) -> u64| phases.into_iter().chain([run]).map(of).max().unwrap_or(0);
+        let peak =
+            |of: fn(Bytes) -> u64| phases.into_iter().chain([run]).map(of).max().unwrap_or(0);
         MemoryEstimate {
             band_rows,
             rays_at_once,
@@ -185,11 +186,8 @@ impl Needs {
         let rays = rays_at_once.min(self.rays);
         let band = self.row_pixels.saturating_mul(band_rows.into());
         let refined = if self.cells { REFINEMENT * rays } else { 0 };
-        let host = PROGRAM
-            + KEPT * self.triangles
-            + refined
-            + 64 * self.views
-            + FRAME_COPIES * self.frame;
+        let host =
+            PROGRAM + KEPT * self.triangles + refined + 64 * self.views + FRAME_COPIES * self.frame;
         let device = (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
         Bytes {
             host: host.saturating_add(band.saturating_mul(4)),

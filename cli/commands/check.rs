@@ -7,7 +7,7 @@ use std::io::Write;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
     let scene = Scene::load_with(&arguments.scene.scene, &arguments.scene.sets)?;
-    let report = beamlet::check::check(&scene)?;
+    let report = beamlet::check::check_within(&scene, arguments.memory_limit)?;
     if arguments.json {
         return super::write_json(&report, out);
     }

@@ -83,8 +83,9 @@ impl Bvh {
                 }
             })
             .collect();
-        let boxes = bvh.primitive_indices.par_iter().map(leaf_box).collect();
-        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes })
+        let sorted = bvh.primitive_indices.par_iter().map(leaf_box).collect();
+        drop(boxes);
+        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes: sorted })
     }
 }
 

@@ -42,9 +42,9 @@ impl Device {
         mut requirements: vk::MemoryRequirements,
         memory: Memory,
     ) -> Result<Allocation> {
-        self.faults.check(FaultyCall::Allocate).map_err(|e| {
-            failure::out_of_memory(name, requirements.size, e)
-        })?;
+        self.faults
+            .check(FaultyCall::Allocate)
+            .map_err(|e| failure::out_of_memory(name, requirements.size, e))?;
         let limit = self.physical.description.max_allocation_bytes;
         if requirements.size > limit {
             return Err(failure::too_large(name, requirements.size, limit));

@@ -43,7 +43,12 @@ pub(super) fn out_of_memory(purpose: &str, needed: u64, result: vk::Result) -> E
              choose a device with more memory"
         }
     };
-    Error::Memory { purpose: purpose.to_owned(), needed, available: None, remedy: remedy.to_owned() }
+    Error::Memory {
+        purpose: purpose.to_owned(),
+        needed,
+        available: None,
+        remedy: remedy.to_owned(),
+    }
 }
 
 /// An error for a buffer larger than the device gives at once.

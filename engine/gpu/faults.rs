@@ -86,11 +86,12 @@ mod tests {
 
     #[test]
     fn only_the_call_that_is_named_fails_and_a_lost_device_stays_lost() {
-        let fault =
-            Fault { call: FaultyCall::Wait, number: 2, answer: FaultAnswer::DeviceLost };
+        let fault = Fault { call: FaultyCall::Wait, number: 2, answer: FaultAnswer::DeviceLost };
         let faults = Faults::new(&[fault]);
         assert!(faults.check(FaultyCall::Submit).is_ok() && faults.check(FaultyCall::Wait).is_ok());
-        assert!(faults.check(FaultyCall::Submit).is_ok() && faults.check(FaultyCall::Wait).is_err());
+        assert!(
+            faults.check(FaultyCall::Submit).is_ok() && faults.check(FaultyCall::Wait).is_err()
+        );
         assert!(faults.check(FaultyCall::Submit).is_err());
         assert!(faults.check(FaultyCall::Allocate).is_ok());
     }

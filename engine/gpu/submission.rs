@@ -4,7 +4,7 @@ use super::device::{Device, lock};
 use super::failure;
 use super::faults::FaultyCall;
 use super::recorder::Recorder;
-use crate::{Error, Result};
+use crate::Result;
 use ash::vk;
 use std::fmt;
 use std::sync::Arc;
@@ -83,8 +83,8 @@ impl Device {
     /// Records, submits and waits.
     ///
     /// # Errors
-    /// [`Error::Device`] where a command cannot be recorded or the device fails;
-    /// [`Error::Memory`] where there is no memory for the commands.
+    /// [`crate::Error::Device`] where a command cannot be recorded or the device fails;
+    /// [`crate::Error::Memory`] where there is no memory for the commands.
     pub fn run(self: &Arc<Self>, record: impl FnOnce(&mut Recorder<'_>)) -> Result<Duration> {
         self.submit(record)?.wait()
     }
@@ -145,7 +145,7 @@ impl Submission {
     /// Waits for the end; returns the time since the submission.
     ///
     /// # Errors
-    /// [`Error::Device`] where the device was lost or hangs.
+    /// [`crate::Error::Device`] where the device was lost or hangs.
     pub fn wait(mut self) -> Result<Duration> {
         self.finish()?;
         Ok(self.started.elapsed())

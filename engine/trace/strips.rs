@@ -94,8 +94,9 @@ impl Strips {
     /// Appends other strips and their counts.
     pub(crate) fn append(&mut self, other: &Self) {
         let first = self.cells.len() as u32;
-        self.strips
-            .extend(other.strips.iter().map(|strip| Strip { first: strip.first + first, ..*strip }));
+        self.strips.extend(
+            other.strips.iter().map(|strip| Strip { first: strip.first + first, ..*strip }),
+        );
         self.cells.extend_from_slice(&other.cells);
         self.splits += other.splits;
         self.landed_off += other.landed_off;

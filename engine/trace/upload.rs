@@ -55,11 +55,11 @@ impl DeviceSample {
             .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
             .collect();
         let kept = vec![
-            device.upload("nodes", &nodes)?,
-            device.upload("leaves", &leaves)?,
-            device.upload("surfaces", &surfaces)?,
+            upload(device, "nodes", &nodes)?,
+            upload(device, "leaves", &leaves)?,
+            upload(device, "surfaces", &surfaces)?,
             device.upload("constants", &constants)?,
-            device.upload("materials of objects", &media.of_object)?,
+            upload(device, "materials of objects", &media.of_object)?,
             device.upload("views", &views)?,
         ];
         // The host's copies go before the driver asks for memory to build in.
@@ -94,6 +94,11 @@ impl DeviceSample {
     pub const fn has_acceleration(&self) -> bool {
         self.acceleration.is_some()
     }
+}
+
+/// Uploads; a zero where there is nothing, for shaders that look at the first.
+fn upload<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, items: &[T]) -> Result<Buffer> {
+    if items.is_empty() { device.upload(name, &[T::zeroed()]) } else { device.upload(name, items) }
 }
 
 fn view(scene: &Scene, angle: f64, reach: f64) -> View {
