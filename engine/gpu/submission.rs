@@ -175,9 +175,16 @@ impl Submission {
                 let found = format!("no end after {} s", PATIENCE.as_secs());
                 return Err(failure::hung("work on the device", found));
             }
-            Err(e) => {
+            Err(vk::Result::ERROR_DEVICE_LOST) => {
                 // SAFETY: a lost device runs nothing.
                 unsafe { batch.destroy(raw) };
+                let lost = vk::Result::ERROR_DEVICE_LOST;
+                return Err(failure::vulkan("work on the device", lost));
+            }
+            Err(e) => {
+                // As after the patience: nobody knows whether it still runs.
+                self.number = 0;
+                lock(&self.device.stuck).push(batch);
                 return Err(failure::vulkan("work on the device", e));
             }
         }
