@@ -10,25 +10,26 @@ use crate::{Error, Result};
 use serde::Serialize;
 
 /// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
-const PROGRAM: u64 = 150 << 20;
+const PROGRAM: u64 = 122 << 20;
 /// Peak bytes on the host per triangle of the largest mesh while it is read and welded.
-const READ: u64 = 160;
+const READ: u64 = 120;
 /// Peak bytes on the host per triangle while the tree is built, all meshes read.
-const BUILD: u64 = 230;
+const BUILD: u64 = 258;
 /// Bytes on the host per triangle that stay: vertices, indices, components.
 const KEPT: u64 = 28;
 /// Bytes on the device per triangle: leaves and nodes of the software tree.
 const TREE: u64 = 80;
 /// Bytes on the device per triangle of the driver's structure.
-const STRUCTURE: u64 = 120;
+const STRUCTURE: u64 = 60;
 /// Bytes on the device per triangle while that is built: boxes and scratch.
-const SCRATCH: u64 = 200;
+const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its law, segments of its line, cells.
-const REFINEMENT: u64 = 300;
+/// For curved bodies, which refine most; flat ones take less.
+const REFINEMENT: u64 = 540;
 /// Bytes on the device of a ray besides its moments, and of the cells made from it.
-const RAY: u64 = 64 + 4 * 64;
-/// Copies of a frame while it is encoded: raw bytes, values, and blocks in work.
-const FRAME_COPIES: u64 = 3;
+const RAY: u64 = 64 + 160;
+/// Copies of a frame while it is encoded: values, and raw or compressed blocks.
+const FRAME_COPIES: u64 = 2;
 
 /// Bytes of a band where no limit is set: larger bands were not faster.
 const BAND: u64 = 1 << 30;

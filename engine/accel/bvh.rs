@@ -7,10 +7,12 @@ use crate::{Error, Result};
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
+use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
-use std::time::Duration;
 
 /// Stack of shaders/walk/bvh.glsl: one entry per level.
 const STACK: usize = 32;
@@ -46,21 +48,15 @@ impl Bvh {
         // Boxes are padded by what the box test may lose to rounding at this distance.
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
         let pad = Vec3A::splat(single(reach) * 2.0_f32.powi(-19));
-        let boxes: Vec<Aabb> = sample
-            .triangles
-            .par_iter()
-            .map(|t| {
-                let [a, b, c] = corners(t).map(|v| v.as_vec3a());
-                Aabb::new(a.min(b).min(c) - pad, a.max(b).max(c) + pad)
-            })
-            .collect();
+        let padded = |t: &[u32; 3]| {
+            let [a, b, c] = corners(t).map(|v| v.as_vec3a());
+            Aabb::new(a.min(b).min(c) - pad, a.max(b).max(c) + pad)
+        };
         let leaf_box = |i: &u32| {
-            let b = &boxes[*i as usize];
+            let b = padded(&sample.triangles[*i as usize]);
             [b.min.to_array(), b.max.to_array()]
         };
-        // Pre-splitting would put a triangle into several leaves and count it twice.
-        let params = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
-        let bvh = build_cwbvh(&boxes, params, &mut Duration::default());
+        let bvh = wide_tree(sample.triangles.par_iter().map(padded).collect());
         let depth = depth(&bvh.nodes);
         if depth > STACK {
             return Err(Error::mesh(
@@ -83,10 +79,27 @@ impl Bvh {
                 }
             })
             .collect();
-        let sorted = bvh.primitive_indices.par_iter().map(leaf_box).collect();
-        drop(boxes);
-        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes: sorted })
+        let boxes = bvh.primitive_indices.par_iter().map(leaf_box).collect();
+        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes })
     }
+}
+
+/// As `obvhs::cwbvh::builder::build_cwbvh`, but the boxes go before the tree is made wide: that
+/// takes more memory than anything else in a run with millions of triangles.
+fn wide_tree(boxes: Vec<Aabb>) -> CwBvh {
+    // Pre-splitting would put a triangle into several leaves and count it twice.
+    let params = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
+    let indices = (0..u32::MAX).take(boxes.len()).collect();
+    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+        params.ploc_search_distance,
+        &boxes,
+        indices,
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    drop(boxes);
+    ReinsertionOptimizer::default().run(&mut tree, params.reinsertion_batch_ratio, None);
+    bvh2_to_cwbvh(&tree, params.max_prims_per_leaf.clamp(1, 3), true, false)
 }
 
 fn normal(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
