@@ -176,41 +176,58 @@ fn a_run_of_npy_arrays_that_is_ended_at_random_moments_goes_on_to_the_same_bits(
     end_again_and_again("npy", 12);
 }
 
-/// Runs with files of at most `kibibytes`, as on a full disk: further writes fail.
-fn with_full_disk(place: &Path, kibibytes: u32, more: &str) -> Output {
+/// Most of a file on the full disk, in KiB: enough for what a CPU device keeps in files of its
+/// own (its memory is one), too little for sample.npy of [`LARGE`].
+const FULL: u32 = 24 << 10;
+/// Detector of a scene with 30 MiB of stacks.
+const LARGE: &str = "pixels = [256, 256]";
+
+/// Runs as on a disk that is full once a file has [`FULL`] KiB: further writes fail.
+fn with_full_disk(place: &Path, more: &str) -> Output {
     let program = env!("CARGO_BIN_EXE_beamlet");
     // Without the trap the system ends the program instead of letting the write fail.
     let script = format!(
-        "trap '' XFSZ; ulimit -f {kibibytes}; \
+        "trap '' XFSZ; ulimit -f {FULL}; \
          exec '{program}' simulate scene.toml -q --backend bvh -o run {more}"
     );
     Command::new("bash").args(["-c", &script]).current_dir(place).output().unwrap()
 }
 
+/// As [`workplace`], with a larger detector.
+fn large_workplace() -> tempfile::TempDir {
+    let place = workplace();
+    let scene = SCENE.replace("pixels = [8, 2]", LARGE);
+    fs::write(place.path().join("scene.toml"), scene).unwrap();
+    place
+}
+
 #[test]
 fn a_disk_that_fills_up_is_named_and_leaves_committed_views() {
-    let place = workplace();
-    // progress.log is the file that grows: it fills up first.
-    let output = with_full_disk(place.path(), 4, "");
+    let place = large_workplace();
+    let npy = ["--format", "npy"];
+    let run = place.path().join("run");
+    // It begins with room for the whole array, as a disk that others fill up later.
+    let child = simulate(place.path(), "run", &npy).spawn().unwrap();
+    let output = end(child, &run, 2, 0, "-INT");
+    assert_code(&output, 130);
+    let before = assert_whole(place.path(), "run").len();
+    let output = with_full_disk(place.path(), "--resume");
     assert_code(&output, 1);
     let message = String::from_utf8_lossy(&output.stderr);
-    assert!(message.contains("run/progress.log: cannot be written: "), "{message}");
+    assert!(message.contains("run/sample.npy: cannot be written: "), "{message}");
     let committed = assert_whole(place.path(), "run").len();
-    assert!((10..VIEWS).contains(&committed), "{committed} views: {message}");
+    assert!((before + 1..VIEWS).contains(&committed), "{committed} of {before} views: {message}");
     assert_code(&simulate(place.path(), "run", &["--resume"]).output().unwrap(), 0);
-    assert_code(&simulate(place.path(), "whole", &[]).output().unwrap(), 0);
+    assert_code(&simulate(place.path(), "whole", &npy).output().unwrap(), 0);
     assert_eq!(contents(place.path(), "run"), contents(place.path(), "whole"));
 }
 
 #[test]
-fn a_disk_without_room_for_the_first_frame_is_named_and_nothing_counts() {
-    for (format, path) in [("exr", "run/partial/step_000.exr"), ("npy", "run/flat.npy")] {
-        let place = workplace();
-        let more = format!("--format {format} --set detector.pixels=[256,64]");
-        let output = with_full_disk(place.path(), 8, &more);
-        assert_code(&output, 1);
-        let message = String::from_utf8_lossy(&output.stderr);
-        assert!(message.contains(path), "{message}");
-        assert_eq!(committed_lines(&place.path().join("run")), 0);
-    }
+fn a_disk_without_room_for_the_arrays_is_named_and_nothing_counts() {
+    let place = large_workplace();
+    let output = with_full_disk(place.path(), "--format npy");
+    assert_code(&output, 1);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("run/sample.npy: cannot be created: "), "{message}");
+    assert_eq!(committed_lines(&place.path().join("run")), 0);
 }
