@@ -218,11 +218,10 @@ fn work(
     let line = rays_of_row(scene, extent, strongest);
     let rays_per_view = line.checked_mul(extent.rows.into()).ok_or_else(too_many)?;
     let rays = rays_per_view.checked_mul(extent.views.into()).ok_or_else(too_many)?;
-    let triangles: Vec<usize> = sample.objects.iter().map(|o| o.triangles).collect();
     Ok(Work {
         rays_per_view,
         rays,
-        memory: memory::estimate(scene, &triangles, memory_limit, None)?,
+        memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
         output_bytes: extent.total_bytes(),
     })
 }

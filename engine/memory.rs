@@ -3,6 +3,7 @@
 //! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
+use crate::geometry::ObjectSummary;
 use crate::scene::{Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
 use crate::trace::Lattice;
@@ -77,14 +78,14 @@ struct Needs {
     rows: u32,
     row_pixels: u64,
     frame: u64,
-    /// Rays of all rows of a view, before refinement.
+    /// Rays of a view, before refinement.
     rays: u64,
     ray_device: u64,
     cells: bool,
 }
 
 /// Chooses the bands of a run and tells what it takes at its peak, with trees for both
-/// backends. `triangles` counts those of each object. A `limit` bounds the peak, host and device
+/// backends. `objects` are those of the loaded sample. A `limit` bounds the peak, host and device
 /// together; without one a band takes up to 1 GiB. `band_rows` sets the rows of a band.
 ///
 /// # Errors
@@ -92,11 +93,11 @@ struct Needs {
 /// beyond 32 bits.
 pub fn estimate(
     scene: &Scene,
-    triangles: &[usize],
+    objects: &[ObjectSummary],
     limit: Option<u64>,
     band_rows: Option<u32>,
 ) -> Result<MemoryEstimate> {
-    let needs = Needs::of(scene, triangles)?;
+    let needs = Needs::of(scene, objects)?;
     let mut rays = RAYS[0];
     let all = needs.rows;
     if let Some(rows) = band_rows {
@@ -120,7 +121,7 @@ pub fn estimate(
 }
 
 impl Needs {
-    fn of(scene: &Scene, triangles: &[usize]) -> Result<Self> {
+    fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
         let extent = Extent::of(scene)?;
         let mut materials: Vec<&str> = scene.objects.iter().map(|o| o.material.as_str()).collect();
         materials.push(&scene.surroundings);
@@ -128,27 +129,25 @@ impl Needs {
         materials.dedup();
         let cells = scene.sampling.scheme == Scheme::Cells;
         let [columns, rows] = scene.detector.pixels.map(u64::from);
-        let per_row = if cells {
-            let lattice = Lattice::of(scene, 0.0);
-            let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start);
-            beamlets * (4 * u64::from(lattice.cells) + 2) * u64::from(scene.sampling.rows)
+        let rays = if cells {
+            cell_rays(scene, objects)
         } else {
             let [x, z] = scene.sampling.rays.map(u64::from);
-            columns.saturating_mul(x).saturating_mul(z)
+            columns.saturating_mul(rows).saturating_mul(x).saturating_mul(z)
         };
-        let is_mesh = |(object, count): (&crate::scene::Object, &usize)| match object.geometry {
-            ShapeOrMesh::Mesh(_) => *count as u64,
-            ShapeOrMesh::Shape(_) => 0,
+        let of_mesh = |(object, summary): (&crate::scene::Object, &ObjectSummary)| {
+            let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));
+            if is_mesh { summary.triangles as u64 } else { 0 }
         };
         let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
         Ok(Self {
-            triangles: triangles.iter().map(|n| *n as u64).sum(),
-            largest_mesh: scene.objects.iter().zip(triangles).map(is_mesh).max().unwrap_or(0),
+            triangles: objects.iter().map(|o| o.triangles as u64).sum(),
+            largest_mesh: scene.objects.iter().zip(objects).map(of_mesh).max().unwrap_or(0),
             views: extent.views.into(),
             rows: extent.rows,
             row_pixels: u64::from(extent.steps) * columns,
             frame: extent.frame_bytes(),
-            rays: if triangles.is_empty() { 0 } else { per_row.saturating_mul(rows) },
+            rays,
             ray_device,
             cells,
         })
@@ -216,4 +215,33 @@ impl Needs {
             remedy: remedy.into(),
         }
     }
+}
+
+/// Rays of the beamlets and rows that the objects touch in any view, before refinement.
+fn cell_rays(scene: &Scene, objects: &[ObjectSummary]) -> u64 {
+    let lattice = Lattice::of(scene, 0.0);
+    let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start) as f64;
+    let rows = f64::from(scene.detector.pixels[1]);
+    let source = scene.source.distance;
+    let touched = objects.iter().map(|object| {
+        let [low, high] = object.bounds;
+        let widest = low.abs().max(high.abs());
+        let reach = widest.truncate().length();
+        // Nearest to the source it looks largest.
+        let near = (source - reach).max(0.1 * source);
+        let width = 2.0 * reach * lattice.plane / near / lattice.period + 2.0;
+        let pitch = scene.detector.pitch[1] * near / scene.detector.distance;
+        let height = (high.z - low.z) / pitch + 2.0;
+        width.min(beamlets) * height.min(rows)
+    });
+    // A line of a beamlet has two rays per cell; each part of a row takes about two lines.
+    let of_beamlet = (4 * lattice.cells + 2) * scene.sampling.rows;
+    let rays = touched.sum::<f64>().min(beamlets * rows) * f64::from(of_beamlet);
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "an estimate, not negative; the cast saturates"
+    )]
+    let rays = rays as u64;
+    rays
 }

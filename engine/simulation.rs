@@ -51,8 +51,8 @@ impl<'e> Simulation<'e> {
         let sample = geometry::load(scene)?;
         geometry::check_clearance(scene, &sample)?;
         let options = engine.options();
-        let triangles: Vec<usize> = sample.objects.iter().map(|o| o.triangles).collect();
-        let memory = memory::estimate(scene, &triangles, options.memory_limit, options.band_rows)?;
+        let memory =
+            memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
         let media = Media::of(scene)?;
         let device = engine.device();
         let wanted = engine.options().backend;

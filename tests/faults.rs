@@ -3,7 +3,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use beamlet::gpu::{Fault, FaultAnswer, FaultyCall};
+use beamlet::geometry::{self, ObjectSummary};
+use beamlet::gpu::FaultAnswer::{self, DeviceLost, OutOfDeviceMemory, OutOfHostMemory, Timeout};
+use beamlet::gpu::{Fault, FaultyCall};
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, RunDirectory};
 use beamlet::{Backend, Control, Engine, EngineOptions, Error, RunRecord, memory};
@@ -92,14 +94,13 @@ fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn assert_tells(error: &Error, fault: Fault) {
     let text = error.to_string();
     let wanted = match fault.answer {
-        FaultAnswer::DeviceLost => "the device was lost; ",
-        FaultAnswer::Timeout => "end",
-        FaultAnswer::OutOfDeviceMemory => "the device has no more: lower the memory limit",
-        FaultAnswer::OutOfHostMemory => "the host has no more: lower the memory limit",
+        DeviceLost => "the device was lost; ",
+        Timeout => "end",
+        OutOfDeviceMemory => "the device has no more: lower the memory limit",
+        OutOfHostMemory => "the host has no more: lower the memory limit",
     };
     assert!(text.contains(wanted), "{fault:?}: {text}");
-    let memory =
-        matches!(fault.answer, FaultAnswer::OutOfDeviceMemory | FaultAnswer::OutOfHostMemory);
+    let memory = matches!(fault.answer, OutOfDeviceMemory | OutOfHostMemory);
     match error {
         Error::Memory { .. } => assert!(memory, "{fault:?}: {text}"),
         Error::Device { .. } => assert!(!memory, "{fault:?}: {text}"),
@@ -139,8 +140,6 @@ fn fail_at_every_stage(call: FaultyCall, answers: &[FaultAnswer]) -> usize {
     panic!("{call:?} has no end");
 }
 
-use FaultAnswer::{DeviceLost, OutOfDeviceMemory, OutOfHostMemory, Timeout};
-
 #[test]
 fn memory_that_runs_out_is_told_and_leaves_committed_views() {
     fail_at_every_stage(FaultyCall::Allocate, &[OutOfDeviceMemory, OutOfHostMemory]);
@@ -178,8 +177,7 @@ fn a_memory_limit_changes_bands_and_groups_but_no_bit() {
     };
     let (free, expected) = stacks(None);
     assert_eq!(free.band_rows, 6);
-    let triangles = [4 * 64 - 4];
-    let tight = smallest_limit(&scene, &triangles);
+    let tight = smallest_limit(&scene);
     let (limited, found) = stacks(Some(tight));
     assert!(limited.band_rows == 1 && limited.rays_at_once < free.rays_at_once, "{limited:?}");
     assert!(limited.peak_bytes <= tight);
@@ -187,11 +185,12 @@ fn a_memory_limit_changes_bands_and_groups_but_no_bit() {
 }
 
 /// The smallest limit that a run accepts.
-fn smallest_limit(scene: &Scene, triangles: &[usize]) -> u64 {
+fn smallest_limit(scene: &Scene) -> u64 {
+    let objects = geometry::load(scene).unwrap().objects;
     let (mut refused, mut accepted) = (0, 1 << 40);
     while accepted - refused > 1 {
         let middle = u64::midpoint(refused, accepted);
-        match memory::estimate(scene, triangles, Some(middle), None) {
+        match memory::estimate(scene, &objects, Some(middle), None) {
             Ok(_) => accepted = middle,
             Err(_) => refused = middle,
         }
@@ -199,18 +198,26 @@ fn smallest_limit(scene: &Scene, triangles: &[usize]) -> u64 {
     accepted
 }
 
+/// What the estimate sees of a rod of so many triangles.
+fn rod(triangles: usize) -> [ObjectSummary; 1] {
+    let (_place, scene) = workplace();
+    let rod = geometry::load(&scene).unwrap().objects.remove(0);
+    [ObjectSummary { triangles, ..rod }]
+}
+
 #[test]
 fn a_limit_below_one_row_is_refused_with_what_to_change() {
     let (_place, mut scene) = workplace();
-    let error = memory::estimate(&scene, &[252], Some(1 << 20), None).unwrap_err();
+    let error = memory::estimate(&scene, &rod(252), Some(1 << 20), None).unwrap_err();
     let Error::Memory { needed, available, .. } = &error else { panic!("{error}") };
     assert!(*needed > 1 << 20 && *available == Some(1 << 20), "{error}");
     assert!(error.to_string().contains("raise the memory limit"), "{error}");
     scene.detector.pixels = [1 << 20, 4];
     scene.scan.mask_offsets = vec![0.0; 1000];
-    let error = memory::estimate(&scene, &[252], Some(2 << 30), None).unwrap_err().to_string();
+    let error = memory::estimate(&scene, &rod(252), Some(2 << 30), None).unwrap_err().to_string();
     assert!(error.contains("fewer columns or mask steps"), "{error}");
-    let error = memory::estimate(&scene, &[1 << 30], Some(2 << 30), None).unwrap_err().to_string();
+    let error =
+        memory::estimate(&scene, &rod(1 << 30), Some(2 << 30), None).unwrap_err().to_string();
     assert!(error.contains("simplify the meshes"), "{error}");
 }
 
@@ -218,7 +225,7 @@ fn a_limit_below_one_row_is_refused_with_what_to_change() {
 fn what_is_estimated_grows_with_triangles_pixels_and_steps() {
     let (_place, scene) = workplace();
     let peak = |scene: &Scene, triangles: usize| {
-        memory::estimate(scene, &[triangles], None, None).unwrap().peak_bytes
+        memory::estimate(scene, &rod(triangles), None, None).unwrap().peak_bytes
     };
     assert!(peak(&scene, 2_000_000) > peak(&scene, 1_000_000) + (100 << 20));
     let mut large = scene.clone();
