@@ -116,6 +116,7 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
 pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckReport> {
     let extent = Extent::of(scene)?;
     let materials = materials(scene)?;
+    memory::check_before_loading(scene, memory_limit)?;
     let sample = geometry::load(scene)?;
     geometry::check_clearance(scene, &sample)?;
     let mut warnings = geometry::fov_warnings(scene, &sample);

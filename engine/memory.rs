@@ -3,7 +3,7 @@
 //! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
-use crate::geometry::ObjectSummary;
+use crate::geometry::{self, ObjectSummary};
 use crate::scene::{Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
 use crate::trace::Lattice;
@@ -15,7 +15,7 @@ const PROGRAM: u64 = 122 << 20;
 /// Peak bytes on the host per triangle of the largest mesh while it is read and welded.
 const READ: u64 = 120;
 /// Peak bytes on the host per triangle while the tree is built, all meshes read.
-const BUILD: u64 = 258;
+const BUILD: u64 = 272;
 /// Bytes on the host per triangle that stay: vertices, indices, components.
 const KEPT: u64 = 28;
 /// Bytes on the device per triangle: leaves and nodes of the software tree.
@@ -118,6 +118,24 @@ pub fn estimate(
     let fixed = needs.run(0, rays).sum();
     let rows = ((limit - fixed) / needs.row_bytes().max(1)).clamp(1, all.into());
     Ok(needs.at(u32::try_from(rows).unwrap_or(all), rays))
+}
+
+/// Refuses meshes that cannot fit in the limit before they are read.
+///
+/// # Errors
+/// [`Error::Memory`] where they cannot.
+pub fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
+    let triangles = geometry::triangles_in_files(scene);
+    let needed = PROGRAM.saturating_add(BUILD.saturating_mul(triangles));
+    match limit {
+        Some(limit) if needed > limit => Err(Error::Memory {
+            purpose: format!("the tree over {triangles} triangles"),
+            needed,
+            available: Some(limit),
+            remedy: "raise the memory limit, or simplify the meshes".into(),
+        }),
+        _ => Ok(()),
+    }
 }
 
 impl Needs {

@@ -48,6 +48,7 @@ impl<'e> Simulation<'e> {
     pub(crate) fn new(engine: &'e Engine, scene: &Scene) -> Result<Self> {
         let begin = Instant::now();
         scene.validate()?;
+        memory::check_before_loading(scene, engine.options().memory_limit)?;
         let sample = geometry::load(scene)?;
         geometry::check_clearance(scene, &sample)?;
         let options = engine.options();

@@ -292,6 +292,19 @@ mod tests {
         Dimension::Length.parse(text).unwrap()
     }
 
+    #[test]
+    fn sizes_of_memory_need_a_number_above_zero_and_a_unit() {
+        for (text, bytes) in
+            [("512 MiB", 512 << 20), (" 2GiB ", 2 << 30), ("1.5 KiB", 1536), ("3 kB", 3000)]
+        {
+            assert_eq!(memory_size(text).unwrap(), bytes);
+        }
+        for text in ["", "2", "GiB", "2 gib", "-1 MiB", "0 B", "1e30 TiB", "NaN B", "1 MiB 2"] {
+            let message = memory_size(text).unwrap_err().to_string();
+            assert!(message.contains("2 GiB"), "{message}");
+        }
+    }
+
     fn message(dimension: Dimension, text: &str) -> String {
         dimension.parse(text).unwrap_err().to_string()
     }

@@ -1,5 +1,9 @@
 //! STL files, binary and ASCII.
 
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
 use glam::DVec3;
 
 use super::surface::{Defect, Surface};
@@ -32,6 +36,17 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
             "a binary one has at least 84 bytes, an ASCII one begins with \"solid\"",
         ),
     })
+}
+
+/// Triangles that a binary STL file has, from its first bytes and its length; `None` for other
+/// files and for those that cannot be read.
+pub(super) fn triangles_in(path: &Path) -> Option<u64> {
+    let mut file = File::open(path).ok()?;
+    let length = file.metadata().ok()?.len();
+    let mut header = [0; HEADER];
+    file.read_exact(&mut header).ok()?;
+    let count = u64::from(count(&header)?);
+    (HEADER as u64 + RECORD as u64 * count == length).then_some(count)
 }
 
 fn count(bytes: &[u8]) -> Option<u32> {
