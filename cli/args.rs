@@ -98,6 +98,10 @@ pub(crate) struct Simulate {
     /// Vulkan device, by its number or part of its name (see `beamlet devices`)
     #[arg(long, value_name = "N|NAME")]
     pub(crate) device: Option<String>,
+    /// Most memory of the run, host and device together, such as "2 GiB" [default: what the
+    /// geometry needs, and up to 1 GiB for a band]
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) memory_limit: Option<u64>,
     /// Go on with an interrupted run
     #[arg(long, conflicts_with = "overwrite")]
     pub(crate) resume: bool,
@@ -123,6 +127,9 @@ pub(crate) struct Simulate {
 pub(crate) struct Check {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
+    /// Tell what a run with this memory limit takes, such as "2 GiB"
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) memory_limit: Option<u64>,
     /// Print JSON (SI units, energies in keV)
     #[arg(long)]
     pub(crate) json: bool,
@@ -192,6 +199,10 @@ impl BackendName {
             Self::Bvh => Some(Backend::Bvh),
         }
     }
+}
+
+fn memory_size(text: &str) -> Result<u64, String> {
+    beamlet::units::memory_size(text).map_err(|error| error.to_string())
 }
 
 fn key_value(text: &str) -> Result<String, String> {

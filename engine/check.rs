@@ -3,6 +3,7 @@
 
 use crate::geometry::{self, ObjectSummary, Sample};
 use crate::material;
+use crate::memory::{self, MemoryEstimate};
 use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
 use crate::stack::Extent;
 use crate::trace::Lattice;
@@ -99,9 +100,8 @@ pub struct Work {
     pub rays_per_view: u64,
     /// Rays of all views. The flat needs none.
     pub rays: u64,
-    /// Bytes on the device for one row of pixels of one view with all its steps; a band is as
-    /// many rows as the memory limit allows.
-    pub row_bytes: u64,
+    /// Memory at the peak and the bands that it allows.
+    pub memory: MemoryEstimate,
     /// Bytes of the output on disk.
     pub output_bytes: u64,
 }
@@ -112,8 +112,17 @@ pub struct Work {
 /// Whatever would stop a run before its first ray: materials, meshes, a sample that would hit
 /// a mask.
 pub fn check(scene: &Scene) -> Result<CheckReport> {
+    check_within(scene, None)
+}
+
+/// As [`check`], for a run with a memory limit (bytes; see [`crate::EngineOptions`]).
+///
+/// # Errors
+/// As [`check`]; [`Error::Memory`] where the limit is too small.
+pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckReport> {
     let extent = Extent::of(scene)?;
     let materials = materials(scene)?;
+    memory::check_before_loading(scene, memory_limit)?;
     let sample = geometry::load(scene)?;
     geometry::check_clearance(scene, &sample)?;
     let mut warnings = geometry::fov_warnings(scene, &sample);
@@ -128,7 +137,7 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
     }
     Ok(CheckReport {
         setup: setup(scene, &sample, extent),
-        work: work(scene, extent, &materials)?,
+        work: work(scene, extent, &materials, &sample, memory_limit)?,
         materials,
         objects: objects(scene, &sample),
         warnings,
@@ -221,21 +230,23 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
     sample.objects.iter().enumerate().map(checked).collect()
 }
 
-fn work(scene: &Scene, extent: Extent, materials: &[Material]) -> Result<Work> {
+fn work(
+    scene: &Scene,
+    extent: Extent,
+    materials: &[Material],
+    sample: &Sample,
+    memory_limit: Option<u64>,
+) -> Result<Work> {
     let too_many =
         || Error::scene("sampling", "more than 2^64 rays", "fewer views, pixels, cells or rays");
     let strongest = materials.iter().fold(0.0_f64, |most, m| most.max(m.delta.abs()));
     let line = rays_of_row(scene, extent, strongest);
     let rays_per_view = line.checked_mul(extent.rows.into()).ok_or_else(too_many)?;
     let rays = rays_per_view.checked_mul(extent.views.into()).ok_or_else(too_many)?;
-    // Per ray and material: path length, displacements in x and z, and sum of slopes in x and
-    // z; besides, coordinates and a signature. Per pixel and step one 64-bit sum.
-    let ray_bytes = 4 * (5 * materials.len() as u64 + 8);
-    let sums = 8 * u64::from(extent.columns) * u64::from(extent.steps);
     Ok(Work {
         rays_per_view,
         rays,
-        row_bytes: line.saturating_mul(ray_bytes).saturating_add(sums),
+        memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
         output_bytes: extent.total_bytes(),
     })
 }

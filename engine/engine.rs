@@ -1,7 +1,7 @@
 //! The engine: a Vulkan device that serves many scenes one after another.
 
 use crate::Result;
-use crate::gpu::{Device, DeviceDescription, DeviceOptions, Kernel};
+use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault, Kernel};
 use crate::illuminate::CellIlluminator;
 use crate::run::{Backend, Control, RunRecord};
 use crate::scene::Scene;
@@ -24,8 +24,11 @@ pub struct EngineOptions {
     pub band_rows: Option<u32>,
     /// Rays of a dispatch; `None`: adapted to the device. Results do not depend on it.
     pub batch_rays: Option<u32>,
-    /// Bytes that a band may take; `None`: 1 GiB.
+    /// Bytes that a run may take on host and device together; `None`: what the geometry needs
+    /// and up to 1 GiB for a band. Results do not depend on it.
     pub memory_limit: Option<u64>,
+    /// Calls of Vulkan that fail (for tests).
+    pub faults: Vec<Fault>,
 }
 
 /// A Vulkan device that serves many scenes one after another.
@@ -45,6 +48,7 @@ impl Engine {
         let device = Device::open(&DeviceOptions {
             choice: options.device.clone(),
             validation: options.validation,
+            faults: options.faults.clone(),
             ..DeviceOptions::default()
         })?;
         let kernels = Kernels {

@@ -67,7 +67,7 @@ pub enum Error {
     Memory {
         /// What the memory is for.
         purpose: String,
-        /// Bytes needed.
+        /// Bytes needed; 0 where it is not known.
         needed: u64,
         /// Bytes available, where known.
         available: Option<u64>,
@@ -163,7 +163,10 @@ impl fmt::Display for Error {
                 if remedy.is_empty() { Ok(()) } else { write!(f, "; {remedy}") }
             }
             Self::Memory { purpose, needed, available, remedy } => {
-                write!(f, "{purpose} needs {} MiB", needed.div_ceil(1 << 20))?;
+                match needed {
+                    0 => write!(f, "no memory for {purpose}")?,
+                    _ => write!(f, "{purpose} needs {} MiB", needed.div_ceil(1 << 20))?,
+                }
                 if let Some(available) = available {
                     write!(f, ", {} MiB are available", available >> 20)?;
                 }

@@ -15,6 +15,7 @@ pub mod geometry;
 pub mod gpu;
 pub mod illuminate;
 pub mod material;
+pub mod memory;
 mod run;
 pub mod scene;
 mod simulation;

@@ -11,7 +11,8 @@ use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
 use crate::gpu::interface::Pixel;
-use crate::illuminate::{Cast, CellIlluminator, LightRecord, RandomKernels, SUM_BYTES, Sums, cast};
+use crate::illuminate::{Cast, CellIlluminator, LightRecord, RandomKernels, Sums, cast};
+use crate::memory::{self, MemoryEstimate};
 use crate::run::{Backend, Control, Progress, RunRecord, Tally};
 use crate::scene::{Scene, Scheme};
 use crate::stack::{self, RunStart, Sink};
@@ -25,10 +26,6 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-/// Memory of a band where the caller sets no limit.
-const DEFAULT_MEMORY: u64 = 1 << 30;
-/// Rays of the first pass over a group of rows, about; between groups a run can be stopped.
-const GROUP_RAYS: u64 = 1 << 18;
 /// Rays of a calibration.
 const CALIBRATION_RAYS: usize = 1 << 13;
 /// A run fails when more than this share of its rays stays unbalanced.
@@ -42,6 +39,7 @@ pub struct Simulation<'e> {
     sample: Sample,
     on_device: Arc<DeviceSample>,
     lattice: Lattice,
+    memory: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
 }
@@ -50,8 +48,12 @@ impl<'e> Simulation<'e> {
     pub(crate) fn new(engine: &'e Engine, scene: &Scene) -> Result<Self> {
         let begin = Instant::now();
         scene.validate()?;
+        memory::check_before_loading(scene, engine.options().memory_limit)?;
         let sample = geometry::load(scene)?;
         geometry::check_clearance(scene, &sample)?;
+        let options = engine.options();
+        let memory =
+            memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
         let media = Media::of(scene)?;
         let device = engine.device();
         let wanted = engine.options().backend;
@@ -86,6 +88,7 @@ impl<'e> Simulation<'e> {
             sample,
             on_device,
             lattice,
+            memory,
             prepared_in: 0.0,
         };
         simulation.choose_backend(wanted)?;
@@ -127,6 +130,7 @@ impl<'e> Simulation<'e> {
             backend,
             self.scene.sampling.transport,
             self.options().batch_rays,
+            self.memory.rays_at_once as u32,
         )
     }
 
@@ -237,7 +241,13 @@ impl<'e> Simulation<'e> {
         let shadows = self.shadows(view);
         let mut tracer = self.tracer(self.start.backend)?;
         let view = self.view(view, &shadows);
-        trace::trace_strips(&view, &mut tracer, rows.clone(), &rows)
+        let mut strips = Strips::default();
+        let at_once = self.memory.rays_at_once as usize;
+        trace::trace_strips(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |part| {
+            strips.append(part);
+            Ok(())
+        })?;
+        Ok(strips)
     }
 
     fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> trace::View<'a> {
@@ -246,14 +256,14 @@ impl<'e> Simulation<'e> {
 
     /// Rows of a band within the memory limit.
     #[must_use]
-    pub fn band_rows(&self) -> u32 {
-        let all = self.scene.detector.pixels[1];
-        let row = self.scene.scan.mask_offsets.len() as u64
-            * u64::from(self.scene.detector.pixels[0])
-            * SUM_BYTES;
-        let fit = self.options().memory_limit.unwrap_or(DEFAULT_MEMORY) / row;
-        let fit = u32::try_from(fit).unwrap_or(u32::MAX).clamp(1, all);
-        self.options().band_rows.map_or(fit, |rows| rows.clamp(1, all))
+    pub const fn band_rows(&self) -> u32 {
+        self.memory.band_rows
+    }
+
+    /// What a run takes of memory at its peak.
+    #[must_use]
+    pub const fn memory(&self) -> &MemoryEstimate {
+        &self.memory
     }
 
     /// Runs every view that `control` does not skip and hands it to the sink.
@@ -439,7 +449,7 @@ impl<'s> Work<'s> {
             let beamlets = (lattice.beamlets.end - lattice.beamlets.start) as u64;
             beamlets * (2 * u64::from(lattice.cells) + 1) * 2 * u64::from(scene.sampling.rows)
         };
-        (GROUP_RAYS / per_row.max(1)).max(1) as i64
+        (self.simulation.memory.rays_at_once / per_row.max(1)).max(1) as i64
     }
 
     fn report(&mut self, view: stack::View, control: &mut Control<'_>) -> Result<()> {
@@ -467,25 +477,32 @@ impl<'s> Work<'s> {
     ) -> Result<()> {
         let begin = Instant::now();
         let lit = inner.start - self.blur_rows..inner.end + self.blur_rows;
-        let strips = match view {
+        let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
+        let Self { cells, light, sums, tally, tracer, .. } = self;
+        let mut illuminating = 0.0;
+        let mut add = |strips: &Strips| {
+            if own {
+                tally.split += strips.splits;
+                tally.landed_off += strips.landed_off;
+            }
+            let begin = Instant::now();
+            cells.add(light, strips, sums, steps)?;
+            illuminating += begin.elapsed().as_secs_f64();
+            Ok(())
+        };
+        match view {
             stack::View::Sample(index) if !shadows.is_empty() => {
                 let view = self.simulation.view(index, shadows);
-                trace::trace_strips(&view, &mut self.tracer, rows.clone(), &lit)?
+                let at_once = self.simulation.memory.rays_at_once as usize;
+                trace::trace_strips(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
-                trace::empty_strips(&self.simulation.lattice, rows)
+                add(&trace::empty_strips(&self.simulation.lattice, rows))?;
             }
-        };
-        self.seconds.trace += begin.elapsed().as_secs_f64();
-        if own {
-            self.tally.split += strips.splits;
-            self.tally.landed_off += strips.landed_off;
         }
-        let begin = Instant::now();
-        let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
-        self.cells.add(&self.light, &strips, &self.sums, steps)?;
-        self.seconds.illuminate += begin.elapsed().as_secs_f64();
+        self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
+        self.seconds.illuminate += illuminating;
         Ok(())
     }
 

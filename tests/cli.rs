@@ -94,6 +94,8 @@ fn usage_errors_end_with_2_and_say_what_is_missing() {
         ("simulate scene.toml -o run --resume --overwrite", "--overwrite"),
         ("simulate scene.toml -o run --set energy", "key.path=value"),
         ("simulate scene.toml -o run -q -v", "--verbose"),
+        ("simulate scene.toml -o run --memory-limit 2", "GiB"),
+        ("check scene.toml --memory-limit=-1MiB", "GiB"),
         ("example cylinder", "--output"),
         ("example teapot -o here", "cylinder"),
         ("simulat scene.toml", "simulate"),
@@ -180,6 +182,24 @@ fn check_tells_geometry_materials_objects_and_work() {
     assert_eq!(report["work"]["output_bytes"], 3 * 3 * 16 * 4 * 4);
     assert_eq!(report["materials"][1]["shadows_builtin"], true);
     assert_eq!(names(place.path()), ["scene.toml"]);
+}
+
+#[test]
+fn a_memory_limit_that_is_too_small_is_refused_and_check_tells_what_fits() {
+    let place = workplace();
+    for verb in ["check", "simulate -o run"] {
+        let output = run(place.path(), &format!("{verb} scene.toml --memory-limit 20MiB"));
+        assert_code(&output, 1);
+        let message = stderr(&output);
+        assert!(message.contains("20 MiB are available; raise the memory limit"), "{message}");
+    }
+    assert_eq!(names(place.path()), ["scene.toml"]);
+    let output = run(place.path(), "check scene.toml --json --memory-limit 1GiB");
+    assert_code(&output, 0);
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let memory = &report["work"]["memory"];
+    assert_eq!(memory["band_rows"], 4);
+    assert!(memory["peak_bytes"].as_u64().unwrap() < 1 << 30, "{memory}");
 }
 
 #[test]

@@ -24,7 +24,7 @@ fn open(staging: bool) -> Arc<Device> {
     match Device::open(&options) {
         Err(Error::Device { wanted, .. }) if wanted.contains("validation layer") => {
             eprintln!("no validation layer: its messages are not checked");
-            Device::open(&DeviceOptions { validation: false, ..options }).unwrap()
+            Device::open(&DeviceOptions { validation: false, ..options.clone() }).unwrap()
         }
         opened => opened.unwrap(),
     }

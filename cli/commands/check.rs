@@ -6,7 +6,8 @@ use std::io::Write;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
     let scene = arguments.scene.load()?;
-    let report = beamlet::check::check(&scene).map_err(|e| arguments.scene.locate(e))?;
+    let report = beamlet::check::check_within(&scene, arguments.memory_limit)
+        .map_err(|e| arguments.scene.locate(e))?;
     if arguments.json {
         return super::write_json(&report, out);
     }

@@ -29,6 +29,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         device: arguments.device.clone(),
         // A resumed run goes on with the backend that began it, or its bits would change.
         backend: arguments.backend.choice().or(recorded_backend),
+        memory_limit: arguments.memory_limit,
         ..EngineOptions::default()
     })?;
     let skip = sink.committed().to_vec();
@@ -115,6 +116,9 @@ fn advice(arguments: &Simulate) -> String {
     }
     if let Some(device) = &arguments.device {
         command.extend(["--device".into(), quoted(device)]);
+    }
+    if let Some(limit) = arguments.memory_limit {
+        command.extend(["--memory-limit".into(), format!("{limit}B")]);
     }
     if arguments.allow_mixed {
         command.push("--allow-mixed".into());

@@ -9,15 +9,18 @@ use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 use obvhs::cwbvh::node::CwBvhNode;
+use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
-use std::time::Duration;
 
 /// Stack of shaders/walk/bvh.glsl: one entry per level.
 const STACK: usize = 32;
+
+/// Triangles of a leaf: the most that the wide nodes can count.
+const MOST_IN_LEAF: u32 = 3;
 
 /// Bits of a leaf's surface word that index the surfaces; the kind stands above them.
 const SURFACE_LIMIT: usize = 1 << 28;
@@ -50,23 +53,18 @@ impl Bvh {
         // Boxes are padded by what the box test may lose to rounding at this distance.
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
         let pad = Vec3A::splat(single(reach) * 2.0_f32.powi(-19));
-        let boxes: Vec<Aabb> = sample
-            .triangles
-            .par_iter()
-            .map(|t| {
-                let [a, b, c] = corners(t).map(|v| v.as_vec3a());
-                Aabb::new(a.min(b).min(c) - pad, a.max(b).max(c) + pad)
-            })
-            .collect();
+        let padded = |t: &[u32; 3]| {
+            let [a, b, c] = corners(t).map(|v| v.as_vec3a());
+            Aabb::new(a.min(b).min(c) - pad, a.max(b).max(c) + pad)
+        };
         let leaf_box = |i: &u32| {
-            let b = &boxes[*i as usize];
+            let b = padded(&sample.triangles[*i as usize]);
             [b.min.to_array(), b.max.to_array()]
         };
-        // Pre-splitting would put a triangle into several leaves and count it twice.
-        let params = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
-        let mut bvh = build_cwbvh(&boxes, params, &mut Duration::default());
+        let boxes = || sample.triangles.par_iter().map(padded).collect();
+        let mut bvh = wide_tree(boxes());
         if depth(&bvh.nodes) > STACK {
-            bvh = balanced(&boxes, params.max_prims_per_leaf);
+            bvh = balanced(&boxes());
         }
         let depth = depth(&bvh.nodes);
         if depth > STACK {
@@ -98,7 +96,7 @@ impl Bvh {
 /// A BVH that halves its triangles at every level. Costs more to search than one built by
 /// surface area, but stays shallow where that one becomes a chain: the slivers of a fan, as a
 /// disc of a thousand sides is often cut into, lie in one another's boxes.
-fn balanced(boxes: &[Aabb], leaf: u32) -> CwBvh {
+fn balanced(boxes: &[Aabb]) -> CwBvh {
     let mut order: Vec<u32> = (0..u32::try_from(boxes.len()).unwrap_or(u32::MAX)).collect();
     let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0)];
     let mut open = vec![(0_usize, 0..boxes.len())];
@@ -122,7 +120,25 @@ fn balanced(boxes: &[Aabb], leaf: u32) -> CwBvh {
         open.push((first + 1, range.start + half..range.end));
     }
     let binary = Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() };
-    bvh2_to_cwbvh(&binary, leaf.clamp(1, 3), true, false)
+    bvh2_to_cwbvh(&binary, MOST_IN_LEAF, true, false)
+}
+
+/// As `obvhs::cwbvh::builder::build_cwbvh`, but the boxes go before the tree is made wide: that
+/// takes more memory than anything else in a run with millions of triangles.
+fn wide_tree(boxes: Vec<Aabb>) -> CwBvh {
+    // Pre-splitting would put a triangle into several leaves and count it twice.
+    let params = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
+    let indices = (0..u32::MAX).take(boxes.len()).collect();
+    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+        params.ploc_search_distance,
+        &boxes,
+        indices,
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    drop(boxes);
+    ReinsertionOptimizer::default().run(&mut tree, params.reinsertion_batch_ratio, None);
+    bvh2_to_cwbvh(&tree, MOST_IN_LEAF, true, false)
 }
 
 fn normal(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
@@ -169,7 +185,7 @@ mod tests {
                 )
             })
             .collect();
-        let bvh = balanced(&boxes, 3);
+        let bvh = balanced(&boxes);
         assert!(depth(&bvh.nodes) <= 13, "{} levels", depth(&bvh.nodes));
         let mut found = bvh.primitive_indices.clone();
         found.sort_unstable();

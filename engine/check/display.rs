@@ -24,7 +24,12 @@ impl Display for CheckReport {
             "rays",
             format!("{} per view, {} in all", count(work.rays_per_view), count(work.rays)),
         )?;
-        line(f, "memory", format!("{} per row of a band", bytes(work.row_bytes)))?;
+        let memory = &work.memory;
+        let [peak, host, device] =
+            [memory.peak_bytes, memory.host_bytes, memory.device_bytes].map(bytes);
+        line(f, "memory", format!("{peak} at the peak (host {host}, device {device})"))?;
+        let band = format!("{} rows, {}", memory.band_rows, bytes(memory.band_bytes));
+        line(f, "band", band)?;
         line(f, "output", bytes(work.output_bytes))?;
         if !self.warnings.is_empty() {
             writeln!(f)?;

@@ -29,6 +29,19 @@ pub fn load(scene: &Scene) -> Result<Sample> {
     assemble(bodies, names, hashes)
 }
 
+/// Triangles of the meshes of a scene as far as that can be told without reading them: those in
+/// binary STL files.
+#[must_use]
+pub fn triangles_in_files(scene: &Scene) -> u64 {
+    let of = |object: &Object| match &object.geometry {
+        ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
+            stl::triangles_in(&scene.directory.join(path))
+        }
+        _ => None,
+    };
+    scene.objects.iter().filter_map(of).sum()
+}
+
 /// SHA-256 of a file, hexadecimal.
 ///
 /// # Errors

@@ -20,7 +20,7 @@ mod topology;
 
 use glam::DVec3;
 
-pub use load::{file_hash, load};
+pub use load::{file_hash, load, triangles_in_files};
 pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
 
 /// All surfaces of the sample in world coordinates (m), welded, closed and oriented outwards

@@ -1,5 +1,9 @@
 //! STL files, binary and ASCII.
 
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
 use glam::DVec3;
 
 use super::surface::{Defect, Surface};
@@ -34,13 +38,28 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
     })
 }
 
+/// Triangles that a binary STL file has, from its first bytes and its length; `None` for other
+/// files and for those that cannot be read.
+pub(super) fn triangles_in(path: &Path) -> Option<u64> {
+    let mut file = File::open(path).ok()?;
+    let length = file.metadata().ok()?.len();
+    let mut header = [0; HEADER];
+    file.read_exact(&mut header).ok()?;
+    let count = u64::from(count(&header)?);
+    (HEADER as u64 + RECORD as u64 * count == length).then_some(count)
+}
+
 fn count(bytes: &[u8]) -> Option<u32> {
     let field = bytes.get(HEADER - 4..HEADER)?;
     Some(u32::from_le_bytes(field.try_into().ok()?))
 }
 
 fn binary(records: &[u8]) -> Result<Surface, Defect> {
-    let mut surface = Surface::default();
+    let triangles = records.len() / RECORD;
+    let mut surface = Surface {
+        vertices: Vec::with_capacity(3 * triangles),
+        triangles: Vec::with_capacity(triangles),
+    };
     for (index, record) in records.chunks_exact(RECORD).enumerate() {
         let number = |at: usize| {
             let bytes = [record[at], record[at + 1], record[at + 2], record[at + 3]];

@@ -6,6 +6,9 @@ use super::Sample;
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 
+/// Points of an object that are kept before their hull replaces them.
+const MOST_POINTS: usize = 1 << 20;
+
 /// Outline of each object seen along the rotation axis, enough for its extent in any view.
 #[derive(Debug, Clone, Default)]
 pub struct Swept {
@@ -35,12 +38,19 @@ pub struct Extent {
 /// The outlines of the objects of a sample.
 pub fn swept(sample: &Sample) -> Swept {
     let mut points = vec![Vec::new(); sample.objects.len()];
+    let mut seen = vec![false; sample.vertices.len()];
     for (triangle, component) in sample.triangles.iter().zip(&sample.triangle_component) {
-        let object = sample.components[*component as usize].object as usize;
-        points[object].extend(triangle.map(|vertex| {
-            let DVec3 { x, y, .. } = sample.vertices[vertex as usize];
-            DVec2::new(x, y)
-        }));
+        let points = &mut points[sample.components[*component as usize].object as usize];
+        for vertex in triangle.map(|vertex| vertex as usize) {
+            if !std::mem::replace(&mut seen[vertex], true) {
+                let DVec3 { x, y, .. } = sample.vertices[vertex];
+                points.push(DVec2::new(x, y));
+            }
+        }
+        // The hull of a hull and more points is the hull of them all.
+        if points.len() > MOST_POINTS {
+            *points = hull(std::mem::take(points));
+        }
     }
     let outlines = points
         .into_iter()

@@ -13,15 +13,13 @@ type Edge = (u64, u32, bool);
 ///
 /// Fails unless every edge is used exactly twice, once in each direction.
 pub(super) fn components(surface: &Surface) -> Result<(Vec<u32>, u32), Defect> {
-    let mut edges: Vec<Edge> = (0_u32..)
-        .zip(&surface.triangles)
-        .flat_map(|(number, [a, b, c])| {
-            [(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| {
-                let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
-                (key, number, from < to)
-            })
+    let mut edges: Vec<Edge> = Vec::with_capacity(3 * surface.triangles.len());
+    edges.extend((0_u32..).zip(&surface.triangles).flat_map(|(number, [a, b, c])| {
+        [(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| {
+            let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
+            (key, number, from < to)
         })
-        .collect();
+    }));
     edges.par_sort_unstable();
     closed(surface, &edges)?;
 
@@ -31,6 +29,7 @@ pub(super) fn components(surface: &Surface) -> Result<(Vec<u32>, u32), Defect> {
         // The lower number leads, so a component is known by its first triangle.
         parent[a.max(b) as usize] = a.min(b);
     }
+    drop(edges);
     let mut label = vec![u32::MAX; parent.len()];
     let mut count = 0;
     let component = (0_u32..)

@@ -3,6 +3,7 @@
 use super::buffer::Memory;
 use super::device::{Device, lock};
 use super::failure;
+use super::faults::FaultyCall;
 use super::physical::DeviceKind;
 use crate::{Error, Result};
 use ash::vk;
@@ -41,9 +42,12 @@ impl Device {
         mut requirements: vk::MemoryRequirements,
         memory: Memory,
     ) -> Result<Allocation> {
+        self.faults
+            .check(FaultyCall::Allocate)
+            .map_err(|e| failure::out_of_memory(name, requirements.size, e))?;
         let limit = self.physical.description.max_allocation_bytes;
         if requirements.size > limit {
-            return Err(failure::out_of_memory(name, requirements.size, Some(limit)));
+            return Err(failure::too_large(name, requirements.size, limit));
         }
         let mut location = match memory {
             Memory::Host => MemoryLocation::GpuToCpu,
@@ -66,10 +70,14 @@ impl Device {
         let mut allocator = lock(&self.allocator);
         let allocator = allocator.as_mut().expect("the device is open");
         allocator.allocate(&description).map_err(|e| match e {
-            AllocationError::OutOfMemory => failure::out_of_memory(name, requirements.size, None),
+            AllocationError::OutOfMemory => {
+                let device = vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
+                failure::out_of_memory(name, requirements.size, device)
+            }
             // The allocator wraps the host's want of memory in text.
             AllocationError::Internal(text) if text.contains("OUT_OF") => {
-                failure::out_of_memory(name, requirements.size, None)
+                let host = vk::Result::ERROR_OUT_OF_HOST_MEMORY;
+                failure::out_of_memory(name, requirements.size, host)
             }
             e => Error::device(format!("memory for {name}"), e.to_string(), ""),
         })

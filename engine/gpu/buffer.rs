@@ -70,7 +70,7 @@ impl Buffer {
         use vk::BufferUsageFlags as Usage;
         let limit = device.physical.description.max_allocation_bytes;
         if bytes > limit {
-            return Err(failure::out_of_memory(name, bytes, Some(limit)));
+            return Err(failure::too_large(name, bytes, limit));
         }
         // Vulkan knows no empty buffers; whole words can be filled.
         let size = bytes.max(16).next_multiple_of(16);

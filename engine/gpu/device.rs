@@ -2,6 +2,7 @@
 
 use super::allocation;
 use super::failure;
+use super::faults::{Fault, Faults};
 use super::instance::Instance;
 use super::physical::{self, DeviceDescription, Physical};
 use super::retire::{Retired, Retirement};
@@ -10,10 +11,15 @@ use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::Allocator;
 use std::fmt;
+use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// Name of the environment variable that chooses a device where the options do not.
 const CHOICE: &str = "BEAMLET_DEVICE";
+
+/// How long a device that hangs is waited for when it is closed.
+const FAREWELL: Duration = Duration::from_secs(5);
 
 /// How to open a [`Device`].
 #[derive(Debug, Clone, Default)]
@@ -25,6 +31,8 @@ pub struct DeviceOptions {
     pub validation: bool,
     /// Copy through staging buffers even where device memory is mapped (for tests of that path).
     pub staging: bool,
+    /// Calls of Vulkan that fail (for tests).
+    pub faults: Vec<Fault>,
 }
 
 /// An open Vulkan device with one compute queue.
@@ -36,15 +44,18 @@ pub struct Device {
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) memory_types: vk::PhysicalDeviceMemoryProperties,
     pub(super) staging: bool,
+    pub(super) faults: Faults,
     names: Option<ash::ext::debug_utils::Device>,
     queue: Mutex<vk::Queue>,
     /// `None` only while the device is being destroyed.
     pub(super) allocator: Mutex<Option<Allocator>>,
     pub(super) retirement: Mutex<Retirement>,
+    /// Batches whose end was not to be waited for.
+    pub(super) stuck: Mutex<Vec<Batch>>,
     /// Batches that ended and wait for reuse.
     pub(super) batches: Mutex<Vec<Batch>>,
-    /// After everything made from it.
-    instance: Instance,
+    /// After everything made from it; kept open where the device hangs.
+    instance: ManuallyDrop<Instance>,
 }
 
 impl Device {
@@ -95,12 +106,14 @@ impl Device {
             pipeline_cache,
             memory_types,
             staging: options.staging,
+            faults: Faults::new(&options.faults),
             names,
             queue: Mutex::new(queue),
             allocator: Mutex::new(Some(allocator)),
             retirement: Mutex::default(),
+            stuck: Mutex::default(),
             batches: Mutex::default(),
-            instance,
+            instance: ManuallyDrop::new(instance),
         }))
     }
 
@@ -195,11 +208,22 @@ impl fmt::Debug for Device {
 
 impl Drop for Device {
     fn drop(&mut self) {
+        let stuck = std::mem::take(&mut *lock(&self.stuck));
+        if stuck.iter().any(|batch| !batch.ends_within(&self.raw, FAREWELL)) {
+            // Waiting would never end, and what runs must keep its memory.
+            log::warn!("the device hangs: it is left open");
+            std::mem::forget(lock(&self.allocator).take());
+            return;
+        }
         // SAFETY: nothing made from the device is left but what is destroyed here: buffers,
-        // kernels, structures and submissions keep the device alive.
+        // kernels, structures and submissions keep the device alive. The instance is not used
+        // afterwards.
         unsafe {
             if let Err(e) = self.raw.device_wait_idle() {
                 log::warn!("closing the device: {e}");
+            }
+            for batch in stuck {
+                batch.destroy(&self.raw);
             }
             let retired = lock(&self.retirement).drain();
             self.destroy(retired);
@@ -209,6 +233,7 @@ impl Drop for Device {
             self.raw.destroy_pipeline_cache(self.pipeline_cache, None);
             drop(lock(&self.allocator).take());
             self.raw.destroy_device(None);
+            ManuallyDrop::drop(&mut self.instance);
         }
     }
 }

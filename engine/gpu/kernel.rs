@@ -3,6 +3,7 @@
 use super::PUSH_BYTES;
 use super::device::Device;
 use super::failure;
+use super::faults::FaultyCall;
 use super::retire::Retired;
 use crate::{Error, Result};
 use ash::vk;
@@ -73,8 +74,11 @@ impl Device {
             stage = stage.specialization_info(&constants);
         }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
+        let faulty = self.faults.check(FaultyCall::MakeKernel).map_err(|e| (Vec::new(), e));
         // SAFETY: module and layout were just made by this device, as was the cache.
-        let made = unsafe { self.raw.create_compute_pipelines(self.pipeline_cache, &[info], None) };
+        let made = faulty.and_then(|()| unsafe {
+            self.raw.create_compute_pipelines(self.pipeline_cache, &[info], None)
+        });
         // SAFETY: a module is not needed once its pipeline is made.
         unsafe { self.raw.destroy_shader_module(module, None) };
         kernel.pipeline = made.map_err(|(_, e)| failed(e))?[0];

@@ -2,8 +2,9 @@
 
 use super::device::{Device, lock};
 use super::failure;
+use super::faults::FaultyCall;
 use super::recorder::Recorder;
-use crate::{Error, Result};
+use crate::Result;
 use ash::vk;
 use std::fmt;
 use std::sync::Arc;
@@ -48,6 +49,14 @@ impl Batch {
         }
     }
 
+    /// Whether its work ends within this time (or never will, with the device lost).
+    pub(super) fn ends_within(&self, raw: &ash::Device, time: Duration) -> bool {
+        let nanoseconds = u64::try_from(time.as_nanos()).unwrap_or(u64::MAX);
+        // SAFETY: the fence was submitted with the work.
+        let ended = unsafe { raw.wait_for_fences(&[self.fence], true, nanoseconds) };
+        ended != Err(vk::Result::TIMEOUT)
+    }
+
     /// Destroys pool, commands and fence.
     ///
     /// # Safety
@@ -74,8 +83,8 @@ impl Device {
     /// Records, submits and waits.
     ///
     /// # Errors
-    /// [`Error::Device`] where a command cannot be recorded or the device fails;
-    /// [`Error::Memory`] where there is no memory for the commands.
+    /// [`crate::Error::Device`] where a command cannot be recorded or the device fails;
+    /// [`crate::Error::Memory`] where there is no memory for the commands.
     pub fn run(self: &Arc<Self>, record: impl FnOnce(&mut Recorder<'_>)) -> Result<Duration> {
         self.submit(record)?.wait()
     }
@@ -126,6 +135,7 @@ impl Device {
         // SAFETY: the command buffer is complete, the fence unsignalled, and the queue locked.
         unsafe {
             self.raw.end_command_buffer(batch.commands).map_err(failed)?;
+            self.faults.check(FaultyCall::Submit).map_err(failed)?;
             self.raw.queue_submit(*queue, &submits, batch.fence).map_err(failed)
         }
     }
@@ -135,7 +145,7 @@ impl Submission {
     /// Waits for the end; returns the time since the submission.
     ///
     /// # Errors
-    /// [`Error::Device`] where the device was lost or hangs.
+    /// [`crate::Error::Device`] where the device was lost or hangs.
     pub fn wait(mut self) -> Result<Duration> {
         self.finish()?;
         Ok(self.started.elapsed())
@@ -154,20 +164,27 @@ impl Submission {
         let raw = &self.device.raw;
         let patience = u64::try_from(PATIENCE.as_nanos()).unwrap_or(u64::MAX);
         // SAFETY: the fence was submitted with the work.
-        match unsafe { raw.wait_for_fences(&[batch.fence], true, patience) } {
+        let ended = unsafe { raw.wait_for_fences(&[batch.fence], true, patience) };
+        // A fault that a test asked for comes after the real end: the device did the work.
+        match ended.and_then(|()| self.device.faults.check(FaultyCall::Wait)) {
             Ok(()) => {}
             Err(vk::Result::TIMEOUT) => {
                 // It may still run: what it uses, the batch included, is left as it is.
                 self.number = 0;
-                return Err(Error::device(
-                    "work on the device",
-                    format!("no end after {} s", PATIENCE.as_secs()),
-                    "the device hangs, or batches are far too large for it",
-                ));
+                lock(&self.device.stuck).push(batch);
+                let found = format!("no end after {} s", PATIENCE.as_secs());
+                return Err(failure::hung("work on the device", found));
             }
-            Err(e) => {
+            Err(vk::Result::ERROR_DEVICE_LOST) => {
                 // SAFETY: a lost device runs nothing.
                 unsafe { batch.destroy(raw) };
+                let lost = vk::Result::ERROR_DEVICE_LOST;
+                return Err(failure::vulkan("work on the device", lost));
+            }
+            Err(e) => {
+                // As after the patience: nobody knows whether it still runs.
+                self.number = 0;
+                lock(&self.device.stuck).push(batch);
                 return Err(failure::vulkan("work on the device", e));
             }
         }

@@ -8,4 +8,4 @@ mod sums;
 pub use cells::CellIlluminator;
 pub use light::LightRecord;
 pub use random::{Cast, RandomKernels, cast};
-pub use sums::{BYTES as SUM_BYTES, Sums};
+pub use sums::Sums;

@@ -14,8 +14,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bytes per pixel and step on the device and in transfer.
-pub const BYTES: u64 = 8 + 8 + 4;
+/// Sums read and converted at a time.
+const PART: usize = 1 << 20;
 
 /// Sums of a band, `[step][row][column]`.
 #[derive(Debug)]
@@ -55,11 +55,17 @@ impl Sums {
     /// # Errors
     /// [`Error::Device`].
     pub fn intensities(&self) -> Result<Array3<f32>> {
-        let words: Vec<[u32; 2]> = self.buffer.read(0, self.shape.iter().product())?;
-        let values: Vec<f32> = words
-            .par_iter()
-            .map(|[low, high]| (f64::from(*high) + f64::from(*low) / 4_294_967_296.0) as f32)
-            .collect();
+        let mut values = vec![0.0_f32; self.shape.iter().product()];
+        let mut words = vec![[0_u32; 2]; values.len().min(PART)];
+        let mut first = 0;
+        for part in values.chunks_mut(PART) {
+            let words = &mut words[..part.len()];
+            self.buffer.read_into(first, words)?;
+            part.par_iter_mut().zip(words).for_each(|(value, [low, high])| {
+                *value = (f64::from(*high) + f64::from(*low) / 4_294_967_296.0) as f32;
+            });
+            first += 8 * PART as u64;
+        }
         Array3::from_shape_vec(self.shape, values).map_err(|e| {
             Error::device("sums of light", format!("have the wrong shape: {e}"), "report this")
         })

@@ -93,7 +93,7 @@ impl RunDirectory {
                 return Err(Error::output(path, "cannot hold a run", Some(error)));
             }
             Ok(entries) => {
-                let empty = entries.count() == 0;
+                let empty = entries.count() == 0 || has_only_begun(&path);
                 let is_run = RunFile::read(&path.join(RUN)).is_ok();
                 if !empty && !overwrite {
                     let problem = if is_run {
@@ -104,7 +104,10 @@ impl RunDirectory {
                     };
                     return Err(Error::output(path, problem, None));
                 }
-                if !is_run && let Some(name) = first_of_our_names(&path) {
+                if !is_run
+                    && !has_only_begun(&path)
+                    && let Some(name) = first_of_our_names(&path)
+                {
                     let problem = "was not written by beamlet and would be replaced; choose \
                                    another directory";
                     return Err(Error::output(path.join(name), problem, None));
@@ -349,6 +352,17 @@ fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {
     }
     let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
     Err(Error::output(path, problem, None))
+}
+
+/// Whether a run was ended here before its run.json stood: its log is there and empty, and
+/// beside it at most what a run begins with.
+fn has_only_begun(path: &Path) -> bool {
+    let first = [LOG, SCENE, "scene.toml.new", "run.json.new"];
+    let is_first = |entry: std::io::Result<fs::DirEntry>| {
+        entry.is_ok_and(|entry| first.iter().any(|name| entry.file_name() == *name))
+    };
+    fs::metadata(path.join(LOG)).is_ok_and(|log| log.is_file() && log.len() == 0)
+        && fs::read_dir(path).is_ok_and(|mut entries| entries.all(is_first))
 }
 
 /// The first name of ours that stands in `path`.

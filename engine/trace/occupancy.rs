@@ -8,7 +8,7 @@
 )]
 
 use super::lattice::Lattice;
-use crate::geometry::Sample;
+use crate::geometry::{Component, Sample};
 use crate::scene::View;
 use glam::DVec3;
 
@@ -32,7 +32,13 @@ const CHORD_SHARE: f64 = 0.5;
 /// Shadows of all components in a view.
 pub fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Shadow> {
     let [cos, sin] = view.turn();
-    let chords = mean_chords(sample, DVec3::new(cos, sin, 0.0));
+    let scale = lattice.project(1.0, 0.0, 0.0)[0];
+    let rows_per_metre = lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];
+    let may_hide = |c: &Component| {
+        let least = CHORD_SHARE * least_chord(c);
+        least * scale < lattice.period || least * rows_per_metre < 1.0
+    };
+    let chords = mean_chords(sample, DVec3::new(cos, sin, 0.0), may_hide);
     sample
         .components
         .iter()
@@ -49,9 +55,6 @@ pub fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Shadow> {
                 x = [x[0].min(px), x[1].max(px)];
                 rows = [rows[0].min(row), rows[1].max(row)];
             }
-            let scale = lattice.project(1.0, 0.0, 0.0)[0];
-            let rows_per_metre =
-                lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];
             Shadow {
                 x,
                 rows,
@@ -62,20 +65,39 @@ pub fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Shadow> {
         .collect()
 }
 
+/// Mean chord of a component is at least this in every direction: at most half of its area
+/// shows on either side (Cauchy).
+fn least_chord(component: &Component) -> f64 {
+    2.0 * component.volume.abs() / component.area
+}
+
 /// Mean chord of each component along `x` and along z: volume over projected area (Cauchy).
-fn mean_chords(sample: &Sample, x: DVec3) -> Vec<[f64; 2]> {
+/// Of components that cannot hide it is the least in any direction, which says as much and
+/// needs no walk over millions of triangles in every view.
+fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool) -> Vec<[f64; 2]> {
+    let hide: Vec<bool> = sample.components.iter().map(may_hide).collect();
     let mut areas = vec![[0.0_f64; 2]; sample.components.len()];
-    for (t, &component) in sample.triangles.iter().zip(&sample.triangle_component) {
-        let [a, b, c] = t.map(|v| sample.vertices[v as usize]);
-        let area = 0.5 * (b - a).cross(c - a);
-        let sum = &mut areas[component as usize];
-        sum[0] += 0.5 * area.dot(x).abs();
-        sum[1] += 0.5 * area.z.abs();
+    if hide.contains(&true) {
+        for (t, &component) in sample.triangles.iter().zip(&sample.triangle_component) {
+            if !hide[component as usize] {
+                continue;
+            }
+            let [a, b, c] = t.map(|v| sample.vertices[v as usize]);
+            let area = 0.5 * (b - a).cross(c - a);
+            let sum = &mut areas[component as usize];
+            sum[0] += 0.5 * area.dot(x).abs();
+            sum[1] += 0.5 * area.z.abs();
+        }
     }
     sample
         .components
         .iter()
         .zip(areas)
-        .map(|(c, [ax, az])| [c.volume.abs() / ax, c.volume.abs() / az])
+        .zip(hide)
+        .map(
+            |((c, [ax, az]), hide)| {
+                if hide { [c.volume.abs() / ax, c.volume.abs() / az] } else { [least_chord(c); 2] }
+            },
+        )
         .collect()
 }

@@ -19,6 +19,7 @@ use crate::scene::Scene;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A row is cut at most to 1/256.
 const FINEST: i64 = 256;
@@ -90,6 +91,25 @@ impl Strips {
         self.cells.extend_from_slice(cells);
     }
 
+    /// Appends other strips and their counts.
+    pub(crate) fn append(&mut self, other: &Self) {
+        let first = self.cells.len() as u32;
+        self.strips.extend(
+            other.strips.iter().map(|strip| Strip { first: strip.first + first, ..*strip }),
+        );
+        self.cells.extend_from_slice(&other.cells);
+        self.splits += other.splits;
+        self.landed_off += other.landed_off;
+        self.not_finite += other.not_finite;
+    }
+
+    /// Empties strips, cells and counts; keeps their memory.
+    fn clear(&mut self) {
+        self.strips.clear();
+        self.cells.clear();
+        (self.splits, self.landed_off, self.not_finite) = (0, 0, 0);
+    }
+
     /// Strips of about equal size side by side: invocations of a subgroup wait for one another.
     fn balance(&mut self) {
         self.strips.sort_by_key(|s| std::cmp::Reverse(s.count));
@@ -134,17 +154,21 @@ fn occupied(view: &View<'_>, row: i64) -> Vec<bool> {
     marks
 }
 
-/// Traces and refines the beamlets of some rows. `lit`: the rows from which undeflected light
-/// matters; what neither stands nor lands there is left out.
+/// Traces and refines the beamlets of some rows and hands strips to `take`, in parts, as they
+/// are ready. `lit`: the rows from which undeflected light matters; what neither stands nor
+/// lands there is left out. About `rays_at_once` rays and four times as many cells are in memory
+/// at a time; the strips, but not their order, are the same whatever it is.
 ///
 /// # Errors
-/// As [`Tracer::trace`].
+/// As [`Tracer::trace`]; those of `take`.
 pub fn trace_strips(
     view: &View<'_>,
     tracer: &mut Tracer,
     rows: Range<i64>,
     lit: &Range<i64>,
-) -> Result<Strips> {
+    rays_at_once: usize,
+    take: &mut dyn FnMut(&Strips) -> Result<()>,
+) -> Result<()> {
     let units = units(view);
     let parts = i64::from(view.scene.sampling.rows);
     let mut open = Vec::new();
@@ -163,17 +187,24 @@ pub fn trace_strips(
             }
         }
     }
+    let mut out = Parts { strips: Strips::default(), most: 4 * rays_at_once, take };
+    let cell = empty_cell(view.lattice);
+    for (column, row) in blank {
+        out.push(empty_strip(column, row), &[cell])?;
+    }
     let work = Work::new(view);
-    let mut lines: HashMap<Key, Line> = HashMap::new();
-    let mut done: Vec<Span> = Vec::new();
-    while !open.is_empty() {
+    // A span takes about two lines: its middle, and one of its ends, shared with a neighbour.
+    let places = Line::first_places(&work.aim).len();
+    let at_once = (rays_at_once / (2 * places)).max(1);
+    let mut waiting: Vec<Lines> = chunks(&open, at_once, &HashMap::new());
+    while let Some(Lines { open, mut lines }) = waiting.pop() {
         let mut keys: Vec<Key> = open.iter().flat_map(Span::keys).collect();
         keys.sort_unstable();
         keys.dedup();
         keys.retain(|k| !lines.contains_key(k));
-        work.trace_lines(tracer, &keys, &mut lines)?;
+        out.strips.splits += work.trace_lines(tracer, &keys, &mut lines)?;
         let verdicts: Vec<bool> = open.par_iter().map(|s| work.agrees(s, &lines)).collect();
-        let mut next = Vec::new();
+        let (mut next, mut done) = (Vec::new(), Vec::new());
         for (span, agrees) in open.iter().zip(verdicts) {
             if agrees || (span.high - span.low) * FINEST <= units {
                 done.push(*span);
@@ -183,27 +214,63 @@ pub fn trace_strips(
                 next.push(Span { low: middle, ..*span });
             }
         }
-        open = next;
-    }
-    done.sort_unstable_by_key(|s| (s.low.div_euclid(units), s.beamlet, s.low));
-    let mut out = Strips::default();
-    let cell = empty_cell(view.lattice);
-    for (column, row) in blank {
-        out.push(empty_strip(column, row), &[cell]);
-    }
-    let strips: Vec<SpanCells> =
-        done.par_iter().map(|s| work.cells(s, &lines[&(s.beamlet, s.middle())])).collect();
-    for made in strips {
-        let row = i64::from(made.strip.row);
-        if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
-            out.push(made.strip, &made.cells);
+        let strips: Vec<SpanCells> =
+            done.par_iter().map(|s| work.cells(s, &lines[&(s.beamlet, s.middle())])).collect();
+        for made in strips {
+            let row = i64::from(made.strip.row);
+            out.strips.landed_off += made.landed_off;
+            out.strips.not_finite += made.not_finite;
+            if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
+                out.push(made.strip, &made.cells)?;
+            }
         }
-        out.landed_off += made.landed_off;
-        out.not_finite += made.not_finite;
+        waiting.extend(chunks(&next, at_once, &lines));
     }
-    out.splits = lines.values().map(|l| l.splits).sum();
-    out.balance();
-    Ok(out)
+    out.hand_over()
+}
+
+/// Spans to look at, and the lines known of them.
+struct Lines {
+    open: Vec<Span>,
+    lines: HashMap<Key, Arc<Line>>,
+}
+
+/// Spans in chunks of at most `at_once`, each with those of the lines that it needs.
+fn chunks(spans: &[Span], at_once: usize, lines: &HashMap<Key, Arc<Line>>) -> Vec<Lines> {
+    let chunk = |spans: &[Span]| Lines {
+        open: spans.to_vec(),
+        lines: spans
+            .iter()
+            .flat_map(Span::keys)
+            .filter_map(|key| Some((key, lines.get(&key)?.clone())))
+            .collect(),
+    };
+    spans.chunks(at_once).map(chunk).collect()
+}
+
+/// Strips handed over in parts of limited size.
+struct Parts<'a> {
+    strips: Strips,
+    /// Cells of a part.
+    most: usize,
+    take: &'a mut dyn FnMut(&Strips) -> Result<()>,
+}
+
+impl Parts<'_> {
+    fn push(&mut self, strip: Strip, cells: &[Cell]) -> Result<()> {
+        if self.strips.cells.len() + cells.len() > self.most {
+            self.hand_over()?;
+        }
+        self.strips.push(strip, cells);
+        Ok(())
+    }
+
+    fn hand_over(&mut self) -> Result<()> {
+        self.strips.balance();
+        (self.take)(&self.strips)?;
+        self.strips.clear();
+        Ok(())
+    }
 }
 
 /// The cells of one span.
@@ -275,13 +342,14 @@ impl<'a> Work<'a> {
         self.view.lattice.ray(key.0, f64::from(x), self.row(key.1), self.view.index)
     }
 
-    /// Traces and refines lines together, so that the device gets many rays at a time.
+    /// Traces and refines lines together, so that the device gets many rays at a time. Tells
+    /// how many cells were cut.
     fn trace_lines(
         &self,
         tracer: &mut Tracer,
         keys: &[Key],
-        lines: &mut HashMap<Key, Line>,
-    ) -> Result<()> {
+        lines: &mut HashMap<Key, Arc<Line>>,
+    ) -> Result<u64> {
         let places = Line::first_places(&self.aim);
         let rays: Vec<Ray> =
             keys.par_iter().flat_map_iter(|k| places.iter().map(|&x| self.ray(k, x))).collect();
@@ -318,12 +386,13 @@ impl<'a> Work<'a> {
                 }
             }
         }
-        lines.extend(work.into_iter().map(|(key, _, line)| (key, line)));
-        Ok(())
+        let splits = work.iter().map(|(_, _, line)| line.splits).sum();
+        lines.extend(work.into_iter().map(|(key, _, line)| (key, Arc::new(line))));
+        Ok(splits)
     }
 
     /// Whether the middle line stands for the whole span.
-    fn agrees(&self, span: &Span, lines: &HashMap<Key, Line>) -> bool {
+    fn agrees(&self, span: &Span, lines: &HashMap<Key, Arc<Line>>) -> bool {
         let [low, middle, high] = span.keys().map(|k| &lines[&k]);
         let height = (self.row(span.high) - self.row(span.low)) as f32;
         if self.may_hide(span, height) {

@@ -77,6 +77,7 @@ pub struct Tracer {
     batch: Batch,
     tally: Buffer,
     fixed_batch: Option<u32>,
+    most: u32,
     counts: Counts,
 }
 
@@ -123,7 +124,8 @@ const fn stride(materials: u32) -> usize {
 }
 
 impl Tracer {
-    /// A tracer; `fixed_batch` sets the rays of a dispatch (results do not depend on it).
+    /// A tracer; `fixed_batch` sets the rays of a dispatch, `most` bounds them where it does not
+    /// (results do not depend on them).
     ///
     /// # Errors
     /// [`crate::Error::Memory`], or [`crate::Error::Device`] where the backend is not to be had.
@@ -134,8 +136,10 @@ impl Tracer {
         backend: Backend,
         transport: Transport,
         fixed_batch: Option<u32>,
+        most: u32,
     ) -> Result<Self> {
-        let capacity = fixed_batch.unwrap_or(FIRST_BATCH).clamp(1, LARGEST_BATCH);
+        let most = most.clamp(1024, LARGEST_BATCH);
+        let capacity = fixed_batch.unwrap_or(FIRST_BATCH.min(most)).clamp(1, LARGEST_BATCH);
         Ok(Self {
             device: device.clone(),
             kernels: kernels.clone(),
@@ -145,6 +149,7 @@ impl Tracer {
             batch: Batch::new(device, capacity, sample.materials)?,
             tally: device.upload("tally", &[0_u32; 4])?,
             fixed_batch,
+            most,
             counts: Counts::default(),
         })
     }
@@ -224,7 +229,7 @@ impl Tracer {
         }
         let next = if time > LONG && capacity > 1024 {
             capacity / 2
-        } else if time < LONG / 4 && capacity < LARGEST_BATCH {
+        } else if time < LONG / 4 && capacity < self.most {
             capacity * 2
         } else {
             return Ok(());

@@ -44,7 +44,7 @@ impl DeviceSample {
         media: &Media,
         ray_query: bool,
     ) -> Result<Self> {
-        let bvh = Bvh::build(sample)?;
+        let Bvh { nodes, leaves, boxes } = Bvh::build(sample)?;
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
         let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
@@ -54,20 +54,24 @@ impl DeviceSample {
             .iter()
             .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
             .collect();
-        let acceleration = if ray_query && !bvh.leaves.is_empty() {
-            let boxes = device.upload("boxes of the acceleration structure", &bvh.boxes)?;
-            Some(AccelerationStructure::build(device, &boxes, count(bvh.boxes.len()))?)
+        let kept = vec![
+            upload(device, "nodes", &nodes)?,
+            upload(device, "leaves", &leaves)?,
+            upload(device, "surfaces", &surfaces)?,
+            device.upload("constants", &constants)?,
+            upload(device, "materials of objects", &media.of_object)?,
+            device.upload("views", &views)?,
+        ];
+        // The host's copies go before the driver asks for memory to build in.
+        drop((nodes, leaves));
+        let acceleration = if ray_query && !boxes.is_empty() {
+            let on_device = device.upload("boxes of the acceleration structure", &boxes)?;
+            let number = count(boxes.len());
+            drop(boxes);
+            Some(AccelerationStructure::build(device, &on_device, number)?)
         } else {
             None
         };
-        let kept = vec![
-            device.upload("nodes", at_least_one(&bvh.nodes).as_slice())?,
-            device.upload("leaves", at_least_one(&bvh.leaves).as_slice())?,
-            device.upload("surfaces", at_least_one(&surfaces).as_slice())?,
-            device.upload("constants", &constants)?,
-            device.upload("materials of objects", at_least_one(&media.of_object).as_slice())?,
-            device.upload("views", &views)?,
-        ];
         let record = device.upload(
             "sample",
             &[interface::Sample {
@@ -92,9 +96,9 @@ impl DeviceSample {
     }
 }
 
-/// Buffers cannot be empty.
-fn at_least_one<T: bytemuck::Zeroable + Clone>(items: &[T]) -> Vec<T> {
-    if items.is_empty() { vec![T::zeroed()] } else { items.to_vec() }
+/// Uploads; a zero where there is nothing, for shaders that look at the first.
+fn upload<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, items: &[T]) -> Result<Buffer> {
+    if items.is_empty() { device.upload(name, &[T::zeroed()]) } else { device.upload(name, items) }
 }
 
 fn view(scene: &Scene, view: &scene::View, reach: f64) -> View {

@@ -1,10 +1,6 @@
 //! The five scenes of the tracing benchmark, and their rays: the same for every tracer.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "small counts"
-)]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
 
 use beamlet::scene::{
     Detector, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene, ShapeOrMesh, Source,
@@ -130,11 +126,8 @@ pub(crate) fn scene((vertices, triangles): Soup) -> Scene {
             ..Sampling::default()
         },
         scan: Scan::default(),
-        materials: [(
-            "matter".to_owned(),
-            MaterialSpec::Constants { mu: 50.0, delta: 4.6e-7 },
-        )]
-        .into(),
+        materials: [("matter".to_owned(), MaterialSpec::Constants { mu: 50.0, delta: 4.6e-7 })]
+            .into(),
         surroundings: "vacuum".into(),
         objects: vec![Object {
             name: "sample".into(),

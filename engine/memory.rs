@@ -1,0 +1,265 @@
+//! What a run takes of memory at most, and the bands that keep it within a limit.
+//!
+//! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
+//! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
+
+use crate::geometry::{self, ObjectSummary};
+use crate::scene::{Scene, Scheme, ShapeOrMesh};
+use crate::stack::Extent;
+use crate::trace::Lattice;
+use crate::{Error, Result};
+use serde::Serialize;
+
+/// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
+const PROGRAM: u64 = 122 << 20;
+/// Peak bytes on the host per triangle of the largest mesh while it is read and welded.
+const READ: u64 = 120;
+/// Peak bytes on the host per triangle while the tree is built, all meshes read.
+const BUILD: u64 = 272;
+/// Bytes on the host per triangle that stay: vertices, indices, components.
+const KEPT: u64 = 28;
+/// Bytes on the device per triangle: leaves and nodes of the software tree.
+const TREE: u64 = 80;
+/// Bytes on the device per triangle of the driver's structure.
+const STRUCTURE: u64 = 60;
+/// Bytes on the device per triangle while that is built: boxes and scratch.
+const SCRATCH: u64 = 60;
+/// Bytes on the host per ray of a group of rows: the ray, its law, segments of its line, cells.
+/// For curved bodies, which refine most; flat ones take less.
+const REFINEMENT: u64 = 540;
+/// Bytes on the device of a ray besides its moments, and of the cells made from it.
+const RAY: u64 = 64 + 160;
+/// Copies of a frame while it is encoded: values, and raw or compressed blocks.
+const FRAME_COPIES: u64 = 2;
+
+/// Bytes of a band where no limit is set: larger bands were not faster.
+const BAND: u64 = 1 << 30;
+/// Rays of a group of rows, about, with room enough; and least.
+const RAYS: [u64; 2] = [1 << 18, 1 << 12];
+
+/// Memory of a run at its peak, in bytes. On a CPU device host and device are one process.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct MemoryEstimate {
+    /// Rows of a band.
+    pub band_rows: u32,
+    /// Rays traced together, about.
+    pub rays_at_once: u64,
+    /// For one row of pixels with all its steps, host and device together.
+    pub row_bytes: u64,
+    /// For a band, host and device together.
+    pub band_bytes: u64,
+    /// On the host, at its peak; the program itself included.
+    pub host_bytes: u64,
+    /// On the device, at its peak.
+    pub device_bytes: u64,
+    /// Host and device together, at their peak.
+    pub peak_bytes: u64,
+}
+
+/// Bytes on the host and on the device.
+#[derive(Debug, Clone, Copy)]
+struct Bytes {
+    host: u64,
+    device: u64,
+}
+
+impl Bytes {
+    const fn sum(self) -> u64 {
+        self.host.saturating_add(self.device)
+    }
+}
+
+/// What the estimate needs of a scene.
+#[derive(Debug)]
+struct Needs {
+    triangles: u64,
+    largest_mesh: u64,
+    views: u64,
+    rows: u32,
+    row_pixels: u64,
+    frame: u64,
+    /// Rays of a view, before refinement.
+    rays: u64,
+    ray_device: u64,
+    cells: bool,
+}
+
+/// Chooses the bands of a run and tells what it takes at its peak, with trees for both
+/// backends. `objects` are those of the loaded sample. A `limit` bounds the peak, host and device
+/// together; without one a band takes up to 1 GiB. `band_rows` sets the rows of a band.
+///
+/// # Errors
+/// [`Error::Memory`] where the limit is too small for one row; [`Error::Scene`] for an extent
+/// beyond 32 bits.
+pub fn estimate(
+    scene: &Scene,
+    objects: &[ObjectSummary],
+    limit: Option<u64>,
+    band_rows: Option<u32>,
+) -> Result<MemoryEstimate> {
+    let needs = Needs::of(scene, objects)?;
+    let mut rays = RAYS[0];
+    let all = needs.rows;
+    if let Some(rows) = band_rows {
+        return Ok(needs.at(rows.clamp(1, all), rays));
+    }
+    let Some(limit) = limit else {
+        let rows = (BAND / needs.row_bytes().max(1)).clamp(1, all.into());
+        return Ok(needs.at(u32::try_from(rows).unwrap_or(all), rays));
+    };
+    // Small groups of rays only where the limit is small: they keep a device less busy.
+    while rays > RAYS[1] && needs.run(1, rays).sum().saturating_mul(2) > limit {
+        rays /= 2;
+    }
+    let least = needs.at(1, rays);
+    if least.peak_bytes > limit {
+        return Err(needs.refuse(scene, &least, limit));
+    }
+    let fixed = needs.run(0, rays).sum();
+    let rows = ((limit - fixed) / needs.row_bytes().max(1)).clamp(1, all.into());
+    Ok(needs.at(u32::try_from(rows).unwrap_or(all), rays))
+}
+
+/// Refuses meshes that cannot fit in the limit before they are read.
+///
+/// # Errors
+/// [`Error::Memory`] where they cannot.
+pub fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
+    let triangles = geometry::triangles_in_files(scene);
+    let needed = PROGRAM.saturating_add(BUILD.saturating_mul(triangles));
+    match limit {
+        Some(limit) if needed > limit => Err(Error::Memory {
+            purpose: format!("the tree over {triangles} triangles"),
+            needed,
+            available: Some(limit),
+            remedy: "raise the memory limit, or simplify the meshes".into(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+impl Needs {
+    fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
+        let extent = Extent::of(scene)?;
+        let mut materials: Vec<&str> = scene.objects.iter().map(|o| o.material.as_str()).collect();
+        materials.push(&scene.surroundings);
+        materials.sort_unstable();
+        materials.dedup();
+        let cells = scene.sampling.scheme == Scheme::Cells;
+        let [columns, rows] = scene.detector.pixels.map(u64::from);
+        let rays = if cells {
+            cell_rays(scene, objects)
+        } else {
+            let [x, z] = scene.sampling.rays.map(u64::from);
+            columns.saturating_mul(rows).saturating_mul(x).saturating_mul(z)
+        };
+        let of_mesh = |(object, summary): (&crate::scene::Object, &ObjectSummary)| {
+            let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));
+            if is_mesh { summary.triangles as u64 } else { 0 }
+        };
+        let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
+        Ok(Self {
+            triangles: objects.iter().map(|o| o.triangles as u64).sum(),
+            largest_mesh: scene.objects.iter().zip(objects).map(of_mesh).max().unwrap_or(0),
+            views: extent.views.into(),
+            rows: extent.rows,
+            row_pixels: u64::from(extent.steps) * columns,
+            frame: extent.frame_bytes(),
+            rays,
+            ray_device,
+            cells,
+        })
+    }
+
+    /// Sums on the device, intensities on the host.
+    const fn row_bytes(&self) -> u64 {
+        12 * self.row_pixels
+    }
+
+    fn at(&self, band_rows: u32, rays_at_once: u64) -> MemoryEstimate {
+        let n = self.triangles;
+        let program = |bytes: Bytes| Bytes { host: bytes.host.saturating_add(PROGRAM), ..bytes };
+        let phases = [
+            Bytes { host: READ * self.largest_mesh + KEPT * (n - self.largest_mesh), device: 0 },
+            Bytes { host: BUILD * n, device: 0 },
+            Bytes { host: KEPT * n, device: (TREE + STRUCTURE + SCRATCH) * n },
+        ]
+        .map(program);
+        let run = self.run(band_rows, rays_at_once);
+        let peak =
+            |of: fn(Bytes) -> u64| phases.into_iter().chain([run]).map(of).max().unwrap_or(0);
+        MemoryEstimate {
+            band_rows,
+            rays_at_once,
+            row_bytes: self.row_bytes(),
+            band_bytes: self.row_bytes().saturating_mul(band_rows.into()),
+            host_bytes: peak(|b| b.host),
+            device_bytes: peak(|b| b.device),
+            peak_bytes: peak(Bytes::sum),
+        }
+    }
+
+    /// While views are traced and illuminated in bands of so many rows.
+    fn run(&self, band_rows: u32, rays_at_once: u64) -> Bytes {
+        let rays = rays_at_once.min(self.rays);
+        let band = self.row_pixels.saturating_mul(band_rows.into());
+        let refined = if self.cells { REFINEMENT * rays } else { 0 };
+        let host =
+            PROGRAM + KEPT * self.triangles + refined + 64 * self.views + FRAME_COPIES * self.frame;
+        let device = (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
+        Bytes {
+            host: host.saturating_add(band.saturating_mul(4)),
+            device: device.saturating_add(band.saturating_mul(8)),
+        }
+    }
+
+    fn refuse(&self, scene: &Scene, least: &MemoryEstimate, limit: u64) -> Error {
+        let [columns, _] = scene.detector.pixels;
+        let steps = self.row_pixels / u64::from(columns.max(1));
+        let geometry = self.at(1, least.rays_at_once).peak_bytes - least.band_bytes;
+        let remedy = if geometry > limit {
+            "raise the memory limit, or simplify the meshes"
+        } else {
+            "raise the memory limit, or simulate fewer columns or mask steps"
+        };
+        Error::Memory {
+            purpose: format!(
+                "a run of this scene, with one row of {columns} pixels x {steps} mask steps and \
+                 {} triangles in memory,",
+                self.triangles
+            ),
+            needed: least.peak_bytes,
+            available: Some(limit),
+            remedy: remedy.into(),
+        }
+    }
+}
+
+/// Rays of the beamlets and rows that the objects touch in any view, before refinement.
+fn cell_rays(scene: &Scene, objects: &[ObjectSummary]) -> u64 {
+    let lattice = Lattice::of(scene, 0.0);
+    let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start) as f64;
+    let rows = f64::from(scene.detector.pixels[1]);
+    let source = scene.source.distance;
+    let touched = objects.iter().map(|object| {
+        let [low, high] = object.bounds;
+        let widest = low.abs().max(high.abs());
+        let reach = widest.truncate().length();
+        // Nearest to the source it looks largest.
+        let near = (source - reach).max(0.1 * source);
+        let width = 2.0 * reach * lattice.plane / near / lattice.period + 2.0;
+        let pitch = scene.detector.pitch[1] * near / scene.detector.distance;
+        let height = (high.z - low.z) / pitch + 2.0;
+        width.min(beamlets) * height.min(rows)
+    });
+    // A line of a beamlet has two rays per cell; each part of a row takes about two lines.
+    let of_beamlet = (4 * lattice.cells + 2) * scene.sampling.rows;
+    let rays = touched.sum::<f64>().min(beamlets * rows) * f64::from(of_beamlet);
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "an estimate, not negative; the cast saturates"
+    )]
+    let rays = rays as u64;
+    rays
+}

@@ -1,0 +1,233 @@
+//! The real program, ended at random moments or with a full disk: every view that
+//! progress.log names is whole, nothing else counts, and `--resume` ends with the same bits.
+#![cfg(all(feature = "cli", unix))]
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use beamlet::scene::Scene;
+use beamlet::stack::{RunDirectory, View};
+use std::fs;
+use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+const SCENE: &str = r#"
+[source]
+distance = "1.21 m"
+spot = ["30 um", "26 um"]
+energy = "30 keV"
+
+[detector]
+distance = "1.8 m"
+pixels = [8, 2]
+pitch = "150 um"
+
+[sample_mask]
+distance = "1.2 m"
+material = "gold"
+thickness = "225 um"
+projected_aperture = "30 um"
+
+[detector_mask]
+material = "gold"
+thickness = "225 um"
+projected_aperture = "30 um"
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 2 }
+angles = { from = "0 deg", to = "360 deg", count = 60 }
+
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.2 mm", height = "16 mm", sides = 16 } }
+material = "plastic"
+
+[materials.plastic]
+mu = "0.25 /cm"
+delta = 2.4e-7
+"#;
+
+/// Views of the scene, the flat included.
+const VIEWS: usize = 61;
+
+fn workplace() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("scene.toml"), SCENE).unwrap();
+    directory
+}
+
+fn simulate(place: &Path, run: &str, more: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+    command.current_dir(place).env_remove("RUST_LOG");
+    command.args(["simulate", "scene.toml", "-q", "--backend", "bvh", "-o", run]).args(more);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+#[track_caller]
+fn assert_code(output: &Output, code: i32) {
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{message}");
+}
+
+/// Whole lines of progress.log.
+fn committed_lines(run: &Path) -> usize {
+    fs::read_to_string(run.join("progress.log")).map_or(0, |text| text.matches('\n').count())
+}
+
+/// Asserts that every view in progress.log has its checksum; tells which.
+#[track_caller]
+fn assert_whole(place: &Path, run: &str) -> Vec<View> {
+    let path = place.join(run);
+    if !path.join("run.json").exists() {
+        assert_eq!(committed_lines(&path), 0, "views without a run");
+        return Vec::new();
+    }
+    let scene = Scene::load(place.join("scene.toml")).unwrap();
+    let resumed = RunDirectory::resume(&path, &scene).unwrap();
+    assert_eq!(
+        resumed.committed().len(),
+        committed_lines(&path),
+        "a view is not what was committed"
+    );
+    resumed.committed().to_vec()
+}
+
+/// What a run holds: the committed lines, sorted, with their checksums; all views have to verify.
+fn contents(place: &Path, run: &str) -> Vec<String> {
+    assert_eq!(assert_whole(place, run).len(), VIEWS);
+    let text = fs::read_to_string(place.join(run).join("progress.log")).unwrap();
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    lines.sort();
+    lines
+}
+
+/// Random numbers that are the same on every machine (splitmix64).
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, limit: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (z ^ (z >> 31)) % limit
+    }
+}
+
+/// Sends a signal once `views` more are committed and some milliseconds have gone.
+fn end(mut child: Child, log: &Path, views: usize, milliseconds: u64, signal: &str) -> Output {
+    let before = committed_lines(log);
+    let began = Instant::now();
+    while committed_lines(log) < before + views {
+        if child.try_wait().unwrap().is_some() {
+            return child.wait_with_output().unwrap();
+        }
+        assert!(began.elapsed() < Duration::from_secs(60), "no view was committed");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    std::thread::sleep(Duration::from_millis(milliseconds));
+    // The child is ours and was not waited for: the number is its own.
+    Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    child.wait_with_output().unwrap()
+}
+
+/// Ends one run ten times and resumes it each time.
+fn end_again_and_again(format: &str, seed: u64) {
+    let place = workplace();
+    let format = ["--format", format];
+    assert_code(&simulate(place.path(), "whole", &format).output().unwrap(), 0);
+    let run = place.path().join("run");
+    let mut dice = Dice(seed);
+    for round in 0..10 {
+        let resume: &[&str] = if run.join("run.json").exists() { &["--resume"] } else { &format };
+        let child = simulate(place.path(), "run", resume).spawn().unwrap();
+        let signal = if round % 2 == 0 { "-KILL" } else { "-INT" };
+        // Half of them while the program starts, the rest while it writes.
+        let (views, milliseconds) = match dice.below(2) {
+            0 => (0, dice.below(400)),
+            _ => (1 + usize::try_from(dice.below(4)).unwrap(), dice.below(20)),
+        };
+        let output = end(child, &run, views, milliseconds, signal);
+        let ended = match (output.status.code(), output.status.signal()) {
+            // Before it listens, an interrupt ends the program as it does any other.
+            (Some(130) | None, _) if signal == "-INT" => true,
+            (None, Some(9)) => true,
+            (Some(0), _) => true,
+            _ => false,
+        };
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert!(ended, "{signal} in round {round}: {:?}: {message}", output.status);
+        assert_whole(place.path(), "run");
+    }
+    let rest: &[&str] = if run.join("run.json").exists() { &["--resume"] } else { &format };
+    assert_code(&simulate(place.path(), "run", rest).output().unwrap(), 0);
+    assert_eq!(contents(place.path(), "run"), contents(place.path(), "whole"));
+    assert!(!run.join("partial").exists());
+}
+
+#[test]
+fn a_run_of_exr_frames_that_is_ended_at_random_moments_goes_on_to_the_same_bits() {
+    end_again_and_again("exr", 11);
+}
+
+#[test]
+fn a_run_of_npy_arrays_that_is_ended_at_random_moments_goes_on_to_the_same_bits() {
+    end_again_and_again("npy", 12);
+}
+
+/// Most of a file on the full disk, in KiB: enough for what a CPU device keeps in files of its
+/// own (its memory is one), too little for sample.npy of [`LARGE`].
+const FULL: u32 = 24 << 10;
+/// Detector of a scene with 30 MiB of stacks.
+const LARGE: &str = "pixels = [256, 256]";
+
+/// Runs as on a disk that is full once a file has [`FULL`] KiB: further writes fail.
+fn with_full_disk(place: &Path, more: &str) -> Output {
+    let program = env!("CARGO_BIN_EXE_beamlet");
+    // Without the trap the system ends the program instead of letting the write fail.
+    let script = format!(
+        "trap '' XFSZ; ulimit -f {FULL}; \
+         exec '{program}' simulate scene.toml -q --backend bvh -o run {more}"
+    );
+    Command::new("bash").args(["-c", &script]).current_dir(place).output().unwrap()
+}
+
+/// As [`workplace`], with a larger detector.
+fn large_workplace() -> tempfile::TempDir {
+    let place = workplace();
+    let scene = SCENE.replace("pixels = [8, 2]", LARGE);
+    fs::write(place.path().join("scene.toml"), scene).unwrap();
+    place
+}
+
+#[test]
+fn a_disk_that_fills_up_is_named_and_leaves_committed_views() {
+    let place = large_workplace();
+    let npy = ["--format", "npy"];
+    let run = place.path().join("run");
+    // It begins with room for the whole array, as a disk that others fill up later.
+    let child = simulate(place.path(), "run", &npy).spawn().unwrap();
+    let output = end(child, &run, 2, 0, "-INT");
+    assert_code(&output, 130);
+    let before = assert_whole(place.path(), "run").len();
+    let output = with_full_disk(place.path(), "--resume");
+    assert_code(&output, 1);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("run/sample.npy: cannot be written: "), "{message}");
+    let committed = assert_whole(place.path(), "run").len();
+    assert!((before + 1..VIEWS).contains(&committed), "{committed} of {before} views: {message}");
+    assert_code(&simulate(place.path(), "run", &["--resume"]).output().unwrap(), 0);
+    assert_code(&simulate(place.path(), "whole", &npy).output().unwrap(), 0);
+    assert_eq!(contents(place.path(), "run"), contents(place.path(), "whole"));
+}
+
+#[test]
+fn a_disk_without_room_for_the_arrays_is_named_and_nothing_counts() {
+    let place = large_workplace();
+    let output = with_full_disk(place.path(), "--format npy");
+    assert_code(&output, 1);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(message.contains("run/sample.npy: cannot be created: "), "{message}");
+    assert_eq!(committed_lines(&place.path().join("run")), 0);
+}
