@@ -88,7 +88,7 @@ fn summary(
 }
 
 /// Counts of a tally that are worth a line where they are not zero.
-fn counts(tally: &Tally) -> [(u64, &'static str); 8] {
+fn counts(tally: &Tally) -> [(u64, &'static str); 9] {
     [
         (tally.exact, "rays traced in order"),
         (tally.split, "cells split by refinement"),
@@ -98,6 +98,7 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 8] {
         (tally.reflected, "rays totally reflected"),
         (tally.not_finite, "rays not finite, their light left out"),
         (tally.landed_off, "cells landed off the detector"),
+        (tally.defective_objects, "objects with defects, let through by allow_defects"),
     ]
 }
 
