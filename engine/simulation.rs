@@ -264,12 +264,13 @@ impl<'e> Simulation<'e> {
     /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         let begin = Instant::now();
-        sink.begin(&self.scene, &self.start)?;
         let views: Vec<stack::View> = std::iter::once(stack::View::Flat)
             .chain((0..self.scene.scan.angles.len()).map(|i| stack::View::Sample(i as u32)))
             .filter(|v| !control.skip.contains(v))
             .collect();
         let mut work = Work::new(self, views.len())?;
+        // Last of all, so that a run that cannot start writes nothing.
+        sink.begin(&self.scene, &self.start)?;
         for view in views {
             work.view(view, sink, &mut control)?;
             sink.commit(view)?;

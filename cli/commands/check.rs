@@ -7,7 +7,8 @@ use std::io::Write;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
     let scene = Scene::load_with(&arguments.scene.scene, &arguments.scene.sets)?;
-    let report = beamlet::check::check(&scene)?;
+    let failed = |error| super::located(&arguments.scene, error);
+    let report = beamlet::check::check(&scene).map_err(failed)?;
     if arguments.json {
         super::write_json(&report, out)?;
     } else {

@@ -5,8 +5,9 @@ mod devices;
 mod example;
 mod simulate;
 
-use crate::args::{Arguments, Verb};
+use crate::args::{Arguments, SceneArguments, Verb};
 use crate::failure::Failure;
+use beamlet::scene::Scene;
 use std::io::Write;
 
 /// Runs the verb that was asked for.
@@ -17,6 +18,11 @@ pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Fail
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
     }
+}
+
+/// Adds the place in the scene file to what was found wrong after loading it.
+fn located(scene: &SceneArguments, error: beamlet::Error) -> Failure {
+    Failure::Engine(Scene::locate(&scene.scene, &scene.sets, error))
 }
 
 /// Prints a value as JSON.

@@ -13,7 +13,8 @@ use std::time::Instant;
 pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Failure> {
     let began = Instant::now();
     let scene = Scene::load_with(&arguments.scene.scene, &arguments.scene.sets)?;
-    let extent = Extent::of(&scene)?;
+    let failed = |error| super::located(&arguments.scene, error);
+    let extent = Extent::of(&scene).map_err(failed)?;
     let mut sink = directory(arguments, &scene)?;
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
@@ -45,7 +46,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     match done {
         Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out),
         Err(Error::Interrupted) => Err(Failure::Interrupted { advice: advice(arguments) }),
-        Err(error) => Err(error.into()),
+        Err(error) => Err(failed(error)),
     }
 }
 

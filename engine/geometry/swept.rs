@@ -136,10 +136,11 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
             }
             let (side, wall) = if first > near { ("back", far_name) } else { ("front", near_name) };
             return Err(Error::scene(
-                format!("object[{number}] \"{}\"", swept.outlines[number].name),
+                format!("object[{number}]"),
                 format!(
-                    "at angle {:.3} deg it reaches from {:.6} m to {:.6} m from the source, so its \
-                     {side} meets {wall}",
+                    "\"{}\" reaching, at angle {:.3} deg, from {:.6} m to {:.6} m from the source, so \
+                     that its {side} meets {wall}",
+                    swept.outlines[number].name,
                     angle.to_degrees(),
                     first,
                     last

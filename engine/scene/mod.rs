@@ -12,7 +12,7 @@ mod keys;
 mod limits;
 mod model;
 mod parse;
-mod path;
+pub(crate) mod path;
 mod read;
 mod read_sample;
 mod set;
@@ -50,23 +50,33 @@ impl Scene {
     /// As [`Self::load`]; also where an override leads nowhere.
     pub fn load_with(path: impl AsRef<Path>, sets: &[String]) -> Result<Self> {
         let path = path.as_ref();
-        let file = Some(path.to_owned());
-        let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
-        let parse = match extension.as_deref() {
-            Some("toml") => parse::toml,
-            Some("json") => parse::json,
-            _ => {
-                let problem = "the scene file has to end in .toml or .json".to_owned();
-                return Err(Error::output(path, problem, None));
-            }
-        };
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| Error::output(path, "cannot read the scene", Some(source)))?;
         let directory = match path.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent,
             _ => Path::new("."),
         };
-        Self::from_document(parse(&text, file)?, sets, directory)
+        Self::from_document(read_document(path)?, sets, directory)
+    }
+
+    /// Adds file, line and excerpt to an error that only knows its key: what is found wrong
+    /// after loading (materials, clearance) comes without its place. Takes what
+    /// [`Self::load_with`] took; other errors are returned as they are.
+    pub fn locate(path: impl AsRef<Path>, sets: &[String], error: Error) -> Error {
+        let path = path.as_ref();
+        let Error::Scene { mut place, key, found, allowed } = error else { return error };
+        if place.file.is_some() {
+            return Error::Scene { place, key, found, allowed };
+        }
+        place.file = Some(path.to_owned());
+        let error = Error::Scene { place, key, found, allowed };
+        let document = read_document(path).and_then(|mut document| {
+            sets.iter().try_for_each(|set| set::apply(&mut document, set))?;
+            Ok(document)
+        });
+        // The file may have changed since it was loaded.
+        match document {
+            Ok(document) => document.located(error),
+            Err(_) => error,
+        }
     }
 
     /// Reads and validates TOML text; relative paths in it start from `directory`.
@@ -119,4 +129,20 @@ impl Scene {
     ) -> Result<String> {
         write::to_toml(self, directory.as_ref(), hashes, sets)
     }
+}
+
+/// The tree of a scene file, by its extension.
+fn read_document(path: &Path) -> Result<Document> {
+    let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
+    let parse = match extension.as_deref() {
+        Some("toml") => parse::toml,
+        Some("json") => parse::json,
+        _ => {
+            let problem = "the scene file has to end in .toml or .json".to_owned();
+            return Err(Error::output(path, problem, None));
+        }
+    };
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| Error::output(path, "cannot read the scene", Some(source)))?;
+    parse(&text, Some(path.to_owned()))
 }
