@@ -12,6 +12,7 @@ mod load;
 mod nesting;
 mod obj;
 mod placement;
+mod polygon;
 mod search;
 mod shapes;
 mod stl;

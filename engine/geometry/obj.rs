@@ -1,84 +1,86 @@
-//! Wavefront OBJ files. Polygons are cut into fans; everything but positions and faces is
-//! ignored, material libraries included.
-
-use std::cell::Cell;
-use std::io::{BufRead, Read};
-use std::path::Path;
+//! Wavefront OBJ files: positions and faces. Everything else is ignored, material libraries
+//! included.
 
 use glam::DVec3;
 
+use super::polygon;
 use super::surface::{Defect, Surface};
 
 /// Reads an OBJ file. All its objects and groups together; not yet welded.
 pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..tobj::LoadOptions::default()
-    };
-    let lines = Cell::new(0_usize);
-    let mut reader = Counted { rest: bytes, lines: &lines };
-    let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
-    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials).map_err(|error| {
-        let line = lines.get();
-        let text = bytes.split(|byte| *byte == b'\n').nth(line.saturating_sub(1));
-        let text = String::from_utf8_lossy(text.unwrap_or_default());
-        Defect::new(
-            format!("not a valid OBJ file: {error}"),
-            match error {
-                // These are found when a group of faces is complete.
-                tobj::LoadError::FaceVertexOutOfBounds
-                | tobj::LoadError::FaceTexCoordOutOfBounds
-                | tobj::LoadError::FaceNormalOutOfBounds => {
-                    format!("in the faces before line {line}")
-                }
-                _ => format!("line {line}: \"{}\"", text.trim()),
-            },
-        )
-    })?;
+    // A name in some other encoding than UTF-8 is no reason to refuse a file.
+    let text = String::from_utf8_lossy(bytes);
+    let mut vertices = Vec::new();
     let mut surface = Surface::default();
-    for model in models {
-        let mesh = model.mesh;
-        let position = |index: u32| {
-            let at = index as usize * 3;
-            mesh.positions.get(at..at + 3).map(DVec3::from_slice)
-        };
-        for (number, triangle) in mesh.indices.chunks_exact(3).enumerate() {
-            let place = || format!("triangle {} of \"{}\"", number + 1, model.name);
-            let [Some(a), Some(b), Some(c)] = [0, 1, 2].map(|k| position(triangle[k])) else {
-                return Err(Defect::new("a face names a vertex that is not there", place()));
-            };
-            surface.push_triangle([a, b, c]).map_err(|problem| Defect::new(problem, place()))?;
+    let mut lines = text.lines().zip(1_usize..);
+    while let Some((line, number)) = lines.next() {
+        let joined;
+        let mut line = line.split('#').next().unwrap_or_default().trim();
+        if line.ends_with('\\') {
+            let mut whole = line.to_owned();
+            while whole.ends_with('\\') {
+                whole.pop();
+                whole.push(' ');
+                let next = lines.next().map_or("", |(line, _)| line);
+                whole.push_str(next.split('#').next().unwrap_or_default().trim());
+            }
+            joined = whole;
+            line = &joined;
+        }
+        let failed =
+            |problem: String| Defect::new(problem, format!("line {number}: \"{}\"", shown(line)));
+        let mut words = line.split_ascii_whitespace();
+        match words.next() {
+            Some("v") => vertices.push(
+                position(words)
+                    .ok_or_else(|| failed("a vertex needs three numbers: v x y z".into()))?,
+            ),
+            Some("f") => {
+                let corners = words
+                    .map(|word| corner(word, &vertices))
+                    .collect::<Result<Vec<DVec3>, String>>()
+                    .map_err(failed)?;
+                if corners.len() < 3 {
+                    return Err(failed(format!(
+                        "a face needs at least 3 corners, this one has {}",
+                        corners.len()
+                    )));
+                }
+                for [a, b, c] in polygon::triangles(&corners) {
+                    let triangle = [corners[a], corners[b], corners[c]];
+                    surface.push_triangle(triangle).map_err(failed)?;
+                }
+            }
+            _ => {}
         }
     }
     Ok(surface)
 }
 
-/// Counts the lines read, which the parser's own errors do not tell.
-struct Counted<'a> {
-    rest: &'a [u8],
-    lines: &'a Cell<usize>,
+/// The beginning of a line, for messages.
+fn shown(line: &str) -> String {
+    line.chars().take(60).collect()
 }
 
-impl Read for Counted<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.rest.read(buffer)
-    }
+fn position<'a>(mut words: impl Iterator<Item = &'a str>) -> Option<DVec3> {
+    let mut number = || words.next()?.parse::<f64>().ok();
+    Some(DVec3::new(number()?, number()?, number()?))
 }
 
-impl BufRead for Counted<'_> {
-    /// Hands out one line at a time, so that what was consumed is what was parsed.
-    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        let end =
-            self.rest.iter().position(|byte| *byte == b'\n').map_or(self.rest.len(), |at| at + 1);
-        Ok(&self.rest[..end])
-    }
-
-    fn consume(&mut self, count: usize) {
-        if count > 0 {
-            self.lines.set(self.lines.get() + 1);
-        }
-        self.rest = &self.rest[count..];
-    }
+/// The vertex of a corner "vertex/texture/normal", counted from 1, or from -1 backwards.
+fn corner(word: &str, vertices: &[DVec3]) -> Result<DVec3, String> {
+    let index = word.split('/').next().unwrap_or_default();
+    let bad = || {
+        let given = vertices.len();
+        format!("\"{}\" names no vertex: {given} are given before this line", shown(word))
+    };
+    let place = match index.parse::<i64>() {
+        Ok(index @ 1..) => usize::try_from(index - 1).map_err(|_| bad())?,
+        Ok(index @ ..=-1) => usize::try_from(index.unsigned_abs())
+            .ok()
+            .and_then(|back| vertices.len().checked_sub(back))
+            .ok_or_else(bad)?,
+        _ => return Err(bad()),
+    };
+    vertices.get(place).copied().ok_or_else(bad)
 }
