@@ -132,8 +132,11 @@ const STL: &str = "solid a\n\
 const OBJ: &str = "# a\nmtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvn 0 0 1\n\
     g one\nusemtl x\nf 1/1/1 3/1/1 2/1/1\nf 1//1 2//1 4//1\ng two\nf -4 -1 -2\nf 2 3 4\nl 1 2\np 1\n";
 
-/// A mesh of arrays as the only object of a scene.
-fn arrays(meshes: &[(Vec<[f64; 3]>, Vec<[u32; 3]>)], allow_defects: bool) -> Scene {
+/// Vertices and triangles.
+type Arrays = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+/// Meshes of arrays as the objects of a scene.
+fn arrays(meshes: &[Arrays], allow_defects: bool) -> Scene {
     let mut scene = Scene::from_toml(PAPER, ".").unwrap();
     scene.objects = meshes
         .iter()
@@ -268,5 +271,5 @@ fn the_good_ones_are_read() {
 fn negative_index_before_the_first_vertex_is_refused() {
     let text = OBJ.replace("f -4 -1 -2", "f -4 -1 -5");
     let message = examine(Path::new("a.obj"), text.as_bytes(), 1e-3).unwrap_err().to_string();
-    assert!(message.contains("\"-5\" names no vertex") && message.contains("line 14"), "{message}");
+    assert!(message.contains("\"-5\" names no vertex") && message.contains("line 15"), "{message}");
 }

@@ -492,7 +492,7 @@ fn files_without_permission_are_named() {
     use std::os::unix::fs::PermissionsExt;
     let place = Workplace::new();
     let path = place.directory.path().join("part.stl");
-    fs::set_permissions(&path, fs::Permissions::from_mode(0)).unwrap();
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o000)).unwrap();
     // The superuser may read everything.
     if fs::read(&path).is_err() {
         place.refused(&["part.stl: cannot read the mesh", "ermission"]);

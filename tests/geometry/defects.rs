@@ -35,7 +35,7 @@ fn clean(mesh: Arrays) -> Sample {
     loaded.unwrap()
 }
 
-/// A grid of squares in z = 0 over [0, 1] mm, cut into triangles.
+/// A cube whose faces are grids of squares, cut into triangles.
 fn subdivided_cube(edge: f64, n: u32) -> Arrays {
     let mut cube = Arrays::default();
     let step = edge / f64::from(n);
@@ -67,7 +67,6 @@ fn subdivided_cube(edge: f64, n: u32) -> Arrays {
 #[test]
 fn cube_without_a_face_has_four_open_edges_at_their_places() {
     let mut open = Arrays::cube(2e-3);
-    // The last two triangles are a lid; it lies in z = 1 mm or z = -1 mm.
     let lids: Vec<usize> = (0..12)
         .filter(|t| open.1[*t].iter().all(|vertex| open.0[*vertex as usize][2] > 0.0))
         .collect();
@@ -174,6 +173,30 @@ fn shapes_read_back_as_meshes_are_clean() {
 }
 
 #[test]
+fn rounding_to_f32_far_from_the_origin_makes_no_crossings() {
+    for of in [
+        Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: 2048 },
+        Shape::Sphere { radius: 1e-3, sides: 100 },
+        Shape::Box { size: [1e-3, 2e-3, 3e-6] },
+    ] {
+        for (turn, far) in [(0.0, 0.0), (0.7, 0.0), (0.7, 0.1), (1.3, 1.0)] {
+            let mut object = Arrays::of(of).object("part");
+            object.placement.rotate = vec![([1.0, 2.0, 3.0], turn)];
+            object.placement.position = [far, 0.7 * far, 0.0];
+            let mut mesh = Arrays::of_object(object);
+            for number in mesh.0.as_flattened_mut() {
+                #[expect(clippy::cast_possible_truncation, reason = "rounding is the point")]
+                let rounded = *number as f32;
+                *number = f64::from(rounded);
+            }
+            let (loaded, defects) = try_load(mesh, false);
+            assert!(loaded.is_ok(), "{of:?}, {turn}, {far} m: {:?}", loaded.map(|_| ()));
+            assert_eq!(defects.self_intersections.count, 0, "{of:?}, {turn}, {far} m");
+        }
+    }
+}
+
+#[test]
 fn hollow_sphere_and_solid_in_its_void_are_clean() {
     let hollow = Arrays::sphere(2e-3).and(Arrays::sphere(1.5e-3).turned());
     let sample = clean(hollow.clone());
@@ -195,13 +218,13 @@ fn parts_that_share_an_edge_are_refused_by_their_non_manifold_edge() {
 
 #[test]
 fn folded_fin_lies_on_itself() {
-    // A triangle of the cube replaced by a longer way: out over the face and back.
+    // A triangle of the cube cut in three at a point in it; then the point leaves it.
     let mut cube = Arrays::cube(2e-3);
     let [a, b, c] = cube.1.remove(0);
     let [p, q] = [a, b].map(|vertex| cube.0[vertex as usize]);
     let r = cube.0[c as usize];
     let inner = |f: f64| [0, 1, 2].map(|k| (p[k] + q[k]) / 2.0 * (1.0 - f) + r[k] * f);
-    // A point beyond c on the line from the middle of ab: the triangles there turn over.
+    // A point on the line from the middle of ab to c; beyond c the triangles turn over.
     let d = u32::try_from(cube.0.len()).unwrap();
     cube.0.push(inner(0.5));
     cube.1.extend([[a, b, d], [b, c, d], [c, a, d]]);
