@@ -177,6 +177,19 @@ fn grid() -> impl Strategy<Value = [f64; 3]> {
     prop::array::uniform3(-2..3_i8).prop_map(|point| point.map(|x| f64::from(x) * 1e-3))
 }
 
+/// A box between bounds in mm, and the bits of `diagonals` say which way its faces are cut.
+fn brick(bounds: [[i8; 2]; 3], diagonals: u64) -> Arrays {
+    let corner =
+        |number: usize| [0, 1, 2].map(|axis| f64::from(bounds[axis][number >> axis & 1]) * 1e-3);
+    let faces =
+        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6_u32]];
+    let cut = |(face, [a, b, c, d]): (usize, [u32; 4])| match diagonals >> face & 1 {
+        0 => [[a, b, c], [a, c, d]],
+        _ => [[b, c, d], [b, d, a]],
+    };
+    ((0..8).map(corner).collect(), faces.into_iter().enumerate().flat_map(cut).collect())
+}
+
 const TETRAHEDRON: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
 
 proptest! {
@@ -237,6 +250,34 @@ proptest! {
         let triangles = [TETRAHEDRON, second].concat();
         if let Ok(sample) = load(&arrays(&[(corners, triangles)], false)) {
             closed(&sample);
+        }
+    }
+
+    /// On a grid everything coincides that can: faces, edges, and corners of the two.
+    #[test]
+    fn boxes_on_a_grid_are_refused_where_they_overlap_and_clean_where_they_do_not(
+        low in prop::array::uniform2(prop::array::uniform3(-2..3_i8)),
+        size in prop::array::uniform2(prop::array::uniform3(1..5_i8)),
+        diagonals in any::<u64>(),
+    ) {
+        let side = |which: usize, axis: usize| {
+            [low[which][axis], low[which][axis] + size[which][axis]]
+        };
+        let (a, b) = (|axis| side(0, axis), |axis| side(1, axis));
+        let all = |holds: &dyn Fn(usize) -> bool| (0..3).all(holds);
+        let overlap = all(&|axis| a(axis)[0] < b(axis)[1] && b(axis)[0] < a(axis)[1]);
+        let apart = !all(&|axis| a(axis)[0] <= b(axis)[1] && b(axis)[0] <= a(axis)[1]);
+        let nested = all(&|axis| a(axis)[0] < b(axis)[0] && b(axis)[1] < a(axis)[1])
+            || all(&|axis| b(axis)[0] < a(axis)[0] && a(axis)[1] < b(axis)[1]);
+        let mut mesh = brick([a(0), a(1), a(2)], diagonals);
+        let (vertices, triangles) = brick([b(0), b(1), b(2)], diagonals >> 32);
+        mesh.0.extend(vertices);
+        mesh.1.extend(triangles.iter().map(|triangle| triangle.map(|vertex| vertex + 8)));
+        let loaded = load(&arrays(&[mesh], false));
+        if overlap && !nested {
+            prop_assert!(loaded.is_err());
+        } else if nested || apart {
+            prop_assert_eq!(&loaded.unwrap().objects[0].defects, &Default::default());
         }
     }
 
