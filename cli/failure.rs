@@ -10,6 +10,8 @@ pub(crate) enum Failure {
     Engine(beamlet::Error),
     /// A file that the command itself reads or writes.
     File { path: PathBuf, problem: String },
+    /// Meshes that a run would refuse, each with its reason.
+    Refused(Vec<String>),
     /// Arguments that do not go together, found after parsing.
     Usage(String),
     /// The user stopped the run; what to enter to go on.
@@ -24,7 +26,7 @@ impl Failure {
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::ClosedPipe => 0,
-            Self::Engine(_) | Self::File { .. } | Self::Stdout(_) => 1,
+            Self::Engine(_) | Self::File { .. } | Self::Refused(_) | Self::Stdout(_) => 1,
             Self::Usage(_) => 2,
             Self::Interrupted { .. } => crate::interrupt::EXIT_CODE,
         }
@@ -36,6 +38,7 @@ impl fmt::Display for Failure {
         match self {
             Self::Engine(error) => write!(f, "error: {error}"),
             Self::File { path, problem } => write!(f, "error: {}: {problem}", path.display()),
+            Self::Refused(reasons) => write!(f, "error: {}", reasons.join("\nerror: ")),
             Self::Usage(problem) => write!(f, "error: {problem}\n\nFor more, try '--help'."),
             Self::Interrupted { advice } => write!(f, "interrupted\n{advice}"),
             Self::ClosedPipe => Ok(()),

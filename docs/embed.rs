@@ -88,6 +88,7 @@ fn scene() -> Scene {
             material: "carbon fibre".into(),
             placement: Placement::default(),
             sha256: None,
+            allow_defects: false,
         }],
     }
 }

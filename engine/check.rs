@@ -1,7 +1,7 @@
 //! What a scene amounts to, told before hours are spent on it: geometry of the set-up,
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
-use crate::geometry::{self, ObjectSummary, Sample};
+use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
 use crate::memory::{self, MemoryEstimate};
 use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
@@ -25,6 +25,8 @@ pub struct CheckReport {
     pub work: Work,
     /// What looks odd but does not stop a run.
     pub warnings: Vec<String>,
+    /// Why a run refuses objects, where it does.
+    pub refusals: Vec<String>,
 }
 
 /// The set-up in numbers.
@@ -90,6 +92,8 @@ pub struct CheckedObject {
     pub inside: Vec<String>,
     /// SHA-256 of its mesh; empty for a shape.
     pub hash: String,
+    /// What is wrong with its surface.
+    pub defects: Defects,
 }
 
 /// An estimate of the work before refinement and re-tracing, as if the sample filled the image;
@@ -109,8 +113,9 @@ pub struct Work {
 /// Loads everything that a run would load, checks it, and tells what it amounts to.
 ///
 /// # Errors
-/// Whatever would stop a run before its first ray: materials, meshes, a sample that would hit
-/// a mask.
+/// Whatever would stop a run before its first ray: materials, meshes that cannot be read, a
+/// sample that would hit a mask. Meshes that a run refuses for their defects are reported, and
+/// told of in [`CheckReport::refusals`].
 pub fn check(scene: &Scene) -> Result<CheckReport> {
     check_within(scene, None)
 }
@@ -123,7 +128,7 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
     let extent = Extent::of(scene)?;
     let materials = materials(scene)?;
     memory::check_before_loading(scene, memory_limit)?;
-    let sample = geometry::load(scene)?;
+    let (sample, refusals) = geometry::inspect(scene)?;
     geometry::check_clearance(scene, &sample)?;
     let mut warnings = geometry::fov_warnings(scene, &sample);
     for material in materials.iter().filter(|material| material.shadows_builtin) {
@@ -141,6 +146,7 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
         materials,
         objects: objects(scene, &sample),
         warnings,
+        refusals: refusals.iter().map(ToString::to_string).collect(),
     })
 }
 
@@ -225,6 +231,7 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
             bounds: summary.bounds.map(|corner| corner.to_array()),
             inside,
             hash: summary.hash.clone(),
+            defects: summary.defects.clone(),
         }
     };
     sample.objects.iter().enumerate().map(checked).collect()

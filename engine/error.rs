@@ -51,7 +51,7 @@ pub enum Error {
         object: String,
         /// What is wrong.
         problem: String,
-        /// Where: line, triangle, position.
+        /// Where: line, triangle, position; or a list of them, each on a line of its own.
         place: String,
     },
     /// No Vulkan device can serve, or the device failed.
@@ -156,7 +156,11 @@ impl fmt::Display for Error {
             }
             Self::Mesh { object, problem, place } => {
                 write!(f, "{object}: {problem}")?;
-                if place.is_empty() { Ok(()) } else { write!(f, " ({place})") }
+                match place {
+                    place if place.is_empty() => Ok(()),
+                    place if place.starts_with('\n') => write!(f, "{place}"),
+                    place => write!(f, " ({place})"),
+                }
             }
             Self::Device { wanted, found, remedy } => {
                 write!(f, "{wanted}: {found}")?;

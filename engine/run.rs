@@ -76,6 +76,9 @@ pub struct Tally {
     pub not_finite: u64,
     /// Cells whose light landed outside the detector or too far off to follow.
     pub landed_off: u64,
+    /// Objects of the sample whose surface is open or crosses itself, let through by
+    /// `allow_defects`.
+    pub defective_objects: u64,
 }
 
 /// Provenance of a run, stored as run.json.

@@ -52,7 +52,7 @@ impl Watch {
             Arc::new(DeviceSample::upload(&device, &scene, &sample, &media, query).expect("room"));
         let kernels = Arc::new(TraceKernels::new(&device).expect("kernels"));
         let transport = Transport::FirstOrder;
-        let tracer = Tracer::new(&device, &kernels, &sample, backend, transport, None);
+        let tracer = Tracer::new(&device, &kernels, &sample, backend, transport, None, u32::MAX);
         let materials = sample.materials as usize;
         Self { device, tracer: tracer.expect("a tracer"), materials, rays: 0, met: 0 }
     }

@@ -47,6 +47,7 @@ fn scene() -> Scene {
             material: "carbon".into(),
             placement: Placement::default(),
             sha256: None,
+            allow_defects: false,
         }],
     }
 }

@@ -9,7 +9,12 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
     let report = beamlet::check::check_within(&scene, arguments.memory_limit)
         .map_err(|e| arguments.scene.locate(e))?;
     if arguments.json {
-        return super::write_json(&report, out);
+        super::write_json(&report, out)?;
+    } else {
+        write!(out, "{report}")?;
     }
-    Ok(write!(out, "{report}")?)
+    match report.refusals.is_empty() {
+        true => Ok(()),
+        false => Err(Failure::Refused(report.refusals)),
+    }
 }

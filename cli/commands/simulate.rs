@@ -13,7 +13,8 @@ use std::time::Instant;
 pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Failure> {
     let began = Instant::now();
     let scene = arguments.scene.load()?;
-    let extent = Extent::of(&scene)?;
+    let failed = |error| Failure::from(arguments.scene.locate(error));
+    let extent = Extent::of(&scene).map_err(failed)?;
     let mut sink = directory(arguments, &scene)?;
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
@@ -46,7 +47,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     match done {
         Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out),
         Err(Error::Interrupted) => Err(Failure::Interrupted { advice: advice(arguments) }),
-        Err(error) => Err(arguments.scene.locate(error).into()),
+        Err(error) => Err(failed(error)),
     }
 }
 
@@ -89,7 +90,7 @@ fn summary(
 }
 
 /// Counts of a tally that are worth a line where they are not zero.
-fn counts(tally: &Tally) -> [(u64, &'static str); 8] {
+fn counts(tally: &Tally) -> [(u64, &'static str); 9] {
     [
         (tally.exact, "rays traced in order"),
         (tally.split, "cells split by refinement"),
@@ -99,6 +100,7 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 8] {
         (tally.reflected, "rays totally reflected"),
         (tally.not_finite, "rays not finite, their light left out"),
         (tally.landed_off, "cells landed off the detector"),
+        (tally.defective_objects, "objects with defects, let through by allow_defects"),
     ]
 }
 

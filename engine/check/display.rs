@@ -91,6 +91,10 @@ fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
     if !object.inside.is_empty() {
         detail(f, "inside", object.inside.join(", "))?;
     }
+    let kinds = object.defects.kinds();
+    for (kind, found) in kinds.into_iter().filter(|(_, found)| found.count > 0) {
+        writeln!(f, "    {kind}: {}", found.to_string().replace('\n', "\n  "))?;
+    }
     Ok(())
 }
 

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::Component;
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Defect, Surface, bounds_of, encloses, in_mm};
-use super::topology;
+use super::topology::{self, Edge};
 
-/// A closed surface, its components turned so that material lies behind every triangle.
+/// A surface, its components turned so that material lies behind every triangle.
 #[derive(Debug)]
 pub(super) struct Body {
     pub(super) surface: Surface,
@@ -18,17 +18,17 @@ pub(super) struct Body {
 }
 
 impl Body {
-    /// Checks and orients a welded surface of the object number `object`.
-    pub(super) fn new(mut surface: Surface, object: u32) -> Result<Self, Defect> {
+    /// Orients a welded surface of the object number `object`, whose edges are `edges`.
+    pub(super) fn new(mut surface: Surface, edges: &[Edge], object: u32) -> Result<Self, Defect> {
         if surface.triangles.is_empty() {
             return Err(Defect::new("there are no triangles", ""));
         }
         let mut warnings = Vec::new();
-        let (mut triangle_component, count) = topology::components(&surface)?;
+        let (mut triangle_component, count) = topology::components(&surface, edges);
         let mut components = measure(&surface, &triangle_component, count, object);
         let flat = drop_flat(&mut surface, &mut triangle_component, &mut components);
         if flat > 0 {
-            warnings.push(format!("{flat} closed parts without volume were left out"));
+            warnings.push(format!("{flat} parts without volume were left out"));
         }
         if components.is_empty() {
             return Err(Defect::new("the surface encloses no volume", ""));
@@ -52,7 +52,7 @@ impl Body {
         if let Some(first) = turned.iter().position(|turned| *turned) {
             let [low, high] = components[first].bounds;
             warnings.push(format!(
-                "{} of {} closed parts were inside out and have been turned (the first around {})",
+                "{} of {} parts were inside out and have been turned (the first around {})",
                 turned.iter().filter(|turned| **turned).count(),
                 turned.len(),
                 in_mm(low.midpoint(high))
@@ -110,17 +110,13 @@ fn drop_flat(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Comp
             })
         })
         .collect();
-    let (triangles, kept) = surface
-        .triangles
-        .iter()
-        .zip(of.iter())
-        .filter_map(|(triangle, component)| Some((*triangle, renumbered[*component as usize]?)))
-        .unzip();
-    surface.triangles = triangles;
-    *of = kept;
+    surface.keep(|triangle| solid[of[triangle] as usize]);
+    of.retain(|component| solid[*component as usize]);
+    for component in of.iter_mut() {
+        *component = renumbered[*component as usize].unwrap_or_default();
+    }
     let mut solid = solid.into_iter();
     components.retain(|_| solid.next().unwrap_or(true));
-    surface.forget_unused();
     flat
 }
 

@@ -6,27 +6,87 @@ use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::body::Body;
+use super::defects::{self, Defects};
 use super::surface::{Defect, Surface};
+use super::topology::{self, Edge};
 use super::{ObjectSummary, Sample, nesting, obj, placement, shapes, stl};
 use crate::error::{Error, Result};
-use crate::scene::{Mesh, Object, Scene, ShapeOrMesh};
+use crate::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
 
 /// Reads, checks and places every object of the scene.
 ///
 /// # Errors
-/// Files that cannot be read, surfaces that are not closed, and objects whose surfaces meet or
-/// that a later one swallows. A scene without objects is an empty sample.
+/// Files that cannot be read, surfaces that are not closed or cross themselves (unless their
+/// object allows defects), and objects whose surfaces meet or that a later one swallows. A
+/// scene without objects is an empty sample.
 pub fn load(scene: &Scene) -> Result<Sample> {
-    let loaded: Vec<(Body, String)> = scene
+    let mut loaded = read_all(scene)?;
+    match loaded.iter_mut().find_map(|object| object.refusal.take()) {
+        Some(refusal) => Err(refusal),
+        None => sample(scene, loaded),
+    }
+}
+
+/// As [`load`], but lets every defect through, to tell of all objects what is wrong with them.
+/// Beside the sample stand the errors that `load` would give, one for each refused object.
+///
+/// # Errors
+/// As [`load`], where there is no surface to tell of.
+pub fn inspect(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
+    let mut loaded = read_all(scene)?;
+    let mut refusals: Vec<Error> =
+        loaded.iter_mut().filter_map(|object| object.refusal.take()).collect();
+    match sample(scene, loaded) {
+        Ok(sample) => Ok((sample, refusals)),
+        // What goes wrong between broken objects follows from the first that is broken.
+        Err(_) if !refusals.is_empty() => Err(refusals.swap_remove(0)),
+        Err(error) => Err(error),
+    }
+}
+
+/// Examines a mesh in memory: `path` gives its format by the extension, `unit` is the length
+/// of 1.0 in it, m. Defects do not make it an error.
+///
+/// # Errors
+/// [`Error::Mesh`] where the bytes cannot be read as that format, or hold no solid part.
+pub fn examine(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
+    let failed =
+        |defect: Defect| Error::mesh(path.display().to_string(), defect.problem, defect.place);
+    let surface = parse(path, bytes).map_err(failed)?;
+    let Prepared { surface, edges, defects } =
+        prepare(surface, unit, &Placement::default(), true).map_err(failed)?;
+    Body::new(surface, &edges, 0).map_err(failed)?;
+    Ok(defects)
+}
+
+/// One object, read and examined.
+struct Loaded {
+    body: Body,
+    hash: String,
+    defects: Defects,
+    /// Why a run must not use it.
+    refusal: Option<Error>,
+}
+
+fn read_all(scene: &Scene) -> Result<Vec<Loaded>> {
+    scene
         .objects
         .par_iter()
         .zip(0_u32..u32::try_from(scene.objects.len()).unwrap_or(u32::MAX))
-        .map(|(object, number)| body(scene, object, number))
-        .collect::<Result<_>>()?;
-    let (mut bodies, hashes): (Vec<Body>, Vec<String>) = loaded.into_iter().unzip();
+        .map(|(object, number)| read_object(scene, object, number))
+        .collect()
+}
+
+fn sample(scene: &Scene, loaded: Vec<Loaded>) -> Result<Sample> {
     let names: Vec<String> = scene.objects.iter().map(|object| object.name.clone()).collect();
+    let mut bodies = Vec::with_capacity(loaded.len());
+    let mut notes = Vec::with_capacity(loaded.len());
+    for object in loaded {
+        bodies.push(object.body);
+        notes.push((object.hash, object.defects));
+    }
     nesting::nest(&mut bodies, &names)?;
-    assemble(bodies, names, hashes)
+    assemble(bodies, names, notes)
 }
 
 /// Triangles of the meshes of a scene as far as that can be told without reading them: those in
@@ -58,8 +118,7 @@ fn hash(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The body of an object and the hash of its mesh.
-fn body(scene: &Scene, object: &Object, number: u32) -> Result<(Body, String)> {
+fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
     let label = match &object.geometry {
         ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
             format!("\"{}\" ({})", object.name, path.display())
@@ -67,7 +126,7 @@ fn body(scene: &Scene, object: &Object, number: u32) -> Result<(Body, String)> {
         _ => format!("\"{}\"", object.name),
     };
     let failed = |defect: Defect| Error::mesh(label.clone(), defect.problem, defect.place);
-    let (mut surface, unit, hash) = match &object.geometry {
+    let (surface, unit, hash) = match &object.geometry {
         ShapeOrMesh::Shape(shape) => (shapes::surface(shape).map_err(failed)?, 1.0, String::new()),
         ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
             let bytes = read(&scene.directory.join(path))?;
@@ -78,29 +137,76 @@ fn body(scene: &Scene, object: &Object, number: u32) -> Result<(Body, String)> {
             (surface, 1.0, hash_arrays(vertices, triangles))
         }
     };
-    let dropped = surface.weld();
-    placement::place(&mut surface, unit, &object.placement).map_err(failed)?;
-    let mut body = Body::new(surface, number).map_err(failed)?;
-    if dropped > 0 {
-        body.warnings.insert(0, format!("{dropped} triangles without area were left out"));
-    }
-    let [low, high] = body.bounds();
-    let extent = (high - low).max_element();
-    if !(1e-6..=1.0).contains(&extent) {
-        body.warnings.push(format!(
-            "it is {extent:.3e} m across: is its `unit` (or `scale`) the right one?"
-        ));
-    }
     if let Some(recorded) = &object.sha256
         && *recorded != hash
     {
         return Err(Error::mesh(
-            &object.name,
+            label,
             "is not the mesh that the scene was made with",
             format!("sha256 {hash}, the scene records {recorded}"),
         ));
     }
-    Ok((body, hash))
+    let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));
+    let Prepared { surface, edges, defects } =
+        prepare(surface, unit, &object.placement, is_mesh).map_err(failed)?;
+    let not_finite = defects.not_finite.count;
+    let refusal = if not_finite > 0 {
+        let problem = format!("the vertices of {not_finite} triangles are not finite numbers");
+        Some(Error::mesh(label.clone(), problem, defects.places()))
+    } else if defects.refused() && !object.allow_defects {
+        Some(Error::mesh(label.clone(), defects.problem(), defects.places()))
+    } else {
+        None
+    };
+    let mut body = match Body::new(surface, &edges, number) {
+        Ok(body) => body,
+        // What is refused may leave nothing to tell of.
+        Err(defect) => return Err(refusal.unwrap_or_else(|| failed(defect))),
+    };
+    let mut warnings = defects.warnings();
+    if defects.refused() && refusal.is_none() {
+        warnings.insert(0, format!("{} (accepted: allow_defects)", defects.told()));
+    }
+    warnings.append(&mut body.warnings);
+    let [low, high] = body.bounds();
+    let extent = (high - low).max_element();
+    if !(1e-6..=1.0).contains(&extent) {
+        warnings.push(format!(
+            "it is {extent:.3e} m across: is its `unit` (or `scale`) the right one?"
+        ));
+    }
+    body.warnings = warnings;
+    Ok(Loaded { body, hash, defects, refusal })
+}
+
+/// A surface in the world, examined.
+struct Prepared {
+    surface: Surface,
+    edges: Vec<Edge>,
+    defects: Defects,
+}
+
+/// Welds, places and examines a surface; `crossings`: also for crossing itself.
+fn prepare(
+    mut surface: Surface,
+    unit: f64,
+    placement: &Placement,
+    crossings: bool,
+) -> std::result::Result<Prepared, Defect> {
+    let mut welded = surface.weld();
+    let reach = |surface: &Surface| {
+        surface.vertices.iter().fold(0.0_f64, |most, vertex| most.max(vertex.abs().max_element()))
+    };
+    let in_file = reach(&surface) * unit * placement.scale;
+    let world = placement::place(&mut surface, unit, placement)?;
+    for (_, place) in &mut welded.dropped {
+        *place = world.transform_point3(*place);
+    }
+    // What f32 resolves, of the file and of the world.
+    let resolved = f64::from(f32::EPSILON) * in_file.max(reach(&surface));
+    let edges = topology::edges(&surface);
+    let defects = defects::find(&surface, &edges, &welded, resolved, crossings);
+    Ok(Prepared { surface, edges, defects })
 }
 
 /// By the extension; without a known one, by what the bytes look like.
@@ -119,7 +225,7 @@ fn parse(path: &Path, bytes: &[u8]) -> std::result::Result<Surface, Defect> {
 fn arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> std::result::Result<Surface, Defect> {
     let mut surface = Surface::default();
     for (number, triangle) in triangles.iter().enumerate() {
-        let place = || format!("triangle {number}");
+        let place = || format!("triangle {}", number + 1);
         let [Some(a), Some(b), Some(c)] = triangle.map(|index| vertices.get(index as usize)) else {
             return Err(Defect::new(
                 format!("{triangle:?} names a vertex beyond the {} given", vertices.len()),
@@ -139,7 +245,11 @@ fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {
     hash(&vertices.chain(triangles).collect::<Vec<u8>>())
 }
 
-fn assemble(bodies: Vec<Body>, names: Vec<String>, hashes: Vec<String>) -> Result<Sample> {
+fn assemble(
+    bodies: Vec<Body>,
+    names: Vec<String>,
+    notes: Vec<(String, Defects)>,
+) -> Result<Sample> {
     let count = |of: fn(&Body) -> usize| bodies.iter().map(of).sum::<usize>();
     let (vertices, triangles) =
         (count(|body| body.surface.vertices.len()), count(|body| body.surface.triangles.len()));
@@ -152,7 +262,7 @@ fn assemble(bodies: Vec<Body>, names: Vec<String>, hashes: Vec<String>) -> Resul
     }
     let mut sample = Sample::default();
     let number = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
-    for ((body, name), hash) in bodies.into_iter().zip(names).zip(hashes) {
+    for ((body, name), (hash, defects)) in bodies.into_iter().zip(names).zip(notes) {
         let mut inside = Vec::new();
         for component in body.components.iter().filter(|component| component.volume > 0.0) {
             if !inside.contains(&component.outside) {
@@ -166,6 +276,7 @@ fn assemble(bodies: Vec<Body>, names: Vec<String>, hashes: Vec<String>) -> Resul
             bounds: body.bounds(),
             inside,
             hash,
+            defects,
             warnings: body.warnings,
         });
         let (vertex, component) = (number(sample.vertices.len()), number(sample.components.len()));

@@ -1,16 +1,18 @@
 //! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
 //!
 //! [`load`] reads the objects of a scene (`stl`, `obj`, `shapes`), welds and places them,
-//! refuses what is not closed (`topology`), turns what is inside out (`body`), and finds which
-//! object surrounds which (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
+//! refuses what is not closed or crosses itself (`defects`), turns what is inside out (`body`),
+//! and finds which object surrounds which (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
 //! the sample sweeps over the views with the set-up.
 
 mod body;
+mod defects;
 mod distance;
 mod load;
 mod nesting;
 mod obj;
 mod placement;
+mod polygon;
 mod search;
 mod shapes;
 mod stl;
@@ -20,11 +22,13 @@ mod topology;
 
 use glam::DVec3;
 
-pub use load::{file_hash, load, triangles_in_files};
+pub use defects::{Defects, Found, PLACES, Spot};
+pub use load::{examine, file_hash, inspect, load, triangles_in_files};
 pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
 
-/// All surfaces of the sample in world coordinates (m), welded, closed and oriented outwards
-/// (away from the material of their object; the surface of a void points into the void).
+/// All surfaces of the sample in world coordinates (m), welded and oriented outwards (away from
+/// the material of their object; the surface of a void points into the void). They are closed,
+/// but for objects that allow defects.
 #[derive(Debug, Clone, Default)]
 pub struct Sample {
     /// Vertex positions, m.
@@ -39,7 +43,7 @@ pub struct Sample {
     pub objects: Vec<ObjectSummary>,
 }
 
-/// A connected closed surface of one object.
+/// A connected surface of one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Component {
     /// Index of the object that it bounds.
@@ -69,6 +73,8 @@ pub struct ObjectSummary {
     pub inside: Vec<Option<u32>>,
     /// SHA-256 of the mesh as read (file bytes, or arrays), hexadecimal; empty for shapes.
     pub hash: String,
+    /// What is wrong with its surface.
+    pub defects: Defects,
     /// What is odd about it, in words (suspicious size, for one).
     pub warnings: Vec<String>,
 }

@@ -1,84 +1,117 @@
-//! Wavefront OBJ files. Polygons are cut into fans; everything but positions and faces is
-//! ignored, material libraries included.
+//! Wavefront OBJ files: positions and faces. Everything else is ignored, material libraries
+//! included.
+//!
+//! `tobj` reads them, after a first look that names the line of whatever is wrong and leaves
+//! texture and normal indices out: `tobj` tells no lines, and overflows on some indices.
 
-use std::cell::Cell;
-use std::io::{BufRead, Read};
-use std::path::Path;
-
-use glam::DVec3;
-
+use super::polygon;
 use super::surface::{Defect, Surface};
+use glam::DVec3;
+use std::fmt::Write as _;
+use std::path::Path;
 
 /// Reads an OBJ file. All its objects and groups together; not yet welded.
 pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..tobj::LoadOptions::default()
-    };
-    let lines = Cell::new(0_usize);
-    let mut reader = Counted { rest: bytes, lines: &lines };
+    // A name in some other encoding than UTF-8 is no reason to refuse a file.
+    let text = String::from_utf8_lossy(bytes);
+    let (plain, lines) = vetted(&text)?;
+    let options = tobj::LoadOptions { triangulate: false, ..tobj::LoadOptions::default() };
     let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
-    let (models, _) = tobj::load_obj_buf(&mut reader, &options, no_materials).map_err(|error| {
-        let line = lines.get();
-        let text = bytes.split(|byte| *byte == b'\n').nth(line.saturating_sub(1));
-        let text = String::from_utf8_lossy(text.unwrap_or_default());
-        Defect::new(
-            format!("not a valid OBJ file: {error}"),
-            match error {
-                // These are found when a group of faces is complete.
-                tobj::LoadError::FaceVertexOutOfBounds
-                | tobj::LoadError::FaceTexCoordOutOfBounds
-                | tobj::LoadError::FaceNormalOutOfBounds => {
-                    format!("in the faces before line {line}")
-                }
-                _ => format!("line {line}: \"{}\"", text.trim()),
-            },
-        )
-    })?;
+    let (models, _) = tobj::load_obj_buf(&mut plain.as_bytes(), &options, no_materials)
+        .map_err(|error| Defect::new(format!("not a valid OBJ file: {error}"), String::new()))?;
     let mut surface = Surface::default();
-    for model in models {
-        let mesh = model.mesh;
-        let position = |index: u32| {
-            let at = index as usize * 3;
-            mesh.positions.get(at..at + 3).map(DVec3::from_slice)
-        };
-        for (number, triangle) in mesh.indices.chunks_exact(3).enumerate() {
-            let place = || format!("triangle {} of \"{}\"", number + 1, model.name);
-            let [Some(a), Some(b), Some(c)] = [0, 1, 2].map(|k| position(triangle[k])) else {
-                return Err(Defect::new("a face names a vertex that is not there", place()));
-            };
-            surface.push_triangle([a, b, c]).map_err(|problem| Defect::new(problem, place()))?;
+    let mut faces = lines.into_iter();
+    for mesh in models.into_iter().map(|model| model.mesh) {
+        let position = |index: &u32| DVec3::from_slice(&mesh.positions[3 * *index as usize..]);
+        let mut rest = mesh.indices.as_slice();
+        // Without arities every face is a triangle.
+        let mut arities = mesh.face_arities.iter();
+        while !rest.is_empty() {
+            let arity = arities.next().map_or(3, |n| *n as usize);
+            let (face, others) = rest.split_at(arity);
+            rest = others;
+            let line = faces.next().unwrap_or_default();
+            let corners: Vec<DVec3> = face.iter().map(position).collect();
+            for [a, b, c] in polygon::triangles(&corners) {
+                surface
+                    .push_triangle([corners[a], corners[b], corners[c]])
+                    .map_err(|problem| Defect::new(problem, format!("line {line}")))?;
+            }
         }
     }
     Ok(surface)
 }
 
-/// Counts the lines read, which the parser's own errors do not tell.
-struct Counted<'a> {
-    rest: &'a [u8],
-    lines: &'a Cell<usize>,
-}
-
-impl Read for Counted<'_> {
-    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-        self.rest.read(buffer)
-    }
-}
-
-impl BufRead for Counted<'_> {
-    /// Hands out one line at a time, so that what was consumed is what was parsed.
-    fn fill_buf(&mut self) -> std::io::Result<&[u8]> {
-        let end =
-            self.rest.iter().position(|byte| *byte == b'\n').map_or(self.rest.len(), |at| at + 1);
-        Ok(&self.rest[..end])
-    }
-
-    fn consume(&mut self, count: usize) {
-        if count > 0 {
-            self.lines.set(self.lines.get() + 1);
+/// Positions and faces with position indices alone, and the line of each face.
+fn vetted(text: &str) -> Result<(String, Vec<usize>), Defect> {
+    let mut plain = String::with_capacity(text.len());
+    let mut faces = Vec::new();
+    let mut vertices = 0;
+    let mut lines = text.lines().zip(1_usize..);
+    while let Some((line, number)) = lines.next() {
+        let joined;
+        let mut line = line.split('#').next().unwrap_or_default().trim();
+        if line.ends_with('\\') {
+            let mut whole = line.to_owned();
+            while whole.ends_with('\\') {
+                whole.pop();
+                whole.push(' ');
+                let next = lines.next().map_or("", |(line, _)| line);
+                whole.push_str(next.split('#').next().unwrap_or_default().trim());
+            }
+            joined = whole;
+            line = &joined;
         }
-        self.rest = &self.rest[count..];
+        let failed =
+            |problem: String| Defect::new(problem, format!("line {number}: \"{}\"", shown(line)));
+        let mut words = line.split_ascii_whitespace();
+        match words.next() {
+            Some("v") => {
+                let mut number = || words.next().and_then(|word| word.parse::<f64>().ok());
+                let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
+                    return Err(failed("a vertex needs three numbers: v x y z".into()));
+                };
+                vertices += 1;
+                // Writing to a string cannot fail; f64 texts read back to the same bits.
+                let _ = writeln!(plain, "v {x:?} {y:?} {z:?}");
+            }
+            Some("f") => {
+                plain.push('f');
+                let mut corners = 0;
+                for word in words {
+                    let index = corner(word, vertices).map_err(failed)?;
+                    let _ = write!(plain, " {index}");
+                    corners += 1;
+                }
+                if corners < 3 {
+                    let problem =
+                        format!("a face needs at least 3 corners, this one has {corners}");
+                    return Err(failed(problem));
+                }
+                plain.push('\n');
+                faces.push(number);
+            }
+            _ => {}
+        }
+    }
+    Ok((plain, faces))
+}
+
+/// The beginning of a line, for messages.
+fn shown(line: &str) -> String {
+    line.chars().take(60).collect()
+}
+
+/// The vertex, from 1, of a corner "vertex/texture/normal" that counts from 1, or from -1
+/// backwards.
+fn corner(word: &str, vertices: usize) -> Result<usize, String> {
+    let bad =
+        || format!("\"{}\" names no vertex: {vertices} are given before this line", shown(word));
+    let index: i64 = word.split('/').next().unwrap_or_default().parse().map_err(|_| bad())?;
+    let back = usize::try_from(index.unsigned_abs()).map_err(|_| bad())?;
+    match index {
+        1.. if back <= vertices => Ok(back),
+        ..=-1 => vertices.checked_sub(back).map(|place| place + 1).ok_or_else(bad),
+        _ => Err(bad()),
     }
 }

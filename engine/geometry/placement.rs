@@ -1,12 +1,17 @@
 //! From mesh coordinates to the world.
 
-use glam::{DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3};
 
 use super::surface::{Defect, Surface};
 use crate::scene::Placement;
 
-/// Applies unit, then center, scale, rotations in their order, and position.
-pub(super) fn place(surface: &mut Surface, unit: f64, placement: &Placement) -> Result<(), Defect> {
+/// Applies unit, then center, scale, rotations in their order, and position; returns them all
+/// in one.
+pub(super) fn place(
+    surface: &mut Surface,
+    unit: f64,
+    placement: &Placement,
+) -> Result<DAffine3, Defect> {
     let scale = unit * placement.scale;
     if !(unit.is_finite() && unit > 0.0 && scale.is_finite() && scale > 0.0) {
         let problem = format!("unit {unit} m and scale {} must be above 0", placement.scale);
@@ -27,6 +32,7 @@ pub(super) fn place(surface: &mut Surface, unit: f64, placement: &Placement) -> 
         DVec3::ZERO
     };
     let position = DVec3::from_array(placement.position);
+    let world = DAffine3::from_mat3_translation(linear, position - linear * centre);
     for vertex in &mut surface.vertices {
         *vertex = linear * (*vertex - centre) + position;
         // The device sees f32.
@@ -34,5 +40,5 @@ pub(super) fn place(surface: &mut Surface, unit: f64, placement: &Placement) -> 
             return Err(Defect::new("a vertex is not finite after placement", "placement"));
         }
     }
-    Ok(())
+    Ok(world)
 }

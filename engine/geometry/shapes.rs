@@ -84,7 +84,7 @@ fn prism(ring: &[[f64; 2]], z: f64) -> Surface {
         }
         lid = lid.into_iter().step_by(2).collect();
     }
-    Surface { vertices: at(-z).chain(at(z)).collect(), triangles }
+    Surface::new(at(-z).chain(at(z)).collect(), triangles)
 }
 
 /// Rings of latitude; scaled so that the facets enclose the volume of the sphere.
@@ -112,7 +112,7 @@ fn sphere(radius: f64, sides: u32) -> Surface {
         }
         triangles.push([north, vertex(bands - 1, side), vertex(bands - 1, side + 1)]);
     }
-    let mut surface = Surface { vertices, triangles };
+    let mut surface = Surface::new(vertices, triangles);
     let volume: f64 = (0..surface.triangles.len())
         .map(|triangle| {
             let [a, b, c] = surface.corners(triangle);

@@ -56,10 +56,8 @@ fn count(bytes: &[u8]) -> Option<u32> {
 
 fn binary(records: &[u8]) -> Result<Surface, Defect> {
     let triangles = records.len() / RECORD;
-    let mut surface = Surface {
-        vertices: Vec::with_capacity(3 * triangles),
-        triangles: Vec::with_capacity(triangles),
-    };
+    let mut surface =
+        Surface::new(Vec::with_capacity(3 * triangles), Vec::with_capacity(triangles));
     for (index, record) in records.chunks_exact(RECORD).enumerate() {
         let number = |at: usize| {
             let bytes = [record[at], record[at + 1], record[at + 2], record[at + 3]];

@@ -22,21 +22,48 @@ impl Defect {
 pub(super) struct Surface {
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Number of each triangle where it came from, from 1; empty while they are those of
+    /// `triangles`.
+    numbers: Vec<u32>,
+    /// Numbers of triangles that were left out for a coordinate that is not finite.
+    pub(super) not_finite: Vec<u32>,
+}
+
+/// What welding did.
+#[derive(Debug, Default)]
+pub(super) struct Welded {
+    /// Triangles left out because two corners became one: number, and a corner.
+    pub(super) dropped: Vec<(u32, DVec3)>,
 }
 
 impl Surface {
-    /// Adds a triangle with vertices of its own; the error says what is wrong with it.
+    pub(super) fn new(vertices: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Self {
+        Self { vertices, triangles, ..Self::default() }
+    }
+
+    /// Adds a triangle with vertices of its own, unless one is not finite; the error says what
+    /// is wrong with it.
     pub(super) fn push_triangle(&mut self, corners: [DVec3; 3]) -> Result<(), String> {
-        if let Some(bad) = corners.iter().find(|corner| !corner.is_finite()) {
-            return Err(format!("a vertex is not finite: ({}, {}, {})", bad.x, bad.y, bad.z));
-        }
         let first = u32::try_from(self.vertices.len())
             .ok()
             .filter(|first| *first < u32::MAX - 3)
             .ok_or("more vertices than 32 bits can count")?;
+        let pushed = self.triangles.len() + self.not_finite.len();
+        let number = u32::try_from(pushed + 1)
+            .map_err(|_| "more triangles than 32 bits can count".to_owned())?;
+        if !corners.iter().all(|corner| corner.is_finite()) {
+            self.not_finite.push(number);
+            return Ok(());
+        }
         self.vertices.extend(corners);
         self.triangles.push([first, first + 1, first + 2]);
+        self.numbers.push(number);
         Ok(())
+    }
+
+    /// Number of a triangle where it came from, counted from 1.
+    pub(super) fn number(&self, triangle: u32) -> u32 {
+        self.numbers.get(triangle as usize).copied().unwrap_or(triangle + 1)
     }
 
     /// The three corners of a triangle.
@@ -45,13 +72,14 @@ impl Surface {
     }
 
     /// Merges vertices that are equal in f32, the precision of STL files and of the device;
-    /// drops the triangles that this makes degenerate, and unused vertices. Returns how many
-    /// triangles were dropped.
-    pub(super) fn weld(&mut self) -> usize {
+    /// drops the triangles that this makes degenerate, and unused vertices.
+    pub(super) fn weld(&mut self) -> Welded {
         let mut welded: HashMap<[u32; 3], u32> = HashMap::with_capacity(self.triangles.len() / 2);
         let mut vertices = Vec::with_capacity(self.triangles.len() / 2 + 2);
         let mut triangles = Vec::with_capacity(self.triangles.len());
-        for triangle in &self.triangles {
+        let mut numbers = Vec::with_capacity(self.triangles.len());
+        let mut dropped = Vec::new();
+        for (triangle, index) in self.triangles.iter().zip(0..) {
             let corners = triangle.map(|corner| {
                 let position = self.vertices[corner as usize];
                 // + 0.0 makes the negative zero positive.
@@ -64,18 +92,37 @@ impl Surface {
             let [a, b, c] = corners;
             if a != b && b != c && c != a {
                 triangles.push(corners);
+                numbers.push(self.number(index));
+            } else {
+                dropped.push((self.number(index), vertices[a as usize]));
             }
         }
-        let dropped = self.triangles.len() - triangles.len();
-        *self = Self { vertices, triangles };
-        if dropped > 0 {
+        self.vertices = vertices;
+        self.triangles = triangles;
+        self.numbers = numbers;
+        if !dropped.is_empty() {
             self.forget_unused();
         }
-        dropped
+        Welded { dropped }
+    }
+
+    /// Keeps the triangles that are wanted, and their vertices.
+    pub(super) fn keep(&mut self, wanted: impl Fn(usize) -> bool) {
+        self.numbers = (0..)
+            .take(self.triangles.len())
+            .filter(|triangle| wanted(*triangle as usize))
+            .map(|triangle| self.number(triangle))
+            .collect();
+        let mut triangle = 0;
+        self.triangles.retain(|_| {
+            triangle += 1;
+            wanted(triangle - 1)
+        });
+        self.forget_unused();
     }
 
     /// Removes vertices that no triangle uses: they would count in the bounding box.
-    pub(super) fn forget_unused(&mut self) {
+    fn forget_unused(&mut self) {
         let mut moved = vec![None; self.vertices.len()];
         let mut vertices = Vec::with_capacity(self.vertices.len());
         for corner in self.triangles.as_flattened_mut() {

@@ -151,8 +151,8 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
             return Err(Error::scene(
                 format!("object[{number}]"),
                 format!(
-                    "\"{}\", which at angle {:.3} deg reaches from {:.6} m to {:.6} m from the source, so its \
-                     {side} meets {wall}",
+                    "\"{}\" reaching, at angle {:.3} deg, from {:.6} m to {:.6} m from the source, so \
+                     that its {side} meets {wall}",
                     swept.outlines[number].name,
                     angle.to_degrees(),
                     first,

@@ -4,6 +4,7 @@ use xraydb::{CrossSectionKind, XrayDb, XrayDbError};
 
 use super::Constants;
 use crate::error::{Error, Result};
+use crate::scene::path;
 
 /// Mu from the total cross section (Elam: photoabsorption, coherent and incoherent
 /// scattering, all of which take light out of the beam), delta from f1 (Chantler).
@@ -11,7 +12,7 @@ use crate::error::{Error, Result};
 pub(super) fn constants(name: &str, formula: &str, density: f64, energy: f64) -> Result<Constants> {
     let failed = |error: XrayDbError| {
         Error::scene(
-            format!("materials.{name}"),
+            path::join("materials", name),
             format!("formula \"{formula}\", density {density} g/cm3"),
             format!("a chemical formula such as \"H2O\" and a density above 0 ({error})"),
         )

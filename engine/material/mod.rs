@@ -9,7 +9,7 @@ mod formula;
 mod table;
 
 use crate::error::{Error, Result};
-use crate::scene::{MaterialSpec, Scene};
+use crate::scene::{MaskBody, MaskSpec, MaterialSpec, Scene};
 
 pub use builtin::{Builtin, builtin, builtin_names};
 
@@ -84,5 +84,26 @@ fn unknown(scene: &Scene, name: &str) -> Error {
     if let Some((_, known)) = nearest.filter(|(likeness, _)| *likeness >= 0.6) {
         allowed.push_str(&format!("; did you mean \"{known}\"?"));
     }
-    Error::scene("material", format!("\"{name}\""), allowed)
+    Error::scene(user(scene, name), format!("\"{name}\""), allowed)
+}
+
+/// The first key of the scene that names a material.
+fn user(scene: &Scene, name: &str) -> String {
+    let bars = |mask: &Option<MaskSpec>| match mask {
+        Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => material == name,
+        _ => false,
+    };
+    if scene.surroundings == name {
+        return "surroundings.material".into();
+    }
+    if bars(&scene.sample_mask) {
+        return "sample_mask.material".into();
+    }
+    if bars(&scene.detector_mask) {
+        return "detector_mask.material".into();
+    }
+    match scene.objects.iter().position(|object| object.material == name) {
+        Some(index) => format!("object[{index}].material"),
+        None => "material".into(),
+    }
 }

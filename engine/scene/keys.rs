@@ -39,7 +39,16 @@ const KNOWN: &[(&str, &[&str])] = &[
     (
         "object",
         &[
-            "name", "mesh", "unit", "sha256", "shape", "material", "center", "scale", "rotate",
+            "name",
+            "mesh",
+            "unit",
+            "sha256",
+            "allow_defects",
+            "shape",
+            "material",
+            "center",
+            "scale",
+            "rotate",
             "position",
         ],
     ),

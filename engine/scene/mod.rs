@@ -12,7 +12,7 @@ mod keys;
 mod limits;
 mod model;
 mod parse;
-mod path;
+pub(crate) mod path;
 mod read;
 mod read_sample;
 mod set;

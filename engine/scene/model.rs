@@ -200,6 +200,8 @@ pub struct Object {
     /// SHA-256 of the mesh file that the scene was resolved with, 64 lower-case hexadecimal
     /// digits. A mesh file that does not have it is refused.
     pub sha256: Option<String>,
+    /// Take a mesh that is open or crosses itself, at one's own risk.
+    pub allow_defects: bool,
 }
 
 /// What an object's surface is.

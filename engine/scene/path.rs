@@ -45,7 +45,7 @@ pub(super) fn is_bare(key: &str) -> bool {
 }
 
 /// The path of `key` inside the table at `table`.
-pub(super) fn join(table: &str, key: &str) -> String {
+pub(crate) fn join(table: &str, key: &str) -> String {
     let key = if is_bare(key) { key.to_owned() } else { format!("\"{key}\"") };
     if table.is_empty() { key } else { format!("{table}.{key}") }
 }

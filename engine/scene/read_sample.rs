@@ -57,6 +57,7 @@ fn read_object(item: &Item<'_>) -> Result<Object> {
         material: table.require("material", MATERIAL)?.text(MATERIAL)?.to_owned(),
         placement: read_placement(&table)?,
         sha256: table.get("sha256").map(|item| read_hash(&item)).transpose()?,
+        allow_defects: table.get("allow_defects").map_or(Ok(false), |item| item.boolean())?,
     })
 }
 

@@ -180,6 +180,9 @@ fn write_object(
             }
         }
     }
+    if matches!(object.geometry, ShapeOrMesh::Mesh(_)) || object.allow_defects {
+        out.raw("allow_defects", object.allow_defects);
+    }
     out.text("material", &object.material);
     let placement = &object.placement;
     out.raw("center", placement.center);

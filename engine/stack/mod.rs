@@ -108,18 +108,30 @@ impl Extent {
     /// Extent of the stacks of `scene`.
     ///
     /// # Errors
-    /// [`Error::Scene`] where a list of the scan is longer than 2^32.
+    /// [`Error::Scene`] where a list of the scan is longer than 2^32, or the stacks would have
+    /// more bytes than 64 bits can count.
     pub fn of(scene: &Scene) -> Result<Self> {
         let count = |key: &str, n: usize| {
             u32::try_from(n)
                 .map_err(|_| Error::scene(key, format!("{n} entries"), "fewer than 2^32"))
         };
-        Ok(Self {
+        let extent = Self {
             views: count("scan.angles", scene.scan.angles.len())?,
             steps: count("scan.mask_offsets", scene.scan.mask_offsets.len())?,
             rows: scene.detector.pixels[1],
             columns: scene.detector.pixels[0],
-        })
+        };
+        let Self { views, steps, rows, columns } = extent;
+        let bytes = [views, steps, rows, columns].iter().map(|n| f64::from(*n)).product::<f64>();
+        // Frames have four bytes a pixel, and there is the flat.
+        if bytes > 2.0_f64.powi(60) {
+            return Err(Error::scene(
+                "scan",
+                format!("{views} views of {steps} steps of {columns} x {rows} pixels"),
+                "stacks of no more than 2^62 bytes",
+            ));
+        }
+        Ok(extent)
     }
 
     /// Bytes of one frame.

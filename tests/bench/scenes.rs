@@ -135,6 +135,7 @@ pub(crate) fn scene((vertices, triangles): Soup) -> Scene {
             material: "matter".into(),
             placement: Placement::default(),
             sha256: None,
+            allow_defects: false,
         }],
     }
 }

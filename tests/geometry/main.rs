@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 mod clearance;
+mod defects;
 mod experiments;
 mod files;
 mod meshes;

@@ -43,6 +43,7 @@ pub(crate) fn object(name: &str, geometry: ShapeOrMesh) -> Object {
         material: "carbon".into(),
         placement: Placement::default(),
         sha256: None,
+        allow_defects: false,
     }
 }
 
@@ -67,7 +68,12 @@ pub(crate) struct Arrays(pub(crate) Vec<[f64; 3]>, pub(crate) Vec<[u32; 3]>);
 impl Arrays {
     /// The surface of a shape, as the engine makes it.
     pub(crate) fn of(shape: Shape) -> Self {
-        let sample = load(&scene(vec![object("x", ShapeOrMesh::Shape(shape))])).unwrap();
+        Self::of_object(object("x", ShapeOrMesh::Shape(shape)))
+    }
+
+    /// The surface of an object where it stands.
+    pub(crate) fn of_object(object: Object) -> Self {
+        let sample = load(&scene(vec![object])).unwrap();
         Self(sample.vertices.iter().map(|v| v.to_array()).collect(), sample.triangles)
     }
 

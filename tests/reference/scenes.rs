@@ -43,6 +43,7 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
         material: add(format!("material {i}"), body.mu, body.delta),
         placement: Placement::default(),
         sha256: None,
+        allow_defects: false,
     });
     let objects = objects.collect();
     Scene {

@@ -1,0 +1,26 @@
+//! Edges by how many triangles use them, and which way.
+
+use super::Defects;
+use crate::geometry::surface::Surface;
+use crate::geometry::topology::Edge;
+
+/// Sorts the edges that are not used exactly twice, once each way, into their kinds.
+pub(super) fn sort(surface: &Surface, edges: &[Edge], defects: &mut Defects) {
+    let mut faulty: Vec<&[Edge]> = edges
+        .chunk_by(|a, b| a.key == b.key)
+        .filter(|group| !matches!(group, [a, b] if a.upwards != b.upwards))
+        .collect();
+    faulty.sort_by_key(|group| group.iter().map(|edge| edge.triangle).min());
+    for group in faulty {
+        let found = match group {
+            [_] => &mut defects.open_edges,
+            [_, _] => &mut defects.flipped_edges,
+            _ => &mut defects.non_manifold_edges,
+        };
+        let numbers: Vec<u32> = group.iter().map(|edge| surface.number(edge.triangle)).collect();
+        found.add(&numbers, || {
+            let [a, b] = group[0].ends().map(|vertex| surface.vertices[vertex as usize]);
+            Some(a.midpoint(b))
+        });
+    }
+}

@@ -1,0 +1,109 @@
+//! What is wrong with the surface of one object: counts, and the first places of each kind.
+//!
+//! Open, non-manifold and wrongly wound edges (`edges`), vertices where fans of triangles meet
+//! in a point (`vertices`), triangles without area or given twice (`triangles`), and
+//! triangles that pass through each other (`crossings`, `overlap`). `words` tells it.
+
+mod crossings;
+mod edges;
+mod overlap;
+mod triangles;
+mod vertices;
+mod words;
+
+use glam::DVec3;
+use serde::Serialize;
+
+use super::surface::{Surface, Welded};
+use super::topology::Edge;
+
+/// Most places that are kept of each kind of defect.
+pub const PLACES: usize = 10;
+
+/// Defects of the surface of one object after welding.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Defects {
+    /// Edges of one triangle only: a hole or a gap.
+    pub open_edges: Found,
+    /// Edges of more than two triangles.
+    pub non_manifold_edges: Found,
+    /// Edges between two triangles that wind opposite ways.
+    pub flipped_edges: Found,
+    /// Vertices where triangles meet that share no edge around it.
+    pub non_manifold_vertices: Found,
+    /// Pairs of triangles that pass through or lie on each other by more than f32 resolves.
+    /// Counted to 100 000, from there on at least that many.
+    pub self_intersections: Found,
+    /// Triangles without area. Those with two equal corners are left out.
+    pub degenerate_triangles: Found,
+    /// Triangles with the same corners as an earlier one.
+    pub duplicate_triangles: Found,
+    /// Triangles with a coordinate that is NaN or infinite. They are left out.
+    pub not_finite: Found,
+}
+
+/// One kind of defect: how often it was found, and the first places.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Found {
+    /// How many there are.
+    pub count: usize,
+    /// The first ten places, in the order of the triangles.
+    pub places: Vec<Spot>,
+}
+
+/// Where a defect is.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Spot {
+    /// The triangles, counted from 1 in the order of the file.
+    pub triangles: Vec<u32>,
+    /// Position after placement, mm; `None` where it is not finite.
+    pub position_mm: Option<[f64; 3]>,
+}
+
+impl Found {
+    fn add(&mut self, triangles: &[u32], position: impl FnOnce() -> Option<DVec3>) {
+        self.count += 1;
+        if self.places.len() < PLACES {
+            let position_mm = position().map(|metres| (metres * 1e3).to_array());
+            self.places.push(Spot { triangles: triangles.to_vec(), position_mm });
+        }
+    }
+}
+
+impl Defects {
+    /// Whether a mesh with these is refused unless its object allows defects: it is open, its
+    /// triangles disagree about which side is out, or it passes through itself.
+    #[must_use]
+    pub const fn refused(&self) -> bool {
+        self.open_edges.count
+            + self.non_manifold_edges.count
+            + self.flipped_edges.count
+            + self.self_intersections.count
+            > 0
+    }
+}
+
+/// Examines a welded surface in the world. `resolved` is the length that f32 resolves of it, m;
+/// `crossings`: whether to look for triangles that pass through each other.
+pub(super) fn find(
+    surface: &Surface,
+    edges: &[Edge],
+    welded: &Welded,
+    resolved: f64,
+    crossings: bool,
+) -> Defects {
+    let mut defects = Defects {
+        non_manifold_vertices: vertices::pinched(surface, edges),
+        degenerate_triangles: triangles::degenerate(surface, welded, resolved),
+        duplicate_triangles: triangles::duplicate(surface),
+        ..Defects::default()
+    };
+    edges::sort(surface, edges, &mut defects);
+    for number in &surface.not_finite {
+        defects.not_finite.add(&[*number], || None);
+    }
+    if crossings {
+        defects.self_intersections = crossings::find(surface, resolved);
+    }
+    defects
+}

@@ -1,0 +1,60 @@
+//! Triangles without area, and triangles given twice.
+
+use rayon::prelude::*;
+
+use super::Found;
+use crate::geometry::surface::{Surface, Welded, bounds_of};
+
+/// Triangles that welding left out, and those that are no wider than `resolved`.
+pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> Found {
+    let thin = |triangle: &u32| width(surface.corners(*triangle as usize)) <= resolved;
+    let mut all: Vec<_> = (0..)
+        .take(surface.triangles.len())
+        .filter(thin)
+        .map(|triangle| {
+            let [low, high] = bounds_of(surface.corners(triangle as usize).into_iter());
+            (surface.number(triangle), low.midpoint(high))
+        })
+        .chain(welded.dropped.iter().copied())
+        .collect();
+    all.sort_by_key(|(number, _)| *number);
+    let mut found = Found::default();
+    for (number, place) in all {
+        found.add(&[number], || Some(place));
+    }
+    found
+}
+
+/// Least height of a triangle, m.
+pub(super) fn width([a, b, c]: [glam::DVec3; 3]) -> f64 {
+    let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+    (b - a).cross(c - a).length() / longest
+}
+
+/// Triangles with the corners of an earlier one, in whatever order.
+pub(super) fn duplicate(surface: &Surface) -> Found {
+    let mut sorted: Vec<([u32; 3], u32)> = surface
+        .triangles
+        .iter()
+        .zip(0..)
+        .map(|(corners, triangle)| {
+            let mut corners = *corners;
+            corners.sort_unstable();
+            (corners, triangle)
+        })
+        .collect();
+    sorted.par_sort_unstable();
+    let mut again: Vec<[u32; 2]> = sorted
+        .chunk_by(|a, b| a.0 == b.0)
+        .flat_map(|group| group[1..].iter().map(|later| [later.1, group[0].1]))
+        .collect();
+    again.sort_unstable();
+    let mut found = Found::default();
+    for [later, first] in again {
+        found.add(&[first, later].map(|triangle| surface.number(triangle)), || {
+            let [a, b, c] = surface.corners(later as usize);
+            Some((a + b + c) / 3.0)
+        });
+    }
+    found
+}

@@ -1,0 +1,44 @@
+//! Vertices in which surfaces meet in a point.
+
+use super::Found;
+use crate::geometry::surface::Surface;
+use crate::geometry::topology::{Edge, root};
+
+/// Vertices whose triangles are not all connected through edges at that vertex.
+pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> Found {
+    // Corners of triangles, three each; those of one vertex are joined across each edge.
+    let mut parent: Vec<u32> = (0..).take(3 * surface.triangles.len()).collect();
+    let corner = |triangle: u32, vertex: u32| {
+        let place = surface.triangles[triangle as usize].iter().position(|it| *it == vertex);
+        3 * triangle + u32::from(place == Some(1)) + 2 * u32::from(place == Some(2))
+    };
+    for group in edges.chunk_by(|a, b| a.key == b.key) {
+        for pair in group.windows(2) {
+            for vertex in pair[0].ends() {
+                let [a, b] = [0, 1].map(|k| {
+                    let corner = corner(pair[k].triangle, vertex);
+                    root(&mut parent, corner)
+                });
+                parent[a.max(b) as usize] = a.min(b);
+            }
+        }
+    }
+    // The first corner of a vertex leads its first fan: any other leader is another fan.
+    let mut first = vec![u32::MAX; surface.vertices.len()];
+    let mut told = vec![false; surface.vertices.len()];
+    let mut found = Found::default();
+    for corner in (0..).take(parent.len()) {
+        if parent[corner as usize] != corner {
+            continue;
+        }
+        let vertex = surface.triangles[corner as usize / 3][corner as usize % 3] as usize;
+        if first[vertex] == u32::MAX {
+            first[vertex] = corner;
+        } else if !told[vertex] {
+            told[vertex] = true;
+            let numbers = [first[vertex], corner].map(|corner| surface.number(corner / 3));
+            found.add(&numbers, || Some(surface.vertices[vertex]));
+        }
+    }
+    found
+}
