@@ -107,8 +107,10 @@ pub fn estimate(
         let rows = (BAND / needs.row_bytes().max(1)).clamp(1, all.into());
         return Ok(needs.at(u32::try_from(rows).unwrap_or(all), rays));
     };
-    // Small groups of rays only where the limit is small: they keep a device less busy.
-    while rays > RAYS[1] && needs.run(1, rays).sum().saturating_mul(2) > limit {
+    // Rays get up to half of what one row leaves: small groups keep a device less busy.
+    let one_row = needs.run(1, 0).sum();
+    let half = limit.saturating_sub(one_row) / 2;
+    while rays > RAYS[1] && needs.run(1, rays).sum() - one_row > half {
         rays /= 2;
     }
     let least = needs.at(1, rays);
