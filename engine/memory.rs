@@ -26,9 +26,9 @@ const STRUCTURE: u64 = 60;
 const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its law, segments of its line, cells.
 /// For curved bodies, which refine most; flat ones take less.
-const REFINEMENT: u64 = 540;
+const REFINEMENT: u64 = 680;
 /// Bytes on the device of a ray besides its moments, and of the cells made from it.
-const RAY: u64 = 64 + 160;
+const RAY: u64 = 128;
 /// Copies of a frame while it is encoded: values, and raw or compressed blocks.
 const FRAME_COPIES: u64 = 2;
 
