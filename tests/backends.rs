@@ -21,7 +21,8 @@ const SAME_LIGHT: f64 = 1e-6;
 fn stacks(scene: &Scene) -> Vec<Stacks> {
     let all: Vec<Stacks> =
         backends().into_iter().map(|b| engine(b).simulate(scene).expect("a stack")).collect();
-    for stacks in &all {
+    for (stacks, backend) in all.iter().zip(backends()) {
+        assert_eq!(stacks.record.backend, backend);
         let tally = stacks.record.tally;
         assert_eq!((tally.unbalanced, tally.dropped, tally.not_finite), (0, 0, 0), "{tally:?}");
     }
