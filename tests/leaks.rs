@@ -1,6 +1,12 @@
 //! Closed bodies are left as often as they are entered, whatever edge, vertex or stack of sheets
 //! a ray runs through.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts are small; rays are rounded to f32 as the engine takes them"
+)]
+
 mod reference;
 mod support;
 
