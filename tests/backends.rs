@@ -61,6 +61,7 @@ fn ball(sides: u32) -> Scene {
         material: "carbon".into(),
         placement: Placement::default(),
         sha256: None,
+        allow_defects: false,
     });
     scene
 }

@@ -65,8 +65,8 @@ fn band_and_batch_size_change_no_bit() {
 #[test]
 fn memory_limit_changes_no_bit() {
     let scene = scene(Scheme::Cells);
-    let little = EngineOptions { memory_limit: Some(2000), ..EngineOptions::default() };
-    same("a limit of 2,000 bytes", &run(EngineOptions::default(), &scene), &run(little, &scene));
+    let little = EngineOptions { memory_limit: Some(160 << 20), ..EngineOptions::default() };
+    same("a limit of 160 MiB", &run(EngineOptions::default(), &scene), &run(little, &scene));
 }
 
 #[test]
