@@ -1,5 +1,6 @@
 //! Tracing alone on five scenes: million rays per second of processor time (all cores), all
-//! crossings of each ray. `--export DIR` writes triangles and rays for the peers in tests/peers/.
+//! crossings of each ray. `--export DIR` writes triangles, rays, crossings per ray and rates for
+//! the peers in tests/peers/.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a benchmark stops at the first fault")]
 #![allow(clippy::cast_possible_truncation, reason = "coordinates go to the peers as f32")]
@@ -7,7 +8,9 @@
 
 mod scenes;
 
-use beamlet::{Backend, Engine, EngineOptions};
+use beamlet::trace::Ray;
+use beamlet::{Backend, Engine, EngineOptions, Simulation};
+use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
@@ -15,38 +18,67 @@ use std::time::Duration;
 /// Rays per side of a scene.
 const SIDE: u32 = 512;
 
+/// Attempts at a rate, the best of which counts, and the processor time of each.
+const ATTEMPTS: u32 = 3;
+const LEAST: Duration = Duration::from_millis(1000);
+
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let export = arguments.iter().position(|a| a == "--export").map(|i| arguments[i + 1].clone());
-    println!("{:16}{:>12}{:>12}{:>14}{:>14}", "scene", "triangles", "hits/ray", "bvh", "ray-query");
+    println!(
+        "{:16}{:>12}{:>12}{:>12}{:>12}{:>12}",
+        "scene", "triangles", "crossings", "per ray", "bvh", "ray-query"
+    );
+    let mut table = String::new();
     for name in scenes::NAMES {
         let soup = scenes::soup(name);
         let rays = scenes::rays(name, SIDE);
-        if let Some(folder) = &export {
-            write(Path::new(folder), name, &soup, &rays);
-        }
         let triangles = soup.1.len();
+        let stem = name.replace([' ', ','], "");
+        let place = export.as_ref().map(|folder| Path::new(folder).join(&stem));
+        if let Some(place) = &place {
+            write(place, &soup, &rays);
+        }
         let scene = scenes::scene(soup);
-        let mut rates = Vec::new();
-        let mut hits = 0;
-        for backend in [Backend::Bvh, Backend::RayQuery] {
+        let mut counts: Option<Vec<u32>> = None;
+        let mut rates = [0.0; 2];
+        for (backend, rate) in [Backend::Bvh, Backend::RayQuery].into_iter().zip(&mut rates) {
             let options = EngineOptions { backend: Some(backend), ..EngineOptions::default() };
-            let Ok(engine) = Engine::open(&options) else { continue };
+            let engine = Engine::open(&options).expect("a Vulkan device");
+            // Not every device has ray query.
             let Ok(simulation) = engine.prepare(&scene) else { continue };
             let laws = simulation.trace(&rays).unwrap();
-            hits = laws.iter().map(|law| u64::from(law.crossings)).sum();
-            let rate = (0..3)
-                .map(|_| {
-                    let before = processor_time();
-                    simulation.trace(&rays).unwrap();
-                    rays.len() as f64 / (processor_time() - before).as_secs_f64() / 1e6
-                })
-                .fold(0.0, f64::max);
-            rates.push(rate);
+            let found: Vec<u32> = laws.iter().map(|law| law.crossings).collect();
+            assert!(counts.as_ref().is_none_or(|c| *c == found), "the backends differ on {name}");
+            counts = Some(found);
+            *rate = (0..ATTEMPTS).map(|_| rate_of(&simulation, &rays)).fold(0.0, f64::max);
         }
-        let hits = hits as f64 / rays.len() as f64;
-        let cell = |i: usize| rates.get(i).map_or("-".into(), |r| format!("{r:.3}"));
-        println!("{name:16}{triangles:>12}{hits:>12.2}{:>14}{:>14}", cell(0), cell(1));
+        let counts = counts.unwrap();
+        let crossings: u64 = counts.iter().map(|&c| u64::from(c)).sum();
+        let per_ray = crossings as f64 / rays.len() as f64;
+        let [bvh, query] = rates;
+        println!("{name:16}{triangles:>12}{crossings:>12}{per_ray:>12.2}{bvh:>12.3}{query:>12.3}");
+        writeln!(table, "{stem}\t{crossings}\t{bvh:.4}\t{query:.4}").unwrap();
+        if let Some(place) = &place {
+            fs::write(place.with_extension("crossings"), bytemuck::cast_slice(&counts)).unwrap();
+        }
+    }
+    if let Some(folder) = &export {
+        fs::write(Path::new(folder).join("rates.tsv"), table).unwrap();
+    }
+}
+
+/// Million rays per second of processor time.
+fn rate_of(simulation: &Simulation<'_>, rays: &[Ray]) -> f64 {
+    let before = processor_time();
+    let mut traced = 0;
+    loop {
+        simulation.trace(rays).unwrap();
+        traced += rays.len();
+        let passed = processor_time() - before;
+        if passed >= LEAST {
+            return traced as f64 / passed.as_secs_f64() / 1e6;
+        }
     }
 }
 
@@ -60,9 +92,8 @@ fn processor_time() -> Duration {
 }
 
 /// `NAME.triangles` (9 f32 each) and `NAME.rays` (x, z at y = 0, and their slopes, f32).
-fn write(folder: &Path, name: &str, soup: &scenes::Soup, rays: &[beamlet::trace::Ray]) {
-    fs::create_dir_all(folder).unwrap();
-    let stem = name.replace([' ', ','], "");
+fn write(place: &Path, soup: &scenes::Soup, rays: &[Ray]) {
+    fs::create_dir_all(place.parent().unwrap()).unwrap();
     let corners: Vec<f32> = soup
         .1
         .iter()
@@ -70,6 +101,6 @@ fn write(folder: &Path, name: &str, soup: &scenes::Soup, rays: &[beamlet::trace:
         .flatten()
         .collect();
     let rays: Vec<f32> = rays.iter().flat_map(|r| [r.x, r.z, r.slope_x, r.slope_z]).collect();
-    fs::write(folder.join(format!("{stem}.triangles")), bytemuck::cast_slice(&corners)).unwrap();
-    fs::write(folder.join(format!("{stem}.rays")), bytemuck::cast_slice(&rays)).unwrap();
+    fs::write(place.with_extension("triangles"), bytemuck::cast_slice(&corners)).unwrap();
+    fs::write(place.with_extension("rays"), bytemuck::cast_slice(&rays)).unwrap();
 }

@@ -1,0 +1,191 @@
+//! Watertightness at scale: rays through vertices, edges and insides of ten kinds of closed
+//! meshes; every object must be left as often as it was entered.
+//!
+//! `cargo bench --bench watertight -- [RAYS] [bvh|ray-query] [KIND]`: `RAYS` in all (1e7), on
+//! one backend (both), a tenth of them through each kind of mesh (or all through one). Fails
+//! where a ray stays unbalanced after re-tracing.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a benchmark stops at the first fault")]
+#![allow(clippy::print_stdout, reason = "a table is the result")]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "small counts; rays are f32"
+)]
+
+mod closed;
+#[path = "../reference/mod.rs"]
+mod reference;
+
+use beamlet::gpu::interface::FLAG_UNBALANCED;
+use beamlet::gpu::{Device, DeviceOptions};
+use beamlet::scene::{Scene, Transport};
+use beamlet::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
+use beamlet::{Backend, geometry};
+use rayon::prelude::*;
+use reference::scenes;
+use reference::stack::Setup;
+use reference::surfaces::{Body, Random};
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Rays made and traced at once.
+const CHUNK: u64 = 1 << 19;
+/// Views; the sines and cosines of the first are exact.
+const ANGLES: [f64; 4] = [0.0, FRAC_PI_2, FRAC_PI_4, 0.5];
+
+fn main() {
+    let arguments: Vec<String> =
+        std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let number = |a: &String| a.parse::<f64>().ok().map(|n| n as u64);
+    let rays = arguments.iter().find_map(number).unwrap_or(10_000_000);
+    let backends: Vec<Backend> = [Backend::Bvh, Backend::RayQuery]
+        .into_iter()
+        .filter(|b| {
+            let other = if *b == Backend::Bvh { Backend::RayQuery } else { Backend::Bvh };
+            !arguments.contains(&other.to_string())
+        })
+        .collect();
+    let kinds: Vec<_> = closed::KINDS
+        .iter()
+        .filter(|(name, _)| {
+            let chosen = |(other, _): &(&str, _)| arguments.iter().any(|a| a == other);
+            !closed::KINDS.iter().any(chosen) || arguments.iter().any(|a| a == name)
+        })
+        .collect();
+    println!(
+        "{:10} {:24}{:>10}{:>14}{:>8}{:>16}{:>10}{:>12}{:>9}",
+        "backend",
+        "mesh",
+        "triangles",
+        "rays",
+        "met",
+        "crossings",
+        "again",
+        "unbalanced",
+        "seconds"
+    );
+    let mut unbalanced = 0;
+    for backend in backends {
+        for (name, make) in &kinds {
+            unbalanced += trace(backend, name, &make(), rays.div_ceil(kinds.len() as u64));
+        }
+    }
+    assert_eq!(unbalanced, 0, "rays left an object other than as often as they entered it");
+}
+
+/// Traces rays through a kind of mesh, prints its line, and returns how many stayed unbalanced.
+fn trace(backend: Backend, name: &str, bodies: &[Body], rays: u64) -> u64 {
+    let triangles: usize = bodies.iter().map(|b| b.mesh.triangles.len()).sum();
+    let device = Device::open(&DeviceOptions::default()).expect("a Vulkan device");
+    if backend == Backend::RayQuery && !device.description().ray_query {
+        println!("{backend:10} the device has no ray query");
+        return 0;
+    }
+    let mut tracer = tracer(&device, backend, &scene_of(bodies));
+    let aim = Aim::of(bodies);
+    let begin = Instant::now();
+    let (mut met, mut crossings, mut unbalanced) = (0, 0, 0);
+    for first in (0..rays).step_by(CHUNK as usize) {
+        let last = rays.min(first + CHUNK);
+        let chunk: Vec<Ray> = (first..last).into_par_iter().map(|i| aim.ray(i)).collect();
+        let laws = tracer.trace(&chunk).expect("laws");
+        met += laws.iter().filter(|law| law.crossings > 0).count() as u64;
+        crossings += laws.iter().map(|law| u64::from(law.crossings)).sum::<u64>();
+        unbalanced += laws.iter().filter(|law| law.flags & FLAG_UNBALANCED != 0).count() as u64;
+    }
+    let tally = tracer.tally().expect("a tally");
+    assert_eq!((tally.rays, tally.unbalanced), (rays, unbalanced), "the tally counts otherwise");
+    assert_eq!((tally.not_finite, tally.dropped), (0, 0));
+    println!(
+        "{:10} {name:24}{triangles:>10}{rays:>14}{:>7.1}%{crossings:>16}{:>10}{unbalanced:>12}{:>9.1}",
+        backend.to_string(),
+        100.0 * met as f64 / rays as f64,
+        tally.retraced,
+        begin.elapsed().as_secs_f64(),
+    );
+    unbalanced
+}
+
+fn scene_of(bodies: &[Body]) -> Scene {
+    let mut setup = Setup::paper([16, 16]);
+    setup.sample_mask = None;
+    let mut scene = scenes::scene(&setup, bodies, &[0.0]);
+    scene.scan.angles = ANGLES.to_vec();
+    scene.sampling.transport = Transport::FirstOrder;
+    scene
+}
+
+/// A tracer of its own, so that its tally can be read.
+fn tracer(device: &Arc<Device>, backend: Backend, scene: &Scene) -> Tracer {
+    let sample = geometry::load(scene).expect("a sample");
+    let media = Media::of(scene).expect("media");
+    let query = backend == Backend::RayQuery;
+    let sample = DeviceSample::upload(device, scene, &sample, &media, query).expect("room");
+    let kernels = Arc::new(TraceKernels::new(device).expect("kernels"));
+    let transport = Transport::FirstOrder;
+    Tracer::new(device, &kernels, &Arc::new(sample), backend, transport, None, u32::MAX)
+        .expect("a tracer")
+}
+
+/// Where rays are aimed at.
+struct Aim {
+    /// Two corners of every triangle.
+    edges: Vec<[[f64; 3]; 2]>,
+    low: [f64; 2],
+    high: [f64; 2],
+}
+
+impl Aim {
+    fn of(bodies: &[Body]) -> Self {
+        let mut aim = Self { edges: Vec::new(), low: [1e3; 2], high: [-1e3; 2] };
+        for body in bodies {
+            for triangle in 0..body.mesh.triangles.len() {
+                let [a, b, c] = body.mesh.corners(triangle);
+                aim.edges.extend([[a, b], [b, c], [c, a]]);
+                for (p, k) in [a, b, c].iter().flat_map(|p| [(p[0], 0), (p[2], 1)]) {
+                    aim.low[k] = aim.low[k].min(p);
+                    aim.high[k] = aim.high[k].max(p);
+                }
+            }
+        }
+        aim
+    }
+
+    /// Ray number `i`: a third at vertices, at edges or a hair beside them; a third on a grid of
+    /// round coordinates; a third at random, in every view.
+    fn ray(&self, i: u64) -> Ray {
+        let mut random = Random::new(i.wrapping_mul(0xd134_2543_de82_ef95));
+        let slope = |p: f64| if i / 3 % 2 == 0 { 0.0 } else { p / 1.21 };
+        match i % 3 {
+            0 => {
+                let [a, b] = self.edges[(random.next() * self.edges.len() as f64) as usize];
+                let share = [0.0, 0.5, random.next(), random.next()][(i / 6 % 4) as usize];
+                let hair = [0.0, 0.0, 1e-10, -1e-9][(i / 24 % 4) as usize];
+                let p: Vec<f64> = (0..3).map(|k| a[k] * (1.0 - share) + b[k] * share).collect();
+                let slopes = [slope(p[0]), slope(p[2])];
+                ray(p[0] - slopes[0] * p[1] + hair, p[2] - slopes[1] * p[1], slopes, 0)
+            }
+            1 => {
+                // Multiples of a power of two, about 4,096 across the mesh.
+                let step = ((self.high[0] - self.low[0]) / 4096.0).log2().floor().exp2();
+                let at = |k: usize, share: f64| {
+                    ((self.low[k] + share * (self.high[k] - self.low[k])) / step).round() * step
+                };
+                let slopes = [0.0, 2.0_f64.powi(-10), -2.0_f64.powi(-10)];
+                let slopes = [slopes[(i / 3 % 3) as usize], slopes[(i / 9 % 3) as usize]];
+                ray(at(0, random.next()), at(1, random.next()), slopes, (i / 27 % 2) as u32)
+            }
+            _ => {
+                let x = random.between(self.low[0], self.high[0]);
+                let z = random.between(self.low[1], self.high[1]);
+                ray(x, z, [slope(x), slope(z)], (i / 6 % 4) as u32)
+            }
+        }
+    }
+}
+
+fn ray(x: f64, z: f64, slope: [f64; 2], view: u32) -> Ray {
+    Ray { x: x as f32, z: z as f32, slope_x: slope[0] as f32, slope_z: slope[1] as f32, view }
+}
