@@ -192,7 +192,8 @@ pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
             if reach > half {
                 warnings.push(format!(
                     "\"{}\" reaches outside the field of view: {:.3} mm from the centre of the \
-                     detector in {axis} at angle {:.3} deg, where the detector ends at {:.3} mm",
+                     detector in {axis} at angle {:.3} deg, where the detector ends at {:.3} mm; if \
+                     it should not, is its `unit` (or `scale`) the right one?",
                     outline.name,
                     reach * 1e3,
                     angle.to_degrees(),
