@@ -128,7 +128,9 @@ fn end(mut child: Child, log: &Path, views: usize, milliseconds: u64, signal: &s
     }
     std::thread::sleep(Duration::from_millis(milliseconds));
     // The child is ours and was not waited for: the number is its own.
-    Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    // The shell's own: a bare machine has no program of that name. It may be over already.
+    let kill = format!("kill {signal} {}", child.id());
+    Command::new("sh").args(["-c", &kill]).stderr(Stdio::null()).status().unwrap();
     child.wait_with_output().unwrap()
 }
 
