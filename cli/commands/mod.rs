@@ -5,9 +5,8 @@ mod devices;
 mod example;
 mod simulate;
 
-use crate::args::{Arguments, SceneArguments, Verb};
+use crate::args::{Arguments, Verb};
 use crate::failure::Failure;
-use beamlet::scene::Scene;
 use std::io::Write;
 
 /// Runs the verb that was asked for.
