@@ -2,32 +2,6 @@
 
 const uint STACK = 32u; // the host refuses deeper trees
 
-// The part of children_met() of one child. Written out per child rather than as a loop, and with
-// near and far sides chosen by the sign of the direction once per node.
-#define CHILD(SHIFT)                                                                             \
-    {                                                                                            \
-        vec3 first = vec3(bitfieldExtract(first_x, SHIFT, 8), bitfieldExtract(first_y, SHIFT, 8), \
-                          bitfieldExtract(first_z, SHIFT, 8)) * scale + offset;                  \
-        vec3 last = vec3(bitfieldExtract(last_x, SHIFT, 8), bitfieldExtract(last_y, SHIFT, 8),   \
-                         bitfieldExtract(last_z, SHIFT, 8)) * scale + offset;                    \
-        float enter = max(max(first.x, first.y), max(first.z, near));                            \
-        float leave = min(min(last.x, last.y), min(last.z, far));                                \
-        uint child = bitfieldExtract(meta, SHIFT, 8);                                            \
-        met |= enter <= leave ? (child >> 5) << (child & 31u) : 0u;                              \
-    }
-
-#define FOUR_CHILDREN(W)                                                                         \
-    {                                                                                            \
-        uint meta = node.meta[W];                                                                \
-        uint first_x = inverse.x < 0.0 ? node.max_x[W] : node.min_x[W];                          \
-        uint last_x = inverse.x < 0.0 ? node.min_x[W] : node.max_x[W];                           \
-        uint first_y = inverse.y < 0.0 ? node.max_y[W] : node.min_y[W];                          \
-        uint last_y = inverse.y < 0.0 ? node.min_y[W] : node.max_y[W];                           \
-        uint first_z = inverse.z < 0.0 ? node.max_z[W] : node.min_z[W];                          \
-        uint last_z = inverse.z < 0.0 ? node.min_z[W] : node.max_z[W];                           \
-        CHILD(0) CHILD(8) CHILD(16) CHILD(24)                                                    \
-    }
-
 // Bits of the children of a node that the line may meet at t in [near, far]:
 // leaves below bit 24, inner children from bit 24 on.
 uint children_met(Node node, vec3 origin, vec3 inverse, float near, float far) {
@@ -36,8 +10,20 @@ uint children_met(Node node, vec3 origin, vec3 inverse, float near, float far) {
                       uintBitsToFloat((node.exponents & 0xff0000u) << 7)) * inverse;
     vec3 offset = (node.origin - origin) * inverse;
     uint met = 0u;
-    FOUR_CHILDREN(0)
-    FOUR_CHILDREN(1)
+    for (uint i = 0u; i < 8u; i++) {
+        uint word = i >> 2;
+        uint shift = (i & 3u) * 8u;
+        uint meta = (node.meta[word] >> shift) & 0xffu;
+        vec3 low = vec3((node.min_x[word] >> shift) & 0xffu, (node.min_y[word] >> shift) & 0xffu,
+                        (node.min_z[word] >> shift) & 0xffu) * scale + offset;
+        vec3 high = vec3((node.max_x[word] >> shift) & 0xffu, (node.max_y[word] >> shift) & 0xffu,
+                         (node.max_z[word] >> shift) & 0xffu) * scale + offset;
+        vec3 first = min(low, high);
+        vec3 last = max(low, high);
+        float enter = max(max(first.x, first.y), max(first.z, near));
+        float leave = min(min(last.x, last.y), min(last.z, far));
+        if (enter <= leave) met |= (meta >> 5) << (meta & 31u);
+    }
     return met;
 }
 
