@@ -26,9 +26,9 @@ const STRUCTURE: u64 = 60;
 const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its law, segments of its line, cells.
 /// For curved bodies, which refine most; flat ones take less.
-const REFINEMENT: u64 = 540;
+const REFINEMENT: u64 = 680;
 /// Bytes on the device of a ray besides its moments, and of the cells made from it.
-const RAY: u64 = 64 + 160;
+const RAY: u64 = 128;
 /// Copies of a frame while it is encoded: values, and raw or compressed blocks.
 const FRAME_COPIES: u64 = 2;
 
@@ -107,8 +107,10 @@ pub fn estimate(
         let rows = (BAND / needs.row_bytes().max(1)).clamp(1, all.into());
         return Ok(needs.at(u32::try_from(rows).unwrap_or(all), rays));
     };
-    // Small groups of rays only where the limit is small: they keep a device less busy.
-    while rays > RAYS[1] && needs.run(1, rays).sum().saturating_mul(2) > limit {
+    // Rays get up to half of what one row leaves: small groups keep a device less busy.
+    let one_row = needs.run(1, 0).sum();
+    let half = limit.saturating_sub(one_row) / 2;
+    while rays > RAYS[1] && needs.run(1, rays).sum() - one_row > half {
         rays /= 2;
     }
     let least = needs.at(1, rays);

@@ -23,7 +23,7 @@ layout(push_constant, scalar) uniform ExactPush {
     uint all;
     uint first;
     uint last;   // no further attempt follows
-    float nudge; // moves the rays in x, m
+    float nudge; // moves the rays in x, and in z by 0.7 of it, m
 } push;
 
 #define sample_ push.sample_ref.at[0]
@@ -67,6 +67,7 @@ void main() {
     if (push.all == 0u) index = push.list.at[1u + index];
     Ray ray = push.rays.at[index];
     ray.x += push.nudge;
+    ray.z += 0.7 * push.nudge;
     Beam beam = beam_of(ray, sample_.views.at[ray.view]);
     Law first_order = push.laws.at[index];
 
@@ -86,7 +87,8 @@ void main() {
 
     float y = -1e30;
     uint id = 0xffffffffu;
-    float bent = -1e30;  // y of the last bend
+    float again = -1e30; // y of an entry of an object that the ray is inside of
+    uint again_object = 0u;
     float entered = 0.0; // y where the current medium began
     uint material = 0u;
     Crossing crossing;
@@ -100,10 +102,23 @@ void main() {
         }
         Surface surface = sample_.surfaces.at[crossing.surface];
         uint place = place_of(media, surface.object);
-        // A bend at an edge can bring the neighbouring facet up once more: not a crossing. Farther
-        // on, sheets of one object that lie on one another may be entered before they are left.
+        // Where sheets of one object lie on one another the next may be entered before the last
+        // is left: the two cancel. Any other entry while inside, or exit while outside, comes
+        // from a bend at an edge that brings a facet up twice or loses one: not a crossing.
         bool inside = place < DEPTH;
-        if (crossing.entering == inside && (!inside || y - bent <= order_slack(y))) continue;
+        if (crossing.entering && inside) {
+            again = y;
+            again_object = surface.object;
+            continue;
+        }
+        if (!crossing.entering && inside && again_object == surface.object
+            && y - again <= 1e-6 * abs(y) + 2e-9) {
+            again = -1e30;
+            crossings += 2u;
+            signature += 2u * surface.hash;
+            continue;
+        }
+        if (!crossing.entering && !inside) continue;
         crossings += 1u;
         Media after = media;
         if (crossing.entering) {
@@ -130,7 +145,6 @@ void main() {
         bool reflected;
         vec2 bend = refract_slope(now, crossing.normal, sample_.constants.at[material].delta,
                                   sample_.constants.at[next_material].delta, reflected);
-        bent = y;
         slope += bend;
         displacement += bend * (beam.analyser - y);
         moved -= bend * y;

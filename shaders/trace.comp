@@ -29,7 +29,7 @@ layout(push_constant, scalar) uniform TracePush {
     uint materials;
     uint listed;
     uint last;   // no further attempt follows
-    float nudge; // moves the rays in x, m
+    float nudge; // moves the rays in x, and in z by 0.7 of it, m
 } push;
 
 #define sample_ push.sample_ref.at[0]
@@ -75,6 +75,7 @@ void main() {
     if (push.listed != 0u) index = push.list.at[1u + index];
     Ray ray = push.rays.at[index];
     ray.x += push.nudge;
+    ray.z += 0.7 * push.nudge;
     Beam beam = beam_of(ray, sample_.views.at[ray.view]);
 
     uint stride = MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL;

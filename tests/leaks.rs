@@ -1,6 +1,12 @@
 //! Closed bodies are left as often as they are entered, whatever edge, vertex or stack of sheets
 //! a ray runs through.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts are small; rays are rounded to f32 as the engine takes them"
+)]
+
 mod reference;
 mod support;
 
@@ -191,7 +197,9 @@ fn laws(
     rays: &[Ray],
 ) -> (Vec<Law>, Vec<(f64, u32, u32)>) {
     let engine = engine(backend);
-    let scene = scene_of(bodies, &[0.0], transport);
+    let mut scene = scene_of(bodies, &[0.0], transport);
+    // Sheets that lie on one another are a defect of a mesh; the walks count them all the same.
+    scene.objects.iter_mut().for_each(|object| object.allow_defects = true);
     let simulation = engine.prepare(&scene).expect("a sample");
     let (laws, moments) = simulation.moments(rays).expect("laws");
     let each = (0..rays.len())
@@ -218,7 +226,7 @@ fn ray_with_2000_crossings_counts_them_all() {
         boxes((0..1000).map(|i| ([1e-3, 2e-6, 1e-3], [0.0, 4e-6 * f64::from(i) - 2e-3, 0.0])));
     let bodies = [body(plates.rounded(), CARBON[0], CARBON[1])];
     let mut random = Random::new(5);
-    let rays: Vec<Ray> = (0..200)
+    let rays: Vec<Ray> = (0..64)
         .map(|_| {
             let (x, z) = (random.between(-0.4e-3, 0.4e-3), random.between(-0.4e-3, 0.4e-3));
             ray(x, z, [x / 1.21, z / 1.21], 0)
@@ -251,7 +259,7 @@ fn ray_through_300_coincident_sheets_counts_both_sides_of_each() {
     }));
     let bodies = [body(stack, CARBON[0], CARBON[1])];
     let mut random = Random::new(6);
-    let rays: Vec<Ray> = (0..200)
+    let rays: Vec<Ray> = (0..64)
         .map(|_| {
             let (x, z) = (random.between(-0.4e-3, 0.4e-3), random.between(-0.4e-3, 0.4e-3));
             ray(x, z, [x / 1.21, z / 1.21], 0)

@@ -1,5 +1,11 @@
 //! Stacks of samples against closed forms and against the reference's sums over traced rays.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts are small; rays are rounded to f32 as the engine takes them"
+)]
+
 mod reference;
 mod support;
 
@@ -16,12 +22,9 @@ use support::{CARBON, Checked, WATER, Worst, engine};
 /// Pixels inside a sample, in open beam: they have to reach 2e-4, and do so with room. The
 /// reference itself is good to 2e-5 (kinks of overlapping edges between 121 source points).
 const INTERIOR: f64 = 5e-5;
-/// Pixels that a silhouette crosses, sample close behind the mask: they have to reach 5e-3. The
+/// Pixels that a silhouette crosses: they have to reach 5e-3. The
 /// reference counts whole cells of 0.5 um, smoothed by its source points.
 const RIM: f64 = 1e-3;
-/// What such pixels have to reach. A sample far behind the mask needs it: within a cell the
-/// engine extends the law linearly over the spot, which a silhouette does not follow.
-const SILHOUETTE: f64 = 5e-3;
 
 fn steps(reach: f64, count: u32) -> Vec<f64> {
     (0..count).map(|i| reach * (2.0 * f64::from(i) / f64::from(count - 1) - 1.0)).collect()
@@ -183,22 +186,14 @@ fn sample_10_mm_behind_the_mask_is_the_exact_one() {
 #[test]
 fn sample_100_mm_behind_the_mask_is_the_exact_one() {
     let mut inside = Worst::new("sample 100 mm behind the mask, interior", INTERIOR);
-    let mut rim = Worst::new("sample 100 mm behind the mask, silhouettes", SILHOUETTE);
+    let mut rim = Worst::new("sample 100 mm behind the mask, silhouettes", RIM);
     compare_cylinder_behind(100e-3, &mut inside, &mut rim);
 }
 
 #[test]
-fn sample_300_mm_behind_the_mask_is_the_exact_one_inside() {
+fn sample_300_mm_behind_the_mask_is_the_exact_one() {
     let mut inside = Worst::new("sample 300 mm behind the mask, interior", INTERIOR);
-    let mut rim = Worst::new("sample 300 mm behind the mask, silhouettes", f64::INFINITY);
-    compare_cylinder_behind(300e-3, &mut inside, &mut rim);
-}
-
-#[test]
-#[ignore = "7e-3: within a cell the law is extended linearly over the spot, 3 um here"]
-fn silhouette_300_mm_behind_the_mask_is_the_exact_one() {
-    let mut inside = Worst::new("sample 300 mm behind the mask, interior", INTERIOR);
-    let mut rim = Worst::new("sample 300 mm behind the mask, silhouettes", SILHOUETTE);
+    let mut rim = Worst::new("sample 300 mm behind the mask, silhouettes", RIM);
     compare_cylinder_behind(300e-3, &mut inside, &mut rim);
 }
 

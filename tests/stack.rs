@@ -338,6 +338,20 @@ fn overwriting_never_takes_the_files_of_a_directory_that_is_no_run() {
 }
 
 #[test]
+fn a_run_that_was_ended_before_its_record_stood_can_begin_again() {
+    let temporary = tempfile::tempdir().unwrap();
+    let path = temporary.path();
+    for name in ["progress.log", "scene.toml", "run.json.new"] {
+        fs::write(path.join(name), "").unwrap();
+    }
+    run_in(path, Format::Npy, ROWS);
+    assert_eq!(RunDirectory::resume(path, &scene()).unwrap().committed().len(), 3);
+    // A log with something in it, or a file of others beside it, is left alone.
+    fs::remove_file(path.join("run.json")).unwrap();
+    assert!(RunDirectory::create(path, Format::Npy, true).is_err());
+}
+
+#[test]
 fn bands_out_of_order_or_missing_are_refused() {
     let temporary = tempfile::tempdir().unwrap();
     let mut sink = RunDirectory::create(temporary.path(), Format::Npy, false).unwrap();

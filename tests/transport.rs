@@ -1,6 +1,12 @@
 //! Single rays: closed forms of simple bodies, and the engine's f32 walks against the f64
 //! reference on the same rays through the same vertices.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts are small; rays are rounded to f32 as the engine takes them"
+)]
+
 mod reference;
 mod support;
 

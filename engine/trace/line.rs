@@ -141,6 +141,9 @@ impl Line {
             let (first, last) = (self.segments[0].low, self.segments[self.segments.len() - 1].high);
             self.segments = vec![Segment { low: first, high: last }];
         }
+        // Lines wait in great numbers until their strips are done.
+        self.segments.shrink_to_fit();
+        self.open = Vec::new();
     }
 
     /// Accepts the segment, or opens its halves.

@@ -26,6 +26,9 @@ const FINEST: i64 = 256;
 /// Silhouettes of neighbouring lines may differ by this share of a period.
 const EDGE_SHARE: f32 = 1.0 / 20.0;
 
+/// Spans whose cells are made side by side.
+const SPANS_AT_ONCE: usize = 1 << 12;
+
 /// Strips and cells, ready to be illuminated.
 #[derive(Debug, Clone, Default)]
 pub struct Strips {
@@ -156,8 +159,7 @@ fn occupied(view: &View<'_>, row: i64) -> Vec<bool> {
 
 /// Traces and refines the beamlets of some rows and hands strips to `take`, in parts, as they
 /// are ready. `lit`: the rows from which undeflected light matters; what neither stands nor
-/// lands there is left out. About `rays_at_once` rays and four times as many cells are in memory
-/// at a time; the strips, but not their order, are the same whatever it is.
+/// lands there is left out. About `rays_at_once` rays and as many cells are in memory at a time; the strips, but not their order, are the same whatever it is.
 ///
 /// # Errors
 /// As [`Tracer::trace`]; those of `take`.
@@ -187,7 +189,7 @@ pub fn trace_strips(
             }
         }
     }
-    let mut out = Parts { strips: Strips::default(), most: 4 * rays_at_once, take };
+    let mut out = Parts { strips: Strips::default(), most: rays_at_once, take };
     let cell = empty_cell(view.lattice);
     for (column, row) in blank {
         out.push(empty_strip(column, row), &[cell])?;
@@ -214,14 +216,16 @@ pub fn trace_strips(
                 next.push(Span { low: middle, ..*span });
             }
         }
-        let strips: Vec<SpanCells> =
-            done.par_iter().map(|s| work.cells(s, &lines[&(s.beamlet, s.middle())])).collect();
-        for made in strips {
-            let row = i64::from(made.strip.row);
-            out.strips.landed_off += made.landed_off;
-            out.strips.not_finite += made.not_finite;
-            if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
-                out.push(made.strip, &made.cells)?;
+        for some in done.chunks(SPANS_AT_ONCE) {
+            let cells = |s: &Span| work.cells(s, &lines[&(s.beamlet, s.middle())]);
+            let strips: Vec<SpanCells> = some.par_iter().map(cells).collect();
+            for made in strips {
+                let row = i64::from(made.strip.row);
+                out.strips.landed_off += made.landed_off;
+                out.strips.not_finite += made.not_finite;
+                if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
+                    out.push(made.strip, &made.cells)?;
+                }
             }
         }
         waiting.extend(chunks(&next, at_once, &lines));

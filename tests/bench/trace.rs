@@ -3,6 +3,7 @@
 //! the peers in tests/peers/.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a benchmark stops at the first fault")]
+#![allow(clippy::cast_possible_truncation, reason = "coordinates go to the peers as f32")]
 #![allow(clippy::print_stdout, reason = "a table is the result")]
 
 mod scenes;

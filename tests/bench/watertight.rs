@@ -157,7 +157,7 @@ impl Aim {
     /// round coordinates; a third at random, in every view.
     fn ray(&self, i: u64) -> Ray {
         let mut random = Random::new(i.wrapping_mul(0xd134_2543_de82_ef95));
-        let slope = |p: f64| if i / 3 % 2 == 0 { 0.0 } else { p / 1.21 };
+        let slope = |p: f64| if (i / 3).is_multiple_of(2) { 0.0 } else { p / 1.21 };
         match i % 3 {
             0 => {
                 let [a, b] = self.edges[(random.next() * self.edges.len() as f64) as usize];

@@ -1,0 +1,129 @@
+//! The same scene gives the same bits, however it is cut into bands, batches, threads and views.
+
+mod reference;
+mod support;
+
+use beamlet::scene::{Scene, Scheme};
+use beamlet::stack::Stacks;
+use beamlet::{Backend, EngineOptions};
+use reference::scenes;
+use reference::stack::Setup;
+use reference::surfaces::{body, cuboid, cylinder, star};
+use support::{CARBON, WATER, backends, engine, engine_with};
+
+/// A rough ball, a slab at grazing incidence and a tilted rod, in two views: silhouettes along
+/// and across rows, total reflection, light that lands rows and columns away.
+fn scene(scheme: Scheme) -> Scene {
+    let setup = Setup::paper([12, 5]);
+    let rod = cylinder(0.1e-3, 0.9e-3, 24, 0.2).turned([1.0, 0.3, 0.0], 0.7);
+    let bodies = [
+        body(star(0.15e-3, 0.25e-3, 2, 3).moved([-0.4e-3, 0.0, 0.1e-3]), CARBON[0], CARBON[1]),
+        body(cuboid([0.2e-3, 1.5e-3, 0.5e-3]).turned([1.0, 0.0, 1.0], 4e-4), WATER[0], 2e-6),
+        body(rod.moved([0.4e-3, 0.0, 0.0]), WATER[0], 3e-5),
+    ];
+    let mut scene = scenes::scene(&setup, &bodies, &[-20e-6, 0.0, 9e-6]);
+    scene.scan.angles = vec![0.0, 1.5];
+    scene.sampling.scheme = scheme;
+    scene.sampling.rays = [90, 4];
+    // Enough refinement for every branch, few enough rays for many runs.
+    scene.sampling.tolerance = 10e-9;
+    scene
+}
+
+fn run(options: EngineOptions, scene: &Scene) -> Stacks {
+    engine_with(EngineOptions { backend: Some(Backend::Bvh), ..options })
+        .simulate(scene)
+        .expect("a stack")
+}
+
+/// Fails where any bit differs.
+fn same(what: &str, a: &Stacks, b: &Stacks) {
+    assert!(a.flat.iter().zip(&b.flat).all(|(a, b)| a.to_bits() == b.to_bits()), "{what}: flat");
+    assert_eq!(a.sample.shape(), b.sample.shape());
+    let other =
+        a.sample.indexed_iter().zip(&b.sample).find(|((_, a), b)| a.to_bits() != b.to_bits());
+    assert!(other.is_none(), "{what}: {other:?}");
+}
+
+const SCHEMES: [Scheme; 2] = [Scheme::Cells, Scheme::Random];
+
+#[test]
+fn band_and_batch_size_change_no_bit() {
+    for scheme in SCHEMES {
+        let scene = scene(scheme);
+        let whole = run(EngineOptions::default(), &scene);
+        assert!(whole.record.tally.exact > 0 && whole.record.tally.reflected > 0);
+        for (band, batch) in [(Some(1), None), (Some(3), Some(4096)), (None, Some(257))] {
+            let options =
+                EngineOptions { band_rows: band, batch_rays: batch, ..EngineOptions::default() };
+            let what = format!("{scheme:?}, bands of {band:?} rows, batches of {batch:?} rays");
+            same(&what, &whole, &run(options, &scene));
+        }
+    }
+}
+
+#[test]
+fn memory_limit_changes_no_bit() {
+    let scene = scene(Scheme::Cells);
+    let little = EngineOptions { memory_limit: Some(160 << 20), ..EngineOptions::default() };
+    same("a limit of 160 MiB", &run(EngineOptions::default(), &scene), &run(little, &scene));
+}
+
+#[test]
+fn number_of_threads_changes_no_bit() {
+    for scheme in SCHEMES {
+        let scene = scene(scheme);
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("threads").install(|| run(EngineOptions::default(), &scene))
+        };
+        let one = with(1);
+        for threads in [2, 7] {
+            same(&format!("{scheme:?}, {threads} threads"), &one, &with(threads));
+        }
+    }
+}
+
+#[test]
+fn engine_that_served_other_scenes_gives_the_same_bits() {
+    let scene = scene(Scheme::Cells);
+    for backend in backends() {
+        let engine = engine(backend);
+        let first = engine.simulate(&scene).expect("a stack");
+        // Batches have grown by now, buffers are used anew.
+        let mut other = scene.clone();
+        other.scan.mask_offsets.push(15e-6);
+        other.objects.pop();
+        engine.simulate(&other).expect("a stack");
+        same("after another scene", &first, &engine.simulate(&scene).expect("a stack"));
+    }
+}
+
+#[test]
+fn cells_of_a_view_do_not_depend_on_other_views_or_steps() {
+    let scene = scene(Scheme::Cells);
+    let all = run(EngineOptions::default(), &scene);
+    for view in 0..2 {
+        let mut alone = scene.clone();
+        alone.scan.angles = vec![scene.scan.angles[view]];
+        alone.scan.mask_offsets = vec![scene.scan.mask_offsets[2]];
+        let alone = run(EngineOptions::default(), &alone);
+        for ((_, _, row, column), got) in alone.sample.indexed_iter() {
+            let want = all.sample[[view, 2, row, column]];
+            assert_eq!(got.to_bits(), want.to_bits(), "view {view}, pixel {column}, {row}");
+        }
+    }
+}
+
+#[test]
+fn random_rays_serve_every_step_alike() {
+    // A step alone sees the very rays that it sees among others.
+    let scene = scene(Scheme::Random);
+    let all = run(EngineOptions::default(), &scene);
+    let mut alone = scene.clone();
+    alone.scan.mask_offsets = vec![scene.scan.mask_offsets[1]];
+    let alone = run(EngineOptions::default(), &alone);
+    for ((view, _, row, column), got) in alone.sample.indexed_iter() {
+        assert_eq!(got.to_bits(), all.sample[[view, 1, row, column]].to_bits());
+    }
+}
