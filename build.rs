@@ -17,6 +17,7 @@ type Permutation = (&'static str, &'static str, &'static [(&'static str, &'stati
 /// The shaders of the engine, from shaders/. `trace_bvh` becomes `gpu::shaders::TRACE_BVH`.
 const PERMUTATIONS: &[Permutation] = &[
     ("trace_bvh", "trace.comp", &[]),
+    ("trace_bvh_packets", "trace.comp", &[("PACKETS", "1")]),
     ("trace_ray_query", "trace.comp", &[("BACKEND_RAY_QUERY", "1")]),
     ("exact_bvh", "exact.comp", &[]),
     ("exact_ray_query", "exact.comp", &[("BACKEND_RAY_QUERY", "1")]),

@@ -8,6 +8,10 @@
 #ifdef BACKEND_RAY_QUERY
 #extension GL_EXT_ray_query : require
 #endif
+#ifdef PACKETS
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#endif
 #include "interface.glsl"
 
 layout(local_size_x = 64) in;
@@ -61,7 +65,13 @@ bool finite(Law law) {
 
 void main() {
     uint index = gl_GlobalInvocationID.x;
+#ifdef PACKETS
+    // Lanes without a ray of their own help to load for the others.
+    bool live = index < push.count;
+    index = min(index, push.count - 1u);
+#else
     if (index >= push.count) return;
+#endif
     if (push.listed != 0u) index = push.list.at[1u + index];
     Ray ray = push.rays.at[index];
     ray.x += push.nudge;
@@ -71,10 +81,17 @@ void main() {
     uint stride = MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL;
     uint head = index * stride;
     Floats moments = Floats(push.moments);
-    for (uint i = MOMENTS_HEAD; i < stride; i++) moments.at[head + i] = 0.0;
-
     Walk walk = walk_begin(head + MOMENTS_HEAD);
+#ifdef PACKETS
+    if (live) {
+        for (uint i = MOMENTS_HEAD; i < stride; i++) moments.at[head + i] = 0.0;
+    }
+    walk_together(live, beam, moments, walk);
+    if (!live) return;
+#else
+    for (uint i = MOMENTS_HEAD; i < stride; i++) moments.at[head + i] = 0.0;
     walk_all(beam, moments, walk);
+#endif
     walk_flush(moments, walk);
     if (walk.balance != 0u) walk.flags |= FLAG_UNBALANCED;
 

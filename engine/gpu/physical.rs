@@ -47,6 +47,8 @@ pub struct DeviceDescription {
     pub max_allocation_bytes: u64,
     /// Invocations of a subgroup.
     pub subgroup_size: u32,
+    /// Invocations of a subgroup in compute shaders can read each other's values.
+    pub subgroup_exchange: bool,
 }
 
 impl fmt::Display for DeviceDescription {
@@ -155,6 +157,7 @@ fn examine(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Result
             .unwrap_or(0),
         max_allocation_bytes: 0,
         subgroup_size: 0,
+        subgroup_exchange: false,
     };
     let mut problems = Vec::new();
     let compute = |graphics: bool| {
@@ -209,6 +212,9 @@ fn read_properties(
     unsafe { instance.raw.get_physical_device_properties2(raw, &mut all) };
     description.max_allocation_bytes = v11.max_memory_allocation_size;
     description.subgroup_size = v11.subgroup_size;
+    let exchange = vk::SubgroupFeatureFlags::BALLOT | vk::SubgroupFeatureFlags::SHUFFLE;
+    description.subgroup_exchange = v11.subgroup_supported_operations.contains(exchange)
+        && v11.subgroup_supported_stages.contains(vk::ShaderStageFlags::COMPUTE);
     *scratch_alignment =
         u64::from(structure.min_acceleration_structure_scratch_offset_alignment).max(1);
     let text = |bytes: Option<&CStr>| bytes.unwrap_or(c"").to_string_lossy().into_owned();

@@ -6,10 +6,14 @@ use crate::gpu::interface::{ExactPush, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, 
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
 use crate::run::{Backend, Tally};
 use crate::scene::Transport;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+/// Sizes of subgroups whose rays walk the tree together. Smaller ones cannot hold a node; in larger
+/// ones too few of the rays meet the same nodes.
+const TOGETHER: RangeInclusive<u32> = 8..=16;
 /// Invocations per workgroup in trace.comp and exact.comp.
 const GROUP: u32 = 64;
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
@@ -46,8 +50,12 @@ impl TraceKernels {
         } else {
             None
         };
+        let description = device.description();
+        let together =
+            description.subgroup_exchange && TOGETHER.contains(&description.subgroup_size);
+        let trace_bvh = if together { shaders::TRACE_BVH_PACKETS } else { shaders::TRACE_BVH };
         Ok(Self {
-            trace_bvh: device.kernel("trace_bvh", shaders::TRACE_BVH, trace, None)?,
+            trace_bvh: device.kernel("trace_bvh", trace_bvh, trace, None)?,
             exact_bvh: device.kernel("exact_bvh", shaders::EXACT_BVH, exact, None)?,
             ray_query,
         })

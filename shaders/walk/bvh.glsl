@@ -72,8 +72,12 @@ uint pop_child(inout uvec2 group) {
 void walk_all(Beam beam, Floats moments, inout Walk walk) {
     vec3 origin = world_from_beam(beam, vec3(beam.x, 0.0, beam.z));
     vec3 inverse = 1.0 / line_direction(beam);
-    TRAVERSE(origin, inverse, -1e30, 1e30, visit(beam, primitive, 0u, moments, walk))
+    TRAVERSE(origin, inverse, -1e30, 1e30,
+             visit(beam, sample_.leaves.at[primitive], moments, walk))
 }
+#ifdef PACKETS
+#include "walk/packet.glsl"
+#endif
 
 // The next crossing after (y, id) in the order (y, primitive).
 bool next(Beam beam, float y, uint id, out Crossing crossing) {

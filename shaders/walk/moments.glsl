@@ -38,9 +38,7 @@ void walk_flush(Floats moments, inout Walk walk) {
 }
 
 // A candidate of the search: everything after "which primitive" is here, for both backends.
-// `instance` is 0 until there are instances.
-void visit(Beam beam, uint primitive, uint instance, Floats moments, inout Walk walk) {
-    Leaf leaf = sample_.leaves.at[primitive];
+void visit(Beam beam, Leaf leaf, Floats moments, inout Walk walk) {
     float y;
     bool entering;
     if (!crosses(beam, leaf.a, leaf.b, leaf.c, y, entering)) return;

@@ -15,7 +15,7 @@ void walk_all(Beam beam, Floats moments, inout Walk walk) {
     query_begin(query, beam);
     while (rayQueryProceedEXT(query)) {
         uint primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
-        visit(beam, primitive, 0u, moments, walk);
+        visit(beam, sample_.leaves.at[primitive], moments, walk);
     }
 }
 

@@ -27,10 +27,11 @@ fn experiment(pixels: u32, steps: u32) -> Scene {
     scene
 }
 
-/// The experiment with a rough ball instead of its cylinder.
+/// A ball of `20 * 4^levels` triangles instead of the cylinder, on few pixels: facets cost
+/// refinement.
 fn ball(levels: u32) -> Scene {
-    let mut scene = experiment(64, 11);
-    let mesh = surfaces::star(2.5e-3, 2.55e-3, levels, 1);
+    let mut scene = experiment(16, 11);
+    let mesh = surfaces::sphere(0.6e-3, levels);
     scene.objects[0].geometry =
         ShapeOrMesh::Mesh(Mesh::Arrays { vertices: mesh.vertices, triangles: mesh.triangles });
     scene

@@ -101,13 +101,15 @@ fn side(name: &str) -> f64 {
     }
 }
 
-/// `n` x `n` rays from a source at 1.21 m over the square of a scene, row by row.
+/// `n` x `n` rays from a source at 1.21 m over the square of a scene, in tiles of 4 x 4.
 pub(crate) fn rays(name: &str, n: u32) -> Vec<Ray> {
     let step = side(name) / f64::from(n);
     let at = |i: u32| (f64::from(i) + 0.5) * step - side(name) / 2.0;
     (0..n * n)
         .map(|i| {
-            let (x, z) = (at(i % n) as f32, -at(i / n) as f32);
+            let (tile, within) = (i / 16, i % 16);
+            let (column, row) = (tile % (n / 4) * 4 + within % 4, tile / (n / 4) * 4 + within / 4);
+            let (x, z) = (at(column) as f32, -at(row) as f32);
             Ray { x, z, slope_x: x / 1.21, slope_z: z / 1.21, view: 0 }
         })
         .collect()

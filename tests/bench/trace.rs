@@ -8,11 +8,14 @@
 
 mod scenes;
 
-use beamlet::trace::Ray;
-use beamlet::{Backend, Engine, EngineOptions, Simulation};
+use beamlet::gpu::{Device, DeviceOptions};
+use beamlet::scene::{Scene, Transport};
+use beamlet::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
+use beamlet::{Backend, geometry};
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Rays per side of a scene.
@@ -43,15 +46,13 @@ fn main() {
         let mut counts: Option<Vec<u32>> = None;
         let mut rates = [0.0; 2];
         for (backend, rate) in [Backend::Bvh, Backend::RayQuery].into_iter().zip(&mut rates) {
-            let options = EngineOptions { backend: Some(backend), ..EngineOptions::default() };
-            let engine = Engine::open(&options).expect("a Vulkan device");
             // Not every device has ray query.
-            let Ok(simulation) = engine.prepare(&scene) else { continue };
-            let laws = simulation.trace(&rays).unwrap();
+            let Some(mut tracer) = tracer(&scene, backend) else { continue };
+            let laws = tracer.trace(&rays).unwrap();
             let found: Vec<u32> = laws.iter().map(|law| law.crossings).collect();
             assert!(counts.as_ref().is_none_or(|c| *c == found), "the backends differ on {name}");
             counts = Some(found);
-            *rate = (0..ATTEMPTS).map(|_| rate_of(&simulation, &rays)).fold(0.0, f64::max);
+            *rate = (0..ATTEMPTS).map(|_| rate_of(&mut tracer, &rays)).fold(0.0, f64::max);
         }
         let counts = counts.unwrap();
         let crossings: u64 = counts.iter().map(|&c| u64::from(c)).sum();
@@ -68,12 +69,27 @@ fn main() {
     }
 }
 
-/// Million rays per second of processor time.
-fn rate_of(simulation: &Simulation<'_>, rays: &[Ray]) -> f64 {
+/// A tracer that stays, as in a run: its buffers are not part of what is measured.
+fn tracer(scene: &Scene, backend: Backend) -> Option<Tracer> {
+    let device = Device::open(&DeviceOptions::default()).expect("a Vulkan device");
+    let query = backend == Backend::RayQuery;
+    if query && !device.description().ray_query {
+        return None;
+    }
+    let sample = geometry::load(scene).unwrap();
+    let media = Media::of(scene).unwrap();
+    let sample = DeviceSample::upload(&device, scene, &sample, &media, query).unwrap();
+    let kernels = Arc::new(TraceKernels::new(&device).unwrap());
+    let transport = Transport::FirstOrder;
+    Tracer::new(&device, &kernels, &Arc::new(sample), backend, transport, None, u32::MAX).ok()
+}
+
+/// Million rays per second of processor time: rays from host memory, laws back to it.
+fn rate_of(tracer: &mut Tracer, rays: &[Ray]) -> f64 {
     let before = processor_time();
     let mut traced = 0;
     loop {
-        simulation.trace(rays).unwrap();
+        tracer.trace(rays).unwrap();
         traced += rays.len();
         let passed = processor_time() - before;
         if passed >= LEAST {

@@ -154,33 +154,41 @@ impl Aim {
     }
 
     /// Ray number `i`: a third at vertices, at edges or a hair beside them; a third on a grid of
-    /// round coordinates; a third at random, in every view.
+    /// round coordinates; a third at random, in every view. Sixteen in a row go to one place,
+    /// which lets subgroups work together.
     fn ray(&self, i: u64) -> Ray {
-        let mut random = Random::new(i.wrapping_mul(0xd134_2543_de82_ef95));
-        let slope = |p: f64| if (i / 3).is_multiple_of(2) { 0.0 } else { p / 1.21 };
-        match i % 3 {
+        let (block, within) = (i / 16, i % 16);
+        let mut place = Random::new(block.wrapping_mul(0xd134_2543_de82_ef95));
+        let mut random = Random::new(!i.wrapping_mul(0xaf25_1af3_b0f0_25b5));
+        let slope = |p: f64| if block / 3 % 2 == 0 { 0.0 } else { p / 1.21 };
+        let size = [self.high[0] - self.low[0], self.high[1] - self.low[1]];
+        match block % 3 {
             0 => {
-                let [a, b] = self.edges[(random.next() * self.edges.len() as f64) as usize];
-                let share = [0.0, 0.5, random.next(), random.next()][(i / 6 % 4) as usize];
-                let hair = [0.0, 0.0, 1e-10, -1e-9][(i / 24 % 4) as usize];
+                let [a, b] = self.edges[(place.next() * self.edges.len() as f64) as usize];
+                let share = [0.0, 0.5, random.next(), random.next()][(within % 4) as usize];
+                let hair = [0.0, 0.0, 1e-10, -1e-9][(within / 4) as usize];
                 let p: Vec<f64> = (0..3).map(|k| a[k] * (1.0 - share) + b[k] * share).collect();
                 let slopes = [slope(p[0]), slope(p[2])];
                 ray(p[0] - slopes[0] * p[1] + hair, p[2] - slopes[1] * p[1], slopes, 0)
             }
             1 => {
                 // Multiples of a power of two, about 4,096 across the mesh.
-                let step = ((self.high[0] - self.low[0]) / 4096.0).log2().floor().exp2();
-                let at = |k: usize, share: f64| {
-                    ((self.low[k] + share * (self.high[k] - self.low[k])) / step).round() * step
+                let step = (size[0] / 4096.0).log2().floor().exp2();
+                let mut at = |k: usize, by: u64| {
+                    let first = ((self.low[k] + place.next() * size[k]) / step).round();
+                    (first + by as f64) * step
                 };
+                let (x, z) = (at(0, within % 4), at(1, within / 4));
                 let slopes = [0.0, 2.0_f64.powi(-10), -2.0_f64.powi(-10)];
-                let slopes = [slopes[(i / 3 % 3) as usize], slopes[(i / 9 % 3) as usize]];
-                ray(at(0, random.next()), at(1, random.next()), slopes, (i / 27 % 2) as u32)
+                let slopes = [slopes[(block / 3 % 3) as usize], slopes[(block / 9 % 3) as usize]];
+                ray(x, z, slopes, (block / 27 % 2) as u32)
             }
             _ => {
-                let x = random.between(self.low[0], self.high[0]);
-                let z = random.between(self.low[1], self.high[1]);
-                ray(x, z, [slope(x), slope(z)], (i / 6 % 4) as u32)
+                let mut at = |k: usize| {
+                    self.low[k] + size[k] * (place.next() + 1e-3 * (random.next() - 0.5))
+                };
+                let (x, z) = (at(0), at(1));
+                ray(x, z, [slope(x), slope(z)], (block / 6 % 4) as u32)
             }
         }
     }

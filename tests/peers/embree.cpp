@@ -17,8 +17,8 @@
 #include <thread>
 #include <vector>
 
-// Packets are tiles of 4 x 4 rays; a thread takes whole rows of tiles.
-constexpr unsigned TILE = 4;
+// Rays of a packet; they follow one another in the file, a tile of 4 x 4.
+constexpr size_t PACKET = 16;
 constexpr int ATTEMPTS = 3;
 constexpr double LEAST_SECONDS = 1.0;
 
@@ -42,7 +42,7 @@ template <typename T> std::vector<T> read(const std::string &path) {
 // What the filter adds to: crossings of the rays of a packet, by their ids.
 struct Counter {
     RTCIntersectContext context;
-    uint32_t crossings[TILE * TILE];
+    uint32_t crossings[PACKET];
 };
 
 void count_and_reject(const RTCFilterFunctionNArguments *args) {
@@ -75,41 +75,35 @@ RTCScene build(RTCDevice device, const std::vector<float> &corners) {
     return scene;
 }
 
-// Traces the rows of tiles [first, last) of a square image of `side` rays a side.
-void trace(RTCScene scene, const std::vector<Ray> &rays, unsigned side, float start,
-           unsigned first, unsigned last, std::vector<uint32_t> &crossings) {
-    alignas(64) int valid[16];
-    std::fill(valid, valid + 16, -1);
-    for (unsigned row = first; row < last; row++) {
-        for (unsigned column = 0; column < side / TILE; column++) {
-            alignas(64) RTCRay16 packet;
-            Counter counter;
-            rtcInitIntersectContext(&counter.context);
-            counter.context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
-            counter.context.filter = count_and_reject;
-            for (unsigned i = 0; i < 16; i++) {
-                const Ray &ray =
-                    rays[(row * TILE + i / TILE) * side + column * TILE + i % TILE];
-                packet.org_x[i] = ray.x + ray.slope_x * start;
-                packet.org_y[i] = start;
-                packet.org_z[i] = ray.z + ray.slope_z * start;
-                packet.dir_x[i] = ray.slope_x;
-                packet.dir_y[i] = 1.0f;
-                packet.dir_z[i] = ray.slope_z;
-                packet.tnear[i] = 0.0f;
-                packet.tfar[i] = -2.0f * start;
-                packet.time[i] = 0.0f;
-                packet.mask[i] = ~0u;
-                packet.id[i] = i;
-                packet.flags[i] = 0;
-                counter.crossings[i] = 0;
-            }
-            rtcOccluded16(valid, scene, &counter.context, &packet);
-            for (unsigned i = 0; i < 16; i++) {
-                crossings[(row * TILE + i / TILE) * side + column * TILE + i % TILE] =
-                    counter.crossings[i];
-            }
+// Traces the packets [first, last).
+void trace(RTCScene scene, const std::vector<Ray> &rays, float start, size_t first, size_t last,
+           std::vector<uint32_t> &crossings) {
+    alignas(64) int valid[PACKET];
+    std::fill(valid, valid + PACKET, -1);
+    for (size_t p = first; p < last; p++) {
+        alignas(64) RTCRay16 packet;
+        Counter counter;
+        rtcInitIntersectContext(&counter.context);
+        counter.context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+        counter.context.filter = count_and_reject;
+        for (unsigned i = 0; i < PACKET; i++) {
+            const Ray &ray = rays[p * PACKET + i];
+            packet.org_x[i] = ray.x + ray.slope_x * start;
+            packet.org_y[i] = start;
+            packet.org_z[i] = ray.z + ray.slope_z * start;
+            packet.dir_x[i] = ray.slope_x;
+            packet.dir_y[i] = 1.0f;
+            packet.dir_z[i] = ray.slope_z;
+            packet.tnear[i] = 0.0f;
+            packet.tfar[i] = -2.0f * start;
+            packet.time[i] = 0.0f;
+            packet.mask[i] = ~0u;
+            packet.id[i] = i;
+            packet.flags[i] = 0;
+            counter.crossings[i] = 0;
         }
+        rtcOccluded16(valid, scene, &counter.context, &packet);
+        std::copy(counter.crossings, counter.crossings + PACKET, &crossings[p * PACKET]);
     }
 }
 
@@ -136,9 +130,8 @@ int main(int count, char **arguments) {
         auto corners = read<float>(stem + ".triangles");
         auto rays = read<Ray>(stem + ".rays");
         auto ours = read<uint32_t>(stem + ".crossings");
-        auto side = static_cast<unsigned>(std::lround(std::sqrt(double(rays.size()))));
-        if (rays.size() != size_t(side) * side || side % TILE != 0 || ours.size() != rays.size()) {
-            std::fprintf(stderr, "%s: not a square of tiles\n", stem.c_str());
+        if (rays.size() % PACKET != 0 || ours.size() != rays.size()) {
+            std::fprintf(stderr, "%s: not whole packets\n", stem.c_str());
             return 1;
         }
         float reach = 0.0f;
@@ -149,10 +142,10 @@ int main(int count, char **arguments) {
         std::vector<uint32_t> crossings(rays.size());
         auto all = [&] {
             std::vector<std::thread> team;
-            unsigned rows = side / TILE;
-            for (unsigned t = 0; t < threads; t++) {
-                team.emplace_back(trace, scene, std::cref(rays), side, -1.01f * reach - 1e-6f,
-                                  rows * t / threads, rows * (t + 1) / threads,
+            size_t packets = rays.size() / PACKET;
+            for (size_t t = 0; t < threads; t++) {
+                team.emplace_back(trace, scene, std::cref(rays), -1.01f * reach - 1e-6f,
+                                  packets * t / threads, packets * (t + 1) / threads,
                                   std::ref(crossings));
             }
             for (auto &thread : team) thread.join();
