@@ -66,10 +66,11 @@ fn solve(mut a: [[f64; 5]; 4]) -> [f64; 4] {
     for i in 0..4 {
         let pivot = (i..4).max_by(|&j, &k| a[j][i].abs().total_cmp(&a[k][i].abs())).unwrap();
         a.swap(i, pivot);
-        for j in i + 1..4 {
-            let factor = a[j][i] / a[i][i];
-            for k in i..5 {
-                a[j][k] -= factor * a[i][k];
+        let above = a[i];
+        for row in &mut a[i + 1..] {
+            let factor = row[i] / above[i];
+            for (value, from) in row.iter_mut().zip(above) {
+                *value -= factor * from;
             }
         }
     }
