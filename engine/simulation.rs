@@ -7,14 +7,14 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+mod work;
+
 use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
-use crate::gpu::interface::Pixel;
-use crate::illuminate::{Cast, CellIlluminator, LightRecord, RandomKernels, Sums, cast};
 use crate::memory::{self, MemoryEstimate};
-use crate::run::{Backend, Control, Progress, RunRecord, Tally};
-use crate::scene::{Scene, Scheme};
+use crate::run::{Backend, Control, RunRecord, Tally};
+use crate::scene::Scene;
 use crate::stack::{self, RunStart, Sink};
 use crate::trace::{
     self, DeviceSample, Lattice, Law, Media, Moments, Ray, Shadow, Strips, TraceKernels, Tracer,
@@ -23,8 +23,8 @@ use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
+use work::Work;
 
 /// Rays of a calibration.
 const CALIBRATION_RAYS: usize = 1 << 13;
@@ -320,247 +320,6 @@ impl<'e> Simulation<'e> {
         }
         sink.finish(&record)?;
         Ok(record)
-    }
-}
-
-#[derive(Debug, Default)]
-struct Seconds {
-    trace: f64,
-    illuminate: f64,
-    write: f64,
-}
-
-/// The run in progress.
-struct Work<'s> {
-    simulation: &'s Simulation<'s>,
-    device: Arc<Device>,
-    tracer: Tracer,
-    light: LightRecord,
-    sums: Sums,
-    cells: CellIlluminator,
-    random: Option<RandomKernels>,
-    band: u32,
-    /// Rows beyond a band that blur it without a sample.
-    blur_rows: i64,
-    pixel_columns: Range<i64>,
-    tally: Tally,
-    seconds: Seconds,
-    rows_done: u64,
-    rows_total: u64,
-}
-
-impl<'s> Work<'s> {
-    fn new(simulation: &'s Simulation<'_>, views: usize) -> Result<Self> {
-        let scene = &simulation.scene;
-        let device = simulation.device().clone();
-        let band = simulation.band_rows();
-        let [columns, rows] = scene.detector.pixels;
-        let steps = scene.scan.mask_offsets.len();
-        let random = scene.sampling.scheme == Scheme::Random;
-        let side = simulation.lattice.halo_columns;
-        let pixel_columns = -side..i64::from(columns) + side;
-        let offsets = &scene.scan.mask_offsets;
-        let light = if random {
-            LightRecord::of_pixels(&device, scene, &pixel_columns)?
-        } else {
-            LightRecord::of_cells(&device, scene, &simulation.lattice, offsets)?
-        };
-        let blur = 6.0
-            * trace::deviation(scene.source.spot[1])
-            * (scene.detector.distance - scene.source.distance)
-            / scene.source.distance
-            / scene.detector.pitch[1];
-        Ok(Self {
-            tracer: simulation.tracer(simulation.start.backend)?,
-            light,
-            sums: Sums::new(&device, steps, band as usize, columns as usize)?,
-            cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernel()),
-            random: if random { Some(RandomKernels::new(&device)?) } else { None },
-            band,
-            blur_rows: blur.ceil() as i64,
-            pixel_columns,
-            tally: Tally::default(),
-            seconds: Seconds::default(),
-            rows_done: 0,
-            rows_total: views as u64 * u64::from(rows),
-            device,
-            simulation,
-        })
-    }
-
-    fn view(
-        &mut self,
-        view: stack::View,
-        sink: &mut dyn Sink,
-        control: &mut Control<'_>,
-    ) -> Result<()> {
-        let rows = self.simulation.scene.detector.pixels[1];
-        let shadows = match view {
-            stack::View::Sample(i) if !self.simulation.sample.triangles.is_empty() => {
-                self.simulation.shadows(i)
-            }
-            _ => Vec::new(),
-        };
-        let mut first = 0;
-        while first < rows {
-            let band = first..rows.min(first + self.band);
-            self.sums.clear(&band)?;
-            self.light.set_band(&band)?;
-            self.band(view, &shadows, &band, control)?;
-            let begin = Instant::now();
-            let intensities = self.sums.intensities()?;
-            sink.write(view, band.clone(), intensities.view())?;
-            self.seconds.write += begin.elapsed().as_secs_f64();
-            first = band.end;
-        }
-        Ok(())
-    }
-
-    /// Sums the light of one band, in groups of rows small enough to stop between them.
-    fn band(
-        &mut self,
-        view: stack::View,
-        shadows: &[Shadow],
-        band: &Range<u32>,
-        control: &mut Control<'_>,
-    ) -> Result<()> {
-        let inner = i64::from(band.start)..i64::from(band.end);
-        let halo = self.simulation.lattice.halo.max(self.blur_rows);
-        let group = self.group_rows();
-        let mut row = inner.start - halo;
-        while row < inner.end + halo {
-            // Groups end at the borders of the band, so that its own counts can be told apart.
-            let border = [inner.start, inner.end, inner.end + halo]
-                .into_iter()
-                .find(|b| *b > row)
-                .unwrap_or(inner.end + halo);
-            let rows = row..border.min(row + group);
-            row = rows.end;
-            let own = inner.contains(&rows.start);
-            if self.simulation.scene.sampling.scheme == Scheme::Random {
-                self.random_rows(view, shadows, &rows)?;
-            } else {
-                self.cell_rows(view, shadows, &rows, &inner, own)?;
-            }
-            if own {
-                self.rows_done += (rows.end - rows.start) as u64;
-            }
-            self.report(view, control)?;
-        }
-        Ok(())
-    }
-
-    fn group_rows(&self) -> i64 {
-        let scene = &self.simulation.scene;
-        let lattice = &self.simulation.lattice;
-        let per_row = if scene.sampling.scheme == Scheme::Random {
-            let [x, z] = scene.sampling.rays.map(u64::from);
-            u64::from(scene.detector.pixels[0]) * x * z
-        } else {
-            let beamlets = (lattice.beamlets.end - lattice.beamlets.start) as u64;
-            beamlets * (2 * u64::from(lattice.cells) + 1) * 2 * u64::from(scene.sampling.rows)
-        };
-        (self.simulation.memory.rays_at_once / per_row.max(1)).max(1) as i64
-    }
-
-    fn report(&mut self, view: stack::View, control: &mut Control<'_>) -> Result<()> {
-        if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
-            return Err(Error::Interrupted);
-        }
-        if let Some(progress) = control.progress.as_mut() {
-            progress(Progress {
-                rows_done: self.rows_done,
-                rows_total: self.rows_total,
-                view,
-                rays: self.tracer.rays_traced(),
-            });
-        }
-        Ok(())
-    }
-
-    fn cell_rows(
-        &mut self,
-        view: stack::View,
-        shadows: &[Shadow],
-        rows: &Range<i64>,
-        inner: &Range<i64>,
-        own: bool,
-    ) -> Result<()> {
-        let begin = Instant::now();
-        let lit = inner.start - self.blur_rows..inner.end + self.blur_rows;
-        let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
-        let Self { cells, light, sums, tally, tracer, .. } = self;
-        let mut illuminating = 0.0;
-        let mut add = |strips: &Strips| {
-            if own {
-                tally.split += strips.splits;
-                tally.landed_off += strips.landed_off;
-            }
-            let begin = Instant::now();
-            cells.add(light, strips, sums, steps)?;
-            illuminating += begin.elapsed().as_secs_f64();
-            Ok(())
-        };
-        match view {
-            stack::View::Sample(index) if !shadows.is_empty() => {
-                let view = self.simulation.view(index, shadows);
-                let at_once = self.simulation.memory.rays_at_once as usize;
-                trace::trace_strips(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
-            }
-            _ => {
-                let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
-                add(&trace::empty_strips(&self.simulation.lattice, rows))?;
-            }
-        }
-        self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
-        self.seconds.illuminate += illuminating;
-        Ok(())
-    }
-
-    fn random_rows(
-        &mut self,
-        view: stack::View,
-        shadows: &[Shadow],
-        rows: &Range<i64>,
-    ) -> Result<()> {
-        let Some(kernels) = &self.random else { return Ok(()) };
-        let begin = Instant::now();
-        let scene = &self.simulation.scene;
-        let detector_rows = 0..i64::from(scene.detector.pixels[1]);
-        let detector_columns = 0..i64::from(scene.detector.pixels[0]);
-        let (mut met, mut missed) = (Vec::new(), Vec::new());
-        for row in rows.clone() {
-            for column in self.pixel_columns.clone() {
-                let inside = detector_rows.contains(&row) && detector_columns.contains(&column);
-                let pixel = Pixel {
-                    column: column as i32,
-                    row: row as i32,
-                    table: (column - self.pixel_columns.start) as u32,
-                };
-                if self.simulation.lattice.pixel_meets(shadows, column, row) {
-                    met.push(pixel);
-                } else if inside {
-                    missed.push(pixel);
-                }
-            }
-        }
-        let view = match view {
-            stack::View::Flat => 0,
-            stack::View::Sample(i) => i,
-        };
-        for (pixels, empty) in [(&met, false), (&missed, true)] {
-            if !pixels.is_empty() {
-                let job = Cast { pixels, view, empty };
-                cast(&self.device, kernels, scene, &mut self.tracer, &self.light, &self.sums, job)?;
-            }
-        }
-        self.seconds.trace += begin.elapsed().as_secs_f64();
-        Ok(())
-    }
-
-    fn tally(&self) -> Result<Tally> {
-        let traced = self.tracer.tally()?;
-        Ok(Tally { split: self.tally.split, landed_off: self.tally.landed_off, ..traced })
     }
 }
 
