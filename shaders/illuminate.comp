@@ -98,16 +98,18 @@ float window(Piece piece, Edge low, Edge high) {
         return share_below(high.at, piece.middle, width, blur_at(piece, high))
             - share_below(low.at, piece.middle, width, blur_at(piece, low));
     }
-    Polygon region = rectangle(1.0, 6.5);
     float scale = 1.0 / (piece.half_cell + piece.shift);
-    cut(region, scale * vec3(piece.half_cell, piece.shift, -piece.aperture_low));
-    cut(region, scale * vec3(-piece.half_cell, -piece.shift, piece.aperture_high));
     float low_blur = blur_at(piece, low);
     float high_blur = blur_at(piece, high);
     float low_scale = 1.0 / (abs(piece.half_width) + low_blur);
     float high_scale = 1.0 / (abs(piece.half_width) + high_blur);
-    cut(region, low_scale * vec3(piece.half_width, -low_blur, piece.middle - low.at));
-    cut(region, high_scale * vec3(-piece.half_width, high_blur, high.at - piece.middle));
+    vec3 lines[4] = vec3[4](
+        scale * vec3(piece.half_cell, piece.shift, -piece.aperture_low),
+        scale * vec3(-piece.half_cell, -piece.shift, piece.aperture_high),
+        low_scale * vec3(piece.half_width, -low_blur, piece.middle - low.at),
+        high_scale * vec3(-piece.half_width, high_blur, high.at - piece.middle));
+    Polygon region = rectangle(1.0, 6.5);
+    for (int i = 0; i < 4; i++) cut(region, lines[i]);
     vec2 moments = polygon_moments(region);
     return 0.5 * (moments.x - piece.lean * moments.y);
 }
@@ -116,33 +118,41 @@ float window(Piece piece, Edge low, Edge high) {
 float response(Light light, Column column, float row_z, Piece piece, float low, float high) {
     Edge pixel_low = Edge(low, true);
     Edge pixel_high = Edge(high, true);
-    float whole = 0.0;
-    if (light.detector_mask.present == 0u) return window(piece, pixel_low, pixel_high);
     Mask mask = light.detector_mask;
+    bool masked = mask.present != 0u;
     float sec = secant(column.slope, row_z);
-    float leak = bar_transmission(mask, sec);
-    if (leak >= NEGLIGIBLE) whole = window(piece, pixel_low, pixel_high);
-    float open = 0.0;
+    float leak = masked ? bar_transmission(mask, sec) : 1.0;
     float reach = abs(piece.half_width) + 6.5 * piece.blur;
     float first = max(low, piece.middle - reach) + column.aperture_offset;
     float last = min(high, piece.middle + reach) + column.aperture_offset;
-    int from = int(floor(first / mask.period - 0.5));
-    int to = int(ceil(last / mask.period + 0.5));
-    for (int j = from; j <= to; j++) {
-        float period = float(j) * mask.period - column.aperture_offset;
-        for (uint i = 0u; i < mask.count; i++) {
-            Aperture aperture = mask.apertures.at[i];
-            float centre = period + 0.5 * (aperture.low + aperture.high);
+    int from = masked ? int(floor(first / mask.period - 0.5)) : 0;
+    int to = masked ? int(ceil(last / mask.period + 0.5)) : -1;
+    int apertures = max(to - from + 1, 0) * int(mask.count);
+    float whole = 0.0;
+    float open = 0.0;
+    // First the whole pixel, behind the bars too; then each aperture. The window stands in the
+    // loop once: drivers inline it, and it is long.
+    for (int n = leak >= NEGLIGIBLE ? -1 : 0; n < apertures; n++) {
+        Edge lower = pixel_low;
+        Edge upper = pixel_high;
+        if (n >= 0) {
+            int j = from + n / int(mask.count);
+            Aperture aperture = mask.apertures.at[n % int(mask.count)];
+            float centre = float(j) * mask.period - column.aperture_offset
+                + 0.5 * (aperture.low + aperture.high);
             float slope = column.slope + centre / light.analyser;
             float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
             float a = centre - 0.5 * width;
             float b = centre + 0.5 * width;
             if (b <= low || a >= high || b <= a) continue;
-            Edge upper = b < high ? Edge(b, false) : pixel_high;
-            Edge lower = a > low ? Edge(a, false) : pixel_low;
-            open += max(window(piece, lower, upper), 0.0);
+            if (b < high) upper = Edge(b, false);
+            if (a > low) lower = Edge(a, false);
         }
+        float share = window(piece, lower, upper);
+        if (n < 0) whole = share;
+        else open += max(share, 0.0);
     }
+    if (!masked) return whole;
     return leak < NEGLIGIBLE ? open : leak * whole + (1.0 - leak) * open;
 }
 
@@ -238,59 +248,71 @@ void main() {
     Pending pending = Pending(column.pixel, vec3(0.0));
     bool faint = mask.present != 0u && leak > NEGLIGIBLE && leak < FAINT;
     float faint_amount = 0.0;
-    for (uint i = 0u; i < strip.count; i++) {
-        Cell cell = push.cells.at[strip.first + i];
-        RowSpread spread = row_spread(light, strip, cell);
-        if (faint) {
-            Piece piece = piece_of(light, strip, cell, cell.x_low, cell.x_high, leak, soft);
-            faint_amount += piece.amount;
-        } else if (leak > NEGLIGIBLE) {
-            Piece piece = piece_of(light, strip, cell, cell.x_low, cell.x_high, leak, soft);
-            settle(piece);
-            deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
+    // Behind the cells the light of faint leaks of the whole strip; in each cell first what the
+    // bars leak, then each aperture. deposit() stands in the loop once: drivers inline it.
+    for (uint i = 0u; i < strip.count + (faint ? 1u : 0u); i++) {
+        bool all = i == strip.count;
+        Cell cell = push.cells.at[strip.first + (all ? 0u : i)];
+        if (all) {
+            // Bars of this leak pass about 1e-6 of open beam: where in the strip does not matter.
+            cell.x_high = push.cells.at[strip.first + strip.count - 1u].x_high;
+            cell.depth_low = cell.depth_high = 0.0;
+            cell.displacement_low = cell.displacement_high = 0.0;
+            cell.pixel_shift = 0.0;
         }
-        if (mask.present == 0u) continue;
-        int from = int(floor((cell.x_low - offset) / mask.period - 0.5));
-        int to = int(ceil((cell.x_high - offset) / mask.period + 0.5));
-        for (int k = from; k <= to; k++) {
-            for (uint j = 0u; j < mask.count; j++) {
-                Aperture aperture = mask.apertures.at[j];
+        RowSpread spread = row_spread(light, strip, cell);
+        bool masked = mask.present != 0u && !all;
+        int from = masked ? int(floor((cell.x_low - offset) / mask.period - 0.5)) : 0;
+        int to = masked ? int(ceil((cell.x_high - offset) / mask.period + 0.5)) : -1;
+        int apertures = (to - from + 1) * int(mask.count);
+        for (int n = -1; n < apertures; n++) {
+            bool background = n < 0;
+            float a = cell.x_low;
+            float b = cell.x_high;
+            float from_x = a;
+            float to_x = b;
+            bool cut_ = false;
+            if (background) {
+                if (leak <= NEGLIGIBLE) continue;
+            } else {
+                int k = from + n / int(mask.count);
+                Aperture aperture = mask.apertures.at[n % int(mask.count)];
                 float centre = float(k) * mask.period + offset + 0.5 * (aperture.low + aperture.high);
                 float slope = column.slope + centre / light.cell_plane;
                 float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
-                float a = centre - 0.5 * width;
-                float b = centre + 0.5 * width;
+                a = centre - 0.5 * width;
+                b = centre + 0.5 * width;
                 float reach = 6.5 * light.shift;
                 if (b <= a || b + reach <= cell.x_low || a - reach >= cell.x_high) continue;
                 bool inside = a + reach <= cell.x_low && b - reach >= cell.x_high;
                 // A source without extent, or cells in the plane of the mask: the cut is sharp.
                 bool sharp = light.shift <= 0.0;
-                float from_x = sharp ? max(cell.x_low, a) : cell.x_low;
-                float to_x = sharp ? min(cell.x_high, b) : cell.x_high;
-                Piece piece = piece_of(light, strip, cell, from_x, to_x, 1.0 - leak, soft);
-                if (inside || sharp) {
-                    settle(piece);
-                } else {
-                    float middle = 0.5 * (from_x + to_x);
-                    piece.cut = true;
-                    piece.shift = light.shift;
-                    piece.aperture_low = a - middle;
-                    piece.aperture_high = b - middle;
+                if (sharp) {
+                    from_x = max(cell.x_low, a);
+                    to_x = min(cell.x_high, b);
                 }
-                deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
+                cut_ = !inside && !sharp;
             }
+            float share = background ? (all ? 1.0 : leak) : 1.0 - leak;
+            Piece piece = piece_of(light, strip, cell, from_x, to_x, share, all ? vec2(0.0) : soft);
+            if (background && faint) {
+                if (!all) {
+                    faint_amount += piece.amount;
+                    continue;
+                }
+                piece.amount = faint_amount;
+            }
+            if (cut_) {
+                float middle = 0.5 * (from_x + to_x);
+                piece.cut = true;
+                piece.shift = light.shift;
+                piece.aperture_low = a - middle;
+                piece.aperture_high = b - middle;
+            } else {
+                settle(piece);
+            }
+            deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
         }
-    }
-    if (faint && strip.count > 0u) {
-        // Bars of this leak pass about 1e-6 of open beam: where in the strip does not matter.
-        Cell whole = push.cells.at[strip.first];
-        whole.x_high = push.cells.at[strip.first + strip.count - 1u].x_high;
-        whole.depth_low = whole.depth_high = 0.0;
-        whole.displacement_low = whole.displacement_high = 0.0;
-        whole.pixel_shift = 0.0;
-        Piece piece = piece_of(light, strip, whole, whole.x_low, whole.x_high, 1.0, vec2(0.0));
-        piece.amount = faint_amount;
-        deposit(light, strip, column, row_z, mask_step, piece, row_spread(light, strip, whole), pending);
     }
     flush(light, strip.row, mask_step, pending);
 }
