@@ -22,27 +22,13 @@ use std::time::{Duration, Instant};
 /// `check` and the peak may differ by this share.
 const TOLERANCE: f64 = 0.2;
 
-const SCENE: &str = r#"
-[source]
-distance = "1.21 m"
-spot = ["30 um", "26 um"]
-energy = "30 keV"
-
+const SCENE: &str = concat!(
+    include_str!("support/masks.toml"),
+    r#"
 [detector]
 distance = "1.8 m"
 pixels = [64, 8]
 pitch = "150 um"
-
-[sample_mask]
-distance = "1.2 m"
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
-
-[detector_mask]
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
 
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
@@ -55,7 +41,8 @@ OBJECT
 [materials.plastic]
 mu = "0.25 /cm"
 delta = 2.4e-7
-"#;
+"#
+);
 
 /// Writes a sphere of `meridians` x half as many circles of latitude as binary STL; tells the
 /// number of triangles. Radius 4.

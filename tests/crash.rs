@@ -11,27 +11,13 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-const SCENE: &str = r#"
-[source]
-distance = "1.21 m"
-spot = ["30 um", "26 um"]
-energy = "30 keV"
-
+const SCENE: &str = concat!(
+    include_str!("support/masks.toml"),
+    r#"
 [detector]
 distance = "1.8 m"
 pixels = [8, 2]
 pitch = "150 um"
-
-[sample_mask]
-distance = "1.2 m"
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
-
-[detector_mask]
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
 
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 2 }
@@ -45,7 +31,8 @@ material = "plastic"
 [materials.plastic]
 mu = "0.25 /cm"
 delta = 2.4e-7
-"#;
+"#
+);
 
 /// Views of the scene, the flat included.
 const VIEWS: usize = 61;

@@ -13,27 +13,13 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const SCENE: &str = r#"
-[source]
-distance = "1.21 m"
-spot = ["30 um", "26 um"]
-energy = "30 keV"
-
+const SCENE: &str = concat!(
+    include_str!("support/masks.toml"),
+    r#"
 [detector]
 distance = "1.8 m"
 pixels = [12, 6]
 pitch = "150 um"
-
-[sample_mask]
-distance = "1.2 m"
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
-
-[detector_mask]
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
 
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
@@ -47,7 +33,8 @@ material = "plastic"
 [materials.plastic]
 mu = "0.25 /cm"
 delta = 2.4e-7
-"#;
+"#
+);
 
 /// A temporary directory and the scene in it.
 fn workplace() -> (tempfile::TempDir, Scene) {

@@ -11,27 +11,13 @@ use std::process::{Command, Output};
 
 /// A tube with a slab that faces the beam at grazing incidence: both the moments of one walk and
 /// the ordered walk of flagged rays take part.
-const SCENE: &str = r#"
-[source]
-distance = "1.21 m"
-spot = ["30 um", "26 um"]
-energy = "30 keV"
-
+const SCENE: &str = concat!(
+    include_str!("support/masks.toml"),
+    r#"
 [detector]
 distance = "1.8 m"
 pixels = [24, 3]
 pitch = "150 um"
-
-[sample_mask]
-distance = "1.2 m"
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
-
-[detector_mask]
-material = "gold"
-thickness = "225 um"
-projected_aperture = "30 um"
 
 [scan]
 mask_offsets = { from = "-20 um", to = "20 um", count = 3 }
@@ -54,7 +40,8 @@ name = "slab"
 shape = { box = { size = ["0.3 mm", "0.5 mm", "1.4 mm"] } }  # grazing: refracted in order
 material = "dense"
 rotate = [{ axis = [0, 0, 1], angle = "0.1 deg" }]
-"#;
+"#
+);
 
 /// The driver's description; `None` where there is none and none has to be.
 #[expect(clippy::print_stderr, reason = "a test that skips itself has to say so")]

@@ -2,7 +2,7 @@
 //! triangles in the same order: drivers that split in input order need it.
 
 use crate::geometry::Sample;
-use crate::gpu::interface::{Leaf, Node};
+use crate::gpu::interface::{Leaf, Node, single};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -143,11 +143,6 @@ fn wide_tree(boxes: Vec<Aabb>) -> CwBvh {
 
 fn normal(a: DVec3, b: DVec3, c: DVec3) -> DVec3 {
     (b - a).cross(c - a).normalize_or_zero()
-}
-
-#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-fn single(value: f64) -> f32 {
-    value as f32
 }
 
 /// Levels of the tree. Children stand behind their parents in the array.

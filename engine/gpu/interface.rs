@@ -316,3 +316,9 @@ pub const FLAG_UNBALANCED: u32 = 8;
 pub const FLAG_DROPPED: u32 = 16;
 /// A value is not finite.
 pub const FLAG_NOT_FINITE: u32 = 32;
+
+/// A number as the shaders hold it.
+#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+pub(crate) fn single(value: f64) -> f32 {
+    value as f32
+}

@@ -40,8 +40,6 @@ pub(super) struct Work<'s> {
     cells: CellIlluminator,
     random: Option<RandomKernels>,
     band: u32,
-    /// Rows beyond a band that blur it without a sample.
-    blur_rows: i64,
     pixel_columns: Range<i64>,
     tally: Tally,
     pub(super) seconds: Seconds,
@@ -65,11 +63,6 @@ impl<'s> Work<'s> {
         } else {
             LightRecord::of_cells(&device, scene, &simulation.lattice, offsets)?
         };
-        let blur = 6.0
-            * trace::deviation(scene.source.spot[1])
-            * (scene.detector.distance - scene.source.distance)
-            / scene.source.distance
-            / scene.detector.pitch[1];
         Ok(Self {
             tracer: simulation.tracer(simulation.start.backend)?,
             light,
@@ -77,7 +70,6 @@ impl<'s> Work<'s> {
             cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernel()),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
             band,
-            blur_rows: blur.ceil() as i64,
             pixel_columns,
             tally: Tally::default(),
             seconds: Seconds::default(),
@@ -125,7 +117,7 @@ impl<'s> Work<'s> {
         control: &mut Control<'_>,
     ) -> Result<()> {
         let inner = i64::from(band.start)..i64::from(band.end);
-        let halo = self.simulation.lattice.halo.max(self.blur_rows);
+        let halo = self.simulation.lattice.halo;
         let group = self.group_rows();
         let mut row = inner.start - halo;
         while row < inner.end + halo {
@@ -187,7 +179,8 @@ impl<'s> Work<'s> {
         own: bool,
     ) -> Result<()> {
         let begin = Instant::now();
-        let lit = inner.start - self.blur_rows..inner.end + self.blur_rows;
+        let blur_rows = self.simulation.lattice.blur_rows;
+        let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
         let Self { cells, light, sums, tally, tracer, .. } = self;
         let mut illuminating = 0.0;

@@ -36,7 +36,9 @@ pub struct Lattice {
     pub halo: i64,
     /// Columns beside the detector whose light may reach it.
     pub halo_columns: i64,
-    /// Blur by the spot of what lies at the rotation centre, in columns and rows, whole reach.
+    /// Rows that the spot blurs what lies at the rotation centre over, on either side.
+    pub blur_rows: i64,
+    /// The same reach in columns and rows, not rounded.
     blur: [f64; 2],
     /// How cells spread over rows.
     pub(super) row_spread: RowSpread,
@@ -100,6 +102,7 @@ impl Lattice {
             direct,
             halo,
             halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
+            blur_rows: blur[1].ceil() as i64,
             blur,
             row_spread: RowSpread { blur: blur[1] / 6.0 },
             rotation: scene.source.distance,

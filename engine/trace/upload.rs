@@ -11,7 +11,7 @@ use super::media::Media;
 use crate::Result;
 use crate::accel::Bvh;
 use crate::geometry;
-use crate::gpu::interface::{self, Surface, View};
+use crate::gpu::interface::{self, Surface, View, single};
 use crate::gpu::{AccelerationStructure, Buffer, Device};
 use crate::scene::{self, Scene, Transport};
 use std::sync::Arc;
@@ -138,9 +138,4 @@ fn hash(object: u32) -> u32 {
 
 fn count(n: usize) -> u32 {
     u32::try_from(n).unwrap_or(u32::MAX)
-}
-
-#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-fn single(value: f64) -> f32 {
-    value as f32
 }
