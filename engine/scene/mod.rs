@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+mod beam;
 mod derived;
 mod keys;
 mod limits;
@@ -14,14 +15,18 @@ mod model;
 mod parse;
 pub(crate) mod path;
 mod read;
+mod read_beam;
 mod read_sample;
 mod set;
 mod table;
 mod tree;
 mod validate;
+mod validate_beam;
 mod view;
 mod write;
+mod write_beam;
 
+pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
 pub use keys::known_keys;
 pub use model::{
     Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,

@@ -3,8 +3,9 @@
 use std::collections::HashSet;
 
 use super::derived::AT_DETECTOR;
+use super::validate_beam::validate_beam;
 use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
-use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
+use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
 use crate::{Error, Result};
 
 impl Scene {
@@ -38,7 +39,7 @@ impl Scene {
         let (source, detector) = (&self.source, &self.detector);
         positive("source.distance", source.distance, Length)?;
         source.spot.iter().try_for_each(|spot| not_negative("source.spot", *spot, Length))?;
-        positive("source.energy", source.energy, Energy)?;
+        validate_beam(&source.beam)?;
         positive("detector.distance", detector.distance, Length)?;
         for pixels in detector.pixels {
             count("detector.pixels", pixels, 1, limits::PIXELS)?;
@@ -219,7 +220,7 @@ fn validate_shape(key: &str, shape: &Shape) -> Result<()> {
     }
 }
 
-fn positive(key: &str, value: f64, dimension: Dimension) -> Result<()> {
+pub(super) fn positive(key: &str, value: f64, dimension: Dimension) -> Result<()> {
     if value.is_finite() && value > 0.0 {
         return Ok(());
     }
@@ -240,21 +241,21 @@ fn finite(key: &str, value: f64, dimension: Dimension) -> Result<()> {
     Err(Error::scene(key, dimension.format(value), "a finite value"))
 }
 
-fn plain(key: &str, value: f64, fulfilled: bool, allowed: &str) -> Result<()> {
+pub(super) fn plain(key: &str, value: f64, fulfilled: bool, allowed: &str) -> Result<()> {
     if value.is_finite() && fulfilled {
         return Ok(());
     }
     Err(Error::scene(key, format!("{value:?}"), allowed))
 }
 
-fn count(key: &str, value: u32, least: u32, most: u32) -> Result<()> {
+pub(super) fn count(key: &str, value: u32, least: u32, most: u32) -> Result<()> {
     if (least..=most).contains(&value) {
         return Ok(());
     }
     Err(Error::scene(key, value.to_string(), format!("a whole number from {least} to {most}")))
 }
 
-fn named(key: &str, name: &str) -> Result<()> {
+pub(super) fn named(key: &str, name: &str) -> Result<()> {
     if !name.trim().is_empty() {
         return Ok(());
     }

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::read::{angle_range, offset_range};
 use super::{
-    MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape, ShapeOrMesh, Transport,
-    path,
+    Beam, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape, ShapeOrMesh,
+    SpectrumOrigin, Transport, path, write_beam,
 };
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
 use crate::{Error, Result};
@@ -53,7 +53,7 @@ pub(super) fn to_toml(
     out.table("[source]");
     out.quantity("distance", scene.source.distance, Length);
     out.raw("spot", list(&scene.source.spot, Length));
-    out.quantity("energy", scene.source.energy, Energy);
+    write_beam(&mut out, scene, directory)?;
 
     out.table("[detector]");
     out.quantity("distance", scene.detector.distance, Length);
@@ -90,6 +90,20 @@ pub(super) fn to_toml(
         write_object(&mut out, object, hash, scene, directory)?;
     }
     Ok(out.0)
+}
+
+fn write_beam(out: &mut Text, scene: &Scene, directory: &Path) -> Result<()> {
+    match &scene.source.beam {
+        Beam::Energy(energy) => out.quantity("energy", *energy, Energy),
+        Beam::Spectrum(spec) => {
+            let path = match &spec.origin {
+                SpectrumOrigin::File { path } => Some(file(path, scene, directory)?),
+                SpectrumOrigin::Tube { .. } => None,
+            };
+            out.raw("spectrum", write_beam::spectrum(spec, path.as_deref()));
+        }
+    }
+    Ok(())
 }
 
 fn write_mask(out: &mut Text, mask: &MaskSpec) {
@@ -228,7 +242,7 @@ fn file(path: &Path, scene: &Scene, directory: &Path) -> Result<String> {
     unicode(&absolute)
 }
 
-fn quantity(value: f64, dimension: Dimension) -> String {
+pub(super) fn quantity(value: f64, dimension: Dimension) -> String {
     quoted(&dimension.format(value))
 }
 
@@ -273,7 +287,7 @@ fn ends(angles: &[f64]) -> Vec<f64> {
 }
 
 /// A TOML basic string.
-fn quoted(text: &str) -> String {
+pub(super) fn quoted(text: &str) -> String {
     let mut out = String::from("\"");
     for c in text.chars() {
         match c {

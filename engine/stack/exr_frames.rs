@@ -243,7 +243,7 @@ impl About {
             ("units", "m, rad, keV".into()),
             ("intensity", "1 = pixel without masks and sample".into()),
             ("row_0", "top (largest z); columns run along +x".into()),
-            ("energy", scene.source.energy.into()),
+            ("energy", scene.source.beam.single_energy().into()),
             ("source_distance", scene.source.distance.into()),
             ("spot", scene.source.spot.to_vec().into()),
             ("detector_distance", scene.detector.distance.into()),
