@@ -3,6 +3,7 @@
 mod check;
 mod devices;
 mod example;
+mod illuminate;
 mod simulate;
 
 use crate::args::{Arguments, Verb};
@@ -13,6 +14,7 @@ use std::io::Write;
 pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
+        Verb::Illuminate(arguments) => illuminate::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
