@@ -11,7 +11,8 @@ use crate::material::{self, Constants};
 use crate::scene::{MaskBody, Scene};
 
 /// Transmissions of the slabs that are tried.
-const TRANSMISSIONS: [f64; 7] = [0.95, 0.8, 0.5, 0.2, 0.05, 0.02, FLOOR];
+const TRANSMISSIONS: [f64; 13] =
+    [0.98, 0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02, FLOOR, 5e-3, 2e-3, 5e-4];
 
 /// Errors are relative to the value, or to this part of the open beam where the value is less.
 pub(super) const FLOOR: f64 = 0.01;
