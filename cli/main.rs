@@ -8,7 +8,9 @@ mod args;
 mod commands;
 mod failure;
 mod interrupt;
+mod picture;
 mod progress;
+mod run_reader;
 
 use clap::Parser;
 use failure::Failure;
