@@ -49,6 +49,8 @@ pub(crate) enum Verb {
     Check(Check),
     /// Draw a scene (set-up and sample) or a run (frames, retrieved images, curves) as PNG files
     View(View),
+    /// Write a run as one page to explore in a browser
+    Report(Report),
     /// List the Vulkan devices
     Devices(Devices),
     /// List the scenes that come with beamlet, or write one with its meshes
@@ -216,6 +218,27 @@ pub(crate) enum Show {
     Curve,
     /// A row over all views
     Sinograms,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet report run\n  \
+    beamlet report run -o page.html --most 64MiB\n\n\
+    The page needs no network and no server: open it in a browser. Runs whose frames would make \
+    it larger than --most are shown with pixels, views and steps binned or left out; the page \
+    says so.")]
+pub(crate) struct Report {
+    /// Run directory
+    pub(crate) run: PathBuf,
+    /// File to write [default: RUN/report.html]
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Most bytes of image data in the page, such as "64 MiB" [default: 24 MiB]
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) most: Option<u64>,
+    /// Replace the file if it is there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
 }
 
 #[derive(Debug, Args)]

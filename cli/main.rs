@@ -10,6 +10,7 @@ mod failure;
 mod interrupt;
 mod picture;
 mod progress;
+mod report;
 mod run_reader;
 
 use clap::Parser;

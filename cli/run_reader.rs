@@ -103,7 +103,8 @@ impl RunReader {
 
     /// What to do where there are no retrieved images.
     pub(crate) fn not_retrieved(&self) -> Failure {
-        let problem = format!("is not there; `beamlet retrieve {}` makes it", self.run.path().display());
+        let problem =
+            format!("is not there; `beamlet retrieve {}` makes it", self.run.path().display());
         Failure::File { path: self.run.path().join(RETRIEVED), problem }
     }
 
@@ -146,7 +147,8 @@ impl RunReader {
         view: usize,
         [column, row]: [usize; 2],
     ) -> Result<Option<Fit>, Failure> {
-        let names = ["amplitude", "centre", "width", "background"].map(|part| format!("{of}_{part}"));
+        let names =
+            ["amplitude", "centre", "width", "background"].map(|part| format!("{of}_{part}"));
         if !names.iter().all(|name| self.has(name)) {
             return Ok(None);
         }
@@ -180,7 +182,11 @@ impl RunReader {
                 true => format!(" ± {}", value(&sigma)?),
                 false => String::new(),
             };
-            lines.push(format!("{sign} = {}{spread} {}", value(name)?, quantity.unit).trim_end().to_owned());
+            lines.push(
+                format!("{sign} = {}{spread} {}", value(name)?, quantity.unit)
+                    .trim_end()
+                    .to_owned(),
+            );
         }
         if self.has("flags") {
             let flags = self.map("flags", view)?[[row, column]];

@@ -4,6 +4,7 @@ mod check;
 mod devices;
 mod example;
 mod pictures;
+mod report;
 mod simulate;
 mod view;
 
@@ -17,6 +18,7 @@ pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Fail
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
         Verb::View(arguments) => view::run(&arguments, out),
+        Verb::Report(arguments) => report::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
     }

@@ -17,7 +17,11 @@ pub(super) struct Pictures {
 
 impl Pictures {
     /// Adds a picture under a file name.
-    pub(super) fn add(&mut self, name: impl Into<String>, drawing: &Drawing) -> Result<(), Failure> {
+    pub(super) fn add(
+        &mut self,
+        name: impl Into<String>,
+        drawing: &Drawing,
+    ) -> Result<(), Failure> {
         let name = name.into();
         let failed = |problem| Failure::File { path: name.clone().into(), problem };
         let png = drawing.to_png(SCALE).map_err(failed)?;
@@ -56,11 +60,7 @@ pub(super) fn refuse_existing(paths: &[PathBuf], overwrite: bool) -> Result<(), 
 
 /// Writes a file whole, with the directories it is in.
 pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    path.parent()
-        .map_or(Ok(()), fs::create_dir_all)
-        .and_then(|()| fs::write(path, bytes))
-        .map_err(|error| Failure::File {
-            path: path.into(),
-            problem: format!("cannot be written: {error}"),
-        })
+    path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(path, bytes)).map_err(
+        |error| Failure::File { path: path.into(), problem: format!("cannot be written: {error}") },
+    )
 }

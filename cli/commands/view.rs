@@ -18,7 +18,8 @@ pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure>
     let camera = of_scene.azimuth.is_some() || of_scene.elevation.is_some();
     let pictures = if arguments.what.is_dir() {
         if !of_scene.sets.is_empty() || of_scene.device.is_some() || camera {
-            let problem = "--set, --azimuth, --elevation and --device are for scenes; this is a run";
+            let problem =
+                "--set, --azimuth, --elevation and --device are for scenes; this is a run";
             return Err(Failure::Usage(problem.into()));
         }
         run_pictures::of(&arguments.what, &arguments.of_run)?

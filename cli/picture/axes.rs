@@ -83,7 +83,7 @@ impl Axes {
         }
     }
 
-    /// Draws frame, tick marks, numbers and labels.
+    /// Draws frame, tick marks, numbers and labels; no numbers across without a label there.
     pub(crate) fn frame(&self, drawing: &mut Drawing, across: &str, down: &str) {
         let area = self.area;
         let ink = Paint::line(INK, 1.0);
@@ -91,7 +91,9 @@ impl Axes {
         for (x, text) in self.ticks_across() {
             let x = self.across(x);
             drawing.line([x, area.bottom()], [x, area.bottom() + 5.0], ink);
-            drawing.text([x, area.bottom() + 18.0], text, SMALL, INK, Anchor::Middle);
+            if !across.is_empty() {
+                drawing.text([x, area.bottom() + 18.0], text, SMALL, INK, Anchor::Middle);
+            }
         }
         for (y, text) in self.ticks_down() {
             let y = self.down(y);
@@ -153,7 +155,7 @@ impl Axes {
 
 /// Ticks of an axis, which may run downwards.
 fn between([a, b]: [f64; 2], count: usize) -> Vec<(f64, String)> {
-    ticks(a.min(b), a.max(b), count.clamp(2, 10))
+    ticks(a.min(b), a.max(b), count.clamp(3, 10))
 }
 
 /// A range with a twentieth of room on either side; never empty.
@@ -190,8 +192,7 @@ mod tests {
 
     #[test]
     fn y_grows_upwards_on_the_paper() {
-        let axes =
-            Axes { area: Area::new(10.0, 20.0, 100.0, 50.0), x: [0.0, 1.0], y: [-1.0, 1.0] };
+        let axes = Axes { area: Area::new(10.0, 20.0, 100.0, 50.0), x: [0.0, 1.0], y: [-1.0, 1.0] };
         assert_eq!(axes.at([0.0, 1.0]), [10.0, 20.0]);
         assert_eq!(axes.at([1.0, -1.0]), [110.0, 70.0]);
     }

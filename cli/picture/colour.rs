@@ -81,8 +81,14 @@ pub(crate) struct Scale {
 impl Scale {
     /// The scale of some values: all of them, unless the outermost half per cent on either side
     /// would take more than a third of the range. Symmetric about zero for the diverging map.
+    /// A dark field is positive but for the bias of a fit; where its negative values matter it
+    /// takes the diverging map, so that zero is seen.
     pub(crate) fn of(map: Map, values: impl Iterator<Item = f64>) -> Self {
         let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+        let map = match map {
+            Map::Inferno if is_signed(&mut values) => Map::Diverging,
+            map => map,
+        };
         if map == Map::Diverging {
             values.iter_mut().for_each(|value| *value = value.abs());
         }
@@ -121,11 +127,6 @@ impl Scale {
         Self { map, low, high, beyond }
     }
 
-    /// The same map between these values.
-    pub(crate) const fn between(map: Map, low: f64, high: f64) -> Self {
-        Self { map, low, high, beyond: [false; 2] }
-    }
-
     pub(crate) fn colour(&self, value: f64) -> Rgb {
         match value.is_finite() {
             true => self.map.colour((value - self.low) / (self.high - self.low)),
@@ -162,6 +163,16 @@ impl Scale {
     }
 }
 
+/// Whether negative values are more than a quarter of the positive ones.
+fn is_signed(values: &mut [f64]) -> bool {
+    values.sort_by(f64::total_cmp);
+    let share = |share: f64| values.get((values.len() as f64 * share) as usize);
+    match (share(0.005), share(0.995)) {
+        (Some(low), Some(high)) => *low < -0.25 * high.abs(),
+        _ => false,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -180,7 +191,10 @@ mod tests {
     fn outliers_do_not_take_the_range_and_the_bar_tells() {
         let values = (0..10_000).map(|i| f64::from(i % 100)).chain([1e9]);
         let scale = Scale::of(Map::Viridis, values);
-        assert!(scale.high < 100.0 && scale.beyond == [false, true] || scale.beyond[1], "{scale:?}");
+        assert!(
+            scale.high < 100.0 && scale.beyond == [false, true] || scale.beyond[1],
+            "{scale:?}"
+        );
         assert!(Scale::of(Map::Viridis, [2.0; 5].into_iter()).low < 2.0);
         assert_eq!(scale.colour(f64::NAN), NO_VALUE);
     }

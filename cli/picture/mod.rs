@@ -18,5 +18,5 @@ mod raster;
 pub(crate) mod sample;
 mod section;
 pub(crate) mod set_up;
-mod svg;
+pub(crate) mod svg;
 pub(crate) mod text;

@@ -24,12 +24,13 @@ pub(crate) struct Panel {
 }
 
 const HEIGHT: f64 = 170.0;
+const GAP: f64 = 16.0;
 
 /// Draws panels over the same x.
 pub(crate) fn draw(title: &str, x: &[f64], across: &str, panels: &[Panel]) -> Drawing {
     let count = panels.len() as f64;
     let mut drawing =
-        Drawing::new(LEFT + 14.0 + 700.0 + 24.0, 46.0 + count * (HEIGHT + 30.0) + BELOW - 20.0);
+        Drawing::new(LEFT + 14.0 + 700.0 + 24.0, 46.0 + count * (HEIGHT + GAP) + BELOW - 6.0);
     drawing.text([LEFT + 14.0, 28.0], title, 17.0, INK, Anchor::Start);
     let range = x.first().zip(x.last()).map_or([0.0, 1.0], |(a, b)| match a < b {
         true => [*a, *b],
@@ -38,7 +39,11 @@ pub(crate) fn draw(title: &str, x: &[f64], across: &str, panels: &[Panel]) -> Dr
     let mut top = 46.0;
     for (index, panel) in panels.iter().enumerate() {
         let area = Area::new(LEFT + 14.0, top, 700.0, HEIGHT);
-        let axes = Axes { area, x: range, y: roomy(panel.lines.iter().flat_map(|l| l.values.iter().copied())) };
+        let axes = Axes {
+            area,
+            x: range,
+            y: roomy(panel.lines.iter().flat_map(|l| l.values.iter().copied())),
+        };
         axes.grid(&mut drawing);
         if panel.zero {
             let zero = [[range[0], 0.0], [range[1], 0.0]];
@@ -54,7 +59,11 @@ pub(crate) fn draw(title: &str, x: &[f64], across: &str, panels: &[Panel]) -> Dr
                 band.extend(edge(-1.0).into_iter().rev());
                 if band.iter().flatten().all(|value| value.is_finite()) {
                     drawing.clip(Some(area));
-                    drawing.path(band, true, Paint { fill: Some((colour, 0.22)), ..Paint::default() });
+                    drawing.path(
+                        band,
+                        true,
+                        Paint { fill: Some((colour, 0.22)), ..Paint::default() },
+                    );
                     drawing.clip(None);
                 }
             }
@@ -64,7 +73,7 @@ pub(crate) fn draw(title: &str, x: &[f64], across: &str, panels: &[Panel]) -> Dr
         let last = index + 1 == panels.len();
         axes.frame(&mut drawing, if last { across } else { "" }, &panel.label);
         legend(&mut drawing, area, panel);
-        top += HEIGHT + 30.0;
+        top += HEIGHT + GAP;
     }
     drawing
 }

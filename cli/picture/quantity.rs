@@ -56,7 +56,8 @@ impl Quantity {
 
     /// A parameter of the fitted curves.
     fn of_fit(name: &str) -> Option<Self> {
-        let (of, parameter) = name.split_once('_').filter(|(of, _)| ["flat", "sample"].contains(of))?;
+        let (of, parameter) =
+            name.split_once('_').filter(|(of, _)| ["flat", "sample"].contains(of))?;
         let (unit, factor, map) = match parameter {
             "amplitude" | "background" => ("", 1.0, Map::Viridis),
             "centre" => ("µm", 1e6, Map::Diverging),

@@ -140,7 +140,9 @@ fn blocks(pixmap: &mut Pixmap, area: Area, columns: usize, pixels: &[Rgb], scale
             let mut sum = [0_u32; 3];
             let of_columns = span(x as f64, width, columns);
             for row in of_rows.clone() {
-                for pixel in &pixels[row * columns + of_columns.start..row * columns + of_columns.end] {
+                for pixel in
+                    &pixels[row * columns + of_columns.start..row * columns + of_columns.end]
+                {
                     (0..3).for_each(|i| sum[i] += u32::from(pixel[i]));
                 }
             }

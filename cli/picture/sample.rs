@@ -34,7 +34,12 @@ const SIZE: f64 = 760.0;
 const SCALE: f64 = 1.5;
 
 /// Draws the sample; no rays are traced where there is none.
-pub(crate) fn draw(scene: &Scene, sample: &Sample, camera: Camera, device: Option<&str>) -> Result<Drawing> {
+pub(crate) fn draw(
+    scene: &Scene,
+    sample: &Sample,
+    camera: Camera,
+    device: Option<&str>,
+) -> Result<Drawing> {
     let mut drawing = Drawing::new(SIZE + 250.0, SIZE + 20.0);
     let picture = Picture::of(scene, sample, camera);
     let side = (SIZE * SCALE) as usize;
@@ -194,7 +199,10 @@ fn render(engine: &Engine, turned: &Scene, picture: &Picture, side: usize) -> Re
     for (pixel, sum) in edges.into_iter().zip(sums) {
         seen[pixel].0 = sum;
     }
-    Ok(seen.iter().map(|(light, _)| light.map(|l| (l.clamp(0.0, 1.0) * 255.0).round() as u8)).collect())
+    Ok(seen
+        .iter()
+        .map(|(light, _)| light.map(|l| (l.clamp(0.0, 1.0) * 255.0).round() as u8))
+        .collect())
 }
 
 /// The scene with its sample turned so that the camera looks along +y, and nothing else in it.

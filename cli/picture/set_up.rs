@@ -61,8 +61,7 @@ fn overview(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop
     let reach = sample.vertices.iter().map(|v| v.x.abs()).fold(half_width(scene), f64::max) * 1.18;
     let total = scene.detector.distance;
     // x grows downwards, as it does seen from above with the beam to the right.
-    let axes =
-        Axes { area, x: [-0.04 * total, 1.035 * total], y: [1e3 * reach, -1e3 * reach] };
+    let axes = Axes { area, x: [-0.04 * total, 1.035 * total], y: [1e3 * reach, -1e3 * reach] };
     let half = 1e3 * half_width(scene);
     let fan = vec![axes.at([0.0, 0.0]), axes.at([total, -half]), axes.at([total, half])];
     drawing.path(fan, true, Paint { fill: Some((BEAM, 0.22)), ..Paint::line(BEAM, 1.0) });
@@ -110,11 +109,7 @@ fn mask_line(drawing: &mut Drawing, axes: &Axes, mask: &MaskSpec, reach: f64) {
         let mut k = -count;
         while k <= count {
             let low = 1e3 * (k * mask.period + mask.offset) - bar / 2.0;
-            drawing.line(
-                [x, axes.down(low)],
-                [x, axes.down(low + bar)],
-                Paint::line(BARS, 4.0),
-            );
+            drawing.line([x, axes.down(low)], [x, axes.down(low + bar)], Paint::line(BARS, 4.0));
             k += 1.0;
         }
     }
@@ -193,11 +188,8 @@ fn true_scale(drawing: &mut Drawing, scene: &Scene) {
     let scale = width / (1.075 * total);
     let half = half_width(scene) * scale;
     let middle = 512.0;
-    let fan = vec![
-        [across(0.0), middle],
-        [across(total), middle - half],
-        [across(total), middle + half],
-    ];
+    let fan =
+        vec![[across(0.0), middle], [across(total), middle - half], [across(total), middle + half]];
     drawing.path(fan, true, Paint { fill: Some((BEAM, 0.5)), ..Paint::line(BEAM, 0.5) });
     let masks = [&scene.sample_mask, &scene.detector_mask];
     for mask in masks.into_iter().flatten() {
@@ -235,13 +227,7 @@ fn insets(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop])
     }
 }
 
-fn sample_inset(
-    drawing: &mut Drawing,
-    scene: &Scene,
-    sample: &Sample,
-    loops: &[Loop],
-    area: Area,
-) {
+fn sample_inset(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop], area: Area) {
     let reach = sample.vertices.iter().map(|v| v.x.hypot(v.y)).fold(0.0, f64::max);
     let half = 1e3 * reach.max(1e-6) * 1.3;
     let axes = Axes { area, x: [-half, half], y: [half, -half] };
@@ -301,7 +287,9 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
     axes.frame(drawing, &format!("y from the centre of the {name} [µm]"), "x [µm]");
     drawing.text([area.left, area.top - 10.0], name, 13.0, INK, Anchor::Start);
     let body = match &mask.body {
-        MaskBody::Bars { material, thickness } => format!("{material}, {} thick", length(*thickness)),
+        MaskBody::Bars { material, thickness } => {
+            format!("{material}, {} thick", length(*thickness))
+        }
         MaskBody::Sheet { transmission } => format!("sheet, transmission {transmission}"),
     };
     let lattice = format!("period {}, aperture {}", length(mask.period), length(mask.aperture));

@@ -122,7 +122,10 @@ impl<'a> Chosen<'a> {
                 "" => "",
                 _ => "detector numbers, ",
             };
-            let words = Words { title: format!("Flat {name}").trim_end().trim_end_matches(',').into(), note: self.at_step() };
+            let words = Words {
+                title: format!("Flat {name}").trim_end().trim_end_matches(',').into(),
+                note: self.at_step(),
+            };
             let drawing = image::draw(self.run.scene(), flat.view(), &quantity, &scale, &words);
             pictures.add(format!("{prefix}flat_step_{step:03}.png"), &drawing)?;
             let note = joined(&[self.at_view(), self.at_step()]);
@@ -299,7 +302,8 @@ fn clipped(scale: &Scale) -> String {
 }
 
 fn joined(parts: &[String]) -> String {
-    let parts: Vec<&str> = parts.iter().map(String::as_str).filter(|part| !part.is_empty()).collect();
+    let parts: Vec<&str> =
+        parts.iter().map(String::as_str).filter(|part| !part.is_empty()).collect();
     parts.join(" · ")
 }
 
