@@ -3,7 +3,10 @@
 mod check;
 mod devices;
 mod example;
+mod pictures;
+mod report;
 mod simulate;
+mod view;
 
 use crate::args::{Arguments, Verb};
 use crate::failure::Failure;
@@ -14,6 +17,8 @@ pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Fail
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
+        Verb::View(arguments) => view::run(&arguments, out),
+        Verb::Report(arguments) => report::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
     }

@@ -8,12 +8,14 @@ mod callback;
 mod exr_frames;
 mod npy;
 mod progress_log;
+mod read;
 mod run_directory;
 mod run_file;
 mod scene_file;
 
 pub use array::ArraySink;
 pub use callback::CallbackSink;
+pub use read::{Maps, OpenRun, StackFile};
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
 
