@@ -1,6 +1,10 @@
 //! The arguments as they are typed. Help texts live here; what arguments mean is decided in
 //! `commands`.
 
+mod beam;
+
+pub(crate) use beam::{Material, Spectrum};
+
 use beamlet::Backend;
 use beamlet::scene::Scene;
 use beamlet::stack::Format;
@@ -51,6 +55,10 @@ pub(crate) enum Verb {
     View(View),
     /// Write a run as one page to explore in a browser
     Report(Report),
+    /// Tell and draw what a source emits, before and after its filters
+    Spectrum(Spectrum),
+    /// Tell the constants of a material, or list the built-in ones
+    Material(Material),
     /// List the Vulkan devices
     Devices(Devices),
     /// List the scenes that come with beamlet, or write one with its meshes

@@ -18,5 +18,6 @@ mod raster;
 pub(crate) mod sample;
 mod section;
 pub(crate) mod set_up;
+pub(crate) mod spectrum;
 pub(crate) mod svg;
 pub(crate) mod text;
