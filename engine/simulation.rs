@@ -7,6 +7,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+mod crossings;
 mod work;
 
 use crate::engine::{Engine, EngineOptions};

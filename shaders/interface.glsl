@@ -70,6 +70,14 @@ struct Law {
     uint crossings;
 };
 
+// A crossing of a ray, as the host reads it.
+struct MetSurface {
+    float y;       // beam frame, m
+    uint object;
+    uint entering; // 1 where the ray goes into the object, 0 where it leaves it
+    vec3 normal;   // unit, outward, beam frame
+};
+
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Rays { Ray at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RaysOut { Ray at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Views { View at[]; };
@@ -81,6 +89,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Obj
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { float at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Laws { Law at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer MetSurfaces { MetSurface at[]; };
 
 // The sample on the device.
 struct Sample {

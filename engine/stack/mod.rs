@@ -8,6 +8,7 @@ mod callback;
 mod exr_frames;
 mod npy;
 mod progress_log;
+mod read;
 mod run_directory;
 mod run_file;
 mod scene_file;
@@ -15,6 +16,7 @@ mod scene_file;
 pub use array::ArraySink;
 pub use callback::CallbackSink;
 pub(crate) use run_directory::sync_directory;
+pub use read::{Maps, OpenRun, StackFile};
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
 

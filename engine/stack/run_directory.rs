@@ -18,9 +18,9 @@ use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-const SCENE: &str = "scene.toml";
-const RUN: &str = "run.json";
-const LOG: &str = "progress.log";
+pub(super) const SCENE: &str = "scene.toml";
+pub(super) const RUN: &str = "run.json";
+pub(super) const LOG: &str = "progress.log";
 
 /// File format of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

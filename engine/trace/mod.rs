@@ -1,5 +1,6 @@
 //! Tracing: rays through the sample to moments and laws, and cells refined from them.
 
+mod crossings;
 mod lattice;
 mod line;
 mod media;
@@ -10,7 +11,8 @@ mod strips;
 mod tracer;
 mod upload;
 
-pub use crate::gpu::interface::{Law, Ray};
+pub use crate::gpu::interface::{Law, MetSurface, Ray};
+pub use crossings::CrossingFinder;
 pub use lattice::{Lattice, column, deviation};
 pub(crate) use line::{DEPTH_TOLERANCE, FULL_SHARE};
 pub use media::Media;
