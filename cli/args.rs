@@ -188,7 +188,7 @@ pub(crate) struct ViewOfRun {
     /// What to draw [default: everything that the run has]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
     pub(crate) show: Vec<Show>,
-    /// Retrieved images to draw, by name [default: transmission, refraction, dark_field]
+    /// Retrieved images to draw, by name [default: the three contrasts]
     #[arg(long = "map", value_delimiter = ',', value_name = "NAME")]
     pub(crate) maps: Vec<String>,
     /// Number of the view, from 0 [default: 0]

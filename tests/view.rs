@@ -53,6 +53,11 @@ fn picture(path: &Path) -> Pixmap {
     Pixmap::decode_png(&fs::read(path).unwrap()).unwrap()
 }
 
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the pixel that a place lies in"
+)]
 fn colour(picture: &Pixmap, x: f64, y: f64) -> [u8; 3] {
     let pixel = picture.pixel((x * SCALE) as u32, (y * SCALE) as u32).unwrap();
     [pixel.red(), pixel.green(), pixel.blue()]

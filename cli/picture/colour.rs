@@ -180,7 +180,7 @@ mod tests {
     #[test]
     fn a_signed_scale_is_symmetric_and_white_at_zero() {
         let scale = Scale::of(Map::Diverging, [-1.0, 0.5, 3.0].into_iter());
-        assert_eq!([scale.low, scale.high], [-3.0, 3.0]);
+        assert!((scale.low + 3.0).abs() < 1e-12 && (scale.high - 3.0).abs() < 1e-12);
         let [r, g, b] = scale.colour(0.0);
         assert!(r > 235 && g > 235 && b > 235);
         let (negative, positive) = (scale.colour(-3.0), scale.colour(3.0));
@@ -191,10 +191,7 @@ mod tests {
     fn outliers_do_not_take_the_range_and_the_bar_tells() {
         let values = (0..10_000).map(|i| f64::from(i % 100)).chain([1e9]);
         let scale = Scale::of(Map::Viridis, values);
-        assert!(
-            scale.high < 100.0 && scale.beyond == [false, true] || scale.beyond[1],
-            "{scale:?}"
-        );
+        assert!(scale.high < 100.0 && scale.beyond == [false, true], "{scale:?}");
         assert!(Scale::of(Map::Viridis, [2.0; 5].into_iter()).low < 2.0);
         assert_eq!(scale.colour(f64::NAN), NO_VALUE);
     }
