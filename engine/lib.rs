@@ -16,6 +16,7 @@ pub mod gpu;
 pub mod illuminate;
 pub mod material;
 pub mod memory;
+pub mod retrieve;
 mod run;
 pub mod scene;
 mod simulation;
