@@ -9,6 +9,7 @@
 
 pub mod accel;
 pub mod check;
+pub mod compare;
 mod engine;
 mod error;
 pub mod geometry;

@@ -1,8 +1,10 @@
 //! One file per verb, each a function from arguments to lines on stdout.
 
 mod check;
+mod compare;
 mod devices;
 mod example;
+mod retrieve;
 mod simulate;
 
 use crate::args::{Arguments, Verb};
@@ -13,6 +15,8 @@ use std::io::Write;
 pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
+        Verb::Retrieve(arguments) => retrieve::run(&arguments, out),
+        Verb::Compare(arguments) => compare::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),

@@ -11,6 +11,7 @@ use crate::gpu::interface::{FitPush, Step};
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
 use crate::{Engine, Error, Result};
 use ndarray::{ArrayView2, s};
+use serde::Serialize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -25,7 +26,7 @@ const VALUES: usize = 10;
 const LONG: Duration = Duration::from_millis(80);
 
 /// How values of a curve count in a fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Weights {
     /// All the same.
@@ -213,6 +214,8 @@ impl Fitter {
         let lengths = |index: usize, zero: f64| {
             plane(index).iter().map(move |v| (zero + self.half * f64::from(*v)) as f32)
         };
+        let area = |(a, w): (&f32, &f32)| (f64::from(*a) * self.half * f64::from(*w)) as f32;
+        fill(&mut all.area, start, plane(0).iter().zip(plane(2)).map(area));
         fill(&mut all.amplitude, start, plane(0).iter().copied());
         fill(&mut all.centre, start, lengths(1, self.middle));
         fill(&mut all.width, start, lengths(2, 0.0));
@@ -233,7 +236,7 @@ fn fill(to: &mut [f32], start: usize, from: impl Iterator<Item = f32>) {
 }
 
 /// The part of the scan that an offset stands for: half the way to its neighbours.
-fn share(sorted: &[f64], offset: f64) -> f64 {
+pub(super) fn share(sorted: &[f64], offset: f64) -> f64 {
     let below = sorted.iter().rev().find(|other| **other < offset);
     let above = sorted.iter().find(|other| **other > offset);
     let gap = |other: Option<&f64>| other.map(|other| (other - offset).abs() / 2.0);
