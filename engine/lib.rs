@@ -9,6 +9,7 @@
 
 pub mod accel;
 pub mod check;
+pub mod compare;
 mod engine;
 mod error;
 pub mod geometry;
@@ -16,6 +17,7 @@ pub mod gpu;
 pub mod illuminate;
 pub mod material;
 pub mod memory;
+pub mod retrieve;
 mod run;
 pub mod scene;
 mod simulation;

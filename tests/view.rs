@@ -3,6 +3,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use beamlet::retrieve::Record;
 use ndarray::{Array3, Array4};
 use ndarray_npy::write_npy;
 use std::fs;
@@ -101,7 +102,9 @@ fn run_with_maps() -> tempfile::TempDir {
         write(&format!("{of}_width"), &|_, _, _| 10e-6);
         write(&format!("{of}_background"), &|_, _, _| 0.0);
     }
-    fs::write(retrieved.join("retrieved.json"), r#"{ "method": "gaussian" }"#).unwrap();
+    let record = Record { method: "gaussian".into(), shape: [2, 4, 16], ..Record::default() };
+    let text = serde_json::to_string(&record).unwrap();
+    fs::write(retrieved.join("retrieved.json"), text).unwrap();
     place
 }
 

@@ -1,10 +1,12 @@
 //! One file per verb, each a function from arguments to lines on stdout.
 
 mod check;
+mod compare;
 mod devices;
 mod example;
 mod pictures;
 mod report;
+mod retrieve;
 mod simulate;
 mod view;
 
@@ -16,6 +18,8 @@ use std::io::Write;
 pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
+        Verb::Retrieve(arguments) => retrieve::run(&arguments, out),
+        Verb::Compare(arguments) => compare::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
         Verb::View(arguments) => view::run(&arguments, out),
         Verb::Report(arguments) => report::run(&arguments, out),

@@ -15,6 +15,7 @@ mod scene_file;
 
 pub use array::ArraySink;
 pub use callback::CallbackSink;
+pub(crate) use npy::npy_header;
 pub use read::{Maps, OpenRun, StackFile};
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};

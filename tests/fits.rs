@@ -1,0 +1,182 @@
+//! Fits on the device against least squares in f64 of the same numbers, and against what theory
+//! says of counts.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+#![allow(clippy::cast_possible_truncation, reason = "curves go to the device as f32")]
+
+mod reference;
+mod support;
+
+use beamlet::Engine;
+use beamlet::retrieve::{Curves, FitOptions, Fitter, Weights, flags};
+use ndarray::Array2;
+use reference::closed_form::ThinMasks;
+use reference::draws::Draws;
+use reference::fit::{self, Gaussian, gaussian};
+use support::{Worst, engine_with};
+
+const UM: f64 = 1e-6;
+/// mu and sigma in sigmas, A and b in amplitudes.
+const TOLERANCE: f64 = 1e-5;
+
+fn engine() -> support::Checked {
+    engine_with(beamlet::EngineOptions::default())
+}
+
+/// Even offsets over +-`half`.
+fn even(count: usize, half: f64) -> Vec<f64> {
+    (0..count).map(|i| half * (2.0 * i as f64 / (count - 1) as f64 - 1.0)).collect()
+}
+
+/// Fits curves, one per row, on the device.
+fn on_device(engine: &Engine, offsets: &[f64], curves: &[Vec<f64>], weights: Weights) -> Curves {
+    let options = FitOptions { weights, ..FitOptions::default() };
+    let fitter = Fitter::new(engine, offsets, &options).unwrap();
+    let data = Array2::from_shape_fn((offsets.len(), curves.len()), |(s, c)| curves[c][s] as f32);
+    fitter.fit(data.view(), None).unwrap()
+}
+
+/// The deviation of a fit from the f64 optimum of the numbers that the device saw.
+fn deviation(got: &Curves, at: usize, optimum: &Gaussian) -> [f64; 4] {
+    let [a, mu, sigma, b] = *optimum;
+    [
+        (f64::from(got.amplitude[at]) - a) / a,
+        (f64::from(got.centre[at]) - mu) / sigma,
+        (f64::from(got.width[at]) - sigma) / sigma,
+        (f64::from(got.background[at]) - b) / a,
+    ]
+}
+
+fn rounded(curve: &[f64]) -> Vec<f64> {
+    curve.iter().map(|y| f64::from(*y as f32)).collect()
+}
+
+/// Compares all curves whose conditioning is not flagged; those that are have ten times the room.
+fn compare(
+    what: &'static str,
+    engine: &Engine,
+    offsets: &[f64],
+    curves: &[Vec<f64>],
+    counts: bool,
+) {
+    let weights = if counts { Weights::Poisson } else { Weights::None };
+    let got = on_device(engine, offsets, curves, weights);
+    let mut worst = Worst::new(what, TOLERANCE);
+    let (mut flagged, mut without) = (0, 0);
+    for (i, curve) in curves.iter().enumerate() {
+        let of = if counts { fit::fit_counts } else { fit::fit };
+        let bits = got.flags[i];
+        if bits & flags::NO_ANSWER != 0 {
+            without += 1;
+            continue;
+        }
+        if bits & flags::ILL_CONDITIONED != 0 {
+            flagged += 1;
+            continue;
+        }
+        let optimum = of(offsets, &rounded(curve));
+        for (k, d) in deviation(&got, i, &optimum).into_iter().enumerate() {
+            worst.take(d, || {
+                format!(
+                    "curve {i}, unknown {k}, condition {}, {:?} against {optimum:?}",
+                    got.condition[i],
+                    [got.amplitude[i], got.centre[i], got.width[i], got.background[i]]
+                )
+            });
+        }
+    }
+    println!(
+        "{what}: {} curves, {flagged} ill-conditioned, {without} without an answer",
+        curves.len()
+    );
+    assert!(4 * (flagged + without) < 3 * curves.len(), "{what}: most curves went unchecked");
+}
+
+/// Eq. 1 with centres to the edge of the scan.
+fn family(offsets: &[f64], draws: &mut Draws, amplitude: f64) -> Vec<Vec<f64>> {
+    (0..60)
+        .map(|i| {
+            let mu = if i % 6 == 0 { 25.0 * UM } else { draws.between(-25.0, 25.0) * UM };
+            let p = [
+                amplitude * draws.between(0.5, 1.0),
+                mu,
+                draws.between(7.0, 12.0) * UM,
+                amplitude * draws.between(-0.04, 0.1),
+            ];
+            offsets.iter().map(|x| gaussian(&p, *x).0).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn noise_free_gaussians_are_fitted_to_the_f64_optimum() {
+    let engine = engine();
+    let mut draws = Draws(1);
+    for steps in [5, 6, 7, 11, 16, 25] {
+        for amplitude in [0.17, 4e4] {
+            let offsets = even(steps, 25.0 * UM);
+            let curves = family(&offsets, &mut draws, amplitude);
+            compare("eq. 1 without noise", &engine, &offsets, &curves, false);
+        }
+    }
+}
+
+#[test]
+fn uneven_and_unsorted_offsets_are_fitted_to_the_f64_optimum() {
+    let engine = engine();
+    let mut draws = Draws(2);
+    for steps in [6, 9, 14] {
+        let mut offsets: Vec<f64> = even(steps, 25.0 * UM)
+            .iter()
+            .map(|x| x + draws.between(-0.3, 0.3) * 50.0 * UM / steps as f64)
+            .collect();
+        offsets.swap(0, 3);
+        let curves = family(&offsets, &mut draws, 0.2);
+        compare("uneven offsets", &engine, &offsets, &curves, false);
+    }
+}
+
+#[test]
+fn curves_of_masks_are_fitted_to_the_f64_optimum_though_no_gaussian_meets_them() {
+    let engine = engine();
+    let masks = ThinMasks {
+        magnification: 1.5,
+        sample: [20e-6, 100e-6],
+        detector: [30e-6, 150e-6],
+        sigma: 30e-6 * 0.424_660_9,
+        leak: [6.4e-6; 2],
+    };
+    for (steps, half) in [(7, 30.0), (11, 25.0), (21, 40.0)] {
+        let offsets = even(steps, half * UM);
+        let curves: Vec<Vec<f64>> = (-12..=12)
+            .map(|shift| {
+                offsets.iter().map(|x| masks.intensity(x - f64::from(shift) * UM)).collect()
+            })
+            .collect();
+        compare("curves of masks", &engine, &offsets, &curves, false);
+    }
+}
+
+#[test]
+fn counts_are_fitted_to_the_f64_optimum_with_and_without_weights() {
+    let engine = engine();
+    let mut draws = Draws(3);
+    for steps in [5, 7, 11, 25] {
+        for peak in [200.0, 1e3, 1e5] {
+            let offsets = even(steps, 25.0 * UM);
+            let curves: Vec<Vec<f64>> = (0..60)
+                .map(|_| {
+                    let p = [
+                        peak,
+                        draws.between(-12.0, 12.0) * UM,
+                        draws.between(8.0, 11.0) * UM,
+                        0.05 * peak,
+                    ];
+                    offsets.iter().map(|x| draws.poisson(gaussian(&p, *x).0)).collect()
+                })
+                .collect();
+            compare("counts", &engine, &offsets, &curves, false);
+            compare("counts, weighted", &engine, &offsets, &curves, true);
+        }
+    }
+}
