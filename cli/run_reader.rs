@@ -4,7 +4,7 @@
 use crate::failure::Failure;
 use crate::picture::curve::Fit;
 use crate::picture::quantity::Quantity;
-use crate::picture::text::short;
+use crate::picture::text::{rough, short};
 use beamlet::retrieve::{Method, Record};
 use beamlet::scene::Scene;
 use beamlet::stack::{Maps, OpenRun, StackFile};
@@ -188,17 +188,16 @@ impl RunReader {
         let signs = [("transmission", "T"), ("refraction", "α"), ("dark_field", "σ²")];
         for (name, sign) in signs.into_iter().filter(|(name, _)| self.has(name)) {
             let quantity = Quantity::of_map(name);
-            let value = |name: &str| -> Result<String, Failure> {
-                let value = f64::from(self.map(name, view)?[[row, column]]) * quantity.factor;
-                Ok(short(value))
+            let value = |name: &str| -> Result<f64, Failure> {
+                Ok(f64::from(self.map(name, view)?[[row, column]]) * quantity.factor)
             };
             let sigma = format!("{name}_sigma");
             let spread = match self.has(&sigma) {
-                true => format!(" ± {}", value(&sigma)?),
+                true => format!(" ± {}", rough(value(&sigma)?)),
                 false => String::new(),
             };
             lines.push(
-                format!("{sign} = {}{spread} {}", value(name)?, quantity.unit)
+                format!("{sign} = {}{spread} {}", short(value(name)?), quantity.unit)
                     .trim_end()
                     .to_owned(),
             );
