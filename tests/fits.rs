@@ -2,7 +2,12 @@
 //! says of counts.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
-#![allow(clippy::cast_possible_truncation, reason = "curves go to the device as f32")]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "curves go to the device as f32; counts are positive"
+)]
+#![allow(clippy::print_stdout, reason = "measured figures are printed")]
 
 mod reference;
 mod support;
@@ -18,6 +23,9 @@ use support::{Worst, engine_with};
 const UM: f64 = 1e-6;
 /// mu and sigma in sigmas, A and b in amplitudes.
 const TOLERANCE: f64 = 1e-5;
+/// The same where the condition number passes 100 and the pixel is flagged; beyond 10,000
+/// rounding of the data alone moves the optimum by more.
+const ILL_TOLERANCE: f64 = 1e-4;
 
 fn engine() -> support::Checked {
     engine_with(beamlet::EngineOptions::default())
@@ -62,7 +70,7 @@ fn compare(
     let weights = if counts { Weights::Poisson } else { Weights::None };
     let got = on_device(engine, offsets, curves, weights);
     let mut worst = Worst::new(what, TOLERANCE);
-    let (mut flagged, mut without) = (0, 0);
+    let (mut flagged, mut without, mut worst_ill) = (0, 0, 0.0_f64);
     for (i, curve) in curves.iter().enumerate() {
         let of = if counts { fit::fit_counts } else { fit::fit };
         let bits = got.flags[i];
@@ -70,25 +78,27 @@ fn compare(
             without += 1;
             continue;
         }
+        let optimum = of(offsets, &rounded(curve));
+        let off = deviation(&got, i, &optimum);
         if bits & flags::ILL_CONDITIONED != 0 {
             flagged += 1;
+            if got.condition[i] < 1e4 {
+                worst_ill = off.iter().fold(worst_ill, |most, d| most.max(d.abs()));
+            }
             continue;
         }
-        let optimum = of(offsets, &rounded(curve));
-        for (k, d) in deviation(&got, i, &optimum).into_iter().enumerate() {
+        for (k, d) in off.into_iter().enumerate() {
             worst.take(d, || {
-                format!(
-                    "curve {i}, unknown {k}, condition {}, {:?} against {optimum:?}",
-                    got.condition[i],
-                    [got.amplitude[i], got.centre[i], got.width[i], got.background[i]]
-                )
+                format!("curve {i}, unknown {k}, condition {}, {optimum:?}", got.condition[i])
             });
         }
     }
     println!(
-        "{what}: {} curves, {flagged} ill-conditioned, {without} without an answer",
+        "{what}: {} curves, {flagged} ill-conditioned (to {worst_ill:.1e}), {without} without an \
+         answer",
         curves.len()
     );
+    assert!(worst_ill <= ILL_TOLERANCE, "{what}: {worst_ill:e} of the ill-conditioned");
     assert!(4 * (flagged + without) < 3 * curves.len(), "{what}: most curves went unchecked");
 }
 

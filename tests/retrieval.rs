@@ -2,6 +2,7 @@
 //! refuses, and what becomes of bad pixels.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+#![allow(clippy::print_stdout, reason = "measured figures are printed")]
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -2,6 +2,7 @@
 //! cylinder and on measured files.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+#![allow(clippy::print_stdout, reason = "measured figures are printed")]
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -110,7 +110,8 @@ pub(super) fn by_moments(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve
         centre_sigma: sum(&|d| d),
         width_sigma: sum(&|d| d * d - width * width) / (2.0 * width),
         condition: f64::NAN,
-        flags: values.flags | if most_at_ends > EDGE * values.most { flags::TRUNCATED } else { 0 },
+        flags: values.flags
+            | if most_at_ends > EDGE * values.most + noise { flags::TRUNCATED } else { 0 },
     }
 }
 
