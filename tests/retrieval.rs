@@ -2,6 +2,7 @@
 //! refuses, and what becomes of bad pixels.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+#![allow(clippy::print_stdout, reason = "measured figures are printed")]
 #![allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -181,6 +182,37 @@ fn exact_curves_are_free_of_the_gaussians_bias() {
     let gaussian = retrieve(&engine, &scene, Method::Gaussian, &flat, &sample);
     let bias = value(&gaussian, "refraction", 8) / truth(8)[1] - 1.0;
     assert!((-0.05..-0.001).contains(&bias), "bias of the Gaussian: {bias}");
+}
+
+#[test]
+fn biases_of_the_gaussian_and_of_moments_are_those_that_the_documents_tell() {
+    // Contrasts so small that they are slopes; docs/retrieval.md has the table.
+    let engine = engine();
+    let [alpha, dark] = [1e-6, 1e-12];
+    let spot: f64 = 0.5 * 30.0 * UM * 0.424_660_900_144_009_5;
+    let at = |x: f64, variance: f64| {
+        let blur = (spot * spot + variance).sqrt();
+        blurred_overlap(1.5 * x, 30.0 * UM, 30.0 * UM, blur) / (150.0 * UM)
+    };
+    let cases = [
+        (Method::Gaussian, 11, 25.0, 0.9970, 0.8641, 0),
+        (Method::Gaussian, 7, 30.0, 0.9562, 1.0755, 0),
+        (Method::Gaussian, 21, 40.0, 1.0000, 0.8957, 0),
+        (Method::Moments, 11, 25.0, 0.9587, 0.7801, flags::TRUNCATED),
+        (Method::ExactCurve, 11, 25.0, 1.0000, 1.0000, 0),
+    ];
+    for (method, steps, half, shift, blur, bits) in cases {
+        let offsets = even(steps, half);
+        let flat = frames(&offsets, |_, x| at(x, 0.0));
+        let sample = frames(&offsets, |pixel, x| {
+            if pixel == 0 { at(x + alpha / ARM, 0.0) } else { at(x, dark * 0.59 * 0.59) }
+        });
+        let images = retrieve(&engine, &scene(&offsets, &[]), method, &flat, &sample);
+        let got = [value(&images, "refraction", 0) / alpha, value(&images, "dark_field", 1) / dark];
+        println!("{method}, {steps} steps over +-{half} um: {got:?}");
+        assert!((got[0] - shift).abs() < 2e-4 && (got[1] - blur).abs() < 2e-3, "{method}: {got:?}");
+        assert_eq!(value(&images, "flags", 0) as u32, flags::of_pixel(bits, bits), "{method}");
+    }
 }
 
 #[test]

@@ -4,8 +4,9 @@ use super::curves::{Curve, Curves};
 use super::flags;
 use super::least_squares::{Scan, moments};
 
-/// Part of the greatest value that the ends of a scan may have for moments to count.
-const EDGE: f64 = 0.05;
+/// Part of the greatest value that the ends of a scan may have for moments to count: the paper's
+/// curve, cut there, loses 0.2 % of its shift and 2.5 % of what it widens.
+const EDGE: f64 = 1e-3;
 
 /// One-sigma uncertainties of what `of` makes of counts, to first order; `NaN` without a gain.
 fn propagate<const N: usize>(
@@ -89,6 +90,7 @@ pub(super) fn by_moments(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve
     let [low, high] = scan.ends();
     let at_ends = values.points.iter().filter(|[x, ..]| *x <= low || *x >= high);
     let most_at_ends = at_ends.fold(0.0_f64, |most, [_, y, _]| most.max(*y));
+    let noise = scan.gain.map_or(0.0, |gain| 3.0 * (gain * most_at_ends.max(gain)).sqrt());
     let sum = |of: &dyn Fn(f64) -> f64| {
         let gain = scan.gain.unwrap_or(f64::NAN);
         let terms = values
@@ -108,7 +110,8 @@ pub(super) fn by_moments(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve
         centre_sigma: sum(&|d| d),
         width_sigma: sum(&|d| d * d - width * width) / (2.0 * width),
         condition: f64::NAN,
-        flags: values.flags | if most_at_ends > EDGE * values.most { flags::TRUNCATED } else { 0 },
+        flags: values.flags
+            | if most_at_ends > EDGE * values.most + noise { flags::TRUNCATED } else { 0 },
     }
 }
 

@@ -240,7 +240,7 @@ pub(super) fn share(sorted: &[f64], offset: f64) -> f64 {
     let below = sorted.iter().rev().find(|other| **other < offset);
     let above = sorted.iter().find(|other| **other > offset);
     let gap = |other: Option<&f64>| other.map(|other| (other - offset).abs() / 2.0);
-    let same = sorted.iter().filter(|other| **other == offset).count() as f64;
+    let same = sorted.iter().filter(|other| other.total_cmp(&offset).is_eq()).count() as f64;
     match (gap(below), gap(above)) {
         // At an end the curve is taken to go on as it came.
         (Some(gap), None) | (None, Some(gap)) => gap / same,

@@ -1,4 +1,4 @@
-//! Random numbers for tests: SplitMix64, and Poisson counts by transformed rejection (Hoermann's
+//! Random numbers for tests: `SplitMix64`, and Poisson counts by transformed rejection (Hoermann's
 //! PTRS) or, for small means, by products of uniform numbers.
 
 #[derive(Debug, Clone)]
