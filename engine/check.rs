@@ -254,7 +254,7 @@ fn work(
         rays_per_view,
         rays,
         memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
-        output_bytes: extent.total_bytes(),
+        output_bytes: extent.output_bytes(scene),
     })
 }
 

@@ -9,11 +9,13 @@
 
 pub mod accel;
 pub mod check;
+pub mod detector;
 mod engine;
 mod error;
 pub mod geometry;
 pub mod gpu;
 pub mod illuminate;
+pub mod image;
 pub mod material;
 pub mod memory;
 mod run;

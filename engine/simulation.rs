@@ -9,6 +9,7 @@
 
 mod work;
 
+use crate::detector::Detection;
 use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
@@ -36,6 +37,8 @@ const UNBALANCED_SHARE: f64 = 1e-5;
 pub struct Simulation<'e> {
     engine: &'e Engine,
     scene: Scene,
+    /// The detector; its grid stands in the scene that is traced and illuminated.
+    detection: Detection,
     sample: Sample,
     on_device: Arc<DeviceSample>,
     lattice: Lattice,
@@ -57,6 +60,8 @@ impl<'e> Simulation<'e> {
         let options = engine.options();
         let memory =
             memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
+        let detection = Detection::of(scene)?;
+        let lit = detection.lit();
         let media = Media::of(scene)?;
         let device = engine.device();
         let wanted = engine.options().backend;
@@ -71,10 +76,11 @@ impl<'e> Simulation<'e> {
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let on_device = Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query)?);
         let strongest = media.constants.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
-        let lattice = Lattice::of(scene, strongest);
+        let lattice = Lattice::of(lit, strongest);
         let mut simulation = Self {
             engine,
             scene: scene.clone(),
+            detection,
             start: RunStart {
                 device: description.name.clone(),
                 driver: description.driver.clone(),
@@ -236,7 +242,14 @@ impl<'e> Simulation<'e> {
         }
     }
 
-    /// Traces and refines the strips of cells of some detector rows of a view (`cells` scheme).
+    /// The detector, and the grid that takes its light.
+    #[must_use]
+    pub const fn detection(&self) -> &Detection {
+        &self.detection
+    }
+
+    /// Traces and refines the strips of cells of some detector rows of a view (`cells` scheme);
+    /// with a blurred detector, of rows of its grid.
     ///
     /// # Errors
     /// As [`Simulation::trace`].
@@ -254,7 +267,7 @@ impl<'e> Simulation<'e> {
     }
 
     fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> trace::View<'a> {
-        trace::View { scene: &self.scene, lattice: &self.lattice, index, shadows }
+        trace::View { scene: self.detection.lit(), lattice: &self.lattice, index, shadows }
     }
 
     /// Rows of a band within the memory limit.
@@ -275,11 +288,9 @@ impl<'e> Simulation<'e> {
     /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         let begin = Instant::now();
-        let views: Vec<stack::View> = std::iter::once(stack::View::Flat)
-            .chain((0..self.scene.scan.angles.len()).map(|i| stack::View::Sample(i as u32)))
-            .filter(|v| !control.skip.contains(v))
-            .collect();
-        let mut work = Work::new(self, views.len())?;
+        let views: Vec<stack::View> =
+            stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();
+        let mut work = Work::new(self, &views)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
         for view in views {
@@ -299,12 +310,15 @@ impl<'e> Simulation<'e> {
             seed: self.scene.sampling.seed,
             tally,
             seconds: [
-                ("prepare".to_owned(), self.prepared_in),
-                ("trace".to_owned(), work.seconds.trace),
-                ("illuminate".to_owned(), work.seconds.illuminate),
-                ("write".to_owned(), work.seconds.write),
-                ("total".to_owned(), self.prepared_in + begin.elapsed().as_secs_f64()),
+                ("prepare", self.prepared_in),
+                ("trace", work.seconds.trace),
+                ("illuminate", work.seconds.illuminate),
+                ("detect", work.seconds.detect),
+                ("noise", work.seconds.noise),
+                ("write", work.seconds.write),
+                ("total", self.prepared_in + begin.elapsed().as_secs_f64()),
             ]
+            .map(|(stage, seconds)| (stage.to_owned(), seconds))
             .into(),
         };
         if tally.unbalanced as f64 > UNBALANCED_SHARE * tally.rays as f64 {

@@ -5,7 +5,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::scene::Scene;
-use beamlet::stack::{Extent, Format, RunDirectory, RunState};
+use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, Tally};
 use std::io::Write;
 use std::time::Instant;
@@ -18,7 +18,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let mut sink = directory(arguments, &scene)?;
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
-        && extent.all_views().all(|view| sink.committed().contains(&view))
+        && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
         writeln!(out, "{} is complete already", sink.path().display())?;
         return Ok(());
@@ -90,7 +90,7 @@ fn summary(
 }
 
 /// Counts of a tally that are worth a line where they are not zero.
-fn counts(tally: &Tally) -> [(u64, &'static str); 9] {
+fn counts(tally: &Tally) -> [(u64, &'static str); 10] {
     [
         (tally.exact, "rays traced in order"),
         (tally.split, "cells split by refinement"),
@@ -101,6 +101,7 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 9] {
         (tally.not_finite, "rays not finite, their light left out"),
         (tally.landed_off, "cells landed off the detector"),
         (tally.defective_objects, "objects with defects, let through by allow_defects"),
+        (tally.saturated, "detector numbers clipped by the bit depth"),
     ]
 }
 

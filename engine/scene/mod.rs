@@ -8,25 +8,31 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 mod derived;
+mod detector;
 mod keys;
 mod limits;
 mod model;
 mod parse;
 pub(crate) mod path;
 mod read;
+mod read_detector;
 mod read_sample;
 mod set;
 mod table;
 mod tree;
 mod validate;
+mod validate_detector;
 mod view;
 mod write;
+mod write_detector;
 
+pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 pub use keys::known_keys;
 pub use model::{
-    Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,
+    MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,
     Scheme, Shape, ShapeOrMesh, Source, Transport,
 };
+pub(crate) use validate_detector::validate_thresholds;
 pub use view::{Pose, View};
 
 use crate::{Error, Result};

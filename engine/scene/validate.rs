@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use super::derived::AT_DETECTOR;
+use super::validate_detector::validate_detector;
 use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
 use crate::{Error, Result};
@@ -39,11 +40,7 @@ impl Scene {
         positive("source.distance", source.distance, Length)?;
         source.spot.iter().try_for_each(|spot| not_negative("source.spot", *spot, Length))?;
         positive("source.energy", source.energy, Energy)?;
-        positive("detector.distance", detector.distance, Length)?;
-        for pixels in detector.pixels {
-            count("detector.pixels", pixels, 1, limits::PIXELS)?;
-        }
-        detector.pitch.iter().try_for_each(|pitch| positive("detector.pitch", *pitch, Length))?;
+        validate_detector(self)?;
         ordered(
             "detector.distance",
             detector.distance,
@@ -219,14 +216,14 @@ fn validate_shape(key: &str, shape: &Shape) -> Result<()> {
     }
 }
 
-fn positive(key: &str, value: f64, dimension: Dimension) -> Result<()> {
+pub(super) fn positive(key: &str, value: f64, dimension: Dimension) -> Result<()> {
     if value.is_finite() && value > 0.0 {
         return Ok(());
     }
     Err(Error::scene(key, dimension.format(value), "a value > 0"))
 }
 
-fn not_negative(key: &str, value: f64, dimension: Dimension) -> Result<()> {
+pub(super) fn not_negative(key: &str, value: f64, dimension: Dimension) -> Result<()> {
     if value.is_finite() && value >= 0.0 {
         return Ok(());
     }
@@ -240,21 +237,21 @@ fn finite(key: &str, value: f64, dimension: Dimension) -> Result<()> {
     Err(Error::scene(key, dimension.format(value), "a finite value"))
 }
 
-fn plain(key: &str, value: f64, fulfilled: bool, allowed: &str) -> Result<()> {
+pub(super) fn plain(key: &str, value: f64, fulfilled: bool, allowed: &str) -> Result<()> {
     if value.is_finite() && fulfilled {
         return Ok(());
     }
     Err(Error::scene(key, format!("{value:?}"), allowed))
 }
 
-fn count(key: &str, value: u32, least: u32, most: u32) -> Result<()> {
+pub(super) fn count(key: &str, value: u32, least: u32, most: u32) -> Result<()> {
     if (least..=most).contains(&value) {
         return Ok(());
     }
     Err(Error::scene(key, value.to_string(), format!("a whole number from {least} to {most}")))
 }
 
-fn named(key: &str, name: &str) -> Result<()> {
+pub(super) fn named(key: &str, name: &str) -> Result<()> {
     if !name.trim().is_empty() {
         return Ok(());
     }

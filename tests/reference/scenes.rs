@@ -49,11 +49,7 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
     Scene {
         directory: ".".into(),
         source: Source { distance: setup.source_distance, spot: setup.spot, energy: 30.0 },
-        detector: Detector {
-            distance: setup.detector_distance,
-            pixels: setup.pixels,
-            pitch: setup.pitch,
-        },
+        detector: Detector::new(setup.detector_distance, setup.pixels, setup.pitch),
         sample_mask,
         detector_mask,
         sampling: Sampling {
