@@ -5,7 +5,7 @@ use super::grid::LightGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
 use super::{excess_noise, response};
-use crate::scene::Scene;
+use crate::scene::{Scene, validate_thresholds};
 use crate::stack::View;
 use crate::{Error, Result};
 use ndarray::{Array3, ArrayView3, s};
@@ -30,6 +30,8 @@ impl Detection {
     pub fn of(scene: &Scene) -> Result<Self> {
         let grid = LightGrid::of(scene)?;
         let nodes = open_beam(scene)?;
+        let highest = nodes.iter().fold(0.0_f64, |most, [energy, _]| most.max(*energy));
+        validate_thresholds(&scene.detector, highest)?;
         Ok(Self {
             grid,
             lit: grid.lit_scene(scene),

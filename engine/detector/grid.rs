@@ -12,6 +12,7 @@ use super::kernel::{Measured, Spread};
 use crate::Result;
 use crate::scene::{Blur, Scatter, Scene};
 use crate::trace::deviation;
+use serde::Serialize;
 use std::ops::Range;
 
 /// Most parts of a pixel along x and z.
@@ -21,7 +22,7 @@ const MOST: [u32; 2] = [64, 16];
 const TOLERANCE: [f64; 2] = [2e-4, 5e-3];
 
 /// Parts and margins of the grid.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LightGrid {
     /// Columns and rows of the detector.
     pub pixels: [u32; 2],
