@@ -20,6 +20,9 @@ const MOST: [u32; 2] = [64, 16];
 /// Error of a pixel, in open beam, that parts along x and z may make: sharp edges of light at
 /// their worst place. Along z those are silhouettes, which have a tolerance of their own.
 const TOLERANCE: [f64; 2] = [2e-4, 5e-3];
+/// The same where an aperture is lit evenly, edge to edge: parts whose borders fall on the edges
+/// of apertures make none.
+const EVEN: f64 = 2e-5;
 
 /// Parts and margins of the grid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -63,14 +66,19 @@ impl LightGrid {
             };
             grid.margin[axis] = spread.reach().ceil() as u32;
             let lit = if axis == 0 { lit_width(scene) } else { 1.0 };
-            let mut error = f64::INFINITY;
-            for parts in 1..=MOST[axis] {
-                (grid.parts[axis], error) = (parts, error_of(spread, parts, lit));
-                if error <= TOLERANCE[axis] {
-                    break;
-                }
+            let errors: Vec<_> =
+                (1..=MOST[axis]).map(|parts| (parts, error_of(spread, parts, lit))).collect();
+            let fine = |(_, [sharp, _]): &&(u32, [f64; 2])| *sharp <= TOLERANCE[axis];
+            let aligned = |(_, [_, even]): &&(u32, [f64; 2])| *even <= EVEN;
+            let chosen = errors
+                .iter()
+                .find(|error| fine(error) && aligned(error))
+                .or_else(|| errors.iter().find(fine))
+                .or(errors.last());
+            if let Some((parts, [sharp, _])) = chosen {
+                grid.parts[axis] = *parts;
+                grid.error = grid.error.max(*sharp);
             }
-            grid.error = grid.error.max(error);
         }
         if let Some(Scatter::Kernel { kernel, .. }) = &detector.scatter {
             let spread = Measured::read(scene, kernel, "detector.scatter")?.profile(1);
@@ -162,9 +170,9 @@ fn lit_width(scene: &Scene) -> f64 {
     if aligned { (mask.aperture * onto).min(1.0) } else { 1.0 }
 }
 
-/// Most that `parts` of a pixel change it: light of open beam between two sharp edges anywhere in
-/// the lit middle of a pixel, seen by the pixel itself and those beside it.
-fn error_of(spread: &Spread, parts: u32, lit: f64) -> f64 {
+/// Most that `parts` of a pixel change it, or one beside it: light of open beam between two sharp
+/// edges anywhere in the lit middle of a pixel, and between the edges of that middle.
+fn error_of(spread: &Spread, parts: u32, lit: f64) -> [f64; 2] {
     let reach = spread.reach().ceil() as i32;
     let parts = f64::from(parts);
     // Of the light up to x the parts give the straight line between their borders.
@@ -184,7 +192,7 @@ fn error_of(spread: &Spread, parts: u32, lit: f64) -> f64 {
             let errors = (0..=samples).map(|i| off(at(i)));
             let (least, most) = errors
                 .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(e), b.max(e)));
-            most - least
+            [most - least, (off(at(samples)) - off(at(0))).abs()]
         })
-        .fold(0.0, f64::max)
+        .fold([0.0; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
 }
