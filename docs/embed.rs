@@ -7,8 +7,8 @@
 //! `default-features = false` leaves out the command line and its crates.
 
 use beamlet::scene::{
-    Detector, MaskBody, MaskSpec, MaterialSpec, Object, Placement, Sampling, Scan, Scene, Shape,
-    ShapeOrMesh, Source,
+    Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Object, Placement, Sampling, Scan, Scene,
+    Shape, ShapeOrMesh, Source,
 };
 use beamlet::stack::ArraySink;
 use beamlet::{Control, Engine, EngineOptions, Progress};
@@ -50,7 +50,7 @@ fn scene() -> Scene {
     Scene {
         // Where relative paths of meshes and tables start; this scene has none.
         directory: PathBuf::from("."),
-        source: Source { distance: source, spot: [30e-6, 26e-6], energy: 30.0 },
+        source: Source { distance: source, spot: [30e-6, 26e-6], beam: Beam::Energy(30.0) },
         detector: Detector::new(detector, [64, 4], [pitch, pitch]),
         sample_mask: Some(MaskSpec {
             distance: sample_mask,

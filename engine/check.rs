@@ -6,6 +6,7 @@ use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
 use crate::memory::{self, MemoryEstimate};
 use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
+use crate::spectrum::{self, Nodes};
 use crate::stack::Extent;
 use crate::trace::Lattice;
 use crate::{Error, Result};
@@ -33,8 +34,10 @@ pub struct CheckReport {
 /// The set-up in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Setup {
-    /// Photon energy, keV.
+    /// Photon energy, keV; of a spectrum the mean of what the detector counts without sample.
     pub energy: f64,
+    /// Energy nodes; one where there is one energy.
+    pub nodes: Nodes,
     /// Mask magnification M = analyser distance / sample mask distance.
     pub magnification: f64,
     /// Magnification of the rotation centre on the detector.
@@ -129,8 +132,9 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
 /// As [`check`]; [`Error::Memory`] where the limit is too small.
 pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckReport> {
     let extent = Extent::of(scene)?;
-    let materials = materials(scene)?;
     let detection = Detection::of(scene)?;
+    let nodes = spectrum::nodes(scene)?;
+    let materials = materials(scene, nodes.mean_energy())?;
     memory::check_before_loading(scene, memory_limit)?;
     let (sample, refusals) = geometry::inspect(scene)?;
     geometry::check_clearance(scene, &sample)?;
@@ -145,7 +149,7 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     Ok(CheckReport {
-        setup: setup(scene, &sample, extent, &detection),
+        setup: setup(scene, &sample, extent, nodes, &detection),
         work: work(scene, extent, &detection, &materials, &sample, memory_limit)?,
         materials,
         objects: objects(scene, &sample),
@@ -154,7 +158,13 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
     })
 }
 
-fn setup(scene: &Scene, sample: &Sample, extent: Extent, detection: &Detection) -> Setup {
+fn setup(
+    scene: &Scene,
+    sample: &Sample,
+    extent: Extent,
+    nodes: Nodes,
+    detection: &Detection,
+) -> Setup {
     let swept = geometry::swept(sample);
     let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(
         None,
@@ -165,7 +175,8 @@ fn setup(scene: &Scene, sample: &Sample, extent: Extent, detection: &Detection) 
     );
     let mask = |mask: &Option<MaskSpec>| mask.as_ref().map(|mask| [mask.period, mask.aperture]);
     Setup {
-        energy: scene.source.energy,
+        energy: nodes.mean_energy(),
+        nodes,
         magnification: scene.magnification(),
         object_magnification: scene.detector.distance / scene.source.distance,
         lever_arm: scene.lever_arm(),
@@ -181,7 +192,7 @@ fn setup(scene: &Scene, sample: &Sample, extent: Extent, detection: &Detection) 
 }
 
 /// Materials in use, each once, in the order: surroundings, objects, masks.
-fn materials(scene: &Scene) -> Result<Vec<Material>> {
+fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
     let bars = |mask: &Option<MaskSpec>| match mask {
         Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => Some(material.clone()),
         _ => None,
@@ -212,7 +223,7 @@ fn materials(scene: &Scene) -> Result<Vec<Material>> {
             known.used_by.push(user);
             continue;
         }
-        let constants = material::constants_for(scene, &name, &key)?;
+        let constants = material::constants_at_for(scene, &name, energy, &key)?;
         found.push(Material {
             used_by: vec![user],
             mu: constants.mu,

@@ -162,8 +162,11 @@ mod tests {
         let npy = place.path().join("image.npy");
         ndarray_npy::write_npy(&npy, &wanted().mapv(|v| v as f32)).unwrap();
         let turned = place.path().join("turned.npy");
-        ndarray_npy::write_npy(&turned, &wanted().reversed_axes().as_standard_layout().reversed_axes())
-            .unwrap();
+        ndarray_npy::write_npy(
+            &turned,
+            &wanted().reversed_axes().as_standard_layout().reversed_axes(),
+        )
+        .unwrap();
         let bytes: Vec<u8> = wanted().iter().map(|v| *v as u8).collect();
         let tif = place.path().join("image.TIF");
         let mut file = File::create(&tif).unwrap();

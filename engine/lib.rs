@@ -21,6 +21,7 @@ pub mod memory;
 mod run;
 pub mod scene;
 mod simulation;
+pub mod spectrum;
 pub mod stack;
 pub mod trace;
 pub mod units;

@@ -13,9 +13,10 @@ use crate::detector::Detection;
 use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
+use crate::illuminate::Spectral;
 use crate::memory::{self, MemoryEstimate};
 use crate::run::{Backend, Control, RunRecord, Tally};
-use crate::scene::Scene;
+use crate::scene::{Scene, Scheme};
 use crate::stack::{self, RunStart, Sink};
 use crate::trace::{
     self, DeviceSample, Lattice, Law, Media, Moments, Ray, Shadow, Strips, TraceKernels, Tracer,
@@ -41,7 +42,10 @@ pub struct Simulation<'e> {
     detection: Detection,
     sample: Sample,
     on_device: Arc<DeviceSample>,
+    media: Media,
     lattice: Lattice,
+    /// For a spectrum, by cells.
+    spectral: Option<Spectral>,
     memory: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
@@ -75,8 +79,13 @@ impl<'e> Simulation<'e> {
         }
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let on_device = Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query)?);
-        let strongest = media.constants.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
-        let lattice = Lattice::of(lit, strongest);
+        let lattice = Lattice::of(lit, media.strongest());
+        let several = media.energies.len() > 1 && scene.sampling.scheme == Scheme::Cells;
+        let spectral = if several {
+            Some(Spectral::new(lit, &media, &lattice, &media.mean(), media.strongest())?)
+        } else {
+            None
+        };
         let mut simulation = Self {
             engine,
             scene: scene.clone(),
@@ -96,7 +105,9 @@ impl<'e> Simulation<'e> {
             },
             sample,
             on_device,
+            media,
             lattice,
+            spectral,
             memory,
             prepared_in: 0.0,
         };
@@ -208,7 +219,8 @@ impl<'e> Simulation<'e> {
         trace::shadows(&self.sample, &self.lattice, &self.scene.view_at(angle))
     }
 
-    /// Traces rays and returns their laws at the scene's energy, in the order of the rays.
+    /// Traces rays and returns their laws at the scene's energy (for a spectrum at the constants
+    /// averaged over it), in the order of the rays.
     ///
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`]; [`Error::Scene`] for a view that is not there.
@@ -259,7 +271,7 @@ impl<'e> Simulation<'e> {
         let view = self.view(view, &shadows);
         let mut strips = Strips::default();
         let at_once = self.memory.rays_at_once as usize;
-        trace::trace_strips(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |part| {
+        trace::trace_strips(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {
             strips.append(part);
             Ok(())
         })?;
@@ -267,7 +279,13 @@ impl<'e> Simulation<'e> {
     }
 
     fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> trace::View<'a> {
-        trace::View { scene: self.detection.lit(), lattice: &self.lattice, index, shadows }
+        trace::View {
+            scene: self.detection.lit(),
+            lattice: &self.lattice,
+            index,
+            shadows,
+            keep_moments: self.spectral.is_some(),
+        }
     }
 
     /// Rows of a band within the memory limit.

@@ -63,6 +63,8 @@ pub enum Dimension {
     Angle,
     /// Linear attenuation coefficient in 1/m.
     Attenuation,
+    /// Tube voltage in kV.
+    Voltage,
 }
 
 /// A text that is no quantity of the dimension asked for.
@@ -112,6 +114,7 @@ const ANGLES: &[(&str, Scale)] = &[
     ("\u{b5}rad", Ten(-6)),
     ("\u{3bc}rad", Ten(-6)),
 ];
+const VOLTAGES: &[(&str, Scale)] = &[("V", Ten(-3)), ("kV", Ten(0)), ("MV", Ten(3))];
 const ATTENUATIONS: &[(&str, Scale)] = &[
     ("1/m", Ten(0)),
     ("/m", Ten(0)),
@@ -129,6 +132,7 @@ impl Dimension {
             Self::Density => DENSITIES,
             Self::Angle => ANGLES,
             Self::Attenuation => ATTENUATIONS,
+            Self::Voltage => VOLTAGES,
         }
     }
 
@@ -140,6 +144,7 @@ impl Dimension {
             Self::Density => ("a density", "0.93 g/cm3"),
             Self::Angle => ("an angle", "12 deg"),
             Self::Attenuation => ("an attenuation coefficient", "0.25 /cm"),
+            Self::Voltage => ("a voltage", "60 kV"),
         };
         let mut units: Vec<_> = self.table().iter().map(|unit| unit.0).collect();
         // The Greek letter looks like the micro sign: accepted, not listed.
@@ -155,7 +160,7 @@ impl Dimension {
         self.table().iter().find(|entry| entry.0 == unit).map(|entry| entry.1)
     }
 
-    /// Reads a quantity into metres, keV, g/cm3, radians or 1/m. The result is finite.
+    /// Reads a quantity into metres, keV, g/cm3, radians, 1/m or kV. The result is finite.
     ///
     /// # Errors
     ///
@@ -212,6 +217,7 @@ impl Dimension {
             Self::Energy => (0, "keV"),
             Self::Density => (0, "g/cm3"),
             Self::Attenuation => (0, "1/m"),
+            Self::Voltage => (0, "kV"),
             Self::Angle => {
                 let degrees = (value.to_degrees() * 1e9).round() / 1e9;
                 if degrees.to_radians().to_bits() == value.to_bits() {
@@ -330,6 +336,8 @@ mod tests {
             (Dimension::Attenuation, "0.25 /cm", 25.0),
             (Dimension::Attenuation, "0.25 1/cm", 25.0),
             (Dimension::Attenuation, "2 /mm", 2000.0),
+            (Dimension::Voltage, "60 kV", 60.0),
+            (Dimension::Voltage, "25000 V", 25.0),
         ];
         for (dimension, text, expected) in cases {
             assert_eq!(dimension.parse(text).unwrap().to_bits(), f64::to_bits(expected), "{text}");
@@ -384,7 +392,7 @@ mod tests {
         fn every_finite_value_reads_back_to_the_same_bits(value in proptest::num::f64::NORMAL) {
             for dimension in [
                 Dimension::Length, Dimension::Energy, Dimension::Density, Dimension::Angle,
-                Dimension::Attenuation,
+                Dimension::Attenuation, Dimension::Voltage,
             ] {
                 let text = dimension.format(value);
                 prop_assert_eq!(dimension.parse(&text).unwrap().to_bits(), value.to_bits());

@@ -6,12 +6,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use beamlet::material::{builtin, builtin_names, constants};
-use beamlet::scene::{Detector, MaterialSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
+use beamlet::scene::{
+    Beam, Detector, MaterialSpec, Sampling, Scan, Scene, Scheme, Source, Transport,
+};
 
 fn scene(energy: f64) -> Scene {
     Scene {
         directory: ".".into(),
-        source: Source { distance: 1.21, spot: [0.0; 2], energy },
+        source: Source { distance: 1.21, spot: [0.0; 2], beam: Beam::Energy(energy) },
         detector: Detector::new(1.8, [128, 128], [150e-6; 2]),
         sample_mask: None,
         detector_mask: None,

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use beamlet::scene::{MaskBody, MaterialSpec, Mesh, Scene, ShapeOrMesh};
+use beamlet::scene::{Beam, MaskBody, MaterialSpec, Mesh, Scene, ShapeOrMesh};
 use beamlet::{Error, Place};
 use proptest::prelude::*;
 
@@ -54,7 +54,7 @@ fn overrides_change_and_add_keys() {
         "object[1].unit=um",
     ])
     .unwrap();
-    assert_eq!(scene.source.energy, 40.0);
+    assert_eq!(scene.source.beam, Beam::Energy(40.0));
     assert_eq!(scene.detector.distance, 2.0);
     assert_eq!(scene.detector.pixels, [64, 16]);
     assert_eq!(scene.objects[0].material, "gold");
@@ -171,7 +171,7 @@ proptest! {
     ) {
         let mut scene = load(PAPER).unwrap();
         scene.source.spot = [values[0], values[1]];
-        scene.source.energy = values[2] * 1e6;
+        scene.source.beam = Beam::Energy(values[2] * 1e6);
         scene.detector.pitch = [values[3], values[4]];
         scene.scan.mask_offsets = values.clone();
         scene.scan.angles = angles.clone();

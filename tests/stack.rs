@@ -3,8 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use beamlet::scene::{
-    Detector, MaskBody, MaskSpec, Object, Placement, Sampling, Scan, Scene, Shape, ShapeOrMesh,
-    Source,
+    Beam, Detector, MaskBody, MaskSpec, Object, Placement, Sampling, Scan, Scene, Shape,
+    ShapeOrMesh, Source,
 };
 use beamlet::stack::{
     ArraySink, CallbackSink, Extent, Format, RunDirectory, RunFile, RunStart, RunState, Sink, View,
@@ -33,7 +33,7 @@ fn scene() -> Scene {
     };
     Scene {
         directory: PathBuf::new(),
-        source: Source { distance: 1.21, spot: [30e-6, 26e-6], energy: 30.0 },
+        source: Source { distance: 1.21, spot: [30e-6, 26e-6], beam: Beam::Energy(30.0) },
         detector: Detector::new(1.8, [7, 5], [150e-6; 2]),
         sample_mask: mask(1.2, 100e-6, 20e-6),
         detector_mask: mask(1.8, 150e-6, 30e-6),

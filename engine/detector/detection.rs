@@ -5,7 +5,8 @@ use super::grid::LightGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
 use super::{excess_noise, response};
-use crate::scene::{Scene, validate_thresholds};
+use crate::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec, validate_thresholds};
+use crate::spectrum::{self, Spectrum};
 use crate::stack::View;
 use crate::{Error, Result};
 use ndarray::{Array3, ArrayView3, s};
@@ -29,9 +30,8 @@ impl Detection {
     /// a detector that sees nothing of the beam.
     pub fn of(scene: &Scene) -> Result<Self> {
         let grid = LightGrid::of(scene)?;
+        validate_thresholds(&scene.detector, highest_energy(scene)?)?;
         let nodes = open_beam(scene)?;
-        let highest = nodes.iter().fold(0.0_f64, |most, [energy, _]| most.max(*energy));
-        validate_thresholds(&scene.detector, highest)?;
         Ok(Self {
             grid,
             lit: grid.lit_scene(scene),
@@ -84,14 +84,21 @@ impl Detection {
         band: &Range<u32>,
         intensities: ArrayView3<'_, f32>,
     ) -> Result<Option<Frame>> {
-        let frame = |noise: &Noise| noise.counts(view, band.start, intensities.slice(s![.., .., ..]));
+        let frame =
+            |noise: &Noise| noise.counts(view, band.start, intensities.slice(s![.., .., ..]));
         self.noise.as_ref().map(frame).transpose()
     }
 }
 
 /// Energies (keV) of the beam and their shares of the signal of an open pixel.
 fn open_beam(scene: &Scene) -> Result<Vec<[f64; 2]>> {
-    let energy = scene.source.energy;
+    let energy = match &scene.source.beam {
+        Beam::Energy(energy) => *energy,
+        Beam::Spectrum(_) => {
+            let nodes = spectrum::nodes(scene)?;
+            return Ok(nodes.energies.into_iter().zip(nodes.weights).map(Into::into).collect());
+        }
+    };
     let signal = response(scene, energy)?;
     if signal > 0.0 {
         return Ok(vec![[energy, 1.0]]);
@@ -101,4 +108,16 @@ fn open_beam(scene: &Scene) -> Result<Vec<[f64; 2]>> {
         format!("no signal from photons of {energy} keV"),
         "thresholds around the energy of the beam, and an absorber that absorbs",
     ))
+}
+
+/// Highest energy of the beam, keV: of a tube its voltage.
+fn highest_energy(scene: &Scene) -> Result<f64> {
+    match &scene.source.beam {
+        Beam::Energy(energy) => Ok(*energy),
+        Beam::Spectrum(SpectrumSpec { origin: SpectrumOrigin::Tube { kvp, .. }, .. }) => Ok(*kvp),
+        Beam::Spectrum(spec) => {
+            let spectrum = Spectrum::before_filters(scene, spec)?.significant();
+            Ok(spectrum.energies_kev.last().copied().unwrap_or(0.0))
+        }
+    }
 }

@@ -186,12 +186,11 @@ fn error_of(spread: &Spread, parts: u32, lit: f64) -> [f64; 2] {
     let samples = (8.0 * parts * lit).ceil().max(8.0) as i32;
     (-reach..=reach)
         .map(|pixel| {
-            let at = |i: i32| {
-                0.5 + lit * (f64::from(i) / f64::from(samples) - 0.5) + f64::from(pixel)
-            };
+            let at =
+                |i: i32| 0.5 + lit * (f64::from(i) / f64::from(samples) - 0.5) + f64::from(pixel);
             let errors = (0..=samples).map(|i| off(at(i)));
-            let (least, most) = errors
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(e), b.max(e)));
+            let (least, most) =
+                errors.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(e), b.max(e)));
             [most - least, (off(at(samples)) - off(at(0))).abs()]
         })
         .fold([0.0; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])])

@@ -27,12 +27,8 @@ impl ScatterStage {
                 let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
                 let key = "detector.scatter.image";
                 if image.dim() != (rows, columns) {
-                    let found = format!(
-                        "{}: {} x {} pixels",
-                        path.display(),
-                        image.ncols(),
-                        image.nrows()
-                    );
+                    let found =
+                        format!("{}: {} x {} pixels", path.display(), image.ncols(), image.nrows());
                     let allowed = format!("the detector's {columns} x {rows} pixels");
                     return Err(Error::scene(key, found, allowed));
                 }

@@ -3,9 +3,11 @@
 mod cells;
 mod light;
 mod random;
+mod spectral;
 mod sums;
 
 pub use cells::CellIlluminator;
-pub use light::LightRecord;
+pub use light::{LightRecord, Part};
 pub use random::{Cast, RandomKernels, cast};
+pub use spectral::Spectral;
 pub use sums::Sums;

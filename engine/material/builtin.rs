@@ -103,12 +103,24 @@ pub(super) fn fold(name: &str) -> String {
     name.chars().filter(|c| !matches!(c, ' ' | '-' | '_')).flat_map(char::to_lowercase).collect()
 }
 
-/// The built-in material of this name or alias; case, blanks and hyphens do not matter.
+/// The built-in material of this name or alias (case, blanks and hyphens do not matter), or the
+/// element of this symbol. Carbon has several densities: it goes by its names only.
 pub fn builtin(name: &str) -> Option<&'static Builtin> {
     let wanted = fold(name);
-    BUILTINS.iter().find(|entry| {
+    let named = BUILTINS.iter().find(|entry| {
         std::iter::once(&entry.name).chain(entry.aliases).any(|known| fold(known) == wanted)
+    });
+    // Symbols keep their case: "Co" is cobalt, "CO" would be a compound.
+    named.or_else(|| {
+        let symbol = name.len() <= 2 && name != "C" && !name.is_empty();
+        let single = symbol && !name.chars().skip(1).any(|c| c.is_uppercase() || c.is_numeric());
+        BUILTINS.iter().find(|entry| single && entry.formula == name)
     })
+}
+
+/// All built-in materials.
+pub const fn builtins() -> &'static [Builtin] {
+    BUILTINS
 }
 
 /// Names of all built-in materials, without their aliases.

@@ -8,22 +8,21 @@ use crate::scene::path;
 
 /// Mu from the total cross section (Elam: photoabsorption, coherent and incoherent
 /// scattering, all of which take light out of the beam), delta from f1 (Chantler).
-/// `density` in g/cm3, `energy` in keV.
-pub(super) fn constants(name: &str, formula: &str, density: f64, energy: f64) -> Result<Constants> {
-    let failed = |error: XrayDbError| {
-        Error::scene(
-            path::join("materials", name),
-            format!("formula \"{formula}\", density {density} g/cm3"),
-            format!("a chemical formula such as \"H2O\" and a density above 0 ({error})"),
-        )
-    };
+/// `density` in g/cm3, `energies` in keV.
+pub(super) fn constants(
+    name: &str,
+    formula: &str,
+    density: f64,
+    energies: &[f64],
+) -> Result<Vec<Constants>> {
+    let failed = |error| unreadable(name, formula, density, &error);
     let db = XrayDb::try_new().map_err(failed)?;
     let elements = db.mass_fractions(formula).map_err(failed)?;
-    let energy_ev = energy * 1e3;
     for (element, _) in &elements {
         // The tables clamp: an energy beyond their end would quietly get the end's value.
-        let (low, high) = range(&db, element).map_err(failed)?;
-        if !(low..=high).contains(&energy_ev) {
+        let (low, high) = element_range(&db, element).map_err(failed)?;
+        let outside = |energy: &&f64| !(low..=high).contains(&(**energy * 1e3));
+        if let Some(energy) = energies.iter().find(outside) {
             return Err(Error::scene(
                 "source.energy",
                 format!("{energy} keV"),
@@ -35,14 +34,52 @@ pub(super) fn constants(name: &str, formula: &str, density: f64, energy: f64) ->
             ));
         }
     }
+    let energies_ev: Vec<f64> = energies.iter().map(|energy| energy * 1e3).collect();
     let mu_per_cm =
-        db.material_mu_at(formula, density, energy_ev, CrossSectionKind::Total).map_err(failed)?;
-    let delta = db.xray_delta_beta(formula, density, energy_ev).map_err(failed)?.delta;
-    Ok(Constants { mu: mu_per_cm * 100.0, delta })
+        db.material_mu(formula, density, &energies_ev, CrossSectionKind::Total).map_err(failed)?;
+    let delta = |energy: &f64| {
+        db.xray_delta_beta(formula, density, *energy).map(|found| found.delta).map_err(failed)
+    };
+    let deltas: Vec<f64> = energies_ev.iter().map(delta).collect::<Result<_>>()?;
+    let constants = |(mu, delta): (f64, f64)| Constants { mu: mu * 100.0, delta };
+    Ok(mu_per_cm.into_iter().zip(deltas).map(constants).collect())
+}
+
+/// Energies of the absorption edges of the elements of a formula, keV.
+pub(super) fn edges(name: &str, formula: &str, density: f64) -> Result<Vec<f64>> {
+    let failed = |error| unreadable(name, formula, density, &error);
+    let db = XrayDb::try_new().map_err(failed)?;
+    let mut edges = Vec::new();
+    for (element, _) in db.mass_fractions(formula).map_err(failed)? {
+        let levels = db.xray_edges(&element).map_err(failed)?;
+        edges.extend(levels.values().map(|edge| edge.energy / 1e3));
+    }
+    edges.sort_by(f64::total_cmp);
+    Ok(edges)
+}
+
+/// Least and greatest energy, keV, that the tables cover for all elements of a formula.
+pub(super) fn range(name: &str, formula: &str, density: f64) -> Result<[f64; 2]> {
+    let failed = |error| unreadable(name, formula, density, &error);
+    let db = XrayDb::try_new().map_err(failed)?;
+    let mut common = [0.0, f64::INFINITY];
+    for (element, _) in db.mass_fractions(formula).map_err(failed)? {
+        let (low, high) = element_range(&db, &element).map_err(failed)?;
+        common = [common[0].max(low / 1e3), common[1].min(high / 1e3)];
+    }
+    Ok(common)
+}
+
+fn unreadable(name: &str, formula: &str, density: f64, error: &XrayDbError) -> Error {
+    Error::scene(
+        path::join("materials", name),
+        format!("formula \"{formula}\", density {density} g/cm3"),
+        format!("a chemical formula such as \"H2O\" and a density above 0 ({error})"),
+    )
 }
 
 /// Energies in eV that both tables cover for an element.
-fn range(db: &XrayDb, element: &str) -> std::result::Result<(f64, f64), XrayDbError> {
+fn element_range(db: &XrayDb, element: &str) -> std::result::Result<(f64, f64), XrayDbError> {
     let (elam_low, elam_high) = XrayDb::elam_energy_range();
     let (chantler_low, chantler_high) = db.chantler_energy_range(element)?;
     Ok((elam_low.max(chantler_low), elam_high.min(chantler_high)))

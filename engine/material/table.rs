@@ -67,6 +67,20 @@ impl Table {
     }
 }
 
+impl Table {
+    /// Least and greatest energy, keV.
+    pub(super) fn range(&self) -> [f64; 2] {
+        [self.rows[0][0], self.rows[self.rows.len() - 1][0]]
+    }
+
+    /// Energies, keV, between rows across which mu rises: only an edge does that.
+    pub(super) fn edges(&self) -> Vec<f64> {
+        let rises = |pair: &&[[f64; 3]]| pair[1][1] > pair[0][1];
+        let between = |pair: &[[f64; 3]]| (pair[0][0] * pair[1][0]).sqrt();
+        self.rows.windows(2).filter(rises).map(between).collect()
+    }
+}
+
 /// Position of each of `COLUMNS` in the file.
 fn header(at: &Line<'_>, fields: &[&str]) -> Result<[usize; 3]> {
     let mut order = [0; 3];

@@ -27,7 +27,12 @@ const KNOWN: &[(&str, &[&str])] = &[
             "object",
         ],
     ),
-    ("source", &["distance", "spot", "energy"]),
+    ("source", &["distance", "spot", "energy", "spectrum"]),
+    (
+        "source.spectrum",
+        &["file", "anode", "kvp", "anode_angle", "inherent_filters", "filters", "nodes"],
+    ),
+    ("source.spectrum.filter", &["material", "thickness"]),
     (
         "detector",
         &[

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::Detector;
+use super::{Beam, Detector};
 
 /// A whole scene, every default filled in. See docs/scene.md for the file form.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,8 +38,8 @@ pub struct Source {
     pub distance: f64,
     /// FWHM of the Gaussian focal spot along x and z, m. >= 0; 0 is a point.
     pub spot: [f64; 2],
-    /// Photon energy, keV. > 0.
-    pub energy: f64,
+    /// One photon energy, or a spectrum.
+    pub beam: Beam,
 }
 
 /// A slit mask, periodic without end in x and unbounded in z.

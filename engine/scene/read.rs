@@ -4,13 +4,14 @@
 use std::path::Path;
 
 use super::limits;
+use super::read_beam::read_beam;
 use super::read_detector::read_detector;
 use super::read_sample::{read_materials, read_objects};
 use super::table::{Item, Table};
 use super::tree::Document;
 use super::{Detector, MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
 use crate::Result;
-use crate::units::Dimension::{self, Angle, Energy, Length};
+use crate::units::Dimension::{self, Angle, Length};
 
 /// Reads a scene. The result still has to be validated.
 pub(super) fn read_scene(document: &Document, directory: &Path) -> Result<Scene> {
@@ -49,7 +50,7 @@ fn read_source(table: &Table<'_>) -> Result<Source> {
     Ok(Source {
         distance: table.quantity("distance", Length)?,
         spot: read_pair(&spot, Length)?,
-        energy: table.quantity("energy", Energy)?,
+        beam: read_beam(table)?,
     })
 }
 

@@ -2,9 +2,7 @@
 
 use std::path::PathBuf;
 
-use super::detector::{
-    Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter,
-};
+use super::detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 use super::limits;
 use super::read::{pair_allowed, read_pair};
 use super::table::{Item, Table};
@@ -103,14 +101,13 @@ fn read_kernel(table: &Table<'_>) -> Result<KernelFile> {
 fn read_counts(table: &Table<'_>) -> Result<Option<Counts>> {
     let Some(photons) = table.get("photons") else {
         for key in ["electronic_noise", "swank", "gain", "offset", "bit_depth"] {
-            table.forbid(key, "this key together with photons: without them there are no counts")?;
+            table
+                .forbid(key, "this key together with photons: without them there are no counts")?;
         }
         return Ok(None);
     };
     let default = Counts::of_photons(photons.number()?);
-    let number = |key: &str, default: f64| {
-        table.get(key).map_or(Ok(default), |item| item.number())
-    };
+    let number = |key: &str, default: f64| table.get(key).map_or(Ok(default), |item| item.number());
     Ok(Some(Counts {
         electronic_noise: number("electronic_noise", default.electronic_noise)?,
         swank: number("swank", default.swank)?,

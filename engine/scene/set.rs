@@ -8,6 +8,8 @@ use crate::{Error, Result};
 
 /// Keys that exclude each other: an override of one side drops what the file says on the other.
 const RIVALS: &[(&[&str], &[&str])] = &[
+    (&["energy"], &["spectrum"]),
+    (&["file"], &["anode", "kvp", "anode_angle", "inherent_filters"]),
     (&["aperture"], &["projected_aperture"]),
     (&["material", "thickness"], &["transmission"]),
     (&["mesh", "unit", "sha256"], &["shape"]),

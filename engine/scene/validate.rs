@@ -3,9 +3,10 @@
 use std::collections::HashSet;
 
 use super::derived::AT_DETECTOR;
+use super::validate_beam::validate_beam;
 use super::validate_detector::validate_detector;
 use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
-use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
+use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
 use crate::{Error, Result};
 
 impl Scene {
@@ -39,7 +40,7 @@ impl Scene {
         let (source, detector) = (&self.source, &self.detector);
         positive("source.distance", source.distance, Length)?;
         source.spot.iter().try_for_each(|spot| not_negative("source.spot", *spot, Length))?;
-        positive("source.energy", source.energy, Energy)?;
+        validate_beam(&source.beam)?;
         validate_detector(self)?;
         ordered(
             "detector.distance",

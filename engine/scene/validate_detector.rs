@@ -2,7 +2,7 @@
 
 use super::detector::{Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 use super::validate::{count, named, not_negative, plain, positive};
-use super::{Scene, limits};
+use super::{Beam, Scene, SpectrumOrigin, SpectrumSpec, limits};
 use crate::units::Dimension::{Energy, Length};
 use crate::{Error, Result};
 
@@ -17,7 +17,14 @@ pub(super) fn validate_detector(scene: &Scene) -> Result<()> {
     }
     detector.pitch.iter().try_for_each(|pitch| positive("detector.pitch", *pitch, Length))?;
     validate_mode(detector)?;
-    validate_thresholds(detector, scene.source.energy)?;
+    // Where it takes a file to know the highest energy, the run and `check` look.
+    match &scene.source.beam {
+        Beam::Energy(energy) => validate_thresholds(detector, *energy)?,
+        Beam::Spectrum(SpectrumSpec { origin: SpectrumOrigin::Tube { kvp, .. }, .. }) => {
+            validate_thresholds(detector, *kvp)?;
+        }
+        Beam::Spectrum(_) => {}
+    }
     if let Some(absorber) = &detector.absorber {
         named("detector.absorber.material", &absorber.material)?;
         positive("detector.absorber.thickness", absorber.thickness, Length)?;
@@ -67,8 +74,7 @@ fn validate_mode(detector: &Detector) -> Result<()> {
     }
 }
 
-/// Refuses thresholds beyond the highest energy of the beam, keV, and those that leave nothing of
-/// a single energy.
+/// Refuses thresholds beyond the highest energy of the beam, keV.
 ///
 /// # Errors
 /// [`Error::Scene`] with the key of the threshold.

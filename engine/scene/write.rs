@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use super::write_detector::write_detector;
 use super::read::{angle_range, offset_range};
+use super::write_detector::write_detector;
 use super::{
-    MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape, ShapeOrMesh, Transport,
-    path,
+    Beam, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape, ShapeOrMesh,
+    SpectrumOrigin, Transport, path, write_beam,
 };
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
 use crate::{Error, Result};
@@ -54,7 +54,7 @@ pub(super) fn to_toml(
     out.table("[source]");
     out.quantity("distance", scene.source.distance, Length);
     out.raw("spot", list(&scene.source.spot, Length));
-    out.quantity("energy", scene.source.energy, Energy);
+    write_beam(&mut out, scene, directory)?;
 
     out.table("[detector]");
     write_detector(&mut out, scene, directory)?;
@@ -89,6 +89,20 @@ pub(super) fn to_toml(
         write_object(&mut out, object, hash, scene, directory)?;
     }
     Ok(out.0)
+}
+
+fn write_beam(out: &mut Text, scene: &Scene, directory: &Path) -> Result<()> {
+    match &scene.source.beam {
+        Beam::Energy(energy) => out.quantity("energy", *energy, Energy),
+        Beam::Spectrum(spec) => {
+            let path = match &spec.origin {
+                SpectrumOrigin::File { path } => Some(file(path, scene, directory)?),
+                SpectrumOrigin::Tube { .. } => None,
+            };
+            out.raw("spectrum", write_beam::spectrum(spec, path.as_deref()));
+        }
+    }
+    Ok(())
 }
 
 fn write_mask(out: &mut Text, mask: &MaskSpec) {

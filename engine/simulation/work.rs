@@ -12,7 +12,7 @@ use crate::Error;
 use crate::Result;
 use crate::gpu::Device;
 use crate::gpu::interface::Pixel;
-use crate::illuminate::{Cast, CellIlluminator, LightRecord, RandomKernels, Sums, cast};
+use crate::illuminate::{Cast, CellIlluminator, LightRecord, Part, RandomKernels, Sums, cast};
 use crate::run::{Control, Progress, Tally};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
@@ -38,7 +38,8 @@ pub(super) struct Work<'s> {
     simulation: &'s Simulation<'s>,
     device: Arc<Device>,
     tracer: Tracer,
-    light: LightRecord,
+    /// One for each list of strips.
+    lights: Vec<LightRecord>,
     sums: Sums,
     cells: CellIlluminator,
     random: Option<RandomKernels>,
@@ -64,20 +65,23 @@ impl<'s> Work<'s> {
         let side = simulation.lattice.halo_columns;
         let pixel_columns = -side..i64::from(columns) + side;
         let offsets = &scene.scan.mask_offsets;
-        let light = if random {
-            LightRecord::of_pixels(&device, scene, &pixel_columns)?
-        } else {
-            LightRecord::of_cells(&device, scene, &simulation.lattice, offsets)?
+        let media = &simulation.media;
+        let lattice = &simulation.lattice;
+        let nodes = media.energies.iter().zip(&media.weights);
+        let nodes = nodes.map(|(&energy, &weight)| Part::Node { energy, weight });
+        let lights = match &simulation.spectral {
+            Some(spectral) => spectral.lights(&device, scene, media)?,
+            None if random => nodes
+                .map(|part| LightRecord::of_pixels(&device, scene, &pixel_columns, &part))
+                .collect::<Result<_>>()?,
+            None => nodes
+                .map(|part| LightRecord::of_cells(&device, scene, lattice, offsets, &part))
+                .collect::<Result<_>>()?,
         };
         Ok(Self {
             tracer: simulation.tracer(simulation.start.backend)?,
-            light,
-            sums: Sums::new(
-                &device,
-                steps,
-                lit_rows().max().unwrap_or(0),
-                columns as usize,
-            )?,
+            lights,
+            sums: Sums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernel()),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
             band,
@@ -85,7 +89,9 @@ impl<'s> Work<'s> {
             tally: Tally::default(),
             seconds: Seconds::default(),
             rows_done: 0,
-            rows_total: (lit_views * bands(grid.pixels[1], band).map(|rows| grid.own_rows(&rows).len()).sum::<usize>()) as u64,
+            rows_total: (lit_views
+                * bands(grid.pixels[1], band).map(|rows| grid.own_rows(&rows).len()).sum::<usize>())
+                as u64,
             device,
             simulation,
         })
@@ -111,7 +117,7 @@ impl<'s> Work<'s> {
         for band in bands(rows, self.band) {
             let lit = detection.grid().lit_rows(&band);
             self.sums.clear(&lit)?;
-            self.light.set_band(&lit)?;
+            self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
             self.band(view, &shadows, &lit, &detection.grid().own_rows(&band), control)?;
             let begin = Instant::now();
             let intensities = detection.intensities(view, &band, self.sums.intensities()?);
@@ -162,10 +168,7 @@ impl<'s> Work<'s> {
         while row < inner.end + halo {
             // Groups end at the borders of the band, so that its own counts can be told apart.
             let borders = [inner.start, own.start.into(), own.end.into(), inner.end];
-            let border = borders
-                .into_iter()
-                .find(|b| *b > row)
-                .unwrap_or(inner.end + halo);
+            let border = borders.into_iter().find(|b| *b > row).unwrap_or(inner.end + halo);
             let rows = row..border.min(row + group);
             row = rows.end;
             let own = (i64::from(own.start)..i64::from(own.end)).contains(&rows.start);
@@ -222,27 +225,38 @@ impl<'s> Work<'s> {
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
-        let Self { cells, light, sums, tally, tracer, .. } = self;
+        let Self { cells, lights, sums, tally, tracer, simulation, .. } = self;
         let mut illuminating = 0.0;
-        let mut add = |strips: &Strips| {
+        let mut add = |tracer: &mut Tracer, strips: &Strips| {
             if own {
                 tally.split += strips.splits;
                 tally.landed_off += strips.landed_off;
             }
             let begin = Instant::now();
-            cells.add(light, strips, sums, steps)?;
+            if let Some(spectral) = &simulation.spectral {
+                let lists = spectral.lists(tracer, strips)?;
+                for (light, list) in lights.iter().zip(&lists) {
+                    cells.add(light, list, sums, steps)?;
+                }
+            } else {
+                cells.add(&lights[0], strips, sums, steps)?;
+            }
             illuminating += begin.elapsed().as_secs_f64();
             Ok(())
         };
         match view {
             stack::View::Sample(index) if !shadows.is_empty() => {
-                let view = self.simulation.view(index, shadows);
-                let at_once = self.simulation.memory.rays_at_once as usize;
+                let view = simulation.view(index, shadows);
+                let at_once = simulation.memory.rays_at_once as usize;
                 trace::trace_strips(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
-                add(&trace::empty_strips(&self.simulation.lattice, rows))?;
+                let mut strips = trace::empty_strips(&simulation.lattice, rows);
+                if simulation.spectral.is_some() {
+                    strips.keep_nothing(tracer.materials());
+                }
+                add(tracer, &strips)?;
             }
         }
         self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
@@ -284,7 +298,10 @@ impl<'s> Work<'s> {
         for (pixels, empty) in [(&met, false), (&missed, true)] {
             if !pixels.is_empty() {
                 let job = Cast { pixels, view, empty };
-                cast(&self.device, kernels, scene, &mut self.tracer, &self.light, &self.sums, job)?;
+                for (node, light) in self.lights.iter().enumerate() {
+                    self.tracer.set_node(Some(node));
+                    cast(&self.device, kernels, scene, &mut self.tracer, light, &self.sums, job)?;
+                }
             }
         }
         self.seconds.trace += begin.elapsed().as_secs_f64();

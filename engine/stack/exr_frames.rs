@@ -257,7 +257,7 @@ impl About {
                 Values::Numbers => ("counts", "detector numbers".into()),
             },
             ("row_0", "top (largest z); columns run along +x".into()),
-            ("energy", scene.source.energy.into()),
+            ("energy", scene.source.beam.single_energy().into()),
             ("source_distance", scene.source.distance.into()),
             ("spot", scene.source.spot.to_vec().into()),
             ("detector_distance", scene.detector.distance.into()),

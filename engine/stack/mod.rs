@@ -46,10 +46,7 @@ pub enum View {
 pub fn views(scene: &Scene) -> Result<impl Iterator<Item = View> + use<>> {
     let extent = Extent::of(scene)?;
     let dark = scene.detector.counts.map(|_| View::Dark);
-    Ok([Some(View::Flat), dark]
-        .into_iter()
-        .flatten()
-        .chain((0..extent.views).map(View::Sample)))
+    Ok([Some(View::Flat), dark].into_iter().flatten().chain((0..extent.views).map(View::Sample)))
 }
 
 /// What is known when a run begins: the part of its record that does not depend on its outcome.

@@ -450,7 +450,17 @@ fn has_only_begun(path: &Path) -> bool {
 /// The first name of ours that stands in `path`.
 fn first_of_our_names(path: &Path) -> Option<&'static str> {
     let names = [
-        SCENE, RUN, LOG, npy::FLAT, npy::SAMPLE, npy::DARK, "flat", "sample", "dark", COUNTS, PARTIAL,
+        SCENE,
+        RUN,
+        LOG,
+        npy::FLAT,
+        npy::SAMPLE,
+        npy::DARK,
+        "flat",
+        "sample",
+        "dark",
+        COUNTS,
+        PARTIAL,
     ];
     names.into_iter().find(|name| path.join(name).exists())
 }

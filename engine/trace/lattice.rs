@@ -144,6 +144,13 @@ impl Lattice {
         ]
     }
 
+    /// Shares of light spread evenly over [top, bottom] of a row that land in the row above and
+    /// below, moved down by `down` rows; -1 and 0 where light lands farther off.
+    #[must_use]
+    pub fn row_shares(&self, top: f64, bottom: f64, down: f64) -> [f32; 2] {
+        self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
+    }
+
     /// Beamlets that an interval of x in the cell plane touches.
     #[must_use]
     pub fn beamlets_of(&self, x: [f64; 2]) -> Range<i64> {

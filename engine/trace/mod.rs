@@ -12,9 +12,10 @@ mod upload;
 
 pub use crate::gpu::interface::{Law, Ray};
 pub use lattice::{Lattice, column, deviation};
+pub(crate) use line::{DEPTH_TOLERANCE, FULL_SHARE};
 pub use media::Media;
 pub use moments::{Moment, Moments};
 pub use occupancy::{Shadow, shadows};
-pub use strips::{Strips, View, empty_strips, trace_strips};
+pub use strips::{CellMoments, ExactCell, Strips, Take, View, empty_strips, trace_strips};
 pub use tracer::{TraceKernels, Tracer, push_bytes};
 pub use upload::DeviceSample;

@@ -3,7 +3,8 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
 
 use beamlet::scene::{
-    Detector, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene, ShapeOrMesh, Source,
+    Beam, Detector, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene, ShapeOrMesh,
+    Source,
 };
 use beamlet::trace::Ray;
 use std::f64::consts::TAU;
@@ -119,7 +120,7 @@ pub(crate) fn rays(name: &str, n: u32) -> Vec<Ray> {
 pub(crate) fn scene((vertices, triangles): Soup) -> Scene {
     Scene {
         directory: ".".into(),
-        source: Source { distance: 1.21, spot: [0.0, 0.0], energy: 30.0 },
+        source: Source { distance: 1.21, spot: [0.0, 0.0], beam: Beam::Energy(30.0) },
         detector: Detector::new(1.8, [64, 64], [150e-6, 150e-6]),
         sample_mask: None,
         detector_mask: None,

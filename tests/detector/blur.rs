@@ -72,7 +72,8 @@ fn flat_of_skipped_beamlets_is_the_double_integral() {
         let blur = 0.5 * setup.sigma()[0];
         let lit = |u: f64, middle: f64| {
             if blur > 0.0 {
-                return cumulative((u - middle + 15e-6) / blur) - cumulative((u - middle - 15e-6) / blur);
+                return cumulative((u - middle + 15e-6) / blur)
+                    - cumulative((u - middle - 15e-6) / blur);
             }
             f64::from(u8::from((u - middle).abs() <= 15e-6))
         };

@@ -22,8 +22,8 @@ fn block(setup: &Setup) -> Scene {
     let scale = 1.2095 / 1.8;
     let at = |pixels: f64| pixels * PITCH * scale;
     let size = 20.0;
-    let solid = cuboid([at(size), 1e-3, at(size)])
-        .moved([at(0.5 - 0.5 * size), 0.0, at(0.5 - 0.5 * size)]);
+    let solid =
+        cuboid([at(size), 1e-3, at(size)]).moved([at(0.5 - 0.5 * size), 0.0, at(0.5 - 0.5 * size)]);
     scenes::scene(setup, &[body(solid, 1e6, 0.0)], &[0.0])
 }
 

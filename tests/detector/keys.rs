@@ -2,7 +2,7 @@
 
 use beamlet::Engine;
 use beamlet::detector::Detection;
-use beamlet::scene::{Blur, Scene, Scatter};
+use beamlet::scene::{Blur, Scatter, Scene};
 use std::collections::BTreeMap;
 
 const SCENE: &str = r#"
@@ -48,7 +48,11 @@ fn bad_values_are_refused_with_their_key_and_what_is_allowed() {
             "detector.threshold_high",
             "threshold_low",
         ),
-        ("mode = \"integrating\"\nthreshold_low = \"20 keV\"", "detector.threshold_low", "counting"),
+        (
+            "mode = \"integrating\"\nthreshold_low = \"20 keV\"",
+            "detector.threshold_low",
+            "counting",
+        ),
         ("absorber = { material = \"CsI\" }", "detector.absorber.thickness", "missing"),
         (
             "absorber = { material = \"CsI\", thickness = \"0 um\" }",

@@ -14,8 +14,8 @@ mod reference;
 mod support;
 
 mod blur;
-mod keys;
 mod kernel_file;
+mod keys;
 mod reproducible;
 mod response;
 mod scatter;

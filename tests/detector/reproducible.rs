@@ -118,7 +118,8 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
     };
     let engine = engine_with(options);
     for format in [Format::Exr, Format::Npy] {
-        let [whole, broken] = ["whole", "broken"].map(|n| place.path().join(format!("{n}_{format}")));
+        let [whole, broken] =
+            ["whole", "broken"].map(|n| place.path().join(format!("{n}_{format}")));
         let mut sink = RunDirectory::create(&whole, format, false).unwrap();
         engine.run(&scene, &mut sink, Control::default()).unwrap();
         // In the second view with the sample.

@@ -51,7 +51,8 @@ fn absorber_detects_what_it_absorbs() {
 
 #[test]
 fn integrating_detector_weighs_photons_by_their_energy() {
-    let detector = "mode = \"integrating\"\nabsorber = { material = \"sensor\", thickness = \"0.5 mm\" }";
+    let detector =
+        "mode = \"integrating\"\nabsorber = { material = \"sensor\", thickness = \"0.5 mm\" }";
     let scene = scene(detector);
     let absorbed = 1.0 - (-1.0_f64).exp();
     for energy in [20.0, 30.0, 80.0] {

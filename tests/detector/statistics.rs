@@ -1,8 +1,8 @@
 //! Statistics of counts: mean, variance and covariance by z-tests over pixels.
 
+use super::reference::scenes;
 use super::reference::stack::Setup;
 use super::reference::surfaces::{body, cylinder};
-use super::reference::scenes;
 use super::support::{CARBON, engine};
 use super::z_test::Scores;
 use beamlet::Backend;
@@ -163,12 +163,8 @@ fn dark_frames_hold_offset_and_electronic_noise_of_their_own() {
 /// Photons, gain, offset and electronic noise add up.
 #[test]
 fn gain_offset_and_electronic_noise_make_the_numbers() {
-    let counts = Counts {
-        electronic_noise: 30.0,
-        gain: 4.0,
-        offset: -50.0,
-        ..Counts::of_photons(400.0)
-    };
+    let counts =
+        Counts { electronic_noise: 30.0, gain: 4.0, offset: -50.0, ..Counts::of_photons(400.0) };
     let scene = scene([160, 128], STEPS, counts);
     let stack = frames(&scene, 1.0, View::Flat);
     let (mean, variance) = (4.0 * 200.0 - 50.0, 16.0 * 200.0 + 900.0_f64);

@@ -49,7 +49,10 @@ impl Scores {
     pub(crate) fn judge(&self, claim: &str) {
         let (worst, what) = self.worst();
         let (count, bound) = (self.0.len(), bound(self.0.len()));
-        println!("measured {claim}: worst score {:.2} of {bound:.2} ({what}; of {count})", worst * bound);
+        println!(
+            "measured {claim}: worst score {:.2} of {bound:.2} ({what}; of {count})",
+            worst * bound
+        );
         assert!(worst <= 1.0, "{claim}: score {:.2} exceeds {bound:.2}: {what}", worst * bound);
     }
 }

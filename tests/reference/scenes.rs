@@ -4,8 +4,8 @@ use super::masks::{Bars, Mask};
 use super::stack::Setup;
 use super::surfaces::Body;
 use beamlet::scene::{
-    Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,
-    Scheme, ShapeOrMesh, Source, Transport,
+    Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan,
+    Scene, Scheme, ShapeOrMesh, Source, Transport,
 };
 use std::collections::BTreeMap;
 
@@ -48,7 +48,11 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
     let objects = objects.collect();
     Scene {
         directory: ".".into(),
-        source: Source { distance: setup.source_distance, spot: setup.spot, energy: 30.0 },
+        source: Source {
+            distance: setup.source_distance,
+            spot: setup.spot,
+            beam: Beam::Energy(30.0),
+        },
         detector: Detector::new(setup.detector_distance, setup.pixels, setup.pitch),
         sample_mask,
         detector_mask,

@@ -71,7 +71,8 @@ impl Noise {
     ) -> Result<Frame> {
         let (steps, rows, columns) = intensities.dim();
         if (steps, columns) != (self.steps, self.columns) {
-            let problem = format!("a band of {steps} steps and {columns} columns is not the scene's");
+            let problem =
+                format!("a band of {steps} steps and {columns} columns is not the scene's");
             return Err(crate::Error::output("counts", problem, None));
         }
         let values = intensities.as_standard_layout();

@@ -60,8 +60,7 @@ fn log_probability(count: f64, mean: f64) -> f64 {
     if count == 0.0 {
         return -mean;
     }
-    -stirling_error(count) - deviance(count, mean)
-        - 0.5 * libm::log(std::f64::consts::TAU * count)
+    -stirling_error(count) - deviance(count, mean) - 0.5 * libm::log(std::f64::consts::TAU * count)
 }
 
 /// ln n! less Stirling's formula.
@@ -137,8 +136,10 @@ mod tests {
             found[bin] += 1.0;
         }
         let probability = |bin: usize| libm::exp(log_probability(low + bin as f64 - 1.0, mean));
-        let mut wanted: Vec<f64> = (0..bins).map(|b| if b == 0 { 0.0 } else { probability(b) }).collect();
-        let below: f64 = (0..low as usize).map(|k| libm::exp(log_probability(k as f64, mean))).sum();
+        let mut wanted: Vec<f64> =
+            (0..bins).map(|b| if b == 0 { 0.0 } else { probability(b) }).collect();
+        let below: f64 =
+            (0..low as usize).map(|k| libm::exp(log_probability(k as f64, mean))).sum();
         wanted[0] = below;
         wanted[bins - 1] = 1.0 - wanted[..bins - 1].iter().sum::<f64>();
         let (mut sum, mut freedom) = (0.0, -1.0);
@@ -170,7 +171,10 @@ mod tests {
     fn a_wrong_mean_fails_the_test_of_the_distribution() {
         for mean in [0.5, 25.0, 300.0] {
             let [sum, freedom] = chi_squared(mean, 0.03 * f64::sqrt(mean));
-            assert!((sum - freedom) / (2.0 * freedom).sqrt() > 5.0, "mean {mean}: {sum}, {freedom}");
+            assert!(
+                (sum - freedom) / (2.0 * freedom).sqrt() > 5.0,
+                "mean {mean}: {sum}, {freedom}"
+            );
         }
     }
 

@@ -1,0 +1,111 @@
+//! Spectrum files: rows of energy in keV and weight in photons, separated by commas, semicolons,
+//! tabs or blanks.
+//!
+//! Lines that begin with `#` and empty lines are comments. A first line of words is a header: it
+//! has to name the columns `energy_keV` and `weight`, in any order; without one they are the
+//! first two columns. SpekPy's text export (a commented header, then energy, photons per keV, and
+//! the part of the lines) is such a file as it is: its rows are equally wide.
+
+use std::path::Path;
+
+use super::Spectrum;
+use crate::error::{Error, Place, Result};
+
+const COLUMNS: [&str; 2] = ["energy_keV", "weight"];
+
+pub(super) fn read(path: &Path) -> Result<Spectrum> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| Error::output(path, "cannot read the spectrum", Some(error)))?;
+    let mut spectrum = Spectrum { energies_kev: Vec::new(), weights: Vec::new() };
+    let mut order = None;
+    for (index, line) in text.lines().enumerate() {
+        let row = Row { path, number: index + 1, line };
+        let fields = row.fields();
+        if fields.is_empty() || fields[0].starts_with('#') {
+            continue;
+        }
+        let [energy, weight] = match order {
+            Some(order) => order,
+            None if fields[0].parse::<f64>().is_ok() => *order.insert([0, 1]),
+            None => {
+                order = Some(row.header(&fields)?);
+                continue;
+            }
+        };
+        let energy = row.number(&fields, energy, COLUMNS[0], "an energy above 0 in keV")?;
+        let weight = row.number(&fields, weight, COLUMNS[1], "a number of photons, 0 or more")?;
+        if energy <= 0.0 {
+            return Err(row.error(COLUMNS[0], fields[0], "an energy above 0 in keV"));
+        }
+        if spectrum.energies_kev.last().is_some_and(|last| *last >= energy) {
+            return Err(row.error(COLUMNS[0], fields[0], "energies in ascending order"));
+        }
+        spectrum.energies_kev.push(energy);
+        spectrum.weights.push(weight);
+    }
+    let end = Row { path, number: text.lines().count().max(1), line: "" };
+    if spectrum.energies_kev.is_empty() {
+        return Err(end.error("spectrum", "no rows", "at least one row: energy_keV, weight"));
+    }
+    let total = spectrum.total();
+    if total <= 0.0 || !total.is_finite() {
+        let found = format!("weights that sum to {total:?}");
+        return Err(end.error(COLUMNS[1], &found, "a finite sum above 0"));
+    }
+    Ok(spectrum)
+}
+
+/// A line of the file.
+struct Row<'a> {
+    path: &'a Path,
+    number: usize,
+    line: &'a str,
+}
+
+impl<'a> Row<'a> {
+    /// Cells; empty ones count where a separator other than a blank stands.
+    fn fields(&self) -> Vec<&'a str> {
+        let line = self.line.trim_start_matches('\u{feff}').trim();
+        match line.find([',', ';', '\t']).and_then(|at| line[at..].chars().next()) {
+            _ if line.is_empty() || line.starts_with('#') => Vec::new(),
+            Some(separator) => line.split(separator).map(str::trim).collect(),
+            None => line.split_whitespace().collect(),
+        }
+    }
+
+    /// Position of each of `COLUMNS`.
+    fn header(&self, fields: &[&str]) -> Result<[usize; 2]> {
+        let mut order = [0; 2];
+        for (slot, column) in order.iter_mut().zip(COLUMNS) {
+            let place = |field: &&str| field.eq_ignore_ascii_case(column);
+            *slot = fields.iter().position(place).ok_or_else(|| {
+                self.error(column, fields[0], "numbers, or a header with energy_keV and weight")
+            })?;
+        }
+        Ok(order)
+    }
+
+    /// A number that is finite and not negative.
+    fn number(&self, fields: &[&str], index: usize, key: &str, allowed: &str) -> Result<f64> {
+        let field = fields.get(index).copied().unwrap_or("nothing");
+        match field.parse::<f64>() {
+            Ok(number) if number.is_finite() && number >= 0.0 => Ok(number),
+            _ => Err(self.error(key, field, allowed)),
+        }
+    }
+
+    fn error(&self, key: &str, found: &str, allowed: &str) -> Error {
+        let column = self.line.find(found).map_or(1, |at| self.line[..at].chars().count() + 1);
+        let place = Place {
+            file: Some(self.path.to_owned()),
+            line_column: Some((self.number, column)),
+            excerpt: None,
+        };
+        Error::Scene {
+            place: Box::new(place),
+            key: key.into(),
+            found: found.into(),
+            allowed: allowed.into(),
+        }
+    }
+}

@@ -1,0 +1,130 @@
+//! Spectra: photons by energy, from a file or the built-in tube, through filters, and the few
+//! energies that stand for them.
+//!
+//! A [`Spectrum`] is a list of energies with weights in photons. A run does not walk through
+//! all of them: [`nodes`] picks the few energies, with weights, that give the same transmission
+//! and refraction (docs/spectra.md).
+
+mod edges;
+mod file;
+mod gauss;
+mod nodes;
+mod probes;
+mod quality;
+mod tube;
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use crate::material;
+use crate::scene::{Anode, Filter, Scene, SpectrumOrigin, SpectrumSpec};
+use crate::{Error, Result};
+
+pub use nodes::{Nodes, TOLERANCE, nodes, nodes_with};
+
+/// Photons by energy.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Spectrum {
+    /// Photon energies, keV, strictly ascending, at least one.
+    pub energies_kev: Vec<f64>,
+    /// Photons at each energy, on any scale; >= 0, and not all 0.
+    pub weights: Vec<f64>,
+}
+
+impl Spectrum {
+    /// A spectrum file: CSV or TSV with energy in keV and weight in photons, or what SpekPy
+    /// exports.
+    ///
+    /// # Errors
+    /// [`Error::Output`] if it cannot be read; [`Error::Scene`] with line and column for what is
+    /// not a spectrum: no rows, energies that do not ascend, weights that are negative or no
+    /// numbers, all of them 0.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        file::read(path.as_ref())
+    }
+
+    /// The built-in tube without any filter but its own target: `kvp` in kV and `anode_angle` in
+    /// rad, within the ranges of the scene's `source.spectrum`.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for a voltage or an angle out of range.
+    pub fn of_tube(anode: Anode, kvp: f64, anode_angle: f64) -> Result<Self> {
+        tube::spectrum(anode, kvp, anode_angle)
+    }
+
+    /// What the source emits before `filters`: the rows of the file, or the tube behind its
+    /// inherent filters. `scene` holds materials and the directory of files.
+    ///
+    /// # Errors
+    /// As [`Self::read`], [`Self::of_tube`] and [`Self::filtered`].
+    pub fn before_filters(scene: &Scene, spec: &SpectrumSpec) -> Result<Self> {
+        match &spec.origin {
+            SpectrumOrigin::File { path } => Self::read(scene.resolve(path)),
+            SpectrumOrigin::Tube { anode, kvp, anode_angle, inherent_filters } => Self::of_tube(
+                *anode,
+                *kvp,
+                *anode_angle,
+            )?
+            .filtered(scene, inherent_filters, "inherent_filters"),
+        }
+    }
+
+    /// What the source emits behind all filters: what reaches the first mask.
+    ///
+    /// # Errors
+    /// As [`Self::before_filters`].
+    pub fn after_filters(scene: &Scene, spec: &SpectrumSpec) -> Result<Self> {
+        Self::before_filters(scene, spec)?.filtered(scene, &spec.filters, "filters")
+    }
+
+    /// The photons that `filters` let through. `list` is the key of the scene that names them.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for unknown materials, energies out of their tables, and filters that
+    /// let nothing through.
+    pub fn filtered(mut self, scene: &Scene, filters: &[Filter], list: &str) -> Result<Self> {
+        for (index, filter) in filters.iter().enumerate() {
+            let key = format!("source.spectrum.{list}[{index}].material");
+            let energies = &self.energies_kev;
+            let constants = material::constants_over_for(scene, &filter.material, energies, &key)?;
+            for (weight, constants) in self.weights.iter_mut().zip(constants) {
+                *weight *= (-constants.mu * filter.thickness).exp();
+            }
+        }
+        // Far below what any detector counts: the rows would only cost accuracy.
+        if self.total() <= f64::MIN_POSITIVE {
+            let key = format!("source.spectrum.{list}");
+            return Err(Error::scene(key, "filters that absorb everything", "thinner filters"));
+        }
+        Ok(self)
+    }
+
+    /// Sum of the weights.
+    pub fn total(&self) -> f64 {
+        self.weights.iter().sum()
+    }
+
+    /// Mean energy of the photons, keV.
+    pub fn mean_energy(&self) -> f64 {
+        let energy: f64 = self.energies_kev.iter().zip(&self.weights).map(|(e, w)| e * w).sum();
+        energy / self.total()
+    }
+
+    /// First half-value layer: the thickness of aluminium that halves the air kerma, m.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] for energies outside the tables of aluminium.
+    pub fn half_value_layer(&self) -> Result<f64> {
+        quality::half_value_layer(self)
+    }
+
+    /// The rows that carry weight: those of less than 1e-12 of the heaviest are left out.
+    #[must_use]
+    pub fn significant(&self) -> Self {
+        let most = self.weights.iter().fold(0.0_f64, |most, weight| most.max(*weight));
+        let rows = self.energies_kev.iter().zip(&self.weights);
+        let (energies_kev, weights) = rows.filter(|(_, weight)| **weight > 1e-12 * most).unzip();
+        Self { energies_kev, weights }
+    }
+}

@@ -1,0 +1,109 @@
+//! The built-in X-ray tube: the model "casim" of SpekPy 2.5 by its tables (tests/tables/tube.py
+//! makes them and describes their layout).
+//!
+//! The continuum is tabulated before its way out of the target: photons by energy and depth, in
+//! units in which it varies slowly with the tube voltage (energy over voltage, depth over the
+//! range of the electrons). Self-absorption, which jumps at the edges of the target, is applied
+//! here at the energy asked for. Lines are tabulated behind the target, as a multiple of a power
+//! of the voltage above their edge.
+
+use std::sync::OnceLock;
+
+use super::Spectrum;
+use crate::scene::{ANODE_ANGLES, Anode};
+use crate::units::Dimension::{Angle, Voltage};
+use crate::{Error, Result, material};
+
+mod grid;
+mod table;
+
+use grid::Place;
+use table::Table;
+
+/// Width of the rows, keV, and the least energy of the model.
+const WIDTH: f64 = 0.25;
+const LEAST: f64 = 1.0;
+
+pub(super) fn spectrum(anode: Anode, kvp: f64, anode_angle: f64) -> Result<Spectrum> {
+    let [low, high] = anode.kvp_range();
+    if !(low..=high).contains(&kvp) {
+        let allowed = format!("{low} kV to {high} kV for an anode of {}", anode.name());
+        return Err(Error::scene("source.spectrum.kvp", Voltage.format(kvp), allowed));
+    }
+    let [least, most] = ANODE_ANGLES;
+    if !(least..=most).contains(&anode_angle) {
+        let allowed = format!("{} to {}", Angle.format(least), Angle.format(most));
+        let found = Angle.format(anode_angle);
+        return Err(Error::scene("source.spectrum.anode_angle", found, allowed));
+    }
+    let table = table(anode)?;
+    let angle = Place::of(&table.angles, anode_angle.to_degrees());
+    let mut rows = continuum(anode, table, kvp, anode_angle, angle)?;
+    for shell in &table.shells {
+        for (energy, photons) in shell.lines(kvp, angle) {
+            rows.push((energy, photons));
+        }
+    }
+    rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut spectrum = Spectrum { energies_kev: Vec::new(), weights: Vec::new() };
+    for (energy, photons) in rows {
+        match (spectrum.energies_kev.last(), spectrum.weights.last_mut()) {
+            (Some(last), Some(weight)) if energy - last < 1e-9 => *weight += photons,
+            _ => {
+                spectrum.energies_kev.push(energy);
+                spectrum.weights.push(photons);
+            }
+        }
+    }
+    Ok(spectrum)
+}
+
+fn table(anode: Anode) -> Result<&'static Table> {
+    static TUNGSTEN: OnceLock<Option<Table>> = OnceLock::new();
+    static MOLYBDENUM: OnceLock<Option<Table>> = OnceLock::new();
+    let (cell, bytes): (_, &[u8]) = match anode {
+        Anode::Tungsten => (&TUNGSTEN, include_bytes!("tungsten.bin")),
+        Anode::Molybdenum => (&MOLYBDENUM, include_bytes!("molybdenum.bin")),
+    };
+    cell.get_or_init(|| Table::read(bytes)).as_ref().ok_or_else(|| {
+        Error::scene("source.spectrum.anode", anode.name(), "a build with whole tables")
+    })
+}
+
+/// Bremsstrahlung behind the target: energy, keV, and photons of each row.
+fn continuum(
+    anode: Anode,
+    table: &Table,
+    kvp: f64,
+    anode_angle: f64,
+    angle: Place,
+) -> Result<Vec<(f64, f64)>> {
+    let voltage = Place::of(&table.voltages, kvp);
+    let range = voltage.between_logs(|index| table.ranges[index]);
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "at most 160 keV in rows of 0.25 keV"
+    )]
+    let count = ((kvp - LEAST) / WIDTH).ceil() as usize;
+    let width = (kvp - LEAST) / count as f64;
+    let energies: Vec<f64> = (0..count).map(|row| LEAST + (row as f64 + 0.5) * width).collect();
+    let attenuation = material::of_builtin(anode.name(), &energies)?;
+    // cm of target on the way out per depth over range, m per cm included.
+    let path = range / anode_angle.sin() / 100.0;
+    let row = |(energy, constants): (&f64, &material::Constants)| {
+        let escape = constants.mu * path;
+        let ratio = Place::of(&table.ratios, energy / kvp);
+        let at = |depth: usize| {
+            let source = table.source(voltage, angle, ratio, depth);
+            source * (-escape * table.depths[depth]).exp()
+        };
+        let depths = table.depths.windows(2).enumerate();
+        let emitted: f64 = depths
+            .map(|(index, ends)| (at(index) + at(index + 1)) / 2.0 * (ends[1] - ends[0]))
+            .sum();
+        // The table holds energy * range * photons per keV and cm: the range cancels.
+        (*energy, emitted.max(0.0) / energy * width)
+    };
+    Ok(energies.iter().zip(&attenuation).map(row).collect())
+}
