@@ -42,6 +42,7 @@ impl Reporter {
         let Progress { rows_done, rows_total, view, rays } = progress;
         let view = match view {
             View::Flat => "flat".to_owned(),
+            View::Dark => "dark".to_owned(),
             View::Sample(index) => format!("view {index}"),
         };
         self.show(rows_done, rows_total, |elapsed| format!("{view}  {}", rate(rays, elapsed)));

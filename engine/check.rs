@@ -1,6 +1,7 @@
 //! What a scene amounts to, told before hours are spent on it: geometry of the set-up,
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
+use crate::detector::{Detection, LightGrid};
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
 use crate::memory::{self, MemoryEstimate};
@@ -59,6 +60,8 @@ pub struct Setup {
     pub room: [f64; 2],
     /// Extent of the stacks.
     pub extent: Extent,
+    /// Where the detector blurs, the grid that takes the light.
+    pub light_grid: Option<LightGrid>,
 }
 
 /// A material at the energy of the scene.
@@ -129,6 +132,7 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
 /// As [`check`]; [`Error::Memory`] where the limit is too small.
 pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckReport> {
     let extent = Extent::of(scene)?;
+    let detection = Detection::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
     let materials = materials(scene, nodes.mean_energy())?;
     memory::check_before_loading(scene, memory_limit)?;
@@ -145,8 +149,8 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     Ok(CheckReport {
-        setup: setup(scene, &sample, extent, nodes),
-        work: work(scene, extent, &materials, &sample, memory_limit)?,
+        setup: setup(scene, &sample, extent, nodes, &detection),
+        work: work(scene, extent, &detection, &materials, &sample, memory_limit)?,
         materials,
         objects: objects(scene, &sample),
         warnings,
@@ -154,7 +158,13 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
     })
 }
 
-fn setup(scene: &Scene, sample: &Sample, extent: Extent, nodes: Nodes) -> Setup {
+fn setup(
+    scene: &Scene,
+    sample: &Sample,
+    extent: Extent,
+    nodes: Nodes,
+    detection: &Detection,
+) -> Setup {
     let swept = geometry::swept(sample);
     let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(
         None,
@@ -177,6 +187,7 @@ fn setup(scene: &Scene, sample: &Sample, extent: Extent, nodes: Nodes) -> Setup 
         swept: reach,
         room: geometry::room(scene).map(|(distance, _)| distance),
         extent,
+        light_grid: scene.detector.blur.as_ref().map(|_| *detection.grid()),
     }
 }
 
@@ -199,6 +210,11 @@ fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
         .chain([
             mask("sample_mask", &scene.sample_mask),
             mask("detector_mask", &scene.detector_mask),
+            (
+                "detector".to_owned(),
+                "detector.absorber.material".to_owned(),
+                scene.detector.absorber.as_ref().map(|absorber| absorber.material.clone()),
+            ),
         ]);
     let mut found: Vec<Material> = Vec::new();
     for (user, key, name) in uses.filter_map(|(user, key, name)| name.map(|name| (user, key, name)))
@@ -245,6 +261,7 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
 fn work(
     scene: &Scene,
     extent: Extent,
+    detection: &Detection,
     materials: &[Material],
     sample: &Sample,
     memory_limit: Option<u64>,
@@ -252,24 +269,25 @@ fn work(
     let too_many =
         || Error::scene("sampling", "more than 2^64 rays", "fewer views, pixels, cells or rays");
     let strongest = materials.iter().fold(0.0_f64, |most, m| most.max(m.delta.abs()));
-    let line = rays_of_row(scene, extent, strongest);
-    let rays_per_view = line.checked_mul(extent.rows.into()).ok_or_else(too_many)?;
+    let lit = detection.lit();
+    let line = rays_of_row(lit, strongest);
+    let rays_per_view = line.checked_mul(lit.detector.pixels[1].into()).ok_or_else(too_many)?;
     let rays = rays_per_view.checked_mul(extent.views.into()).ok_or_else(too_many)?;
     Ok(Work {
         rays_per_view,
         rays,
         memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
-        output_bytes: extent.total_bytes(),
+        output_bytes: extent.output_bytes(scene),
     })
 }
 
 /// Rays of one row of pixels of one view. Cells share the rays on their boundaries; beamlets
 /// beside the detector whose light may reach it count.
-fn rays_of_row(scene: &Scene, extent: Extent, strongest: f64) -> u64 {
+fn rays_of_row(scene: &Scene, strongest: f64) -> u64 {
     let sampling = &scene.sampling;
     if sampling.scheme == Scheme::Random {
         let [x, z] = sampling.rays.map(u64::from);
-        return u64::from(extent.columns).saturating_mul(x).saturating_mul(z);
+        return u64::from(scene.detector.pixels[0]).saturating_mul(x).saturating_mul(z);
     }
     let lattice = Lattice::of(scene, strongest);
     let beamlets = u64::try_from(lattice.beamlets.end - lattice.beamlets.start).unwrap_or(0);

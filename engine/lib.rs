@@ -10,11 +10,13 @@
 pub mod accel;
 pub mod check;
 pub mod compare;
+pub mod detector;
 mod engine;
 mod error;
 pub mod geometry;
 pub mod gpu;
 pub mod illuminate;
+pub mod image;
 pub mod kept;
 pub mod material;
 pub mod memory;

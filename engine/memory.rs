@@ -3,8 +3,9 @@
 //! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
+use crate::detector::LightGrid;
 use crate::geometry::{self, ObjectSummary};
-use crate::scene::{Scene, Scheme, ShapeOrMesh};
+use crate::scene::{Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
 use crate::trace::Lattice;
 use crate::{Error, Result};
@@ -76,7 +77,12 @@ struct Needs {
     largest_mesh: u64,
     views: u64,
     rows: u32,
-    row_pixels: u64,
+    steps: u64,
+    /// Per row of pixels with all steps: sums on the device; light, blurred light and counts on
+    /// the host.
+    row: Bytes,
+    /// Rows beside a band whose light it needs.
+    beside: u64,
     frame: u64,
     /// Rays of a view, before refinement.
     rays: u64,
@@ -143,21 +149,33 @@ pub fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
 impl Needs {
     fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
         let extent = Extent::of(scene)?;
+        let grid = LightGrid::of(scene)?;
+        let lit = grid.lit_scene(scene);
         let mut materials: Vec<&str> = scene.objects.iter().map(|o| o.material.as_str()).collect();
         materials.push(&scene.surroundings);
         materials.sort_unstable();
         materials.dedup();
         let cells = scene.sampling.scheme == Scheme::Cells;
-        let [columns, rows] = scene.detector.pixels.map(u64::from);
+        let [columns, rows] = lit.detector.pixels.map(u64::from);
         let rays = if cells {
-            cell_rays(scene, objects)
+            cell_rays(&lit, objects)
         } else {
-            let [x, z] = scene.sampling.rays.map(u64::from);
+            let [x, z] = lit.sampling.rays.map(u64::from);
             columns.saturating_mul(rows).saturating_mul(x).saturating_mul(z)
         };
         let of_mesh = |(object, summary): (&crate::scene::Object, &ObjectSummary)| {
             let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));
             if is_mesh { summary.triangles as u64 } else { 0 }
+        };
+        let steps = u64::from(extent.steps);
+        let lit_row = steps * columns * u64::from(grid.parts[1]);
+        let detector = &scene.detector;
+        let copies = u64::from(detector.blur.is_some())
+            + u64::from(detector.counts.is_some())
+            + if matches!(detector.scatter, Some(Scatter::Kernel { .. })) { 2 } else { 0 };
+        let row = Bytes {
+            host: 4 * lit_row + copies * 4 * steps * u64::from(extent.columns),
+            device: 8 * lit_row,
         };
         let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
         Ok(Self {
@@ -165,7 +183,9 @@ impl Needs {
             largest_mesh: scene.objects.iter().zip(objects).map(of_mesh).max().unwrap_or(0),
             views: extent.views.into(),
             rows: extent.rows,
-            row_pixels: u64::from(extent.steps) * columns,
+            steps,
+            row,
+            beside: 2 * u64::from(grid.margin[1] + grid.scatter_rows),
             frame: extent.frame_bytes(),
             rays,
             ray_device,
@@ -175,7 +195,7 @@ impl Needs {
 
     /// Sums on the device, intensities on the host.
     const fn row_bytes(&self) -> u64 {
-        12 * self.row_pixels
+        self.row.sum()
     }
 
     fn at(&self, band_rows: u32, rays_at_once: u64) -> MemoryEstimate {
@@ -194,7 +214,7 @@ impl Needs {
             band_rows,
             rays_at_once,
             row_bytes: self.row_bytes(),
-            band_bytes: self.row_bytes().saturating_mul(band_rows.into()),
+            band_bytes: self.row_bytes().saturating_mul(u64::from(band_rows) + self.beside),
             host_bytes: peak(|b| b.host),
             device_bytes: peak(|b| b.device),
             peak_bytes: peak(Bytes::sum),
@@ -204,20 +224,20 @@ impl Needs {
     /// While views are traced and illuminated in bands of so many rows.
     fn run(&self, band_rows: u32, rays_at_once: u64) -> Bytes {
         let rays = rays_at_once.min(self.rays);
-        let band = self.row_pixels.saturating_mul(band_rows.into());
+        let band = u64::from(band_rows) + self.beside;
         let refined = if self.cells { REFINEMENT * rays } else { 0 };
         let host =
             PROGRAM + KEPT * self.triangles + refined + 64 * self.views + FRAME_COPIES * self.frame;
         let device = (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
         Bytes {
-            host: host.saturating_add(band.saturating_mul(4)),
-            device: device.saturating_add(band.saturating_mul(8)),
+            host: host.saturating_add(band.saturating_mul(self.row.host)),
+            device: device.saturating_add(band.saturating_mul(self.row.device)),
         }
     }
 
     fn refuse(&self, scene: &Scene, least: &MemoryEstimate, limit: u64) -> Error {
         let [columns, _] = scene.detector.pixels;
-        let steps = self.row_pixels / u64::from(columns.max(1));
+        let steps = self.steps;
         let geometry = self.at(1, least.rays_at_once).peak_bytes - least.band_bytes;
         let remedy = if geometry > limit {
             "raise the memory limit, or simplify the meshes"

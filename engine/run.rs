@@ -83,6 +83,8 @@ pub struct Tally {
     /// Objects of the sample whose surface is open or crosses itself, let through by
     /// `allow_defects`.
     pub defective_objects: u64,
+    /// Detector numbers that the bit depth clipped at its upper end.
+    pub saturated: u64,
 }
 
 /// Provenance of a run, stored as run.json.

@@ -10,6 +10,7 @@
 mod crossings;
 mod work;
 
+use crate::detector::Detection;
 use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
@@ -36,6 +37,7 @@ const UNBALANCED_SHARE: f64 = 1e-5;
 
 /// What a simulation is made of, besides its geometry.
 struct Parts<'e> {
+    detection: Detection,
     media: Media,
     lattice: Lattice,
     spectral: Option<Spectral>,
@@ -48,6 +50,8 @@ struct Parts<'e> {
 pub struct Simulation<'e> {
     engine: &'e Engine,
     scene: Scene,
+    /// The detector; its grid stands in the scene that is traced and illuminated.
+    detection: Detection,
     sample: Sample,
     on_device: Arc<DeviceSample>,
     media: Media,
@@ -64,17 +68,23 @@ pub struct Simulation<'e> {
 impl<'e> Simulation<'e> {
     pub(crate) fn new(engine: &'e Engine, scene: &Scene) -> Result<Self> {
         scene.validate()?;
+        let detection = Detection::of(scene)?;
+        let lit = detection.lit();
         let media = Media::of(scene)?;
-        let lattice = Lattice::of(scene, media.strongest());
+        let lattice = Lattice::of(lit, media.strongest());
         let stronger = if engine.options().keep_moments { kept::STRONGER } else { 1.0 };
         let several = media.energies.len() > 1 || engine.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
             let flagged = stronger * media.strongest();
-            Some(Spectral::new(scene, &media, &lattice, &media.mean(), flagged)?)
+            Some(Spectral::new(lit, &media, &lattice, &media.mean(), flagged)?)
         } else {
             None
         };
-        Self::with(engine, scene, Parts { media, lattice, spectral, kept: None, stronger })
+        Self::with(
+            engine,
+            scene,
+            Parts { detection, media, lattice, spectral, kept: None, stronger },
+        )
     }
 
     pub(crate) fn of_kept(engine: &'e Engine, moments: &'e Kept, scene: &Scene) -> Result<Self> {
@@ -82,17 +92,19 @@ impl<'e> Simulation<'e> {
         if scene.sampling.scheme != Scheme::Cells {
             return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
         }
+        let detection = Detection::of(scene)?;
+        let lit = detection.lit();
         let own = Media::of(scene)?;
-        let lattice = Lattice::of(scene, own.strongest());
-        let source = moments.for_scene(scene, &lattice)?;
+        let lattice = Lattice::of(lit, own.strongest());
+        let source = moments.for_scene(lit, &lattice)?;
         let media = source.media.clone();
         let flagged = source.flagged;
-        let spectral = Spectral::new(scene, &media, &lattice, &source.reference, flagged)?;
+        let spectral = Spectral::new(lit, &media, &lattice, &source.reference, flagged)?;
         let (kept, stronger) = (Some(source), 1.0);
         Self::with(
             engine,
             scene,
-            Parts { media, lattice, spectral: Some(spectral), kept, stronger },
+            Parts { detection, media, lattice, spectral: Some(spectral), kept, stronger },
         )
     }
 
@@ -124,12 +136,13 @@ impl<'e> Simulation<'e> {
             ));
         }
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
-        let Parts { media, lattice, spectral, kept, stronger } = parts;
+        let Parts { detection, media, lattice, spectral, kept, stronger } = parts;
         let on_device =
             Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query, stronger)?);
         let mut simulation = Self {
             engine,
             scene: scene.clone(),
+            detection,
             start: RunStart {
                 device: description.name.clone(),
                 driver: description.driver.clone(),
@@ -290,7 +303,14 @@ impl<'e> Simulation<'e> {
         }
     }
 
-    /// Traces and refines the strips of cells of some detector rows of a view (`cells` scheme).
+    /// The detector, and the grid that takes its light.
+    #[must_use]
+    pub const fn detection(&self) -> &Detection {
+        &self.detection
+    }
+
+    /// Traces and refines the strips of cells of some detector rows of a view (`cells` scheme);
+    /// with a blurred detector, of rows of its grid.
     ///
     /// # Errors
     /// As [`Simulation::trace`].
@@ -314,7 +334,7 @@ impl<'e> Simulation<'e> {
 
     fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> trace::View<'a> {
         trace::View {
-            scene: &self.scene,
+            scene: self.detection.lit(),
             lattice: &self.lattice,
             index,
             shadows,
@@ -340,11 +360,9 @@ impl<'e> Simulation<'e> {
     /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         let begin = Instant::now();
-        let views: Vec<stack::View> = std::iter::once(stack::View::Flat)
-            .chain((0..self.scene.scan.angles.len()).map(|i| stack::View::Sample(i as u32)))
-            .filter(|v| !control.skip.contains(v))
-            .collect();
-        let mut work = Work::new(self, views.len())?;
+        let views: Vec<stack::View> =
+            stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();
+        let mut work = Work::new(self, &views)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
         for view in views {
@@ -367,12 +385,15 @@ impl<'e> Simulation<'e> {
             seed: self.scene.sampling.seed,
             tally,
             seconds: [
-                ("prepare".to_owned(), self.prepared_in),
-                ("trace".to_owned(), work.seconds.trace),
-                ("illuminate".to_owned(), work.seconds.illuminate),
-                ("write".to_owned(), work.seconds.write),
-                ("total".to_owned(), self.prepared_in + begin.elapsed().as_secs_f64()),
+                ("prepare", self.prepared_in),
+                ("trace", work.seconds.trace),
+                ("illuminate", work.seconds.illuminate),
+                ("detect", work.seconds.detect),
+                ("noise", work.seconds.noise),
+                ("write", work.seconds.write),
+                ("total", self.prepared_in + begin.elapsed().as_secs_f64()),
             ]
+            .map(|(stage, seconds)| (stage.to_owned(), seconds))
             .into(),
         };
         if tally.unbalanced as f64 > UNBALANCED_SHARE * tally.rays as f64 {

@@ -14,7 +14,7 @@ fn scene(energy: f64) -> Scene {
     Scene {
         directory: ".".into(),
         source: Source { distance: 1.21, spot: [0.0; 2], beam: Beam::Energy(energy) },
-        detector: Detector { distance: 1.8, pixels: [128, 128], pitch: [150e-6; 2] },
+        detector: Detector::new(1.8, [128, 128], [150e-6; 2]),
         sample_mask: None,
         detector_mask: None,
         sampling: Sampling {

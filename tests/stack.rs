@@ -35,7 +35,7 @@ fn scene() -> Scene {
     Scene {
         directory: PathBuf::new(),
         source: Source { distance: 1.21, spot: [30e-6, 26e-6], beam: Beam::Energy(30.0) },
-        detector: Detector { distance: 1.8, pixels: [7, 5], pitch: [150e-6; 2] },
+        detector: Detector::new(1.8, [7, 5], [150e-6; 2]),
         sample_mask: mask(1.2, 100e-6, 20e-6),
         detector_mask: mask(1.8, 150e-6, 30e-6),
         sampling: Sampling::default(),
@@ -83,6 +83,7 @@ fn record() -> RunRecord {
 fn values(view: View) -> Array3<f32> {
     let view = match view {
         View::Flat => 0.5,
+        View::Dark => unreachable!("the scene asks for no counts"),
         View::Sample(index) => f32::from(u16::try_from(index).unwrap()) + 1.25,
     };
     Array3::from_shape_fn((STEPS, ROWS, COLUMNS), |(step, row, column)| {

@@ -6,7 +6,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::kept::KeptWriter;
 use beamlet::scene::{Scene, Scheme};
-use beamlet::stack::{Extent, Format, RunDirectory, RunState, View};
+use beamlet::stack::{self, Extent, Format, RunDirectory, RunState, View};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, Tally};
 use std::io::Write;
 use std::time::Instant;
@@ -26,7 +26,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let mut sink = directory(arguments, &scene)?;
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
-        && extent.all_views().all(|view| sink.committed().contains(&view))
+        && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
         writeln!(out, "{} is complete already", sink.path().display())?;
         return Ok(());
@@ -106,7 +106,7 @@ pub(super) fn summary(
 }
 
 /// Counts of a tally that are worth a line where they are not zero.
-fn counts(tally: &Tally) -> [(u64, &'static str); 9] {
+fn counts(tally: &Tally) -> [(u64, &'static str); 10] {
     [
         (tally.exact, "rays traced in order"),
         (tally.split, "cells split by refinement"),
@@ -117,6 +117,7 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 9] {
         (tally.not_finite, "rays not finite, their light left out"),
         (tally.landed_off, "cells landed off the detector"),
         (tally.defective_objects, "objects with defects, let through by allow_defects"),
+        (tally.saturated, "detector numbers clipped by the bit depth"),
     ]
 }
 

@@ -12,6 +12,7 @@ mod same;
 
 pub use file::KeptWriter;
 
+use crate::detector::Detection;
 use crate::scene::Scene;
 use crate::trace::{Lattice, Media, Strips};
 use crate::{Error, Result};
@@ -80,12 +81,14 @@ impl Kept {
     /// [`Error::Scene`] where the scene differs in more than moments can follow, and says in what.
     pub(crate) fn for_scene(&self, scene: &Scene, lattice: &Lattice) -> Result<KeptSource<'_>> {
         same::check(&self.scene, scene)?;
+        let detection = Detection::of(&self.scene)?;
+        let lit = detection.lit();
         let (base, now) = (Media::of(&self.scene)?, Media::of(scene)?);
         let media = same::media(&self.scene, &base, scene, &now)?;
         let reference = base.mean();
         let same_constants = media.constants == base.constants && media.weights == base.weights;
-        let old = Lattice::of(&self.scene, base.strongest());
-        let relattice = Relattice::new(&self.scene, &old, scene, lattice)?;
+        let old = Lattice::of(lit, base.strongest());
+        let relattice = Relattice::new(lit, &old, scene, lattice)?;
         let wide = self.views.iter().any(KeptFile::has_wide);
         Ok(KeptSource {
             kept: self,

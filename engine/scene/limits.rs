@@ -3,6 +3,10 @@
 
 /// Pixels per side of the detector.
 pub(super) const PIXELS: u32 = 65_536;
+/// Bits of a detector's numbers: f32 holds whole numbers of 24 bits.
+pub(super) const BIT_DEPTH: u32 = 24;
+/// Standard deviation of a detector's blur, pixels.
+pub(super) const BLUR: f64 = 100.0;
 /// Rays or cells per pixel and direction.
 pub(super) const RAYS: u32 = 1_000_000;
 /// Energy nodes of a spectrum.

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 mod beam;
 mod derived;
+mod detector;
 mod keys;
 mod limits;
 mod model;
@@ -16,22 +17,27 @@ mod parse;
 pub(crate) mod path;
 mod read;
 mod read_beam;
+mod read_detector;
 mod read_sample;
 mod set;
 mod table;
 mod tree;
 mod validate;
 mod validate_beam;
+mod validate_detector;
 mod view;
 mod write;
 mod write_beam;
+mod write_detector;
 
 pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
+pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 pub use keys::known_keys;
 pub use model::{
-    Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene,
-    Scheme, Shape, ShapeOrMesh, Source, Transport,
+    MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene, Scheme,
+    Shape, ShapeOrMesh, Source, Transport,
 };
+pub(crate) use validate_detector::validate_thresholds;
 pub use view::{Pose, View};
 
 use crate::{Error, Result};

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::Beam;
+use super::{Beam, Detector};
 
 /// A whole scene, every default filled in. See docs/scene.md for the file form.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,17 +40,6 @@ pub struct Source {
     pub spot: [f64; 2],
     /// One photon energy, or a spectrum.
     pub beam: Beam,
-}
-
-/// Flat detector across the optical axis.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Detector {
-    /// Source to detector, m. > source distance.
-    pub distance: f64,
-    /// Columns and rows. >= 1 each.
-    pub pixels: [u32; 2],
-    /// Pixel pitch along x and z, m. > 0.
-    pub pitch: [f64; 2],
 }
 
 /// A slit mask, periodic without end in x and unbounded in z.

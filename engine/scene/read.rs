@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::limits;
 use super::read_beam::read_beam;
+use super::read_detector::read_detector;
 use super::read_sample::{read_materials, read_objects};
 use super::table::{Item, Table};
 use super::tree::Document;
@@ -53,24 +54,12 @@ fn read_source(table: &Table<'_>) -> Result<Source> {
     })
 }
 
-fn read_detector(table: &Table<'_>) -> Result<Detector> {
-    let pixels = "columns and rows, such as [128, 128]";
-    let pitch = table.require("pitch", pair_allowed(Length))?;
-    Ok(Detector {
-        distance: table.quantity("distance", Length)?,
-        pixels: table
-            .require("pixels", pixels)?
-            .array(pixels, |item| item.integer(1..=limits::PIXELS))?,
-        pitch: read_pair(&pitch, Length)?,
-    })
-}
-
-fn pair_allowed(dimension: Dimension) -> String {
+pub(super) fn pair_allowed(dimension: Dimension) -> String {
     format!("{}; or a list of two of them, [x, z]", dimension.allowed())
 }
 
 /// One quantity for both directions, or a list of x and z.
-fn read_pair(item: &Item<'_>, dimension: Dimension) -> Result<[f64; 2]> {
+pub(super) fn read_pair(item: &Item<'_>, dimension: Dimension) -> Result<[f64; 2]> {
     if item.is_list() {
         return item.array(&pair_allowed(dimension), |item| item.quantity(dimension));
     }

@@ -16,6 +16,10 @@ const RIVALS: &[(&[&str], &[&str])] = &[
     (&["formula", "density"], &["mu", "delta"]),
     (&["formula", "density"], &["table"]),
     (&["mu", "delta"], &["table"]),
+    (&["sigma"], &["fwhm"]),
+    (&["sigma"], &["kernel", "pixel"]),
+    (&["fwhm"], &["kernel", "pixel"]),
+    (&["image"], &["kernel", "pixel", "fraction"]),
 ];
 
 /// Most steps of a path. A scene has five; trees without a limit would overflow the stack.

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use super::derived::AT_DETECTOR;
 use super::validate_beam::validate_beam;
+use super::validate_detector::validate_detector;
 use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
 use crate::{Error, Result};
@@ -40,11 +41,7 @@ impl Scene {
         positive("source.distance", source.distance, Length)?;
         source.spot.iter().try_for_each(|spot| not_negative("source.spot", *spot, Length))?;
         validate_beam(&source.beam)?;
-        positive("detector.distance", detector.distance, Length)?;
-        for pixels in detector.pixels {
-            count("detector.pixels", pixels, 1, limits::PIXELS)?;
-        }
-        detector.pitch.iter().try_for_each(|pitch| positive("detector.pitch", *pitch, Length))?;
+        validate_detector(self)?;
         ordered(
             "detector.distance",
             detector.distance,
@@ -227,7 +224,7 @@ pub(super) fn positive(key: &str, value: f64, dimension: Dimension) -> Result<()
     Err(Error::scene(key, dimension.format(value), "a value > 0"))
 }
 
-fn not_negative(key: &str, value: f64, dimension: Dimension) -> Result<()> {
+pub(super) fn not_negative(key: &str, value: f64, dimension: Dimension) -> Result<()> {
     if value.is_finite() && value >= 0.0 {
         return Ok(());
     }

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::read::{angle_range, offset_range};
+use super::write_detector::write_detector;
 use super::{
     Beam, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape, ShapeOrMesh,
     SpectrumOrigin, Transport, path, write_beam,
@@ -13,7 +14,7 @@ use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length}
 use crate::{Error, Result};
 
 /// A TOML text that grows line by line.
-struct Text(String);
+pub(super) struct Text(String);
 
 impl Text {
     fn table(&mut self, header: &str) {
@@ -27,15 +28,15 @@ impl Text {
     }
 
     /// A key with a value that is TOML already.
-    fn raw(&mut self, key: &str, value: impl std::fmt::Display) {
+    pub(super) fn raw(&mut self, key: &str, value: impl std::fmt::Display) {
         let _ = writeln!(self.0, "{key} = {value}");
     }
 
-    fn text(&mut self, key: &str, value: &str) {
+    pub(super) fn text(&mut self, key: &str, value: &str) {
         self.raw(key, quoted(value));
     }
 
-    fn quantity(&mut self, key: &str, value: f64, dimension: Dimension) {
+    pub(super) fn quantity(&mut self, key: &str, value: f64, dimension: Dimension) {
         self.raw(key, quantity(value, dimension));
     }
 }
@@ -56,9 +57,7 @@ pub(super) fn to_toml(
     write_beam(&mut out, scene, directory)?;
 
     out.table("[detector]");
-    out.quantity("distance", scene.detector.distance, Length);
-    out.raw("pixels", format!("{:?}", scene.detector.pixels));
-    out.raw("pitch", list(&scene.detector.pitch, Length));
+    write_detector(&mut out, scene, directory)?;
 
     let masks = [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)];
     for (key, mask) in masks {
@@ -228,7 +227,7 @@ fn shape_table(shape: &Shape) -> String {
 }
 
 /// A path as it has to stand in a file in `directory`.
-fn file(path: &Path, scene: &Scene, directory: &Path) -> Result<String> {
+pub(super) fn file(path: &Path, scene: &Scene, directory: &Path) -> Result<String> {
     let unicode = |path: &Path| {
         let problem = "the path has to be Unicode to be written into a scene";
         path.to_str().map(str::to_owned).ok_or_else(|| Error::output(path, problem, None))
@@ -246,13 +245,13 @@ pub(super) fn quantity(value: f64, dimension: Dimension) -> String {
     quoted(&dimension.format(value))
 }
 
-fn list(values: &[f64], dimension: Dimension) -> String {
+pub(super) fn list(values: &[f64], dimension: Dimension) -> String {
     let texts: Vec<_> = values.iter().map(|value| quantity(*value, dimension)).collect();
     format!("[{}]", texts.join(", "))
 }
 
 /// Shortest text that reads back to the same number.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
 }
 

@@ -28,6 +28,9 @@ use std::time::Instant;
 pub(super) struct Seconds {
     pub(super) trace: f64,
     pub(super) illuminate: f64,
+    /// Reading light from the device, blur, scatter.
+    pub(super) detect: f64,
+    pub(super) noise: f64,
     pub(super) write: f64,
 }
 
@@ -50,11 +53,14 @@ pub(super) struct Work<'s> {
 }
 
 impl<'s> Work<'s> {
-    pub(super) fn new(simulation: &'s Simulation<'_>, views: usize) -> Result<Self> {
-        let scene = &simulation.scene;
+    pub(super) fn new(simulation: &'s Simulation<'_>, views: &[stack::View]) -> Result<Self> {
+        let scene = simulation.detection.lit();
         let device = simulation.device().clone();
         let band = simulation.band_rows();
-        let [columns, rows] = scene.detector.pixels;
+        let grid = simulation.detection.grid();
+        let lit_rows = || bands(grid.pixels[1], band).map(|rows| grid.lit_rows(&rows).len());
+        let lit_views = views.iter().filter(|view| **view != stack::View::Dark).count();
+        let [columns, _] = scene.detector.pixels;
         let steps = scene.scan.mask_offsets.len();
         let random = scene.sampling.scheme == Scheme::Random;
         let side = simulation.lattice.halo_columns;
@@ -76,7 +82,7 @@ impl<'s> Work<'s> {
         Ok(Self {
             tracer: simulation.tracer(simulation.start.backend)?,
             lights,
-            sums: Sums::new(&device, steps, band as usize, columns as usize)?,
+            sums: Sums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernel()),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
             band,
@@ -84,7 +90,9 @@ impl<'s> Work<'s> {
             tally: Tally::default(),
             seconds: Seconds::default(),
             rows_done: 0,
-            rows_total: views as u64 * u64::from(rows),
+            rows_total: (lit_views
+                * bands(grid.pixels[1], band).map(|rows| grid.own_rows(&rows).len()).sum::<usize>())
+                as u64,
             device,
             simulation,
         })
@@ -97,6 +105,10 @@ impl<'s> Work<'s> {
         control: &mut Control<'_>,
     ) -> Result<()> {
         let rows = self.simulation.scene.detector.pixels[1];
+        if view == stack::View::Dark {
+            return self.dark(sink);
+        }
+        let detection = &self.simulation.detection;
         let shadows = match view {
             stack::View::Sample(i)
                 if !self.simulation.sample.triangles.is_empty()
@@ -106,27 +118,51 @@ impl<'s> Work<'s> {
             }
             _ => Vec::new(),
         };
-        let mut first = 0;
-        while first < rows {
-            let band = first..rows.min(first + self.band);
-            self.sums.clear(&band)?;
-            self.lights.iter_mut().try_for_each(|light| light.set_band(&band))?;
-            self.band(view, &shadows, &band, control)?;
+        for band in bands(rows, self.band) {
+            let lit = detection.grid().lit_rows(&band);
+            self.sums.clear(&lit)?;
+            self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
+            self.band(view, &shadows, &lit, &detection.grid().own_rows(&band), control)?;
             let begin = Instant::now();
-            let intensities = self.sums.intensities()?;
+            let intensities = detection.intensities(view, &band, self.sums.intensities()?);
+            self.seconds.detect += begin.elapsed().as_secs_f64();
+            let begin = Instant::now();
+            let counts = detection.counts(view, &band, intensities.view())?;
+            self.seconds.noise += begin.elapsed().as_secs_f64();
+            let begin = Instant::now();
             sink.write(view, band.clone(), intensities.view())?;
+            if let Some(frame) = counts {
+                self.tally.saturated += frame.saturated;
+                sink.write_counts(view, band, frame.numbers.view())?;
+            }
             self.seconds.write += begin.elapsed().as_secs_f64();
-            first = band.end;
         }
         Ok(())
     }
 
-    /// Sums the light of one band, in groups of rows small enough to stop between them.
+    /// Dark frames need no light.
+    fn dark(&mut self, sink: &mut dyn Sink) -> Result<()> {
+        let Some(noise) = self.simulation.detection.noise() else { return Ok(()) };
+        for band in bands(self.simulation.scene.detector.pixels[1], self.band) {
+            let begin = Instant::now();
+            let frame = noise.dark(band.clone());
+            self.seconds.noise += begin.elapsed().as_secs_f64();
+            self.tally.saturated += frame.saturated;
+            let begin = Instant::now();
+            sink.write_counts(stack::View::Dark, band, frame.numbers.view())?;
+            self.seconds.write += begin.elapsed().as_secs_f64();
+        }
+        Ok(())
+    }
+
+    /// Sums the light of one band, in groups of rows small enough to stop between them. `own`:
+    /// those of its rows that no other band counts.
     fn band(
         &mut self,
         view: stack::View,
         shadows: &[Shadow],
         band: &Range<u32>,
+        own: &Range<u32>,
         control: &mut Control<'_>,
     ) -> Result<()> {
         let inner = i64::from(band.start)..i64::from(band.end);
@@ -135,13 +171,11 @@ impl<'s> Work<'s> {
         let mut row = inner.start - halo;
         while row < inner.end + halo {
             // Groups end at the borders of the band, so that its own counts can be told apart.
-            let border = [inner.start, inner.end, inner.end + halo]
-                .into_iter()
-                .find(|b| *b > row)
-                .unwrap_or(inner.end + halo);
+            let borders = [inner.start, own.start.into(), own.end.into(), inner.end];
+            let border = borders.into_iter().find(|b| *b > row).unwrap_or(inner.end + halo);
             let rows = row..border.min(row + group);
             row = rows.end;
-            let own = inner.contains(&rows.start);
+            let own = (i64::from(own.start)..i64::from(own.end)).contains(&rows.start);
             if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(view, shadows, &rows)?;
             } else {
@@ -156,7 +190,7 @@ impl<'s> Work<'s> {
     }
 
     fn group_rows(&self) -> i64 {
-        let scene = &self.simulation.scene;
+        let scene = self.simulation.detection.lit();
         let lattice = &self.simulation.lattice;
         let per_row = if scene.sampling.scheme == Scheme::Random {
             let [x, z] = scene.sampling.rays.map(u64::from);
@@ -199,7 +233,7 @@ impl<'s> Work<'s> {
         let Self { cells, lights, sums, tally, tracer, simulation, .. } = self;
         let mut illuminating = 0.0;
         // Rows beside the detector are kept with the band at that end.
-        let all = i64::from(simulation.scene.detector.pixels[1]);
+        let all = i64::from(simulation.detection.lit().detector.pixels[1]);
         let beside = (rows.end <= 0 && inner.start == 0) || (rows.start >= all && inner.end == all);
         let (kept, words) = (own || beside, simulation.moment_words());
         let mut add = |tracer: &mut Tracer, strips: &Strips| {
@@ -255,7 +289,7 @@ impl<'s> Work<'s> {
     ) -> Result<()> {
         let Some(kernels) = &self.random else { return Ok(()) };
         let begin = Instant::now();
-        let scene = &self.simulation.scene;
+        let scene = self.simulation.detection.lit();
         let detector_rows = 0..i64::from(scene.detector.pixels[1]);
         let detector_columns = 0..i64::from(scene.detector.pixels[0]);
         let (mut met, mut missed) = (Vec::new(), Vec::new());
@@ -275,7 +309,7 @@ impl<'s> Work<'s> {
             }
         }
         let view = match view {
-            stack::View::Flat => 0,
+            stack::View::Flat | stack::View::Dark => 0,
             stack::View::Sample(i) => i,
         };
         for (pixels, empty) in [(&met, false), (&missed, true)] {
@@ -293,6 +327,12 @@ impl<'s> Work<'s> {
 
     pub(super) fn tally(&self) -> Result<Tally> {
         let traced = self.tracer.tally()?;
-        Ok(Tally { split: self.tally.split, landed_off: self.tally.landed_off, ..traced })
+        let Tally { split, landed_off, saturated, .. } = self.tally;
+        Ok(Tally { split, landed_off, saturated, ..traced })
     }
+}
+
+/// The rows of a detector in bands of at most `band` rows.
+fn bands(rows: u32, band: u32) -> impl Iterator<Item = Range<u32>> {
+    (0..rows).step_by(band as usize).map(move |first| first..rows.min(first + band))
 }

@@ -12,7 +12,7 @@ use super::gauss::Recurrence;
 use super::probes::Probes;
 use super::{Spectrum, edges};
 use crate::scene::{Beam, Scene};
-use crate::{Error, Result};
+use crate::{Error, Result, detector};
 
 /// The estimated error that nodes are added for, until it is undercut.
 pub const TOLERANCE: f64 = 5e-4;
@@ -42,13 +42,13 @@ impl Nodes {
     }
 }
 
-/// The energy nodes of a scene; a single energy is one node.
+/// The energy nodes of a scene as its detector sees them; a single energy is one node.
 ///
 /// # Errors
 /// Spectrum files that cannot be read, materials that are unknown, are given as numbers, or
 /// whose tables do not cover the spectrum.
 pub fn nodes(scene: &Scene) -> Result<Nodes> {
-    nodes_with(scene, |_| Ok(1.0))
+    nodes_with(scene, |energy| detector::response(scene, energy))
 }
 
 /// As [`nodes`], for a detector with a `response`: signal per arriving photon by energy in keV,

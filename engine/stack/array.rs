@@ -1,9 +1,9 @@
 //! Stacks in memory, for callers that go on computing with them.
 
-use super::{Extent, RunStart, Sink, Stacks, View};
+use super::{CountStacks, Extent, RunStart, Sink, Stacks, View};
 use crate::scene::Scene;
 use crate::{Error, Result, RunRecord};
-use ndarray::{Array3, Array4, ArrayView3, Axis, s};
+use ndarray::{Array3, Array4, ArrayView3, ArrayViewMut3, Axis, s};
 use std::ops::Range;
 
 /// Collects a run into `ndarray` arrays. All views are held at once.
@@ -11,6 +11,7 @@ use std::ops::Range;
 pub struct ArraySink {
     flat: Array3<f32>,
     sample: Array4<f32>,
+    counts: Option<CountStacks>,
     record: Option<RunRecord>,
 }
 
@@ -24,8 +25,8 @@ impl ArraySink {
     /// The stacks of the finished run; `None` before it has finished.
     #[must_use]
     pub fn into_stacks(self) -> Option<Stacks> {
-        let Self { flat, sample, record } = self;
-        record.map(|record| Stacks { flat, sample, record })
+        let Self { flat, sample, counts, record } = self;
+        record.map(|record| Stacks { flat, sample, counts, record })
     }
 }
 
@@ -38,7 +39,7 @@ impl Sink for ArraySink {
             let mut values = Vec::new();
             values.try_reserve_exact(len).map_err(|_| Error::Memory {
                 purpose: "holding the stacks in arrays".into(),
-                needed: extent.total_bytes(),
+                needed: extent.output_bytes(scene),
                 available: None,
                 remedy: "write them to a run directory instead, or simulate fewer views".into(),
             })?;
@@ -47,21 +48,42 @@ impl Sink for ArraySink {
         };
         let frames = steps * rows * columns;
         self.record = None;
-        self.flat = shaped(Array3::from_shape_vec((steps, rows, columns), zeros(frames)?));
-        self.sample = shaped(Array4::from_shape_vec(
-            (views, steps, rows, columns),
-            zeros(frames.saturating_mul(views))?,
-        ));
+        let one = || Ok(shaped(Array3::from_shape_vec((steps, rows, columns), zeros(frames)?)));
+        let all = || {
+            let values = zeros(frames.saturating_mul(views))?;
+            Ok(shaped(Array4::from_shape_vec((views, steps, rows, columns), values)))
+        };
+        (self.flat, self.sample) = (one()?, all()?);
+        self.counts = match scene.detector.counts {
+            Some(_) => Some(CountStacks { flat: one()?, sample: all()?, dark: one()? }),
+            None => None,
+        };
         Ok(())
     }
 
     fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
-        let rows = rows.start as usize..rows.end as usize;
-        let mut stack = match view {
+        let stack = match view {
             View::Flat => self.flat.view_mut(),
             View::Sample(index) => self.sample.index_axis_mut(Axis(0), index as usize),
+            View::Dark => return Ok(()),
         };
-        stack.slice_mut(s![.., rows, ..]).assign(&data);
+        put(stack, rows, data);
+        Ok(())
+    }
+
+    fn write_counts(
+        &mut self,
+        view: View,
+        rows: Range<u32>,
+        numbers: ArrayView3<'_, f32>,
+    ) -> Result<()> {
+        let Some(counts) = &mut self.counts else { return Ok(()) };
+        let stack = match view {
+            View::Flat => counts.flat.view_mut(),
+            View::Sample(index) => counts.sample.index_axis_mut(Axis(0), index as usize),
+            View::Dark => counts.dark.view_mut(),
+        };
+        put(stack, rows, numbers);
         Ok(())
     }
 
@@ -73,6 +95,11 @@ impl Sink for ArraySink {
         self.record = Some(record.clone());
         Ok(())
     }
+}
+
+fn put(mut stack: ArrayViewMut3<'_, f32>, rows: Range<u32>, band: ArrayView3<'_, f32>) {
+    let rows = rows.start as usize..rows.end as usize;
+    stack.slice_mut(s![.., rows, ..]).assign(&band);
 }
 
 /// The array of a vector that was made for its shape.

@@ -33,8 +33,9 @@ pub(super) struct ExrFrames {
 }
 
 impl ExrFrames {
-    pub(super) fn begin(root: &Path, extent: Extent, scene: &Scene) -> Self {
-        let about = About::of(scene);
+    /// Frames under `root` with these values: intensities, or detector numbers.
+    pub(super) fn begin(root: &Path, extent: Extent, scene: &Scene, values: Values) -> Self {
+        let about = About::of(scene, values);
         Self { root: root.to_path_buf(), extent, about, spool: None, converted: None }
     }
 
@@ -184,6 +185,7 @@ const ENCODING: Encoding = Encoding {
 pub(super) fn view_directory(extent: Extent, view: View) -> PathBuf {
     match view {
         View::Flat => "flat".into(),
+        View::Dark => "dark".into(),
         View::Sample(index) => {
             let width = digits(extent.views).max(4);
             Path::new("sample").join(format!("view_{index:0width$}"))
@@ -230,8 +232,17 @@ struct About {
     scene: Box<Scene>,
 }
 
+/// What the values of frames are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Values {
+    /// 1 is an open pixel.
+    Intensities,
+    /// What the detector reads out.
+    Numbers,
+}
+
 impl About {
-    fn of(scene: &Scene) -> Self {
+    fn of(scene: &Scene, values: Values) -> Self {
         let mask = |mask: &Option<crate::scene::MaskSpec>| match mask {
             Some(mask) => serde_json::json!({
                 "distance": mask.distance, "period": mask.period,
@@ -241,7 +252,10 @@ impl About {
         };
         let shared = [
             ("units", "m, rad, keV".into()),
-            ("intensity", "1 = pixel without masks and sample".into()),
+            match values {
+                Values::Intensities => ("intensity", "1 = pixel without masks and sample".into()),
+                Values::Numbers => ("counts", "detector numbers".into()),
+            },
             ("row_0", "top (largest z); columns run along +x".into()),
             ("energy", scene.source.beam.single_energy().into()),
             ("source_distance", scene.source.distance.into()),

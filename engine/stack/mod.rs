@@ -1,7 +1,9 @@
 //! Stacks of frames and the sinks that take them.
 //!
-//! A stack is `[step][row][column]` per view, f32 intensities, row 0 on top. The engine knows
-//! only [`Sink`]; where the frames end up (a run directory, arrays, a callback) is decided here.
+//! A stack is `[step][row][column]` per view, f32 intensities, row 0 on top. Where the scene asks
+//! for noise there is a second stack of detector numbers beside each, and a stack of dark frames.
+//! The engine knows only [`Sink`]; where the frames end up (a run directory, arrays, a callback)
+//! is decided here.
 
 mod array;
 mod callback;
@@ -15,9 +17,9 @@ mod scene_file;
 
 pub use array::ArraySink;
 pub use callback::CallbackSink;
-pub(crate) use run_directory::sync_directory;
 pub(crate) use npy::npy_header;
 pub use read::{Maps, OpenRun, StackFile};
+pub(crate) use run_directory::sync_directory;
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
 
@@ -34,8 +36,21 @@ use std::ops::Range;
 pub enum View {
     /// Without the sample.
     Flat,
+    /// Without light: the dark frames, of which there are counts alone.
+    Dark,
     /// With the sample, index into the scene's angles.
     Sample(u32),
+}
+
+/// Every view of a run of `scene`: the flat, the dark frames where there are counts, then the
+/// angles in order.
+///
+/// # Errors
+/// As [`Extent::of`].
+pub fn views(scene: &Scene) -> Result<impl Iterator<Item = View> + use<>> {
+    let extent = Extent::of(scene)?;
+    let dark = scene.detector.counts.map(|_| View::Dark);
+    Ok([Some(View::Flat), dark].into_iter().flatten().chain((0..extent.views).map(View::Sample)))
 }
 
 /// What is known when a run begins: the part of its record that does not depend on its outcome.
@@ -57,7 +72,8 @@ pub struct RunStart {
 }
 
 /// Takes stacks band by band. Calls come in this order: `begin`, then for each view `write`
-/// for each band of rows (top to bottom) and one `commit`, then `finish`.
+/// for each band of rows (top to bottom) and one `commit`, then `finish`. Where the scene asks for
+/// noise, `write_counts` follows each `write`; of [`View::Dark`] there are counts alone.
 pub trait Sink {
     /// A run begins. Nothing may have been written before this returns.
     ///
@@ -71,7 +87,18 @@ pub trait Sink {
     /// Where the data cannot be kept.
     fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()>;
 
-    /// Every row of the view has been written: keep it whole.
+    /// The same band as detector numbers: with noise, gain, offset and bit depth.
+    ///
+    /// # Errors
+    /// Where the data cannot be kept.
+    fn write_counts(
+        &mut self,
+        view: View,
+        rows: Range<u32>,
+        numbers: ArrayView3<'_, f32>,
+    ) -> Result<()>;
+
+    /// Every row of the view has been written, its counts too: keep it whole.
     ///
     /// # Errors
     /// Where the data cannot be kept.
@@ -91,8 +118,21 @@ pub struct Stacks {
     pub flat: Array3<f32>,
     /// With the sample, `[view][step][row][column]`.
     pub sample: Array4<f32>,
+    /// Detector numbers, where the scene asks for noise.
+    pub counts: Option<CountStacks>,
     /// Provenance and counts.
     pub record: crate::RunRecord,
+}
+
+/// Detector numbers in memory.
+#[derive(Debug, Clone, Default)]
+pub struct CountStacks {
+    /// Without the sample, `[step][row][column]`.
+    pub flat: Array3<f32>,
+    /// With the sample, `[view][step][row][column]`.
+    pub sample: Array4<f32>,
+    /// Without light, `[step][row][column]`.
+    pub dark: Array3<f32>,
 }
 
 /// Extent of the stacks of a scene.
@@ -156,7 +196,17 @@ impl Extent {
         self.view_bytes() * (u64::from(self.views) + 1)
     }
 
-    /// Every view: the flat, then the angles in order.
+    /// Bytes of all stacks of a run of `scene`: twice the intensities and the dark frames where
+    /// there are counts.
+    #[must_use]
+    pub fn output_bytes(&self, scene: &Scene) -> u64 {
+        match scene.detector.counts {
+            Some(_) => 2 * self.total_bytes() + self.view_bytes(),
+            None => self.total_bytes(),
+        }
+    }
+
+    /// Every view with light: the flat, then the angles in order.
     pub fn all_views(&self) -> impl Iterator<Item = View> + use<> {
         std::iter::once(View::Flat).chain((0..self.views).map(View::Sample))
     }

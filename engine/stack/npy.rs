@@ -21,13 +21,17 @@ pub(super) const SAMPLE: &str = "sample.npy";
 /// Bytes hashed at a time.
 const BLOCK: usize = 1 << 20;
 
-/// flat.npy and sample.npy of a run directory.
+/// File of the dark frames, (S, R, C).
+pub(super) const DARK: &str = "dark.npy";
+
+/// flat.npy, sample.npy and dark.npy of a run directory.
 #[derive(Debug)]
 pub(super) struct NpyFrames {
     root: PathBuf,
     extent: Extent,
     flat: Array,
     sample: Array,
+    dark: Option<Array>,
 }
 
 #[derive(Debug)]
@@ -39,8 +43,9 @@ struct Array {
 }
 
 impl NpyFrames {
-    /// Creates the files, or opens those of a run that is resumed.
-    pub(super) fn begin(root: &Path, extent: Extent) -> Result<Self> {
+    /// Creates the files, or opens those of a run that is resumed; with one for dark frames where
+    /// there are any.
+    pub(super) fn begin(root: &Path, extent: Extent, dark: bool) -> Result<Self> {
         let flat_bytes = extent.view_bytes();
         let sample_bytes = flat_bytes * u64::from(extent.views);
         let [flat, sample] = headers(extent);
@@ -49,6 +54,10 @@ impl NpyFrames {
             extent,
             flat: Array::open(root.join(FLAT), &flat, flat_bytes)?,
             sample: Array::open(root.join(SAMPLE), &sample, sample_bytes)?,
+            dark: match dark {
+                true => Some(Array::open(root.join(DARK), &flat, flat_bytes)?),
+                false => None,
+            },
         })
     }
 
@@ -60,7 +69,7 @@ impl NpyFrames {
     ) -> Result<()> {
         let row_bytes = 4 * u64::from(self.extent.columns);
         let frame_bytes = self.extent.frame_bytes();
-        let (array, start) = self.locate(view);
+        let (array, start) = self.locate(view)?;
         let mut offset = start + row_bytes * u64::from(rows.start);
         for frame in data.outer_iter() {
             let bytes = le_bytes(frame.iter().copied());
@@ -76,24 +85,24 @@ impl NpyFrames {
 
     /// Syncs the view; its checksum.
     pub(super) fn commit(&mut self, view: View) -> Result<String> {
-        let (array, _) = self.locate(view);
+        let (array, _) = self.locate(view)?;
         let synced = array.file.sync_data();
         synced.map_err(|error| Error::output(&array.path, "cannot be synced", Some(error)))?;
         checksum(&self.root, self.extent, view)
     }
 
     /// The file of a view and the offset of its first value.
-    fn locate(&mut self, view: View) -> (&mut Array, u64) {
-        match view {
-            View::Flat => {
-                let start = self.flat.header;
-                (&mut self.flat, start)
-            }
-            View::Sample(index) => {
-                let start = self.sample.header + self.extent.view_bytes() * u64::from(index);
-                (&mut self.sample, start)
-            }
-        }
+    fn locate(&mut self, view: View) -> Result<(&mut Array, u64)> {
+        let (array, index) = match view {
+            View::Flat => (&mut self.flat, 0),
+            View::Sample(index) => (&mut self.sample, index),
+            View::Dark => match &mut self.dark {
+                Some(dark) => (dark, 0),
+                None => return Err(Error::output(&self.root, "has no dark frames", None)),
+            },
+        };
+        let start = array.header + self.extent.view_bytes() * u64::from(index);
+        Ok((array, start))
     }
 }
 
@@ -121,6 +130,7 @@ pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String
     let [flat, sample] = headers(extent);
     let (name, header, start) = match view {
         View::Flat => (FLAT, flat, 0),
+        View::Dark => (DARK, flat, 0),
         View::Sample(index) => (SAMPLE, sample, extent.view_bytes() * u64::from(index)),
     };
     let path = root.join(name);

@@ -4,7 +4,8 @@
 //! line is there and its frames still have the checksum of that line; a line cut short by a
 //! crash does not count. The checksum is the SHA-256 of the view's f32 values, little endian,
 //! `[step][row][column]`: the same for every file format, and in Python
-//! `hashlib.sha256(sample[v].tobytes()).hexdigest()`.
+//! `hashlib.sha256(sample[v].tobytes()).hexdigest()`. Where there are counts, a line of theirs
+//! (`counts/sample/0`) stands before the line of the view, and the view counts with both.
 
 use super::View;
 use crate::{Error, Result};
@@ -13,6 +14,9 @@ use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+/// What lines of counts begin with.
+const COUNTS: &str = "counts/";
+
 /// A committed view as the log knows it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Entry {
@@ -20,6 +24,8 @@ pub(super) struct Entry {
     pub(super) bytes: u64,
     /// SHA-256 of its values, hexadecimal.
     pub(super) sha256: String,
+    /// SHA-256 of the counts, where the view has them beside its intensities.
+    pub(super) counts: Option<String>,
 }
 
 /// The open log. It is locked while it is open: one writer per run directory.
@@ -55,9 +61,14 @@ impl ProgressLog {
 
     /// Appends a line and syncs it.
     pub(super) fn append(&mut self, view: View, entry: &Entry) -> Result<()> {
-        let line = format!("{} {} sha256:{}\n", name(view), entry.bytes, entry.sha256);
+        let (name, bytes) = (name(view), entry.bytes);
+        let mut lines = String::new();
+        if let Some(counts) = &entry.counts {
+            lines = format!("{COUNTS}{name} {bytes} sha256:{counts}\n");
+        }
+        lines.push_str(&format!("{name} {bytes} sha256:{}\n", entry.sha256));
         self.file
-            .write_all(line.as_bytes())
+            .write_all(lines.as_bytes())
             .and_then(|()| self.file.sync_data())
             .map_err(|error| Error::output(&self.path, "cannot be written", Some(error)))
     }
@@ -71,34 +82,45 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<View, Entry>> {
         Err(error) => return Err(Error::output(path, "cannot be read", Some(error))),
     };
     let mut entries = BTreeMap::new();
+    let mut counts = BTreeMap::new();
     for (index, line) in text.split_inclusive('\n').enumerate() {
         let Some(line) = line.strip_suffix('\n') else { break };
-        let (view, entry) = parse(line).ok_or_else(|| {
+        let (view, mut entry, of_counts) = parse(line).ok_or_else(|| {
             let problem =
                 format!("line {} is not \"view bytes sha256:checksum\": found {line:?}", index + 1);
             Error::output(path, problem, None)
         })?;
-        entries.insert(view, entry);
+        if of_counts {
+            counts.insert(view, entry.sha256);
+        } else {
+            entry.counts = counts.remove(&view);
+            entries.insert(view, entry);
+        }
     }
     Ok(entries)
 }
 
-fn parse(line: &str) -> Option<(View, Entry)> {
+/// View, entry, and whether the line is one of counts.
+fn parse(line: &str) -> Option<(View, Entry, bool)> {
     let mut words = line.split(' ');
-    let view = match words.next()? {
+    let name = words.next()?;
+    let of_counts = name.starts_with(COUNTS);
+    let view = match name.strip_prefix(COUNTS).unwrap_or(name) {
         "flat" => View::Flat,
+        "dark" => View::Dark,
         word => View::Sample(word.strip_prefix("sample/")?.parse().ok()?),
     };
     let bytes = words.next()?.parse().ok()?;
     let sha256 = words.next()?.strip_prefix("sha256:")?.to_owned();
     let whole = sha256.len() == 64 && words.next().is_none();
-    whole.then_some((view, Entry { bytes, sha256 }))
+    whole.then_some((view, Entry { bytes, sha256, counts: None }, of_counts))
 }
 
 /// The view's name in the log.
 fn name(view: View) -> String {
     match view {
         View::Flat => "flat".into(),
+        View::Dark => "dark".into(),
         View::Sample(index) => format!("sample/{index}"),
     }
 }
@@ -108,7 +130,25 @@ mod tests {
     use super::*;
 
     fn entry(digit: char) -> Entry {
-        Entry { bytes: 44, sha256: digit.to_string().repeat(64) }
+        Entry { bytes: 44, sha256: digit.to_string().repeat(64), counts: None }
+    }
+
+    #[test]
+    fn a_view_counts_with_the_line_of_its_counts_before_its_own() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("progress.log");
+        let whole = Entry { counts: Some("d".repeat(64)), ..entry('a') };
+        let mut log = ProgressLog::open(&path).unwrap();
+        log.append(View::Sample(3), &whole).unwrap();
+        log.append(View::Dark, &entry('b')).unwrap();
+        let there = read(&path).unwrap();
+        assert_eq!(there[&View::Sample(3)], whole);
+        assert_eq!(there[&View::Dark], entry('b'));
+        // Cut after the line of the counts: nothing is committed.
+        let text = std::fs::read_to_string(&path).unwrap();
+        let first = text.find('\n').unwrap() + 1;
+        std::fs::write(&path, &text[..first]).unwrap();
+        assert!(read(&path).unwrap().is_empty());
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! all its steps or it is not, and progress.log says which. Nothing is written before the run
 //! begins, and nothing that beamlet did not write is ever removed.
 
-use super::exr_frames::{self, ExrFrames, PARTIAL};
+use super::exr_frames::{self, ExrFrames, PARTIAL, Values};
 use super::npy::{self, NpyFrames};
 use super::progress_log::{self, Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
@@ -21,6 +21,8 @@ use std::path::{Path, PathBuf};
 pub(super) const SCENE: &str = "scene.toml";
 pub(super) const RUN: &str = "run.json";
 pub(super) const LOG: &str = "progress.log";
+/// Directory of the stacks of detector numbers.
+const COUNTS: &str = "counts";
 
 /// File format of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -68,14 +70,34 @@ struct Open {
     file: RunFile,
     log: ProgressLog,
     frames: Frames,
+    /// Detector numbers, where the scene asks for noise.
+    counts: Option<Frames>,
     /// First row that the view in work still lacks.
     next_row: u32,
+    /// The same of its counts.
+    next_counts: u32,
 }
 
 #[derive(Debug)]
 enum Frames {
     Exr(ExrFrames),
     Npy(NpyFrames),
+}
+
+impl Frames {
+    fn write(&mut self, view: View, rows: &Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
+        match self {
+            Self::Exr(frames) => frames.write(view, rows, data),
+            Self::Npy(frames) => frames.write(view, rows, data),
+        }
+    }
+
+    fn commit(&mut self, view: View) -> Result<String> {
+        match self {
+            Self::Exr(frames) => frames.commit(view),
+            Self::Npy(frames) => frames.commit(view),
+        }
+    }
 }
 
 impl RunDirectory {
@@ -138,12 +160,16 @@ impl RunDirectory {
         let extent = Extent::of(scene)?;
         let mut committed = Vec::new();
         for (view, entry) in progress_log::read(&path.join(LOG))? {
-            let checksum = match file.format {
-                Format::Exr => exr_frames::checksum(&path, extent, view),
-                Format::Npy => npy::checksum(&path, extent, view),
+            let checksum = |root: &Path| match file.format {
+                Format::Exr => exr_frames::checksum(root, extent, view),
+                Format::Npy => npy::checksum(root, extent, view),
             };
-            match checksum {
-                Ok(checksum) if checksum == entry.sha256 => committed.push(view),
+            let same = checksum(&path).and_then(|found| {
+                let counts = entry.counts.as_ref().map(|_| checksum(&path.join(COUNTS)));
+                Ok(found == entry.sha256 && counts.transpose()? == entry.counts)
+            });
+            match same {
+                Ok(true) => committed.push(view),
                 Ok(_) => log::warn!(
                     "{}: {view:?} is not what was committed; it is simulated again",
                     path.display()
@@ -241,15 +267,24 @@ impl RunDirectory {
         if self.resumed.is_none() {
             crate::kept::file::remove(&self.path)?;
             // The log first: without it nothing that is left counts as committed.
-            for name in [LOG, RUN, SCENE, npy::FLAT, npy::SAMPLE] {
+            for name in [LOG, RUN, SCENE, npy::FLAT, npy::SAMPLE, npy::DARK] {
                 remove_file(&self.path.join(name))?;
             }
+            for name in [npy::FLAT, npy::SAMPLE] {
+                remove_file(&self.path.join(COUNTS).join(name))?;
+            }
         }
-        remove_frames(&partial, earlier)?;
-        for view in earlier.all_views().filter(|view| !keep.contains(view)) {
+        let dark = std::iter::once(View::Dark).filter(|view| !keep.contains(view));
+        for view in earlier.all_views().filter(|view| !keep.contains(view)).chain(dark) {
             remove_frames(&self.path.join(exr_frames::view_directory(earlier, view)), earlier)?;
+            let counts = self.path.join(COUNTS);
+            remove_frames(&counts.join(exr_frames::view_directory(earlier, view)), earlier)?;
         }
-        let _ = fs::remove_dir(self.path.join("sample"));
+        for root in [self.path.join(COUNTS), self.path.clone()] {
+            remove_frames(&root.join(PARTIAL), earlier)?;
+            let _ = fs::remove_dir(root.join("sample"));
+        }
+        let _ = fs::remove_dir(self.path.join(COUNTS));
         Ok(())
     }
 }
@@ -281,46 +316,71 @@ impl Sink for RunDirectory {
             write_whole(&scene_path, resolved.as_bytes())?;
         }
         file.write(&self.path.join(RUN))?;
-        let frames = match self.format {
-            Format::Exr => Frames::Exr(ExrFrames::begin(&self.path, extent, scene)),
-            Format::Npy => Frames::Npy(NpyFrames::begin(&self.path, extent)?),
+        let noisy = scene.detector.counts.is_some();
+        let frames = |root: &Path, values: Values, dark: bool| {
+            Ok(match self.format {
+                Format::Exr => Frames::Exr(ExrFrames::begin(root, extent, scene, values)),
+                Format::Npy => Frames::Npy(NpyFrames::begin(root, extent, dark)?),
+            })
         };
-        self.open = Some(Open { file, log, frames, next_row: 0 });
+        let counts = match noisy {
+            true => {
+                let root = self.path.join(COUNTS);
+                fs::create_dir_all(&root)
+                    .map_err(|error| Error::output(&root, "cannot be created", Some(error)))?;
+                Some(frames(&root, Values::Numbers, false)?)
+            }
+            false => None,
+        };
+        let frames = frames(&self.path, Values::Intensities, noisy)?;
+        self.open = Some(Open { file, log, frames, counts, next_row: 0, next_counts: 0 });
         Ok(())
     }
 
     fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
-        let Extent { steps, columns, .. } = open.file.extent;
-        let shape = (steps as usize, rows.len(), columns as usize);
-        if rows.start != open.next_row || data.dim() != shape {
-            let problem = format!(
-                "rows {rows:?} of {view:?} as {:?} do not follow row {} as {shape:?}",
-                data.dim(),
-                open.next_row
-            );
-            return Err(Error::output(&self.path, problem, None));
-        }
+        follows(&self.path, open.file.extent, view, open.next_row, &rows, data.dim())?;
         open.next_row = rows.end;
-        match &mut open.frames {
-            Frames::Exr(frames) => frames.write(view, &rows, data),
-            Frames::Npy(frames) => frames.write(view, &rows, data),
-        }
+        open.frames.write(view, &rows, data)
+    }
+
+    fn write_counts(
+        &mut self,
+        view: View,
+        rows: Range<u32>,
+        numbers: ArrayView3<'_, f32>,
+    ) -> Result<()> {
+        let open = opened(&mut self.open, &self.path)?;
+        follows(&self.path, open.file.extent, view, open.next_counts, &rows, numbers.dim())?;
+        let frames = match view {
+            // Dark frames stand beside the intensities: no light is no light.
+            View::Dark => Some(&mut open.frames),
+            _ => open.counts.as_mut(),
+        };
+        let missing = || Error::output(&self.path, "the scene asks for no counts", None);
+        open.next_counts = rows.end;
+        frames.ok_or_else(missing)?.write(view, &rows, numbers)
     }
 
     fn commit(&mut self, view: View) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
         let extent = open.file.extent;
-        if open.next_row != extent.rows {
-            let problem = format!("{view:?} has {} of {} rows", open.next_row, extent.rows);
+        let rows = match view {
+            View::Dark => open.next_counts,
+            _ if open.counts.is_some() => open.next_row.min(open.next_counts),
+            _ => open.next_row,
+        };
+        if rows != extent.rows {
+            let problem = format!("{view:?} has {rows} of {} rows", extent.rows);
             return Err(Error::output(&self.path, problem, None));
         }
-        open.next_row = 0;
-        let sha256 = match &mut open.frames {
-            Frames::Exr(frames) => frames.commit(view)?,
-            Frames::Npy(frames) => frames.commit(view)?,
+        (open.next_row, open.next_counts) = (0, 0);
+        let counts = match &mut open.counts {
+            Some(frames) if view != View::Dark => Some(frames.commit(view)?),
+            _ => None,
         };
-        open.log.append(view, &Entry { bytes: extent.view_bytes(), sha256 })
+        let sha256 = open.frames.commit(view)?;
+        open.log.append(view, &Entry { bytes: extent.view_bytes(), sha256, counts })
     }
 
     fn finish(&mut self, record: &RunRecord) -> Result<()> {
@@ -329,7 +389,9 @@ impl Sink for RunDirectory {
         open.file.record = record.clone();
         open.file.write(&self.path.join(RUN))?;
         self.open = None;
-        let _ = fs::remove_dir(self.path.join(PARTIAL));
+        for root in [self.path.join(COUNTS), self.path.clone()] {
+            let _ = fs::remove_dir(root.join(PARTIAL));
+        }
         Ok(())
     }
 }
@@ -338,13 +400,33 @@ impl Drop for RunDirectory {
     /// A view that was not committed leaves nothing behind.
     fn drop(&mut self) {
         if let Some(open) = self.open.take() {
-            let _ = remove_frames(&self.path.join(PARTIAL), open.file.extent);
+            for root in [self.path.join(COUNTS), self.path.clone()] {
+                let _ = remove_frames(&root.join(PARTIAL), open.file.extent);
+            }
         }
     }
 }
 
 fn opened<'a>(open: &'a mut Option<Open>, path: &Path) -> Result<&'a mut Open> {
     open.as_mut().ok_or_else(|| Error::output(path, "no run has begun here", None))
+}
+
+/// Whether a band of a view comes where it should, in its shape.
+fn follows(
+    path: &Path,
+    extent: Extent,
+    view: View,
+    next: u32,
+    rows: &Range<u32>,
+    found: (usize, usize, usize),
+) -> Result<()> {
+    let shape = (extent.steps as usize, rows.len(), extent.columns as usize);
+    if rows.start == next && found == shape {
+        return Ok(());
+    }
+    let problem =
+        format!("rows {rows:?} of {view:?} as {found:?} do not follow row {next} as {shape:?}");
+    Err(Error::output(path, problem, None))
 }
 
 fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {
@@ -368,7 +450,19 @@ fn has_only_begun(path: &Path) -> bool {
 
 /// The first name of ours that stands in `path`.
 fn first_of_our_names(path: &Path) -> Option<&'static str> {
-    let names = [SCENE, RUN, LOG, npy::FLAT, npy::SAMPLE, "flat", "sample", PARTIAL];
+    let names = [
+        SCENE,
+        RUN,
+        LOG,
+        npy::FLAT,
+        npy::SAMPLE,
+        npy::DARK,
+        "flat",
+        "sample",
+        "dark",
+        COUNTS,
+        PARTIAL,
+    ];
     names.into_iter().find(|name| path.join(name).exists())
 }
 

@@ -121,7 +121,7 @@ pub(crate) fn scene((vertices, triangles): Soup) -> Scene {
     Scene {
         directory: ".".into(),
         source: Source { distance: 1.21, spot: [0.0, 0.0], beam: Beam::Energy(30.0) },
-        detector: Detector { distance: 1.8, pixels: [64, 64], pitch: [150e-6, 150e-6] },
+        detector: Detector::new(1.8, [64, 64], [150e-6, 150e-6]),
         sample_mask: None,
         detector_mask: None,
         sampling: Sampling {

@@ -53,11 +53,7 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
             spot: setup.spot,
             beam: Beam::Energy(30.0),
         },
-        detector: Detector {
-            distance: setup.detector_distance,
-            pixels: setup.pixels,
-            pitch: setup.pitch,
-        },
+        detector: Detector::new(setup.detector_distance, setup.pixels, setup.pitch),
         sample_mask,
         detector_mask,
         sampling: Sampling {

@@ -1,0 +1,123 @@
+//! The detector of a run: from the light on the grid to intensities and counts, band by band.
+
+use super::blur::BlurStage;
+use super::grid::LightGrid;
+use super::noise::{Frame, Noise};
+use super::scatter::ScatterStage;
+use super::{excess_noise, response};
+use crate::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec, validate_thresholds};
+use crate::spectrum::{self, Spectrum};
+use crate::stack::View;
+use crate::{Error, Result};
+use ndarray::{Array3, ArrayView3, s};
+use std::ops::Range;
+
+/// The detector of a scene, ready.
+#[derive(Debug, Clone)]
+pub struct Detection {
+    grid: LightGrid,
+    lit: Scene,
+    blur: Option<BlurStage>,
+    scatter: Option<ScatterStage>,
+    noise: Option<Noise>,
+}
+
+impl Detection {
+    /// Reads the files that the detector names and makes its stages ready.
+    ///
+    /// # Errors
+    /// [`Error::Output`] and [`Error::Scene`] for files that cannot serve, an unknown absorber, or
+    /// a detector that sees nothing of the beam.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        let grid = LightGrid::of(scene)?;
+        validate_thresholds(&scene.detector, highest_energy(scene)?)?;
+        let nodes = open_beam(scene)?;
+        Ok(Self {
+            grid,
+            lit: grid.lit_scene(scene),
+            blur: BlurStage::of(scene, &grid)?,
+            scatter: ScatterStage::of(scene)?,
+            noise: Noise::of(scene, excess_noise(&scene.detector, &nodes)),
+        })
+    }
+
+    /// The grid that takes the light.
+    #[must_use]
+    pub const fn grid(&self) -> &LightGrid {
+        &self.grid
+    }
+
+    /// The scene that is traced and illuminated: the grid in place of the detector.
+    #[must_use]
+    pub const fn lit(&self) -> &Scene {
+        &self.lit
+    }
+
+    /// Whether there is noise, and so counts and dark frames.
+    #[must_use]
+    pub const fn noise(&self) -> Option<&Noise> {
+        self.noise.as_ref()
+    }
+
+    /// Intensities of a band of the detector's rows, from the light on the grid's
+    /// [`LightGrid::lit_rows`], `[step][row][column]`.
+    #[must_use]
+    pub fn intensities(&self, view: View, band: &Range<u32>, lit: Array3<f32>) -> Array3<f32> {
+        let needed = self.grid.needed(band);
+        let pixels = match &self.blur {
+            Some(blur) => blur.pixels(lit.view(), needed.len()),
+            None => lit,
+        };
+        match &self.scatter {
+            Some(scatter) => scatter.add(view, band, &needed, pixels.view()),
+            None => pixels,
+        }
+    }
+
+    /// Detector numbers of a band of intensities; `None` where the scene asks for none.
+    ///
+    /// # Errors
+    /// As [`Noise::counts`].
+    pub fn counts(
+        &self,
+        view: View,
+        band: &Range<u32>,
+        intensities: ArrayView3<'_, f32>,
+    ) -> Result<Option<Frame>> {
+        let frame =
+            |noise: &Noise| noise.counts(view, band.start, intensities.slice(s![.., .., ..]));
+        self.noise.as_ref().map(frame).transpose()
+    }
+}
+
+/// Energies (keV) of the beam and their shares of the signal of an open pixel.
+fn open_beam(scene: &Scene) -> Result<Vec<[f64; 2]>> {
+    let energy = match &scene.source.beam {
+        Beam::Energy(energy) => *energy,
+        Beam::Spectrum(_) => {
+            let nodes = spectrum::nodes(scene)?;
+            return Ok(nodes.energies.into_iter().zip(nodes.weights).map(Into::into).collect());
+        }
+    };
+    let signal = response(scene, energy)?;
+    if signal > 0.0 {
+        return Ok(vec![[energy, 1.0]]);
+    }
+    Err(Error::scene(
+        "detector",
+        format!("no signal from photons of {energy} keV"),
+        "thresholds around the energy of the beam, and an absorber that absorbs",
+    ))
+}
+
+/// Highest energy of the beam, keV: of a tube its voltage.
+fn highest_energy(scene: &Scene) -> Result<f64> {
+    match &scene.source.beam {
+        Beam::Energy(energy) => Ok(*energy),
+        Beam::Spectrum(SpectrumSpec { origin: SpectrumOrigin::Tube { kvp, .. }, .. }) => Ok(*kvp),
+        Beam::Spectrum(spec) => {
+            let spectrum = Spectrum::before_filters(scene, spec)?.significant();
+            Ok(spectrum.energies_kev.last().copied().unwrap_or(0.0))
+        }
+    }
+}

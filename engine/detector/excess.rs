@@ -1,0 +1,40 @@
+//! Excess noise of an integrating detector: photons of different signal.
+
+use crate::scene::{Detector, DetectorMode};
+
+/// Excess noise factor F of the signal of an open pixel: its variance is F times that of as many
+/// photons of equal signal. `nodes` are the energies (keV) of the beam and their shares of the
+/// signal, as photons times [`response`](super::response).
+///
+/// With r the signal of a detected photon, F = <r^2> / <r>^2 / A, where A is the Swank factor of
+/// the light that a photon of one energy makes. A counting detector has F = 1.
+#[must_use]
+pub fn excess_noise(detector: &Detector, nodes: &[[f64; 2]]) -> f64 {
+    let swank = detector.counts.as_ref().map_or(1.0, |counts| counts.swank);
+    if detector.mode != DetectorMode::Integrating {
+        return 1.0;
+    }
+    // Shares of the signal over the energy are shares of the detected photons.
+    let moment = |power: i32| nodes.iter().map(|[e, w]| w * e.powi(power - 1)).sum::<f64>();
+    let spread = moment(2) * moment(0) / (moment(1) * moment(1));
+    spread.max(1.0) / swank
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Counts;
+
+    #[test]
+    fn photons_of_two_energies_make_the_excess_of_their_moments() {
+        let mut detector = Detector::new(1.0, [1, 1], [1e-4; 2]);
+        // As many photons of 20 as of 60 keV: signals 1 and 3 around 2.
+        let nodes = [[20.0, 0.25], [60.0, 0.75]];
+        assert!((excess_noise(&detector, &nodes) - 1.0).abs() < 1e-15);
+        detector.mode = DetectorMode::Integrating;
+        assert!((excess_noise(&detector, &nodes) - 5.0 / 4.0).abs() < 1e-12);
+        detector.counts = Some(Counts { swank: 0.8, ..Counts::of_photons(10.0) });
+        assert!((excess_noise(&detector, &nodes) - 5.0 / 4.0 / 0.8).abs() < 1e-12);
+        assert!((excess_noise(&detector, &[[30.0, 1.0]]) - 1.0 / 0.8).abs() < 1e-12);
+    }
+}

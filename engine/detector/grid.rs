@@ -1,0 +1,197 @@
+//! The grid that takes the light behind the detector mask: where the detector blurs, pixels are
+//! cut into parts small enough that where light lies within a part does not matter, and light
+//! beside the detector that blurs into it is taken up too.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts of pixels are bounded by the scene's validation"
+)]
+
+use super::kernel::{Measured, Spread};
+use crate::Result;
+use crate::scene::{Blur, Scatter, Scene};
+use crate::trace::deviation;
+use serde::Serialize;
+use std::ops::Range;
+
+/// Most parts of a pixel along x and z.
+const MOST: [u32; 2] = [64, 16];
+/// Error of a pixel, in open beam, that parts along x and z may make: sharp edges of light at
+/// their worst place. Along z those are silhouettes, which have a tolerance of their own.
+const TOLERANCE: [f64; 2] = [2e-4, 5e-3];
+/// The same where an aperture is lit evenly, edge to edge: parts whose borders fall on the edges
+/// of apertures make none.
+const EVEN: f64 = 2e-5;
+
+/// Parts and margins of the grid.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LightGrid {
+    /// Columns and rows of the detector.
+    pub pixels: [u32; 2],
+    /// Parts of a pixel along x and z; each takes up light of its own.
+    pub parts: [u32; 2],
+    /// Pixels beside the detector, on either side, whose light is taken up.
+    pub margin: [u32; 2],
+    /// Rows over which scattered light spreads, on either side.
+    pub scatter_rows: u32,
+    /// Most that the parts change a pixel, in open beam: sharp edges of light at their worst
+    /// place. 0 without blur.
+    pub error: f64,
+}
+
+impl LightGrid {
+    /// The grid of a scene.
+    ///
+    /// # Errors
+    /// [`crate::Error::Output`], [`crate::Error::Scene`] for a kernel that cannot be read.
+    pub fn of(scene: &Scene) -> Result<Self> {
+        let detector = &scene.detector;
+        let spread = match &detector.blur {
+            Some(Blur::Gaussian { sigma }) => {
+                // Along z nothing stands between the sample and the detector: such a blur adds to
+                // that of the spot, and rows need no parts.
+                [Some(Spread::Gaussian(sigma[0] / detector.pitch[0])), None]
+            }
+            Some(Blur::Kernel(kernel)) => {
+                let measured = Measured::read(scene, kernel, "detector.blur")?;
+                [Some(measured.profile(0)), Some(measured.profile(1))]
+            }
+            None => [None, None],
+        };
+        let mut grid = Self::bare(scene);
+        for (axis, spread) in spread.iter().enumerate() {
+            let Some(spread) = spread.as_ref().filter(|spread| spread.reach() > 0.0) else {
+                continue;
+            };
+            grid.margin[axis] = spread.reach().ceil() as u32;
+            let lit = if axis == 0 { lit_width(scene) } else { 1.0 };
+            let errors: Vec<_> =
+                (1..=MOST[axis]).map(|parts| (parts, error_of(spread, parts, lit))).collect();
+            let fine = |(_, [sharp, _]): &&(u32, [f64; 2])| *sharp <= TOLERANCE[axis];
+            let aligned = |(_, [_, even]): &&(u32, [f64; 2])| *even <= EVEN;
+            let chosen = errors
+                .iter()
+                .find(|error| fine(error) && aligned(error))
+                .or_else(|| errors.iter().find(fine))
+                .or(errors.last());
+            if let Some((parts, [sharp, _])) = chosen {
+                grid.parts[axis] = *parts;
+                grid.error = grid.error.max(*sharp);
+            }
+        }
+        if let Some(Scatter::Kernel { kernel, .. }) = &detector.scatter {
+            let spread = Measured::read(scene, kernel, "detector.scatter")?.profile(1);
+            grid.scatter_rows = spread.reach().ceil() as u32;
+        }
+        Ok(grid)
+    }
+
+    /// Pixels whole and no margin.
+    fn bare(scene: &Scene) -> Self {
+        let pixels = scene.detector.pixels;
+        Self { pixels, parts: [1; 2], margin: [0; 2], scatter_rows: 0, error: 0.0 }
+    }
+
+    /// Columns and rows of the grid.
+    #[must_use]
+    pub fn size(&self) -> [u32; 2] {
+        [0, 1].map(|axis| self.parts[axis] * (self.pixels[axis] + 2 * self.margin[axis]))
+    }
+
+    /// The scene with this grid in place of the detector: what is traced and illuminated. Masks
+    /// stay where they are.
+    #[must_use]
+    pub fn lit_scene(&self, scene: &Scene) -> Scene {
+        let mut lit = scene.clone();
+        let [parts_x, parts_z] = self.parts;
+        lit.detector.pixels = self.size();
+        lit.detector.pitch =
+            [0, 1].map(|axis| scene.detector.pitch[axis] / f64::from(self.parts[axis]));
+        // Aperture k of C stands at (k + 1/2 - C/2) periods.
+        if (lit.detector.pixels[0] + scene.detector.pixels[0]) % 2 == 1 {
+            for mask in lit.sample_mask.iter_mut().chain(lit.detector_mask.iter_mut()) {
+                mask.offset += 0.5 * mask.period;
+            }
+        }
+        let sampling = &mut lit.sampling;
+        if parts_x > 1 && scene.sample_mask.is_none() {
+            // A period is a part of a pixel then.
+            let cells = sampling.cells.unwrap_or(DEFAULT_CELLS);
+            sampling.cells = Some(cells.div_ceil(parts_x));
+        }
+        sampling.rows = sampling.rows.div_ceil(parts_z);
+        sampling.rays = [sampling.rays[0].div_ceil(parts_x), sampling.rays[1].div_ceil(parts_z)];
+        if let Some(Blur::Gaussian { sigma }) = &scene.detector.blur
+            && sigma[1] > 0.0
+        {
+            let source = scene.source.distance;
+            let seen = sigma[1] / deviation(1.0) * source / (scene.detector.distance - source);
+            lit.source.spot[1] = libm::hypot(lit.source.spot[1], seen);
+        }
+        lit
+    }
+
+    /// Rows of the detector that a band of its rows takes light from.
+    #[must_use]
+    pub fn needed(&self, band: &Range<u32>) -> Range<u32> {
+        let reach = self.scatter_rows;
+        band.start.saturating_sub(reach)..(band.end.saturating_add(reach)).min(self.pixels[1])
+    }
+
+    /// Rows of the grid that a band of the detector's rows takes light from.
+    #[must_use]
+    pub fn lit_rows(&self, band: &Range<u32>) -> Range<u32> {
+        let needed = self.needed(band);
+        let [_, parts] = self.parts;
+        needed.start * parts..(needed.end + 2 * self.margin[1]) * parts
+    }
+
+    /// Rows of the grid that are counted with a band: each once, over all bands.
+    #[must_use]
+    pub fn own_rows(&self, band: &Range<u32>) -> Range<u32> {
+        let [_, parts] = self.parts;
+        let start = if band.start == 0 { 0 } else { band.start + self.margin[1] };
+        let last = band.end == self.pixels[1];
+        let end = band.end + self.margin[1] * if last { 2 } else { 1 };
+        start * parts..end * parts
+    }
+}
+
+/// Cells per period of a lattice without a sample mask, in pixels that are not cut.
+const DEFAULT_CELLS: u32 = 6;
+
+/// Width of the light behind the detector mask, pixels, where it stands the same in every pixel;
+/// 1 where it may be anywhere.
+fn lit_width(scene: &Scene) -> f64 {
+    let Some(mask) = &scene.detector_mask else { return 1.0 };
+    let onto = scene.detector.distance / mask.distance / scene.detector.pitch[0];
+    let aligned = (mask.period * onto - 1.0).abs() < 1e-6 && mask.offset.abs() * onto < 1e-6;
+    if aligned { (mask.aperture * onto).min(1.0) } else { 1.0 }
+}
+
+/// Most that `parts` of a pixel change it, or one beside it: light of open beam between two sharp
+/// edges anywhere in the lit middle of a pixel, and between the edges of that middle.
+fn error_of(spread: &Spread, parts: u32, lit: f64) -> [f64; 2] {
+    let reach = spread.reach().ceil() as i32;
+    let parts = f64::from(parts);
+    // Of the light up to x the parts give the straight line between their borders.
+    let off = |x: f64| {
+        let low = (x * parts).floor() / parts;
+        let high = low + 1.0 / parts;
+        let share = (x - low) * parts;
+        let line = spread.landed(low) * (1.0 - share) + spread.landed(high) * share;
+        spread.landed(x) - line
+    };
+    let samples = (8.0 * parts * lit).ceil().max(8.0) as i32;
+    (-reach..=reach)
+        .map(|pixel| {
+            let at =
+                |i: i32| 0.5 + lit * (f64::from(i) / f64::from(samples) - 0.5) + f64::from(pixel);
+            let errors = (0..=samples).map(|i| off(at(i)));
+            let (least, most) =
+                errors.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), e| (a.min(e), b.max(e)));
+            [most - least, (off(at(samples)) - off(at(0))).abs()]
+        })
+        .fold([0.0; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
+}

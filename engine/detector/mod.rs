@@ -1,0 +1,17 @@
+//! The detector: what a photon adds to the signal, the blur of the light behind the detector
+//! mask, scatter, and the noise of the numbers that are read out (docs/detector.md).
+
+mod blur;
+mod detection;
+mod excess;
+mod grid;
+mod kernel;
+mod noise;
+mod response;
+mod scatter;
+
+pub use detection::Detection;
+pub use excess::excess_noise;
+pub use grid::LightGrid;
+pub use noise::{Frame, Noise};
+pub use response::response;

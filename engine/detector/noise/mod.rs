@@ -1,0 +1,140 @@
+//! Numbers that the detector reads out: photons, electronic noise, gain, offset, bit depth.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
+mod philox;
+mod poisson;
+
+use crate::Result;
+use crate::scene::{Counts, Scene};
+use crate::stack::View;
+use ndarray::{Array3, ArrayView3};
+use philox::Draws;
+use poisson::{gamma, poisson};
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Excess noise below this is none.
+const NO_EXCESS: f64 = 1e-9;
+
+/// From intensities to detector numbers. Every number is a pure function of the seed, the kind of
+/// frame, view, step, row, column and the intensity there.
+#[derive(Debug, Clone)]
+pub struct Noise {
+    counts: Counts,
+    /// Variance of the signal of one photon over the square of its mean.
+    spread: f64,
+    seed: u64,
+    steps: usize,
+    columns: usize,
+    most: f64,
+}
+
+/// Detector numbers of a band.
+#[derive(Debug, Clone)]
+pub struct Frame {
+    /// `[step][row][column]`.
+    pub numbers: Array3<f32>,
+    /// Numbers that the bit depth clipped at its upper end.
+    pub saturated: u64,
+}
+
+impl Noise {
+    /// The noise of a scene; `None` where it asks for none. `excess`: the excess noise factor of
+    /// [`excess_noise`](super::excess_noise), at least 1.
+    #[must_use]
+    pub fn of(scene: &Scene, excess: f64) -> Option<Self> {
+        let counts = scene.detector.counts?;
+        let spread = if excess - 1.0 > NO_EXCESS { excess - 1.0 } else { 0.0 };
+        Some(Self {
+            counts,
+            spread,
+            seed: scene.sampling.seed,
+            steps: scene.scan.mask_offsets.len(),
+            columns: scene.detector.pixels[0] as usize,
+            most: counts.bit_depth.map_or(f64::INFINITY, |bits| libm::exp2(f64::from(bits)) - 1.0),
+        })
+    }
+
+    /// Numbers of a band of rows from `first_row` on, of intensities `[step][row][column]`.
+    ///
+    /// # Errors
+    /// [`crate::Error::Output`] where the band has another shape than the scene's.
+    pub fn counts(
+        &self,
+        view: View,
+        first_row: u32,
+        intensities: ArrayView3<'_, f32>,
+    ) -> Result<Frame> {
+        let (steps, rows, columns) = intensities.dim();
+        if (steps, columns) != (self.steps, self.columns) {
+            let problem =
+                format!("a band of {steps} steps and {columns} columns is not the scene's");
+            return Err(crate::Error::output("counts", problem, None));
+        }
+        let values = intensities.as_standard_layout();
+        let values = values.as_slice().unwrap_or_default();
+        Ok(self.frame(view, first_row, rows, |index| values[index]))
+    }
+
+    /// Numbers of the dark frames, one of each step, in a band of rows.
+    #[must_use]
+    pub fn dark(&self, rows: Range<u32>) -> Frame {
+        self.frame(View::Dark, rows.start, rows.len(), |_| 0.0)
+    }
+
+    fn frame(
+        &self,
+        view: View,
+        first_row: u32,
+        rows: usize,
+        intensity: impl Fn(usize) -> f32 + Sync,
+    ) -> Frame {
+        let mut numbers = Array3::zeros((self.steps, rows, self.columns));
+        let (kind, view) = match view {
+            View::Flat => (1, 0),
+            View::Sample(index) => (2, index),
+            View::Dark => (3, 0),
+        };
+        let line = |(index, line): (usize, &mut [f32])| {
+            let (step, row) = (index / rows, first_row + (index % rows) as u32);
+            let mut saturated = 0;
+            for (column, number) in line.iter_mut().enumerate() {
+                // Columns and rows have 16 bits each.
+                let place = [row << 16 | column as u32, view, step as u32];
+                let light = f64::from(intensity(index * self.columns + column));
+                let value = self.number(light, Draws::new(self.seed, place, kind));
+                saturated += u64::from(value > self.most);
+                *number = value.min(self.most) as f32;
+            }
+            saturated
+        };
+        let saturated = match numbers.as_slice_mut() {
+            Some(all) if self.columns > 0 => {
+                all.par_chunks_mut(self.columns).enumerate().map(line).sum()
+            }
+            _ => 0,
+        };
+        Frame { numbers, saturated }
+    }
+
+    /// One number, not yet clipped at its upper end.
+    fn number(&self, intensity: f64, mut draws: Draws) -> f64 {
+        let counts = &self.counts;
+        let photons = poisson(counts.photons * intensity, &mut draws);
+        let signal = if self.spread > 0.0 {
+            // The sum of as many gamma numbers of mean 1 and variance `spread`.
+            self.spread * gamma(photons / self.spread, &mut draws)
+        } else {
+            photons
+        };
+        let mut value = counts.offset + counts.gain * signal;
+        if counts.electronic_noise > 0.0 {
+            value += counts.electronic_noise * draws.normal();
+        }
+        if self.most.is_finite() { value.round().max(0.0) } else { value }
+    }
+}

@@ -1,0 +1,91 @@
+//! Scattered light that the scene adds: an image, or the light itself spread by a kernel.
+
+use super::blur::gather;
+use super::kernel::Measured;
+use crate::scene::{Scatter, Scene};
+use crate::stack::View;
+use crate::{Error, Result, image};
+use ndarray::{Array2, Array3, ArrayView3, Axis, s};
+use std::ops::Range;
+
+/// What is added.
+#[derive(Debug, Clone)]
+pub(super) enum ScatterStage {
+    /// An image in open beam, with the sample.
+    Image(Array2<f32>),
+    /// Weights `[row][column]` of the pixels around a pixel, which sum to the fraction.
+    Kernel { weights: Array2<f64>, margin: [usize; 2] },
+}
+
+impl ScatterStage {
+    pub(super) fn of(scene: &Scene) -> Result<Option<Self>> {
+        match &scene.detector.scatter {
+            None => Ok(None),
+            Some(Scatter::Image(path)) => {
+                let path = scene.resolve(path);
+                let image = image::read(&path)?;
+                let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
+                let key = "detector.scatter.image";
+                if image.dim() != (rows, columns) {
+                    let found =
+                        format!("{}: {} x {} pixels", path.display(), image.ncols(), image.nrows());
+                    let allowed = format!("the detector's {columns} x {rows} pixels");
+                    return Err(Error::scene(key, found, allowed));
+                }
+                if let Some(value) = image.iter().find(|v| !(v.is_finite() && **v >= 0.0)) {
+                    let found = format!("{}: {value}", path.display());
+                    return Err(Error::scene(key, found, "finite intensities >= 0"));
+                }
+                #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+                let image = image.mapv(|value| value as f32);
+                Ok(Some(Self::Image(image)))
+            }
+            Some(Scatter::Kernel { kernel, fraction }) => {
+                let measured = Measured::read(scene, kernel, "detector.scatter")?;
+                #[allow(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "a few hundred pixels"
+                )]
+                let margin = [0, 1].map(|axis| measured.profile(axis).reach().ceil() as u32);
+                let weights = measured.weights(margin, [1; 2]) * *fraction;
+                Ok(Some(Self::Kernel { weights, margin: margin.map(|n| n as usize) }))
+            }
+        }
+    }
+
+    /// The rows `band` with what is scattered into them; `light` are the rows `needed`.
+    pub(super) fn add(
+        &self,
+        view: View,
+        band: &Range<u32>,
+        needed: &Range<u32>,
+        light: ArrayView3<'_, f32>,
+    ) -> Array3<f32> {
+        let from = (band.start - needed.start) as usize;
+        let mut out = light.slice(s![.., from..from + band.len(), ..]).to_owned();
+        match self {
+            Self::Image(image) => {
+                if matches!(view, View::Sample(_)) {
+                    let rows = image.slice(s![band.start as usize..band.end as usize, ..]);
+                    out.axis_iter_mut(Axis(0)).for_each(|mut frame| frame += &rows);
+                }
+            }
+            Self::Kernel { weights, margin: [across, down] } => {
+                // Light on the detector's pixels alone scatters: beyond its edges there is none.
+                let (steps, rows, columns) = light.dim();
+                let shape = (steps, band.len() + 2 * down, columns + 2 * across);
+                let mut framed = Array3::zeros(shape);
+                // Row 0 of the frame is `down` rows above the band.
+                let skip = down.saturating_sub(from);
+                let take = (from + skip).saturating_sub(*down);
+                let rows = (rows - take).min(shape.1 - skip);
+                framed
+                    .slice_mut(s![.., skip..skip + rows, *across..across + columns])
+                    .assign(&light.slice(s![.., take..take + rows, ..]));
+                out += &gather(framed.view(), weights, [1; 2], [band.len(), columns]);
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,201 @@
+//! Images of one channel from files, as a detector, a kernel or a focal spot was measured:
+//! NPY, TIFF or PNG by the extension.
+
+use crate::{Error, Result};
+use ndarray::Array2;
+use npyz::{DType, NpyFile, Order, TypeChar};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+use tiff::decoder::DecodingResult;
+
+/// Most pixels of an image.
+const PIXELS: u64 = 1 << 26;
+
+/// Reads an image, `[row][column]`, row 0 on top, in the units of the file: whole numbers of 8 to
+/// 32 bits or floats, grey. Of a TIFF the first page counts.
+///
+/// # Errors
+/// [`Error::Output`] where the file cannot be read or holds no such image; [`Error::Memory`] for
+/// one of more than 2^26 pixels.
+pub fn read(path: &Path) -> Result<Array2<f64>> {
+    let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
+    let file = || {
+        let opened = File::open(path);
+        opened.map(BufReader::new).map_err(|e| Error::output(path, "cannot be read", Some(e)))
+    };
+    match extension.as_deref() {
+        Some("npy") => read_npy(path, file()?),
+        Some("tif" | "tiff") => read_tiff(path, file()?),
+        Some("png") => read_png(path, file()?),
+        _ => Err(refused(path, "has to end in .npy, .tif, .tiff or .png")),
+    }
+}
+
+fn refused(path: &Path, problem: impl std::fmt::Display) -> Error {
+    Error::output(path, format!("cannot be read as an image: it {problem}"), None)
+}
+
+fn shaped(path: &Path, rows: u64, columns: u64, values: Vec<f64>) -> Result<Array2<f64>> {
+    let shape = (usize::try_from(rows), usize::try_from(columns));
+    let (Ok(rows), Ok(columns)) = shape else { return Err(refused(path, "is too large")) };
+    Array2::from_shape_vec((rows, columns), values)
+        .map_err(|_| refused(path, "does not hold one value for each pixel"))
+}
+
+fn check_size(path: &Path, rows: u64, columns: u64) -> Result<()> {
+    if rows == 0 || columns == 0 {
+        return Err(refused(path, "has no pixels"));
+    }
+    match rows.checked_mul(columns) {
+        Some(pixels) if pixels <= PIXELS => Ok(()),
+        _ => Err(Error::Memory {
+            purpose: format!("the image {} of {columns} x {rows} pixels", path.display()),
+            needed: rows.saturating_mul(columns).saturating_mul(8),
+            available: Some(8 * PIXELS),
+            remedy: "bin the image to fewer pixels".into(),
+        }),
+    }
+}
+
+fn read_npy(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
+    let array = NpyFile::new(file).map_err(|e| refused(path, format!("is no NPY file: {e}")))?;
+    let &[rows, columns] = array.shape() else {
+        let shape = array.shape();
+        return Err(refused(path, format!("has the shape {shape:?}; two dimensions are allowed")));
+    };
+    check_size(path, rows, columns)?;
+    let dtype = array.dtype();
+    let order = array.order();
+    let values = match &dtype {
+        DType::Plain(kind) => match (kind.type_char(), kind.size_field()) {
+            (TypeChar::Float, 8) => array.into_vec::<f64>(),
+            (TypeChar::Float, 4) => floats::<f32>(array),
+            (TypeChar::Uint, 1) => floats::<u8>(array),
+            (TypeChar::Uint, 2) => floats::<u16>(array),
+            (TypeChar::Uint, 4) => floats::<u32>(array),
+            (TypeChar::Int, 2) => floats::<i16>(array),
+            (TypeChar::Int, 4) => floats::<i32>(array),
+            _ => {
+                let allowed = "float32, float64, uint8, uint16, uint32, int16, int32";
+                return Err(refused(path, format!("holds {}; allowed: {allowed}", dtype.descr())));
+            }
+        },
+        _ => return Err(refused(path, format!("holds {}, not plain numbers", dtype.descr()))),
+    };
+    let values = values.map_err(|e| Error::output(path, "cannot be read", Some(e)))?;
+    match order {
+        Order::C => shaped(path, rows, columns, values),
+        Order::Fortran => Ok(shaped(path, columns, rows, values)?.reversed_axes()),
+    }
+}
+
+fn floats<T: npyz::Deserialize + Into<f64>>(
+    array: NpyFile<BufReader<File>>,
+) -> std::io::Result<Vec<f64>> {
+    Ok(array.into_vec::<T>()?.into_iter().map(Into::into).collect())
+}
+
+fn read_tiff(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
+    let failed = |error| refused(path, format!("is no TIFF file of a known kind: {error}"));
+    let mut decoder = tiff::decoder::Decoder::new(file).map_err(failed)?;
+    let (columns, rows) = decoder.dimensions().map_err(failed)?;
+    check_size(path, rows.into(), columns.into())?;
+    match decoder.colortype().map_err(failed)? {
+        tiff::ColorType::Gray(_) => {}
+        other => return Err(refused(path, format!("is {other:?}; one grey channel is allowed"))),
+    }
+    fn all<T: Into<f64>>(values: Vec<T>) -> Vec<f64> {
+        values.into_iter().map(Into::into).collect()
+    }
+    let values = match decoder.read_image().map_err(failed)? {
+        DecodingResult::U8(values) => all(values),
+        DecodingResult::U16(values) => all(values),
+        DecodingResult::U32(values) => all(values),
+        DecodingResult::I8(values) => all(values),
+        DecodingResult::I16(values) => all(values),
+        DecodingResult::I32(values) => all(values),
+        DecodingResult::F32(values) => all(values),
+        DecodingResult::F64(values) => values,
+        _ => return Err(refused(path, "holds numbers of 64 or half floats of 16 bits")),
+    };
+    shaped(path, rows.into(), columns.into(), values)
+}
+
+fn read_png(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
+    let failed = |error| refused(path, format!("is no PNG file: {error}"));
+    let mut decoder = png::Decoder::new(file);
+    // Grey of 1, 2 or 4 bits becomes 8, with the same proportions.
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let header = decoder.read_header_info().map_err(failed)?;
+    let (columns, rows) = (u64::from(header.width), u64::from(header.height));
+    check_size(path, rows, columns)?;
+    let mut reader = decoder.read_info().map_err(failed)?;
+    let (colour, depth) = reader.output_color_type();
+    if colour != png::ColorType::Grayscale {
+        return Err(refused(path, format!("is {colour:?}; one grey channel is allowed")));
+    }
+    let size = reader.output_buffer_size().ok_or_else(|| refused(path, "is too large"))?;
+    let mut bytes = vec![0; size];
+    reader.next_frame(&mut bytes).map_err(failed)?;
+    let values = match depth {
+        png::BitDepth::Sixteen => {
+            bytes.as_chunks().0.iter().map(|&pair| u16::from_be_bytes(pair).into()).collect()
+        }
+        _ => bytes.into_iter().map(f64::from).collect(),
+    };
+    shaped(path, rows, columns, values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+
+    fn wanted() -> Array2<f64> {
+        array![[0.0, 1.0, 2.0], [250.0, 128.0, 3.0]]
+    }
+
+    #[test]
+    fn npy_tiff_and_png_hold_the_same_image() {
+        let place = tempfile::tempdir().unwrap();
+        let npy = place.path().join("image.npy");
+        ndarray_npy::write_npy(&npy, &wanted().mapv(|v| v as f32)).unwrap();
+        let turned = place.path().join("turned.npy");
+        ndarray_npy::write_npy(
+            &turned,
+            &wanted().reversed_axes().as_standard_layout().reversed_axes(),
+        )
+        .unwrap();
+        let bytes: Vec<u8> = wanted().iter().map(|v| *v as u8).collect();
+        let tif = place.path().join("image.TIF");
+        let mut file = File::create(&tif).unwrap();
+        tiff::encoder::TiffEncoder::new(&mut file)
+            .unwrap()
+            .write_image::<tiff::encoder::colortype::Gray8>(3, 2, &bytes)
+            .unwrap();
+        let png = place.path().join("image.png");
+        let mut encoder = png::Encoder::new(File::create(&png).unwrap(), 3, 2);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+        for path in [npy, turned, tif, png] {
+            assert_eq!(read(&path).unwrap(), wanted(), "{}", path.display());
+        }
+    }
+
+    #[test]
+    fn what_is_no_image_is_refused_with_the_file() {
+        let place = tempfile::tempdir().unwrap();
+        for name in ["image.npy", "image.tif", "image.png", "image.jpg"] {
+            let path = place.path().join(name);
+            std::fs::write(&path, b"no image").unwrap();
+            let message = read(&path).unwrap_err().to_string();
+            assert!(message.contains(name), "{message}");
+        }
+        let path = place.path().join("three.npy");
+        ndarray_npy::write_npy(&path, &ndarray::Array3::<f64>::zeros((2, 2, 2))).unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("two dimensions"));
+        assert!(read(&place.path().join("none.npy")).is_err());
+    }
+}

@@ -1,0 +1,128 @@
+//! Ranges of the detector.
+
+use super::detector::{Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
+use super::validate::{count, named, not_negative, plain, positive};
+use super::{Beam, Scene, SpectrumOrigin, SpectrumSpec, limits};
+use crate::units::Dimension::{Energy, Length};
+use crate::{Error, Result};
+
+/// Photons of an open pixel: beyond this f64 does not tell neighbouring counts apart.
+const PHOTONS: f64 = 1e12;
+
+pub(super) fn validate_detector(scene: &Scene) -> Result<()> {
+    let detector = &scene.detector;
+    positive("detector.distance", detector.distance, Length)?;
+    for pixels in detector.pixels {
+        count("detector.pixels", pixels, 1, limits::PIXELS)?;
+    }
+    detector.pitch.iter().try_for_each(|pitch| positive("detector.pitch", *pitch, Length))?;
+    validate_mode(detector)?;
+    // Where it takes a file to know the highest energy, the run and `check` look.
+    match &scene.source.beam {
+        Beam::Energy(energy) => validate_thresholds(detector, *energy)?,
+        Beam::Spectrum(SpectrumSpec { origin: SpectrumOrigin::Tube { kvp, .. }, .. }) => {
+            validate_thresholds(detector, *kvp)?;
+        }
+        Beam::Spectrum(_) => {}
+    }
+    if let Some(absorber) = &detector.absorber {
+        named("detector.absorber.material", &absorber.material)?;
+        positive("detector.absorber.thickness", absorber.thickness, Length)?;
+    }
+    match &detector.blur {
+        Some(Blur::Gaussian { sigma }) => {
+            sigma.iter().try_for_each(|s| not_negative("detector.blur.sigma", *s, Length))?;
+            for axis in 0..2 {
+                let most = limits::BLUR * detector.pitch[axis];
+                if sigma[axis] > most {
+                    return Err(Error::scene(
+                        "detector.blur.sigma",
+                        Length.format(sigma[axis]),
+                        format!("no more than {} pixels, {}", limits::BLUR, Length.format(most)),
+                    ));
+                }
+            }
+        }
+        Some(Blur::Kernel(kernel)) => validate_kernel("detector.blur", kernel)?,
+        None => {}
+    }
+    match &detector.scatter {
+        Some(Scatter::Image(path)) => file("detector.scatter.image", path)?,
+        Some(Scatter::Kernel { kernel, fraction }) => {
+            validate_kernel("detector.scatter", kernel)?;
+            plain("detector.scatter.fraction", *fraction, *fraction > 0.0, "a number > 0")?;
+        }
+        None => {}
+    }
+    detector.counts.as_ref().map_or(Ok(()), |counts| validate_counts(detector, counts))
+}
+
+fn validate_mode(detector: &Detector) -> Result<()> {
+    let DetectorMode::Counting { low, high } = detector.mode else { return Ok(()) };
+    for (key, threshold) in [("threshold_low", low), ("threshold_high", high)] {
+        if let Some(threshold) = threshold {
+            positive(&format!("detector.{key}"), threshold, Energy)?;
+        }
+    }
+    match (low, high) {
+        (Some(low), Some(high)) if low >= high => Err(Error::scene(
+            "detector.threshold_high",
+            Energy.format(high),
+            format!("more than threshold_low, {}", Energy.format(low)),
+        )),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses thresholds beyond the highest energy of the beam, keV.
+///
+/// # Errors
+/// [`Error::Scene`] with the key of the threshold.
+pub(crate) fn validate_thresholds(detector: &Detector, highest: f64) -> Result<()> {
+    let DetectorMode::Counting { low, high } = detector.mode else { return Ok(()) };
+    for (key, threshold) in [("threshold_low", low), ("threshold_high", high)] {
+        let Some(threshold) = threshold else { continue };
+        if threshold > highest {
+            return Err(Error::scene(
+                format!("detector.{key}"),
+                Energy.format(threshold),
+                format!("no more than the highest energy of the beam, {}", Energy.format(highest)),
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn validate_kernel(table: &str, kernel: &KernelFile) -> Result<()> {
+    file(&format!("{table}.kernel"), &kernel.path)?;
+    kernel.pixel.iter().try_for_each(|size| positive(&format!("{table}.pixel"), *size, Length))
+}
+
+fn file(key: &str, path: &std::path::Path) -> Result<()> {
+    if path.as_os_str().is_empty() {
+        return Err(Error::scene(key, "\"\"", "path of a file"));
+    }
+    Ok(())
+}
+
+fn validate_counts(detector: &Detector, counts: &Counts) -> Result<()> {
+    let key = |key: &str| format!("detector.{key}");
+    let Counts { photons, electronic_noise, swank, gain, offset, bit_depth } = *counts;
+    plain(
+        &key("photons"),
+        photons,
+        photons > 0.0 && photons <= PHOTONS,
+        "a number of photons > 0, up to 1e12",
+    )?;
+    let noise = electronic_noise >= 0.0;
+    plain(&key("electronic_noise"), electronic_noise, noise, "a number >= 0")?;
+    plain(&key("swank"), swank, swank > 0.0 && swank <= 1.0, "a number above 0, up to 1")?;
+    if swank < 1.0 && detector.mode != DetectorMode::Integrating {
+        let found = format!("{swank:?} with mode = \"counting\"");
+        let allowed = "1: a photon that is counted is one count; or mode = \"integrating\"";
+        return Err(Error::scene(key("swank"), found, allowed));
+    }
+    plain(&key("gain"), gain, gain > 0.0, "a number > 0")?;
+    plain(&key("offset"), offset, true, "a finite number")?;
+    bit_depth.map_or(Ok(()), |bits| count(&key("bit_depth"), bits, 1, limits::BIT_DEPTH))
+}
