@@ -14,6 +14,7 @@ mod error;
 pub mod geometry;
 pub mod gpu;
 pub mod illuminate;
+pub mod kept;
 pub mod material;
 pub mod memory;
 mod run;

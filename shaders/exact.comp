@@ -79,7 +79,7 @@ void main() {
     float depth = 0.0;
     float mu_surroundings = sample_.constants.at[0].mu;
     uint signature = 0u;
-    uint flags = FLAG_EXACT | (first_order.flags & FLAG_GRAZING);
+    uint flags = FLAG_EXACT | (first_order.flags & (FLAG_GRAZING | (255u << FLAG_SHARE_SHIFT)));
     uint crossings = 0u;
     uint offered = 0u;
     Media media;

@@ -18,6 +18,7 @@ layout(push_constant, scalar) uniform IlluminatePush {
     uint strip_count;
     uint first_strip;
     uint first_step;
+    uint repeats; // steps from the first that see the same light
 } push;
 
 #include "physics/gauss.glsl"
@@ -34,13 +35,17 @@ struct Pending {
     vec3 rows; // row - 1, row, row + 1
 };
 
+// Adds light to a pixel at every step that sees the same.
+void add_to_steps(Light light, int row, int pixel, uint mask_step, float value) {
+    uint index;
+    if (!(value > 0.0) || !place_of_light(light, row, pixel, mask_step, index)) return;
+    uint frame = light.row_count * light.column_count;
+    for (uint n = 0u; n < push.repeats; n++) add_light(push.sums, index + n * frame, value);
+}
+
 void flush(Light light, int row, uint mask_step, inout Pending pending) {
     for (int i = 0; i < 3; i++) {
-        uint index;
-        if (pending.rows[i] > 0.0
-            && place_of_light(light, row - 1 + i, pending.pixel, mask_step, index)) {
-            add_light(push.sums, index, pending.rows[i]);
-        }
+        add_to_steps(light, row - 1 + i, pending.pixel, mask_step, pending.rows[i]);
     }
     pending.rows = vec3(0.0);
 }
@@ -72,6 +77,7 @@ struct Piece {
     float pixel_blur; // at edges of pixels
     float pixel_shift;
     float lean;       // half the change of optical depth over the piece
+    float detector_shade;
     // Where the aperture of the sample mask cuts the piece the cut depends on the source offset
     // t (in standard deviations): half_cell * xi + shift * t lies in [aperture_low, aperture_high].
     bool cut;
@@ -141,7 +147,8 @@ float response(Light light, Column column, float row_z, Piece piece, float low, 
             float centre = float(j) * mask.period - column.aperture_offset
                 + 0.5 * (aperture.low + aperture.high);
             float slope = column.slope + centre / light.analyser;
-            float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
+            float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak,
+                                          piece.detector_shade);
             float a = centre - 0.5 * width;
             float b = centre + 0.5 * width;
             if (b <= low || a >= high || b <= a) continue;
@@ -183,10 +190,7 @@ void deposit(Light light, Strip strip, Column column, float row_z, uint mask_ste
             float above = 0.0;
             for (int r = top; r <= bottom; r++) {
                 float below = share_below(float(r + 1), spread.middle, spread.half_height, light.row_blur);
-                uint index;
-                if (place_of_light(light, strip.row + r, pixel, mask_step, index)) {
-                    add_light(push.sums, index, value * (below - above));
-                }
+                add_to_steps(light, strip.row + r, pixel, mask_step, value * (below - above));
                 above = below;
             }
         }
@@ -212,10 +216,11 @@ Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float tran
     piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low;
     piece.half_width = 0.5 * growth * width;
     float shadow = growth * growth * soft.x;
-    piece.blur = sqrt(light.spot * light.spot + shadow + soft.y);
-    piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow);
+    piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.spread);
+    piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.spread);
     piece.pixel_shift = cell.pixel_shift;
     piece.lean = 0.5 * lean;
+    piece.detector_shade = cell.detector_shade;
     piece.cut = false;
     piece.half_cell = 0.5 * width;
     return piece;
@@ -279,7 +284,8 @@ void main() {
                 Aperture aperture = mask.apertures.at[n % int(mask.count)];
                 float centre = float(k) * mask.period + offset + 0.5 * (aperture.low + aperture.high);
                 float slope = column.slope + centre / light.cell_plane;
-                float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
+                float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak,
+                                              cell.sample_shade);
                 a = centre - 0.5 * width;
                 b = centre + 0.5 * width;
                 float reach = 6.5 * light.shift;

@@ -121,6 +121,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sam
 #define FLAG_UNBALANCED 8u // entered and left some object unequally often
 #define FLAG_DROPPED 16u   // a limit was met
 #define FLAG_NOT_FINITE 32u
+// The highest byte of the flags: least cosine of incidence at a surface over that below which
+// the first order is not enough, in 255ths; 255 is 1 or more.
+#define FLAG_SHARE_SHIFT 24u
 
 // ---- light -------------------------------------------------------------------------------
 
@@ -140,6 +143,8 @@ struct Mask {
     float thickness;    // times the magnification from the mask to the plane of evaluation
     float attenuation;  // mu * thickness; 0 for a sheet
     float transmission; // of a sheet's bars
+    uint averaged;      // over energies: bars are opaque, and each cell says how much they shade
+    float softness;     // variance of the edges of an averaged mask, in squared shadow widths
 };
 
 // What depends on the beamlet (index k of the cell lattice) alone.
@@ -175,6 +180,9 @@ struct Cell {
     float above;            // share that lands in the row above; -1: farther, to be computed
     float below;            // share that lands in the row below
     float pixel_shift;      // of pixel edges on the analyser, from the gap to the detector
+    float spread;           // variance of the displacement over energies, m2
+    float sample_shade;     // share of the shadow width that narrows apertures, of averaged masks
+    float detector_shade;
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Cells { Cell at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Offsets { float at[]; };
@@ -205,7 +213,7 @@ struct Light {
     float rotation;       // distance of the rotation centre from the source
     float source_z;       // standard deviation of the spot, m
     float column_pitch;   // m, on the detector
-    uint padding;         // to a multiple of the addresses' alignment
+    float part;           // of the spectrum that this light is
 };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer LightRef { Light at[]; };
 

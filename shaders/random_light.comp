@@ -60,7 +60,7 @@ void main() {
     Light light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[p];
     Column column = light.columns.at[pixel.table];
-    float one = 1.0 / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));
+    float one = light.part / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));
     float row_z = (float(pixel.row) + 0.5 - light.middle_row) * light.row_slope;
     float plane = light.cell_plane / light.detector;
     float gap = light.detector - light.analyser;

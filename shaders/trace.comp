@@ -94,6 +94,8 @@ void main() {
 #endif
     walk_flush(moments, walk);
     if (walk.balance != 0u) walk.flags |= FLAG_UNBALANCED;
+    if (walk.grazing < 1.0) walk.flags |= FLAG_GRAZING;
+    walk.flags |= uint(255.0 * min(walk.grazing, 1.0)) << FLAG_SHARE_SHIFT;
 
     Law law = law_of(moments, walk);
     if (!finite(law)) law.flags |= FLAG_NOT_FINITE;

@@ -4,6 +4,7 @@ mod beam;
 mod check;
 mod devices;
 mod example;
+mod illuminate;
 mod material;
 mod pictures;
 mod report;
@@ -19,6 +20,7 @@ use std::io::Write;
 pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
+        Verb::Illuminate(arguments) => illuminate::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
         Verb::View(arguments) => view::run(&arguments, out),
         Verb::Report(arguments) => report::run(&arguments, out),

@@ -163,6 +163,8 @@ shared_structs! {
         pub thickness: f32,
         pub attenuation: f32,
         pub transmission: f32,
+        pub averaged: u32,
+        pub softness: f32,
     }
 
     /// What depends on the beamlet alone.
@@ -196,6 +198,9 @@ shared_structs! {
         pub above: f32,
         pub below: f32,
         pub pixel_shift: f32,
+        pub spread: f32,
+        pub sample_shade: f32,
+        pub detector_shade: f32,
     }
 
     /// Everything that the light stages need to know of a band.
@@ -225,7 +230,7 @@ shared_structs! {
         pub rotation: f32,
         pub source_z: f32,
         pub column_pitch: f32,
-        pub padding: u32,
+        pub part: f32,
     }
 
     /// A pixel of the random scheme.
@@ -287,6 +292,7 @@ shared_structs! {
         pub strip_count: u32,
         pub first_strip: u32,
         pub first_step: u32,
+        pub repeats: u32,
     }
 
     /// Push constants of `random_rays.comp`.
@@ -339,6 +345,9 @@ pub const FLAG_UNBALANCED: u32 = 8;
 pub const FLAG_DROPPED: u32 = 16;
 /// A value is not finite.
 pub const FLAG_NOT_FINITE: u32 = 32;
+/// The highest byte of a law's flags: least cosine of incidence over that below which the first
+/// order is not enough, in 255ths.
+pub const FLAG_SHARE_SHIFT: u32 = 24;
 
 /// A number as the shaders hold it.
 #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]

@@ -73,6 +73,8 @@ impl CellIlluminator {
         let (Some(strip_buffer), Some(cell_buffer)) = (&self.strips, &self.cells) else {
             return Ok(());
         };
+        // Light that no sample mask moves is the same at every step.
+        let (steps, repeats) = if light.same_at_all_steps { (1, steps) } else { (steps, 1) };
         let all = strips.strips.len() as u32;
         let mut first_strip = 0;
         while first_strip < all {
@@ -89,6 +91,7 @@ impl CellIlluminator {
                     strip_count,
                     first_strip,
                     first_step,
+                    repeats,
                 };
                 let time = self.device.run(|r| {
                     let groups = [strip_count.div_ceil(GROUP), n, 1];

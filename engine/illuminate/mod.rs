@@ -3,9 +3,12 @@
 mod cells;
 mod light;
 mod random;
+mod spectral;
 mod sums;
 
 pub use cells::CellIlluminator;
-pub use light::LightRecord;
+pub use light::{LightRecord, Part};
 pub use random::{Cast, RandomKernels, cast};
+pub(crate) use spectral::NARROW;
+pub use spectral::Spectral;
 pub use sums::Sums;

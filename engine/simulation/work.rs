@@ -12,7 +12,8 @@ use crate::Error;
 use crate::Result;
 use crate::gpu::Device;
 use crate::gpu::interface::Pixel;
-use crate::illuminate::{Cast, CellIlluminator, LightRecord, RandomKernels, Sums, cast};
+use crate::illuminate::{Cast, CellIlluminator, LightRecord, Part, RandomKernels, Sums, cast};
+use crate::kept::KeptWriter;
 use crate::run::{Control, Progress, Tally};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
@@ -35,7 +36,8 @@ pub(super) struct Work<'s> {
     simulation: &'s Simulation<'s>,
     device: Arc<Device>,
     tracer: Tracer,
-    light: LightRecord,
+    /// One for each list of strips.
+    lights: Vec<LightRecord>,
     sums: Sums,
     cells: CellIlluminator,
     random: Option<RandomKernels>,
@@ -58,14 +60,22 @@ impl<'s> Work<'s> {
         let side = simulation.lattice.halo_columns;
         let pixel_columns = -side..i64::from(columns) + side;
         let offsets = &scene.scan.mask_offsets;
-        let light = if random {
-            LightRecord::of_pixels(&device, scene, &pixel_columns)?
-        } else {
-            LightRecord::of_cells(&device, scene, &simulation.lattice, offsets)?
+        let media = &simulation.media;
+        let lattice = &simulation.lattice;
+        let nodes = media.energies.iter().zip(&media.weights);
+        let nodes = nodes.map(|(&energy, &weight)| Part::Node { energy, weight });
+        let lights = match &simulation.spectral {
+            Some(spectral) => spectral.lights(&device, scene, media)?,
+            None if random => nodes
+                .map(|part| LightRecord::of_pixels(&device, scene, &pixel_columns, &part))
+                .collect::<Result<_>>()?,
+            None => nodes
+                .map(|part| LightRecord::of_cells(&device, scene, lattice, offsets, &part))
+                .collect::<Result<_>>()?,
         };
         Ok(Self {
             tracer: simulation.tracer(simulation.start.backend)?,
-            light,
+            lights,
             sums: Sums::new(&device, steps, band as usize, columns as usize)?,
             cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernel()),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
@@ -88,7 +98,10 @@ impl<'s> Work<'s> {
     ) -> Result<()> {
         let rows = self.simulation.scene.detector.pixels[1];
         let shadows = match view {
-            stack::View::Sample(i) if !self.simulation.sample.triangles.is_empty() => {
+            stack::View::Sample(i)
+                if !self.simulation.sample.triangles.is_empty()
+                    && self.simulation.kept.is_none() =>
+            {
                 self.simulation.shadows(i)
             }
             _ => Vec::new(),
@@ -97,7 +110,7 @@ impl<'s> Work<'s> {
         while first < rows {
             let band = first..rows.min(first + self.band);
             self.sums.clear(&band)?;
-            self.light.set_band(&band)?;
+            self.lights.iter_mut().try_for_each(|light| light.set_band(&band))?;
             self.band(view, &shadows, &band, control)?;
             let begin = Instant::now();
             let intensities = self.sums.intensities()?;
@@ -132,7 +145,7 @@ impl<'s> Work<'s> {
             if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(view, shadows, &rows)?;
             } else {
-                self.cell_rows(view, shadows, &rows, &inner, own)?;
+                self.cell_rows(view, shadows, &rows, &inner, own, &mut control.keep)?;
             }
             if own {
                 self.rows_done += (rows.end - rows.start) as u64;
@@ -177,32 +190,56 @@ impl<'s> Work<'s> {
         rows: &Range<i64>,
         inner: &Range<i64>,
         own: bool,
+        keep: &mut Option<&mut KeptWriter>,
     ) -> Result<()> {
         let begin = Instant::now();
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
-        let Self { cells, light, sums, tally, tracer, .. } = self;
+        let Self { cells, lights, sums, tally, tracer, simulation, .. } = self;
         let mut illuminating = 0.0;
-        let mut add = |strips: &Strips| {
+        // Rows beside the detector are kept with the band at that end.
+        let all = i64::from(simulation.scene.detector.pixels[1]);
+        let beside = (rows.end <= 0 && inner.start == 0) || (rows.start >= all && inner.end == all);
+        let (kept, words) = (own || beside, simulation.moment_words());
+        let mut add = |tracer: &mut Tracer, strips: &Strips| {
             if own {
                 tally.split += strips.splits;
                 tally.landed_off += strips.landed_off;
             }
+            if let (true, stack::View::Sample(index), Some(keep)) = (kept, view, keep.as_mut()) {
+                keep.write(index, words, strips)?;
+            }
             let begin = Instant::now();
-            cells.add(light, strips, sums, steps)?;
+            if let Some(spectral) = &simulation.spectral {
+                let lists = spectral.lists(tracer, strips)?;
+                for (light, list) in lights.iter().zip(&lists) {
+                    cells.add(light, list, sums, steps)?;
+                }
+            } else {
+                cells.add(&lights[0], strips, sums, steps)?;
+            }
             illuminating += begin.elapsed().as_secs_f64();
             Ok(())
         };
         match view {
+            stack::View::Sample(index) if simulation.kept.is_some() => {
+                if let Some(kept) = &simulation.kept {
+                    kept.strips(index, rows, &lit, |strips| add(tracer, strips))?;
+                }
+            }
             stack::View::Sample(index) if !shadows.is_empty() => {
-                let view = self.simulation.view(index, shadows);
-                let at_once = self.simulation.memory.rays_at_once as usize;
+                let view = simulation.view(index, shadows);
+                let at_once = simulation.memory.rays_at_once as usize;
                 trace::trace_strips(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
-                add(&trace::empty_strips(&self.simulation.lattice, rows))?;
+                let mut strips = trace::empty_strips(&simulation.lattice, rows);
+                if simulation.spectral.is_some() {
+                    strips.keep_nothing(tracer.materials());
+                }
+                add(tracer, &strips)?;
             }
         }
         self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
@@ -244,7 +281,10 @@ impl<'s> Work<'s> {
         for (pixels, empty) in [(&met, false), (&missed, true)] {
             if !pixels.is_empty() {
                 let job = Cast { pixels, view, empty };
-                cast(&self.device, kernels, scene, &mut self.tracer, &self.light, &self.sums, job)?;
+                for (node, light) in self.lights.iter().enumerate() {
+                    self.tracer.set_node(Some(node));
+                    cast(&self.device, kernels, scene, &mut self.tracer, light, &self.sums, job)?;
+                }
             }
         }
         self.seconds.trace += begin.elapsed().as_secs_f64();

@@ -16,6 +16,7 @@ mod scene_file;
 pub use array::ArraySink;
 pub use callback::CallbackSink;
 pub use read::{Maps, OpenRun, StackFile};
+pub(crate) use run_directory::sync_directory;
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
 

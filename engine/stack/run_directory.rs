@@ -239,6 +239,7 @@ impl RunDirectory {
             },
         };
         if self.resumed.is_none() {
+            crate::kept::file::remove(&self.path)?;
             // The log first: without it nothing that is left counts as committed.
             for name in [LOG, RUN, SCENE, npy::FLAT, npy::SAMPLE] {
                 remove_file(&self.path.join(name))?;
@@ -408,7 +409,7 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Makes renames in a directory last; systems without that notion do without.
-pub(super) fn sync_directory(path: &Path) -> Result<()> {
+pub(crate) fn sync_directory(path: &Path) -> Result<()> {
     if cfg!(not(unix)) {
         return Ok(());
     }

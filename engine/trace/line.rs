@@ -18,10 +18,10 @@ const SHARPEST: f32 = 2e-9;
 /// Flagged segments are split at least to this share of a period.
 const FLAGGED_SHARE: f32 = 1.0 / 64.0;
 /// Error of the optical depth of a whole beamlet that splits a segment.
-pub(super) const DEPTH_TOLERANCE: f32 = 2e-5;
+pub(crate) const DEPTH_TOLERANCE: f32 = 2e-5;
 /// A segment of this share of the period may deviate by the tolerance; narrower ones by more,
 /// in proportion, since they carry less light.
-const FULL_SHARE: f32 = 1.0 / 40.0;
+pub(crate) const FULL_SHARE: f32 = 1.0 / 40.0;
 
 /// A traced point of a line.
 #[derive(Debug, Clone, Copy)]
@@ -30,6 +30,8 @@ pub(super) struct Point {
     pub(super) x: f32,
     /// Its law.
     pub(super) law: Law,
+    /// Which ray of the line the law is of.
+    pub(super) ray: u32,
 }
 
 impl Point {
@@ -85,6 +87,10 @@ pub(super) struct Line {
     pub(super) segments: Vec<Segment>,
     /// Segments cut.
     pub(super) splits: u64,
+    /// Place of each ray traced, m from the beamlet's centre in the cell plane.
+    pub(super) places: Vec<f32>,
+    /// Moments of each ray traced, where they are kept, `[ray][material][moment]`.
+    pub(super) moments: Vec<f32>,
     open: Vec<Segment>,
 }
 
@@ -95,12 +101,14 @@ impl Line {
         (0..=n).map(|i| aim.period * ((i as f32) / (n as f32) - 0.5)).collect()
     }
 
-    /// Takes the laws of the first rays.
-    pub(super) fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
-        let points: Vec<Point> = Self::first_places(aim)
-            .into_iter()
+    /// Takes the laws of the first rays, and their moments where they are kept.
+    pub(super) fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law], moments: &[f32]) {
+        self.places = Self::first_places(aim);
+        self.moments.extend_from_slice(moments);
+        let points: Vec<Point> = (0..)
+            .zip(&self.places)
             .zip(laws)
-            .map(|(x, law)| Point { x, law: *law })
+            .map(|((ray, &x), law)| Point { x, law: *law, ray })
             .collect();
         self.base = points.iter().step_by(2).copied().collect();
         for cell in points.windows(3).step_by(2) {
@@ -123,10 +131,13 @@ impl Line {
         self.open.len()
     }
 
-    /// Takes the laws of the rays wanted; sorts the segments when the line is done.
-    pub(super) fn give(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
+    /// Takes the laws (and moments) of the rays wanted; sorts the segments when the line is done.
+    pub(super) fn give(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law], moments: &[f32]) {
+        self.moments.extend_from_slice(moments);
         for (segment, law) in std::mem::take(&mut self.open).into_iter().zip(laws) {
-            let point = Point { x: middle(segment.low.x, segment.high.x), law: *law };
+            let x = middle(segment.low.x, segment.high.x);
+            let point = Point { x, law: *law, ray: self.places.len() as u32 };
+            self.places.push(x);
             self.judge(aim, narrow, segment.low, point, segment.high);
         }
         if self.open.is_empty() {
@@ -143,6 +154,8 @@ impl Line {
         }
         // Lines wait in great numbers until their strips are done.
         self.segments.shrink_to_fit();
+        self.places.shrink_to_fit();
+        self.moments.shrink_to_fit();
         self.open = Vec::new();
     }
 
@@ -166,17 +179,18 @@ impl Line {
             } else if step {
                 // Across a silhouette the law is constant on each side, never interpolated.
                 let x = middle(a.x, b.x);
-                self.push_constant(a.x, x, a.law);
-                self.push_constant(x, b.x, b.law);
+                self.push_constant(a.x, x, a);
+                self.push_constant(x, b.x, b);
             } else {
                 self.segments.push(Segment { low: a, high: b });
             }
         }
     }
 
-    fn push_constant(&mut self, from: f32, to: f32, law: Law) {
+    fn push_constant(&mut self, from: f32, to: f32, of: Point) {
         if to > from {
-            self.segments.push(Segment { low: Point { x: from, law }, high: Point { x: to, law } });
+            self.segments
+                .push(Segment { low: Point { x: from, ..of }, high: Point { x: to, ..of } });
         }
     }
 

@@ -3,14 +3,19 @@
 use crate::Result;
 use crate::material::{self, Constants};
 use crate::scene::Scene;
+use crate::spectrum;
 
 /// Materials by index; index 0 is the surroundings.
 #[derive(Debug, Clone)]
 pub struct Media {
     /// Names.
     pub names: Vec<String>,
-    /// Constants at the scene's energy, by material.
-    pub constants: Vec<Constants>,
+    /// Energy of each node of the beam's spectrum, keV; one for a single energy.
+    pub energies: Vec<f64>,
+    /// Weight of each node; their sum is 1.
+    pub weights: Vec<f64>,
+    /// Constants, `[node][material]`.
+    pub constants: Vec<Vec<Constants>>,
     /// Material of each object.
     pub of_object: Vec<u32>,
 }
@@ -19,30 +24,58 @@ impl Media {
     /// Collects the materials of a scene.
     ///
     /// # Errors
-    /// As [`material::constants`].
+    /// As [`material::constants_at_for`] and [`spectrum::nodes`].
     pub fn of(scene: &Scene) -> Result<Self> {
-        let mut media = Self {
-            names: vec![scene.surroundings.clone()],
-            constants: vec![material::constants_for(
-                scene,
-                &scene.surroundings,
-                "surroundings.material",
-            )?],
-            of_object: Vec::with_capacity(scene.objects.len()),
-        };
+        let mut names = vec![scene.surroundings.clone()];
+        let mut keys = vec!["surroundings.material".to_owned()];
+        let mut of_object = Vec::with_capacity(scene.objects.len());
         for (number, object) in scene.objects.iter().enumerate() {
-            let index = match media.names.iter().position(|n| *n == object.material) {
-                Some(index) => index,
-                None => {
-                    let key = format!("object[{number}].material");
-                    media.constants.push(material::constants_for(scene, &object.material, &key)?);
-                    media.names.push(object.material.clone());
-                    media.names.len() - 1
-                }
-            };
-            media.of_object.push(u32::try_from(index).unwrap_or(u32::MAX));
+            let index = names.iter().position(|n| *n == object.material).unwrap_or_else(|| {
+                names.push(object.material.clone());
+                keys.push(format!("object[{number}].material"));
+                names.len() - 1
+            });
+            of_object.push(u32::try_from(index).unwrap_or(u32::MAX));
         }
-        Ok(media)
+        let nodes = spectrum::nodes(scene)?;
+        let at = |energy: f64| -> Result<Vec<Constants>> {
+            let named = names.iter().zip(&keys);
+            named.map(|(name, key)| material::constants_at_for(scene, name, energy, key)).collect()
+        };
+        let constants = nodes.energies.iter().map(|&e| at(e)).collect::<Result<_>>()?;
+        Ok(Self { names, energies: nodes.energies, weights: nodes.weights, constants, of_object })
+    }
+
+    /// Constants averaged over the spectrum, by material: those that refinement goes by.
+    #[must_use]
+    pub fn mean(&self) -> Vec<Constants> {
+        let mean = |m: usize, of: fn(&Constants) -> f64| {
+            self.weights.iter().zip(&self.constants).map(|(w, c)| w * of(&c[m])).sum()
+        };
+        (0..self.names.len())
+            .map(|m| Constants { mu: mean(m, |c| c.mu), delta: mean(m, |c| c.delta) })
+            .collect()
+    }
+
+    /// Step of delta between two materials, root mean square over the spectrum: what the first
+    /// order leaves out grows with its square.
+    #[must_use]
+    pub fn step(&self, a: u32, b: u32) -> f64 {
+        let square = |c: &Vec<Constants>| (c[a as usize].delta - c[b as usize].delta).powi(2);
+        self.weights.iter().zip(&self.constants).map(|(w, c)| w * square(c)).sum::<f64>().sqrt()
+    }
+
+    /// Delta of a material, root mean square over the spectrum.
+    #[must_use]
+    pub fn delta(&self, material: usize) -> f64 {
+        let square = |c: &Vec<Constants>| c[material].delta.powi(2);
+        self.weights.iter().zip(&self.constants).map(|(w, c)| w * square(c)).sum::<f64>().sqrt()
+    }
+
+    /// Largest of these of any material.
+    #[must_use]
+    pub fn strongest(&self) -> f64 {
+        (0..self.names.len()).map(|m| self.delta(m)).fold(0.0, f64::max)
     }
 
     /// Material inside and outside of a surface, by its objects.

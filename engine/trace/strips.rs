@@ -9,6 +9,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+mod moments;
 mod refiner;
 
 use super::lattice::Lattice;
@@ -16,8 +17,9 @@ use super::line::Line;
 use super::occupancy::Shadow;
 use super::tracer::Tracer;
 use crate::Result;
-use crate::gpu::interface::{Cell, Strip};
+use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::scene::Scene;
+pub use moments::{CellMoments, ExactCell};
 use rayon::prelude::*;
 use refiner::{Refiner, SpanCells};
 use std::collections::HashMap;
@@ -37,6 +39,8 @@ pub struct Strips {
     pub strips: Vec<Strip>,
     /// Their cells.
     pub cells: Vec<Cell>,
+    /// Moments of the rays that bound the cells, where they are kept.
+    pub moments: CellMoments,
     /// Cells that refinement cut.
     pub splits: u64,
     /// Cells whose light lands too far off to follow, or outside the detector.
@@ -77,6 +81,8 @@ pub struct View<'a> {
     pub index: u32,
     /// Shadows of the components.
     pub shadows: &'a [Shadow],
+    /// Keep the moments of the rays that bound cells, for other energies or masks.
+    pub keep_moments: bool,
 }
 
 /// Units per row of the row coordinates in keys. Twice, so that every span has a middle.
@@ -85,19 +91,21 @@ fn units(view: &View<'_>) -> i64 {
 }
 
 impl Strips {
-    /// Appends a strip with its cells.
-    fn push(&mut self, strip: Strip, cells: &[Cell]) {
+    /// Appends a strip with its cells and their moments.
+    pub(crate) fn push(&mut self, strip: Strip, cells: &[Cell], moments: &CellMoments) {
         if cells.is_empty() {
             return;
         }
         let (first, count) = (self.cells.len() as u32, cells.len() as u32);
         self.strips.push(Strip { first, count, ..strip });
         self.cells.extend_from_slice(cells);
+        self.moments.append(moments, first);
     }
 
     /// Appends other strips and their counts.
     pub(crate) fn append(&mut self, other: &Self) {
         let first = self.cells.len() as u32;
+        self.moments.append(&other.moments, first);
         self.strips.extend(
             other.strips.iter().map(|strip| Strip { first: strip.first + first, ..*strip }),
         );
@@ -107,15 +115,21 @@ impl Strips {
         self.not_finite += other.not_finite;
     }
 
+    /// Gives cells without a sample their moments, which are zero.
+    pub(crate) fn keep_nothing(&mut self, materials: usize) {
+        self.moments.ends = vec![0.0; 2 * self.cells.len() * materials * MOMENTS_PER_MATERIAL];
+    }
+
     /// Empties strips, cells and counts; keeps their memory.
     fn clear(&mut self) {
         self.strips.clear();
         self.cells.clear();
+        self.moments.clear();
         (self.splits, self.landed_off, self.not_finite) = (0, 0, 0);
     }
 
     /// Strips of about equal size side by side: invocations of a subgroup wait for one another.
-    fn balance(&mut self) {
+    pub(crate) fn balance(&mut self) {
         self.strips.sort_by_key(|s| std::cmp::Reverse(s.count));
     }
 }
@@ -127,19 +141,20 @@ pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
     let cell = empty_cell(lattice);
     for row in rows {
         for beamlet in lattice.direct.clone() {
-            out.push(empty_strip(beamlet - lattice.beamlets.start, row), &[cell]);
+            let strip = empty_strip(beamlet - lattice.beamlets.start, row);
+            out.push(strip, &[cell], &CellMoments::default());
         }
     }
     out
 }
 
-fn empty_strip(column: i64, row: i64) -> Strip {
+pub(crate) fn empty_strip(column: i64, row: i64) -> Strip {
     Strip { first: 0, count: 0, column: column as u32, row: row as i32, top: 0.0, bottom: 1.0 }
 }
 
-fn empty_cell(lattice: &Lattice) -> Cell {
+pub(crate) fn empty_cell(lattice: &Lattice) -> Cell {
     let half = (lattice.period / 2.0) as f32;
-    let [above, below] = lattice.row_spread.shares(0.0, 1.0, 0.0).unwrap_or([-1.0, 0.0]);
+    let [above, below] = lattice.row_shares(0.0, 1.0, 0.0);
     Cell { x_low: -half, x_high: half, above, below, ..bytemuck::Zeroable::zeroed() }
 }
 
@@ -158,6 +173,9 @@ fn occupied(view: &View<'_>, row: i64) -> Vec<bool> {
     marks
 }
 
+/// Takes strips as they are ready; may trace with the tracer that it is lent.
+pub type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &Strips) -> Result<()>;
+
 /// Traces and refines the beamlets of some rows and hands strips to `take`, in parts, as they
 /// are ready. `lit`: the rows from which undeflected light matters; what neither stands nor
 /// lands there is left out. About `rays_at_once` rays and as many cells are in memory at a time; the strips, but not their order, are the same whatever it is.
@@ -170,7 +188,7 @@ pub fn trace_strips(
     rows: Range<i64>,
     lit: &Range<i64>,
     rays_at_once: usize,
-    take: &mut dyn FnMut(&Strips) -> Result<()>,
+    take: Take<'_>,
 ) -> Result<()> {
     let units = units(view);
     let parts = i64::from(view.scene.sampling.rows);
@@ -192,8 +210,10 @@ pub fn trace_strips(
     }
     let mut out = Parts { strips: Strips::default(), most: rays_at_once, take };
     let cell = empty_cell(view.lattice);
+    let words = if view.keep_moments { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
+    let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
     for (column, row) in blank {
-        out.push(empty_strip(column, row), &[cell])?;
+        out.push(tracer, empty_strip(column, row), &[cell], &none)?;
     }
     let work = Refiner::new(view);
     // A span takes about two lines: its middle, and one of its ends, shared with a neighbour.
@@ -225,13 +245,13 @@ pub fn trace_strips(
                 out.strips.landed_off += made.landed_off;
                 out.strips.not_finite += made.not_finite;
                 if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
-                    out.push(made.strip, &made.cells)?;
+                    out.push(tracer, made.strip, &made.cells, &made.moments)?;
                 }
             }
         }
         waiting.extend(chunks(&next, at_once, &lines));
     }
-    out.hand_over()
+    out.hand_over(tracer)
 }
 
 /// Spans to look at, and the lines known of them.
@@ -258,21 +278,27 @@ struct Parts<'a> {
     strips: Strips,
     /// Cells of a part.
     most: usize,
-    take: &'a mut dyn FnMut(&Strips) -> Result<()>,
+    take: Take<'a>,
 }
 
 impl Parts<'_> {
-    fn push(&mut self, strip: Strip, cells: &[Cell]) -> Result<()> {
+    fn push(
+        &mut self,
+        tracer: &mut Tracer,
+        strip: Strip,
+        cells: &[Cell],
+        moments: &CellMoments,
+    ) -> Result<()> {
         if self.strips.cells.len() + cells.len() > self.most {
-            self.hand_over()?;
+            self.hand_over(tracer)?;
         }
-        self.strips.push(strip, cells);
+        self.strips.push(strip, cells, moments);
         Ok(())
     }
 
-    fn hand_over(&mut self) -> Result<()> {
+    fn hand_over(&mut self, tracer: &mut Tracer) -> Result<()> {
         self.strips.balance();
-        (self.take)(&self.strips)?;
+        (self.take)(tracer, &self.strips)?;
         self.strips.clear();
         Ok(())
     }

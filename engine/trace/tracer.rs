@@ -82,6 +82,7 @@ pub struct Tracer {
     sample: Arc<DeviceSample>,
     backend: Backend,
     transport: Transport,
+    node: Option<usize>,
     batch: Batch,
     tally: Buffer,
     fixed_batch: Option<u32>,
@@ -154,12 +155,24 @@ impl Tracer {
             sample: sample.clone(),
             backend,
             transport,
+            node: None,
             batch: Batch::new(device, capacity, sample.materials)?,
             tally: device.upload("tally", &[0_u32; 4])?,
             fixed_batch,
             most,
             counts: Counts::default(),
         })
+    }
+
+    /// Laws from now on are those of a node of the spectrum, or (`None`) at its mean constants.
+    pub const fn set_node(&mut self, node: Option<usize>) {
+        self.node = node;
+    }
+
+    /// Number of materials of the sample, the surroundings included.
+    #[must_use]
+    pub fn materials(&self) -> usize {
+        self.sample.materials as usize
     }
 
     /// Backend in use.
@@ -289,7 +302,7 @@ impl Tracer {
     ) -> Result<Duration> {
         let b = &self.batch;
         let push = TracePush {
-            sample_ref: self.sample.record.address(),
+            sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),
             moments: b.moments.address(),
             laws: b.laws.address(),
@@ -354,7 +367,7 @@ impl Tracer {
         let mut size = 4096;
         while first < n {
             let push = ExactPush {
-                sample_ref: self.sample.record.address(),
+                sample_ref: self.sample.record(self.node),
                 rays: self.batch.rays.address(),
                 laws: self.batch.laws.address(),
                 list: list.address(),

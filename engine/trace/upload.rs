@@ -22,8 +22,9 @@ const FIRST_ORDER_ERROR: f64 = 1e-9;
 /// The sample on the device, for both backends.
 #[derive(Debug)]
 pub struct DeviceSample {
-    /// Address of the record that shaders start from.
-    pub record: Buffer,
+    /// The records that shaders start from: at the mean constants of the spectrum, then at each
+    /// of its nodes.
+    records: Buffer,
     /// Number of materials.
     pub materials: u32,
     /// Bytes on the device.
@@ -34,6 +35,7 @@ pub struct DeviceSample {
 
 impl DeviceSample {
     /// Uploads geometry, materials and views; builds acceleration structures if `ray_query`.
+    /// Rays are flagged for steps of delta that are `stronger` times the scene's.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Device`], [`crate::Error::Mesh`].
@@ -43,15 +45,17 @@ impl DeviceSample {
         sample: &geometry::Sample,
         media: &Media,
         ray_query: bool,
+        stronger: f64,
     ) -> Result<Self> {
         let Bvh { nodes, leaves, boxes } = Bvh::build(sample)?;
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
         let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
-            sample.components.iter().map(|c| surface(scene, media, c)).collect();
-        let constants: Vec<interface::Constants> = media
-            .constants
-            .iter()
+            sample.components.iter().map(|c| surface(scene, media, c, stronger)).collect();
+        let materials = media.names.len();
+        let constants: Vec<interface::Constants> = std::iter::once(&media.mean())
+            .chain(&media.constants)
+            .flatten()
             .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
             .collect();
         let kept = vec![
@@ -72,21 +76,29 @@ impl DeviceSample {
         } else {
             None
         };
-        let record = device.upload(
-            "sample",
-            &[interface::Sample {
-                nodes: kept[0].address(),
-                leaves: kept[1].address(),
-                surfaces: kept[2].address(),
-                constants: kept[3].address(),
-                object_materials: kept[4].address(),
-                views: kept[5].address(),
-                acceleration: acceleration.as_ref().map_or(0, AccelerationStructure::address),
-            }],
-        )?;
+        let table = (materials * size_of::<interface::Constants>()) as u64;
+        let record = |table_index: u64| interface::Sample {
+            nodes: kept[0].address(),
+            leaves: kept[1].address(),
+            surfaces: kept[2].address(),
+            constants: kept[3].address() + table_index * table,
+            object_materials: kept[4].address(),
+            views: kept[5].address(),
+            acceleration: acceleration.as_ref().map_or(0, AccelerationStructure::address),
+        };
+        let records: Vec<_> = (0..=media.weights.len() as u64).map(record).collect();
+        let records = device.upload("sample", &records)?;
         let bytes = kept.iter().map(Buffer::len).sum::<u64>()
             + acceleration.as_ref().map_or(0, AccelerationStructure::bytes);
-        Ok(Self { record, materials: count(constants.len()), bytes, _kept: kept, acceleration })
+        Ok(Self { records, materials: count(materials), bytes, _kept: kept, acceleration })
+    }
+
+    /// Address of the record that shaders start from, at a node of the spectrum or (`None`) at
+    /// the mean constants.
+    #[must_use]
+    pub fn record(&self, node: Option<usize>) -> u64 {
+        let index = node.map_or(0, |n| n + 1);
+        self.records.address() + (index * size_of::<interface::Sample>()) as u64
     }
 
     /// Whether the sample has acceleration structures.
@@ -111,9 +123,14 @@ fn view(scene: &Scene, view: &scene::View, reach: f64) -> View {
     }
 }
 
-fn surface(scene: &Scene, media: &Media, component: &geometry::Component) -> Surface {
+fn surface(
+    scene: &Scene,
+    media: &Media,
+    component: &geometry::Component,
+    stronger: f64,
+) -> Surface {
     let [inside, outside] = media.sides(component.object, component.outside);
-    let jump = media.constants[inside as usize].delta - media.constants[outside as usize].delta;
+    let jump = stronger * media.step(inside, outside);
     let grazing = match scene.sampling.transport {
         Transport::FirstOrder => 0.0,
         // The slope error of the first order is jump^2 / (2 c^3).

@@ -6,12 +6,15 @@ float secant(float slope_x, float slope_z) {
 }
 
 float bar_transmission(Mask mask, float sec) {
+    if (mask.averaged != 0u) return 0.0;
     return mask.attenuation > 0.0 ? exp(-mask.attenuation * sec) : mask.transmission;
 }
 
-// Width of the hard-edged aperture; `leak` is the transmission of the bars.
-float effective_width(Mask mask, float width, float slope, float sec, float leak) {
+// Width of the hard-edged aperture; `leak` is the transmission of the bars, `shade` that of the
+// cell for averaged masks.
+float effective_width(Mask mask, float width, float slope, float sec, float leak, float shade) {
     float shadow = mask.thickness * abs(slope);
+    if (mask.averaged != 0u) return width - shadow * shade;
     float a = mask.attenuation * sec;
     if (shadow <= 0.0 || a <= 0.0 || 1.0 - leak < 1e-5) return width;
     if (shadow <= width) {
@@ -29,6 +32,7 @@ float effective_width(Mask mask, float width, float slope, float sec, float leak
 float edge_variance(Mask mask, float slope, float sec, float leak) {
     float shadow = mask.thickness * abs(slope);
     float a = mask.attenuation * sec;
+    if (mask.present != 0u && mask.averaged != 0u) return shadow * shadow * mask.softness;
     if (mask.present == 0u || shadow <= 0.0 || a <= 0.0) return 0.0;
     if (a < 0.1) return shadow * shadow / 12.0; // the difference below would lose its digits
     float opaque = 1.0 - leak;

@@ -9,13 +9,14 @@ struct Walk {
     uint inside; // materials of the run
     uint outside;
     uint base; // first word of the ray's moments
+    float grazing; // least cosine of incidence over the one that a surface asks for
     float path;
     vec2 lever;
     vec2 slope;
 };
 
 Walk walk_begin(uint base) {
-    return Walk(0u, 0u, 0u, 0u, 0u, 0u, base, 0.0, vec2(0.0), vec2(0.0));
+    return Walk(0u, 0u, 0u, 0u, 0u, 0u, base, 1e30, 0.0, vec2(0.0), vec2(0.0));
 }
 
 void moments_add(Floats moments, uint material, float sign_, Walk walk) {
@@ -49,7 +50,7 @@ void visit(Beam beam, Leaf leaf, Floats moments, inout Walk walk) {
     walk.balance += entering ? surface.hash : ~surface.hash + 1u;
     walk.crossings += 1u;
     if (surface.inside == surface.outside) return;
-    if (incidence(slope, normal_) < surface.grazing) walk.flags |= FLAG_GRAZING;
+    walk.grazing = min(walk.grazing, incidence(slope, normal_) / max(surface.grazing, 1e-30));
     if (surface.inside != walk.inside || surface.outside != walk.outside) {
         walk_flush(moments, walk);
         walk.inside = surface.inside;

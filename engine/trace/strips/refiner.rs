@@ -7,9 +7,12 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+use super::moments::{CellMoments, ExactCell};
 use super::{Key, Span, View, empty_strip, units};
 use crate::Result;
-use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
+use crate::gpu::interface::{
+    Cell, FLAG_EXACT, FLAG_NOT_FINITE, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, Strip,
+};
 use crate::trace::line::{Aim, DEPTH_TOLERANCE, Edge, Line, Narrow};
 use crate::trace::tracer::Tracer;
 use rayon::prelude::*;
@@ -24,6 +27,7 @@ const EDGE_SHARE: f32 = 1.0 / 20.0;
 pub(super) struct SpanCells {
     pub(super) strip: Strip,
     pub(super) cells: Vec<Cell>,
+    pub(super) moments: CellMoments,
     /// Rows, relative to its own, where it lands.
     pub(super) lands: Range<i64>,
     pub(super) landed_off: u64,
@@ -99,16 +103,20 @@ impl<'a> Refiner<'a> {
         lines: &mut HashMap<Key, Arc<Line>>,
     ) -> Result<u64> {
         let places = Line::first_places(&self.aim);
+        let n = places.len();
+        let words = self.moment_words(tracer);
         let rays: Vec<Ray> =
             keys.par_iter().flat_map_iter(|k| places.iter().map(|&x| self.ray(k, x))).collect();
-        let laws = tracer.trace(&rays)?;
+        let (laws, moments) = self.trace(tracer, &rays)?;
         let mut work: Vec<(Key, Vec<Narrow>, Line)> = keys
             .par_iter()
-            .zip(laws.par_chunks_exact(places.len()))
-            .map(|(key, laws)| {
+            .enumerate()
+            .map(|(i, key)| {
                 let narrow = self.narrow(key);
                 let mut line = Line::default();
-                line.begin(&self.aim, &narrow, laws);
+                let rays = i * n..(i + 1) * n;
+                let moments = &moments[rays.start * words..rays.end * words];
+                line.begin(&self.aim, &narrow, &laws[rays], moments);
                 if line.wanted_count() == 0 {
                     line.finish();
                 }
@@ -123,20 +131,39 @@ impl<'a> Refiner<'a> {
             if rays.is_empty() {
                 break;
             }
-            let laws = tracer.trace(&rays)?;
-            let mut rest = laws.as_slice();
+            let (laws, moments) = self.trace(tracer, &rays)?;
+            let mut first = 0;
             for (_, narrow, line) in &mut work {
                 let n = line.wanted_count();
                 if n > 0 {
-                    let (mine, others) = rest.split_at(n);
-                    line.give(&self.aim, narrow, mine);
-                    rest = others;
+                    let moments = &moments[first * words..(first + n) * words];
+                    line.give(&self.aim, narrow, &laws[first..first + n], moments);
+                    first += n;
                 }
             }
         }
         let splits = work.iter().map(|(_, _, line)| line.splits).sum();
         lines.extend(work.into_iter().map(|(key, _, line)| (key, Arc::new(line))));
         Ok(splits)
+    }
+
+    /// Words of a ray's moments that are kept.
+    fn moment_words(&self, tracer: &Tracer) -> usize {
+        if self.view.keep_moments { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 }
+    }
+
+    /// Laws of rays, and their moments where they are kept.
+    fn trace(&self, tracer: &mut Tracer, rays: &[Ray]) -> Result<(Vec<Law>, Vec<f32>)> {
+        if !self.view.keep_moments {
+            return Ok((tracer.trace(rays)?, Vec::new()));
+        }
+        let (laws, words) = tracer.trace_with_moments(rays)?;
+        let stride = MOMENTS_HEAD + self.moment_words(tracer);
+        let moments = words
+            .chunks_exact(stride)
+            .flat_map(|ray| ray[MOMENTS_HEAD..].iter().map(|&w| f32::from_bits(w)))
+            .collect();
+        Ok((laws, moments))
     }
 
     /// Whether the middle line stands for the whole span.
@@ -205,10 +232,13 @@ impl<'a> Refiner<'a> {
                 ..empty_strip(i64::from(column), row)
             },
             cells: Vec::with_capacity(line.segments.len()),
+            moments: CellMoments::default(),
             lands: 0..1,
             landed_off: 0,
             not_finite: 0,
         };
+        let words = line.moments.len() / line.places.len().max(1);
+        let middle = (span.beamlet, span.middle());
         for segment in &line.segments {
             let (low, high) = (&segment.low, &segment.high);
             if (low.law.flags | high.law.flags) & FLAG_NOT_FINITE != 0 {
@@ -225,8 +255,7 @@ impl<'a> Refiner<'a> {
             let down = -f64::from(displacement_z / self.row_pitch);
             made.lands.start = made.lands.start.min(down.floor() as i64);
             made.lands.end = made.lands.end.max(down.ceil() as i64 + 1);
-            let [above, below] =
-                self.view.lattice.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0]);
+            let [above, below] = self.view.lattice.row_shares(top, bottom, down);
             made.cells.push(Cell {
                 x_low: low.x,
                 x_high: high.x,
@@ -238,7 +267,24 @@ impl<'a> Refiner<'a> {
                 above,
                 below,
                 pixel_shift,
+                ..bytemuck::Zeroable::zeroed()
             });
+            if !self.view.keep_moments {
+                continue;
+            }
+            for end in [low, high] {
+                let first = end.ray as usize * words;
+                made.moments.ends.extend_from_slice(&line.moments[first..first + words]);
+            }
+            let flags = low.law.flags | high.law.flags;
+            if flags & FLAG_EXACT != 0 {
+                made.moments.exact.push(ExactCell {
+                    cell: made.cells.len() as u32 - 1,
+                    ends: [low, high].map(|p| self.ray(&middle, line.places[p.ray as usize])),
+                    laws: [low.law, high.law],
+                    range: [0.0, 1.0],
+                });
+            }
         }
         made
     }

@@ -1,0 +1,654 @@
+//! Light of a spectrum: cells of all energies gathered into few (docs/physics.md, "Spectra").
+//!
+//! A photon passes each mask either through an aperture or through the bars. Light that took the
+//! same way (a group, at most four) is gathered over the energies into one cell with its mean
+//! displacement; what the displacement spreads over the energies is added to the blur. Cells for
+//! which that is not enough go energy by energy.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "rounding to f32 is meant; indices are bounded by those of the cells"
+)]
+
+use super::light::{LightRecord, MaskShape, Part};
+use crate::Result;
+use crate::gpu::Device;
+use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, MOMENTS_PER_MATERIAL, Ray, Strip};
+use crate::material::Constants;
+use crate::scene::{Scene, Transport};
+use crate::trace::{
+    DEPTH_TOLERANCE, ExactCell, FULL_SHARE, Lattice, Media, Strips, Tracer, deviation,
+};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Cells of light that leaks through bars are joined up to this share of the period where it is
+/// as little as `LITTLE`, of open beam; less far where there is more.
+const LEAK_SHARE: f64 = 1.0 / 12.0;
+const LITTLE: f64 = 2e-3;
+/// Groups with less light than this, of open beam, are left out.
+const NEGLIGIBLE: f64 = 1e-9;
+/// The light of groups below this is spread over the whole strip.
+const FAINT: f64 = 1e-4;
+/// The displacement may spread over this share of the blur: the third moment that is left out
+/// then moves less than 2e-4 of the light at an edge.
+const SPREAD_SHARE: f64 = 0.15;
+/// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes
+/// are bisected to it, so that there are many, with next to no light.
+pub(crate) const NARROW: f32 = 50e-9;
+/// Of the grazing incidence below which the first order leaves 1e-9 rad, where the second order
+/// leaves as much: beyond it the error grows by delta^2 / c^3.
+const SEVERE: f64 = 0.2154;
+/// Strips gathered side by side.
+const STRIPS_AT_ONCE: usize = 1 << 12;
+
+/// What the gathering needs of a scene.
+#[derive(Debug)]
+pub struct Spectral {
+    weights: Vec<f64>,
+    /// `[node][material]`, behind the nodes the mean constants.
+    mu: Vec<f64>,
+    delta: Vec<f64>,
+    /// Share of the grazing incidence below which ordered walks are repeated, by node.
+    severe: Vec<f64>,
+    materials: usize,
+    /// Masks by node: the sample mask, the detector mask.
+    masks: [Option<Vec<MaskShape>>; 2],
+    /// Which masks the light of each group leaks through.
+    groups: Vec<[bool; 2]>,
+    lattice: Lattice,
+    /// dx/dy of the centre ray of each beamlet.
+    slopes: Vec<f64>,
+    tolerance: f64,
+    /// Least blur at any edge on the analyser, standard deviation, m.
+    blur: f64,
+    gap: f64,
+    ratio: f64,
+    row_pitch: f64,
+    row_slope: f64,
+    middle_row: f64,
+}
+
+/// Law of a ray at a node, all that light needs.
+#[derive(Debug, Clone, Copy, Default)]
+struct NodeLaw {
+    depth: f64,
+    x: f64,
+    /// At the detector.
+    z: f64,
+    slope_x: f64,
+}
+
+/// Ordered walks repeated at a node.
+#[derive(Debug, Clone, Default)]
+struct Repeated {
+    laws: Vec<Law>,
+    /// For each ordered cell the laws of its two ends, where they were repeated.
+    places: Vec<Option<[usize; 2]>>,
+}
+
+/// Sums over the energies of a group, at the ends and the middle of a cell.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    light: [f64; 3],
+    x: [f64; 3],
+    x2: f64,
+    z: f64,
+    slope_x: f64,
+    shade: [f64; 2],
+}
+
+impl Sums {
+    fn over(
+        nodes: Range<usize>,
+        shares: &[f64],
+        passing: &[[f64; 3]],
+        laws: &[[NodeLaw; 2]],
+        shades: &[Vec<f64>; 2],
+    ) -> Self {
+        let mut sums = Self::default();
+        for node in nodes {
+            let [low, high] = &laws[node];
+            let x = [low.x, 0.5 * (low.x + high.x), high.x];
+            for i in 0..3 {
+                let light = shares[node] * passing[node][i];
+                sums.light[i] += light;
+                sums.x[i] += light * x[i];
+            }
+            let middle = shares[node] * passing[node][1];
+            sums.x2 += middle * x[1] * x[1];
+            sums.z += middle * 0.5 * (low.z + high.z);
+            sums.slope_x += middle * 0.5 * (low.slope_x + high.slope_x);
+            for (sum, shades) in sums.shade.iter_mut().zip(shades) {
+                *sum += middle * shades.get(node).copied().unwrap_or(0.0);
+            }
+        }
+        sums
+    }
+
+    /// Optical depth in the middle less the mean of that at the ends.
+    fn bend(&self) -> f64 {
+        (self.light[1] / (self.light[0] * self.light[2]).sqrt()).ln().abs()
+    }
+
+    /// The same of the displacement.
+    fn drift(&self) -> f64 {
+        let x = |i: usize| self.x[i] / self.light[i];
+        (x(1) - 0.5 * (x(0) + x(2))).abs()
+    }
+
+    /// Variance of the displacement over the energies, in the middle.
+    fn spread(&self) -> f64 {
+        let mean = self.x[1] / self.light[1];
+        (self.x2 / self.light[1] - mean * mean).max(0.0)
+    }
+}
+
+/// What the masks do to a strip's light: by node and group, and how much they shade.
+struct Bars {
+    /// `[group][node]`.
+    shares: Vec<f64>,
+    /// `[mask][node]`.
+    shades: [Vec<f64>; 2],
+    /// The shadows of bars meet: apertures have no effective width.
+    closed: bool,
+}
+
+impl Spectral {
+    /// For the lattice of a scene.
+    ///
+    /// # Errors
+    /// As [`crate::material::constants_at_for`].
+    ///
+    /// `reference`: constants that ordered walks were made at; `flagged`: the strongest delta
+    /// that rays were flagged for.
+    pub fn new(
+        scene: &Scene,
+        media: &Media,
+        lattice: &Lattice,
+        reference: &[Constants],
+        flagged: f64,
+    ) -> Result<Self> {
+        let analyser = scene.analyser_distance();
+        let at = |name: &str, spec: Option<&crate::scene::MaskSpec>, plane: f64| {
+            spec.map(|spec| {
+                let of = |&energy: &f64| MaskShape::of(scene, name, spec, plane, Some(energy));
+                media.energies.iter().map(of).collect::<Result<Vec<_>>>()
+            })
+            .transpose()
+        };
+        let masks = [
+            at("sample_mask", scene.sample_mask.as_ref(), lattice.plane)?,
+            at("detector_mask", scene.detector_mask.as_ref(), analyser)?,
+        ];
+        let spot = deviation(scene.source.spot[0]);
+        let at_mask = spot * (analyser / scene.source.distance - 1.0);
+        let at_pixel = spot * (scene.detector.distance / scene.source.distance - 1.0) * analyser
+            / scene.detector.distance;
+        let flat = |of: fn(&Constants) -> f64| {
+            media.constants.iter().flatten().chain(reference).map(of).collect()
+        };
+        let mut spectral = Self {
+            weights: media.weights.clone(),
+            mu: flat(|c| c.mu),
+            delta: flat(|c| c.delta),
+            severe: severe(scene, media, reference, flagged),
+            materials: media.names.len(),
+            groups: Vec::new(),
+            slopes: lattice.columns(scene).iter().map(|c| c.slope.into()).collect(),
+            lattice: lattice.clone(),
+            tolerance: scene.sampling.tolerance,
+            blur: if masks[1].is_some() { at_mask } else { at_pixel },
+            gap: scene.detector.distance - analyser,
+            ratio: analyser / scene.detector.distance,
+            row_pitch: scene.detector.pitch[1],
+            row_slope: -scene.detector.pitch[1] / scene.detector.distance,
+            middle_row: f64::from(scene.detector.pixels[1]) / 2.0,
+            masks,
+        };
+        spectral.groups = [[false, false], [true, false], [false, true], [true, true]]
+            .into_iter()
+            .filter(|leaks| {
+                let has = |i: usize| !leaks[i] || spectral.masks[i].is_some();
+                let light = |n| spectral.weights[n] * spectral.passes(n, *leaks, 1.0);
+                has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
+            })
+            .collect();
+        Ok(spectral)
+    }
+
+    fn nodes(&self) -> usize {
+        self.weights.len()
+    }
+
+    /// Share of the light of a node that takes a way through the masks.
+    fn passes(&self, node: usize, leaks: [bool; 2], secant: f64) -> f64 {
+        let through = |i: usize| match &self.masks[i] {
+            Some(mask) => {
+                let leak = mask[node].leak(secant);
+                if leaks[i] { leak } else { 1.0 - leak }
+            }
+            None => 1.0,
+        };
+        through(0) * through(1)
+    }
+
+    /// Light records of the lists of [`Spectral::lists`], in their order.
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`], or as [`crate::material::constants_at_for`].
+    pub fn lights(
+        &self,
+        device: &Arc<Device>,
+        scene: &Scene,
+        media: &Media,
+    ) -> Result<Vec<LightRecord>> {
+        let offsets = &scene.scan.mask_offsets;
+        let softness = |mask: usize, leaks: [bool; 2]| {
+            let shapes = self.masks[mask].as_ref().filter(|_| !leaks[mask])?;
+            let (mut sum, mut all) = ([0.0; 3], 0.0);
+            for (n, shape) in shapes.iter().enumerate() {
+                let weight = self.weights[n] * self.passes(n, leaks, 1.0);
+                all += weight;
+                let shade = shape.shade(1.0);
+                sum[0] += weight * shape.softness();
+                sum[1] += weight * shade;
+                sum[2] += weight * shade * shade;
+            }
+            if all <= 0.0 {
+                return Some(0.0);
+            }
+            let [softness, shade, shade2] = sum.map(|s| s / all);
+            // Either edge moves by half of what the shade differs from its mean.
+            Some((softness + 0.25 * (shade2 - shade * shade)) as f32)
+        };
+        let groups = self
+            .groups
+            .iter()
+            .map(|&leaks| Part::Group { softness: [softness(0, leaks), softness(1, leaks)] });
+        let nodes = media.energies.iter().zip(&media.weights);
+        groups
+            .chain(nodes.map(|(&energy, &weight)| Part::Node { energy, weight }))
+            .map(|part| LightRecord::of_cells(device, scene, &self.lattice, offsets, &part))
+            .collect()
+    }
+
+    /// Cells of strips whose moments were kept, as light: one list per group, then one per node.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`], by which the ordered walks are repeated at each node.
+    pub fn lists(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Vec<Strips>> {
+        let repeated = self.repeat(tracer, strips)?;
+        let mut lists = vec![Strips::default(); self.groups.len() + self.nodes()];
+        for some in strips.strips.chunks(STRIPS_AT_ONCE) {
+            let made: Vec<_> =
+                some.par_iter().map(|strip| self.gather(strips, strip, &repeated)).collect();
+            for (strip, cells) in some.iter().zip(made) {
+                for (list, cells) in lists.iter_mut().zip(cells) {
+                    list.push(*strip, &cells, &crate::trace::CellMoments::default());
+                }
+            }
+        }
+        lists.iter_mut().for_each(Strips::balance);
+        Ok(lists)
+    }
+
+    /// Repeats ordered walks at the nodes where they cannot be told from the one made.
+    fn repeat(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Vec<Repeated>> {
+        let exact = &strips.moments.exact;
+        let mut repeated = vec![Repeated::default(); self.nodes()];
+        for (node, repeated) in repeated.iter_mut().enumerate() {
+            let mut rays: Vec<Ray> = Vec::new();
+            for cell in exact {
+                let Cell { x_low, x_high, .. } = strips.cells[cell.cell as usize];
+                let wide = x_high - x_low > NARROW || self.severe[node] > 1.0;
+                let places = (wide && cell.grazing() < self.severe[node]).then(|| {
+                    cell.ends.map(|ray| {
+                        // Neighbours share a ray.
+                        let last = rays.len().saturating_sub(2);
+                        if let Some(at) = rays[last..].iter().position(|r| *r == ray) {
+                            return last + at;
+                        }
+                        rays.push(ray);
+                        rays.len() - 1
+                    })
+                });
+                repeated.places.push(places);
+            }
+            if !rays.is_empty() {
+                tracer.set_node(Some(node));
+                repeated.laws = tracer.trace(&rays)?;
+            }
+        }
+        tracer.set_node(None);
+        Ok(repeated)
+    }
+
+    fn bars(&self, strip: &Strip) -> Bars {
+        let slope = self.slopes[strip.column as usize];
+        let row = f64::from(strip.row) + 0.5 * f64::from(strip.top + strip.bottom);
+        let slope_z = (row - self.middle_row) * self.row_slope;
+        let secant = (1.0 + slope * slope + slope_z * slope_z).sqrt();
+        let shares = self
+            .groups
+            .iter()
+            .flat_map(|leaks| {
+                (0..self.nodes()).map(|n| self.weights[n] * self.passes(n, *leaks, secant))
+            })
+            .collect();
+        let shade = |mask: &Option<Vec<MaskShape>>| {
+            mask.iter().flatten().map(|shape| shape.shade(secant)).collect()
+        };
+        let closed = |mask: &Option<Vec<MaskShape>>| {
+            mask.iter().flatten().any(|shape| shape.thickness * slope.abs() > shape.narrowest())
+        };
+        Bars {
+            shares,
+            shades: [shade(&self.masks[0]), shade(&self.masks[1])],
+            closed: self.masks.iter().any(closed),
+        }
+    }
+
+    /// Cells of a strip for every list.
+    fn gather(&self, strips: &Strips, strip: &Strip, repeated: &[Repeated]) -> Vec<Vec<Cell>> {
+        let groups = self.groups.len();
+        let bars = self.bars(strip);
+        let mut lists = vec![Vec::new(); groups + self.nodes()];
+        let words = 2 * self.materials * MOMENTS_PER_MATERIAL;
+        let first = strip.first as usize;
+        let mut laws = vec![[NodeLaw::default(); 2]; self.nodes()];
+        let exact = &strips.moments.exact;
+        for index in first..first + strip.count as usize {
+            let cell = &strips.cells[index];
+            let ends = &strips.moments.ends[index * words..(index + 1) * words];
+            for (node, laws) in laws.iter_mut().enumerate() {
+                let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
+                *laws = [self.law(node, low), self.law(node, high)];
+            }
+            if let Ok(at) = exact.binary_search_by_key(&(index as u32), |e| e.cell) {
+                let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
+                self.correct(&exact[at], [low, high], &mut laws);
+                if repeated.iter().any(|r| r.places[at].is_some()) {
+                    for (node, (ends, repeated)) in laws.iter().zip(repeated).enumerate() {
+                        let list = &mut lists[groups + node];
+                        match repeated.places[at] {
+                            None => list.push(self.cell(strip, [cell.x_low, cell.x_high], *ends)),
+                            Some(places) => {
+                                let laws = places.map(|place| &repeated.laws[place]);
+                                self.push_exact(list, strip, cell, laws, exact[at].range);
+                            }
+                        }
+                    }
+                    continue;
+                }
+            }
+            if !bars.closed {
+                self.push_groups(&mut lists[..groups], strip, cell, &laws, &bars);
+                continue;
+            }
+            for (node, ends) in laws.iter().enumerate() {
+                lists[groups + node].push(self.cell(strip, [cell.x_low, cell.x_high], *ends));
+            }
+        }
+        for (group, list) in lists[..groups].iter_mut().enumerate() {
+            if self.groups[group].contains(&true) {
+                let share: f64 = bars.shares[group * self.nodes()..][..self.nodes()].iter().sum();
+                let width = if share < FAINT {
+                    f64::INFINITY
+                } else {
+                    self.lattice.period * LEAK_SHARE * (LITTLE / share).min(1.0)
+                };
+                *list = join(list, width);
+            }
+        }
+        lists
+    }
+
+    /// First-order law at a node.
+    fn law(&self, node: usize, moments: &[f32]) -> NodeLaw {
+        let mut law = NodeLaw::default();
+        let constants = node * self.materials..(node + 1) * self.materials;
+        let (mu, delta) = (&self.mu[constants.clone()], &self.delta[constants]);
+        for ((m, mu), delta) in moments.chunks_exact(MOMENTS_PER_MATERIAL).zip(mu).zip(delta) {
+            let m: [f64; 5] = std::array::from_fn(|i| m[i].into());
+            law.depth += mu * m[0];
+            law.x += delta * m[1];
+            law.z += delta * (m[2] + m[4] * self.gap);
+            law.slope_x += delta * m[3];
+        }
+        law
+    }
+
+    /// Adds to the laws of the nodes what the ordered walk found beyond the first order: that is
+    /// of second order, so it grows with the square of delta.
+    fn correct(&self, exact: &ExactCell, moments: [&[f32]; 2], laws: &mut [[NodeLaw; 2]]) {
+        let strength = |node: usize| -> f64 {
+            self.delta[node * self.materials..][..self.materials].iter().map(|d| d.abs()).sum()
+        };
+        let reference = self.nodes();
+        for end in 0..2 {
+            let walked = self.walked(exact.laws.each_ref(), exact.range[end]);
+            let first = self.law(reference, moments[end]);
+            for (node, laws) in laws.iter_mut().enumerate() {
+                let stronger = strength(node) / strength(reference);
+                let law = &mut laws[end];
+                // A path that changes by refraction: linear in delta, and in mu.
+                if first.depth > 0.0 {
+                    law.depth += (walked.depth - first.depth) * stronger * law.depth / first.depth;
+                }
+                if exact.grazing() < self.severe[node] {
+                    // Narrow, or not repeated: total reflection turns light by as much anywhere.
+                    law.x = walked.x;
+                } else {
+                    law.x += (walked.x - first.x) * stronger * stronger;
+                }
+            }
+        }
+    }
+
+    /// Law between the ends that were walked in order.
+    fn walked(&self, ends: [&Law; 2], at: f32) -> NodeLaw {
+        let [a, b] = ends.map(|law| NodeLaw {
+            depth: law.optical_depth.into(),
+            x: law.displacement_x.into(),
+            z: f64::from(law.displacement_z) + f64::from(law.slope_z) * self.gap,
+            slope_x: law.slope_x.into(),
+        });
+        let mix = |f: fn(&NodeLaw) -> f64| f(&a) + (f(&b) - f(&a)) * f64::from(at);
+        NodeLaw {
+            depth: mix(|l| l.depth),
+            x: mix(|l| l.x),
+            z: mix(|l| l.z),
+            slope_x: mix(|l| l.slope_x),
+        }
+    }
+
+    /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
+    fn push_groups(
+        &self,
+        lists: &mut [Vec<Cell>],
+        strip: &Strip,
+        cell: &Cell,
+        laws: &[[NodeLaw; 2]],
+        bars: &Bars,
+    ) {
+        let passing: Vec<[f64; 3]> = laws
+            .iter()
+            .map(|ends| {
+                let [low, high] = ends.map(|law| f64::from((-law.depth as f32).exp()));
+                [low, (low * high).sqrt(), high]
+            })
+            .collect();
+        let nodes = self.nodes();
+        let light = bars.shares.iter().zip(passing.iter().cycle());
+        let all: f64 = light.map(|(share, passing)| share * passing[1]).sum();
+        let room = self.room(cell);
+        // What the third moment moves grows with the light of the cell.
+        let spread = (SPREAD_SHARE * self.blur).max(self.tolerance) * libm::cbrt(room);
+        for (group, list) in lists.iter_mut().enumerate() {
+            let shares = &bars.shares[group * nodes..][..nodes];
+            let mut waiting = Vec::from([0..nodes]);
+            while let Some(band) = waiting.pop() {
+                let sums = Sums::over(band.clone(), shares, &passing, laws, &bars.shades);
+                if !sums.light.iter().all(|light| *light > 0.0) {
+                    continue;
+                }
+                let part = sums.light[1] / all;
+                let agrees = part * sums.bend() <= f64::from(DEPTH_TOLERANCE) * room
+                    && part * sums.drift() <= self.tolerance * room
+                    && part * sums.spread() <= spread * spread;
+                if agrees || band.len() == 1 {
+                    list.push(self.gathered(strip, cell, &sums));
+                    continue;
+                }
+                let mut light = 0.0;
+                let half = band.clone().find(|&n| {
+                    light += shares[n] * passing[n][1];
+                    light >= 0.5 * sums.light[1]
+                });
+                let cut = half.unwrap_or(band.start).clamp(band.start + 1, band.end - 1);
+                waiting.extend([cut..band.end, band.start..cut]);
+            }
+        }
+    }
+
+    /// How much more than the widest cell of full accuracy a cell may err: it has less light.
+    fn room(&self, cell: &Cell) -> f64 {
+        let width = f64::from(cell.x_high - cell.x_low);
+        (self.lattice.period * f64::from(FULL_SHARE) / width).max(1.0)
+    }
+
+    fn gathered(&self, strip: &Strip, cell: &Cell, sums: &Sums) -> Cell {
+        let end = |i: usize| NodeLaw {
+            depth: -sums.light[i].ln(),
+            x: sums.x[i] / sums.light[i],
+            z: sums.z / sums.light[1],
+            slope_x: sums.slope_x / sums.light[1],
+        };
+        Cell {
+            spread: sums.spread() as f32,
+            sample_shade: (sums.shade[0] / sums.light[1]) as f32,
+            detector_shade: (sums.shade[1] / sums.light[1]) as f32,
+            ..self.cell(strip, [cell.x_low, cell.x_high], [end(0), end(2)])
+        }
+    }
+
+    /// The cell of a repeated walk at one node. Where its ends met other surfaces the law is
+    /// constant on either side.
+    fn push_exact(
+        &self,
+        list: &mut Vec<Cell>,
+        strip: &Strip,
+        cell: &Cell,
+        ends: [&Law; 2],
+        range: [f32; 2],
+    ) {
+        if ends.iter().any(|law| law.flags & FLAG_NOT_FINITE != 0) {
+            return;
+        }
+        if ends[0].signature == ends[1].signature {
+            let laws = range.map(|at| self.walked(ends, at));
+            list.push(self.cell(strip, [cell.x_low, cell.x_high], laws));
+            return;
+        }
+        let width = cell.x_high - cell.x_low;
+        let share = ((0.5 - range[0]) / (range[1] - range[0])).clamp(0.0, 1.0);
+        let middle = cell.x_low + share * width;
+        for (x, at) in [([cell.x_low, middle], 0.0), ([middle, cell.x_high], 1.0)] {
+            if x[1] > x[0] {
+                let law = self.walked(ends, at);
+                list.push(self.cell(strip, x, [law, law]));
+            }
+        }
+    }
+
+    fn cell(&self, strip: &Strip, x: [f32; 2], [low, high]: [NodeLaw; 2]) -> Cell {
+        let mean = |f: fn(&NodeLaw) -> f64| 0.5 * (f(&low) + f(&high));
+        let z = mean(|l| l.z);
+        let down = -z / self.row_pitch;
+        let [above, below] = self.lattice.row_shares(strip.top.into(), strip.bottom.into(), down);
+        Cell {
+            x_low: x[0],
+            x_high: x[1],
+            depth_low: low.depth as f32,
+            depth_high: high.depth as f32,
+            displacement_low: low.x as f32,
+            displacement_high: high.x as f32,
+            displacement_z: z as f32,
+            above,
+            below,
+            pixel_shift: (mean(|l| l.x) * (1.0 - self.ratio)
+                - mean(|l| l.slope_x) * self.gap * self.ratio) as f32,
+            ..bytemuck::Zeroable::zeroed()
+        }
+    }
+}
+
+/// Share of the grazing incidence that rays were flagged by, below which an ordered walk at the
+/// reference constants does not tell the walk at a node.
+fn severe(scene: &Scene, media: &Media, reference: &[Constants], flagged: f64) -> Vec<f64> {
+    if scene.sampling.transport == Transport::Exact {
+        return vec![f64::INFINITY; media.constants.len()];
+    }
+    let strongest = |node: &[Constants]| node.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
+    let walked = strongest(reference);
+    // The third order is delta^3 / c^5, and counts by the light of the node.
+    let share = |(node, weight): (&Vec<Constants>, &f64)| {
+        if flagged <= 0.0 || node == reference {
+            return 0.0;
+        }
+        let stronger = strongest(node).max(walked) / flagged;
+        SEVERE * libm::pow(weight * stronger.powi(3), 0.2)
+    };
+    media.constants.iter().zip(&media.weights).map(share).collect()
+}
+
+/// Joins neighbouring cells up to a width, with their light, their mean displacement and its
+/// spread. Cells of one interval that stand for several bands of energies are joined too.
+fn join(cells: &[Cell], width: f64) -> Vec<Cell> {
+    let mut out: Vec<Cell> = Vec::new();
+    let mut first = 0;
+    while first < cells.len() {
+        let low = cells[first].x_low;
+        let fits = |c: &Cell| f64::from(c.x_high - low) <= width;
+        let more = cells[first..].iter().take_while(|c| fits(c)).count().max(1);
+        // Never between bands of one interval.
+        let end = cells[first + more - 1].x_high;
+        let more = cells[first..].iter().take_while(|c| c.x_high <= end).count();
+        out.push(joined(&cells[first..first + more]));
+        first += more;
+    }
+    out
+}
+
+fn joined(cells: &[Cell]) -> Cell {
+    let (first, last) = (cells[0], cells[cells.len() - 1]);
+    if cells.len() == 1 {
+        return first;
+    }
+    let amount = |c: &Cell| {
+        f64::from(c.x_high - c.x_low) * f64::from((-0.5 * (c.depth_low + c.depth_high)).exp())
+    };
+    let light: f64 = cells.iter().map(amount).sum();
+    let mean =
+        |of: &dyn Fn(&Cell) -> f64| cells.iter().map(|c| amount(c) * of(c)).sum::<f64>() / light;
+    let x = |c: &Cell| 0.5 * f64::from(c.displacement_low + c.displacement_high);
+    let middle = mean(&x);
+    let spread = mean(&|c| f64::from(c.spread) + (x(c) - middle).powi(2));
+    let depth = -(light / f64::from(last.x_high - first.x_low)).ln() as f32;
+    Cell {
+        x_low: first.x_low,
+        x_high: last.x_high,
+        depth_low: depth,
+        depth_high: depth,
+        displacement_low: middle as f32,
+        displacement_high: middle as f32,
+        spread: spread as f32,
+        sample_shade: mean(&|c| c.sample_shade.into()) as f32,
+        detector_shade: mean(&|c| c.detector_shade.into()) as f32,
+        pixel_shift: mean(&|c| c.pixel_shift.into()) as f32,
+        ..cells[cells.len() / 2]
+    }
+}

@@ -1,0 +1,50 @@
+//! Moments kept with cells, for other energies, masks or steps than those they were traced for.
+
+use crate::gpu::interface::{FLAG_SHARE_SHIFT, Law, Ray};
+
+/// Moments of the rays that bound cells.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct CellMoments {
+    /// `[cell][end][material][moment]`, in the order of [`crate::trace::Moment`]: path, lever in
+    /// x and z, slope in x and z. Empty where they are not kept.
+    pub ends: Vec<f32>,
+    /// Cells whose ends were walked in order.
+    pub exact: Vec<ExactCell>,
+}
+
+/// A cell for which the first order is not enough.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExactCell {
+    /// Index of the cell.
+    pub cell: u32,
+    /// The rays whose laws hold at the two ends that it was traced with.
+    pub ends: [Ray; 2],
+    /// Their laws, at the mean constants of the spectrum.
+    pub laws: [Law; 2],
+    /// Which part of the cell that was traced this is: 0 and 1 are its ends.
+    pub range: [f32; 2],
+}
+
+impl ExactCell {
+    /// Least cosine of incidence at a surface over that below which the first order is not
+    /// enough.
+    #[must_use]
+    pub fn grazing(&self) -> f64 {
+        let byte = |law: &Law| law.flags >> FLAG_SHARE_SHIFT;
+        f64::from(byte(&self.laws[0]).min(byte(&self.laws[1]))) / 255.0
+    }
+}
+
+impl CellMoments {
+    /// Appends the moments of other cells, of which the first is cell `first` here.
+    pub(super) fn append(&mut self, other: &Self, first: u32) {
+        self.ends.extend_from_slice(&other.ends);
+        self.exact.extend(other.exact.iter().map(|e| ExactCell { cell: e.cell + first, ..*e }));
+    }
+
+    /// Forgets all; keeps the memory.
+    pub(super) fn clear(&mut self) {
+        self.ends.clear();
+        self.exact.clear();
+    }
+}
