@@ -25,6 +25,7 @@ const PERMUTATIONS: &[Permutation] = &[
     ("illuminate", "illuminate.comp", &[]),
     ("random_rays", "random_rays.comp", &[]),
     ("random_light", "random_light.comp", &[]),
+    ("fit", "retrieve/fit.comp", &[]),
 ];
 
 /// The shaders of the tests, from tests/gpu/; they are not part of the library.

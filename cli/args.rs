@@ -6,6 +6,7 @@ mod beam;
 pub(crate) use beam::{Material, Spectrum};
 
 use beamlet::Backend;
+use beamlet::retrieve::{ImageFormat, Method, Weights};
 use beamlet::scene::Scene;
 use beamlet::stack::Format;
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -42,6 +43,7 @@ impl Arguments {
             Verb::Simulate(simulate) if simulate.verbose => Verbosity::Verbose,
             Verb::Illuminate(illuminate) if illuminate.quiet => Verbosity::Quiet,
             Verb::Illuminate(illuminate) if illuminate.verbose => Verbosity::Verbose,
+            Verb::Retrieve(retrieve) if retrieve.quiet => Verbosity::Quiet,
             _ => Verbosity::Normal,
         }
     }
@@ -53,6 +55,10 @@ pub(crate) enum Verb {
     Simulate(Simulate),
     /// Illuminate the kept moments of a run: other masks, spectra, materials, detectors
     Illuminate(Illuminate),
+    /// Retrieve transmission, refraction and dark field from a run or from measured stacks
+    Retrieve(Box<Retrieve>),
+    /// Tell how two stacks, runs or retrievals differ
+    Compare(Compare),
     /// Tell what a scene amounts to, without simulating it
     Check(Check),
     /// Draw a scene (set-up and sample) or a run (frames, retrieved images, curves) as PNG files
@@ -183,6 +189,105 @@ pub(crate) struct Illuminate {
 
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
+    beamlet retrieve run\n  \
+    beamlet retrieve run --method exact-curve --format npy --overwrite\n  \
+    beamlet retrieve --flat flat.tif --sample sample.tif --dark dark.tif \\\n    \
+      --offsets '-12 um, -6 um, 0 um, 6 um, 12 um' --geometry scene.toml -o images\n\n\
+    Images go to RUN/retrieved, or to DIR: transmission, refraction (rad), dark_field (rad^2), \
+    their 1-sigma uncertainties, flags, and the parameters of the fits; retrieved.json tells \
+    units and the meaning of the flags. docs/retrieval.md has formulas, validity and bias.")]
+pub(crate) struct Retrieve {
+    /// Run directory of `beamlet simulate`
+    #[arg(required_unless_present = "flat",
+        conflicts_with_all = ["flat", "sample", "dark", "geometry", "offsets", "sets"])]
+    pub(crate) run: Option<PathBuf>,
+    /// Flat frames: NPY, EXR, TIFF, or a folder of frames
+    #[arg(long, value_name = "FILE", requires_all = ["sample", "geometry", "output"])]
+    pub(crate) flat: Option<PathBuf>,
+    /// Sample frames, one view or several
+    #[arg(long, value_name = "FILE", requires = "flat")]
+    pub(crate) sample: Option<PathBuf>,
+    /// Frames without beam; their mean is subtracted
+    #[arg(long, value_name = "FILE", requires = "flat")]
+    pub(crate) dark: Option<PathBuf>,
+    /// Offsets of the sample mask: a list with units, or a file with one on each line
+    /// [default: those of the geometry's scan]
+    #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]
+    pub(crate) offsets: Option<String>,
+    /// Scene file whose distances and masks the frames were taken with
+    #[arg(long, value_name = "SCENE", requires = "flat")]
+    pub(crate) geometry: Option<PathBuf>,
+    /// Change a value of the geometry: key.path=value (may be repeated)
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value, requires = "geometry")]
+    pub(crate) sets: Vec<String>,
+    /// Directory of the images [default: RUN/retrieved]
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// The estimator
+    #[arg(long, value_enum, default_value_t = MethodName::Gaussian)]
+    pub(crate) method: MethodName,
+    /// Weights of a fit's values
+    #[arg(long, value_enum, default_value_t = WeightsName::None)]
+    pub(crate) weights: WeightsName,
+    /// Take the run's detector numbers instead of its intensities
+    #[arg(long, requires = "run")]
+    pub(crate) counts: bool,
+    /// Detector number of one photon, for the uncertainties of counts [default: 1]
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) gain: Option<f64>,
+    /// Leave out values from here on, as they are in the files
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) saturation: Option<f32>,
+    /// Two-step: steps of the sample, counted from 0 [default: those nearest to the slopes]
+    #[arg(long, value_name = "I,J", value_parser = two_steps)]
+    pub(crate) steps: Option<[usize; 2]>,
+    /// Two-step: offsets of the sample's steps, where they are not those of the flat
+    #[arg(long, value_name = "LIST|FILE", allow_hyphen_values = true)]
+    pub(crate) sample_offsets: Option<String>,
+    /// File format of the images
+    #[arg(long, value_enum, default_value_t = ImageFormatName::Exr)]
+    pub(crate) format: ImageFormatName,
+    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
+    #[arg(long, value_name = "N|NAME")]
+    pub(crate) device: Option<String>,
+    /// Replace images that are there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// Print retrieved.json instead of a summary
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, errors only
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet compare run other\n  \
+    beamlet compare run/retrieved other/retrieved --json\n  \
+    beamlet compare run/sample measured.tif --tolerance 0.01 --difference differences\n\n\
+    Exit codes: 0 nothing differs by more than the tolerance, 1 something does, 2 trouble.")]
+pub(crate) struct Compare {
+    /// Run, directory of retrieved images, or stack (NPY, EXR, TIFF, folder of frames)
+    pub(crate) a: PathBuf,
+    /// What is compared with it, of the same kind
+    pub(crate) b: PathBuf,
+    /// Largest difference of a pixel that counts as none
+    #[arg(long, value_name = "NUMBER", default_value_t = 0.0)]
+    pub(crate) tolerance: f64,
+    /// Write images of B - A into a new directory
+    #[arg(long, value_name = "DIR")]
+    pub(crate) difference: Option<PathBuf>,
+    /// File format of the images of differences
+    #[arg(long, value_enum, default_value_t = ImageFormatName::Exr)]
+    pub(crate) format: ImageFormatName,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
     beamlet check scene.toml\n  \
     beamlet check scene.toml --set 'detector.pixels=[512, 512]'\n  \
     beamlet check scene.toml --json")]
@@ -246,7 +351,7 @@ pub(crate) struct ViewOfRun {
     /// What to draw [default: everything that the run has]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
     pub(crate) show: Vec<Show>,
-    /// Retrieved images to draw, by name [default: transmission, refraction, dark_field]
+    /// Retrieved images to draw, by name [default: the three contrasts]
     #[arg(long = "map", value_delimiter = ',', value_name = "NAME")]
     pub(crate) maps: Vec<String>,
     /// Number of the view, from 0 [default: 0]
@@ -343,6 +448,81 @@ impl From<FormatName> for Format {
     }
 }
 
+/// `--format` of images
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ImageFormatName {
+    /// One 32-bit float EXR file per view
+    Exr,
+    /// One array for numpy per image: (view, row, column)
+    Npy,
+    /// One 32-bit float TIFF per image, a page per view
+    Tiff,
+}
+
+impl From<ImageFormatName> for ImageFormat {
+    fn from(name: ImageFormatName) -> Self {
+        match name {
+            ImageFormatName::Exr => Self::Exr,
+            ImageFormatName::Npy => Self::Npy,
+            ImageFormatName::Tiff => Self::Tiff,
+        }
+    }
+}
+
+/// `--method`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MethodName {
+    /// Gaussian on a background by least squares; 4 steps or more
+    Gaussian,
+    /// Gaussian without background through 3 steps
+    ThreeStep,
+    /// Two steps on the flat's fitted curve; no dark field
+    TwoStep,
+    /// Area, centroid and variance of curves that end within the scan
+    Moments,
+    /// Triangle, for small spots and apertures of one projected width
+    Triangle,
+    /// Trapezoid, for small spots
+    Trapezoid,
+    /// The masks' own curve, blurred: free of the Gaussian's bias
+    ExactCurve,
+    /// Gaussian per beamlet over neighbouring pixels: single mask
+    Beamlet,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Gaussian => Self::Gaussian,
+            MethodName::ThreeStep => Self::ThreeStep,
+            MethodName::TwoStep => Self::TwoStep,
+            MethodName::Moments => Self::Moments,
+            MethodName::Triangle => Self::Triangle,
+            MethodName::Trapezoid => Self::Trapezoid,
+            MethodName::ExactCurve => Self::ExactCurve,
+            MethodName::Beamlet => Self::Beamlet,
+        }
+    }
+}
+
+/// `--weights`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WeightsName {
+    /// All values alike
+    None,
+    /// Of counts, from the fit: the maximum of the Poisson likelihood
+    Poisson,
+}
+
+impl From<WeightsName> for Weights {
+    fn from(name: WeightsName) -> Self {
+        match name {
+            WeightsName::None => Self::None,
+            WeightsName::Poisson => Self::Poisson,
+        }
+    }
+}
+
 /// `--backend`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum BackendName {
@@ -363,6 +543,11 @@ impl BackendName {
             Self::Bvh => Some(Backend::Bvh),
         }
     }
+}
+
+fn two_steps(text: &str) -> Result<[usize; 2], String> {
+    let steps: Vec<usize> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
+    steps.try_into().map_err(|_| "write two steps, as in 3,7".into())
 }
 
 fn memory_size(text: &str) -> Result<u64, String> {

@@ -4,7 +4,8 @@
 use crate::failure::Failure;
 use crate::picture::curve::Fit;
 use crate::picture::quantity::Quantity;
-use crate::picture::text::short;
+use crate::picture::text::{rough, short};
+use beamlet::retrieve::{Method, Record};
 use beamlet::scene::Scene;
 use beamlet::stack::{Maps, OpenRun, StackFile};
 use ndarray::Array2;
@@ -21,7 +22,7 @@ pub(crate) struct RunReader {
     sample: StackFile,
     maps: Option<Maps>,
     /// retrieved.json.
-    record: serde_json::Value,
+    record: Option<Record>,
 }
 
 impl RunReader {
@@ -30,20 +31,17 @@ impl RunReader {
         let run = OpenRun::open(path)?;
         let (flat, sample) = (run.flat()?, run.sample()?);
         let directory = path.join(RETRIEVED);
-        let mut record = serde_json::Value::Null;
-        let mut maps = None;
+        let (mut record, mut maps) = (None, None);
         if directory.is_dir() {
             let found = Maps::open(&directory)?;
-            let file = directory.join("retrieved.json");
-            let failed = |problem: String| Failure::File { path: file.clone(), problem };
-            let text = std::fs::read_to_string(&file)
-                .map_err(|error| failed(format!("cannot be read: {error}")))?;
-            record = serde_json::from_str(&text)
-                .map_err(|error| failed(format!("is not the record of a retrieval: {error}")))?;
+            let told = Record::read(&directory.join("retrieved.json"))?;
             let first = found.names().next().map(str::to_owned).unwrap_or_default();
             let (rows, columns) = found.map(&first, 0)?.dim();
             let [_, _, run_rows, run_columns] = sample.shape();
-            if (rows, columns) != (run_rows, run_columns) || found.views() > sample.shape()[0] {
+            // Images of beamlets are narrower than the frames; they have no pixels to point at.
+            let of_beamlets = told.method == Method::Beamlet.name();
+            let differs = (rows, columns) != (run_rows, run_columns);
+            if differs && !of_beamlets || found.views() > sample.shape()[0] {
                 return Err(Failure::File {
                     path: directory,
                     problem: format!(
@@ -54,7 +52,8 @@ impl RunReader {
                     ),
                 });
             }
-            maps = Some(found);
+            maps = (!of_beamlets).then_some(found);
+            record = Some(told);
         }
         Ok(Self { run, flat, sample, maps, record })
     }
@@ -87,9 +86,9 @@ impl RunReader {
         self.maps.as_ref()
     }
 
-    /// retrieved.json, or null.
-    pub(crate) const fn record(&self) -> &serde_json::Value {
-        &self.record
+    /// retrieved.json.
+    pub(crate) const fn record(&self) -> Option<&Record> {
+        self.record.as_ref()
     }
 
     /// Committed views, steps, rows, columns.
@@ -103,8 +102,12 @@ impl RunReader {
 
     /// What to do where there are no retrieved images.
     pub(crate) fn not_retrieved(&self) -> Failure {
-        let problem =
-            format!("is not there; `beamlet retrieve {}` makes it", self.run.path().display());
+        let problem = match &self.record {
+            Some(_) => "holds images of beamlets, which are not drawn on pixels".to_owned(),
+            None => {
+                format!("is not there; `beamlet retrieve {}` makes it", self.run.path().display())
+            }
+        };
         Failure::File { path: self.run.path().join(RETRIEVED), problem }
     }
 
@@ -129,15 +132,29 @@ impl RunReader {
 
     /// How the images were retrieved, in words.
     pub(crate) fn method_words(&self) -> String {
-        match self.record.get("method").and_then(serde_json::Value::as_str) {
-            Some(method) => format!("method {method}"),
+        match &self.record {
+            Some(record) => format!("method {}", record.method),
             None => String::new(),
         }
     }
 
     /// Whether the images were retrieved from detector numbers.
     pub(crate) fn fitted_counts(&self) -> bool {
-        self.record.get("counts").and_then(serde_json::Value::as_bool).unwrap_or(false)
+        self.record.as_ref().is_some_and(|record| record.counts)
+    }
+
+    /// Whether the images hold Gaussians that were fitted to the curves.
+    pub(crate) fn has_gaussians(&self) -> bool {
+        let gaussian = [Method::Gaussian, Method::ThreeStep, Method::TwoStep];
+        let method = self.record.as_ref().map(|record| record.method.as_str());
+        self.maps.is_some() && gaussian.iter().any(|known| method == Some(known.name()))
+    }
+
+    /// What the bits of a flag say, separated by semicolons; empty where there are none.
+    pub(crate) fn flag_words(&self, flags: u32) -> String {
+        let meanings = self.record.iter().flat_map(|record| &record.flags);
+        let set = meanings.filter(|(bit, _)| flags & **bit != 0);
+        set.map(|(_, meaning)| meaning.as_str()).collect::<Vec<_>>().join("; ")
     }
 
     /// The fitted curve of a pixel, of the flat or the sample, where the method fits one.
@@ -149,14 +166,12 @@ impl RunReader {
     ) -> Result<Option<Fit>, Failure> {
         let names =
             ["amplitude", "centre", "width", "background"].map(|part| format!("{of}_{part}"));
-        if !names.iter().all(|name| self.has(name)) {
+        if !self.has_gaussians() || !names.iter().all(|name| self.has(name)) {
             return Ok(None);
         }
         let mut values = [0.0; 4];
         for (value, name) in values.iter_mut().zip(&names) {
-            // A flat may have one view for all.
-            let views = self.maps.as_ref().map_or(1, Maps::views);
-            *value = f64::from(self.map(name, view.min(views - 1))?[[row, column]]);
+            *value = f64::from(self.map(name, view)?[[row, column]]);
         }
         let [amplitude, centre, width, background] = values;
         let fit = Fit { amplitude, centre, width, background };
@@ -173,26 +188,34 @@ impl RunReader {
         let signs = [("transmission", "T"), ("refraction", "α"), ("dark_field", "σ²")];
         for (name, sign) in signs.into_iter().filter(|(name, _)| self.has(name)) {
             let quantity = Quantity::of_map(name);
-            let value = |name: &str| -> Result<String, Failure> {
-                let value = f64::from(self.map(name, view)?[[row, column]]) * quantity.factor;
-                Ok(short(value))
+            let value = |name: &str| -> Result<f64, Failure> {
+                Ok(f64::from(self.map(name, view)?[[row, column]]) * quantity.factor)
             };
             let sigma = format!("{name}_sigma");
             let spread = match self.has(&sigma) {
-                true => format!(" ± {}", value(&sigma)?),
+                true => format!(" ± {}", rough(value(&sigma)?)),
                 false => String::new(),
             };
             lines.push(
-                format!("{sign} = {}{spread} {}", value(name)?, quantity.unit)
+                format!("{sign} = {}{spread} {}", short(value(name)?), quantity.unit)
                     .trim_end()
                     .to_owned(),
             );
         }
         if self.has("flags") {
-            let flags = self.map("flags", view)?[[row, column]];
-            if flags != 0.0 {
-                lines.push(format!("flags {flags}"));
-            }
+            #[allow(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "flags are small whole numbers"
+            )]
+            let flags = self.map("flags", view)?[[row, column]] as u32;
+            let words = self.flag_words(flags);
+            lines.extend(
+                words
+                    .split("; ")
+                    .filter(|word| !word.is_empty())
+                    .map(|word| format!("flag: {}", word.split(':').next().unwrap_or_default())),
+            );
         }
         Ok(lines)
     }

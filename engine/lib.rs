@@ -9,6 +9,7 @@
 
 pub mod accel;
 pub mod check;
+pub mod compare;
 mod engine;
 mod error;
 pub mod geometry;
@@ -17,6 +18,7 @@ pub mod illuminate;
 pub mod kept;
 pub mod material;
 pub mod memory;
+pub mod retrieve;
 mod run;
 pub mod scene;
 mod simulation;

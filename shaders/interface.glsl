@@ -224,3 +224,13 @@ struct Pixel {
     uint table; // index into the columns
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Pixels { Pixel at[]; };
+
+// A mask step of a fit, in half widths of the scan from its centre.
+struct Step {
+    float offset;
+    float offset_low; // what the f32 above leaves of the f64
+    float width;      // share of the scan that the step stands for
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Steps { Step at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Curves { float at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Fits { float at[]; };

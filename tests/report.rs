@@ -5,6 +5,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use beamlet::retrieve::Record;
 use ndarray::Array3;
 use ndarray_npy::write_npy;
 use std::collections::BTreeMap;
@@ -87,6 +88,7 @@ fn run_with_maps() -> tempfile::TempDir {
         (0, ..) => 0.0,
         _ => 1e-6,
     });
+    write("flags", &|_, row, column| if (row, column) == (1, 5) { 3.0 } else { 0.0 });
     write("dark_field", &|view, row, _| (row + view) as f32 * 1e-12);
     for of in ["flat", "sample"] {
         write(&format!("{of}_amplitude"), &|_, _, _| 0.16);
@@ -95,7 +97,11 @@ fn run_with_maps() -> tempfile::TempDir {
         write(&format!("{of}_width"), &|_, _, _| wide);
         write(&format!("{of}_background"), &|_, _, _| 0.0);
     }
-    fs::write(retrieved.join("retrieved.json"), r#"{ "method": "gaussian" }"#).unwrap();
+    let flags = BTreeMap::from([(1, "flat dead: on purpose".into()), (2, "flat other".into())]);
+    let record =
+        Record { method: "gaussian".into(), shape: [2, 4, 16], flags, ..Record::default() };
+    let text = serde_json::to_string(&record).unwrap();
+    fs::write(retrieved.join("retrieved.json"), text).unwrap();
     place
 }
 
@@ -151,7 +157,7 @@ fn sliders_and_cursor_change_what_is_shown_and_the_console_is_silent() {
     };
     let verdict = explore(&program, place.path(), &page);
     assert!(verdict.failed().is_empty(), "{:#?}", verdict.failed());
-    assert_eq!(verdict.checks.len(), 18, "every check was made");
+    assert_eq!(verdict.checks.len(), 20, "every check was made");
 
     // The exploration is no proof unless it fails on a page that is broken.
     for (right, wrong, named) in [
@@ -195,8 +201,8 @@ fn a_page_with_a_limit_is_binned_and_says_so() {
         let arrays = page.split("<script type=\"text/plain\"").skip(1);
         arrays.map(|part| part.split_once("</script>").unwrap().0.len()).sum::<usize>()
     };
-    // Base64 makes a third more; names and paddings come on top, 13 arrays in all.
-    assert!(data(&small) < 1024 * 4 / 3 + 13 * 60, "{}", data(&small));
+    // Base64 makes a third more; names and paddings come on top, 14 arrays in all.
+    assert!(data(&small) < 1024 * 4 / 3 + 14 * 60, "{}", data(&small));
     assert!(data(&whole) > 4 * data(&small));
 }
 

@@ -3,6 +3,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use beamlet::retrieve::Record;
 use ndarray::{Array3, Array4};
 use ndarray_npy::write_npy;
 use std::fs;
@@ -53,6 +54,11 @@ fn picture(path: &Path) -> Pixmap {
     Pixmap::decode_png(&fs::read(path).unwrap()).unwrap()
 }
 
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the pixel that a place lies in"
+)]
 fn colour(picture: &Pixmap, x: f64, y: f64) -> [u8; 3] {
     let pixel = picture.pixel((x * SCALE) as u32, (y * SCALE) as u32).unwrap();
     [pixel.red(), pixel.green(), pixel.blue()]
@@ -96,7 +102,9 @@ fn run_with_maps() -> tempfile::TempDir {
         write(&format!("{of}_width"), &|_, _, _| 10e-6);
         write(&format!("{of}_background"), &|_, _, _| 0.0);
     }
-    fs::write(retrieved.join("retrieved.json"), r#"{ "method": "gaussian" }"#).unwrap();
+    let record = Record { method: "gaussian".into(), shape: [2, 4, 16], ..Record::default() };
+    let text = serde_json::to_string(&record).unwrap();
+    fs::write(retrieved.join("retrieved.json"), text).unwrap();
     place
 }
 
@@ -142,9 +150,9 @@ fn retrieved_images_have_row_0_on_top_and_symmetric_colours() {
     let place = run_with_maps();
     done(place.path(), "view run -o pictures --show retrieved");
     let refraction = picture(&place.path().join("pictures/refraction_view_0000.png"));
-    // Four rows of sixteen square pixels, 560 units wide, from (78, 62) on.
+    // Four rows of sixteen square pixels, 560 units wide, from (90, 62) on.
     let block = |column: f64, row: f64| {
-        colour(&refraction, 78.0 + 35.0 * (column + 0.5), 62.0 + 35.0 * (row + 0.5))
+        colour(&refraction, 90.0 + 35.0 * (column + 0.5), 62.0 + 35.0 * (row + 0.5))
     };
     // The ends of ColorBrewer's RdBu; a spline through its eleven colours meets them to 1.
     let is = |found: [u8; 3], wanted: [u8; 3]| {
@@ -156,7 +164,7 @@ fn retrieved_images_have_row_0_on_top_and_symmetric_colours() {
     let middle = block(7.0, 1.0);
     assert!(middle.iter().all(|part| *part > 235), "zero is white: {middle:?}");
     let transmission = picture(&place.path().join("pictures/transmission_view_0000.png"));
-    let grey = |column: f64| colour(&transmission, 78.0 + 35.0 * (column + 0.5), 100.0);
+    let grey = |column: f64| colour(&transmission, 90.0 + 35.0 * (column + 0.5), 100.0);
     assert_eq!((grey(0.0), grey(15.0)), ([0; 3], [255; 3]));
     assert!((1..16).all(|c| grey(f64::from(c)) > grey(f64::from(c - 1))), "x to the right");
 }
@@ -204,9 +212,9 @@ fn the_curve_shows_the_intensities_of_the_pixel_at_their_places() {
     let down = |value: f64| 48.0 + 330.0 * (1.0 - (value + 0.005) / 0.11);
     let blue = [0, 114, 178];
     // Offsets run from -22 to 22 um over 560 units.
-    assert_eq!(colour(&curve, 82.0 + 560.0 / 2.0, down(0.1)), blue);
-    assert_eq!(colour(&curve, 82.0 + 560.0 / 2.0, down(0.0)), [213, 94, 0], "the sample's is 0");
-    assert_ne!(colour(&curve, 82.0 + 560.0 / 2.0, down(0.05)), blue);
+    assert_eq!(colour(&curve, 94.0 + 560.0 / 2.0, down(0.1)), blue);
+    assert_eq!(colour(&curve, 94.0 + 560.0 / 2.0, down(0.0)), [213, 94, 0], "the sample's is 0");
+    assert_ne!(colour(&curve, 94.0 + 560.0 / 2.0, down(0.05)), blue);
 }
 
 #[test]
@@ -218,6 +226,24 @@ fn the_same_pictures_come_from_exr_frames() {
     for name in ["flat_step_002.png", "sample_view_0001_step_002.png"] {
         let read = |folder: &str| fs::read(place.path().join(folder).join(name)).unwrap();
         assert_eq!(read("a"), read("b"), "{name}");
+    }
+}
+
+#[test]
+fn a_run_is_simulated_retrieved_and_drawn() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("scene.toml"), SCENE).unwrap();
+    done(place.path(), "simulate scene.toml -o run -q");
+    for format in ["exr", "npy", "tiff"] {
+        done(place.path(), &format!("retrieve run --format {format} -q --overwrite"));
+        let printed = done(place.path(), &format!("view run -o {format} --pixel 7,1"));
+        assert_eq!(printed.lines().count(), 10, "{printed}");
+        done(place.path(), &format!("report run -o {format}.html"));
+    }
+    let read = |folder: &str, name: &str| fs::read(place.path().join(folder).join(name)).unwrap();
+    for name in ["refraction_view_0000.png", "curve_view_0000_column_0007_row_0001.png"] {
+        assert_eq!(read("exr", name), read("npy", name), "{name}");
+        assert_eq!(read("exr", name), read("tiff", name), "{name}");
     }
 }
 

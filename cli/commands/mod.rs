@@ -2,12 +2,14 @@
 
 mod beam;
 mod check;
+mod compare;
 mod devices;
 mod example;
 mod illuminate;
 mod material;
 mod pictures;
 mod report;
+mod retrieve;
 mod simulate;
 mod spectrum;
 mod view;
@@ -21,6 +23,8 @@ pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Fail
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
         Verb::Illuminate(arguments) => illuminate::run(&arguments, out),
+        Verb::Retrieve(arguments) => retrieve::run(&arguments, out),
+        Verb::Compare(arguments) => compare::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
         Verb::View(arguments) => view::run(&arguments, out),
         Verb::Report(arguments) => report::run(&arguments, out),

@@ -10,7 +10,7 @@ use super::colour::SMALL;
 use super::drawing::{Anchor, Area, Drawing, FAINT, INK, Paint};
 
 /// Room that axes take to the left of and below their area.
-pub(crate) const LEFT: f64 = 68.0;
+pub(crate) const LEFT: f64 = 80.0;
 /// As [`LEFT`], below.
 pub(crate) const BELOW: f64 = 48.0;
 
@@ -102,7 +102,7 @@ impl Axes {
         }
         let middle = [area.left + area.width / 2.0, area.top + area.height / 2.0];
         drawing.text([middle[0], area.bottom() + 38.0], across, 13.0, INK, Anchor::Middle);
-        drawing.text_upwards([area.left - 50.0, middle[1]], down, 13.0);
+        drawing.text_upwards([area.left - 62.0, middle[1]], down, 13.0);
     }
 
     fn ticks_across(&self) -> Vec<(f64, String)> {
@@ -193,7 +193,8 @@ mod tests {
     #[test]
     fn y_grows_upwards_on_the_paper() {
         let axes = Axes { area: Area::new(10.0, 20.0, 100.0, 50.0), x: [0.0, 1.0], y: [-1.0, 1.0] };
-        assert_eq!(axes.at([0.0, 1.0]), [10.0, 20.0]);
-        assert_eq!(axes.at([1.0, -1.0]), [110.0, 70.0]);
+        let near = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-12;
+        assert!(near(axes.at([0.0, 1.0]), [10.0, 20.0]));
+        assert!(near(axes.at([1.0, -1.0]), [110.0, 70.0]));
     }
 }

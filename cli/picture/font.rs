@@ -1,4 +1,4 @@
-//! The one typeface of all pictures, inside the program: DejaVu Sans (licence beside it).
+//! The one typeface of all pictures, inside the program: `DejaVu Sans` (licence beside it).
 
 #![allow(clippy::cast_possible_truncation, reason = "outlines are drawn in single precision")]
 
@@ -9,7 +9,7 @@ use tiny_skia::{Path, PathBuilder};
 static TYPEFACE: LazyLock<Option<FontRef<'static>>> =
     LazyLock::new(|| FontRef::try_from_slice(include_bytes!("font/DejaVuSans.ttf")).ok());
 
-/// Size of the em at a type size: ab_glyph scales by the height of a line.
+/// Size of the em at a type size: `ab_glyph` scales by the height of a line.
 fn scale_of(font: &FontRef<'_>, size: f64) -> PxScale {
     let em = font.units_per_em().unwrap_or(2048.0);
     PxScale::from(size as f32 * font.height_unscaled() / em)

@@ -47,7 +47,9 @@ pub(crate) fn sinogram(
     let shown = &angles[..values.nrows().min(angles.len())];
     let even = shown.windows(3).all(|w| ((w[2] - w[1]) - (w[1] - w[0])).abs() < 1e-6);
     let (y, label) = match shown {
-        [first, second, .., last] | [first, second @ last] if even && second != first => {
+        [first, second, .., last] | [first, second @ last]
+            if even && (second - first).abs() > 1e-9 =>
+        {
             let half = (second - first) / 2.0;
             ([last + half, first - half], "angle [°]")
         }

@@ -14,6 +14,17 @@ pub(crate) struct Line {
     pub(crate) sigma: Option<Vec<f64>>,
 }
 
+impl Line {
+    /// Values and the edges of their band.
+    fn reach(&self) -> Vec<f64> {
+        let of = |sign: f64| {
+            let sigma = self.sigma.iter().flatten();
+            self.values.iter().zip(sigma).map(move |(value, sigma)| value + sign * sigma)
+        };
+        self.values.iter().copied().chain(of(1.0)).chain(of(-1.0)).collect()
+    }
+}
+
 /// Lines over one axis of y.
 #[derive(Debug, Clone)]
 pub(crate) struct Panel {
@@ -39,11 +50,7 @@ pub(crate) fn draw(title: &str, x: &[f64], across: &str, panels: &[Panel]) -> Dr
     let mut top = 46.0;
     for (index, panel) in panels.iter().enumerate() {
         let area = Area::new(LEFT + 14.0, top, 700.0, HEIGHT);
-        let axes = Axes {
-            area,
-            x: range,
-            y: roomy(panel.lines.iter().flat_map(|l| l.values.iter().copied())),
-        };
+        let axes = Axes { area, x: range, y: roomy(panel.lines.iter().flat_map(Line::reach)) };
         axes.grid(&mut drawing);
         if panel.zero {
             let zero = [[range[0], 0.0], [range[1], 0.0]];

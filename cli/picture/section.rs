@@ -3,6 +3,9 @@
 use beamlet::geometry::Sample;
 use std::collections::HashMap;
 
+/// An edge of the mesh: its two vertices, the lower one first.
+type Edge = (u32, u32);
+
 /// A closed line of a section, in m (x, y), with material to its left.
 #[derive(Debug)]
 pub(super) struct Loop {
@@ -18,7 +21,7 @@ pub(super) struct Loop {
 pub(super) fn section(sample: &Sample) -> Vec<Loop> {
     // From corner to corner of the section; a corner lies on an edge of the mesh, by which both
     // neighbours know it.
-    let mut next: HashMap<(u32, u32, usize), ((u32, u32), [f64; 2])> = HashMap::new();
+    let mut next: HashMap<(Edge, usize), (Edge, [f64; 2])> = HashMap::new();
     let height = |vertex: u32| sample.vertices[vertex as usize].z;
     let corner = |a: u32, b: u32| {
         let (a, b) = (a.min(b), a.max(b));
@@ -39,7 +42,7 @@ pub(super) fn section(sample: &Sample) -> Vec<Loop> {
             }
         }
         if let (Some((from, at)), Some((to, _))) = (from, to) {
-            next.insert((from.0, from.1, *component as usize), (to, at));
+            next.insert((from, *component as usize), (to, at));
         }
     }
     let mut loops = Vec::new();
@@ -50,11 +53,11 @@ pub(super) fn section(sample: &Sample) -> Vec<Loop> {
         let mut place = start;
         while let Some((to, at)) = next.remove(&place) {
             points.push(at);
-            place = (to.0, to.1, start.2);
+            place = (to, start.1);
         }
         if points.len() > 2 {
             let area = signed_area(&points);
-            loops.push(Loop { points, component: start.2, hole: area < 0.0, area: area.abs() });
+            loops.push(Loop { points, component: start.1, hole: area < 0.0, area: area.abs() });
         }
     }
     loops.sort_by(|a, b| b.area.total_cmp(&a.area));

@@ -38,6 +38,15 @@ pub(crate) fn short(value: f64) -> String {
     text.replace('-', "−")
 }
 
+/// Two significant digits, for uncertainties.
+pub(crate) fn rough(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let unit = 10.0_f64.powf(value.abs().log10().floor() - 1.0);
+    short((value / unit).round() * unit)
+}
+
 /// A count with its thousands apart.
 pub(crate) fn count(value: usize) -> String {
     let digits = value.to_string();
@@ -61,5 +70,9 @@ mod tests {
         assert_eq!(length(0.0128), "12.8 mm");
         assert_eq!(distance(1.799_887_5), "1.799888 m");
         assert_eq!(short(-2.56e-7), "−2.560e−7");
+        assert_eq!(
+            (rough(0.021_764), rough(0.265_56), rough(21.674)),
+            ("0.022".into(), "0.27".into(), "22".into())
+        );
     }
 }

@@ -72,6 +72,19 @@ impl Thinning {
     }
 }
 
+impl Thinning {
+    /// Bits of any pixel of a block.
+    fn joined(&self, frame: ArrayView2<'_, f32>) -> Array2<u32> {
+        let (rows, columns) = frame.dim();
+        let bin = self.bin;
+        let mut joined = Array2::zeros((rows.div_ceil(bin), columns.div_ceil(bin)));
+        for ((row, column), flags) in frame.indexed_iter() {
+            joined[[row / bin, column / bin]] |= *flags as u32;
+        }
+        joined
+    }
+}
+
 /// Numbers on their way to 16 bits.
 struct Quantised {
     low: f64,
@@ -100,9 +113,11 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
     let names: Vec<&str> = run.maps().map_or(Vec::new(), |maps| maps.names().collect());
     let has = |name: &str| names.contains(&name);
     let fits = |of: &str| FIT.map(|part| format!("{of}_{part}"));
-    let fitted = fits("flat").iter().chain(&fits("sample")).all(|name| has(name));
+    let fitted =
+        run.has_gaussians() && fits("flat").iter().chain(&fits("sample")).all(|name| has(name));
     let contrasts: Vec<&str> = CONTRASTS.into_iter().filter(|name| has(name)).collect();
-    let of_view = steps + contrasts.len() + if fitted { FIT.len() } else { 0 };
+    let of_view =
+        steps + contrasts.len() + usize::from(has("flags")) + if fitted { FIT.len() } else { 0 };
     let more = steps + if fitted { FIT.len() } else { 0 };
     let thinning = Thinning::of(run.shape(), of_view, more, most);
     let retrieved = run.maps().map_or(views, |maps| maps.views());
@@ -135,6 +150,10 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
             }
         }
     }
+    let mut flags = vec![String::new()];
+    if has("flags") {
+        arrays.push(("flags".into(), flag_indices(run, &kept, thinning, &mut flags)?));
+    }
     let scene = run.scene();
     let Thinning { bin, every } = thinning;
     let angle = |view: &usize| scene.scan.angles[*view].to_degrees();
@@ -153,6 +172,7 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
         "pitch": scene.detector.pitch.map(|pitch| 1e3 * pitch),
         "contrasts": contrasts,
         "fitted": fitted,
+        "flags": flags,
         "images": images,
         "maps": tables,
     });
@@ -212,6 +232,29 @@ fn frames(stack: &StackFile, views: &[usize], thinning: Thinning) -> Result<Vec<
         }
     }
     Ok(values)
+}
+
+/// `[view][row][column]` of flags as places in the list of their words; a block of pixels has
+/// the flags of all of them.
+fn flag_indices(
+    run: &RunReader,
+    views: &[usize],
+    thinning: Thinning,
+    words: &mut Vec<String>,
+) -> Result<Vec<u16>, Failure> {
+    let mut indices = Vec::new();
+    for view in views {
+        let map = run.map("flags", *view)?;
+        for flags in thinning.joined(map.view()) {
+            let text = run.flag_words(flags);
+            let place = words.iter().position(|known| *known == text).unwrap_or(words.len());
+            if place == words.len() {
+                words.push(text);
+            }
+            indices.push(u16::try_from(place).unwrap_or(NOTHING));
+        }
+    }
+    Ok(indices)
 }
 
 /// `[view][row][column]` of some views, in the shown unit.

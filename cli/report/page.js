@@ -34,6 +34,13 @@ for (const [name, image] of Object.entries(images)) {
   image.table = table;
 }
 
+// Flags of every pixel, as places in meta.flags.
+const flags = element("data-flags") && bytesOf(element("data-flags").textContent);
+function flagsAt(pixel) {
+  const place = 2 * (at.view * rows * columns + pixel);
+  return flags ? meta.flags[flags[place] | (flags[place + 1] << 8)] : "";
+}
+
 function valueAt(name, frame, pixel) {
   const image = images[name];
   const word = image.words[frame * rows * columns + pixel];
@@ -297,6 +304,7 @@ function fillTable() {
     const { label, unit } = images[name];
     lines.push([label, told(valueAt(name, frame(name), pixel), unit), ""]);
   }
+  if (flagsAt(pixel)) lines.push(["flags", flagsAt(pixel), ""]);
   lines.push(["", "flat", "sample"]);
   lines.push(["intensity at the step", ...["flat", "sample"].map((name) => told(valueAt(name, frame(name), pixel)))]);
   if (fitted) {

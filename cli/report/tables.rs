@@ -63,26 +63,29 @@ pub(super) fn provenance(run: &RunReader) -> String {
     table(rows.into_iter().map(|(key, value)| (key.to_owned(), value, false)))
 }
 
-/// retrieved.json.
+/// How the run was retrieved.
 pub(super) fn retrieval(run: &RunReader) -> String {
-    let rows = run.record().as_object().into_iter().flatten().map(|(key, value)| {
-        let text = match value {
-            Value::String(text) => text.clone(),
-            Value::Object(map) => {
-                let parts = map.iter().map(|(key, value)| match value {
-                    Value::String(text) => format!("{key}: {text}"),
-                    other => format!("{key}: {other}"),
-                });
-                parts.collect::<Vec<_>>().join("; ")
-            }
-            other => other.to_string(),
-        };
-        (key.replace('_', " "), text, false)
-    });
-    match run.record().is_null() {
-        true => "<p class=\"note\">The run is not retrieved.</p>".into(),
-        false => table(rows),
+    let Some(record) = run.record() else {
+        return "<p class=\"note\">The run is not retrieved.</p>".into();
+    };
+    let pixels: usize = record.shape.iter().product();
+    let mut rows = vec![
+        ("method", record.method.clone(), false),
+        ("version", record.version.clone(), false),
+        ("values", if record.counts { "counts" } else { "intensities" }.to_owned(), false),
+        ("weights", record.weights.clone(), false),
+        ("mask magnification M", short(record.magnification), false),
+        ("lever arm z", format!("{} m", short(record.lever_arm)), false),
+        ("angle per shift", format!("{} rad/m", short(record.angle_per_shift)), false),
+    ];
+    let (lost, all) = (record.without_answer, count(pixels));
+    let lost = count(usize::try_from(lost).unwrap_or(usize::MAX));
+    let is_lost = record.without_answer > 0;
+    rows.push(("without an answer", format!("{lost} of {all} pixels"), is_lost));
+    for (bit, number) in record.flagged.iter().filter(|(_, number)| **number > 0) {
+        rows.push(("flag", format!("{}: {number} pixels", run.flag_words(*bit)), true));
     }
+    table(rows.into_iter().map(|(key, value, marked)| (key.to_owned(), value, marked)))
 }
 
 fn table(rows: impl Iterator<Item = (String, String, bool)>) -> String {

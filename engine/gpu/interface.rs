@@ -324,6 +324,28 @@ shared_structs! {
         pub empty: u32,
         pub first_step: u32,
     }
+
+    /// A mask step of a fit.
+    pub struct Step {
+        pub offset: f32,
+        pub offset_low: f32,
+        pub width: f32,
+    }
+
+    /// Push constants of `retrieve/fit.comp`.
+    pub struct FitPush {
+        pub steps: Address,
+        pub curves: Address,
+        pub fits: Address,
+        pub step_count: u32,
+        pub pixel_count: u32,
+        pub first: u32,
+        pub poisson: u32,
+        pub gain: f32,
+        pub saturation: f32,
+        pub narrow: f32,
+        pub wide: f32,
+    }
 }
 
 /// Version of the moments layout below.

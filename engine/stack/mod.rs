@@ -15,6 +15,7 @@ mod scene_file;
 
 pub use array::ArraySink;
 pub use callback::CallbackSink;
+pub(crate) use npy::npy_header;
 pub use read::{Maps, OpenRun, StackFile};
 pub(crate) use run_directory::sync_directory;
 pub use run_directory::{Format, RunDirectory};

@@ -59,7 +59,9 @@
     check("a click holds the pixel", text("cursor-told") === "pixel 4, 1 (held)", text("cursor-told"));
     document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
     check("arrow keys move it", text("cursor-told") === "pixel 5, 1 (held)", text("cursor-told"));
+    check("flags are told", text("pixel").includes("flat dead: on purpose; flat other"), text("pixel"));
     point("click", "sample", 4, 1);
+    check("where there are some", !text("pixel").includes("flags"), text("pixel"));
     point("pointermove", "sample", 9, 2);
     check("another click lets it go", text("cursor-told") === "pixel 9, 2", text("cursor-told"));
 

@@ -296,7 +296,7 @@ impl<'a> Chosen<'a> {
 /// What was cut off the scale, in words.
 fn clipped(scale: &Scale) -> String {
     match scale.beyond.contains(&true) {
-        true => "outermost half per cent beyond the colours".into(),
+        true => "outermost 2 % beyond the colours".into(),
         false => String::new(),
     }
 }

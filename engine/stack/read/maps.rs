@@ -32,18 +32,24 @@ impl Maps {
                 maps.insert(name, StackFile::open(&entry)?);
             }
         }
-        let mut shapes = maps.values().map(|map| (map.path(), map.shape()));
-        let Some((first, shape)) = shapes.next() else {
+        let Some(most) = maps.values().max_by_key(|map| map.shape()[1]) else {
             return Err(Error::output(path, "holds no retrieved images", None));
         };
-        if let Some((other, found)) = shapes.find(|(_, found)| *found != shape) {
+        let [_, views, rows, columns] = most.shape();
+        // What belongs to the flat is one image for all views.
+        let fits = |map: &&StackFile| {
+            let [_, count, r, c] = map.shape();
+            (count == views || count == 1) && [r, c] == [rows, columns]
+        };
+        if let Some(other) = maps.values().find(|map| !fits(map)) {
             let problem = format!(
-                "has {found:?} images, rows and columns; {} has {shape:?}",
-                first.display()
+                "has {:?} images, rows and columns; {} has {:?}",
+                &other.shape()[1..],
+                most.path().display(),
+                &most.shape()[1..]
             );
-            return Err(Error::output(other, problem, None));
+            return Err(Error::output(other.path(), problem, None));
         }
-        let views = shape[1];
         Ok(Self { path: path.to_path_buf(), maps, views })
     }
 
@@ -52,13 +58,18 @@ impl Maps {
         self.maps.keys().map(String::as_str)
     }
 
+    /// Every image as a stack of one view whose steps are the views.
+    pub(crate) fn into_stacks(self) -> BTreeMap<String, StackFile> {
+        self.maps
+    }
+
     /// Number of views.
     #[must_use]
     pub const fn views(&self) -> usize {
         self.views
     }
 
-    /// The image of a view, `[row][column]`, in the unit that `retrieved.json` names.
+    /// The image of a view, `[row][column]` (the same for all views where it is the flat's), in the unit that `retrieved.json` names.
     ///
     /// # Errors
     /// [`Error::Output`] for a name or view that is not there (says what is), or where the file
@@ -69,6 +80,11 @@ impl Maps {
             let problem = format!("has no image {name}; it has {}", names.join(", "));
             return Err(Error::output(&self.path, problem, None));
         };
-        map.only_frame(view)
+        if view >= self.views {
+            let problem =
+                format!("has {} views; asked for view {view}, counted from 0", self.views);
+            return Err(Error::output(map.path(), problem, None));
+        }
+        map.only_frame(view.min(map.shape()[1] - 1))
     }
 }

@@ -42,7 +42,7 @@ pub struct StackFile {
 #[derive(Debug)]
 enum Source {
     Npy(NpyFile),
-    Pages(TiffPages),
+    Pages(Box<TiffPages>),
     /// One file per frame, the views one after another.
     Frames(Vec<PathBuf>),
 }
@@ -69,7 +69,7 @@ impl StackFile {
             "tif" | "tiff" => {
                 let pages = TiffPages::open(path)?;
                 let [rows, columns] = pages.frame_shape();
-                ([1, pages.count(), rows, columns], Source::Pages(pages))
+                ([1, pages.count(), rows, columns], Source::Pages(Box::new(pages)))
             }
             "exr" => {
                 let [rows, columns] = exr::frame_shape(path)?;
@@ -198,15 +198,14 @@ impl StackFile {
             Source::Pages(pages) => pages.read(index, range.clone())?,
             Source::Frames(files) => {
                 let path = &files[index];
-                let found = match extension(path).as_str() {
+                match extension(path).as_str() {
                     "exr" => exr::read(path, frame, range.clone())?,
                     _ => {
                         let page = TiffPages::open(path)?;
                         refuse_shape(path, page.frame_shape(), frame)?;
                         page.read(0, range.clone())?
                     }
-                };
-                found
+                }
             }
         };
         Array2::from_shape_vec((range.len(), columns), values)
