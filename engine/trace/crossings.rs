@@ -63,7 +63,7 @@ impl CrossingFinder {
             let mut first = 0;
             while first < count {
                 let push = CrossingsPush {
-                    sample_ref: self.sample.record.address(),
+                    sample_ref: self.sample.record(None),
                     rays: self.rays.address(),
                     met: self.met.address(),
                     counts: self.counts.address(),
