@@ -15,9 +15,9 @@ mod scene_file;
 
 pub use array::ArraySink;
 pub use callback::CallbackSink;
-pub(crate) use run_directory::sync_directory;
 pub(crate) use npy::npy_header;
 pub use read::{Maps, OpenRun, StackFile};
+pub(crate) use run_directory::sync_directory;
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
 
