@@ -304,6 +304,26 @@ fn materials_that_are_none_are_refused_where_they_are_named() {
 }
 
 #[test]
+fn spectra_are_refused_by_line_before_a_run_begins() {
+    let energy = "energy = \"30 keV\"";
+    for (text, words) in [
+        ("", &["tube.csv:1:1: spectrum: found no rows"][..]),
+        ("20,1\n10,1\n", &["tube.csv:2:1: energy_keV: found 10", "ascending"]),
+        ("10,1\n20,-1\n", &["tube.csv:2:4: weight: found -1", "0 or more"]),
+        ("10,1\n20,nan\n", &["tube.csv:2:4: weight: found nan"]),
+        ("30,1\n900,1\n", &["scene.toml:4:", "source.spectrum: found 900 keV", "0.1 keV to 800"]),
+    ] {
+        let place = Workplace::new().with(energy, "spectrum = \"tube.csv\"");
+        place.file("tube.csv", text).refused(words);
+    }
+    let numbers = "mu = \"20 /m\"\ndelta = 1e-7";
+    let scene = SCENE.replacen(energy, "spectrum = \"tube.csv\"", 1);
+    let scene = scene.replacen("formula = \"C2H4O\"\ndensity = \"1.1 g/cm3\"", numbers, 1);
+    let place = Workplace::new().file("scene.toml", scene);
+    place.file("tube.csv", "20,1\n30,1\n").refused(&["materials.resin", "one energy only"]);
+}
+
+#[test]
 fn tables_of_constants_are_refused_by_line() {
     let table = "formula = \"C2H4O\"\ndensity = \"1.1 g/cm3\"";
     for (text, words) in [

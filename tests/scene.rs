@@ -101,8 +101,8 @@ fn unknown_key_shows_place_caret_and_suggestion() {
     let error = changed("energy = \"30", "enregy = \"30").unwrap_err().to_string();
     assert_eq!(
         error,
-        "scene:5:1: source.enregy: found an unknown key; allowed: distance, spot, energy \
-         (did you mean `energy`?)\n  |\n5 | enregy = \"30 keV\"\n  | ^^^^^^"
+        "scene:5:1: source.enregy: found an unknown key; allowed: distance, spot, energy, \
+         spectrum (did you mean `energy`?)\n  |\n5 | enregy = \"30 keV\"\n  | ^^^^^^"
     );
     let (_, key, _, allowed) = parts(changed("[detector]", "[detectr]"));
     assert_eq!(key, "detectr");

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use beamlet::scene::Scene;
 use beamlet::spectrum::{Spectrum, nodes};
+use proptest::prelude::*;
 
 fn read(text: &str) -> beamlet::Result<Spectrum> {
     let directory = tempfile::tempdir().unwrap();
@@ -160,4 +161,53 @@ fn spectra_that_materials_cannot_serve_are_refused() {
         refused("\"tail.csv\"", &gold)
     );
     assert!(refused(&tube(""), numbers).contains(" nodes"));
+}
+
+/// Rows with energies that ascend from 5 keV to 150 keV at most, and weights over 18 decades.
+fn rows() -> impl Strategy<Value = Vec<(f64, f64)>> {
+    let row = (0.01..3.0_f64, prop_oneof![Just(0.0), (-9.0..9.0_f64).prop_map(|x| 10_f64.powf(x))]);
+    proptest::collection::vec(row, 1..48).prop_map(|steps| {
+        let mut energy = 5.0;
+        let row = |(step, weight): (f64, f64)| {
+            energy += step;
+            (energy, weight)
+        };
+        steps.into_iter().map(row).collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn text_that_is_no_spectrum_never_panics(text in "[0-9eE.,;\\t #\\-\\naninf]{0,200}|\\PC{0,100}") {
+        let _ = read(&text);
+    }
+
+    #[test]
+    fn nodes_of_any_rows_are_a_spectrum_inside_them(rows in rows()) {
+        let text: String = rows.iter().map(|(e, w)| format!("{e:?},{w:?}\n")).collect();
+        let directory = tempfile::tempdir().unwrap();
+        std::fs::write(directory.path().join("tube.csv"), text).unwrap();
+        let scene = format!(
+            "[source]\ndistance = \"1 m\"\nspot = \"0 um\"\nspectrum = \"tube.csv\"\n[detector]\n\
+             distance = \"2 m\"\npixels = [1, 1]\npitch = \"100 um\"\n{}{}",
+            object("calcium carbonate"),
+            object("tin").replace("\"a\"", "\"b\""),
+        );
+        let scene = Scene::from_toml(&scene, directory.path()).unwrap();
+        let bright = rows.iter().any(|row| row.1 > 0.0);
+        let Ok(nodes) = nodes(&scene) else {
+            prop_assert!(!bright);
+            return Ok(());
+        };
+        prop_assert!(bright && (nodes.weights.iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        prop_assert!(nodes.weights.iter().all(|weight| *weight >= 0.0));
+        let (first, last) = (rows[0].0, rows[rows.len() - 1].0);
+        let inside = |energy: &f64| (first * (1.0 - 1e-9)..=last * (1.0 + 1e-9)).contains(energy);
+        prop_assert!(nodes.energies.iter().all(inside), "{nodes:?}");
+        prop_assert!(nodes.energies.windows(2).all(|pair| pair[0] <= pair[1]), "{nodes:?}");
+        // 32 nodes of a part are enough for 47 rows, whatever they are.
+        prop_assert!(nodes.estimated_error <= beamlet::spectrum::TOLERANCE, "{nodes:?}");
+    }
 }

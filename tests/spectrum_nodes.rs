@@ -235,7 +235,7 @@ fn a_detector_that_weights_by_energy_moves_the_mean() {
         rows.map(|(energy, weight)| weight * energy.powi(power)).sum::<f64>()
     };
     let counting = nodes(&scene).unwrap().mean_energy();
-    let integrating = nodes_with(&scene, |energy| Ok(energy)).unwrap().mean_energy();
+    let integrating = nodes_with(&scene, Ok).unwrap().mean_energy();
     // Nodes are Gauss in ln E, so the mean of E itself is theirs only to the tolerance.
     assert!((counting / (mean(1) / mean(0)) - 1.0).abs() < WANTED, "{counting}");
     assert!((integrating / (mean(2) / mean(1)) - 1.0).abs() < WANTED, "{integrating}");

@@ -3,6 +3,7 @@
 use super::axes::{Axes, BELOW, LEFT};
 use super::colour::{SET, SMALL};
 use super::drawing::{Anchor, Area, Drawing, INK, Paint};
+use super::text::short;
 use beamlet::spectrum::Spectrum;
 
 /// Bins of the picture.
@@ -40,8 +41,11 @@ pub(crate) fn draw(title: &str, before: &Spectrum, after: &Spectrum) -> Drawing 
     let axes = Axes { area, x: [0.0, high], y: [0.0, 1.05] };
     axes.grid(&mut drawing);
     let mut left = area.left;
-    for ((name, spectrum), colour) in
-        [("before filters", before), ("after filters", after)].into_iter().zip(SET)
+    let passed: f64 = 100.0 * after.total() / before.total();
+    let passed =
+        format!(", {} % of the photons", short(format!("{passed:.2e}").parse().unwrap_or(passed)));
+    for ((name, share, spectrum), colour) in
+        [("before filters", "", before), ("after filters", &passed, after)].into_iter().zip(SET)
     {
         let bins = density(spectrum, high);
         let most = bins.iter().fold(f64::MIN_POSITIVE, |most, value| value.max(most));
@@ -52,8 +56,7 @@ pub(crate) fn draw(title: &str, before: &Spectrum, after: &Spectrum) -> Drawing 
         let marker = [[mean, 0.0], [mean, 1.05]];
         axes.curve(&mut drawing, marker.into_iter(), Paint::dashed(colour, 1.0, 4.0));
         drawing.line([left, 46.0], [left + 22.0, 46.0], Paint::line(colour, 2.0));
-        let share = 100.0 * spectrum.total() / before.total();
-        let label = format!("{name}: mean {mean:.1} keV, {share:.3} % of the photons");
+        let label = format!("{name}: mean {mean:.1} keV{share}");
         drawing.text([left + 28.0, 50.0], label, SMALL, INK, Anchor::Start);
         left += 330.0;
     }

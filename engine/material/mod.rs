@@ -25,21 +25,14 @@ pub struct Constants {
 /// Constants of the material `name` at the one energy of the scene's source.
 ///
 /// # Errors
-/// A source with a spectrum: ask [`constants_at`] for each of its nodes. An unknown name (with the nearest known one), an energy outside the tables (with their
-/// range), a formula that cannot be read, or a table file that cannot be read.
+/// A source with a spectrum: ask [`constants_at`] for each of its nodes. An unknown name (with
+/// the nearest known one), an energy outside the tables (with their range), a formula or a table
+/// file that cannot be read.
 pub fn constants(scene: &Scene, name: &str) -> Result<Constants> {
     match scene.source.beam.single_energy() {
         Some(energy) => constants_at(scene, name, energy),
         None => Err(Error::scene("source.spectrum", "a spectrum", "one energy for this")),
     }
-}
-
-/// As [`constants`]; an unknown name is an error at `key`, where the scene names it.
-///
-/// # Errors
-/// As [`constants`].
-pub fn constants_for(scene: &Scene, name: &str, key: &str) -> Result<Constants> {
-    constants(scene, name).map_err(|error| named_at(error, key))
 }
 
 /// As [`constants_at`]; an unknown name is an error at `key`, where the scene names it.

@@ -5,7 +5,7 @@ use crate::material::{self, Constants};
 use crate::{Error, Result};
 
 /// Energy, keV, and mass energy-absorption coefficient of dry air, cm2/g: J. H. Hubbell and S. M.
-/// Seltzer, NISTIR 5632 (1995), https://www.nist.gov/pml/x-ray-mass-attenuation-coefficients.
+/// Seltzer, NISTIR 5632 (1995), <https://www.nist.gov/pml/x-ray-mass-attenuation-coefficients>.
 const AIR: [(f64, f64); 28] = [
     (1.0, 3599.0),
     (1.5, 1188.0),
