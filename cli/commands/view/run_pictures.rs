@@ -37,7 +37,9 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun) -> Result<Pictures, Failure> {
     if wants(Show::Profiles) {
         chosen.profiles(&mut pictures)?;
     }
-    if wants(Show::Curve) {
+    // One step makes no curve.
+    let is_asked = asked.show.contains(&Show::Curve) || asked.pixel.is_some();
+    if wants(Show::Curve) && (run.shape()[1] > 1 || is_asked) {
         chosen.curve(&mut pictures)?;
     }
     if run.views() > 1 && wants(Show::Sinograms) {
