@@ -4,6 +4,9 @@ use super::curves::Curve;
 use super::flags;
 use super::shape::Shape;
 
+/// Steps below this, in half widths of the scan and ranges of the curve, end a fit.
+const SETTLED: f64 = 1e-7;
+
 /// What all curves share.
 #[derive(Debug, Clone)]
 pub(super) struct Scan {
@@ -99,11 +102,12 @@ pub(super) fn fit(shape: Shape, scan: &Scan, curve: impl Iterator<Item = f32>) -
         if next_squares <= squares {
             (p, equations, squares) = (next, next_equations, next_squares);
             damping = (damping * 0.1_f64).max(1e-12);
-            settled = length < 1e-9;
+            // What is left is a part of this step.
+            settled = length < SETTLED;
         } else {
             damping *= 8.0;
             // No better place near: at the bottom, to the last digits.
-            settled = length < 1e-8;
+            settled = length < 10.0 * SETTLED;
         }
         if settled || damping > 1e12 {
             break;

@@ -87,7 +87,10 @@ impl Shape {
             Self::Blurred { base, top } => {
                 // Second differences of the ramp's blurred form Q; the area is base^2 - top^2.
                 let area = base * base - top * top;
-                let corners = [(x + base, 1.0), (x + top, -1.0), (x - top, -1.0), (x - base, 1.0)];
+                let corners = [(x + base, 1.0), (x - base, 1.0), (x + top, -1.0), (x - top, -1.0)];
+                // Apertures of one width: the inner corners are one.
+                let middle = [(x + base, 1.0), (x - base, 1.0), (x, -2.0)];
+                let corners = if top > 1e-9 * base { &corners[..] } else { &middle[..] };
                 let sum = corners.iter().fold([0.0; 3], |sum, (v, sign)| {
                     let t = v / spread;
                     let density = (-0.5 * t * t).exp() / (2.0 * PI).sqrt();
