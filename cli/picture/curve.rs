@@ -33,8 +33,13 @@ pub(crate) struct Curve {
     pub(crate) fit: Option<Fit>,
 }
 
-/// Draws curves over mask offsets (m); `notes` are lines beside them.
-pub(crate) fn draw(title: &str, offsets: &[f64], curves: &[Curve], notes: &[String]) -> Drawing {
+/// Draws curves over mask offsets (m); `label` is what they are, `notes` are lines beside them.
+pub(crate) fn draw(
+    [title, label]: [&str; 2],
+    offsets: &[f64],
+    curves: &[Curve],
+    notes: &[String],
+) -> Drawing {
     let fitted = curves.iter().any(|curve| curve.fit.is_some());
     let area = Area::new(LEFT + 14.0, 48.0, 560.0, 330.0);
     let below = Area::new(area.left, area.bottom() + 16.0, area.width, 84.0);
@@ -70,7 +75,7 @@ pub(crate) fn draw(title: &str, offsets: &[f64], curves: &[Curve], notes: &[Stri
         }
         axes.dots(&mut drawing, dots(), dot(colour));
     }
-    axes.frame(&mut drawing, if fitted { "" } else { "mask offset [µm]" }, "intensity");
+    axes.frame(&mut drawing, if fitted { "" } else { "mask offset [µm]" }, label);
     if fitted {
         residuals(&mut drawing, below, x, &micro, offsets, curves);
     }
