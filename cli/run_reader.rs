@@ -5,10 +5,11 @@ use crate::failure::Failure;
 use crate::picture::curve::Fit;
 use crate::picture::quantity::Quantity;
 use crate::picture::text::{rough, short};
-use beamlet::retrieve::{Method, Record};
+use beamlet::retrieve::{Input, Method, Record};
 use beamlet::scene::Scene;
 use beamlet::stack::{Maps, OpenRun, StackFile};
-use ndarray::Array2;
+use ndarray::{Array2, Array3};
+use std::ops::Range;
 use std::path::Path;
 
 /// Directory of the retrieved images in a run.
@@ -23,6 +24,8 @@ pub(crate) struct RunReader {
     maps: Option<Maps>,
     /// retrieved.json.
     record: Option<Record>,
+    /// What was retrieved from, or would be.
+    fitted: Input,
 }
 
 impl RunReader {
@@ -55,7 +58,9 @@ impl RunReader {
             maps = (!of_beamlets).then_some(found);
             record = Some(told);
         }
-        Ok(Self { run, flat, sample, maps, record })
+        let counts = record.as_ref().is_some_and(|record: &Record| record.counts);
+        let fitted = Input::of_run(&run, counts)?;
+        Ok(Self { run, flat, sample, maps, record, fitted })
     }
 
     pub(crate) const fn run(&self) -> &OpenRun {
@@ -138,9 +143,25 @@ impl RunReader {
         }
     }
 
-    /// Whether the images were retrieved from detector numbers.
-    pub(crate) fn fitted_counts(&self) -> bool {
-        self.record.as_ref().is_some_and(|record| record.counts)
+    /// What the values of [`RunReader::fitted_rows`] are.
+    pub(crate) fn fitted_quantity(&self) -> Quantity {
+        match self.fitted.counts() {
+            true => Quantity { label: "detector number less dark".into(), ..Quantity::counts() },
+            false => Quantity::intensity(),
+        }
+    }
+
+    /// Rows of the flat (`None`) or of a view, `[step][row][column]`, as they were fitted:
+    /// intensities, or detector numbers less the dark.
+    pub(crate) fn fitted_rows(
+        &self,
+        view: Option<usize>,
+        rows: Range<u32>,
+    ) -> Result<Array3<f32>, Failure> {
+        Ok(match view {
+            Some(view) => self.fitted.sample_rows(view, rows)?,
+            None => self.fitted.flat_rows(rows)?,
+        })
     }
 
     /// Whether the images hold Gaussians that were fitted to the curves.

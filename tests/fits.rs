@@ -23,9 +23,9 @@ use support::{Worst, engine_with};
 const UM: f64 = 1e-6;
 /// mu and sigma in sigmas, A and b in amplitudes.
 const TOLERANCE: f64 = 1e-5;
-/// The same where the condition number passes 100 and the pixel is flagged; beyond 10,000
-/// rounding of the data alone moves the optimum by more.
-const ILL_TOLERANCE: f64 = 1e-4;
+/// The same where the condition number passes 100 and the pixel is flagged, up to 10,000: f32
+/// parameters of a shallow optimum.
+const ILL_TOLERANCE: f64 = 2e-5;
 
 fn engine() -> support::Checked {
     engine_with(beamlet::EngineOptions::default())

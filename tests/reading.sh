@@ -15,6 +15,7 @@ for format in exr npy; do
         --set 'detector.pixels=[16, 4]' \
         --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }'
 done
+"$beamlet" retrieve run_npy --format npy -q
 
 awk '/^```python$/ { inside = 1; next } /^```$/ { inside = 0 } inside' \
     "$root/docs/reading.md" > reading.py

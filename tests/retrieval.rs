@@ -185,6 +185,47 @@ fn exact_curves_are_free_of_the_gaussians_bias() {
 }
 
 #[test]
+fn exact_curves_of_counts_settle_and_stay_free_of_bias() {
+    // 3000 counts at the peak. 500 draws tell a mean to 0.045 sigma, a spread to 3 %.
+    let offsets = even(11, 25.0);
+    let [flat, sample] = curves(&offsets, 30.0 * UM, true);
+    let mut draws = reference::draws::Draws(11);
+    let rows = 500;
+    let mut counted = |clean: &Array3<f32>| {
+        Array3::from_shape_fn((11, rows, PIXELS), |(step, _, pixel)| {
+            draws.poisson(f64::from(clean[[step, 0, pixel]]) / 0.166 * 3000.0) as f32
+        })
+    };
+    let (flat, sample) = (counted(&flat), counted(&sample));
+    let images = retrieve(&engine(), &scene(&offsets, &[]), Method::ExactCurve, &flat, &sample);
+    let without = images.get("refraction").unwrap().iter().filter(|a| a.is_nan()).count();
+    assert!(without * 1000 < rows * PIXELS, "{without} without an answer");
+    for pixel in 0..PIXELS {
+        for (name, truth) in
+            ["transmission", "refraction", "dark_field"].into_iter().zip(truth(pixel))
+        {
+            let of = |name: &str| -> Vec<f64> {
+                let map = images.get(name).unwrap();
+                map.column(pixel).iter().map(|v| f64::from(*v)).filter(|v| v.is_finite()).collect()
+            };
+            let values = of(name);
+            let n = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / n;
+            let spread = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+            let told = of(&format!("{name}_sigma")).iter().map(|s| s * s).sum::<f64>() / n;
+            println!(
+                "{name}, {pixel}: bias {} spread/told {}",
+                (mean - truth) / spread,
+                spread / told.sqrt()
+            );
+            assert!(((mean - truth) / spread).abs() < 0.2, "{name}, {pixel}: {mean} for {truth}");
+            // Without weights residuals tell the variance of counts only on average over the curve.
+            assert!((0.7..1.4).contains(&(spread / told.sqrt())), "{name}, {pixel}");
+        }
+    }
+}
+
+#[test]
 fn biases_of_the_gaussian_and_of_moments_are_those_that_the_documents_tell() {
     // Contrasts so small that they are slopes; docs/retrieval.md has the table.
     let engine = engine();

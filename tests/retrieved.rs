@@ -7,8 +7,8 @@
 mod reference;
 mod support;
 
-use beamlet::retrieve::{RetrieveOptions, Retriever};
-use reference::closed_form::ThinMasks;
+use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
+use reference::closed_form::{ThinMasks, blurred_overlap};
 use reference::fit::fit;
 use reference::masks::Bars;
 use reference::rays::{Order, Sample};
@@ -89,6 +89,56 @@ fn transmission_of_a_slab_is_retrieved_to_1e_4() {
     let mut refraction = Worst::new("retrieved, slab, refraction angle (rad)", 1e-10);
     let slab = cuboid([6e-3, 4e-3, 6e-3]).rounded();
     compare(&body(slab, CARBON[0], CARBON[1]), &mut transmission, &mut refraction);
+}
+
+/// A sample mask alone before pixels of a tenth of its projected period: each beamlet is a box
+/// of 30 um, blurred, over pixels of 15 um. The closed form of that, fitted in f64 over the same
+/// ten pixels, has the same bias, so that stacks and beam tracking are compared.
+#[test]
+fn beam_tracking_behind_a_single_mask_tells_a_wedge_and_a_slab() {
+    let (mut setup, masks) = set_up();
+    setup.detector_mask = None;
+    setup.pitch = [15e-6, 150e-6];
+    setup.pixels = [320, 1];
+    let blur = 0.5 * masks.sigma;
+    let pixels: Vec<f64> = (0..10).map(|i| (f64::from(i) - 4.5) * 15e-6).collect();
+    let profile = |dimmed: f64, shift: f64| -> Vec<f64> {
+        let pixel = |x: f64| {
+            (-1..=1)
+                .map(|k| blurred_overlap(x - shift - f64::from(k) * 150e-6, 30e-6, 15e-6, blur))
+                .sum::<f64>()
+                / 15e-6
+        };
+        pixels.iter().map(|x| dimmed * pixel(*x)).collect()
+    };
+    let bodies = [
+        body(wedge(2.4e-3, 0.8, 6e-3).moved([-1.2e-3, -1.2e-3, 0.0]).rounded(), 0.0, CARBON[1]),
+        body(cuboid([6e-3, 4e-3, 6e-3]).rounded(), CARBON[0], 0.0),
+    ];
+    let mut transmission = Worst::new("beam tracking, transmission", 1e-5);
+    let mut refraction = Worst::new("beam tracking, refraction angle (rad)", 1e-10);
+    for of in &bodies {
+        let sample = Sample::new(std::slice::from_ref(of), 1.21, 0.0);
+        let scene = scenes::scene(&setup, std::slice::from_ref(of), &[0.0]);
+        let engine = engine(backends()[0]);
+        let stacks = engine.simulate(&scene).unwrap();
+        let options = RetrieveOptions { method: Method::Beamlet, ..RetrieveOptions::default() };
+        let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
+        retriever.set_flat_array(stacks.flat.view()).unwrap();
+        let images =
+            retriever.retrieve_array(stacks.sample.index_axis(ndarray::Axis(0), 0)).unwrap();
+        assert_eq!(images.get("transmission").unwrap().dim(), (1, 32));
+        for beamlet in 9..23 {
+            let centre = (f64::from(beamlet) + 0.5 - 16.0) * 150e-6;
+            let ray = setup.trace(&sample, [0.0; 2], [centre, 0.0], Order::Exact);
+            let f = fit(&pixels, &profile(1.0, 0.0));
+            let s = fit(&pixels, &profile((-ray.optical_depth).exp(), ray.displacement[0]));
+            let [t, a] = ["transmission", "refraction"]
+                .map(|name| f64::from(images.get(name).unwrap()[[0, beamlet as usize]]));
+            transmission.take(t - s[0] * s[2] / (f[0] * f[2]), || format!("beamlet {beamlet}"));
+            refraction.take(a - (s[1] - f[1]) / 0.59, || format!("beamlet {beamlet}: {a}"));
+        }
+    }
 }
 
 #[test]

@@ -193,6 +193,14 @@ fn what_is_no_stack_is_refused_with_what_was_found() {
         assert!(read.is_err(), "{cut} of {} bytes", bytes.len());
     }
 
+    // A page that claims 4 billion columns: refused before memory is taken for it.
+    let wide = bytes.windows(12).position(|w| w[..8] == [0, 1, 4, 0, 1, 0, 0, 0]);
+    let mut hollow = bytes.clone();
+    let at = wide.expect("the tag of the width");
+    hollow[at + 8..at + 12].copy_from_slice(&[0xff; 4]);
+    fs::write(&path, hollow).unwrap();
+    assert!(refusal(&path).contains("claims"), "{}", refusal(&path));
+
     let path = folder.path().join("a.exr");
     exr_frame(&path, &Array2::zeros((40, 30)));
     let bytes = fs::read(&path).unwrap();

@@ -218,6 +218,36 @@ fn the_curve_shows_the_intensities_of_the_pixel_at_their_places() {
 }
 
 #[test]
+fn curves_of_counts_are_drawn_less_their_dark() {
+    let place = run_with_maps();
+    let run = place.path().join("run");
+    fs::create_dir(run.join("counts")).unwrap();
+    // A flat of 1000 above a dark of 100 at the middle step; the fit says the same.
+    let mut flat = Array3::<f32>::from_elem((5, 4, 16), 100.0);
+    flat[[2, 1, 6]] = 1100.0;
+    write_npy(run.join("counts/flat.npy"), &flat).unwrap();
+    write_npy(run.join("counts/sample.npy"), &Array4::<f32>::from_elem((2, 5, 4, 16), 100.0))
+        .unwrap();
+    write_npy(run.join("dark.npy"), &Array3::<f32>::from_elem((3, 4, 16), 100.0)).unwrap();
+    let record = Record { method: "moments".into(), counts: true, ..Record::default() };
+    let text = serde_json::to_string(&record).unwrap();
+    fs::write(run.join("retrieved/retrieved.json"), text).unwrap();
+    done(place.path(), "view run -o pictures --show curve,frames --pixel 6,1");
+    let curve = picture(&place.path().join("pictures/curve_view_0000_column_0006_row_0001.png"));
+    // From a twentieth below 0 to a twentieth above 1000; moments fit no Gaussian.
+    let down = |value: f64| 48.0 + 330.0 * (1.0 - (value + 50.0) / 1100.0);
+    let middle = 94.0 + 560.0 / 2.0;
+    assert_eq!(colour(&curve, middle, down(1000.0)), [0, 114, 178], "the flat's peak");
+    assert_eq!(colour(&curve, middle, down(0.0)), [213, 94, 0], "the sample's is dark");
+    for name in ["counts_flat_step_002.png", "flat_step_002.png"] {
+        assert!(inked(&picture(&place.path().join("pictures").join(name)), 0..600) > 0.1);
+    }
+    done(place.path(), "report run");
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("detector number less dark"));
+}
+
+#[test]
 fn the_same_pictures_come_from_exr_frames() {
     let place = run_with_maps();
     done(place.path(), "simulate scene.toml -o exr --format exr -q");

@@ -7,7 +7,7 @@
 )]
 
 use super::colour::SMALL;
-use super::drawing::{Anchor, Area, Drawing, FAINT, INK, Paint};
+use super::drawing::{Anchor, Area, Drawing, FAINT, INK, Paint, text_width};
 
 /// Room that axes take to the left of and below their area.
 pub(crate) const LEFT: f64 = 80.0;
@@ -50,11 +50,13 @@ pub(crate) fn ticks(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
 }
 
 /// A rectangle of paper over a range of x and y; y grows upwards from `y[0]` to `y[1]`.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Axes {
     pub(crate) area: Area,
     pub(crate) x: [f64; 2],
     pub(crate) y: [f64; 2],
+    /// Values of y with their texts, where they are not to be round numbers.
+    pub(crate) marks: Vec<(f64, String)>,
 }
 
 impl Axes {
@@ -106,11 +108,26 @@ impl Axes {
     }
 
     fn ticks_across(&self) -> Vec<(f64, String)> {
-        between(self.x, (self.area.width / 75.0) as usize)
+        let most = ((self.area.width / 75.0) as usize).clamp(3, 10);
+        let wide = |text: &str| text_width(text, SMALL) + 12.0;
+        // As many as have room beside each other.
+        let fit = |ticks: &Vec<(f64, String)>| {
+            ticks.windows(2).all(|pair| {
+                let apart = self.across(pair[1].0) - self.across(pair[0].0);
+                apart.abs() >= (wide(&pair[0].1) + wide(&pair[1].1)) / 2.0
+            })
+        };
+        let choices = (1..=most).rev().map(|count| between(self.x, count));
+        choices.into_iter().find(fit).unwrap_or_default()
     }
 
     fn ticks_down(&self) -> Vec<(f64, String)> {
-        between(self.y, (self.area.height / 50.0) as usize)
+        let most = ((self.area.height / 50.0) as usize).clamp(3, 10);
+        if self.marks.is_empty() {
+            return between(self.y, most);
+        }
+        let every = self.marks.len().div_ceil(2 * most);
+        self.marks.iter().step_by(every).cloned().collect()
     }
 
     /// Draws a line through points, cut at the frame.
@@ -155,7 +172,7 @@ impl Axes {
 
 /// Ticks of an axis, which may run downwards.
 fn between([a, b]: [f64; 2], count: usize) -> Vec<(f64, String)> {
-    ticks(a.min(b), a.max(b), count.clamp(3, 10))
+    ticks(a.min(b), a.max(b), count)
 }
 
 /// A range with a twentieth of room on either side; never empty.
@@ -183,7 +200,7 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_told_with_the_digits_they_need() {
-        assert_eq!(texts(-9.6, 9.6, 5), ["−8", "−6", "−4", "−2", "0", "2", "4", "6", "8"]);
+        assert_eq!(texts(-9.6, 9.6, 8), ["−8", "−6", "−4", "−2", "0", "2", "4", "6", "8"]);
         assert_eq!(texts(0.0, 0.17, 4), ["0", "0.05", "0.10", "0.15"]);
         assert_eq!(texts(0.9, 1.0, 2), ["0.90", "0.95", "1.00"]);
         assert_eq!(texts(0.0, 2e-9, 2), ["0", "1e−9", "2e−9"]);
@@ -192,7 +209,12 @@ mod tests {
 
     #[test]
     fn y_grows_upwards_on_the_paper() {
-        let axes = Axes { area: Area::new(10.0, 20.0, 100.0, 50.0), x: [0.0, 1.0], y: [-1.0, 1.0] };
+        let axes = Axes {
+            area: Area::new(10.0, 20.0, 100.0, 50.0),
+            x: [0.0, 1.0],
+            y: [-1.0, 1.0],
+            ..Axes::default()
+        };
         let near = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) < 1e-12;
         assert!(near(axes.at([0.0, 1.0]), [10.0, 20.0]));
         assert!(near(axes.at([1.0, -1.0]), [110.0, 70.0]));

@@ -26,6 +26,9 @@ pub(crate) const SET: [Rgb; 7] = [
     [86, 180, 233],
     [150, 140, 40],
 ];
+/// Where all but the outermost values take less than this share of the range, the outermost are
+/// what the picture shows, and nothing is cut.
+const SPARSE: f64 = 0.1;
 /// Share of the values on either side that may lie beyond a scale.
 const TAIL: f64 = 0.02;
 /// Type size of numbers at bars and axes.
@@ -81,8 +84,9 @@ pub(crate) struct Scale {
 }
 
 impl Scale {
-    /// The scale of some values: all of them, unless the outermost [`TAIL`] on either side would
-    /// take more than a third of the range, as silhouettes do. Symmetric about zero for the diverging map.
+    /// The scale of some values: all of them, but for the outermost [`TAIL`] on a side where
+    /// they would take more than a third as much as all others, as silhouettes do. Symmetric
+    /// about zero for the diverging map.
     /// A dark field is positive but for the bias of a fit; where its negative values matter it
     /// takes the diverging map, so that zero is seen.
     pub(crate) fn of(map: Map, values: impl Iterator<Item = f64>) -> Self {
@@ -100,17 +104,22 @@ impl Scale {
         };
         let share = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
         let (mut low, mut high) = (least, most);
-        match map {
-            Map::Diverging => {
-                if most > 1.5 * share(1.0 - TAIL) {
-                    high = share(1.0 - TAIL);
-                }
-                low = -high;
+        if map == Map::Diverging {
+            let inner = share(1.0 - TAIL);
+            if most > 4.0 / 3.0 * inner && inner > SPARSE * most {
+                high = inner;
             }
-            _ if most - least > 1.5 * (share(1.0 - TAIL) - share(TAIL)) => {
-                (low, high) = (share(TAIL), share(1.0 - TAIL));
+            low = -high;
+        } else {
+            let inner = [share(TAIL), share(1.0 - TAIL)];
+            let third = (inner[1] - inner[0]) / 3.0;
+            let is_sparse = inner[1] - inner[0] < SPARSE * (most - least);
+            if inner[0] - least > third && !is_sparse {
+                low = inner[0];
             }
-            _ => {}
+            if most - inner[1] > third && !is_sparse {
+                high = inner[1];
+            }
         }
         // A flat picture still needs a scale, and rounding is no structure.
         let least_span = 1e-6 * high.abs().max(low.abs()).max(1e-30);
@@ -191,9 +200,13 @@ mod tests {
 
     #[test]
     fn outliers_do_not_take_the_range_and_the_bar_tells() {
-        let values = (0..10_000).map(|i| f64::from(i % 100)).chain([1e9]);
+        let values = (0..10_000).map(|i| f64::from(i % 100)).chain([900.0]);
         let scale = Scale::of(Map::Viridis, values);
         assert!(scale.high < 100.0 && scale.beyond == [false, true], "{scale:?}");
+        // A thin wire alone in the picture is no outlier.
+        let wire = (0..10_000).map(|i| if i < 50 { 3e-6 } else { 1e-9 });
+        let scale = Scale::of(Map::Diverging, wire);
+        assert!(scale.high > 2e-6 && scale.beyond == [false; 2], "{scale:?}");
         assert!(Scale::of(Map::Viridis, [2.0; 5].into_iter()).low < 2.0);
         assert_eq!(scale.colour(f64::NAN), NO_VALUE);
     }

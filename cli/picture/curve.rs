@@ -33,8 +33,13 @@ pub(crate) struct Curve {
     pub(crate) fit: Option<Fit>,
 }
 
-/// Draws curves over mask offsets (m); `notes` are lines beside them.
-pub(crate) fn draw(title: &str, offsets: &[f64], curves: &[Curve], notes: &[String]) -> Drawing {
+/// Draws curves over mask offsets (m); `label` is what they are, `notes` are lines beside them.
+pub(crate) fn draw(
+    [title, label]: [&str; 2],
+    offsets: &[f64],
+    curves: &[Curve],
+    notes: &[String],
+) -> Drawing {
     let fitted = curves.iter().any(|curve| curve.fit.is_some());
     let area = Area::new(LEFT + 14.0, 48.0, 560.0, 330.0);
     let below = Area::new(area.left, area.bottom() + 16.0, area.width, 84.0);
@@ -43,7 +48,11 @@ pub(crate) fn draw(title: &str, offsets: &[f64], curves: &[Curve], notes: &[Stri
     drawing.text([area.left, 28.0], title, 17.0, INK, Anchor::Start);
 
     let micro: Vec<f64> = offsets.iter().map(|offset| 1e6 * offset).collect();
-    let x = roomy(micro.iter().copied());
+    let x = match roomy(micro.iter().copied()) {
+        // One step, or several at one offset.
+        [low, high] if high - low < 1e-3 => [low - 1.0, high + 1.0],
+        range => range,
+    };
     let fine: Vec<f64> = (0..=300).map(|i| x[0] + (x[1] - x[0]) * f64::from(i) / 300.0).collect();
     let values = curves.iter().flat_map(|curve| curve.values.iter().copied());
     let of_fits = curves.iter().filter_map(|curve| curve.fit).flat_map(|fit| {
@@ -51,7 +60,7 @@ pub(crate) fn draw(title: &str, offsets: &[f64], curves: &[Curve], notes: &[Stri
         offsets.into_iter().map(move |offset| fit.at(offset))
     });
     let [low, high] = roomy(values.chain(of_fits));
-    let axes = Axes { area, x, y: [low.min(0.0), high] };
+    let axes = Axes { area, x, y: [low.min(0.0), high], ..Axes::default() };
     axes.grid(&mut drawing);
     for (curve, colour) in curves.iter().zip(SET) {
         let dots = || micro.iter().zip(&curve.values).map(|(x, y)| [*x, *y]);
@@ -66,7 +75,7 @@ pub(crate) fn draw(title: &str, offsets: &[f64], curves: &[Curve], notes: &[Stri
         }
         axes.dots(&mut drawing, dots(), dot(colour));
     }
-    axes.frame(&mut drawing, if fitted { "" } else { "mask offset [µm]" }, "intensity");
+    axes.frame(&mut drawing, if fitted { "" } else { "mask offset [µm]" }, label);
     if fitted {
         residuals(&mut drawing, below, x, &micro, offsets, curves);
     }
@@ -93,7 +102,7 @@ fn residuals(
     let all: Vec<Vec<f64>> = curves.iter().map(left).collect();
     let [low, high] = roomy(all.iter().flatten().copied());
     let most = low.abs().max(high.abs());
-    let axes = Axes { area, x, y: [-most, most] };
+    let axes = Axes { area, x, y: [-most, most], ..Axes::default() };
     axes.grid(drawing);
     let zero = [[x[0], 0.0], [x[1], 0.0]];
     axes.curve(drawing, zero.into_iter(), Paint::line(GREY, 0.8));

@@ -11,7 +11,7 @@ pub(crate) const GREY: Rgb = [120, 120, 128];
 pub(crate) const FAINT: Rgb = [214, 214, 220];
 
 /// Left, top, width, height.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Area {
     pub(crate) left: f64,
     pub(crate) top: f64,

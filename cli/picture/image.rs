@@ -31,11 +31,12 @@ pub(crate) fn draw(
     words: &Words,
 ) -> Drawing {
     let (x, z) = (mm(scene, 0), mm(scene, 1));
-    on_axes(values, quantity, scale, words, [x, z], ["x on the detector [mm]", "z [mm]"], true)
+    let labels = ["x on the detector [mm]", "z [mm]"];
+    on_axes(values, quantity, scale, words, ([x, z], Vec::new()), labels, true)
 }
 
-/// Draws `[view][column]` values, view 0 on top, over angles in degrees where they are evenly
-/// spaced and over the number of the view otherwise.
+/// Draws `[view][column]` values, view 0 on top, over angles in degrees; where these are not
+/// evenly spaced every view is as high as any other, with its angle beside it.
 pub(crate) fn sinogram(
     scene: &Scene,
     values: ArrayView2<'_, f64>,
@@ -46,17 +47,19 @@ pub(crate) fn sinogram(
     let angles: Vec<f64> = scene.scan.angles.iter().map(|angle| angle.to_degrees()).collect();
     let shown = &angles[..values.nrows().min(angles.len())];
     let even = shown.windows(3).all(|w| ((w[2] - w[1]) - (w[1] - w[0])).abs() < 1e-6);
-    let (y, label) = match shown {
-        [first, second, .., last] | [first, second @ last]
-            if even && (second - first).abs() > 1e-9 =>
-        {
+    let (y, marks) = match shown {
+        [first, second, .., last] | [first, second @ last] if even && second > first => {
             let half = (second - first) / 2.0;
-            ([last + half, first - half], "angle [°]")
+            ([last + half, first - half], Vec::new())
         }
-        _ => ([values.nrows() as f64 - 0.5, -0.5], "view"),
+        _ => {
+            let mark = |(view, angle): (usize, &f64)| (view as f64, super::text::short(*angle));
+            let marks = shown.iter().enumerate().map(mark).collect();
+            ([values.nrows() as f64 - 0.5, -0.5], marks)
+        }
     };
-    let labels = ["x on the detector [mm]", label];
-    on_axes(values, quantity, scale, words, [mm(scene, 0), y], labels, false)
+    let labels = ["x on the detector [mm]", "angle [°]"];
+    on_axes(values, quantity, scale, words, ([mm(scene, 0), y], marks), labels, false)
 }
 
 /// Range of x (axis 0) or z (axis 1) on the detector, mm.
@@ -70,7 +73,7 @@ fn on_axes(
     quantity: &Quantity,
     scale: &Scale,
     words: &Words,
-    [x, y]: [[f64; 2]; 2],
+    ([x, y], marks): ([[f64; 2]; 2], Vec<(f64, String)>),
     labels: [&str; 2],
     equal: bool,
 ) -> Drawing {
@@ -85,7 +88,7 @@ fn on_axes(
     let mut drawing = Drawing::new(right.max(least), area.bottom() + BELOW + 6.0);
     let pixels = values.iter().map(|value| scale.colour(*value)).collect();
     drawing.pixels(area, values.ncols(), pixels);
-    Axes { area, x, y }.frame(&mut drawing, labels[0], labels[1]);
+    Axes { area, x, y, marks }.frame(&mut drawing, labels[0], labels[1]);
     drawing.text([area.left, 26.0], words.title.clone(), 17.0, INK, Anchor::Start);
     drawing.text([area.left, 46.0], words.note.clone(), SMALL, GREY, Anchor::Start);
     let bar = Area::new(area.right() + 20.0, area.top + 12.0, 16.0, area.height - 24.0);

@@ -50,7 +50,12 @@ pub(crate) fn draw(title: &str, x: &[f64], across: &str, panels: &[Panel]) -> Dr
     let mut top = 46.0;
     for (index, panel) in panels.iter().enumerate() {
         let area = Area::new(LEFT + 14.0, top, 700.0, HEIGHT);
-        let axes = Axes { area, x: range, y: roomy(panel.lines.iter().flat_map(Line::reach)) };
+        let axes = Axes {
+            area,
+            x: range,
+            y: roomy(panel.lines.iter().flat_map(Line::reach)),
+            ..Axes::default()
+        };
         axes.grid(&mut drawing);
         if panel.zero {
             let zero = [[range[0], 0.0], [range[1], 0.0]];
@@ -74,8 +79,12 @@ pub(crate) fn draw(title: &str, x: &[f64], across: &str, panels: &[Panel]) -> Dr
                     drawing.clip(None);
                 }
             }
-            let points = x.iter().zip(&line.values).map(|(x, y)| [*x, *y]);
-            axes.curve(&mut drawing, points, Paint::line(colour, 1.6));
+            let points = || x.iter().zip(&line.values).map(|(x, y)| [*x, *y]);
+            axes.curve(&mut drawing, points(), Paint::line(colour, 1.6));
+            // Few pixels show as what they are; one would not show at all.
+            if x.len() <= 24 {
+                axes.dots(&mut drawing, points(), Paint::fill(colour));
+            }
         }
         let last = index + 1 == panels.len();
         axes.frame(&mut drawing, if last { across } else { "" }, &panel.label);

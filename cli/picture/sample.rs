@@ -29,7 +29,7 @@ const CROSSINGS: u32 = 48;
 /// Opacity of surfaces of an object with something inside, seen face on.
 const TRANSLUCENT: f64 = 0.16;
 /// Rays across a pixel where the picture changes.
-const FINE: usize = 4;
+const FINE: usize = 3;
 const SIZE: f64 = 760.0;
 const SCALE: f64 = 1.5;
 

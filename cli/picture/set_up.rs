@@ -37,11 +37,17 @@ fn caption(scene: &Scene) -> String {
         1 => "1 view".to_owned(),
         count => format!("{count} views (angle 0 is drawn)"),
     };
+    let magnification = match scene.sample_mask {
+        Some(_) => format!(" · mask magnification {:.4}", scene.magnification()),
+        None => String::new(),
+    };
+    let steps = match scene.mask_steps() {
+        1 => "1 mask step".to_owned(),
+        count => format!("{count} mask steps"),
+    };
     format!(
-        "focal spot {spot} · detector {columns} × {rows} pixels of {x} × {z} · mask magnification \
-         {:.4} · {views} · {} mask steps",
-        scene.magnification(),
-        scene.mask_steps()
+        "focal spot {spot} · detector {columns} × {rows} pixels of {x} × {z}{magnification} · \
+         {views} · {steps}"
     )
 }
 
@@ -61,7 +67,12 @@ fn overview(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop
     let reach = sample.vertices.iter().map(|v| v.x.abs()).fold(half_width(scene), f64::max) * 1.18;
     let total = scene.detector.distance;
     // x grows downwards, as it does seen from above with the beam to the right.
-    let axes = Axes { area, x: [-0.04 * total, 1.035 * total], y: [1e3 * reach, -1e3 * reach] };
+    let axes = Axes {
+        area,
+        x: [-0.04 * total, 1.035 * total],
+        y: [1e3 * reach, -1e3 * reach],
+        ..Axes::default()
+    };
     let half = 1e3 * half_width(scene);
     let fan = vec![axes.at([0.0, 0.0]), axes.at([total, -half]), axes.at([total, half])];
     drawing.path(fan, true, Paint { fill: Some((BEAM, 0.22)), ..Paint::line(BEAM, 1.0) });
@@ -230,7 +241,7 @@ fn insets(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop])
 fn sample_inset(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop], area: Area) {
     let reach = sample.vertices.iter().map(|v| v.x.hypot(v.y)).fold(0.0, f64::max);
     let half = 1e3 * reach.max(1e-6) * 1.3;
-    let axes = Axes { area, x: [-half, half], y: [half, -half] };
+    let axes = Axes { area, x: [-half, half], y: [half, -half], ..Axes::default() };
     drawing.clip(Some(area));
     for mask in [&scene.sample_mask, &scene.detector_mask].into_iter().flatten() {
         let y = 1e3 * beyond(scene, mask.distance);
@@ -246,14 +257,17 @@ fn sample_inset(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[
     axes.frame(drawing, "y from the rotation centre [mm]", "x [mm]");
     let title = "sample: section at z = 0, outline dashed";
     drawing.text([area.left, area.top - 10.0], title, 13.0, INK, Anchor::Start);
-    let mut x = area.left;
-    for material in palette::materials(scene).into_iter().take(5) {
-        let y = area.bottom() + BELOW + 16.0;
+    let (mut x, mut y) = (area.left, area.bottom() + BELOW + 16.0);
+    for material in palette::materials(scene).into_iter().take(6) {
+        let wide = 17.0 + text_width(material, SMALL) + 16.0;
+        if x > area.left && x + wide > area.right() + 40.0 {
+            (x, y) = (area.left, y + 17.0);
+        }
         let colour = palette::colour_of(scene, material);
         let paint = Paint { fill: Some((pale(colour, 0.55), 1.0)), ..Paint::line(colour, 1.0) };
         drawing.area(Area::new(x, y - 10.0, 12.0, 12.0), paint);
         drawing.text([x + 17.0, y], material, SMALL, INK, Anchor::Start);
-        x += 17.0 + text_width(material, SMALL) + 16.0;
+        x += wide;
     }
 }
 
@@ -261,7 +275,7 @@ fn sample_inset(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[
 fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str, area: Area) {
     let thickness = mask.body.thickness();
     let half = 1e6 * (1.6 * mask.period).max(0.62 * thickness);
-    let axes = Axes { area, x: [-half, half], y: [half, -half] };
+    let axes = Axes { area, x: [-half, half], y: [half, -half], ..Axes::default() };
     let columns = f64::from(scene.detector.pixels[0]);
     drawing.clip(Some(area));
     // The light of the apertures, and the rows of pixels behind.

@@ -11,7 +11,6 @@ use crate::failure::Failure;
 use crate::picture::colour::{Map, Scale};
 use crate::picture::quantity::Quantity;
 use crate::run_reader::RunReader;
-use beamlet::stack::StackFile;
 use ndarray::{Array2, ArrayView2};
 use serde_json::{Value, json};
 
@@ -109,7 +108,7 @@ impl Quantised {
 
 /// Gathers everything that the page shows as images.
 pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
-    let [views, steps, rows, columns] = run.shape();
+    let [all_views, steps, rows, columns] = run.shape();
     let names: Vec<&str> = run.maps().map_or(Vec::new(), |maps| maps.names().collect());
     let has = |name: &str| names.contains(&name);
     let fits = |of: &str| FIT.map(|part| format!("{of}_{part}"));
@@ -120,15 +119,16 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
         steps + contrasts.len() + usize::from(has("flags")) + if fitted { FIT.len() } else { 0 };
     let more = steps + if fitted { FIT.len() } else { 0 };
     let thinning = Thinning::of(run.shape(), of_view, more, most);
-    let retrieved = run.maps().map_or(views, |maps| maps.views());
-    let kept: Vec<usize> = (0..views.min(retrieved)).step_by(thinning.every).collect();
+    let retrieved = run.maps().map_or(all_views, |maps| maps.views());
+    let kept: Vec<usize> = (0..all_views.min(retrieved)).step_by(thinning.every).collect();
 
     let start = [run.striking_column(0, rows / 2)? / thinning.bin, rows / 2 / thinning.bin];
     let mut arrays = Vec::new();
     let mut images = serde_json::Map::new();
-    let intensity = Quantity::intensity();
-    let flat = frames(run.flat(), &[0], thinning)?;
-    let sample = frames(run.sample(), &kept, thinning)?;
+    let intensity = run.fitted_quantity();
+    let flat = frames(run, &[None], thinning)?;
+    let views: Vec<Option<usize>> = kept.iter().copied().map(Some).collect();
+    let sample = frames(run, &views, thinning)?;
     // One scale for all steps and views: sliders show how the light changes.
     let scale = Scale::of(intensity.map, flat.iter().chain(&sample).copied());
     for (name, values) in [("flat", flat), ("sample", sample)] {
@@ -184,7 +184,8 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
         ));
     }
     if every > 1 {
-        notes.push(format!("Of {views} views every {every}th is in this page: {}.", kept.len()));
+        notes
+            .push(format!("Of {all_views} views every {every}th is in this page: {}.", kept.len()));
     }
     if bin > 1 || every > 1 {
         notes.push(format!(
@@ -223,11 +224,17 @@ fn image(
     })
 }
 
-/// `[view][step][row][column]` of some views.
-fn frames(stack: &StackFile, views: &[usize], thinning: Thinning) -> Result<Vec<f64>, Failure> {
+/// `[view][step][row][column]` of some views; `None` is the flat.
+fn frames(
+    run: &RunReader,
+    views: &[Option<usize>],
+    thinning: Thinning,
+) -> Result<Vec<f64>, Failure> {
+    let [_, _, rows, _] = run.shape();
+    let rows = u32::try_from(rows).unwrap_or(u32::MAX);
     let mut values = Vec::new();
     for view in views {
-        for frame in stack.view(*view)?.outer_iter() {
+        for frame in run.fitted_rows(*view, 0..rows)?.outer_iter() {
             values.extend(thinning.binned(frame));
         }
     }

@@ -252,7 +252,7 @@ function drawCurve() {
   const top = Math.max(...curves.flatMap((curve) => curve.values).filter(Number.isFinite));
   const low = Math.min(0, ...curves.flatMap((curve) => curve.values).filter(Number.isFinite));
   const y = [low - .08 * (top - low), top + .08 * (top - low) || 1];
-  const paper = axes(context, area, x, y, ["mask offset [µm]", "intensity"]);
+  const paper = axes(context, area, x, y, ["mask offset [µm]", images.flat.label]);
   context.save();
   context.beginPath();
   context.rect(area.left, area.top, area.width, area.height);
@@ -306,7 +306,7 @@ function fillTable() {
   }
   if (flagsAt(pixel)) lines.push(["flags", flagsAt(pixel), ""]);
   lines.push(["", "flat", "sample"]);
-  lines.push(["intensity at the step", ...["flat", "sample"].map((name) => told(valueAt(name, frame(name), pixel)))]);
+  lines.push(["value at the step", ...["flat", "sample"].map((name) => told(valueAt(name, frame(name), pixel)))]);
   if (fitted) {
     const fits = [fitOf("flat"), fitOf("sample")];
     [["amplitude A", ""], ["centre µ", "µm"], ["width σ", "µm"], ["background b", ""]].forEach(([what, unit], i) =>

@@ -4,6 +4,9 @@ use super::curves::Curve;
 use super::flags;
 use super::shape::Shape;
 
+/// Steps below this, in half widths of the scan and ranges of the curve, end a fit.
+const SETTLED: f64 = 1e-7;
+
 /// What all curves share.
 #[derive(Debug, Clone)]
 pub(super) struct Scan {
@@ -87,23 +90,31 @@ pub(super) fn fit(shape: Shape, scan: &Scan, curve: impl Iterator<Item = f32>) -
     let [scale, spread] = shape.guess(area, deviation);
     let mut p = [scale, centre, spread, values.least];
     // Steps are judged in these.
-    let units = [values.most - values.least, unit, unit, values.most - values.least];
+    let [least_spread, spread_unit] = shape.limits(unit);
+    let units = [values.most - values.least, unit, spread_unit, values.most - values.least];
     let (mut equations, mut squares) = normal(shape, points, &p);
     let (mut damping, mut settled) = (1e-3, false);
     for _ in 0..200 {
         let Some(step) = solve(&equations, damping) else { break };
         let mut next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
-        next[2] = next[2].clamp(0.3 * p[2], 3.0 * p[2]);
+        next[2] = next[2].clamp(0.1 * p[2], 10.0 * p[2]).max(least_spread);
         let (next_equations, next_squares) = normal(shape, points, &next);
         let length = (0..4).map(|i| (next[i] - p[i]).abs() / units[i]).fold(0.0, f64::max);
         if next_squares <= squares {
+            // Nielsen's rule: by how well the step was foretold.
+            let foretold: f64 = (0..4)
+                .map(|i| step[i] * (damping * equations[i][i] * step[i] + equations[i][4]))
+                .sum();
+            let ratio = (squares - next_squares) / foretold.max(f64::MIN_POSITIVE);
+            let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
             (p, equations, squares) = (next, next_equations, next_squares);
-            damping = (damping * 0.1_f64).max(1e-12);
-            settled = length < 1e-9;
+            damping = (damping * factor).clamp(1e-12, 1e12);
+            // What is left is a part of this step.
+            settled = length < SETTLED;
         } else {
             damping *= 8.0;
             // No better place near: at the bottom, to the last digits.
-            settled = length < 1e-8;
+            settled = length < 10.0 * SETTLED;
         }
         if settled || damping > 1e12 {
             break;
@@ -120,15 +131,15 @@ pub(super) fn fit(shape: Shape, scan: &Scan, curve: impl Iterator<Item = f32>) -
     if p[1] < low || p[1] > high {
         flags |= flags::OUTSIDE;
     }
-    let narrowest = unit / points.len() as f64;
-    if !(p[2] > 0.1 * narrowest && p[2] < 4.0 * unit) {
-        flags |= flags::WIDTH;
-    }
+
     let of = |i: usize, j: usize| covariance.as_ref().map_or(f64::NAN, |c| variance * c[i][j]);
     if p[0] <= 0.0 || p[0] <= 3.0 * of(0, 0).sqrt() {
         flags |= flags::NO_PEAK;
     }
     let [area, width] = shape.area_and_width(&p);
+    if !(p[2] > 1.01 * least_spread && width[0] < 2.0 * unit) {
+        flags |= flags::WIDTH;
+    }
     let sigma = |[_, by_scale, by_spread]: [f64; 3]| {
         let v = by_scale * by_scale * of(0, 0)
             + 2.0 * by_scale * by_spread * of(0, 2)

@@ -15,7 +15,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Bytes of a band of rows with all its steps.
+/// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
+/// takes seconds, a sixteenth of it, so that a retrieval can be stopped.
 const BAND: usize = 48 << 20;
 
 /// How to retrieve.
@@ -280,7 +281,8 @@ impl Retriever {
         mut work: impl FnMut(Range<u32>, &mut RetrieveControl<'_>) -> Result<()>,
     ) -> Result<()> {
         let row_bytes = (4 * steps * columns).max(1);
-        let height = u32::try_from(BAND / row_bytes).unwrap_or(u32::MAX).max(1);
+        let bytes = if self.fitter.is_some() { BAND } else { BAND / 16 };
+        let height = u32::try_from(bytes / row_bytes).unwrap_or(u32::MAX).max(1);
         let mut start = 0;
         while start < rows {
             if control.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {

@@ -46,6 +46,8 @@ impl MaskShape {
 }
 
 /// A shape with four unknowns: scale, centre, spread, background. Lengths are those of offsets.
+/// The spread is what the curve is most nearly linear in: half the base of a trapezoid, the
+/// variance of a blur.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Shape {
     /// Height 1 between `-top` and `top`, falling to 0 at the spread.
@@ -85,9 +87,13 @@ impl Shape {
                 }
             }
             Self::Blurred { base, top } => {
+                let spread = spread.sqrt();
                 // Second differences of the ramp's blurred form Q; the area is base^2 - top^2.
                 let area = base * base - top * top;
-                let corners = [(x + base, 1.0), (x + top, -1.0), (x - top, -1.0), (x - base, 1.0)];
+                let corners = [(x + base, 1.0), (x - base, 1.0), (x + top, -1.0), (x - top, -1.0)];
+                // Apertures of one width: the inner corners are one.
+                let middle = [(x + base, 1.0), (x - base, 1.0), (x, -2.0)];
+                let corners = if top > 1e-9 * base { &corners[..] } else { &middle[..] };
                 let sum = corners.iter().fold([0.0; 3], |sum, (v, sign)| {
                     let t = v / spread;
                     let density = (-0.5 * t * t).exp() / (2.0 * PI).sqrt();
@@ -95,7 +101,7 @@ impl Shape {
                     let q = v * below + spread * density;
                     [sum[0] + sign * q, sum[1] + sign * below, sum[2] + sign * density]
                 });
-                (sum[0] / area, sum[1] / area, sum[2] / area)
+                (sum[0] / area, sum[1] / area, sum[2] / (2.0 * spread * area))
             }
         }
     }
@@ -113,7 +119,19 @@ impl Shape {
                     [width, 0.0, spread / (6.0 * width)],
                 ]
             }
-            Self::Blurred { .. } => [[scale, 1.0, 0.0], [spread, 0.0, 1.0]],
+            Self::Blurred { .. } => {
+                let width = spread.sqrt();
+                [[scale, 1.0, 0.0], [width, 0.0, 1.0 / (2.0 * width)]]
+            }
+        }
+    }
+
+    /// Least spread that counts as one, and the unit in which a step of it is judged, for a scan
+    /// of this half width.
+    pub(super) fn limits(self, half: f64) -> [f64; 2] {
+        match self {
+            Self::Trapezoid { top } => [top.max(1e-3 * half), half],
+            Self::Blurred { base, .. } => [(0.02 * base).powi(2), half * base],
         }
     }
 
@@ -127,7 +145,7 @@ impl Shape {
             }
             Self::Blurred { base, top } => {
                 let own = (base * base + top * top) / 6.0;
-                [area, (variance - own).max(0.05 * own).sqrt()]
+                [area, (variance - own).max(0.05 * own)]
             }
         }
     }

@@ -37,7 +37,9 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun) -> Result<Pictures, Failure> {
     if wants(Show::Profiles) {
         chosen.profiles(&mut pictures)?;
     }
-    if wants(Show::Curve) {
+    // One step makes no curve.
+    let is_asked = asked.show.contains(&Show::Curve) || asked.pixel.is_some();
+    if wants(Show::Curve) && (run.shape()[1] > 1 || is_asked) {
         chosen.curve(&mut pictures)?;
     }
     if run.views() > 1 && wants(Show::Sinograms) {
@@ -217,23 +219,16 @@ impl<'a> Chosen<'a> {
     fn curve(&self, pictures: &mut Pictures) -> Result<(), Failure> {
         let [column, row] = self.pixel;
         let at = u32::try_from(row).unwrap_or(u32::MAX);
-        let values = |stack: &StackFile, view: usize| -> Result<Vec<f64>, Failure> {
-            let rows = stack.rows(view, at..at + 1)?;
-            let [steps, ..] = *rows.shape() else { return Ok(Vec::new()) };
-            Ok((0..steps).map(|step| f64::from(rows[[step, 0, column]])).collect())
-        };
-        // What was fitted is what is drawn: detector numbers where there are some.
-        let counts = (self.run.counts_flat()?, self.run.counts_sample()?);
-        let (flat, sample) = match (&counts, self.run.fitted_counts()) {
-            ((Some(flat), Some(sample)), true) => (flat, sample),
-            _ => (self.run.flat(), self.run.sample()),
+        let values = |view: Option<usize>| -> Result<Vec<f64>, Failure> {
+            let rows = self.run.fitted_rows(view, at..at + 1)?;
+            Ok(rows.outer_iter().map(|frame| f64::from(frame[[0, column]])).collect())
         };
         let fit = |of: &str| self.run.fit(of, self.view, self.pixel);
         let curves = [
-            Curve { name: "flat".into(), values: values(flat, 0)?, fit: fit("flat")? },
+            Curve { name: "flat".into(), values: values(None)?, fit: fit("flat")? },
             Curve {
                 name: "with the sample".into(),
-                values: values(sample, self.view)?,
+                values: values(Some(self.view))?,
                 fit: fit("sample")?,
             },
         ];
@@ -244,7 +239,9 @@ impl<'a> Chosen<'a> {
         }
         let title = format!("Illumination curves of column {column}, row {row}");
         let title = joined(&[title, self.at_view()]);
-        let drawing = curve::draw(&title, &self.run.scene().scan.mask_offsets, &curves, &notes);
+        let label = self.run.fitted_quantity().label;
+        let offsets = &self.run.scene().scan.mask_offsets;
+        let drawing = curve::draw([&title, &label], offsets, &curves, &notes);
         let view = self.view;
         let name = format!("curve_view_{view:04}_column_{column:04}_row_{row:04}.png");
         pictures.add(name, &drawing)

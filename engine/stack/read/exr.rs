@@ -1,6 +1,6 @@
 //! EXR frames: the channel `Y`, or the only channel, of the first layer.
 
-use super::refuse_shape;
+use super::{refuse_hollow, refuse_shape};
 use crate::{Error, Result};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
@@ -19,7 +19,9 @@ pub(super) fn frame_shape(path: &Path) -> Result<[usize; 2]> {
     let reader = open(path)?;
     let header = first(path, reader.headers())?;
     channel(path, header)?;
-    Ok([header.layer_size.height(), header.layer_size.width()])
+    let shape = [header.layer_size.height(), header.layer_size.width()];
+    refuse_hollow(path, shape)?;
+    Ok(shape)
 }
 
 /// Some rows of a frame that has this shape.

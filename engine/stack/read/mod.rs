@@ -229,6 +229,21 @@ fn extension(path: &Path) -> String {
     path.extension().map(|text| text.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
+/// Refuses frames that claim more pixels than their file can hold, before memory is taken for
+/// them: no compression of these formats makes 4096 bytes out of one.
+fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
+    let found = std::fs::metadata(path)
+        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
+        .len();
+    let claimed = rows as f64 * columns as f64;
+    if claimed <= 4096.0 * found as f64 {
+        return Ok(());
+    }
+    let problem =
+        format!("claims {rows} rows of {columns} columns in {found} bytes: cut short, or no frame");
+    Err(Error::output(path, problem, None))
+}
+
 /// Refuses a frame of another shape than the rest.
 fn refuse_shape(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Result<()> {
     if found == expected {

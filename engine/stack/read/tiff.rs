@@ -1,6 +1,6 @@
 //! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`.
 
-use super::refuse_shape;
+use super::{refuse_hollow, refuse_shape};
 use crate::{Error, Result};
 use std::fmt;
 use std::fs::File;
@@ -43,6 +43,7 @@ impl TiffPages {
         limits.decoding_buffer_size = 1 << 32;
         let mut pages = Decoder::new(BufReader::new(file)).map_err(unread)?.with_limits(limits);
         let frame = frame_of(path, &mut pages)?;
+        refuse_hollow(path, frame)?;
         let mut count = 1;
         while pages.more_images() {
             pages.next_image().map_err(unread)?;
