@@ -123,9 +123,9 @@ fn every_pixel_has_its_mean() {
             scores
         };
         score(&stack).judge(&format!("detector, pixels of mean {mean} over 400 steps"));
-        // A pixel that is 5 deviations of its mean over the steps too bright and more is found.
+        // A pixel that is 10 deviations of its mean over the steps too bright is found.
         let mut hot = stack;
-        let brighter = (7.0 * (mean / 400.0).sqrt()) as f32;
+        let brighter = (10.0 * (mean / 400.0).sqrt()) as f32;
         hot.slice_mut(s![.., 20, 11]).mapv_inplace(|count| count + brighter);
         let scores = score(&hot);
         let (worst, place) = scores.worst();
