@@ -21,9 +21,11 @@ const PERMUTATIONS: &[Permutation] = &[
     ("trace_ray_query", "trace.comp", &[("BACKEND_RAY_QUERY", "1")]),
     ("exact_bvh", "exact.comp", &[]),
     ("exact_ray_query", "exact.comp", &[("BACKEND_RAY_QUERY", "1")]),
+    ("crossings", "crossings.comp", &[]),
     ("illuminate", "illuminate.comp", &[]),
     ("random_rays", "random_rays.comp", &[]),
     ("random_light", "random_light.comp", &[]),
+    ("fit", "retrieve/fit.comp", &[]),
 ];
 
 /// The shaders of the tests, from tests/gpu/; they are not part of the library.

@@ -14,6 +14,10 @@ pub(crate) enum Failure {
     Refused(Vec<String>),
     /// Arguments that do not go together, found after parsing.
     Usage(String),
+    /// Two things that were compared differ: by what.
+    Differs(String),
+    /// Two things cannot be compared.
+    Trouble(beamlet::Error),
     /// The user stopped the run; what to enter to go on.
     Interrupted { advice: String },
     /// The reader of stdout went away.
@@ -27,7 +31,9 @@ impl Failure {
         match self {
             Self::ClosedPipe => 0,
             Self::Engine(_) | Self::File { .. } | Self::Refused(_) | Self::Stdout(_) => 1,
-            Self::Usage(_) => 2,
+            // As cmp and diff have it: 1 is an answer, 2 is trouble.
+            Self::Differs(_) => 1,
+            Self::Usage(_) | Self::Trouble(_) => 2,
             Self::Interrupted { .. } => crate::interrupt::EXIT_CODE,
         }
     }
@@ -36,7 +42,8 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Engine(error) => write!(f, "error: {error}"),
+            Self::Engine(error) | Self::Trouble(error) => write!(f, "error: {error}"),
+            Self::Differs(what) => write!(f, "they differ: {what}"),
             Self::File { path, problem } => write!(f, "error: {}: {problem}", path.display()),
             Self::Refused(reasons) => write!(f, "error: {}", reasons.join("\nerror: ")),
             Self::Usage(problem) => write!(f, "error: {problem}\n\nFor more, try '--help'."),

@@ -8,7 +8,10 @@ mod args;
 mod commands;
 mod failure;
 mod interrupt;
+mod picture;
 mod progress;
+mod report;
+mod run_reader;
 
 use clap::Parser;
 use failure::Failure;

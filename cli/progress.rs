@@ -45,12 +45,21 @@ impl Reporter {
             View::Dark => "dark".to_owned(),
             View::Sample(index) => format!("view {index}"),
         };
+        self.show(rows_done, rows_total, |elapsed| format!("{view}  {}", rate(rays, elapsed)));
+    }
+
+    /// Progress that is counted in rows alone.
+    pub(crate) fn rows(&mut self, done: u64, total: u64) {
+        self.show(done, total, |_| format!("row {done} of {total}"));
+    }
+
+    fn show(&mut self, done: u64, total: u64, message: impl Fn(Duration) -> String) {
         match self {
             Self::Silent => {}
             Self::Bar(bar) => {
-                bar.set_length(rows_total);
-                bar.set_position(rows_done);
-                bar.set_message(format!("{view}  {}", rate(rays, bar.elapsed())));
+                bar.set_length(total);
+                bar.set_position(done);
+                bar.set_message(message(bar.elapsed()));
             }
             Self::Lines { began, last } => {
                 if last.elapsed() < BETWEEN_LINES {
@@ -58,13 +67,13 @@ impl Reporter {
                 }
                 *last = Instant::now();
                 let gone = began.elapsed();
-                let share = rows_done as f64 / rows_total.max(1) as f64;
+                let share = done as f64 / total.max(1) as f64;
                 let left = if share > 0.0 { gone.as_secs_f64() * (1.0 / share - 1.0) } else { 0.0 };
                 let _ = writeln!(
                     std::io::stderr(),
-                    "{:5.1} %  {view}  {}  {:.0} s gone, {left:.0} s left",
+                    "{:5.1} %  {}  {:.0} s gone, {left:.0} s left",
                     100.0 * share,
-                    rate(rays, gone),
+                    message(gone),
                     gone.as_secs_f64(),
                 );
             }

@@ -3,6 +3,7 @@
 use crate::Result;
 use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault, Kernel};
 use crate::illuminate::CellIlluminator;
+use crate::kept::Kept;
 use crate::run::{Backend, Control, RunRecord};
 use crate::scene::Scene;
 use crate::simulation::{Kernels, Simulation};
@@ -27,6 +28,9 @@ pub struct EngineOptions {
     /// Bytes that a run may take on host and device together; `None`: what the geometry needs
     /// and up to 1 GiB for a band. Results do not depend on it.
     pub memory_limit: Option<u64>,
+    /// Prepare runs whose moments are kept ([`Control::keep`]): rays are flagged for materials
+    /// that refract up to [`crate::kept::STRONGER`] times as strongly.
+    pub keep_moments: bool,
     /// Calls of Vulkan that fail (for tests).
     pub faults: Vec<Fault>,
 }
@@ -106,6 +110,16 @@ impl Engine {
         control: Control<'_>,
     ) -> Result<RunRecord> {
         self.prepare(scene)?.run(sink, control)
+    }
+
+    /// Makes a scene ready whose rays were traced by the run that kept `moments`. Meshes are
+    /// loaded only where rays have to be walked in order again.
+    ///
+    /// # Errors
+    /// As [`Engine::prepare`]; [`crate::Error::Scene`] where the scene differs from that of the
+    /// run in more than masks, steps, spot, spectrum, materials' constants and detector.
+    pub fn reilluminate<'e>(&'e self, moments: &'e Kept, scene: &Scene) -> Result<Simulation<'e>> {
+        Simulation::of_kept(self, moments, scene)
     }
 
     /// Runs a scene into arrays.

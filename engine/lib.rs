@@ -9,6 +9,7 @@
 
 pub mod accel;
 pub mod check;
+pub mod compare;
 pub mod detector;
 mod engine;
 mod error;
@@ -16,8 +17,10 @@ pub mod geometry;
 pub mod gpu;
 pub mod illuminate;
 pub mod image;
+pub mod kept;
 pub mod material;
 pub mod memory;
+pub mod retrieve;
 mod run;
 pub mod scene;
 mod simulation;

@@ -1,5 +1,6 @@
 //! One run: every view of a scene, traced, illuminated and handed to a sink.
 
+use crate::kept::KeptWriter;
 use crate::stack::View;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -33,6 +34,9 @@ pub struct Control<'a> {
     pub cancel: Option<&'a AtomicBool>,
     /// Views that are committed already and are not computed again.
     pub skip: Vec<View>,
+    /// Keeps the moments of the rays, for [`crate::Engine::reilluminate`]; the engine must have
+    /// been opened with [`crate::EngineOptions::keep_moments`]. Cells only.
+    pub keep: Option<&'a mut KeptWriter>,
 }
 
 impl fmt::Debug for Control<'_> {

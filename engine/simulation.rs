@@ -7,6 +7,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+mod crossings;
 mod work;
 
 use crate::detector::Detection;
@@ -14,6 +15,7 @@ use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
 use crate::illuminate::Spectral;
+use crate::kept::{self, Kept, KeptSource};
 use crate::memory::{self, MemoryEstimate};
 use crate::run::{Backend, Control, RunRecord, Tally};
 use crate::scene::{Scene, Scheme};
@@ -33,6 +35,16 @@ const CALIBRATION_RAYS: usize = 1 << 13;
 /// A run fails when more than this share of its rays stays unbalanced.
 const UNBALANCED_SHARE: f64 = 1e-5;
 
+/// What a simulation is made of, besides its geometry.
+struct Parts<'e> {
+    detection: Detection,
+    media: Media,
+    lattice: Lattice,
+    spectral: Option<Spectral>,
+    kept: Option<KeptSource<'e>>,
+    stronger: f64,
+}
+
 /// One scene, ready on a device.
 #[derive(Debug)]
 pub struct Simulation<'e> {
@@ -44,8 +56,10 @@ pub struct Simulation<'e> {
     on_device: Arc<DeviceSample>,
     media: Media,
     lattice: Lattice,
-    /// For a spectrum, by cells.
+    /// For a spectrum or kept moments, by cells.
     spectral: Option<Spectral>,
+    /// Moments that another run kept, in place of rays.
+    kept: Option<KeptSource<'e>>,
     memory: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
@@ -53,22 +67,66 @@ pub struct Simulation<'e> {
 
 impl<'e> Simulation<'e> {
     pub(crate) fn new(engine: &'e Engine, scene: &Scene) -> Result<Self> {
-        let begin = Instant::now();
         scene.validate()?;
-        memory::check_before_loading(scene, engine.options().memory_limit)?;
-        let sample = geometry::load(scene)?;
-        for object in &sample.objects {
-            object.warnings.iter().for_each(|text| log::warn!("\"{}\": {text}", object.name));
-        }
-        geometry::check_clearance(scene, &sample)?;
-        let options = engine.options();
-        let memory =
-            memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
         let detection = Detection::of(scene)?;
         let lit = detection.lit();
         let media = Media::of(scene)?;
+        let lattice = Lattice::of(lit, media.strongest());
+        let stronger = if engine.options().keep_moments { kept::STRONGER } else { 1.0 };
+        let several = media.energies.len() > 1 || engine.options().keep_moments;
+        let spectral = if several && scene.sampling.scheme == Scheme::Cells {
+            let flagged = stronger * media.strongest();
+            Some(Spectral::new(lit, &media, &lattice, &media.mean(), flagged)?)
+        } else {
+            None
+        };
+        Self::with(
+            engine,
+            scene,
+            Parts { detection, media, lattice, spectral, kept: None, stronger },
+        )
+    }
+
+    pub(crate) fn of_kept(engine: &'e Engine, moments: &'e Kept, scene: &Scene) -> Result<Self> {
+        scene.validate()?;
+        if scene.sampling.scheme != Scheme::Cells {
+            return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
+        }
+        let detection = Detection::of(scene)?;
+        let lit = detection.lit();
+        let own = Media::of(scene)?;
+        let lattice = Lattice::of(lit, own.strongest());
+        let source = moments.for_scene(lit, &lattice)?;
+        let media = source.media.clone();
+        let flagged = source.flagged;
+        let spectral = Spectral::new(lit, &media, &lattice, &source.reference, flagged)?;
+        let (kept, stronger) = (Some(source), 1.0);
+        Self::with(
+            engine,
+            scene,
+            Parts { detection, media, lattice, spectral: Some(spectral), kept, stronger },
+        )
+    }
+
+    fn with(engine: &'e Engine, scene: &Scene, parts: Parts<'e>) -> Result<Self> {
+        let begin = Instant::now();
+        let options = engine.options();
+        let load = parts.kept.as_ref().is_none_or(|kept| kept.retrace);
+        let sample = if load {
+            memory::check_before_loading(scene, options.memory_limit)?;
+            let sample = geometry::load(scene)?;
+            for object in &sample.objects {
+                object.warnings.iter().for_each(|text| log::warn!("\"{}\": {text}", object.name));
+            }
+            geometry::check_clearance(scene, &sample)?;
+            sample
+        } else {
+            Sample::default()
+        };
+        let memory =
+            memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
         let device = engine.device();
-        let wanted = engine.options().backend;
+        let wanted = options.backend;
         let description = device.description();
         if wanted == Some(Backend::RayQuery) && !description.ray_query {
             return Err(Error::device(
@@ -78,14 +136,9 @@ impl<'e> Simulation<'e> {
             ));
         }
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
-        let on_device = Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query)?);
-        let lattice = Lattice::of(lit, media.strongest());
-        let several = media.energies.len() > 1 && scene.sampling.scheme == Scheme::Cells;
-        let spectral = if several {
-            Some(Spectral::new(lit, &media, &lattice, &media.mean(), media.strongest())?)
-        } else {
-            None
-        };
+        let Parts { detection, media, lattice, spectral, kept, stronger } = parts;
+        let on_device =
+            Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query, stronger)?);
         let mut simulation = Self {
             engine,
             scene: scene.clone(),
@@ -96,18 +149,14 @@ impl<'e> Simulation<'e> {
                 backend: Backend::Bvh,
                 backend_reason: String::new(),
                 calibration: BTreeMap::new(),
-                mesh_hashes: sample
-                    .objects
-                    .iter()
-                    .filter(|o| !o.hash.is_empty())
-                    .map(|o| (o.name.clone(), o.hash.clone()))
-                    .collect(),
+                mesh_hashes: mesh_hashes(scene, &sample),
             },
             sample,
             on_device,
             media,
             lattice,
             spectral,
+            kept,
             memory,
             prepared_in: 0.0,
         };
@@ -278,6 +327,11 @@ impl<'e> Simulation<'e> {
         Ok(strips)
     }
 
+    /// Words of a ray's moments.
+    fn moment_words(&self) -> usize {
+        self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL
+    }
+
     fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> trace::View<'a> {
         trace::View {
             scene: self.detection.lit(),
@@ -313,6 +367,9 @@ impl<'e> Simulation<'e> {
         sink.begin(&self.scene, &self.start)?;
         for view in views {
             work.view(view, sink, &mut control)?;
+            if let (stack::View::Sample(index), Some(keep)) = (view, control.keep.as_mut()) {
+                keep.commit(index, self.moment_words())?;
+            }
             sink.commit(view)?;
         }
         let defective =
@@ -353,6 +410,16 @@ impl<'e> Simulation<'e> {
         sink.finish(&record)?;
         Ok(record)
     }
+}
+
+/// SHA-256 of the meshes by object: as loaded, or as the scene records them.
+fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
+    if sample.objects.is_empty() {
+        let recorded = |o: &crate::scene::Object| Some((o.name.clone(), o.sha256.clone()?));
+        return scene.objects.iter().filter_map(recorded).collect();
+    }
+    let loaded = sample.objects.iter().filter(|o| !o.hash.is_empty());
+    loaded.map(|o| (o.name.clone(), o.hash.clone())).collect()
 }
 
 /// Kernels that every simulation of an engine shares.

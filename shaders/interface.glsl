@@ -70,6 +70,14 @@ struct Law {
     uint crossings;
 };
 
+// A crossing of a ray, as the host reads it.
+struct MetSurface {
+    float y;       // beam frame, m
+    uint object;
+    uint entering; // 1 where the ray goes into the object, 0 where it leaves it
+    vec3 normal;   // unit, outward, beam frame
+};
+
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Rays { Ray at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer RaysOut { Ray at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Views { View at[]; };
@@ -81,6 +89,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Obj
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { float at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Laws { Law at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer MetSurfaces { MetSurface at[]; };
 
 // The sample on the device.
 struct Sample {
@@ -215,3 +224,13 @@ struct Pixel {
     uint table; // index into the columns
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Pixels { Pixel at[]; };
+
+// A mask step of a fit, in half widths of the scan from its centre.
+struct Step {
+    float offset;
+    float offset_low; // what the f32 above leaves of the f64
+    float width;      // share of the scan that the step stands for
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Steps { Step at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Curves { float at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Fits { float at[]; };

@@ -1,13 +1,15 @@
 //! What users retrieve from the stacks: transmission and refraction angle by a Gaussian fit,
-//! on the engine's stacks and on closed forms of the same geometry. The fit's own bias is the
-//! same on both, so that only the stacks differ.
+//! by the engine on its own stacks, and by least squares in f64 on closed forms of the same
+//! geometry. The bias of a Gaussian is the same on both, so that only stacks and fits differ.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
 
 mod reference;
 mod support;
 
+use beamlet::retrieve::{RetrieveOptions, Retriever};
 use reference::closed_form::ThinMasks;
+use reference::fit::fit;
 use reference::masks::Bars;
 use reference::rays::{Order, Sample};
 use reference::scenes;
@@ -18,68 +20,6 @@ use support::{CARBON, Worst, backends, engine};
 /// 11 steps over +-25 um.
 fn offsets() -> Vec<f64> {
     (0..11).map(|i| -25e-6 + 5e-6 * f64::from(i)).collect()
-}
-
-/// Amplitude, mean, width and offset of the Gaussian that fits best (eq. 1), f64, by
-/// Levenberg-Marquardt; x in units of 10 um.
-fn fit(offsets: &[f64], curve: &[f64]) -> [f64; 4] {
-    let x: Vec<f64> = offsets.iter().map(|f| f / 1e-5).collect();
-    let model = |p: &[f64; 4], x: f64| {
-        let t = (x - p[1]) / p[2];
-        let e = (-0.5 * t * t).exp();
-        (p[0] * e + p[3], [e, p[0] * e * t / p[2], p[0] * e * t * t / p[2], 1.0])
-    };
-    let cost = |p: &[f64; 4]| -> f64 {
-        x.iter().zip(curve).map(|(x, y)| (model(p, *x).0 - y).powi(2)).sum()
-    };
-    let peak = curve.iter().copied().fold(0.0, f64::max);
-    let mut p = [peak, 0.0, 1.0, 0.0];
-    let mut damping = 1e-3;
-    for _ in 0..400 {
-        let mut normal = [[0.0; 5]; 4];
-        for (x, y) in x.iter().zip(curve) {
-            let (value, slope) = model(&p, *x);
-            for i in 0..4 {
-                for j in 0..4 {
-                    normal[i][j] += slope[i] * slope[j];
-                }
-                normal[i][4] += slope[i] * (y - value);
-            }
-        }
-        for (i, row) in normal.iter_mut().enumerate() {
-            row[i] *= 1.0 + damping;
-        }
-        let step = solve(normal);
-        let next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
-        if cost(&next) <= cost(&p) {
-            p = next;
-            damping = (damping * 0.1_f64).max(1e-14);
-        } else {
-            damping *= 10.0;
-        }
-    }
-    [p[0], p[1] * 1e-5, p[2] * 1e-5, p[3]]
-}
-
-/// Gaussian elimination of four equations, the right side in the last column.
-fn solve(mut a: [[f64; 5]; 4]) -> [f64; 4] {
-    for i in 0..4 {
-        let pivot = (i..4).max_by(|&j, &k| a[j][i].abs().total_cmp(&a[k][i].abs())).unwrap();
-        a.swap(i, pivot);
-        let above = a[i];
-        for row in &mut a[i + 1..] {
-            let factor = row[i] / above[i];
-            for (value, from) in row.iter_mut().zip(above) {
-                *value -= factor * from;
-            }
-        }
-    }
-    let mut x = [0.0; 4];
-    for i in (0..4).rev() {
-        let known: f64 = (i + 1..4).map(|k| a[i][k] * x[k]).sum();
-        x[i] = (a[i][4] - known) / a[i][i];
-    }
-    x
 }
 
 /// Transmission and refraction angle (M = 1.5, z = 0.59 m) of a pixel.
@@ -109,7 +49,12 @@ fn compare(of: &Body, transmission: &mut Worst, refraction: &mut Worst) {
     let flat: Vec<f64> = offsets().iter().map(|f| masks.intensity(*f)).collect();
     for backend in backends() {
         let scene = scenes::scene(&setup, std::slice::from_ref(of), &offsets());
-        let stacks = engine(backend).simulate(&scene).unwrap();
+        let engine = engine(backend);
+        let stacks = engine.simulate(&scene).unwrap();
+        let mut retriever = Retriever::new(&engine, &scene, &RetrieveOptions::default()).unwrap();
+        retriever.set_flat_array(stacks.flat.view()).unwrap();
+        let images =
+            retriever.retrieve_array(stacks.sample.index_axis(ndarray::Axis(0), 0)).unwrap();
         for column in 8..24_u32 {
             let ray = setup.trace(&sample, [0.0; 2], setup.centre(column, 0), Order::Exact);
             let curve: Vec<f64> = offsets()
@@ -119,13 +64,8 @@ fn compare(of: &Body, transmission: &mut Worst, refraction: &mut Worst) {
                 })
                 .collect();
             let c = column as usize;
-            let got = |stack: ndarray::ArrayView3<'_, f32>| -> Vec<f64> {
-                (0..11).map(|s| f64::from(stack[[s, 0, c]])).collect()
-            };
-            let [t, a] = retrieve(
-                &got(stacks.flat.view()),
-                &got(stacks.sample.index_axis(ndarray::Axis(0), 0)),
-            );
+            let [t, a] = ["transmission", "refraction"]
+                .map(|name| f64::from(images.get(name).unwrap()[[0, c]]));
             let [t_true, a_true] = retrieve(&flat, &curve);
             transmission.take(t - t_true, || format!("{backend}, column {column}"));
             refraction.take(a - a_true, || format!("{backend}, column {column}"));

@@ -7,7 +7,8 @@ use beamlet::scene::{
     ShapeOrMesh, Source,
 };
 use beamlet::stack::{
-    ArraySink, CallbackSink, Extent, Format, RunDirectory, RunFile, RunStart, RunState, Sink, View,
+    ArraySink, CallbackSink, Extent, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState,
+    Sink, View,
 };
 use beamlet::{Backend, Error, RunRecord, Tally};
 use ndarray::{Array3, Array4, s};
@@ -398,4 +399,35 @@ fn names_grow_with_the_numbers_they_hold() {
     sink.commit(view).unwrap();
     assert!(temporary.path().join("sample/view_00007/step_002.exr").exists());
     assert_eq!(Extent::of(&scene).unwrap().all_views().count(), 10_002);
+}
+
+#[test]
+fn an_open_run_reads_back_what_was_written_and_only_committed_views() {
+    for format in [Format::Exr, Format::Npy] {
+        let temporary = tempfile::tempdir().unwrap();
+        run_in(temporary.path(), format, 2);
+        let run = OpenRun::open(temporary.path()).unwrap();
+        assert_eq!(run.scene().scan, scene().scan);
+        assert_eq!((run.views(), run.record().state), (2, RunState::Done));
+        assert_eq!(run.flat().unwrap().view(0).unwrap(), values(View::Flat));
+        let sample = run.sample().unwrap();
+        for view in 0..2 {
+            let expected = values(View::Sample(u32::try_from(view).unwrap()));
+            assert_eq!(sample.view(view).unwrap(), expected);
+        }
+        assert!(run.counts_flat().unwrap().is_none() && run.dark().unwrap().is_none());
+
+        let cut = tempfile::tempdir().unwrap();
+        let mut sink = RunDirectory::create(cut.path(), format, false).unwrap();
+        sink.begin(&scene(), &start()).unwrap();
+        assert!(OpenRun::open(cut.path()).unwrap().flat().is_err());
+        for view in [View::Flat, View::Sample(0)] {
+            put(&mut sink, view, 2);
+            sink.commit(view).unwrap();
+        }
+        drop(sink);
+        let run = OpenRun::open(cut.path()).unwrap();
+        assert_eq!(run.sample().unwrap().shape()[0], 1);
+        assert!(run.sample().unwrap().view(1).is_err());
+    }
 }

@@ -1,9 +1,18 @@
 //! One file per verb, each a function from arguments to lines on stdout.
 
+mod beam;
 mod check;
+mod compare;
 mod devices;
 mod example;
+mod illuminate;
+mod material;
+mod pictures;
+mod report;
+mod retrieve;
 mod simulate;
+mod spectrum;
+mod view;
 
 use crate::args::{Arguments, Verb};
 use crate::failure::Failure;
@@ -13,7 +22,14 @@ use std::io::Write;
 pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
+        Verb::Illuminate(arguments) => illuminate::run(&arguments, out),
+        Verb::Retrieve(arguments) => retrieve::run(&arguments, out),
+        Verb::Compare(arguments) => compare::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
+        Verb::View(arguments) => view::run(&arguments, out),
+        Verb::Report(arguments) => report::run(&arguments, out),
+        Verb::Spectrum(arguments) => spectrum::run(&arguments, out),
+        Verb::Material(arguments) => material::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
     }
@@ -23,4 +39,13 @@ pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Fail
 fn write_json(value: &impl serde::Serialize, out: &mut impl Write) -> Result<(), Failure> {
     let text = serde_json::to_string_pretty(value).map_err(std::io::Error::from)?;
     Ok(writeln!(out, "{text}")?)
+}
+
+/// Five significant digits, as short as that allows.
+fn number(value: f64) -> String {
+    let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
+    match rounded.abs() {
+        size if size > 0.0 && !(1e-3..1e7).contains(&size) => format!("{rounded:e}"),
+        _ => rounded.to_string(),
+    }
 }

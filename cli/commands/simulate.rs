@@ -4,8 +4,9 @@ use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
-use beamlet::scene::Scene;
-use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
+use beamlet::kept::KeptWriter;
+use beamlet::scene::{Scene, Scheme};
+use beamlet::stack::{self, Extent, Format, RunDirectory, RunState, View};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, Tally};
 use std::io::Write;
 use std::time::Instant;
@@ -15,6 +16,13 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let scene = arguments.scene.load()?;
     let failed = |error| Failure::from(arguments.scene.locate(error));
     let extent = Extent::of(&scene).map_err(failed)?;
+    if arguments.keep_moments && scene.sampling.scheme == Scheme::Random {
+        return Err(failed(Error::scene(
+            "sampling.scheme",
+            "random",
+            "cells, with --keep-moments",
+        )));
+    }
     let mut sink = directory(arguments, &scene)?;
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
@@ -31,9 +39,16 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         // A resumed run goes on with the backend that began it, or its bits would change.
         backend: arguments.backend.choice().or(recorded_backend),
         memory_limit: arguments.memory_limit,
+        keep_moments: arguments.keep_moments,
         ..EngineOptions::default()
     })?;
-    let skip = sink.committed().to_vec();
+    let mut keep = arguments.keep_moments.then(|| KeptWriter::new(&arguments.output));
+    // A view without its moments is traced again.
+    let kept = |view: &View| match (view, &keep) {
+        (View::Sample(index), Some(keep)) => keep.has(*index),
+        _ => true,
+    };
+    let skip = sink.committed().iter().copied().filter(kept).collect();
     let done = engine.run(
         &scene,
         &mut sink,
@@ -41,6 +56,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
             progress: Some(&mut |progress| reporter.update(progress)),
             cancel: Some(&interrupt::CANCELLED),
             skip,
+            keep: keep.as_mut(),
         },
     );
     reporter.finish();
@@ -69,7 +85,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
 }
 
 /// What the user wants to know at the end, on stdout.
-fn summary(
+pub(super) fn summary(
     sink: &RunDirectory,
     extent: Extent,
     record: &RunRecord,
@@ -123,6 +139,9 @@ fn advice(arguments: &Simulate) -> String {
     if let Some(limit) = arguments.memory_limit {
         command.extend(["--memory-limit".into(), format!("{limit}B")]);
     }
+    if arguments.keep_moments {
+        command.push("--keep-moments".into());
+    }
     if arguments.allow_mixed {
         command.push("--allow-mixed".into());
     }
@@ -134,7 +153,7 @@ fn advice(arguments: &Simulate) -> String {
 }
 
 /// A word as a shell takes it.
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:,+@%=".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
         return word.to_owned();

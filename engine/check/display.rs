@@ -6,7 +6,15 @@ use std::fmt::{self, Display, Formatter};
 impl Display for CheckReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         self.write_setup(f)?;
-        writeln!(f, "\nmaterials at {} keV", number(self.setup.energy))?;
+        let nodes = &self.setup.nodes;
+        write!(f, "\nmaterials at {} keV", number(self.setup.energy))?;
+        match nodes.energies.len() {
+            1 => writeln!(f)?,
+            count => {
+                let error = nodes.estimated_error;
+                writeln!(f, ", the mean of {count} energy nodes (estimated error {error:.1e})")?;
+            }
+        }
         let width = self.materials.iter().map(|m| m.name.chars().count()).max().unwrap_or(0);
         for material in &self.materials {
             write_material(f, material, width)?;

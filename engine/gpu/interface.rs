@@ -125,6 +125,18 @@ shared_structs! {
         pub crossings: u32,
     }
 
+    /// A crossing of a ray with a surface of the sample.
+    pub struct MetSurface {
+        /// Along the optical axis in the beam frame, m.
+        pub y: f32,
+        /// Index of the object whose surface it is.
+        pub object: u32,
+        /// 1 where the ray goes into the object, 0 where it leaves it.
+        pub entering: u32,
+        /// Unit normal, away from the object's material, beam frame.
+        pub normal: [f32; 3],
+    }
+
     /// The sample on the device.
     pub struct Sample {
         pub nodes: Address,
@@ -260,6 +272,17 @@ shared_structs! {
         pub nudge: f32,
     }
 
+    /// Push constants of `crossings.comp`.
+    pub struct CrossingsPush {
+        pub sample_ref: Address,
+        pub rays: Address,
+        pub met: Address,
+        pub counts: Address,
+        pub count: u32,
+        pub first: u32,
+        pub most: u32,
+    }
+
     /// Push constants of `illuminate.comp`.
     pub struct IlluminatePush {
         pub light_ref: Address,
@@ -300,6 +323,28 @@ shared_structs! {
         pub view_seed: u32,
         pub empty: u32,
         pub first_step: u32,
+    }
+
+    /// A mask step of a fit.
+    pub struct Step {
+        pub offset: f32,
+        pub offset_low: f32,
+        pub width: f32,
+    }
+
+    /// Push constants of `retrieve/fit.comp`.
+    pub struct FitPush {
+        pub steps: Address,
+        pub curves: Address,
+        pub fits: Address,
+        pub step_count: u32,
+        pub pixel_count: u32,
+        pub first: u32,
+        pub poisson: u32,
+        pub gain: f32,
+        pub saturation: f32,
+        pub narrow: f32,
+        pub wide: f32,
     }
 }
 

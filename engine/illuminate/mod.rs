@@ -9,5 +9,6 @@ mod sums;
 pub use cells::CellIlluminator;
 pub use light::{LightRecord, Part};
 pub use random::{Cast, RandomKernels, cast};
+pub(crate) use spectral::NARROW;
 pub use spectral::Spectral;
 pub use sums::Sums;

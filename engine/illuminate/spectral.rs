@@ -37,7 +37,7 @@ const FAINT: f64 = 1e-4;
 const SPREAD_SHARE: f64 = 0.15;
 /// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes
 /// are bisected to it, so that there are many, with next to no light.
-const NARROW: f32 = 50e-9;
+pub(crate) const NARROW: f32 = 50e-9;
 /// Of the grazing incidence below which the first order leaves 1e-9 rad, where the second order
 /// leaves as much: beyond it the error grows by delta^2 / c^3.
 const SEVERE: f64 = 0.2154;

@@ -13,6 +13,7 @@ use crate::Result;
 use crate::gpu::Device;
 use crate::gpu::interface::Pixel;
 use crate::illuminate::{Cast, CellIlluminator, LightRecord, Part, RandomKernels, Sums, cast};
+use crate::kept::KeptWriter;
 use crate::run::{Control, Progress, Tally};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
@@ -109,7 +110,10 @@ impl<'s> Work<'s> {
         }
         let detection = &self.simulation.detection;
         let shadows = match view {
-            stack::View::Sample(i) if !self.simulation.sample.triangles.is_empty() => {
+            stack::View::Sample(i)
+                if !self.simulation.sample.triangles.is_empty()
+                    && self.simulation.kept.is_none() =>
+            {
                 self.simulation.shadows(i)
             }
             _ => Vec::new(),
@@ -175,7 +179,7 @@ impl<'s> Work<'s> {
             if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(view, shadows, &rows)?;
             } else {
-                self.cell_rows(view, shadows, &rows, &inner, own)?;
+                self.cell_rows(view, shadows, &rows, &inner, own, &mut control.keep)?;
             }
             if own {
                 self.rows_done += (rows.end - rows.start) as u64;
@@ -220,6 +224,7 @@ impl<'s> Work<'s> {
         rows: &Range<i64>,
         inner: &Range<i64>,
         own: bool,
+        keep: &mut Option<&mut KeptWriter>,
     ) -> Result<()> {
         let begin = Instant::now();
         let blur_rows = self.simulation.lattice.blur_rows;
@@ -227,10 +232,17 @@ impl<'s> Work<'s> {
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
         let Self { cells, lights, sums, tally, tracer, simulation, .. } = self;
         let mut illuminating = 0.0;
+        // Rows beside the detector are kept with the band at that end.
+        let all = i64::from(simulation.detection.lit().detector.pixels[1]);
+        let beside = (rows.end <= 0 && inner.start == 0) || (rows.start >= all && inner.end == all);
+        let (kept, words) = (own || beside, simulation.moment_words());
         let mut add = |tracer: &mut Tracer, strips: &Strips| {
             if own {
                 tally.split += strips.splits;
                 tally.landed_off += strips.landed_off;
+            }
+            if let (true, stack::View::Sample(index), Some(keep)) = (kept, view, keep.as_mut()) {
+                keep.write(index, words, strips)?;
             }
             let begin = Instant::now();
             if let Some(spectral) = &simulation.spectral {
@@ -245,6 +257,11 @@ impl<'s> Work<'s> {
             Ok(())
         };
         match view {
+            stack::View::Sample(index) if simulation.kept.is_some() => {
+                if let Some(kept) = &simulation.kept {
+                    kept.strips(index, rows, &lit, |strips| add(tracer, strips))?;
+                }
+            }
             stack::View::Sample(index) if !shadows.is_empty() => {
                 let view = simulation.view(index, shadows);
                 let at_once = simulation.memory.rays_at_once as usize;

@@ -13,7 +13,7 @@ pub(super) fn segments(
     let total = spectrum.total();
     let mut segments = Vec::new();
     let mut start = 0;
-    for edge in probes.edges()? {
+    for (edge, medium) in probes.edges()? {
         let at = energies.partition_point(|energy| *energy < edge);
         if at <= start || at >= energies.len() {
             continue;
@@ -21,7 +21,7 @@ pub(super) fn segments(
         let below: f64 = spectrum.weights[..at].iter().sum();
         let least = below.min(total - below) / total;
         // A jump misplaced by one node costs at most the lesser side's weight times its height.
-        if least * probes.jump(at - 1, at) > TOLERANCE / 8.0 {
+        if least * probes.jump(at, medium) > TOLERANCE / 8.0 {
             segments.push(start..at);
             start = at;
         }

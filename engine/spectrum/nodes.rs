@@ -15,7 +15,7 @@ use crate::scene::{Beam, Scene};
 use crate::{Error, Result, detector};
 
 /// The estimated error that nodes are added for, until it is undercut.
-pub const TOLERANCE: f64 = 3e-4;
+pub const TOLERANCE: f64 = 5e-4;
 
 /// Most nodes between two edges, where the number is chosen.
 const MOST: usize = 32;

@@ -11,7 +11,8 @@ use crate::material::{self, Constants};
 use crate::scene::{MaskBody, Scene};
 
 /// Transmissions of the slabs that are tried.
-const TRANSMISSIONS: [f64; 7] = [0.95, 0.8, 0.5, 0.2, 0.05, 0.02, FLOOR];
+const TRANSMISSIONS: [f64; 13] =
+    [0.98, 0.9, 0.7, 0.5, 0.35, 0.2, 0.1, 0.05, 0.02, FLOOR, 5e-3, 2e-3, 5e-4];
 
 /// Errors are relative to the value, or to this part of the open beam where the value is less.
 pub(super) const FLOOR: f64 = 0.01;
@@ -131,22 +132,28 @@ impl<'a> Probes<'a> {
         (0..self.energies.len()).map(|index| (-depth(index)).exp()).collect()
     }
 
-    /// Absorption edges of all materials, keV, ascending.
-    pub(super) fn edges(&self) -> Result<Vec<f64>> {
+    /// Absorption edges, keV, ascending, each with the medium that has it.
+    pub(super) fn edges(&self) -> Result<Vec<(f64, usize)>> {
         let mut edges = Vec::new();
-        for medium in &self.media {
-            edges.extend(material::edges(self.scene, medium.name, &medium.key)?);
+        for (index, medium) in self.media.iter().enumerate() {
+            let own = material::edges(self.scene, medium.name, &medium.key)?;
+            edges.extend(own.into_iter().map(|edge| (edge, index)));
         }
-        edges.sort_by(f64::total_cmp);
+        edges.sort_by(|a, b| a.0.total_cmp(&b.0));
         Ok(edges)
     }
 
-    /// The most that any probe changes between two rows of the spectrum, relative to its scale.
-    pub(super) fn jump(&self, from: usize, to: usize) -> f64 {
-        let ends: Vec<Vec<Constants>> = [from, to]
-            .map(|row| self.media.iter().map(|medium| medium.constants[row]).collect())
-            .to_vec();
-        let change = |probe: &Probe| (probe.value(&ends[1]) - probe.value(&ends[0])).abs();
+    /// The most that any probe jumps, relative to its scale, where an edge of `medium` lies
+    /// between the rows `row - 1` and `row`. What mu ~ E^-3 and delta ~ E^-2 change between the
+    /// rows is no jump.
+    pub(super) fn jump(&self, row: usize, medium: usize) -> f64 {
+        let above: Vec<Constants> = self.media.iter().map(|medium| medium.constants[row]).collect();
+        let below = self.media[medium].constants[row - 1];
+        let ratio = self.energies[row - 1] / self.energies[row];
+        let mut smooth = above.clone();
+        smooth[medium] =
+            Constants { mu: below.mu * ratio.powi(3), delta: below.delta * ratio.powi(2) };
+        let change = |probe: &Probe| (probe.value(&above) - probe.value(&smooth)).abs();
         self.list.iter().map(change).fold(0.0, f64::max)
     }
 

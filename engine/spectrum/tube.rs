@@ -4,7 +4,7 @@
 //! The continuum is tabulated before its way out of the target: photons by energy and depth, in
 //! units in which it varies slowly with the tube voltage (energy over voltage, depth over the
 //! range of the electrons). Self-absorption, which jumps at the edges of the target, is applied
-//! here at the energy asked for. Lines are tabulated behind the target, as a multiple of a power
+//! here at the energy asked for, with the attenuation that SpekPy uses for it. Lines are tabulated behind the target, as a multiple of a power
 //! of the voltage above their edge.
 
 use std::sync::OnceLock;
@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use super::Spectrum;
 use crate::scene::{ANODE_ANGLES, Anode};
 use crate::units::Dimension::{Angle, Voltage};
-use crate::{Error, Result, material};
+use crate::{Error, Result};
 
 mod grid;
 mod table;
@@ -38,7 +38,7 @@ pub(super) fn spectrum(anode: Anode, kvp: f64, anode_angle: f64) -> Result<Spect
     }
     let table = table(anode)?;
     let angle = Place::of(&table.angles, anode_angle.to_degrees());
-    let mut rows = continuum(anode, table, kvp, anode_angle, angle)?;
+    let mut rows = continuum(table, kvp, anode_angle, angle);
     for shell in &table.shells {
         for (energy, photons) in shell.lines(kvp, angle) {
             rows.push((energy, photons));
@@ -71,13 +71,7 @@ fn table(anode: Anode) -> Result<&'static Table> {
 }
 
 /// Bremsstrahlung behind the target: energy, keV, and photons of each row.
-fn continuum(
-    anode: Anode,
-    table: &Table,
-    kvp: f64,
-    anode_angle: f64,
-    angle: Place,
-) -> Result<Vec<(f64, f64)>> {
+fn continuum(table: &Table, kvp: f64, anode_angle: f64, angle: Place) -> Vec<(f64, f64)> {
     let voltage = Place::of(&table.voltages, kvp);
     let range = voltage.between_logs(|index| table.ranges[index]);
     #[allow(
@@ -87,12 +81,10 @@ fn continuum(
     )]
     let count = ((kvp - LEAST) / WIDTH).ceil() as usize;
     let width = (kvp - LEAST) / count as f64;
-    let energies: Vec<f64> = (0..count).map(|row| LEAST + (row as f64 + 0.5) * width).collect();
-    let attenuation = material::of_builtin(anode.name(), &energies)?;
-    // cm of target on the way out per depth over range, m per cm included.
-    let path = range / anode_angle.sin() / 100.0;
-    let row = |(energy, constants): (&f64, &material::Constants)| {
-        let escape = constants.mu * path;
+    let row = |index: usize| {
+        let energy = LEAST + (index as f64 + 0.5) * width;
+        // The way out of the target from the depth 1, in ranges.
+        let escape = table.attenuation(energy) * range / anode_angle.sin();
         let ratio = Place::of(&table.ratios, energy / kvp);
         let at = |depth: usize| {
             let source = table.source(voltage, angle, ratio, depth);
@@ -103,7 +95,7 @@ fn continuum(
             .map(|(index, ends)| (at(index) + at(index + 1)) / 2.0 * (ends[1] - ends[0]))
             .sum();
         // The table holds energy * range * photons per keV and cm: the range cancels.
-        (*energy, emitted.max(0.0) / energy * width)
+        (energy, emitted / energy * width)
     };
-    Ok(energies.iter().zip(&attenuation).map(row).collect())
+    (0..count).map(row).collect()
 }

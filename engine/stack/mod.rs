@@ -10,12 +10,16 @@ mod callback;
 mod exr_frames;
 mod npy;
 mod progress_log;
+mod read;
 mod run_directory;
 mod run_file;
 mod scene_file;
 
 pub use array::ArraySink;
 pub use callback::CallbackSink;
+pub(crate) use npy::npy_header;
+pub use read::{Maps, OpenRun, StackFile};
+pub(crate) use run_directory::sync_directory;
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
 

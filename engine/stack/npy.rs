@@ -171,6 +171,12 @@ fn header(shape: &str) -> Vec<u8> {
     [b"\x93NUMPY\x01\x00".as_slice(), &len.to_le_bytes(), dict.as_bytes()].concat()
 }
 
+/// Header of an array with two sides or more.
+pub(crate) fn npy_header(sides: &[usize]) -> Vec<u8> {
+    let shape: Vec<String> = sides.iter().map(usize::to_string).collect();
+    header(&shape.join(", "))
+}
+
 /// Values as little-endian bytes.
 pub(super) fn le_bytes(values: impl Iterator<Item = f32>) -> Vec<u8> {
     values.flat_map(f32::to_le_bytes).collect()

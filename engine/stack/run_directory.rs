@@ -18,9 +18,9 @@ use std::io::Write;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-const SCENE: &str = "scene.toml";
-const RUN: &str = "run.json";
-const LOG: &str = "progress.log";
+pub(super) const SCENE: &str = "scene.toml";
+pub(super) const RUN: &str = "run.json";
+pub(super) const LOG: &str = "progress.log";
 /// Directory of the stacks of detector numbers.
 const COUNTS: &str = "counts";
 
@@ -265,6 +265,7 @@ impl RunDirectory {
             },
         };
         if self.resumed.is_none() {
+            crate::kept::file::remove(&self.path)?;
             // The log first: without it nothing that is left counts as committed.
             for name in [LOG, RUN, SCENE, npy::FLAT, npy::SAMPLE, npy::DARK] {
                 remove_file(&self.path.join(name))?;
@@ -502,7 +503,7 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 /// Makes renames in a directory last; systems without that notion do without.
-pub(super) fn sync_directory(path: &Path) -> Result<()> {
+pub(crate) fn sync_directory(path: &Path) -> Result<()> {
     if cfg!(not(unix)) {
         return Ok(());
     }

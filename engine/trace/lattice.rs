@@ -151,12 +151,17 @@ impl Lattice {
         self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
     }
 
+    /// The beamlet in whose period x (m, in the cell plane) lies.
+    #[must_use]
+    pub fn beamlet_at(&self, x: f64) -> i64 {
+        ((x - self.offset) / self.period + self.pixels[0] / 2.0).floor() as i64
+    }
+
     /// Beamlets that an interval of x in the cell plane touches.
     #[must_use]
     pub fn beamlets_of(&self, x: [f64; 2]) -> Range<i64> {
-        let index =
-            |x: f64| ((x - self.offset) / self.period + self.pixels[0] / 2.0).floor() as i64;
-        index(x[0]).max(self.beamlets.start)..(index(x[1]) + 1).min(self.beamlets.end)
+        let [first, last] = x.map(|x| self.beamlet_at(x));
+        first.max(self.beamlets.start)..(last + 1).min(self.beamlets.end)
     }
 
     /// Whether a ray from anywhere on the spot to this pixel can meet one of the shadows.

@@ -65,16 +65,17 @@ impl Media {
         self.weights.iter().zip(&self.constants).map(|(w, c)| w * square(c)).sum::<f64>().sqrt()
     }
 
-    /// Largest delta of any material, root mean square over the spectrum.
+    /// Delta of a material, root mean square over the spectrum.
+    #[must_use]
+    pub fn delta(&self, material: usize) -> f64 {
+        let square = |c: &Vec<Constants>| c[material].delta.powi(2);
+        self.weights.iter().zip(&self.constants).map(|(w, c)| w * square(c)).sum::<f64>().sqrt()
+    }
+
+    /// Largest of these of any material.
     #[must_use]
     pub fn strongest(&self) -> f64 {
-        (0..self.names.len())
-            .map(|m| {
-                let square = |c: &Vec<Constants>| c[m].delta.powi(2);
-                self.weights.iter().zip(&self.constants).map(|(w, c)| w * square(c)).sum::<f64>()
-            })
-            .fold(0.0, f64::max)
-            .sqrt()
+        (0..self.names.len()).map(|m| self.delta(m)).fold(0.0, f64::max)
     }
 
     /// Material inside and outside of a surface, by its objects.

@@ -148,11 +148,11 @@ pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
     out
 }
 
-fn empty_strip(column: i64, row: i64) -> Strip {
+pub(crate) fn empty_strip(column: i64, row: i64) -> Strip {
     Strip { first: 0, count: 0, column: column as u32, row: row as i32, top: 0.0, bottom: 1.0 }
 }
 
-fn empty_cell(lattice: &Lattice) -> Cell {
+pub(crate) fn empty_cell(lattice: &Lattice) -> Cell {
     let half = (lattice.period / 2.0) as f32;
     let [above, below] = lattice.row_shares(0.0, 1.0, 0.0);
     Cell { x_low: -half, x_high: half, above, below, ..bytemuck::Zeroable::zeroed() }

@@ -35,6 +35,7 @@ pub struct DeviceSample {
 
 impl DeviceSample {
     /// Uploads geometry, materials and views; builds acceleration structures if `ray_query`.
+    /// Rays are flagged for steps of delta that are `stronger` times the scene's.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Device`], [`crate::Error::Mesh`].
@@ -44,12 +45,13 @@ impl DeviceSample {
         sample: &geometry::Sample,
         media: &Media,
         ray_query: bool,
+        stronger: f64,
     ) -> Result<Self> {
         let Bvh { nodes, leaves, boxes } = Bvh::build(sample)?;
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
         let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
-            sample.components.iter().map(|c| surface(scene, media, c)).collect();
+            sample.components.iter().map(|c| surface(scene, media, c, stronger)).collect();
         let materials = media.names.len();
         let constants: Vec<interface::Constants> = std::iter::once(&media.mean())
             .chain(&media.constants)
@@ -121,9 +123,14 @@ fn view(scene: &Scene, view: &scene::View, reach: f64) -> View {
     }
 }
 
-fn surface(scene: &Scene, media: &Media, component: &geometry::Component) -> Surface {
+fn surface(
+    scene: &Scene,
+    media: &Media,
+    component: &geometry::Component,
+    stronger: f64,
+) -> Surface {
     let [inside, outside] = media.sides(component.object, component.outside);
-    let jump = media.step(inside, outside);
+    let jump = stronger * media.step(inside, outside);
     let grazing = match scene.sampling.transport {
         Transport::FirstOrder => 0.0,
         // The slope error of the first order is jump^2 / (2 c^3).

@@ -2,7 +2,7 @@
 
     pip install spekpy==2.5.4
     python tests/tables/tube.py tables     # engine/spectrum/{tungsten,molybdenum}.bin
-    python tests/tables/tube.py reference  # tests/tables/tube.csv
+    python tests/tables/tube.py reference  # tests/tables/{tube.csv,spekpy_100kv.txt}
 
 Model: "casim" of SpekPy 2.5 (MIT licence, G. Poludniowski and others): Omar, Andreo and
 Poludniowski, Med. Phys. 47 (2020) 4763 and 4005 (bremsstrahlung), NIM B 437 (2018) 36 (lines).
@@ -10,11 +10,13 @@ Poludniowski, Med. Phys. 47 (2020) 4763 and 4005 (bremsstrahlung), NIM B 437 (20
 What is tabulated stands before the self-absorption in the target, which is strong and jumps at
 the absorption edges: bremsstrahlung against depth, in units that vary slowly (photon energy over
 tube voltage, depth over the range of the electrons), and the lines of each shell. The engine
-applies the self-absorption of the continuum at the energy asked for; lines have it included.
+applies the self-absorption of the continuum at the energy asked for, by the attenuation that
+SpekPy uses for it; lines have it included.
 
-Layout of a table, little-endian: u32 counts of voltages V, angles A, ratios U, depths D, shells;
+Layout of a table, little-endian: u32 counts of voltages V, angles A, ratios U, depths D, rows of
+attenuation M, shells;
 f64 voltages [V] kV, angles [A] deg, ratios [U] (photon energy / voltage), depths [D] (of the
-range), ranges [V] cm; f64 low and step; u16 codes [V][A][U][D]: value = exp(low + step * code),
+range), ranges [V] cm, energies [M] keV, attenuation of the target [M] 1/cm; f64 low and step; u16 codes [V][A][U][D]: value = exp(low + step * code),
 65535 is 0; the value is energy * range * photons per keV, cm and sr, scaled as a whole. Then for
 each shell: f64 edge keV; u32 counts of excesses X and lines L; f64 excesses [X] (voltage - edge),
 energies [L] keV, values [X][A][L]: photons per sr on the same scale, over excess^1.6.
@@ -37,6 +39,7 @@ VOLTAGES = {
     "W": [20, 25, 30, 35, 40, 50, 60, 70, 80, 100, 120, 140, 160],
     "Mo": [20, 23, 26, 30, 35, 40, 45, 50],
 }
+NUMBERS = {"W": 74, "Mo": 42}
 NAMES = {"W": "tungsten", "Mo": "molybdenum"}
 SHELLS = ("K", "L1", "L2", "L3")
 GROWTH = 1.6
@@ -68,6 +71,15 @@ def lines_of(target, kvp, angle):
     return out
 
 
+def attenuation_of(target):
+    """Energies, keV, and attenuation, 1/cm, that SpekPy gives the continuum in the target."""
+    folder = pathlib.Path(spekpy.__file__).parent / "data" / "tables" / "advanced"
+    data = np.load(folder / f"MassAttCoeff_Z{NUMBERS[target]}.npz")
+    energies = np.exp(data["logk"].astype(float))
+    keep = energies < 200
+    return energies[keep], np.exp(data["logmac"].astype(float))[keep] * float(np.squeeze(data["rho"]))
+
+
 def table(target):
     voltages = np.array(VOLTAGES[target], float)
     values, ranges = [], []
@@ -88,8 +100,11 @@ def table(target):
     low, high = np.log(values[there].min()), np.log(values.max())
     step = (high - low) / 65534
     codes[there] = np.round((np.log(values[there]) - low) / step)
-    out = struct.pack("<5I", len(voltages), len(ANGLES), len(RATIOS), len(depths), len(SHELLS))
-    for array in (voltages, ANGLES, RATIOS, depths, np.array(ranges), np.array([low, step])):
+    energies, attenuation = attenuation_of(target)
+    out = struct.pack("<6I", len(voltages), len(ANGLES), len(RATIOS), len(depths), len(energies),
+                      len(SHELLS))
+    for array in (voltages, ANGLES, RATIOS, depths, np.array(ranges), energies, attenuation,
+                  np.array([low, step])):
         out += np.asarray(array, "<f8").tobytes()
     out += codes.tobytes()
     for shell in range(len(SHELLS)):
@@ -124,15 +139,22 @@ CASES = [
 
 
 def reference():
-    rows = ["# SpekPy %s, casim; HVL of air kerma" % spekpy.__version__,
+    rows = ["# SpekPy %s, casim, coefficients of NIST; HVL of air kerma" % spekpy.__version__,
             "anode,kvp,angle_deg,filters_mm,mean_keV,hvl_mm_al"]
     for target, kvp, angle, filters in CASES:
-        spek = spekpy.Spek(kvp=kvp, th=angle, targ=target, dk=0.25).multi_filter(filters)
+        # Filters and aluminium by NIST's coefficients, as beamlet's are; the tube is the same.
+        # SpekPy puts lines into the middle of their bin: narrow ones for the soft lines of Mo.
+        width = 0.25 if target == "W" else 0.05
+        spek = spekpy.Spek(kvp=kvp, th=angle, targ=target, dk=width, mu_data_source="nist")
+        spek.multi_filter(filters)
         text = "+".join(f"{name}:{thickness}" for name, thickness in filters)
         rows.append(f"{NAMES[target]},{kvp},{angle},{text},{spek.get_emean():.4f},"
                     f"{spek.get_hvl1():.5f}")
         print(rows[-1], flush=True)
     (ROOT / "tests" / "tables" / "tube.csv").write_text("\n".join(rows) + "\n")
+    # SpekPy's own text export, as a user would hand it over: 198 bins.
+    spek = spekpy.Spek(kvp=100, th=12, targ="W", dk=0.5).filter("Al", 1.0)
+    spek.export_spectrum(str(ROOT / "tests" / "tables" / "spekpy_100kv.txt"), comment="1 mm Al")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,8 @@ pub(super) struct Table {
     pub(super) depths: Vec<f64>,
     /// Range of the electrons by voltage, cm.
     pub(super) ranges: Vec<f64>,
+    /// Energies, keV, each edge twice, and attenuation of the target, 1/cm.
+    attenuation: [Vec<f64>; 2],
     /// Continuum, [voltage][angle][ratio][depth].
     values: Vec<f32>,
     pub(super) shells: Vec<Shell>,
@@ -37,11 +39,12 @@ impl Table {
     /// `None` where the bytes are not such a table.
     pub(super) fn read(bytes: &[u8]) -> Option<Self> {
         let mut bytes = Bytes(bytes);
-        let [voltages, angles, ratios, depths, shells] = bytes.counts()?;
+        let [voltages, angles, ratios, depths, rows, shells] = bytes.counts()?;
         let read = |bytes: &mut Bytes<'_>, count| bytes.numbers(count);
         let (voltages, angles) = (read(&mut bytes, voltages)?, read(&mut bytes, angles)?);
         let (ratios, depths) = (read(&mut bytes, ratios)?, read(&mut bytes, depths)?);
         let ranges = read(&mut bytes, voltages.len())?;
+        let attenuation = [read(&mut bytes, rows)?, read(&mut bytes, rows)?];
         let [low, step] = read(&mut bytes, 2)?.try_into().ok()?;
         let count = voltages.len() * angles.len() * ratios.len() * depths.len();
         let values = bytes.take(2 * count)?.chunks_exact(2).map(|pair| {
@@ -54,7 +57,24 @@ impl Table {
         let shell = |_| Shell::read(&mut bytes, angles.len());
         let shells = (0..shells).map(shell).collect::<Option<_>>()?;
         let whole = bytes.0.is_empty();
-        whole.then_some(Self { voltages, angles, ratios, depths, ranges, values, shells })
+        whole.then_some(Self {
+            voltages,
+            angles,
+            ratios,
+            depths,
+            ranges,
+            attenuation,
+            values,
+            shells,
+        })
+    }
+
+    /// Attenuation of the target, 1/cm, linear in the logarithms.
+    pub(super) fn attenuation(&self, energy: f64) -> f64 {
+        let [energies, values] = &self.attenuation;
+        let above = energies.partition_point(|known| *known <= energy).clamp(1, values.len() - 1);
+        let t = (energy / energies[above - 1]).ln() / (energies[above] / energies[above - 1]).ln();
+        values[above - 1] * (values[above] / values[above - 1]).powf(t)
     }
 
     /// Continuum at a depth of the table, linear between its other entries.

@@ -1,0 +1,48 @@
+//! `beamlet compare`: how two stacks, runs or retrievals differ.
+
+use crate::args::Compare;
+use crate::failure::Failure;
+use beamlet::compare::{Difference, DifferencesTo, compare};
+use std::io::Write;
+
+pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failure> {
+    let to = arguments
+        .difference
+        .as_ref()
+        .map(|path| DifferencesTo { path, format: arguments.format.into() });
+    let found = compare(&arguments.a, &arguments.b, to).map_err(Failure::Trouble)?;
+    let unlike: Vec<&str> = found
+        .iter()
+        .filter(|difference| !difference.within(arguments.tolerance))
+        .map(|difference| difference.name.as_str())
+        .collect();
+    if arguments.json {
+        super::write_json(&found, out)?;
+    } else {
+        table(&found, out)?;
+    }
+    if unlike.is_empty() {
+        return Ok(());
+    }
+    out.flush()?;
+    Err(Failure::Differs(format!("{} by more than {:e}", unlike.join(", "), arguments.tolerance)))
+}
+
+fn table(found: &[Difference], out: &mut impl Write) -> Result<(), Failure> {
+    let width = found.iter().map(|d| d.name.len()).max().unwrap_or(0).max(4);
+    writeln!(
+        out,
+        "{:width$} {:>7} {:>12} {:>12} {:>12} {:>11} {:>11} {:>9}  largest at",
+        "name", "images", "mean of A", "mean of B", "mean B - A", "rms", "largest", "unlike"
+    )?;
+    for d in found {
+        let [view, step, row, column] = d.largest_at;
+        writeln!(
+            out,
+            "{:width$} {:>7} {:>12.5e} {:>12.5e} {:>12.4e} {:>11.4e} {:>11.4e} {:>9}  view {view}, \
+             step {step}, row {row}, column {column}",
+            d.name, d.images, d.mean_a, d.mean_b, d.mean, d.rms, d.largest, d.unlike
+        )?;
+    }
+    Ok(())
+}

@@ -1,0 +1,243 @@
+//! `beamlet material`: constants of a material, and the built-in names.
+
+use super::{beam, number};
+use crate::args::Material as Arguments;
+use crate::failure::Failure;
+use beamlet::material::{self, Constants};
+use beamlet::scene::{Beam, MaterialSpec, Scene};
+use beamlet::spectrum::Spectrum;
+use beamlet::units::Dimension::{Density, Length};
+use serde::Serialize;
+use std::f64::consts::PI;
+use std::io::Write;
+
+/// Planck constant times speed of light, keV m (CODATA 2018).
+const HC: f64 = 1.239_841_984e-9;
+
+/// Where the constants come from.
+const TABLES: &str = "mu: total cross sections of Elam, Ravel and Sieber (2002); \
+                      delta: f1 of Chantler (2000)";
+
+/// A built-in material.
+#[derive(Debug, Serialize)]
+struct Known {
+    name: &'static str,
+    formula: &'static str,
+    density_g_cm3: f64,
+    aliases: &'static [&'static str],
+}
+
+/// Constants at an energy, or their mean over the photons of a spectrum.
+#[derive(Debug, Serialize)]
+struct Told {
+    /// Of the photon, or the mean of the photons.
+    energy_kev: f64,
+    mu_per_m: f64,
+    delta: f64,
+    beta: f64,
+    critical_angle_rad: f64,
+    /// Of the thickness that was asked for.
+    transmission: Option<f64>,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    name: String,
+    formula: Option<String>,
+    density_g_cm3: Option<f64>,
+    thickness_m: Option<f64>,
+    /// Whether the values are means over a spectrum.
+    over_spectrum: bool,
+    values: Vec<Told>,
+    tables: String,
+    /// Least and greatest energy with constants; the greatest is left out where there is none.
+    table_range_kev: [Option<f64>; 2],
+}
+
+pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Failure> {
+    let Some(name) = &arguments.name else { return list(arguments.json, out) };
+    if arguments.energies.is_empty() && arguments.spectrum.is_none() {
+        return Err(Failure::Usage("say at which --energy, or over which --spectrum".into()));
+    }
+    let mut scene = match &arguments.spectrum {
+        Some(path) => beam::of_file(path, &[])?,
+        None => beam::bare(Beam::Energy(1.0))?,
+    };
+    define(&mut scene, name, arguments.density)?;
+    let (formula, density) = match (scene.materials.get(name), material::builtin(name)) {
+        (Some(MaterialSpec::Formula { formula, density }), _) => {
+            (Some(formula.clone()), Some(*density))
+        }
+        (None, Some(found)) => (Some(found.formula.to_owned()), Some(found.density)),
+        _ => (None, None),
+    };
+    let range = material::range(&scene, name)?;
+    let table = match scene.materials.get(name) {
+        Some(MaterialSpec::Table { path }) => Some(path.display().to_string()),
+        _ => None,
+    };
+    let report = Report {
+        values: match &arguments.spectrum {
+            Some(_) => vec![over_spectrum(&scene, name, arguments.thickness)?],
+            None => at_energies(&scene, name, &arguments.energies, arguments.thickness)?,
+        },
+        name: name.clone(),
+        formula,
+        density_g_cm3: density,
+        thickness_m: arguments.thickness,
+        over_spectrum: arguments.spectrum.is_some(),
+        tables: table.unwrap_or_else(|| TABLES.to_owned()),
+        table_range_kev: range.map(|energy| energy.is_finite().then_some(energy)),
+    };
+    match arguments.json {
+        true => super::write_json(&report, out),
+        false => Ok(write_text(&report, out)?),
+    }
+}
+
+/// Makes `name` a material of the scene where it is a formula, or has another density.
+fn define(scene: &mut Scene, name: &str, density: Option<f64>) -> Result<(), Failure> {
+    let builtin = material::builtin(name).filter(|_| !scene.materials.contains_key(name));
+    let formula = match (scene.materials.get(name), builtin) {
+        (Some(MaterialSpec::Formula { formula, .. }), _) => formula.clone(),
+        (Some(_), _) if density.is_some() => {
+            let problem = format!("{name:?} has no formula: --density has no meaning for it");
+            return Err(Failure::Usage(problem));
+        }
+        (None, Some(found)) if found.formula.is_empty() && density.is_some() => {
+            return Err(Failure::Usage(format!("{name:?} has no density")));
+        }
+        (None, Some(found)) => found.formula.to_owned(),
+        (Some(_), _) => return Ok(()),
+        (None, None) => {
+            let mut tried = scene.clone();
+            let spec = |density| MaterialSpec::Formula { formula: name.to_owned(), density };
+            tried.materials.insert(name.to_owned(), spec(1.0));
+            if material::range(&tried, name).is_err() {
+                // Neither a name nor a formula: the engine's error has the nearest name.
+                material::range(scene, name)?;
+            }
+            let Some(density) = density else {
+                let problem =
+                    format!("{name:?} is a formula: give its --density, as in '1.2 g/cm3'");
+                return Err(Failure::Usage(problem));
+            };
+            scene.materials.insert(name.to_owned(), spec(density));
+            return Ok(());
+        }
+    };
+    if let Some(density) = density {
+        scene.materials.insert(name.to_owned(), MaterialSpec::Formula { formula, density });
+    }
+    Ok(())
+}
+
+fn at_energies(
+    scene: &Scene,
+    name: &str,
+    energies: &[f64],
+    thickness: Option<f64>,
+) -> Result<Vec<Told>, Failure> {
+    let constants = material::constants_over(scene, name, energies).map_err(at_option)?;
+    let told = |(energy, Constants { mu, delta }): (&f64, Constants)| Told {
+        energy_kev: *energy,
+        mu_per_m: mu,
+        delta,
+        beta: beta(mu, *energy),
+        critical_angle_rad: critical_angle(delta),
+        transmission: thickness.map(|thickness| (-mu * thickness).exp()),
+    };
+    Ok(energies.iter().zip(constants).map(told).collect())
+}
+
+/// The energy was no key of a scene.
+fn at_option(error: beamlet::Error) -> beamlet::Error {
+    match &error {
+        beamlet::Error::Scene { key, .. } if key == "source.energy" => error.at_key("--energy"),
+        _ => error,
+    }
+}
+
+/// Means over the photons of the scene's spectrum behind its filters.
+fn over_spectrum(scene: &Scene, name: &str, thickness: Option<f64>) -> Result<Told, Failure> {
+    let Beam::Spectrum(spec) = &scene.source.beam else {
+        return Err(Failure::Usage(
+            "the scene of --spectrum has one energy and no spectrum".into(),
+        ));
+    };
+    let spectrum = Spectrum::after_filters(scene, spec)?.significant();
+    let constants = material::constants_over(scene, name, &spectrum.energies_kev)?;
+    let mean = |value: &dyn Fn(f64, Constants) -> f64| {
+        let rows = spectrum.energies_kev.iter().zip(&constants).zip(&spectrum.weights);
+        rows.map(|((energy, constants), weight)| weight * value(*energy, *constants)).sum::<f64>()
+            / spectrum.total()
+    };
+    let delta = mean(&|_, constants| constants.delta);
+    Ok(Told {
+        energy_kev: spectrum.mean_energy(),
+        mu_per_m: mean(&|_, constants| constants.mu),
+        delta,
+        beta: mean(&|energy, constants| beta(constants.mu, energy)),
+        critical_angle_rad: critical_angle(delta),
+        transmission: thickness.map(|t| mean(&|_, constants| (-constants.mu * t).exp())),
+    })
+}
+
+/// beta = mu lambda / 4 pi; mu in 1/m, energy in keV.
+fn beta(mu: f64, energy: f64) -> f64 {
+    mu * HC / energy / (4.0 * PI)
+}
+
+/// Of total reflection from vacuum, rad.
+fn critical_angle(delta: f64) -> f64 {
+    (2.0 * delta.max(0.0)).sqrt()
+}
+
+fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {
+    write!(out, "{}", report.name)?;
+    if let (Some(formula), Some(density)) = (&report.formula, report.density_g_cm3) {
+        write!(out, "  {formula}, {}", Density.format(density))?;
+    }
+    writeln!(out)?;
+    for told in &report.values {
+        let mut line = |name: &str, value: String| writeln!(out, "  {name:<16}{value}");
+        let energy = format!("{} keV", number(told.energy_kev));
+        if report.over_spectrum {
+            line("mean energy", format!("{energy}; below, means over the photons"))?;
+        } else {
+            line("energy", energy)?;
+        }
+        line("mu", format!("{} /m", number(told.mu_per_m)))?;
+        line("delta", number(told.delta))?;
+        line("beta", number(told.beta))?;
+        line("critical angle", format!("{} mrad", number(1e3 * told.critical_angle_rad)))?;
+        if let (Some(transmission), Some(thickness)) = (told.transmission, report.thickness_m) {
+            let text = format!("{} of {}", number(transmission), Length.format(thickness));
+            line("transmission", text)?;
+        }
+    }
+    let [low, high] = report.table_range_kev;
+    let range = match (low, high) {
+        (Some(low), Some(high)) => format!("; {} keV to {} keV", number(low), number(high)),
+        _ => "; any energy".to_owned(),
+    };
+    writeln!(out, "  {:<16}{}{range}", "tables", report.tables)
+}
+
+fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
+    let known = material::builtins().iter().map(|entry| Known {
+        name: entry.name,
+        formula: entry.formula,
+        density_g_cm3: entry.density,
+        aliases: entry.aliases,
+    });
+    if json {
+        return super::write_json(&known.collect::<Vec<_>>(), out);
+    }
+    for Known { name, formula, density_g_cm3, aliases } in known {
+        let density = Density.format(density_g_cm3);
+        writeln!(out, "{name:<18}{density:<18}{formula:<38}{}", aliases.join(", "))?;
+    }
+    writeln!(out, "\n{TABLES}; 0.1 keV to 800 keV at most.")?;
+    Ok(writeln!(out, "Elements of the list go by their symbols too, except carbon.")?)
+}

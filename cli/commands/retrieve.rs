@@ -1,0 +1,108 @@
+//! `beamlet retrieve`: a run or measured stacks to transmission, refraction and dark field.
+
+use crate::args::Retrieve;
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::progress::Reporter;
+use beamlet::retrieve::{
+    ImagesTo, Input, Record, RetrieveControl, RetrieveOptions, Weights, offsets, retrieve,
+};
+use beamlet::scene::Scene;
+use beamlet::stack::{OpenRun, StackFile};
+use beamlet::{Engine, EngineOptions, Error};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Failure> {
+    let began = Instant::now();
+    let (input, path) = match &arguments.run {
+        Some(run) => (of_run(arguments, run)?, run.join("retrieved")),
+        None => measured(arguments)?,
+    };
+    let path = arguments.output.clone().unwrap_or(path);
+    let input = input.saturated_at(arguments.saturation);
+    let options = RetrieveOptions {
+        method: arguments.method.into(),
+        weights: arguments.weights.into(),
+        gain: match (input.counts(), arguments.gain) {
+            (true, gain) => Some(gain.unwrap_or(1.0)),
+            (false, None) => None,
+            (false, Some(_)) => {
+                let problem = "--gain belongs to counts: a run needs --counts with it";
+                return Err(Failure::Usage(problem.into()));
+            }
+        },
+        saturation: None,
+        steps: arguments.steps,
+        sample_offsets: arguments.sample_offsets.as_deref().map(offsets).transpose()?,
+    };
+    if options.weights == Weights::Poisson && !input.counts() {
+        let problem = "--weights poisson belongs to counts: a run needs --counts with it";
+        return Err(Failure::Usage(problem.into()));
+    }
+    interrupt::listen();
+    let mut reporter = Reporter::new(arguments.quiet, false);
+    let engine = Engine::open(&EngineOptions {
+        device: arguments.device.clone(),
+        ..EngineOptions::default()
+    })?;
+    let mut progress = |done, all| reporter.rows(done, all);
+    let mut control =
+        RetrieveControl { progress: Some(&mut progress), cancel: Some(&interrupt::CANCELLED) };
+    let to =
+        ImagesTo { path: &path, format: arguments.format.into(), overwrite: arguments.overwrite };
+    let done = retrieve(&engine, input, &options, to, &mut control);
+    reporter.finish();
+    match done {
+        Ok(record) if arguments.json => super::write_json(&record, out),
+        Ok(record) => summary(&record, &path, began.elapsed().as_secs_f64(), out),
+        Err(Error::Interrupted) => {
+            Err(Failure::Interrupted { advice: "nothing was written".into() })
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn of_run(arguments: &Retrieve, run: &Path) -> Result<Input, Failure> {
+    Ok(Input::of_run(&OpenRun::open(run)?, arguments.counts)?)
+}
+
+/// Stacks of their own, with the geometry of a scene.
+fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
+    let missing = |name: &str| {
+        Failure::Usage(format!("measured stacks need {name} (or name a run directory)"))
+    };
+    let flat = arguments.flat.as_ref().ok_or_else(|| missing("--flat"))?;
+    let sample = arguments.sample.as_ref().ok_or_else(|| missing("--sample"))?;
+    let geometry = arguments.geometry.as_ref().ok_or_else(|| missing("--geometry"))?;
+    let output = arguments.output.as_ref().ok_or_else(|| missing("--output"))?;
+    let mut scene = Scene::load_with(geometry, &arguments.sets)?;
+    if let Some(list) = &arguments.offsets {
+        scene.scan.mask_offsets = offsets(list)?;
+    }
+    let flat = StackFile::open(flat)?;
+    let sample = StackFile::open(sample)?;
+    let dark = arguments.dark.as_ref().map(StackFile::open).transpose()?;
+    Ok((Input::measured(&scene, flat, sample, dark.as_ref())?, output.clone()))
+}
+
+/// What the user wants to know at the end, on stdout.
+fn summary(
+    record: &Record,
+    path: &Path,
+    seconds: f64,
+    out: &mut impl Write,
+) -> Result<(), Failure> {
+    let [views, rows, columns] = record.shape;
+    writeln!(out, "images   {}", path.display())?;
+    writeln!(out, "method   {}, weights {}", record.method, record.weights)?;
+    writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
+    let pixels = views * rows * columns;
+    writeln!(out, "pixels   {} of {pixels} without an answer", record.without_answer)?;
+    for (bit, count) in record.flagged.iter().filter(|(_, count)| **count > 0) {
+        let meaning = record.flags.get(bit).map_or("", String::as_str);
+        writeln!(out, "         {count} with flag {bit} ({meaning})")?;
+    }
+    Ok(())
+}

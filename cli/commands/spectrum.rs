@@ -1,0 +1,178 @@
+//! `beamlet spectrum`: what a source emits, before and after its filters.
+
+use super::pictures::{refuse_existing, write_file};
+use super::{beam, number};
+use crate::args::Spectrum as Arguments;
+use crate::failure::Failure;
+use crate::picture::drawing::Drawing;
+use crate::picture::spectrum::draw;
+use beamlet::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec};
+use beamlet::spectrum::{Nodes, Spectrum, nodes};
+use beamlet::units::Dimension::{Angle, Length};
+use serde::Serialize;
+use std::io::Write;
+use std::path::Path;
+
+/// Anode angle of a tube that is given none, rad.
+const ANODE_ANGLE: f64 = 12.0_f64.to_radians();
+
+/// A spectrum in numbers.
+#[derive(Debug, Serialize)]
+struct Told {
+    /// Sum of the weights.
+    photons: f64,
+    mean_energy_kev: f64,
+    half_value_layer_m: f64,
+    #[serde(flatten)]
+    spectrum: Spectrum,
+}
+
+impl Told {
+    fn of(spectrum: Spectrum) -> Result<Self, Failure> {
+        Ok(Self {
+            photons: spectrum.total(),
+            mean_energy_kev: spectrum.mean_energy(),
+            half_value_layer_m: spectrum.half_value_layer()?,
+            spectrum,
+        })
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    source: String,
+    /// Of the tube itself and those behind it, as "1 mm Al".
+    inherent_filters: Vec<String>,
+    filters: Vec<String>,
+    before: Told,
+    after: Told,
+    /// Of a scene; without one there is nothing to be accurate for.
+    nodes: Option<Nodes>,
+}
+
+pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Failure> {
+    let (scene, spec) = resolve(arguments)?;
+    let locate = |error| match &arguments.input {
+        Some(path) if beam::is_scene(path) => Scene::locate(path, &arguments.sets, error),
+        _ => error,
+    };
+    let of_scene = arguments.input.as_deref().is_some_and(beam::is_scene);
+    let report = Report {
+        source: source(&spec),
+        inherent_filters: match &spec.origin {
+            SpectrumOrigin::Tube { inherent_filters, .. } => listed(inherent_filters),
+            SpectrumOrigin::File { .. } => Vec::new(),
+        },
+        filters: listed(&spec.filters),
+        before: Told::of(Spectrum::before_filters(&scene, &spec).map_err(locate)?)?,
+        after: Told::of(Spectrum::after_filters(&scene, &spec).map_err(locate)?)?,
+        nodes: of_scene.then(|| nodes(&scene).map_err(locate)).transpose()?,
+    };
+    if let Some(path) = &arguments.plot {
+        let drawing = draw(&report.source, &report.before.spectrum, &report.after.spectrum);
+        save(&drawing, path, arguments.overwrite)?;
+    }
+    match arguments.json {
+        true => super::write_json(&report, out),
+        false => Ok(write_text(&report, out)?),
+    }
+}
+
+/// A scene with the spectrum that the arguments ask for, and that spectrum.
+fn resolve(arguments: &Arguments) -> Result<(Scene, SpectrumSpec), Failure> {
+    let mut scene = match (&arguments.input, arguments.anode, arguments.kvp) {
+        (Some(path), _, _) => beam::of_file(path, &arguments.sets)?,
+        (None, Some(anode), Some(kvp)) => {
+            let anode_angle = arguments.anode_angle.unwrap_or(ANODE_ANGLE);
+            let inherent_filters = arguments.inherent.clone();
+            let origin = SpectrumOrigin::Tube { anode, kvp, anode_angle, inherent_filters };
+            beam::bare(Beam::Spectrum(SpectrumSpec { origin, filters: Vec::new(), nodes: None }))?
+        }
+        _ => {
+            return Err(Failure::Usage(
+                "give a scene, a spectrum file, or --anode and --kvp".into(),
+            ));
+        }
+    };
+    if let Beam::Spectrum(spec) = &mut scene.source.beam {
+        spec.filters.extend(arguments.filters.iter().cloned());
+    }
+    scene.validate()?;
+    match scene.source.beam.clone() {
+        Beam::Spectrum(spec) => Ok((scene, spec)),
+        Beam::Energy(energy) => Err(Failure::Usage(format!(
+            "the scene has one energy, {energy} keV, and no spectrum; see `beamlet material` for \
+             constants at an energy"
+        ))),
+    }
+}
+
+fn source(spec: &SpectrumSpec) -> String {
+    match &spec.origin {
+        SpectrumOrigin::File { path } => path.display().to_string(),
+        SpectrumOrigin::Tube { anode, kvp, anode_angle, .. } => {
+            format!("{} anode, {kvp} kV, {}", anode.name(), Angle.format(*anode_angle))
+        }
+    }
+}
+
+fn listed(filters: &[beamlet::scene::Filter]) -> Vec<String> {
+    let text = |filter: &beamlet::scene::Filter| {
+        format!("{} {}", Length.format(filter.thickness), filter.material)
+    };
+    filters.iter().map(text).collect()
+}
+
+fn save(drawing: &Drawing, path: &Path, overwrite: bool) -> Result<(), Failure> {
+    let ending = path.extension().map(|text| text.to_string_lossy().to_lowercase());
+    let bytes = match ending.as_deref() {
+        Some("svg") => drawing.to_svg().into_bytes(),
+        Some("png") => drawing
+            .to_png(1.5)
+            .map_err(|problem| Failure::File { path: path.to_owned(), problem })?,
+        _ => {
+            let problem = format!("--plot {}: the name has to end in .svg or .png", path.display());
+            return Err(Failure::Usage(problem));
+        }
+    };
+    refuse_existing(&[path.to_owned()], overwrite)?;
+    write_file(path, &bytes)
+}
+
+fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {
+    writeln!(out, "{}", report.source)?;
+    let none = || "none".to_owned();
+    let list = |filters: &[String]| match filters {
+        [] => none(),
+        some => some.join(", "),
+    };
+    if report.source.contains(" anode, ") || !report.inherent_filters.is_empty() {
+        writeln!(out, "  {:<20}{}", "inherent filters", list(&report.inherent_filters))?;
+    }
+    writeln!(out, "  {:<20}{}", "filters", list(&report.filters))?;
+    let (before, after) = (&report.before, &report.after);
+    writeln!(out, "\n  {:<20}{:>14}{:>14}", "", "before filters", "after")?;
+    let mut line = |name: &str, unit: &str, value: &dyn Fn(&Told) -> f64| {
+        let [before, after] = [before, after].map(|told| number(value(told)));
+        writeln!(out, "  {:<20}{before:>14}{after:>14}  {unit}", name)
+    };
+    line("mean energy", "keV", &|told| told.mean_energy_kev)?;
+    line("half-value layer", "mm Al", &|told| 1e3 * told.half_value_layer_m)?;
+    line("photons", "of those before", &|told| told.photons / before.photons)?;
+    line("highest energy", "keV", &|told| {
+        told.spectrum.energies_kev.last().copied().unwrap_or(0.0)
+    })?;
+    let Some(nodes) = &report.nodes else { return Ok(()) };
+    let how = if nodes.chosen { "chosen" } else { "as the scene says" };
+    writeln!(
+        out,
+        "\nenergy nodes: {}, {how}, estimated error {:.1e}",
+        nodes.energies.len(),
+        nodes.estimated_error
+    )?;
+    writeln!(out, "  {:>10}  {:>10}", "keV", "weight")?;
+    for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
+        writeln!(out, "  {energy:>10.4}  {weight:>10.6}")?;
+    }
+    Ok(())
+}

@@ -1,0 +1,41 @@
+//! Colours of the materials of a scene, the same in every picture of it.
+
+use super::colour::{Rgb, SET};
+use beamlet::scene::Scene;
+
+/// Of what is not sample.
+pub(super) const EMPTY: Rgb = [255, 255, 255];
+
+/// Materials of the objects in the order of the scene, each once.
+pub(super) fn materials(scene: &Scene) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for object in &scene.objects {
+        if !names.contains(&object.material.as_str()) {
+            names.push(&object.material);
+        }
+    }
+    names
+}
+
+/// Colour of a material of the sample.
+pub(super) fn colour_of(scene: &Scene, material: &str) -> Rgb {
+    let place = materials(scene).iter().position(|name| *name == material);
+    place.map_or(EMPTY, |place| SET[place % SET.len()])
+}
+
+/// Colour of an object; `None` are the surroundings.
+pub(super) fn colour_of_object(scene: &Scene, object: Option<u32>) -> Rgb {
+    object
+        .and_then(|index| scene.objects.get(index as usize))
+        .map_or(EMPTY, |object| colour_of(scene, &object.material))
+}
+
+/// Mixes a colour with white: 1 is the colour itself.
+pub(super) fn pale(colour: Rgb, strength: f64) -> Rgb {
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a mean of colours is a colour"
+    )]
+    colour.map(|c| (255.0 - (255.0 - f64::from(c)) * strength).round() as u8)
+}

@@ -1,0 +1,85 @@
+//! What a retrieved image shows: its words, the unit it is told in, its colours.
+
+use super::colour::Map;
+
+/// How values of an image are shown.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Quantity {
+    pub(crate) label: String,
+    /// Unit of the shown numbers; empty where there is none.
+    pub(crate) unit: &'static str,
+    /// Shown number of one unit of the file.
+    pub(crate) factor: f64,
+    pub(crate) map: Map,
+}
+
+impl Quantity {
+    /// Label and unit, as on an axis.
+    pub(crate) fn words(&self) -> String {
+        match self.unit {
+            "" => self.label.clone(),
+            unit => format!("{} [{unit}]", self.label),
+        }
+    }
+
+    /// Intensities of frames.
+    pub(crate) fn intensity() -> Self {
+        Self {
+            label: "intensity (1 = open pixel)".into(),
+            unit: "",
+            factor: 1.0,
+            map: Map::Viridis,
+        }
+    }
+
+    /// Detector numbers of frames.
+    pub(crate) fn counts() -> Self {
+        Self { label: "detector number".into(), ..Self::intensity() }
+    }
+
+    /// A retrieved image by its name; names that are not known are shown as they are.
+    pub(crate) fn of_map(name: &str) -> Self {
+        let make = |label: &str, unit, factor, map| Self { label: label.into(), unit, factor, map };
+        match name {
+            "transmission" => make("transmission", "", 1.0, Map::Grey),
+            "refraction" => make("refraction angle", "µrad", 1e6, Map::Diverging),
+            "dark_field" => make("dark field σ²", "µrad²", 1e12, Map::Inferno),
+            "transmission_sigma" => make("1σ of the transmission", "", 1.0, Map::Viridis),
+            "refraction_sigma" => make("1σ of the refraction angle", "µrad", 1e6, Map::Viridis),
+            "dark_field_sigma" => make("1σ of the dark field", "µrad²", 1e12, Map::Viridis),
+            "flags" => make("flags (sum of bits)", "", 1.0, Map::Viridis),
+            "residual_flat" => make("rms residual of the flat's fit", "", 1.0, Map::Viridis),
+            "residual_sample" => make("rms residual of the sample's fit", "", 1.0, Map::Viridis),
+            _ => Self::of_fit(name).unwrap_or_else(|| make(name, "", 1.0, Map::Viridis)),
+        }
+    }
+
+    /// A parameter of the fitted curves.
+    fn of_fit(name: &str) -> Option<Self> {
+        let (of, parameter) =
+            name.split_once('_').filter(|(of, _)| ["flat", "sample"].contains(of))?;
+        let (unit, factor, map) = match parameter {
+            "amplitude" | "background" => ("", 1.0, Map::Viridis),
+            "centre" => ("µm", 1e6, Map::Diverging),
+            "width" => ("µm", 1e6, Map::Viridis),
+            _ => return None,
+        };
+        Some(Self { label: format!("{parameter} of the {of}'s fit"), unit, factor, map })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn signed_quantities_take_the_diverging_map() {
+        for name in ["refraction", "flat_centre", "sample_centre"] {
+            assert_eq!(Quantity::of_map(name).map, Map::Diverging, "{name}");
+        }
+        for name in ["transmission", "dark_field", "flat_width", "something"] {
+            assert_ne!(Quantity::of_map(name).map, Map::Diverging, "{name}");
+        }
+        assert_eq!(Quantity::of_map("refraction").words(), "refraction angle [µrad]");
+    }
+}

@@ -1,0 +1,337 @@
+//! The sample, ray-traced: materials in colours, what is around other things translucent.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "rays are single, colours and pixels small whole numbers"
+)]
+
+use super::colour::{Rgb, SMALL};
+use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
+use super::palette::{colour_of, colour_of_object, materials};
+use super::text::length;
+use beamlet::geometry::Sample;
+use beamlet::scene::{Sampling, Scan, Scene, Transport};
+use beamlet::trace::{MetSurface, Ray};
+use beamlet::{Engine, EngineOptions, Result};
+
+/// Where the sample is looked at from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Camera {
+    /// Turned about +z from the source's side towards +x, rad.
+    pub(crate) azimuth: f64,
+    /// Above the horizontal plane, rad.
+    pub(crate) elevation: f64,
+}
+
+/// Crossings of a ray that are looked at: behind so many translucent surfaces nothing shows.
+const CROSSINGS: u32 = 48;
+/// Opacity of surfaces of an object with something inside, seen face on.
+const TRANSLUCENT: f64 = 0.16;
+/// Rays across a pixel where the picture changes.
+const FINE: usize = 4;
+const SIZE: f64 = 760.0;
+const SCALE: f64 = 1.5;
+
+/// Draws the sample; no rays are traced where there is none.
+pub(crate) fn draw(
+    scene: &Scene,
+    sample: &Sample,
+    camera: Camera,
+    device: Option<&str>,
+) -> Result<Drawing> {
+    let mut drawing = Drawing::new(SIZE + 250.0, SIZE + 20.0);
+    let picture = Picture::of(scene, sample, camera);
+    let side = (SIZE * SCALE) as usize;
+    let options = EngineOptions {
+        device: device.map(str::to_owned),
+        backend: Some(beamlet::Backend::Bvh),
+        ..EngineOptions::default()
+    };
+    let engine = Engine::open(&options)?;
+    let turned = turned(scene, camera, picture.reach);
+    let pixels = render(&engine, &turned, &picture, side)?;
+    let area = Area::new(10.0, 10.0, SIZE, SIZE);
+    drawing.pixels(area, side, pixels);
+    legend(&mut drawing, scene, sample, &picture);
+    Ok(drawing)
+}
+
+/// What the picture needs to know of the sample.
+struct Picture {
+    /// Centre of the sample after turning, m: the middle of the picture.
+    centre: [f64; 3],
+    /// Half the width of the picture, m.
+    half: f64,
+    /// Farthest point of the sample from the rotation centre, m.
+    reach: f64,
+    camera: Camera,
+    colours: Vec<Rgb>,
+    translucent: Vec<bool>,
+}
+
+impl Picture {
+    fn of(scene: &Scene, sample: &Sample, camera: Camera) -> Self {
+        let turn = turn(camera);
+        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let mut reach = 0.0_f64;
+        for vertex in &sample.vertices {
+            reach = reach.max(vertex.length());
+            let at = times(&turn, [vertex.x, vertex.y, vertex.z]);
+            for axis in 0..3 {
+                bounds[0][axis] = bounds[0][axis].min(at[axis]);
+                bounds[1][axis] = bounds[1][axis].max(at[axis]);
+            }
+        }
+        let [low, high] = bounds;
+        let centre = [0, 1, 2].map(|axis| f64::midpoint(low[axis], high[axis]));
+        let half = (high[0] - low[0]).max(high[2] - low[2]) / 2.0 * 1.12;
+        let count = sample.objects.len();
+        // What has something inside, another object or a void, is seen through.
+        let translucent = (0..count).map(|object| {
+            sample.components.iter().any(|component| {
+                component.outside.is_some_and(|outside| outside as usize == object)
+                    || (component.object as usize == object && component.volume < 0.0)
+            })
+        });
+        let colour = |object| colour_of_object(scene, u32::try_from(object).ok());
+        Self {
+            centre,
+            half,
+            reach,
+            camera,
+            colours: (0..count).map(colour).collect(),
+            translucent: translucent.collect(),
+        }
+    }
+
+    /// The ray through a point of the picture, -1..=1 to the right and upwards: parallel, into
+    /// the picture along +y.
+    fn ray(&self, across: f64, up: f64) -> Ray {
+        Ray {
+            x: (self.centre[0] + across * self.half) as f32,
+            z: (self.centre[2] + up * self.half) as f32,
+            slope_x: 0.0,
+            slope_z: 0.0,
+            view: 0,
+        }
+    }
+
+    /// Colour behind the crossings of a ray, and what it saw first: where neighbours differ in
+    /// it, more rays are traced.
+    fn seen(&self, met: &[MetSurface]) -> ([f64; 3], u64) {
+        let mut light = [0.0; 3];
+        let mut through = 1.0;
+        let mut key = met.len() as u64;
+        for crossing in met {
+            let object = crossing.object as usize;
+            let [x, y, z] = crossing.normal.map(f64::from);
+            key = (key ^ u64::from(crossing.object)).wrapping_mul(0x0100_0000_01b3);
+            let facing = y.abs().min(1.0);
+            // Towards the viewer, whichever side is seen.
+            let side = if y > 0.0 { -1.0 } else { 1.0 };
+            let normal = [side * x, side * y, side * z];
+            let glow = |towards: [f64; 3]| dot(normal, unit(towards)).max(0.0);
+            let shade = 0.46 + 0.66 * glow([-0.5, -0.75, 0.65]) + 0.22 * glow([0.8, -0.6, 0.1]);
+            let shine = 0.22 * glow([-0.32, -0.86, 0.43]).powi(36);
+            let opacity = match self.translucent[object] {
+                true => TRANSLUCENT + (0.75 - TRANSLUCENT) * (1.0 - facing).powi(4),
+                false => 1.0,
+            };
+            for (sum, colour) in light.iter_mut().zip(self.colours[object]) {
+                let base = 0.12 + 0.88 * f64::from(colour) / 255.0;
+                *sum += through * opacity * (base * shade + shine).min(1.0);
+            }
+            through *= 1.0 - opacity;
+            if through < 1e-3 {
+                break;
+            }
+        }
+        for sum in &mut light {
+            *sum += through;
+        }
+        (light, key)
+    }
+}
+
+fn render(engine: &Engine, turned: &Scene, picture: &Picture, side: usize) -> Result<Vec<Rgb>> {
+    let simulation = engine.prepare(turned)?;
+    let at = |index: f64| (index + 0.5) / side as f64 * 2.0 - 1.0;
+    let rays: Vec<Ray> = (0..side * side)
+        .map(|i| picture.ray(at((i % side) as f64), -at((i / side) as f64)))
+        .collect();
+    let mut seen = Vec::with_capacity(rays.len());
+    simulation.crossings(&rays, CROSSINGS, |_, met| seen.push(picture.seen(met)))?;
+    // Pixels beside which something else is seen are looked at again, finer.
+    let differs = |i: usize| {
+        let (x, y) = (i % side, i / side);
+        let mut beside = Vec::with_capacity(4);
+        for (ok, j) in [
+            (x > 0, i.wrapping_sub(1)),
+            (x + 1 < side, i + 1),
+            (y > 0, i.wrapping_sub(side)),
+            (y + 1 < side, i + side),
+        ] {
+            if ok {
+                beside.push(j);
+            }
+        }
+        let far = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > 0.05);
+        beside.into_iter().any(|j| seen[i].1 != seen[j].1 || far(&seen[i].0, &seen[j].0))
+    };
+    let edges: Vec<usize> = (0..seen.len()).filter(|i| differs(*i)).collect();
+    let fine: Vec<Ray> = edges
+        .iter()
+        .flat_map(|i| {
+            (0..FINE * FINE).map(move |part| {
+                let off = |k: usize| (k as f64 + 0.5) / FINE as f64 - 0.5;
+                let (x, y) = ((i % side) as f64, (i / side) as f64);
+                picture.ray(at(x + off(part % FINE)), -at(y + off(part / FINE)))
+            })
+        })
+        .collect();
+    let mut sums = vec![[0.0; 3]; edges.len()];
+    simulation.crossings(&fine, CROSSINGS, |ray, met| {
+        let (light, _) = picture.seen(met);
+        let sum = &mut sums[ray / (FINE * FINE)];
+        (0..3).for_each(|i| sum[i] += light[i] / (FINE * FINE) as f64);
+    })?;
+    for (pixel, sum) in edges.into_iter().zip(sums) {
+        seen[pixel].0 = sum;
+    }
+    Ok(seen
+        .iter()
+        .map(|(light, _)| light.map(|l| (l.clamp(0.0, 1.0) * 255.0).round() as u8))
+        .collect())
+}
+
+/// The scene with its sample turned so that the camera looks along +y, and nothing else in it.
+fn turned(scene: &Scene, camera: Camera, reach: f64) -> Scene {
+    let mut turned = scene.clone();
+    let turn = turn(camera);
+    let (x_axis, z_axis) = ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+    for object in &mut turned.objects {
+        object.placement.rotate.push((z_axis, -camera.azimuth));
+        object.placement.rotate.push((x_axis, camera.elevation));
+        object.placement.position = times(&turn, object.placement.position);
+    }
+    // Room for the sample whichever way it is turned.
+    turned.source.distance = 4.0 * reach + 1.0;
+    turned.detector.distance = 2.0 * turned.source.distance;
+    turned.detector.pixels = [1, 1];
+    turned.detector.pitch = [8.0 * reach + 1e-3; 2];
+    turned.sample_mask = None;
+    turned.detector_mask = None;
+    turned.scan = Scan::default();
+    turned.sampling = Sampling { transport: Transport::FirstOrder, ..Sampling::default() };
+    turned
+}
+
+/// World to camera: x to the right, y into the picture, z upwards.
+fn turn(camera: Camera) -> [[f64; 3]; 3] {
+    let (sa, ca) = (-camera.azimuth).sin_cos();
+    let (se, ce) = camera.elevation.sin_cos();
+    [[ca, -sa, 0.0], [ce * sa, ce * ca, -se], [se * sa, se * ca, ce]]
+}
+
+fn times(turn: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
+    turn.map(|row| dot(row, v))
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn unit(v: [f64; 3]) -> [f64; 3] {
+    let length = dot(v, v).sqrt();
+    v.map(|part| part / length)
+}
+
+/// Materials with their objects, axes, scale.
+fn legend(drawing: &mut Drawing, scene: &Scene, sample: &Sample, picture: &Picture) {
+    let left = SIZE + 22.0;
+    drawing.text([left, 30.0], "Sample", 19.0, INK, Anchor::Start);
+    let mut y = 62.0;
+    for material in materials(scene).into_iter().take(14) {
+        let colour = colour_of(scene, material);
+        drawing.area(Area::new(left, y - 11.0, 14.0, 14.0), Paint::fill(colour));
+        drawing.text([left + 21.0, y], cut(material, 190.0, 14.0), 14.0, INK, Anchor::Start);
+        let objects: Vec<&str> = scene
+            .objects
+            .iter()
+            .filter(|object| object.material == material)
+            .map(|object| object.name.as_str())
+            .collect();
+        let text = match objects.len() {
+            count if count > 3 => format!("{count} objects"),
+            _ => objects.join(", "),
+        };
+        drawing.text([left + 21.0, y + 17.0], cut(&text, 190.0, SMALL), SMALL, GREY, Anchor::Start);
+        y += 42.0;
+    }
+    if picture.translucent.contains(&true) {
+        for line in ["translucent: has objects or voids", "inside; the others are opaque"] {
+            drawing.text([left, y], line, 11.0, GREY, Anchor::Start);
+            y += 15.0;
+        }
+    }
+    let triangles: usize = sample.objects.iter().map(|object| object.triangles).sum();
+    let text = format!("{} triangles", super::text::count(triangles));
+    drawing.text([left, y + 6.0], text, 11.0, GREY, Anchor::Start);
+    triad(drawing, picture, [left + 74.0, SIZE - 176.0]);
+    scale_bar(drawing, picture, left);
+}
+
+/// A text, shortened to a width.
+fn cut(text: &str, width: f64, size: f64) -> String {
+    if text_width(text, size) <= width {
+        return text.to_owned();
+    }
+    let mut text = text.to_owned();
+    while !text.is_empty() && text_width(&text, size) > width - size {
+        text.pop();
+    }
+    text + "…"
+}
+
+/// Directions of the axes of the world; the beam runs along y at angle 0.
+fn triad(drawing: &mut Drawing, picture: &Picture, at: [f64; 2]) {
+    let turn = turn(picture.camera);
+    let axes = [([1.0, 0.0, 0.0], "x"), ([0.0, 1.0, 0.0], "y (beam)"), ([0.0, 0.0, 1.0], "z")];
+    for (axis, name) in axes {
+        let [x, _, z] = times(&turn, axis);
+        let tip = [at[0] + 52.0 * x, at[1] - 52.0 * z];
+        drawing.arrow(at, tip, INK, 1.4);
+        let anchor = match x {
+            x if x > 0.3 => Anchor::Start,
+            x if x < -0.3 => Anchor::End,
+            _ => Anchor::Middle,
+        };
+        let (dx, dy) = (8.0 * x, if z > 0.3 { -7.0 } else { 14.0 * (0.4 - z).clamp(0.0, 1.0) });
+        drawing.text([tip[0] + dx, tip[1] + dy], name, 13.0, INK, anchor);
+    }
+}
+
+fn scale_bar(drawing: &mut Drawing, picture: &Picture, left: f64) {
+    let metres_per_pixel = 2.0 * picture.half / SIZE;
+    let most = 150.0 * metres_per_pixel;
+    let power = 10.0_f64.powf(most.log10().floor());
+    let size = [5.0, 2.0, 1.0].map(|part| part * power).into_iter().find(|s| *s <= most);
+    let size = size.unwrap_or(power);
+    let (right, y) = (left + size / metres_per_pixel, SIZE - 40.0);
+    let ink = Paint::line(INK, 2.0);
+    drawing.line([left, y], [right, y], ink);
+    for x in [left, right] {
+        drawing.line([x, y - 5.0], [x, y + 5.0], ink);
+    }
+    let middle = f64::midpoint(left, right);
+    drawing.text([middle, y - 9.0], length(size), 13.0, INK, Anchor::Middle);
+    let degrees = |angle: f64| super::text::short((angle.to_degrees() * 10.0).round() / 10.0);
+    let Camera { azimuth, elevation } = picture.camera;
+    for (row, text) in [
+        (24.0, "parallel view from the source's".to_owned()),
+        (39.0, format!("side, {}° to +x, {}° up", degrees(azimuth), degrees(elevation))),
+    ] {
+        drawing.text([left, y + row], text, 11.0, GREY, Anchor::Start);
+    }
+}

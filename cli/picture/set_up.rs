@@ -1,0 +1,300 @@
+//! The set-up to scale, seen from above: beam to the right, x downwards.
+
+use super::axes::{Axes, BELOW, LEFT};
+use super::colour::{Rgb, SMALL};
+use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
+use super::palette::{self, colour_of_object, pale};
+use super::section::{Loop, outline, section, thinned};
+use super::text::{distance, length};
+use beamlet::geometry::Sample;
+use beamlet::scene::{MaskBody, MaskSpec, Scene};
+
+const WIDTH: f64 = 1180.0;
+const BEAM: Rgb = [250, 205, 70];
+const BARS: Rgb = [70, 70, 82];
+const DETECTOR: Rgb = [40, 110, 150];
+
+/// Draws the set-up at angle 0.
+pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Drawing {
+    let mut drawing = Drawing::new(WIDTH, 944.0);
+    let loops = section(sample);
+    drawing.text([LEFT, 28.0], "Set-up from above", 19.0, INK, Anchor::Start);
+    drawing.text([LEFT, 48.0], caption(scene), SMALL, GREY, Anchor::Start);
+    overview(&mut drawing, scene, sample, &loops);
+    true_scale(&mut drawing, scene);
+    insets(&mut drawing, scene, sample, &loops);
+    drawing
+}
+
+fn caption(scene: &Scene) -> String {
+    let [columns, rows] = scene.detector.pixels;
+    let [x, z] = scene.detector.pitch.map(length);
+    let spot = match scene.source.spot {
+        [0.0, 0.0] => "a point".to_owned(),
+        [x, z] => format!("{} × {} (FWHM)", length(x), length(z)),
+    };
+    let views = match scene.scan.angles.len() {
+        1 => "1 view".to_owned(),
+        count => format!("{count} views (angle 0 is drawn)"),
+    };
+    format!(
+        "focal spot {spot} · detector {columns} × {rows} pixels of {x} × {z} · mask magnification \
+         {:.4} · {views} · {} mask steps",
+        scene.magnification(),
+        scene.mask_steps()
+    )
+}
+
+/// Half the width that the drawing has to show, m.
+fn half_width(scene: &Scene) -> f64 {
+    scene.detector.pitch[0] * f64::from(scene.detector.pixels[0]) / 2.0
+}
+
+/// y of the world, m, of a distance from the source.
+fn beyond(scene: &Scene, distance: f64) -> f64 {
+    distance - scene.source.distance
+}
+
+/// Everything between source and detector; x is stretched.
+fn overview(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop]) {
+    let area = Area::new(LEFT + 12.0, 86.0, WIDTH - LEFT - 42.0, 268.0);
+    let reach = sample.vertices.iter().map(|v| v.x.abs()).fold(half_width(scene), f64::max) * 1.18;
+    let total = scene.detector.distance;
+    // x grows downwards, as it does seen from above with the beam to the right.
+    let axes = Axes { area, x: [-0.04 * total, 1.035 * total], y: [1e3 * reach, -1e3 * reach] };
+    let half = 1e3 * half_width(scene);
+    let fan = vec![axes.at([0.0, 0.0]), axes.at([total, -half]), axes.at([total, half])];
+    drawing.path(fan, true, Paint { fill: Some((BEAM, 0.22)), ..Paint::line(BEAM, 1.0) });
+    let axis = Paint::dashed(GREY, 0.8, 5.0);
+    drawing.line(axes.at([0.0, 0.0]), axes.at([total, 0.0]), axis);
+    let shifted = |[x, y]: [f64; 2]| axes.at([y + scene.source.distance, 1e3 * x]);
+    sample_from_above(drawing, scene, sample, loops, &shifted);
+    let masks = [(&scene.sample_mask, "sample mask"), (&scene.detector_mask, "detector mask")];
+    for (mask, name) in masks {
+        let Some(mask) = mask else { continue };
+        mask_line(drawing, &axes, mask, reach);
+        let at = axes.at([mask.distance, -1e3 * reach]);
+        let anchor = if mask.distance > 0.8 * total { Anchor::End } else { Anchor::Middle };
+        drawing.text([at[0], at[1] - 6.0], name, 13.0, INK, anchor);
+    }
+    let [left, top] = axes.at([total, -half]);
+    let [_, bottom] = axes.at([total, half]);
+    drawing.area(Area::new(left, top, 7.0, bottom - top), Paint::fill(DETECTOR));
+    let below = f64::midpoint(bottom, axes.down(1e3 * reach)) + 4.0;
+    drawing.text([left - 8.0, below], "detector", 13.0, INK, Anchor::End);
+    let source = axes.at([0.0, 0.0]);
+    drawing.disc(source, 5.0, Paint { fill: Some((BEAM, 1.0)), ..Paint::line(INK, 1.0) });
+    drawing.text([source[0], source[1] - 12.0], "source", 13.0, INK, Anchor::Middle);
+    if !sample.objects.is_empty() {
+        let at = axes.at([scene.source.distance, 0.0]);
+        drawing.text([at[0] + 8.0, at[1] - 6.0], "sample", 13.0, INK, Anchor::Start);
+    }
+    direction_of_stepping(drawing, scene, &axes, reach);
+    axes.frame(drawing, "distance from the source [m]", "x [mm], stretched");
+    dimensions(drawing, scene, &axes);
+}
+
+/// A mask as its bars, where they are wide enough to be seen, or as a strip.
+fn mask_line(drawing: &mut Drawing, axes: &Axes, mask: &MaskSpec, reach: f64) {
+    let x = axes.across(mask.distance);
+    let (top, bottom) = (axes.down(-1e3 * reach), axes.down(1e3 * reach));
+    let period = (axes.down(1e3 * mask.period) - axes.down(0.0)).abs();
+    drawing.clip(Some(Area::new(x - 3.0, top, 6.0, bottom - top)));
+    if period < 5.0 {
+        drawing.line([x, top], [x, bottom], Paint::line(BARS, 4.0));
+    } else {
+        let bar = 1e3 * (mask.period - mask.aperture);
+        // Bars stand between apertures; which of them is in the middle shows in the inset.
+        let count = (reach / mask.period).ceil();
+        let mut k = -count;
+        while k <= count {
+            let low = 1e3 * (k * mask.period + mask.offset) - bar / 2.0;
+            drawing.line([x, axes.down(low)], [x, axes.down(low + bar)], Paint::line(BARS, 4.0));
+            k += 1.0;
+        }
+    }
+    drawing.clip(None);
+}
+
+fn direction_of_stepping(drawing: &mut Drawing, scene: &Scene, axes: &Axes, reach: f64) {
+    let Some(mask) = scene.sample_mask.as_ref().filter(|_| scene.mask_steps() > 1) else { return };
+    let x = axes.across(mask.distance) - 14.0;
+    let middle = axes.down(-0.62e3 * reach);
+    drawing.arrow([x, middle - 22.0], [x, middle + 22.0], INK, 1.2);
+    drawing.text([x - 6.0, middle + 5.0], "mask offset f", SMALL, INK, Anchor::End);
+}
+
+/// Outline and section of the sample through a map from metres to paper.
+fn sample_from_above(
+    drawing: &mut Drawing,
+    scene: &Scene,
+    sample: &Sample,
+    loops: &[Loop],
+    map: &dyn Fn([f64; 2]) -> [f64; 2],
+) {
+    for one in loops {
+        let component = &sample.components[one.component];
+        let colour = match one.hole {
+            false => colour_of_object(scene, Some(component.object)),
+            true => colour_of_object(scene, component.outside),
+        };
+        let fill = if colour == palette::EMPTY { colour } else { pale(colour, 0.55) };
+        let points: Vec<[f64; 2]> = one.points.iter().map(|point| map(*point)).collect();
+        let edge = colour_of_object(scene, Some(component.object));
+        let paint = Paint { fill: Some((fill, 1.0)), ..Paint::line(edge, 1.0) };
+        drawing.path(thinned(&points, 0.12), true, paint);
+    }
+    for object in 0..sample.objects.len() {
+        let of = |c: usize| sample.components[c].object as usize == object;
+        let points: Vec<[f64; 2]> = outline(sample, of).into_iter().map(map).collect();
+        let colour = pale(colour_of_object(scene, u32::try_from(object).ok()), 0.75);
+        drawing.path(thinned(&points, 0.12), true, Paint::dashed(colour, 0.9, 3.0));
+    }
+}
+
+/// Distances below the overview, one above the other.
+fn dimensions(drawing: &mut Drawing, scene: &Scene, axes: &Axes) {
+    let mut all = Vec::new();
+    if let Some(mask) = &scene.sample_mask {
+        all.push((0.0, mask.distance, "source to sample mask"));
+    }
+    all.push((0.0, scene.source.distance, "source to rotation centre"));
+    if let Some(mask) = &scene.detector_mask {
+        all.push((0.0, mask.distance, "source to detector mask"));
+    }
+    all.push((0.0, scene.detector.distance, "source to detector"));
+    let top = axes.area.bottom() + 60.0;
+    for (row, (from, to, what)) in (0_u32..).zip(all) {
+        let y = top + 19.0 * f64::from(row);
+        let (left, right) = (axes.across(from), axes.across(to));
+        let text = format!("{what} {}", distance(to - from));
+        let middle = f64::midpoint(left, right);
+        let half = text_width(&text, SMALL) / 2.0 + 8.0;
+        drawing.text([middle, y + 4.2], text, SMALL, INK, Anchor::Middle);
+        drawing.arrow([middle - half, y], [left, y], GREY, 0.8);
+        drawing.arrow([middle + half, y], [right, y], GREY, 0.8);
+        let thin = Paint::line(GREY, 0.6);
+        for x in [left, right] {
+            drawing.line([x, y - 5.0], [x, y + 5.0], thin);
+        }
+    }
+}
+
+/// The whole set-up with equal scales of x and y.
+fn true_scale(drawing: &mut Drawing, scene: &Scene) {
+    let total = scene.detector.distance;
+    let (left, width) = (LEFT + 12.0, WIDTH - LEFT - 42.0);
+    let across = |y: f64| left + (y + 0.04 * total) / (1.075 * total) * width;
+    let scale = width / (1.075 * total);
+    let half = half_width(scene) * scale;
+    let middle = 512.0;
+    let fan =
+        vec![[across(0.0), middle], [across(total), middle - half], [across(total), middle + half]];
+    drawing.path(fan, true, Paint { fill: Some((BEAM, 0.5)), ..Paint::line(BEAM, 0.5) });
+    let masks = [&scene.sample_mask, &scene.detector_mask];
+    for mask in masks.into_iter().flatten() {
+        let x = across(mask.distance);
+        let half = (half * mask.distance / total).max(2.0);
+        let width = (mask.body.thickness() * scale).max(0.7);
+        drawing.line([x, middle - half], [x, middle + half], Paint::line(BARS, width));
+    }
+    let x = across(total);
+    let half = half.max(2.0);
+    drawing.line([x, middle - half], [x, middle + half], Paint::line(DETECTOR, 2.0));
+    drawing.text(
+        [left + width, middle - half - 5.0],
+        "the same with x and y at one scale",
+        SMALL,
+        GREY,
+        Anchor::End,
+    );
+}
+
+/// Sample and bars of the masks, magnified, each with x and y at one scale.
+fn insets(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop]) {
+    let mut left = LEFT + 12.0;
+    let top = 576.0;
+    if !sample.objects.is_empty() {
+        sample_inset(drawing, scene, sample, loops, Area::new(left, top, 268.0, 268.0));
+        left += 268.0 + LEFT + 40.0;
+    }
+    let masks = [(&scene.sample_mask, "sample mask"), (&scene.detector_mask, "detector mask")];
+    for (mask, name) in masks {
+        if let Some(mask) = mask {
+            mask_inset(drawing, scene, mask, name, Area::new(left, top, 268.0, 268.0));
+            left += 268.0 + LEFT + 40.0;
+        }
+    }
+}
+
+fn sample_inset(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop], area: Area) {
+    let reach = sample.vertices.iter().map(|v| v.x.hypot(v.y)).fold(0.0, f64::max);
+    let half = 1e3 * reach.max(1e-6) * 1.3;
+    let axes = Axes { area, x: [-half, half], y: [half, -half] };
+    drawing.clip(Some(area));
+    for mask in [&scene.sample_mask, &scene.detector_mask].into_iter().flatten() {
+        let y = 1e3 * beyond(scene, mask.distance);
+        let width = (mask.body.thickness() * 1e3 / (2.0 * half) * area.width).max(1.0);
+        drawing.line(axes.at([y, -half]), axes.at([y, half]), Paint::line(BARS, width));
+    }
+    drawing.clip(None);
+    sample_from_above(drawing, scene, sample, loops, &|[x, y]| axes.at([1e3 * y, 1e3 * x]));
+    let centre = axes.at([0.0, 0.0]);
+    let cross = Paint::line(INK, 1.0);
+    drawing.line([centre[0] - 5.0, centre[1]], [centre[0] + 5.0, centre[1]], cross);
+    drawing.line([centre[0], centre[1] - 5.0], [centre[0], centre[1] + 5.0], cross);
+    axes.frame(drawing, "y from the rotation centre [mm]", "x [mm]");
+    let title = "sample: section at z = 0, outline dashed";
+    drawing.text([area.left, area.top - 10.0], title, 13.0, INK, Anchor::Start);
+    let mut x = area.left;
+    for material in palette::materials(scene).into_iter().take(5) {
+        let y = area.bottom() + BELOW + 16.0;
+        let colour = palette::colour_of(scene, material);
+        let paint = Paint { fill: Some((pale(colour, 0.55), 1.0)), ..Paint::line(colour, 1.0) };
+        drawing.area(Area::new(x, y - 10.0, 12.0, 12.0), paint);
+        drawing.text([x + 17.0, y], material, SMALL, INK, Anchor::Start);
+        x += 17.0 + text_width(material, SMALL) + 16.0;
+    }
+}
+
+/// A few bars about the axis, with period, aperture and thickness.
+fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str, area: Area) {
+    let thickness = mask.body.thickness();
+    let half = 1e6 * (1.6 * mask.period).max(0.62 * thickness);
+    let axes = Axes { area, x: [-half, half], y: [half, -half] };
+    let columns = f64::from(scene.detector.pixels[0]);
+    drawing.clip(Some(area));
+    // The light of the apertures, and the rows of pixels behind.
+    let first = (-half * 1e-6 / mask.period).floor() - 1.0;
+    let mut index = first;
+    while index * mask.period < half * 1e-6 + mask.period {
+        // Apertures are centred at (k + 1/2 - C/2) periods.
+        let phase = 0.5 - (columns / 2.0).fract();
+        let centre = (index + phase) * mask.period + mask.offset;
+        let [low, high] = [centre - mask.aperture / 2.0, centre + mask.aperture / 2.0];
+        let light = axes.at([-half, 1e6 * low]);
+        let end = axes.at([half, 1e6 * high]);
+        let beam = Area::new(light[0], light[1], end[0] - light[0], end[1] - light[1]);
+        drawing.area(beam, Paint { fill: Some((BEAM, 0.35)), ..Paint::default() });
+        let bar = 1e6 * (mask.period - mask.aperture);
+        let from = axes.at([-5e5 * thickness, 1e6 * high]);
+        let to = axes.at([5e5 * thickness, 1e6 * high + bar]);
+        let width = (to[0] - from[0]).max(2.5);
+        drawing.area(Area::new(from[0], from[1], width, to[1] - from[1]), Paint::fill(BARS));
+        index += 1.0;
+    }
+    drawing.clip(None);
+    axes.frame(drawing, &format!("y from the centre of the {name} [µm]"), "x [µm]");
+    drawing.text([area.left, area.top - 10.0], name, 13.0, INK, Anchor::Start);
+    let body = match &mask.body {
+        MaskBody::Bars { material, thickness } => {
+            format!("{material}, {} thick", length(*thickness))
+        }
+        MaskBody::Sheet { transmission } => format!("sheet, transmission {transmission}"),
+    };
+    let lattice = format!("period {}, aperture {}", length(mask.period), length(mask.aperture));
+    for (row, text) in [(16.0, lattice), (33.0, body)] {
+        let y = area.bottom() + BELOW + row;
+        drawing.text([area.left, y], text, SMALL, INK, Anchor::Start);
+    }
+}

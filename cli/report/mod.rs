@@ -1,0 +1,124 @@
+//! A run as one page for a browser: data, drawing code and style in a single file that asks for
+//! nothing from anywhere.
+
+mod data;
+mod tables;
+
+use crate::failure::Failure;
+use crate::picture::colour::Map;
+use crate::picture::set_up;
+use crate::picture::svg::escaped;
+use crate::run_reader::RunReader;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use beamlet::geometry::{self, Sample};
+use std::fmt::Write as _;
+
+const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// The page of a run, with at most `most` bytes of image data.
+pub(crate) fn page(run: &RunReader, most: u64) -> Result<String, Failure> {
+    let data = data::collect(run, most)?;
+    let mut arrays = String::new();
+    for (name, words) in &data.arrays {
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        let text = STANDARD.encode(bytes);
+        // Writing to a string does not fail.
+        let _ = writeln!(arrays, "<script type=\"text/plain\" id=\"data-{name}\">{text}</script>");
+    }
+    let (sample, without) = match geometry::load(run.scene()) {
+        Ok(sample) => (sample, String::new()),
+        Err(error) => {
+            let note = format!(
+                "<p class=\"note\">Without the sample: {}</p>",
+                escaped(&error.to_string())
+            );
+            (Sample::default(), note)
+        }
+    };
+    let drawing = set_up::draw(run.scene(), &sample).to_svg() + &without;
+    let name = run
+        .run()
+        .path()
+        .file_name()
+        .map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
+    let notes: String =
+        data.notes.iter().map(|note| format!("<p class=\"note\">{}</p>", escaped(note))).collect();
+    let meta = script_json(&data.meta)?;
+    let parts = [
+        ("{{title}}", escaped(&name)),
+        ("{{summary}}", escaped(&tables::summary(run))),
+        ("{{notes}}", notes),
+        ("{{set-up}}", drawing),
+        ("{{scene}}", escaped(&tables::scene_text(run)?)),
+        ("{{tally}}", tables::tally(run)),
+        ("{{provenance}}", tables::provenance(run)),
+        ("{{retrieval}}", tables::retrieval(run)),
+        ("{{style}}", STYLE.to_owned()),
+        ("{{meta}}", meta),
+        ("{{arrays}}", arrays),
+        ("{{script}}", SCRIPT.to_owned()),
+    ];
+    Ok(filled(PAGE, &parts))
+}
+
+/// Puts each part in the place of its mark. What is put in is not searched again.
+fn filled(page: &str, parts: &[(&str, String)]) -> String {
+    let mut out =
+        String::with_capacity(page.len() + parts.iter().map(|(_, p)| p.len()).sum::<usize>());
+    let mut rest = page;
+    while let Some(start) = rest.find("{{") {
+        out.push_str(&rest[..start]);
+        rest = &rest[start..];
+        match parts.iter().find(|(mark, _)| rest.starts_with(mark)) {
+            Some((mark, part)) => {
+                out.push_str(part);
+                rest = &rest[mark.len()..];
+            }
+            None => {
+                out.push_str("{{");
+                rest = &rest[2..];
+            }
+        }
+    }
+    out + rest
+}
+
+/// JSON that may stand in a script element.
+fn script_json(value: &serde_json::Value) -> Result<String, Failure> {
+    let text = serde_json::to_string(value).map_err(std::io::Error::from)?;
+    Ok(text.replace('<', "\\u003c"))
+}
+
+/// A colour map as 256 colours, base64.
+fn table_of(map: Map) -> String {
+    let colours: Vec<u8> = (0..256).flat_map(|i| map.colour(f64::from(i) / 255.0)).collect();
+    STANDARD.encode(colours)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_put_in_is_not_searched_again() {
+        let parts = [("{{a}}", "{{b}}".to_owned()), ("{{b}}", "x".to_owned())];
+        assert_eq!(filled("1 {{a}} 2 {{b}} {{c}}", &parts), "1 {{b}} 2 x {{c}}");
+    }
+
+    #[test]
+    fn json_cannot_end_its_script_element() {
+        let value = serde_json::json!({ "name": "</script><b>" });
+        let text = script_json(&value).unwrap();
+        assert!(!text.contains('<'), "{text}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
+    }
+
+    #[test]
+    fn every_mark_of_the_page_is_known() {
+        let marks = PAGE.matches("{{").count();
+        assert_eq!(marks, 12, "a new mark wants a part in page()");
+    }
+}

@@ -1,0 +1,251 @@
+//! Differences of two stacks, runs or retrievals, simulated or measured, image by image.
+
+use crate::retrieve::{ImageDirectory, ImageFormat};
+use crate::stack::{Maps, OpenRun, StackFile};
+use crate::{Error, Result};
+use ndarray::{Array2, Zip};
+use serde::Serialize;
+use std::path::Path;
+
+/// What two series of images differ by. `b - a` where there is a sign.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Difference {
+    /// `flat`, `sample`, the name of a retrieved image, or `stack`.
+    pub name: String,
+    /// Images compared.
+    pub images: usize,
+    /// Pixels that are finite in both.
+    pub pixels: u64,
+    /// Pixels that are finite in one only, or infinite in unlike ways.
+    pub unlike: u64,
+    /// Mean of a over `pixels`.
+    pub mean_a: f64,
+    /// Mean of b.
+    pub mean_b: f64,
+    /// Mean of b - a.
+    pub mean: f64,
+    /// Root mean square of b - a.
+    pub rms: f64,
+    /// Root mean square of b - a over that of a; `null` where a is zero.
+    pub relative: Option<f64>,
+    /// Largest |b - a|.
+    pub largest: f64,
+    /// View, step, row and column of the largest, counted from 0.
+    pub largest_at: [usize; 4],
+}
+
+impl Difference {
+    /// Whether nothing differs by more than this.
+    #[must_use]
+    pub fn within(&self, tolerance: f64) -> bool {
+        self.unlike == 0 && self.largest <= tolerance
+    }
+}
+
+/// Where images of differences go, one file (or folder) per name.
+#[derive(Debug, Clone, Copy)]
+pub struct DifferencesTo<'a> {
+    /// A directory that does not exist yet, or is empty.
+    pub path: &'a Path,
+    /// The format of the images.
+    pub format: ImageFormat,
+}
+
+/// Compares what stands at two paths: two runs (their stacks, counts where both have them, and
+/// retrieved images where both have them), two directories of retrieved images, or two stacks.
+///
+/// # Errors
+/// [`Error::Output`] where one cannot be read, where they are of unlike kinds or shapes (names
+/// both), or where the images of differences cannot be written.
+pub fn compare(a: &Path, b: &Path, to: Option<DifferencesTo<'_>>) -> Result<Vec<Difference>> {
+    let pairs = pairs(a, b)?;
+    for (name, [a, b]) in &pairs {
+        if a.shape() != b.shape() {
+            let problem = format!(
+                "has {:?} views, steps, rows and columns in {name}; {} has {:?}",
+                b.shape(),
+                a.path().display(),
+                a.shape()
+            );
+            return Err(Error::output(b.path(), problem, None));
+        }
+    }
+    let mut images = match to {
+        Some(to) => {
+            if std::fs::read_dir(to.path).is_ok_and(|mut entries| entries.next().is_some()) {
+                return Err(Error::output(to.path, "is not empty", None));
+            }
+            let about = serde_json::json!({
+                "difference": "b - a", "a": a.display().to_string(), "b": b.display().to_string(),
+            });
+            Some(ImageDirectory::begin(to.path, to.format, about)?)
+        }
+        None => None,
+    };
+    let mut found = Vec::new();
+    for (name, pair) in &pairs {
+        found.push(difference(name, pair, images.as_mut())?);
+    }
+    if let Some(images) = images {
+        images.finish(None)?;
+    }
+    Ok(found)
+}
+
+/// A name and the two stacks that have it.
+type Pair = (String, [StackFile; 2]);
+
+/// What is compared, by name.
+fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
+    let kinds = [kind(a), kind(b)];
+    match kinds {
+        [Kind::Run, Kind::Run] => {
+            let runs = [OpenRun::open(a)?, OpenRun::open(b)?];
+            let mut all = vec![
+                ("flat".to_owned(), [runs[0].flat()?, runs[1].flat()?]),
+                ("sample".to_owned(), [runs[0].sample()?, runs[1].sample()?]),
+            ];
+            let [flats, samples] = [
+                [runs[0].counts_flat()?, runs[1].counts_flat()?],
+                [runs[0].counts_sample()?, runs[1].counts_sample()?],
+            ];
+            for (name, pair) in [("counts/flat", flats), ("counts/sample", samples)] {
+                if let [Some(a), Some(b)] = pair {
+                    all.push((name.to_owned(), [a, b]));
+                }
+            }
+            let retrieved = [a.join("retrieved"), b.join("retrieved")];
+            if retrieved.iter().all(|path| path.is_dir()) {
+                all.extend(maps(&retrieved[0], &retrieved[1])?);
+            }
+            Ok(all)
+        }
+        [Kind::Maps, Kind::Maps] => maps(a, b),
+        [Kind::Stack, Kind::Stack] => {
+            Ok(vec![("stack".to_owned(), [StackFile::open(a)?, StackFile::open(b)?])])
+        }
+        [found, other] => {
+            let problem = format!(
+                "is {}; {} is {}: compare like with like, as RUN/sample with a measured stack",
+                other.word(),
+                a.display(),
+                found.word()
+            );
+            Err(Error::output(b, problem, None))
+        }
+    }
+}
+
+/// Retrieved images that both have; it is an error where there are none.
+fn maps(a: &Path, b: &Path) -> Result<Vec<Pair>> {
+    let [of_a, mut of_b] = [Maps::open(a)?, Maps::open(b)?].map(Maps::into_stacks);
+    let shared: Vec<Pair> = of_a
+        .into_iter()
+        .filter_map(|(name, a)| of_b.remove(&name).map(|b| (name, [a, b])))
+        .collect();
+    if shared.is_empty() {
+        let problem = format!("has no image that {} has, too", a.display());
+        return Err(Error::output(b, problem, None));
+    }
+    Ok(shared)
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    Run,
+    Maps,
+    Stack,
+}
+
+impl Kind {
+    const fn word(self) -> &'static str {
+        match self {
+            Self::Run => "a run",
+            Self::Maps => "a directory of retrieved images",
+            Self::Stack => "a stack",
+        }
+    }
+}
+
+fn kind(path: &Path) -> Kind {
+    if path.join("run.json").exists() {
+        Kind::Run
+    } else if path.join("retrieved.json").exists() {
+        Kind::Maps
+    } else {
+        Kind::Stack
+    }
+}
+
+/// Sums over pixels.
+#[derive(Default)]
+struct Sums {
+    pixels: u64,
+    unlike: u64,
+    a: f64,
+    b: f64,
+    squares_a: f64,
+    squares: f64,
+    largest: f64,
+    largest_at: [usize; 4],
+}
+
+fn difference(
+    name: &str,
+    [a, b]: &[StackFile; 2],
+    mut to: Option<&mut ImageDirectory>,
+) -> Result<Difference> {
+    let [views, steps, rows, _] = a.shape();
+    let all = 0..u32::try_from(rows).unwrap_or(u32::MAX);
+    let mut sums = Sums::default();
+    for view in 0..views {
+        for step in 0..steps {
+            let (of_a, of_b) =
+                (a.frame(view, step, all.clone())?, b.frame(view, step, all.clone())?);
+            sums.take(&of_a, &of_b, [view, step]);
+            if let Some(to) = &mut to {
+                let mut image = of_b;
+                image -= &of_a;
+                to.put(&name.replace('/', "_"), "that of a and b", views * steps, image.view())?;
+            }
+        }
+    }
+    let n = sums.pixels.max(1) as f64;
+    let rms = (sums.squares / n).sqrt();
+    let rms_a = (sums.squares_a / n).sqrt();
+    Ok(Difference {
+        name: name.to_owned(),
+        images: views * steps,
+        pixels: sums.pixels,
+        unlike: sums.unlike,
+        mean_a: sums.a / n,
+        mean_b: sums.b / n,
+        mean: (sums.b - sums.a) / n,
+        rms,
+        relative: (rms_a > 0.0).then(|| rms / rms_a),
+        largest: sums.largest,
+        largest_at: sums.largest_at,
+    })
+}
+
+impl Sums {
+    fn take(&mut self, a: &Array2<f32>, b: &Array2<f32>, [view, step]: [usize; 2]) {
+        Zip::indexed(a).and(b).for_each(|(row, column), a, b| {
+            if !(a.is_finite() && b.is_finite()) {
+                let like = (a.is_nan() && b.is_nan()) || a.to_bits() == b.to_bits();
+                self.unlike += u64::from(!like);
+                return;
+            }
+            let (a, b) = (f64::from(*a), f64::from(*b));
+            self.pixels += 1;
+            self.a += a;
+            self.b += b;
+            self.squares_a += a * a;
+            self.squares += (b - a) * (b - a);
+            if (b - a).abs() > self.largest {
+                self.largest = (b - a).abs();
+                self.largest_at = [view, step, row, column];
+            }
+        });
+    }
+}

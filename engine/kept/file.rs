@@ -1,0 +1,369 @@
+//! Moments of a view on disk: RUN/moments/view_0000.bin.
+//!
+//! A header, then blocks of strips with their cells, then the SHA-256 of all that. Numbers are
+//! little-endian words of 32 bits; docs/architecture.md says what they are. A file is written
+//! under another name and renamed when its view is committed.
+
+use crate::gpu::interface::{Cell, Law, Strip};
+use crate::illuminate::NARROW;
+use crate::trace::{CellMoments, ExactCell, Strips};
+use crate::{Error, Result};
+use sha2::{Digest, Sha256};
+use std::fs::{self, File};
+use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// Folder in the run directory.
+pub(super) const DIRECTORY: &str = "moments";
+const MAGIC: [u8; 16] = *b"beamlet moments\0";
+const VERSION: u32 = 1;
+/// Magic, version, words of a ray's moments, hash of the run's scene.
+const HEADER: usize = 16 + 8 + 32;
+const HASH: usize = 32;
+/// Words of a block's header: strips, cells, cells walked in order, of them the wide ones, first
+/// and last row.
+const BLOCK: usize = 6;
+
+/// What ties moments to their run: the hash of its scene.toml.
+pub(super) fn seal(run: &Path) -> Result<[u8; 32]> {
+    let path = run.join("scene.toml");
+    let text =
+        fs::read(&path).map_err(|error| Error::output(&path, "cannot be read", Some(error)))?;
+    Ok(Sha256::digest(text).into())
+}
+
+fn path_of(directory: &Path, view: u32) -> PathBuf {
+    directory.join(format!("view_{view:04}.bin"))
+}
+
+/// Writes the moments of a run, view by view.
+#[derive(Debug)]
+pub struct KeptWriter {
+    run: PathBuf,
+    open: Option<Open>,
+}
+
+#[derive(Debug)]
+struct Open {
+    view: u32,
+    file: BufWriter<File>,
+    partial: PathBuf,
+    hash: Sha256,
+}
+
+impl KeptWriter {
+    /// A writer beside the frames of the run in `run`. Nothing is written before the first view.
+    #[must_use]
+    pub fn new(run: impl Into<PathBuf>) -> Self {
+        Self { run: run.into(), open: None }
+    }
+
+    /// Appends the strips of some rows of a view that see the sample.
+    ///
+    /// # Errors
+    /// [`Error::Output`].
+    pub(crate) fn write(&mut self, view: u32, words: usize, strips: &Strips) -> Result<()> {
+        let seeing: Vec<&Strip> =
+            strips.strips.iter().filter(|s| sees_the_sample(strips, s, words)).collect();
+        if self.open.as_ref().is_none_or(|open| open.view != view) {
+            self.begin(view, words)?;
+        }
+        let Some(open) = self.open.as_mut().filter(|_| !seeing.is_empty()) else { return Ok(()) };
+        let mut cells: Vec<u8> = Vec::new();
+        let (mut ends, mut heads) = (Vec::new(), Vec::new());
+        let (mut ordered, mut wide) = (Vec::new(), 0_u32);
+        let mut first = 0_u32;
+        for strip in &seeing {
+            let range = strip.first as usize..(strip.first + strip.count) as usize;
+            heads.push(Strip { first, ..**strip });
+            cells.extend_from_slice(bytemuck::cast_slice(&strips.cells[range.clone()]));
+            ends.extend_from_slice(
+                &strips.moments.ends[2 * words * range.start..2 * words * range.end],
+            );
+            let from = strips.moments.exact.partition_point(|e| (e.cell as usize) < range.start);
+            let of_strip = strips.moments.exact[from..].iter();
+            for exact in of_strip.take_while(|e| (e.cell as usize) < range.end) {
+                let cell = &strips.cells[exact.cell as usize];
+                wide += u32::from(cell.x_high - cell.x_low > NARROW);
+                ordered.push(ExactCell { cell: exact.cell - strip.first + first, ..*exact });
+            }
+            first += strip.count;
+        }
+        let rows = seeing.iter().map(|s| s.row);
+        let (low, high) = (rows.clone().min().unwrap_or(0), rows.max().unwrap_or(0));
+        #[allow(clippy::cast_possible_truncation, reason = "bounded by the cells of a part")]
+        let head: [u32; BLOCK] = [
+            heads.len() as u32,
+            first,
+            wide,
+            ordered.len() as u32,
+            low.cast_unsigned(),
+            high.cast_unsigned(),
+        ];
+        let ordered: Vec<u32> = ordered.iter().flat_map(words_of).collect();
+        let parts: [&[u8]; 5] = [
+            bytemuck::cast_slice(&head),
+            bytemuck::cast_slice(&heads),
+            &cells,
+            bytemuck::cast_slice(&ends),
+            bytemuck::cast_slice(&ordered),
+        ];
+        parts.into_iter().try_for_each(|part| open.put(part))
+    }
+
+    fn begin(&mut self, view: u32, words: usize) -> Result<()> {
+        self.open = None;
+        let directory = self.run.join(DIRECTORY);
+        let seal = seal(&self.run)?;
+        let partial = directory.join(format!("view_{view:04}.partial"));
+        let file = fs::create_dir_all(&directory)
+            .and_then(|()| File::create(&partial))
+            .map_err(|error| Error::output(&partial, "cannot be written", Some(error)))?;
+        let mut open = Open { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
+        open.put(&MAGIC)?;
+        open.put(bytemuck::cast_slice(&[VERSION, u32::try_from(words).unwrap_or(u32::MAX)]))?;
+        open.put(&seal)?;
+        self.open = Some(open);
+        Ok(())
+    }
+
+    /// The view is whole. A view that no ray met has a file too.
+    ///
+    /// # Errors
+    /// [`Error::Output`].
+    pub(crate) fn commit(&mut self, view: u32, words: usize) -> Result<()> {
+        if self.open.as_ref().is_none_or(|open| open.view != view) {
+            self.begin(view, words)?;
+        }
+        let Some(mut open) = self.open.take() else { return Ok(()) };
+        let hash = open.hash.clone().finalize();
+        let directory = self.run.join(DIRECTORY);
+        let path = path_of(&directory, open.view);
+        let partial = open.partial.clone();
+        open.file
+            .write_all(&hash)
+            .and_then(|()| open.file.flush())
+            .and_then(|()| open.file.get_ref().sync_all())
+            .and_then(|()| fs::rename(&partial, &path))
+            .map_err(|error| Error::output(&path, "cannot be written", Some(error)))?;
+        crate::stack::sync_directory(&directory)
+    }
+
+    /// Whether the moments of a view stand, whole and of this run.
+    #[must_use]
+    pub fn has(&self, view: u32) -> bool {
+        seal(&self.run)
+            .and_then(|seal| KeptFile::open(&self.run.join(DIRECTORY), view, &seal))
+            .is_ok()
+    }
+}
+
+impl Drop for KeptWriter {
+    /// A view that was not committed leaves nothing behind.
+    fn drop(&mut self) {
+        if let Some(open) = self.open.take() {
+            let _ = fs::remove_file(&open.partial);
+        }
+    }
+}
+
+impl Open {
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.hash.update(bytes);
+        self.file
+            .write_all(bytes)
+            .map_err(|error| Error::output(&self.partial, "cannot be written", Some(error)))
+    }
+}
+
+/// Removes the moments of an earlier run from its directory.
+///
+/// # Errors
+/// [`Error::Output`].
+pub(crate) fn remove(run: &Path) -> Result<()> {
+    let directory = run.join(DIRECTORY);
+    let Ok(entries) = fs::read_dir(&directory) else { return Ok(()) };
+    for entry in entries.flatten() {
+        let path = entry.path();
+        let ours = path.file_name().and_then(|name| name.to_str()).is_some_and(|name| {
+            name.starts_with("view_") && (name.ends_with(".bin") || name.ends_with(".partial"))
+        });
+        if ours {
+            fs::remove_file(&path)
+                .map_err(|error| Error::output(&path, "cannot be removed", Some(error)))?;
+        }
+    }
+    let _ = fs::remove_dir(&directory);
+    Ok(())
+}
+
+fn sees_the_sample(strips: &Strips, strip: &Strip, words: usize) -> bool {
+    let cells = strip.first as usize..(strip.first + strip.count) as usize;
+    strips.moments.ends[2 * words * cells.start..2 * words * cells.end].iter().any(|m| *m != 0.0)
+}
+
+/// An ordered cell as words: cell, and for both ends ray and law.
+const ORDERED: usize = 1 + 2 * (5 + 8);
+
+fn words_of(cell: &ExactCell) -> Vec<u32> {
+    let mut words = vec![cell.cell];
+    for (ray, law) in cell.ends.iter().zip(&cell.laws) {
+        words.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(ray)));
+        words.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(law)));
+    }
+    words
+}
+
+fn ordered_of(words: &[u32]) -> ExactCell {
+    let end = |i: usize| &words[1 + 13 * i..1 + 13 * (i + 1)];
+    let ray = |i: usize| bytemuck::pod_read_unaligned(bytemuck::cast_slice(&end(i)[..5]));
+    let law = |i: usize| bytemuck::pod_read_unaligned::<Law>(bytemuck::cast_slice(&end(i)[5..]));
+    ExactCell { cell: words[0], ends: [ray(0), ray(1)], laws: [law(0), law(1)], range: [0.0, 1.0] }
+}
+
+/// The moments of one view, to be read.
+#[derive(Debug)]
+pub(super) struct KeptFile {
+    path: PathBuf,
+    words: usize,
+    blocks: Vec<Block>,
+    bytes: u64,
+}
+
+#[derive(Debug)]
+struct Block {
+    at: u64,
+    head: [u32; BLOCK],
+}
+
+impl Block {
+    const fn rows(&self) -> Range<i64> {
+        self.head[4].cast_signed() as i64..self.head[5].cast_signed() as i64 + 1
+    }
+
+    const fn bytes(&self, words: usize) -> u64 {
+        let [strips, cells, _, ordered, ..] = self.head;
+        strips as u64 * size_of::<Strip>() as u64
+            + cells as u64 * (size_of::<Cell>() + 8 * words) as u64
+            + ordered as u64 * 4 * ORDERED as u64
+    }
+}
+
+impl KeptFile {
+    /// Opens the file of a view, checks its hash and finds its blocks.
+    pub(super) fn open(directory: &Path, view: u32, seal: &[u8; 32]) -> Result<Self> {
+        let path = path_of(directory, view);
+        let failed = |error| Error::output(&path, "cannot be read", Some(error));
+        let damaged = |what: &str| Error::output(&path, format!("{what}: simulate again"), None);
+        let file = File::open(&path).map_err(failed)?;
+        let bytes = file.metadata().map_err(failed)?.len();
+        if bytes < (HEADER + HASH) as u64 {
+            return Err(damaged("is cut off"));
+        }
+        check_hash(&path, &file, bytes - HASH as u64)?;
+        let mut file = BufReader::new(file);
+        file.seek(SeekFrom::Start(0)).map_err(failed)?;
+        let mut head = [0_u8; HEADER];
+        file.read_exact(&mut head).map_err(failed)?;
+        if head[..16] != MAGIC {
+            return Err(damaged("holds no moments"));
+        }
+        let word =
+            |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        if word(16) != VERSION {
+            let found = word(16);
+            return Err(damaged(&format!("has version {found} of moments, this is {VERSION}")));
+        }
+        if head[24..] != *seal {
+            return Err(damaged("belongs to another scene than the run's scene.toml"));
+        }
+        let words = word(20) as usize;
+        let mut blocks = Vec::new();
+        let mut at = HEADER as u64;
+        while at < bytes - HASH as u64 {
+            let mut words_of_head = [0_u8; 4 * BLOCK];
+            file.seek(SeekFrom::Start(at)).map_err(failed)?;
+            file.read_exact(&mut words_of_head).map_err(failed)?;
+            let head: [u32; BLOCK] = bytemuck::pod_read_unaligned(&words_of_head);
+            let block = Block { at: at + 4 * BLOCK as u64, head };
+            at = block.at + block.bytes(words);
+            blocks.push(block);
+        }
+        Ok(Self { path, words, blocks, bytes })
+    }
+
+    pub(super) const fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    pub(super) fn has_wide(&self) -> bool {
+        self.blocks.iter().any(|block| block.head[2] > 0)
+    }
+
+    /// Hands over the blocks that have strips in some rows.
+    pub(super) fn read(
+        &self,
+        rows: &Range<i64>,
+        words: usize,
+        mut take: impl FnMut(&Strips) -> Result<()>,
+    ) -> Result<()> {
+        let failed = |error| Error::output(&self.path, "cannot be read", Some(error));
+        if self.words != words {
+            let problem = format!(
+                "has {} words of moments a ray, the scene's materials have {words}",
+                self.words
+            );
+            return Err(Error::output(&self.path, problem, None));
+        }
+        let mut file = File::open(&self.path).map_err(failed)?;
+        for block in &self.blocks {
+            let there = block.rows();
+            if there.start >= rows.end || there.end <= rows.start {
+                continue;
+            }
+            let mut bytes = vec![0_u8; usize::try_from(block.bytes(words)).unwrap_or(usize::MAX)];
+            file.seek(SeekFrom::Start(block.at)).map_err(failed)?;
+            file.read_exact(&mut bytes).map_err(failed)?;
+            take(&unpack(block, words, &bytes))?;
+        }
+        Ok(())
+    }
+}
+
+fn unpack(block: &Block, words: usize, bytes: &[u8]) -> Strips {
+    let [strips, cells, _, ordered, ..] = block.head.map(|n| n as usize);
+    let (strips, rest) = bytes.split_at(strips * size_of::<Strip>());
+    let (cells, rest) = rest.split_at(cells * size_of::<Cell>());
+    let (ends, ordered_words) = rest.split_at(rest.len() - 4 * ordered * ORDERED);
+    debug_assert_eq!(ends.len() % (8 * words), 0, "two ends a cell");
+    let ordered_words: Vec<u32> = bytemuck::pod_collect_to_vec(ordered_words);
+    Strips {
+        strips: bytemuck::pod_collect_to_vec(strips),
+        cells: bytemuck::pod_collect_to_vec(cells),
+        moments: CellMoments {
+            ends: bytemuck::pod_collect_to_vec(ends),
+            exact: ordered_words.chunks_exact(ORDERED).map(ordered_of).collect(),
+        },
+        ..Strips::default()
+    }
+}
+
+fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {
+    let failed = |error| Error::output(path, "cannot be read", Some(error));
+    let mut hash = Sha256::new();
+    let mut rest = bytes;
+    let mut buffer = vec![0_u8; 1 << 20];
+    while rest > 0 {
+        let n = usize::try_from(rest.min(1 << 20)).unwrap_or(1 << 20);
+        file.read_exact(&mut buffer[..n]).map_err(failed)?;
+        hash.update(&buffer[..n]);
+        rest -= n as u64;
+    }
+    let mut recorded = [0_u8; HASH];
+    file.read_exact(&mut recorded).map_err(failed)?;
+    if hash.finalize()[..] != recorded {
+        return Err(Error::output(path, "is not what was written: simulate again", None));
+    }
+    Ok(())
+}

@@ -1,0 +1,142 @@
+//! Moments kept from a run: the sample as rays saw it, for other masks, steps, spectra,
+//! materials or detectors without another search through its surfaces.
+//!
+//! Moments do not depend on masks, mask steps, spot or energy. A cell of one lattice is cut and
+//! interpolated to cells of another ([`relattice`]); moments become laws at the energies of the
+//! other scene (`illuminate::Spectral`). Rays that no sum of moments can describe are traced
+//! again, which needs the meshes.
+
+pub(crate) mod file;
+mod relattice;
+mod same;
+
+pub use file::KeptWriter;
+
+use crate::detector::Detection;
+use crate::scene::Scene;
+use crate::trace::{Lattice, Media, Strips};
+use crate::{Error, Result};
+use file::KeptFile;
+use relattice::Relattice;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// How much stronger than in the run that kept them moments may refract in another scene: rays
+/// are flagged with that much in hand.
+pub const STRONGER: f64 = 2.0;
+
+/// The moments that a run kept (`simulate --keep-moments`).
+#[derive(Debug)]
+pub struct Kept {
+    directory: PathBuf,
+    scene: Scene,
+    views: Vec<KeptFile>,
+}
+
+impl Kept {
+    /// Opens what the run in `run` kept.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where there is no run, or it kept no moments, or not those of a view;
+    /// [`Error::Scene`] where its scene cannot be read.
+    pub fn open(run: &Path) -> Result<Self> {
+        let scene_path = run.join("scene.toml");
+        if !scene_path.is_file() {
+            return Err(Error::output(run, "is not a run directory: it has no scene.toml", None));
+        }
+        let scene = Scene::load(&scene_path)?;
+        let directory = run.join(file::DIRECTORY);
+        if !directory.is_dir() {
+            let problem = "has no moments: simulate with --keep-moments";
+            return Err(Error::output(run, problem, None));
+        }
+        let seal = file::seal(run)?;
+        let views = (0..scene.scan.angles.len())
+            .map(|view| KeptFile::open(&directory, u32::try_from(view).unwrap_or(u32::MAX), &seal))
+            .collect::<Result<_>>()?;
+        Ok(Self { directory, scene, views })
+    }
+
+    /// The scene of the run.
+    #[must_use]
+    pub const fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Where the moments are.
+    #[must_use]
+    pub fn directory(&self) -> &Path {
+        &self.directory
+    }
+
+    /// Bytes of all views.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.views.iter().map(KeptFile::bytes).sum()
+    }
+
+    /// Prepares the moments for another scene.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] where the scene differs in more than moments can follow, and says in what.
+    pub(crate) fn for_scene(&self, scene: &Scene, lattice: &Lattice) -> Result<KeptSource<'_>> {
+        same::check(&self.scene, scene)?;
+        let detection = Detection::of(&self.scene)?;
+        let lit = detection.lit();
+        let (base, now) = (Media::of(&self.scene)?, Media::of(scene)?);
+        let media = same::media(&self.scene, &base, scene, &now)?;
+        let reference = base.mean();
+        let same_constants = media.constants == base.constants && media.weights == base.weights;
+        let old = Lattice::of(lit, base.strongest());
+        let relattice = Relattice::new(lit, &old, scene, lattice)?;
+        let wide = self.views.iter().any(KeptFile::has_wide);
+        Ok(KeptSource {
+            kept: self,
+            relattice,
+            media,
+            reference,
+            flagged: STRONGER * base.strongest(),
+            retrace: wide && !(same_constants && base.energies.len() == 1),
+        })
+    }
+}
+
+/// Kept moments as the strips of another scene.
+#[derive(Debug)]
+pub(crate) struct KeptSource<'k> {
+    kept: &'k Kept,
+    relattice: Relattice,
+    /// Materials of the other scene in the order of the moments.
+    pub(crate) media: Media,
+    /// Constants that ordered walks were made at.
+    pub(crate) reference: Vec<crate::material::Constants>,
+    /// The strongest delta that rays were flagged for.
+    pub(crate) flagged: f64,
+    /// Some ordered walks have to be repeated.
+    pub(crate) retrace: bool,
+}
+
+impl KeptSource<'_> {
+    /// Strips of some rows of a view, those without a sample among them, handed over in parts.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where the file cannot be read or is damaged; those of `take`.
+    pub(crate) fn strips(
+        &self,
+        view: u32,
+        rows: &Range<i64>,
+        lit: &Range<i64>,
+        mut take: impl FnMut(&Strips) -> Result<()>,
+    ) -> Result<()> {
+        let mut covered = relattice::Covered::default();
+        let words = self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL;
+        self.kept.views[view as usize].read(&self.relattice.old_rows(rows), words, |block| {
+            let mut strips = self.relattice.map(block, rows, &mut covered);
+            strips.balance();
+            take(&strips)
+        })?;
+        let mut blank = self.relattice.blank(rows, lit, &covered);
+        blank.keep_nothing(self.media.names.len());
+        take(&blank)
+    }
+}

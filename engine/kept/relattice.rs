@@ -1,0 +1,312 @@
+//! Cells of one lattice as cells of another: cut where beamlets and rows end, their moments
+//! interpolated in between, and taken to another analyser.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
+use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::scene::Scene;
+use crate::trace::{CellMoments, ExactCell, Lattice, Strips, empty_cell, empty_strip};
+use crate::{Error, Result};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// Pieces thinner than this share of a period or row come from rounding.
+const SLIVER: f64 = 1e-6;
+
+/// From the lattice of one scene to that of another with the same sample.
+#[derive(Debug)]
+pub(super) struct Relattice {
+    old: Lattice,
+    new: Lattice,
+    /// Rows of the detectors.
+    rows: [f64; 2],
+    /// dz/dy per row.
+    row_slopes: [f64; 2],
+    /// From the old analyser to the new one, m.
+    lever: f64,
+    same_columns: bool,
+    same_rows: bool,
+}
+
+/// What kept strips cover of the new lattice: by row and beamlet, intervals of z in the row
+/// with intervals of x.
+#[derive(Debug, Default)]
+pub(super) struct Covered(HashMap<(i64, i64), Vec<[f64; 4]>>);
+
+impl Relattice {
+    /// # Errors
+    /// [`Error::Scene`] where the new field of view is not inside the old one.
+    pub(super) fn new(from: &Scene, old: &Lattice, to: &Scene, new: &Lattice) -> Result<Self> {
+        let rows = [from, to].map(|s| f64::from(s.detector.pixels[1]));
+        let row_slopes = [from, to].map(|s| s.detector.pitch[1] / s.detector.distance);
+        let reach = |l: &Lattice, beamlets: &Range<i64>| {
+            [l.centre(beamlets.start), l.centre(beamlets.end - 1)].map(|x| x / l.plane)
+        };
+        let (had, wanted) = (reach(old, &old.beamlets), reach(new, &new.direct));
+        let step = old.period / old.plane;
+        if wanted[0] < had[0] - step || wanted[1] > had[1] + step {
+            return Err(outside("detector.pixels", "columns", wanted[1] / had[1]));
+        }
+        let height = [0, 1].map(|i| rows[i] * row_slopes[i]);
+        if height[1] > height[0] * (1.0 + 1e-9) {
+            return Err(outside("detector.pixels", "rows", height[1] / height[0]));
+        }
+        // The reach of a wider spot or a lattice displaced by less than a period may add empty
+        // beamlets at the rim; beamlets of the same lattice keep their cells bit by bit.
+        let same_columns = old.plane.to_bits() == new.plane.to_bits()
+            && old.period.to_bits() == new.period.to_bits()
+            && old.offset.to_bits() == new.offset.to_bits()
+            && from.detector.pixels[0] == to.detector.pixels[0];
+        let same_rows = rows[0].to_bits() == rows[1].to_bits()
+            && row_slopes[0].to_bits() == row_slopes[1].to_bits();
+        Ok(Self {
+            old: old.clone(),
+            new: new.clone(),
+            rows,
+            row_slopes,
+            lever: to.analyser_distance() - from.analyser_distance(),
+            same_columns,
+            same_rows,
+        })
+    }
+
+    /// Row coordinate on the new detector.
+    fn row(&self, old: f64) -> f64 {
+        if self.same_rows {
+            return old;
+        }
+        0.5 * self.rows[1] - (0.5 * self.rows[0] - old) * self.row_slopes[0] / self.row_slopes[1]
+    }
+
+    /// Rows of the old detector that rows of the new one see.
+    pub(super) fn old_rows(&self, rows: &Range<i64>) -> Range<i64> {
+        if self.same_rows {
+            return rows.clone();
+        }
+        let old = |new: i64| {
+            let from_axis = (0.5 * self.rows[1] - new as f64) * self.row_slopes[1];
+            0.5 * self.rows[0] - from_axis / self.row_slopes[0]
+        };
+        old(rows.start).floor() as i64..old(rows.end).ceil() as i64
+    }
+
+    /// The strips of `rows` of the new detector.
+    pub(super) fn map(&self, strips: &Strips, rows: &Range<i64>, covered: &mut Covered) -> Strips {
+        let mut out = Strips::default();
+        for strip in &strips.strips {
+            let at = f64::from(strip.row);
+            let [top, bottom] = [strip.top, strip.bottom].map(|z| self.row(at + f64::from(z)));
+            for row in top.floor() as i64..bottom.ceil() as i64 {
+                let z = [top.max(row as f64), bottom.min((row + 1) as f64)].map(|z| z - row as f64);
+                if rows.contains(&row) && z[1] - z[0] > SLIVER {
+                    self.map_strip(strips, strip, row, z, &mut out, covered);
+                }
+            }
+        }
+        out
+    }
+
+    fn map_strip(
+        &self,
+        strips: &Strips,
+        strip: &Strip,
+        row: i64,
+        z: [f64; 2],
+        out: &mut Strips,
+        covered: &mut Covered,
+    ) {
+        let words = strips.moments.ends.len() / strips.cells.len().max(1) / 2;
+        let old_beamlet = i64::from(strip.column) + self.old.beamlets.start;
+        let scale = self.new.plane / self.old.plane;
+        let first = strip.first as usize;
+        let mut from = strips.moments.exact.partition_point(|e| (e.cell as usize) < first);
+        let mut piece = Piece::default();
+        for index in first..first + strip.count as usize {
+            let cell = &strips.cells[index];
+            let ends = &strips.moments.ends[2 * words * index..2 * words * (index + 1)];
+            let ordered = strips.moments.exact.get(from).filter(|e| e.cell as usize == index);
+            from += usize::from(ordered.is_some());
+            let [low, high] = [cell.x_low, cell.x_high]
+                .map(|x| (self.old.centre(old_beamlet) + f64::from(x)) * scale);
+            let beamlets = if self.same_columns {
+                old_beamlet..old_beamlet + 1
+            } else {
+                self.new.beamlet_at(low)..self.new.beamlet_at(high) + 1
+            };
+            for beamlet in beamlets {
+                let centre = self.new.centre(beamlet);
+                let half = 0.5 * self.new.period;
+                let cut = if self.same_columns {
+                    [low, high]
+                } else {
+                    [low.max(centre - half), high.min(centre + half)]
+                };
+                let whole = cut[0].to_bits() == low.to_bits() && cut[1].to_bits() == high.to_bits();
+                if cut[1] <= cut[0] || (!whole && cut[1] - cut[0] < SLIVER * 1e-3 * self.new.period)
+                {
+                    continue;
+                }
+                if piece.beamlet != Some(beamlet) {
+                    self.flush(&mut piece, row, z, out, covered);
+                    piece.beamlet = Some(beamlet);
+                }
+                let x = if self.same_columns {
+                    [cell.x_low, cell.x_high]
+                } else {
+                    cut.map(|x| (x - centre) as f32)
+                };
+                if x[1] <= x[0] {
+                    continue;
+                }
+                let share =
+                    if whole { [0.0, 1.0] } else { cut.map(|x| ((x - low) / (high - low)) as f32) };
+                piece.push(
+                    Cell { x_low: x[0], x_high: x[1], ..*cell },
+                    ends,
+                    share,
+                    ordered,
+                    self.lever,
+                );
+            }
+        }
+        self.flush(&mut piece, row, z, out, covered);
+    }
+
+    /// Appends the strip of a beamlet.
+    fn flush(
+        &self,
+        piece: &mut Piece,
+        row: i64,
+        z: [f64; 2],
+        out: &mut Strips,
+        covered: &mut Covered,
+    ) {
+        let done = std::mem::take(piece);
+        let (Some(beamlet), Some(first), Some(last)) =
+            (done.beamlet, done.cells.first(), done.cells.last())
+        else {
+            return;
+        };
+        if !self.new.beamlets.contains(&beamlet) {
+            return;
+        }
+        let x = [first.x_low.into(), last.x_high.into()];
+        covered.0.entry((row, beamlet)).or_default().push([z[0], z[1], x[0], x[1]]);
+        let strip = Strip {
+            top: z[0] as f32,
+            bottom: z[1] as f32,
+            ..empty_strip(beamlet - self.new.beamlets.start, row)
+        };
+        out.push(strip, &done.cells, &done.moments);
+    }
+
+    /// Strips of what no kept strip covers: there is no sample there.
+    pub(super) fn blank(&self, rows: &Range<i64>, lit: &Range<i64>, covered: &Covered) -> Strips {
+        let mut out = Strips::default();
+        let whole = empty_cell(&self.new);
+        let half = 0.5 * self.new.period;
+        for row in rows.start.max(lit.start)..rows.end.min(lit.end) {
+            for beamlet in self.new.direct.clone() {
+                let strip = empty_strip(beamlet - self.new.beamlets.start, row);
+                let Some(parts) = covered.0.get(&(row, beamlet)) else {
+                    out.push(strip, &[whole], &CellMoments::default());
+                    continue;
+                };
+                let mut edges: Vec<f64> = parts.iter().flat_map(|p| [p[0], p[1]]).collect();
+                edges.extend([0.0, 1.0]);
+                edges.sort_by(f64::total_cmp);
+                for z in edges.windows(2).filter(|z| z[1] - z[0] > SLIVER) {
+                    let middle = 0.5 * (z[0] + z[1]);
+                    let mut taken: Vec<[f64; 2]> = parts
+                        .iter()
+                        .filter(|p| p[0] < middle && p[1] > middle)
+                        .map(|p| [p[2], p[3]])
+                        .collect();
+                    taken.sort_by(|a, b| a[0].total_cmp(&b[0]));
+                    taken.push([half, half]);
+                    let mut cells = Vec::new();
+                    let mut x = -half;
+                    for [low, high] in taken {
+                        if low - x > SLIVER * self.new.period {
+                            cells.push(Cell { x_low: x as f32, x_high: low as f32, ..whole });
+                        }
+                        x = x.max(high);
+                    }
+                    let [above, below] = self.new.row_shares(z[0], z[1], 0.0);
+                    for cell in &mut cells {
+                        (cell.above, cell.below) = (above, below);
+                    }
+                    let strip = Strip { top: z[0] as f32, bottom: z[1] as f32, ..strip };
+                    out.push(strip, &cells, &CellMoments::default());
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Cells of one new beamlet in the making.
+#[derive(Default)]
+struct Piece {
+    beamlet: Option<i64>,
+    cells: Vec<Cell>,
+    moments: CellMoments,
+}
+
+impl Piece {
+    /// Takes the part `share` of a cell, to an analyser farther by `lever`.
+    fn push(
+        &mut self,
+        cell: Cell,
+        ends: &[f32],
+        share: [f32; 2],
+        ordered: Option<&ExactCell>,
+        lever: f64,
+    ) {
+        let (low, high) = ends.split_at(ends.len() / 2);
+        for at in share {
+            let first = self.moments.ends.len();
+            let mix = |(a, b): (&f32, &f32)| {
+                if at <= 0.0 {
+                    *a
+                } else if at >= 1.0 {
+                    *b
+                } else {
+                    a + (b - a) * at
+                }
+            };
+            self.moments.ends.extend(low.iter().zip(high).map(mix));
+            for m in self.moments.ends[first..].chunks_exact_mut(MOMENTS_PER_MATERIAL) {
+                m[1] += (f64::from(m[3]) * lever) as f32;
+                m[2] += (f64::from(m[4]) * lever) as f32;
+            }
+        }
+        if let Some(ordered) = ordered {
+            let range = ordered.range[1] - ordered.range[0];
+            self.moments.exact.push(ExactCell {
+                cell: self.cells.len() as u32,
+                range: share.map(|t| ordered.range[0] + range * t),
+                laws: ordered.laws.map(|mut law| {
+                    law.displacement_x += (f64::from(law.slope_x) * lever) as f32;
+                    law.displacement_z += (f64::from(law.slope_z) * lever) as f32;
+                    law
+                }),
+                ..*ordered
+            });
+        }
+        self.cells.push(cell);
+    }
+}
+
+fn outside(key: &str, what: &str, times: f64) -> Error {
+    Error::scene(
+        key,
+        format!("a field of view {times:.3} times that of the kept moments in {what}"),
+        "a field of view inside that of the run that kept them",
+    )
+}

@@ -1,0 +1,104 @@
+//! What may differ between the run that kept moments and the scene that takes them.
+
+use super::STRONGER;
+use crate::scene::{Mesh, Object, Scene, ShapeOrMesh};
+use crate::trace::Media;
+use crate::{Error, Result, geometry};
+
+/// Source distance, angles and the shape and place of every object must be the same.
+///
+/// # Errors
+/// [`Error::Scene`] with the key that differs; [`Error::Output`] where a mesh cannot be read.
+pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
+    let differs = |key: &str, found: String, there: String| {
+        Err(Error::scene(key, found, format!("{there}, as in the run that kept the moments")))
+    };
+    let mm = |m: f64| format!("{} mm", 1e3 * m);
+    if base.source.distance.to_bits() != scene.source.distance.to_bits() {
+        return differs("source.distance", mm(scene.source.distance), mm(base.source.distance));
+    }
+    if base.scan.angles != scene.scan.angles {
+        let count = |s: &Scene| format!("{} angles", s.scan.angles.len());
+        return differs("scan.angles", format!("other angles ({})", count(scene)), count(base));
+    }
+    if base.objects.len() != scene.objects.len() {
+        let count = |s: &Scene| format!("{} objects", s.objects.len());
+        return differs("object", count(scene), count(base));
+    }
+    for (index, (there, here)) in base.objects.iter().zip(&scene.objects).enumerate() {
+        let key = |name: &str| format!("object[{index}].{name}");
+        if there.placement != here.placement {
+            let name = &here.name;
+            return differs(&key("position"), format!("\"{name}\" elsewhere"), "its place".into());
+        }
+        if let Some((found, was)) = other_surface(scene, there, here)? {
+            return differs(&key("mesh"), found, was);
+        }
+    }
+    Ok(())
+}
+
+/// What an object's surface is, and was, where the two differ.
+fn other_surface(scene: &Scene, there: &Object, here: &Object) -> Result<Option<(String, String)>> {
+    let (ShapeOrMesh::Mesh(Mesh::File { unit: was, .. }), Some(recorded)) =
+        (&there.geometry, &there.sha256)
+    else {
+        let same = there.geometry == here.geometry;
+        return Ok((!same).then(|| ("another shape".into(), "the shape".into())));
+    };
+    let ShapeOrMesh::Mesh(Mesh::File { path, unit }) = &here.geometry else {
+        return Ok(Some(("no mesh file".into(), format!("a mesh with sha256 {recorded}"))));
+    };
+    let hash = geometry::file_hash(&scene.directory.join(path))?;
+    if hash != *recorded {
+        return Ok(Some((format!("a mesh with sha256 {hash}"), format!("sha256 {recorded}"))));
+    }
+    Ok((was.to_bits() != unit.to_bits())
+        .then(|| (format!("a unit of {unit} m"), format!("a unit of {was} m"))))
+}
+
+/// Materials of `scene` in the order in which the run kept its moments.
+///
+/// # Errors
+/// [`Error::Scene`] where objects that shared a material do not share one now, or where a
+/// material refracts more strongly than rays were flagged for.
+pub(super) fn media(base: &Scene, old: &Media, scene: &Scene, new: &Media) -> Result<Media> {
+    let mut of_material: Vec<Option<u32>> = vec![None; old.names.len()];
+    of_material[0] = Some(0);
+    for (index, (was, now)) in old.of_object.iter().zip(&new.of_object).enumerate() {
+        let seen = &mut of_material[*was as usize];
+        if seen.is_some_and(|seen| seen != *now) {
+            let name = &base.objects[index].material;
+            return Err(Error::scene(
+                format!("object[{index}].material"),
+                format!("\"{}\"", scene.objects[index].material),
+                format!("one material for all that was \"{name}\": their moments are one sum"),
+            ));
+        }
+        *seen = Some(*now);
+    }
+    let order: Vec<usize> = of_material.iter().map(|m| m.unwrap_or(0) as usize).collect();
+    let constants: Vec<Vec<_>> =
+        new.constants.iter().map(|node| order.iter().map(|&m| node[m]).collect()).collect();
+    let media = Media {
+        names: order.iter().map(|&m| new.names[m].clone()).collect(),
+        energies: new.energies.clone(),
+        weights: new.weights.clone(),
+        constants,
+        of_object: old.of_object.clone(),
+    };
+    for (index, name) in media.names.iter().enumerate() {
+        let (now, was) = (media.delta(index), old.delta(index));
+        if now > STRONGER * was * (1.0 + 1e-9) && now > 0.0 {
+            return Err(Error::scene(
+                "source",
+                format!("\"{name}\" with a delta of {now:.3e}, {:.2} times what it was", now / was),
+                format!(
+                    "up to {STRONGER} times that of the run that kept the moments: its rays were \
+                     looked at for that; simulate this scene instead"
+                ),
+            ));
+        }
+    }
+    Ok(media)
+}

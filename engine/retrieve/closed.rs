@@ -1,0 +1,188 @@
+//! Estimators in closed form: three steps, moments, and two steps on a known curve.
+
+use super::curves::{Curve, Curves};
+use super::flags;
+use super::least_squares::{Scan, moments};
+
+/// Part of the greatest value that the ends of a scan may have for moments to count: the paper's
+/// curve, cut there, loses 0.2 % of its shift and 2.5 % of what it widens.
+const EDGE: f64 = 1e-3;
+
+/// One-sigma uncertainties of what `of` makes of counts, to first order; `NaN` without a gain.
+fn propagate<const N: usize>(
+    ys: &[f64],
+    gain: Option<f64>,
+    of: impl Fn(&[f64]) -> Option<[f64; N]>,
+) -> [f64; N] {
+    let Some(gain) = gain else { return [f64::NAN; N] };
+    let mut sums = [0.0; N];
+    let mut changed = ys.to_vec();
+    for (i, y) in ys.iter().enumerate() {
+        let h = 1e-4 * y.abs().max(1e-30);
+        let mut at = |value: f64| {
+            changed[i] = value;
+            of(&changed)
+        };
+        let (above, below) = (at(y + h), at(y - h));
+        changed[i] = *y;
+        let (Some(above), Some(below)) = (above, below) else { return [f64::NAN; N] };
+        for ((sum, a), b) in sums.iter_mut().zip(above).zip(below) {
+            *sum += ((a - b) / (2.0 * h)).powi(2) * gain * y.max(0.0);
+        }
+    }
+    sums.map(f64::sqrt)
+}
+
+/// A Gaussian without background through three points: logarithm of the height, centre, width.
+fn through_three(x: &[f64], y: &[f64]) -> Option<[f64; 3]> {
+    let l: Vec<f64> = y.iter().map(|y| y.ln()).collect();
+    let first = (l[1] - l[0]) / (x[1] - x[0]);
+    let second = ((l[2] - l[1]) / (x[2] - x[1]) - first) / (x[2] - x[0]);
+    if !second.is_finite() || second >= 0.0 {
+        return None;
+    }
+    let variance = -0.5 / second;
+    let centre = f64::midpoint(x[0], x[1]) + first * variance;
+    let height = l[0] + (x[0] - centre).powi(2) / (2.0 * variance);
+    Some([height, centre, variance.sqrt()])
+}
+
+/// Three steps.
+pub(super) fn three_step(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve {
+    let values = scan.values(curve, 3);
+    if values.flags & flags::NO_ANSWER != 0 {
+        return Curve::unknown(values.flags);
+    }
+    let (x, y): (Vec<f64>, Vec<f64>) = values.points.iter().map(|[x, y, _]| (*x, *y)).unzip();
+    let Some([height, centre, width]) = through_three(&x, &y) else {
+        return Curve::unknown(values.flags | flags::NO_PEAK);
+    };
+    let [area_sigma, centre_sigma, width_sigma] = propagate(&y, scan.gain, |y| {
+        through_three(&x, y).map(|[height, centre, width]| [height + width.ln(), centre, width])
+    });
+    let [low, high] = scan.ends();
+    let outside = centre < low || centre > high;
+    Curve {
+        area: height.exp() * width,
+        amplitude: height.exp(),
+        centre,
+        width,
+        background: 0.0,
+        residual: 0.0,
+        area_sigma,
+        centre_sigma,
+        width_sigma,
+        condition: f64::NAN,
+        flags: values.flags | if outside { flags::OUTSIDE } else { 0 },
+    }
+}
+
+/// Area, centroid and standard deviation.
+pub(super) fn by_moments(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve {
+    let values = scan.values(curve, 3);
+    if values.flags & flags::NO_ANSWER != 0 {
+        return Curve::unknown(values.flags);
+    }
+    let [area, centre, width] = moments(&values.points, 0.0);
+    if !(area > 0.0 && width > 0.0) {
+        return Curve::unknown(values.flags | flags::NO_PEAK);
+    }
+    let [low, high] = scan.ends();
+    let at_ends = values.points.iter().filter(|[x, ..]| *x <= low || *x >= high);
+    let most_at_ends = at_ends.fold(0.0_f64, |most, [_, y, _]| most.max(*y));
+    let noise = scan.gain.map_or(0.0, |gain| 3.0 * (gain * most_at_ends.max(gain)).sqrt());
+    let sum = |of: &dyn Fn(f64) -> f64| {
+        let gain = scan.gain.unwrap_or(f64::NAN);
+        let terms = values
+            .points
+            .iter()
+            .map(|[x, y, share]| (share * of(x - centre)).powi(2) * gain * y.max(0.0));
+        terms.sum::<f64>().sqrt() / area
+    };
+    Curve {
+        area,
+        amplitude: values.most,
+        centre,
+        width,
+        background: 0.0,
+        residual: f64::NAN,
+        area_sigma: sum(&|_| 1.0),
+        centre_sigma: sum(&|d| d),
+        width_sigma: sum(&|d| d * d - width * width) / (2.0 * width),
+        condition: f64::NAN,
+        flags: values.flags
+            | if most_at_ends > EDGE * values.most + noise { flags::TRUNCATED } else { 0 },
+    }
+}
+
+/// The flat's fitted curve: A, mu, sigma, b.
+#[derive(Debug, Clone, Copy)]
+struct Known([f64; 4]);
+
+impl Known {
+    fn at(self, x: f64) -> f64 {
+        let Self([a, mu, sigma, b]) = self;
+        let t = (x - mu) / sigma;
+        a * (-0.5 * t * t).exp() + b
+    }
+
+    /// Transmission and shift that put two values on the curve; they have to lie on either side
+    /// of the shifted peak.
+    fn meet(self, x: [f64; 2], y: &[f64]) -> Option<[f64; 2]> {
+        let [_, mu, ..] = self.0;
+        let miss = |shift: f64| y[0] * self.at(x[1] - shift) - y[1] * self.at(x[0] - shift);
+        let (mut low, mut high) = (x[0] - mu, x[1] - mu);
+        if !(miss(low) < 0.0 && miss(high) > 0.0) {
+            return None;
+        }
+        for _ in 0..60 {
+            let middle = f64::midpoint(low, high);
+            if miss(middle) < 0.0 { low = middle } else { high = middle }
+        }
+        let shift = f64::midpoint(low, high);
+        Some([y[0] / self.at(x[0] - shift), shift])
+    }
+}
+
+/// Two steps of the sample on the flat's fitted curve; the width is taken to be the flat's.
+pub(super) fn two_step(
+    scan: &Scan,
+    curve: impl Iterator<Item = f32>,
+    flat: &Curves,
+    at: usize,
+) -> Curve {
+    let values = scan.values(curve, 2);
+    if !flat.has_answer(at) {
+        return Curve::unknown(values.flags);
+    }
+    if values.flags & (flags::NOT_FINITE | flags::FEW) != 0 || values.least <= 0.0 {
+        let dead = if values.least <= 0.0 { flags::DEAD } else { 0 };
+        return Curve::unknown(values.flags | dead);
+    }
+    let known = Known(
+        [flat.amplitude[at], flat.centre[at], flat.width[at], flat.background[at]].map(f64::from),
+    );
+    let mut points = values.points;
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let x = [points[0][0], points[1][0]];
+    let y = [points[0][1], points[1][1]];
+    let flags = values.flags & !flags::DEAD;
+    let Some([transmission, shift]) = known.meet(x, &y) else {
+        return Curve::unknown(flags | flags::TRUNCATED | flags::NO_PEAK);
+    };
+    let [transmission_sigma, centre_sigma] = propagate(&y, scan.gain, |y| known.meet(x, y));
+    let [a, mu, sigma, b] = known.0;
+    Curve {
+        area: transmission * a * sigma,
+        amplitude: transmission * a,
+        centre: mu + shift,
+        width: sigma,
+        background: transmission * b,
+        residual: 0.0,
+        area_sigma: transmission_sigma / transmission,
+        centre_sigma,
+        width_sigma: f64::NAN,
+        condition: f64::NAN,
+        flags,
+    }
+}

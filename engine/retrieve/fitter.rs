@@ -1,0 +1,250 @@
+//! Fits of a Gaussian on a background to many illumination curves at once, on the device.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "flags are small integers; rounding to f32 is meant"
+)]
+
+use super::curves::Curves;
+use crate::gpu::interface::{FitPush, Step};
+use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use crate::{Engine, Error, Result};
+use ndarray::{ArrayView2, s};
+use serde::Serialize;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Invocations per workgroup.
+const GROUP: u32 = 64;
+/// Curves on the device at once: 84 MB with 11 steps.
+const AT_ONCE: usize = 1 << 20;
+/// Values that the kernel writes per curve.
+const VALUES: usize = 10;
+/// Dispatches are kept below this: desktop drivers end long ones.
+const LONG: Duration = Duration::from_millis(80);
+
+/// How values of a curve count in a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weights {
+    /// All the same.
+    #[default]
+    None,
+    /// One over the variance of counts, from the fitted curve: the fit is the maximum of the
+    /// Poisson likelihood.
+    Poisson,
+}
+
+/// How curves are fitted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FitOptions {
+    /// Weights of the values.
+    pub weights: Weights,
+    /// Value of one count, for the uncertainties of weighted fits. > 0.
+    pub gain: f64,
+    /// Values from here on are left out.
+    pub saturation: Option<f32>,
+}
+
+impl Default for FitOptions {
+    fn default() -> Self {
+        Self { weights: Weights::None, gain: 1.0, saturation: None }
+    }
+}
+
+/// Fits curves taken at the same offsets.
+#[derive(Debug)]
+pub struct Fitter {
+    device: Arc<Device>,
+    kernel: Kernel,
+    steps: Buffer,
+    step_count: usize,
+    /// Centre and half width of the scan.
+    middle: f64,
+    half: f64,
+    /// Least and most width, in half widths.
+    narrow: f64,
+    wide: f64,
+    options: FitOptions,
+}
+
+impl Fitter {
+    /// A fitter for curves at these offsets, in any unit and order; centres and widths come in
+    /// the same unit.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] with fewer than four different offsets, one that is not finite, or a
+    /// gain that is not above zero; [`Error::Device`], [`Error::Memory`].
+    pub fn new(engine: &Engine, offsets: &[f64], options: &FitOptions) -> Result<Self> {
+        let mut sorted = offsets.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let different = 1 + sorted.windows(2).filter(|pair| pair[0] < pair[1]).count();
+        if different < 4 || offsets.iter().any(|offset| !offset.is_finite()) {
+            return Err(Error::scene(
+                "scan.mask_offsets",
+                format!("{} offsets, {different} of them different", offsets.len()),
+                "a fit of four unknowns needs at least 4 different, finite offsets",
+            ));
+        }
+        if !(options.gain.is_finite() && options.gain > 0.0) {
+            let found = options.gain.to_string();
+            return Err(Error::scene("gain", found, "a number above zero"));
+        }
+        let [low, high] = [sorted[0], sorted[sorted.len() - 1]];
+        let (middle, half) = (f64::midpoint(low, high), (high - low) / 2.0);
+        let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
+        let least = gaps.fold(f64::INFINITY, f64::min) / half;
+        let steps: Vec<Step> = offsets
+            .iter()
+            .map(|offset| {
+                let at = (offset - middle) / half;
+                let width = share(&sorted, *offset) / half;
+                Step {
+                    offset: at as f32,
+                    offset_low: (at - f64::from(at as f32)) as f32,
+                    width: width as f32,
+                }
+            })
+            .collect();
+        let device = engine.device().clone();
+        let push = u32::try_from(size_of::<FitPush>()).unwrap_or(u32::MAX);
+        Ok(Self {
+            kernel: device.kernel("fit", shaders::FIT, push, None)?,
+            steps: device.upload("mask steps", &steps)?,
+            device,
+            step_count: offsets.len(),
+            middle,
+            half,
+            narrow: least / 3.0,
+            wide: 2.0,
+            options: *options,
+        })
+    }
+
+    /// Number of steps of a curve.
+    #[must_use]
+    pub const fn steps(&self) -> usize {
+        self.step_count
+    }
+
+    /// Fits curves, `[step][curve]`. Each is fitted by itself: the same bits, however many there
+    /// are.
+    ///
+    /// # Errors
+    /// [`Error::Device`], [`Error::Memory`]; [`Error::Scene`] for another number of steps than
+    /// of offsets; [`Error::Interrupted`] when `cancel` was set.
+    pub fn fit(&self, curves: ArrayView2<'_, f32>, cancel: Option<&AtomicBool>) -> Result<Curves> {
+        let (steps, count) = curves.dim();
+        if steps != self.step_count {
+            return Err(Error::scene(
+                "scan.mask_offsets",
+                format!("{} offsets for {steps} frames", self.step_count),
+                "as many offsets as frames",
+            ));
+        }
+        let mut all = Curves::new(count);
+        let room = count.min(AT_ONCE) as u64;
+        let input = self.device.buffer("curves", room * steps as u64 * 4, Memory::Device)?;
+        let output = self.device.buffer("fits", room * VALUES as u64 * 4, Memory::Device)?;
+        let mut batch = 1_u32 << 15;
+        for start in (0..count).step_by(AT_ONCE) {
+            let n = (count - start).min(AT_ONCE);
+            for (step, curve) in curves.outer_iter().enumerate() {
+                let part = curve.slice_move(s![start..start + n]);
+                let offset = (step * n * 4) as u64;
+                match part.as_slice() {
+                    Some(values) => input.write(offset, values)?,
+                    None => input.write(offset, &part.to_vec())?,
+                }
+            }
+            self.dispatch(&input, &output, n as u32, &mut batch, cancel)?;
+            let values: Vec<f32> = output.read(0, n * VALUES)?;
+            self.take(&values, start, &mut all);
+        }
+        Ok(all)
+    }
+
+    fn dispatch(
+        &self,
+        input: &Buffer,
+        output: &Buffer,
+        count: u32,
+        batch: &mut u32,
+        cancel: Option<&AtomicBool>,
+    ) -> Result<()> {
+        let mut first = 0;
+        while first < count {
+            if cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
+                return Err(Error::Interrupted);
+            }
+            let n = (count - first).min(*batch);
+            let push = FitPush {
+                steps: self.steps.address(),
+                curves: input.address(),
+                fits: output.address(),
+                step_count: self.step_count as u32,
+                pixel_count: count,
+                first,
+                poisson: (self.options.weights == Weights::Poisson).into(),
+                gain: self.options.gain as f32,
+                saturation: self.options.saturation.unwrap_or(f32::INFINITY),
+                narrow: self.narrow as f32,
+                wide: self.wide as f32,
+            };
+            let groups = [n.div_ceil(GROUP), 1, 1];
+            let time = self.device.run(|r| {
+                r.dispatch(&self.kernel, bytemuck::bytes_of(&push), groups);
+            })?;
+            first += n;
+            if time > LONG {
+                *batch = (*batch / 2).max(1024);
+            } else if time < LONG / 4 {
+                *batch = (*batch * 2).min(1 << 20);
+            }
+        }
+        Ok(())
+    }
+
+    /// From planes of values in half widths to curves in the offsets' unit.
+    fn take(&self, values: &[f32], start: usize, all: &mut Curves) {
+        let n = values.len() / VALUES;
+        let plane = |index: usize| &values[index * n..(index + 1) * n];
+        let lengths = |index: usize, zero: f64| {
+            plane(index).iter().map(move |v| (zero + self.half * f64::from(*v)) as f32)
+        };
+        let area = |(a, w): (&f32, &f32)| (f64::from(*a) * self.half * f64::from(*w)) as f32;
+        fill(&mut all.area, start, plane(0).iter().zip(plane(2)).map(area));
+        fill(&mut all.amplitude, start, plane(0).iter().copied());
+        fill(&mut all.centre, start, lengths(1, self.middle));
+        fill(&mut all.width, start, lengths(2, 0.0));
+        fill(&mut all.background, start, plane(3).iter().copied());
+        fill(&mut all.residual, start, plane(4).iter().copied());
+        fill(&mut all.area_sigma, start, plane(5).iter().copied());
+        fill(&mut all.centre_sigma, start, lengths(6, 0.0));
+        fill(&mut all.width_sigma, start, lengths(7, 0.0));
+        fill(&mut all.condition, start, plane(8).iter().copied());
+        for (to, from) in all.flags[start..start + n].iter_mut().zip(plane(9)) {
+            *to = *from as u32;
+        }
+    }
+}
+
+fn fill(to: &mut [f32], start: usize, from: impl Iterator<Item = f32>) {
+    to[start..].iter_mut().zip(from).for_each(|(to, from)| *to = from);
+}
+
+/// The part of the scan that an offset stands for: half the way to its neighbours.
+pub(super) fn share(sorted: &[f64], offset: f64) -> f64 {
+    let below = sorted.iter().rev().find(|other| **other < offset);
+    let above = sorted.iter().find(|other| **other > offset);
+    let gap = |other: Option<&f64>| other.map(|other| (other - offset).abs() / 2.0);
+    let same = sorted.iter().filter(|other| other.total_cmp(&offset).is_eq()).count() as f64;
+    match (gap(below), gap(above)) {
+        // At an end the curve is taken to go on as it came.
+        (Some(gap), None) | (None, Some(gap)) => gap / same,
+        (Some(below), Some(above)) => (below + above) / same,
+        (None, None) => 1.0,
+    }
+}

@@ -1,0 +1,50 @@
+//! What the bits of a flag image mean. A curve has ten bits; in the image the flat's come first
+//! and the sample's follow, so that every value is a small integer that f32 holds exactly.
+
+/// All values are the same, or none is above another: a dead pixel, or no light.
+pub const DEAD: u32 = 1;
+/// A value is not a number or infinite.
+pub const NOT_FINITE: u32 = 2;
+/// Values at or above the saturation were left out.
+pub const SATURATED: u32 = 4;
+/// Fewer values are left than the method needs.
+pub const FEW: u32 = 8;
+/// The fit did not settle.
+pub const NOT_CONVERGED: u32 = 16;
+/// The condition number of the normal equations (unit diagonal) passes 100.
+pub const ILL_CONDITIONED: u32 = 32;
+/// The width is beyond what the offsets can tell: a third of their least distance, or the scan.
+pub const WIDTH: u32 = 64;
+/// The centre lies outside the scan: extrapolated.
+pub const OUTSIDE: u32 = 128;
+/// No peak: its amplitude is not above three times its own uncertainty.
+pub const NO_PEAK: u32 = 256;
+/// The curve does not fall off within the scan (moments), or the steps do not meet its slopes
+/// (two-step).
+pub const TRUNCATED: u32 = 512;
+
+/// Bits of a curve: the sample's bits in an image are those of the flat, shifted by this.
+pub const BITS: u32 = 10;
+
+/// With one of these a pixel has no answer, and its images hold NaN.
+pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_PEAK;
+
+/// Each bit with its name and meaning, for files and tables.
+pub const MEANINGS: [(u32, &str, &str); 10] = [
+    (DEAD, "dead", "all values are the same: dead pixel, or no light"),
+    (NOT_FINITE, "not_finite", "a value is not a number or infinite"),
+    (SATURATED, "saturated", "values at or above the saturation were left out"),
+    (FEW, "few", "fewer values are left than the method needs"),
+    (NOT_CONVERGED, "not_converged", "the fit did not settle"),
+    (ILL_CONDITIONED, "ill_conditioned", "the condition number of the normal equations passes 100"),
+    (WIDTH, "width", "the width is beyond what the offsets can tell"),
+    (OUTSIDE, "outside", "the centre lies outside the scan"),
+    (NO_PEAK, "no_peak", "the amplitude is not above three times its own uncertainty"),
+    (TRUNCATED, "truncated", "the curve does not fall off within the scan, or leaves the steps"),
+];
+
+/// Bits of an image's pixel, from those of its two curves.
+#[must_use]
+pub const fn of_pixel(flat: u32, sample: u32) -> u32 {
+    flat | sample << BITS
+}

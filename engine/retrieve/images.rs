@@ -1,0 +1,123 @@
+//! Curves of flat and sample to transmission, refraction and dark field (design 6.1), with their
+//! uncertainties.
+
+use super::curves::Curves;
+use super::flags;
+use crate::gpu::interface::single;
+use ndarray::Array2;
+use std::ops::Range;
+
+/// Images of the contrasts, in the order in which they are written.
+pub(super) const CONTRASTS: [&str; 6] = [
+    "transmission",
+    "refraction",
+    "dark_field",
+    "transmission_sigma",
+    "refraction_sigma",
+    "dark_field_sigma",
+];
+/// Images of the flat's curves: one for all views.
+pub(super) const OF_FLAT: [&str; 5] =
+    ["flat_amplitude", "flat_centre", "flat_width", "flat_background", "residual_flat"];
+/// Images of the sample's curves.
+pub(super) const OF_SAMPLE: [&str; 5] =
+    ["sample_amplitude", "sample_centre", "sample_width", "sample_background", "residual_sample"];
+/// Image of the flags.
+pub(super) const FLAGS: &str = "flags";
+
+/// Unit of an image. `value`: what intensities are counted in.
+pub(super) fn unit<'a>(name: &str, value: &'a str) -> &'a str {
+    match name {
+        "transmission" | "transmission_sigma" => "1",
+        "refraction" | "refraction_sigma" => "rad",
+        "dark_field" | "dark_field_sigma" => "rad^2",
+        FLAGS => "bits",
+        name if name.ends_with("_centre") || name.ends_with("_width") => "m",
+        _ => value,
+    }
+}
+
+/// The images of one view, `[row][column]`, by name.
+#[derive(Debug, Clone)]
+pub struct Images {
+    names: Vec<&'static str>,
+    maps: Vec<Array2<f32>>,
+}
+
+impl Images {
+    /// Images of `rows` rows of `columns`, all unknown.
+    pub(super) fn new(names: Vec<&'static str>, rows: usize, columns: usize) -> Self {
+        let maps = names.iter().map(|_| Array2::from_elem((rows, columns), f32::NAN)).collect();
+        Self { names, maps }
+    }
+
+    /// Names and images.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Array2<f32>)> {
+        self.names.iter().copied().zip(&self.maps)
+    }
+
+    /// An image; `None` where the method does not tell it. In images, 1-sigma uncertainties
+    /// have the unit of what they belong to: transmission 1, refraction rad, dark field rad^2;
+    /// centres and widths are in m.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&Array2<f32>> {
+        self.iter().find(|(other, _)| *other == name).map(|(_, map)| map)
+    }
+
+    /// Fills the pixels `at` from the curves of the whole flat and of these pixels' sample.
+    pub(super) fn take(&mut self, at: Range<usize>, flat: &Curves, sample: &Curves, arm: f64) {
+        let find = |name: &str| self.names.iter().position(|other| *other == name);
+        let of_flags = find(FLAGS);
+        let of_sample = OF_SAMPLE.map(find);
+        let of_contrasts = CONTRASTS.map(find);
+        let mut put = |map: Option<usize>, pixel: usize, value: f32| {
+            if let Some(values) = map.and_then(|map| self.maps[map].as_slice_mut()) {
+                values[pixel] = value;
+            }
+        };
+        for (s, pixel) in at.enumerate() {
+            let bits = flags::of_pixel(flat.flags[pixel], sample.flags[s]);
+            put(of_flags, pixel, single(f64::from(bits)));
+            if !sample.has_answer(s) {
+                continue;
+            }
+            let curve = [
+                sample.amplitude[s],
+                sample.centre[s],
+                sample.width[s],
+                sample.background[s],
+                sample.residual[s],
+            ];
+            for (map, value) in of_sample.into_iter().zip(curve) {
+                put(map, pixel, value);
+            }
+            if flat.has_answer(pixel) {
+                let values = contrasts(flat, pixel, sample, s, arm);
+                for (map, value) in of_contrasts.into_iter().zip(values) {
+                    put(map, pixel, single(value));
+                }
+            }
+        }
+    }
+}
+
+/// Contrasts and their uncertainties, in the order of [`CONTRASTS`]. `arm`: refraction angle per
+/// shift of the centre, -M/z for a scan of the sample mask.
+fn contrasts(flat: &Curves, f: usize, sample: &Curves, s: usize, arm: f64) -> [f64; 6] {
+    let pair = |of: fn(&Curves) -> &Vec<f32>| [f64::from(of(flat)[f]), f64::from(of(sample)[s])];
+    let [area_f, area_s] = pair(|c| &c.area);
+    let [centre_f, centre_s] = pair(|c| &c.centre);
+    let [width_f, width_s] = pair(|c| &c.width);
+    let [area_sigma_f, area_sigma_s] = pair(|c| &c.area_sigma);
+    let [centre_sigma_f, centre_sigma_s] = pair(|c| &c.centre_sigma);
+    let [width_sigma_f, width_sigma_s] = pair(|c| &c.width_sigma);
+    let transmission = area_s / area_f;
+    [
+        transmission,
+        arm * (centre_s - centre_f),
+        arm * arm * (width_s - width_f) * (width_s + width_f),
+        transmission * area_sigma_f.hypot(area_sigma_s),
+        arm.abs() * centre_sigma_f.hypot(centre_sigma_s),
+        2.0 * arm * arm * (width_f * width_sigma_f).hypot(width_s * width_sigma_s),
+    ]
+}

@@ -1,0 +1,234 @@
+//! What is retrieved from: a run of beamlet, or measured stacks with their geometry.
+
+use super::retriever::Retriever;
+use crate::scene::Scene;
+use crate::stack::{OpenRun, StackFile};
+use crate::{Error, Result};
+use ndarray::{Array2, Array3, Zip};
+use std::ops::Range;
+use std::path::Path;
+
+/// Stands for a value that is left out: finite, and above every saturation.
+const LEFT_OUT: f32 = f32::MAX;
+
+/// Stacks of flat and sample, and the scene whose geometry and offsets they have.
+#[derive(Debug)]
+pub struct Input {
+    scene: Scene,
+    flat: StackFile,
+    sample: StackFile,
+    dark: Option<Array2<f32>>,
+    /// Values from here on, before the dark is subtracted, are left out.
+    saturation: Option<f32>,
+    counts: bool,
+}
+
+impl Input {
+    /// A run; with `counts` its detector numbers instead of intensities.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where it has none, or cannot be read.
+    pub fn of_run(run: &OpenRun, counts: bool) -> Result<Self> {
+        let scene = run.scene().clone();
+        if !counts {
+            let (flat, sample) = (run.flat()?, run.sample()?);
+            return Ok(Self { scene, flat, sample, dark: None, saturation: None, counts });
+        }
+        let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
+            let problem = "has no counts: its scene does not ask for noise";
+            return Err(Error::output(run.path(), problem, None));
+        };
+        let dark = run.dark()?.map(|dark| mean(&dark)).transpose()?;
+        Ok(Self { scene, flat, sample, dark, saturation: None, counts })
+    }
+
+    /// Measured stacks. `scene` gives the geometry; its mask offsets are those of the frames.
+    /// The dark is averaged over its frames and subtracted from both.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where shapes do not agree, naming both files.
+    pub fn measured(
+        scene: &Scene,
+        flat: StackFile,
+        sample: StackFile,
+        dark: Option<&StackFile>,
+    ) -> Result<Self> {
+        let [views, _, rows, columns] = flat.shape();
+        if views != 1 {
+            let problem = format!("has {views} views; a flat has one");
+            return Err(Error::output(flat.path(), problem, None));
+        }
+        for other in std::iter::once(&sample).chain(dark) {
+            let [_, _, other_rows, other_columns] = other.shape();
+            if [other_rows, other_columns] != [rows, columns] {
+                let problem = format!(
+                    "has frames of {other_rows} x {other_columns} pixels; those of {} have {rows} x \
+                     {columns}",
+                    flat.path().display()
+                );
+                return Err(Error::output(other.path(), problem, None));
+            }
+        }
+        let dark = dark.map(mean).transpose()?;
+        Ok(Self { scene: scene.clone(), flat, sample, dark, saturation: None, counts: true })
+    }
+
+    /// Leaves out values from here on, as they are in the files: before the dark is subtracted.
+    #[must_use]
+    pub const fn saturated_at(mut self, saturation: Option<f32>) -> Self {
+        self.saturation = saturation;
+        self
+    }
+
+    /// The scene whose geometry and offsets the frames have.
+    #[must_use]
+    pub const fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Whether the values are detector numbers, and not intensities.
+    #[must_use]
+    pub const fn counts(&self) -> bool {
+        self.counts
+    }
+
+    /// Files or folders of flat and sample.
+    #[must_use]
+    pub fn sources(&self) -> Vec<String> {
+        [&self.flat, &self.sample].map(|stack| stack.path().display().to_string()).to_vec()
+    }
+
+    /// Views of the sample.
+    #[must_use]
+    pub const fn views(&self) -> usize {
+        self.sample.shape()[0]
+    }
+
+    /// Rows and columns of a frame.
+    #[must_use]
+    pub const fn frame(&self) -> [usize; 2] {
+        let [_, _, rows, columns] = self.flat.shape();
+        [rows, columns]
+    }
+
+    /// The saturation that a retriever of these values has to know.
+    #[must_use]
+    pub fn saturation(&self) -> Option<f32> {
+        self.saturation.map(|_| LEFT_OUT)
+    }
+
+    /// Splits the sample's frames into views of as many steps as `retriever` has offsets.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where frames and offsets do not agree in number, naming the file.
+    pub fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
+        let [flat, sample] = retriever.steps();
+        let frames = self.flat.shape()[1];
+        if frames != flat {
+            let problem = format!("has {frames} frames for {flat} mask offsets");
+            return Err(Error::output(self.flat.path(), problem, None));
+        }
+        let path = self.sample.path().to_path_buf();
+        let [views, frames, ..] = self.sample.shape();
+        self.sample = self.sample.with_steps(sample).map_err(|_| {
+            let problem =
+                format!("has {frames} frames in each of {views} views for {sample} mask offsets");
+            Error::output(path, problem, None)
+        })?;
+        Ok(self)
+    }
+
+    /// Rows of the flat, `[step][row][column]`.
+    ///
+    /// # Errors
+    /// As [`StackFile::rows`].
+    pub fn flat_rows(&self, rows: Range<u32>) -> Result<Array3<f32>> {
+        self.corrected(self.flat.rows(0, rows.clone())?, &rows)
+    }
+
+    /// Rows of a view of the sample, `[step][row][column]`.
+    ///
+    /// # Errors
+    /// As [`StackFile::rows`].
+    pub fn sample_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
+        self.corrected(self.sample.rows(view, rows.clone())?, &rows)
+    }
+
+    /// Marks what is saturated and subtracts the dark.
+    fn corrected(&self, mut data: Array3<f32>, rows: &Range<u32>) -> Result<Array3<f32>> {
+        let dark = self
+            .dark
+            .as_ref()
+            .map(|dark| dark.slice(ndarray::s![rows.start as usize..rows.end as usize, ..]));
+        for mut frame in data.outer_iter_mut() {
+            if let Some(saturation) = self.saturation {
+                frame.mapv_inplace(|y| if y >= saturation { LEFT_OUT } else { y });
+            }
+            if let Some(dark) = &dark {
+                Zip::from(&mut frame).and(dark).for_each(|y, dark| {
+                    if *y < LEFT_OUT {
+                        *y -= dark;
+                    }
+                });
+            }
+        }
+        Ok(data)
+    }
+}
+
+/// Mean of all frames.
+fn mean(stack: &StackFile) -> Result<Array2<f32>> {
+    let [views, steps, rows, columns] = stack.shape();
+    let mut sum = Array2::<f64>::zeros((rows, columns));
+    let all = 0..u32::try_from(rows).unwrap_or(u32::MAX);
+    for view in 0..views {
+        for step in 0..steps {
+            let frame = stack.frame(view, step, all.clone())?;
+            Zip::from(&mut sum).and(&frame).for_each(|sum, y| *sum += f64::from(*y));
+        }
+    }
+    let count = (views * steps) as f64;
+    let mean = sum.mapv(|sum| crate::gpu::interface::single(sum / count));
+    match mean.iter().position(|value| !value.is_finite()) {
+        None => Ok(mean),
+        Some(at) => {
+            let problem = format!("is not finite in row {}, column {}", at / columns, at % columns);
+            Err(Error::output(stack.path(), problem, None))
+        }
+    }
+}
+
+/// Mask offsets from a list such as "-10 um, 0 um, 10 um", or from a file with one per line.
+///
+/// # Errors
+/// [`Error::Output`] for a file that cannot be read; [`Error::Scene`] for a value without a unit,
+/// naming its place in the list.
+pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
+    let path = Path::new(list_or_file);
+    let text = if path.is_file() {
+        std::fs::read_to_string(path)
+            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
+    } else {
+        list_or_file.to_owned()
+    };
+    let words = text
+        .lines()
+        .map(|line| line.split('#').next().unwrap_or_default())
+        .flat_map(|line| line.split(','))
+        .map(str::trim)
+        .filter(|word| !word.is_empty());
+    let offsets: Vec<f64> = words
+        .enumerate()
+        .map(|(index, word)| {
+            crate::units::Dimension::Length.parse(word).map_err(|error| {
+                let allowed = "lengths with units, as in \"-10 um, 0 um, 10 um\", or a file with \
+                               one on each line";
+                Error::scene(format!("offsets[{index}]"), format!("{word:?} ({error})"), allowed)
+            })
+        })
+        .collect::<Result<_>>()?;
+    if offsets.is_empty() {
+        return Err(Error::scene("offsets", "nothing", "at least one length"));
+    }
+    Ok(offsets)
+}

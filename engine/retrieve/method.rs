@@ -1,0 +1,171 @@
+//! The estimators, what each needs, and what it refuses.
+
+use crate::scene::Scene;
+use crate::units::Dimension::Length;
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// How curves become contrasts. Validity and bias of each: docs/retrieval.md.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// A Gaussian on a background, by least squares (eq. 1). Four steps or more.
+    #[default]
+    Gaussian,
+    /// A Gaussian without background through three steps, in closed form.
+    ThreeStep,
+    /// Two steps on the slopes of the flat's fitted curve. No dark field.
+    TwoStep,
+    /// Area, centroid and variance of curves that fall to nothing within the scan.
+    Moments,
+    /// A triangle, for small spots and projected apertures of one width.
+    Triangle,
+    /// A trapezoid with the masks' own top, for small spots.
+    Trapezoid,
+    /// The masks' own curve, blurred: no bias of a Gaussian. Needs a finite spot.
+    ExactCurve,
+    /// Single mask: a Gaussian per beamlet over neighbouring pixels (beam tracking).
+    Beamlet,
+}
+
+/// Ratio of blur to half base from where on a triangle is no longer the curve's shape.
+const SMALL_BLUR: f64 = 0.15;
+/// Pixels of a beamlet that a fit of four unknowns needs.
+pub(super) const BEAMLET_PIXELS: f64 = 5.0;
+
+impl Method {
+    /// All methods.
+    pub const ALL: [Self; 8] = [
+        Self::Gaussian,
+        Self::ThreeStep,
+        Self::TwoStep,
+        Self::Moments,
+        Self::Triangle,
+        Self::Trapezoid,
+        Self::ExactCurve,
+        Self::Beamlet,
+    ];
+
+    /// Its name on the command line and in files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Gaussian => "gaussian",
+            Self::ThreeStep => "three-step",
+            Self::TwoStep => "two-step",
+            Self::Moments => "moments",
+            Self::Triangle => "triangle",
+            Self::Trapezoid => "trapezoid",
+            Self::ExactCurve => "exact-curve",
+            Self::Beamlet => "beamlet",
+        }
+    }
+
+    /// Whether it tells the dark field.
+    #[must_use]
+    pub const fn has_dark_field(self) -> bool {
+        !matches!(self, Self::TwoStep)
+    }
+
+    /// Refuses a set-up or offsets that it cannot serve.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] with what was found, what is allowed, and where possible the method that
+    /// serves instead.
+    pub fn check(self, scene: &Scene, offsets: &[f64]) -> Result<()> {
+        self.check_offsets(offsets)?;
+        if self == Self::Beamlet {
+            return check_beamlets(scene, offsets);
+        }
+        for (key, mask) in
+            [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
+        {
+            if mask.is_none() {
+                let allowed = format!(
+                    "{self} needs both masks: without one there is no illumination curve (a \
+                     sample mask alone: method beamlet)"
+                );
+                return Err(Error::scene(key, "nothing", allowed));
+            }
+        }
+        let shape = super::shape::MaskShape::of(scene);
+        let blur = shape.blur / shape.half_base();
+        match self {
+            Self::Triangle | Self::Trapezoid if blur > SMALL_BLUR => Err(Error::scene(
+                "source.spot",
+                format!("{}, which blurs {blur:.2} of the curve's half base", spot(scene)),
+                format!("{self} is the shape of up to {SMALL_BLUR}: use gaussian or exact-curve"),
+            )),
+            Self::Triangle if shape.half_top() > 0.02 * shape.half_base() => Err(Error::scene(
+                "detector_mask.aperture",
+                format!(
+                    "projected apertures of {} and {}",
+                    Length.format(shape.projected[0]),
+                    Length.format(shape.projected[1])
+                ),
+                "triangle needs projected apertures of one width: use trapezoid",
+            )),
+            Self::ExactCurve if shape.blur <= 0.0 => Err(Error::scene(
+                "source.spot",
+                spot(scene),
+                "exact-curve needs a spot above zero: use trapezoid",
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    fn check_offsets(self, offsets: &[f64]) -> Result<()> {
+        let mut sorted = offsets.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        sorted.dedup();
+        let (count, different) = (offsets.len(), sorted.len());
+        let (served, allowed) = match self {
+            Self::Gaussian | Self::TwoStep => (different >= 4, "at least 4 different offsets"),
+            Self::ThreeStep => (count == 3 && different == 3, "exactly 3 different offsets"),
+            Self::Moments => (different >= 5, "at least 5 different offsets"),
+            Self::Triangle | Self::Trapezoid | Self::ExactCurve => {
+                (different >= 5, "at least 5 different offsets")
+            }
+            Self::Beamlet => (count == 1, "exactly 1 offset"),
+        };
+        if served && offsets.iter().all(|offset| offset.is_finite()) {
+            return Ok(());
+        }
+        Err(Error::scene(
+            "scan.mask_offsets",
+            format!("{count} offsets, {different} of them different"),
+            format!("{self} needs {allowed}"),
+        ))
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+fn spot(scene: &Scene) -> String {
+    format!("a spot of {} across the slits", Length.format(scene.source.spot[0]))
+}
+
+fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {
+    let needs = "beamlet needs a sample mask and no detector mask";
+    if scene.detector_mask.is_some() {
+        return Err(Error::scene("detector_mask", "a mask", format!("{needs}: use gaussian")));
+    }
+    let Some(mask) = &scene.sample_mask else {
+        return Err(Error::scene("sample_mask", "nothing", needs));
+    };
+    debug_assert_eq!(offsets.len(), 1, "checked before");
+    let pixels = mask.period * scene.detector.distance / mask.distance / scene.detector.pitch[0];
+    if pixels < BEAMLET_PIXELS {
+        return Err(Error::scene(
+            "sample_mask.period",
+            format!("{pixels:.2} pixels per beamlet"),
+            format!("a fit of four unknowns needs at least {BEAMLET_PIXELS} pixels per beamlet"),
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,27 @@
+//! Retrieval: from illumination curves to transmission, refraction and dark field.
+//!
+//! Formulas, validity and bias of each method: docs/retrieval.md.
+
+mod beamlets;
+mod closed;
+mod curves;
+mod fitter;
+pub mod flags;
+mod images;
+mod input;
+mod least_squares;
+mod method;
+mod retriever;
+mod run;
+mod shape;
+mod write;
+
+pub use curves::Curves;
+pub use fitter::{FitOptions, Fitter, Weights};
+pub use images::Images;
+pub use input::{Input, offsets};
+pub use method::Method;
+pub use retriever::{ReadRows, RetrieveControl, RetrieveOptions, Retriever};
+pub use run::{ImagesTo, retrieve};
+pub(crate) use write::ImageDirectory;
+pub use write::{ImageFormat, Record};

@@ -1,0 +1,394 @@
+//! One method on one set-up: the flat's curves once, then the images of each view.
+
+use super::beamlets::Beamlets;
+use super::curves::{Curve, Curves};
+use super::fitter::{FitOptions, Fitter, Weights, share};
+use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
+use super::least_squares::{self, Scan};
+use super::method::Method;
+use super::shape::{MaskShape, Shape};
+use super::{closed, flags};
+use crate::scene::Scene;
+use crate::{Engine, Error, Result};
+use ndarray::{Array3, ArrayView3, s};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Bytes of a band of rows with all its steps.
+const BAND: usize = 48 << 20;
+
+/// How to retrieve.
+#[derive(Debug, Clone, Default)]
+pub struct RetrieveOptions {
+    /// The estimator.
+    pub method: Method,
+    /// Weights of the values (methods `gaussian`, `two-step` for its flat, and `beamlet`).
+    pub weights: Weights,
+    /// Value of one count, where the values are counts: uncertainties of weighted fits and of
+    /// closed forms come from it. `None`: values are intensities.
+    pub gain: Option<f64>,
+    /// Values from here on are left out and flagged.
+    pub saturation: Option<f32>,
+    /// Two-step: the steps of the sample to use; `None`: those nearest to the flat's slopes.
+    pub steps: Option<[usize; 2]>,
+    /// Two-step: offsets of the sample's steps, where they are not those of the flat, m.
+    pub sample_offsets: Option<Vec<f64>>,
+}
+
+/// What steers a retrieval while it goes on.
+#[derive(Default)]
+pub struct RetrieveControl<'a> {
+    /// Called now and then with rows done and rows in all, the flat's included.
+    pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
+    /// Set to true to end with [`Error::Interrupted`].
+    pub cancel: Option<&'a AtomicBool>,
+}
+
+impl std::fmt::Debug for RetrieveControl<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RetrieveControl").finish_non_exhaustive()
+    }
+}
+
+/// Reads rows of a stack, `[step][row][column]`.
+pub type ReadRows<'a> = dyn FnMut(Range<u32>) -> Result<Array3<f32>> + 'a;
+
+/// A method made ready for a set-up.
+#[derive(Debug)]
+pub struct Retriever {
+    options: RetrieveOptions,
+    offsets: Vec<f64>,
+    sample_offsets: Vec<f64>,
+    fitter: Option<Fitter>,
+    beamlets: Option<Beamlets>,
+    shape: MaskShape,
+    /// Refraction angle per shift of the centre.
+    arm: f64,
+    flat: Option<Flat>,
+}
+
+/// Curves of the flat and the extent of its images.
+#[derive(Debug)]
+struct Flat {
+    curves: Curves,
+    rows: usize,
+    /// Curves along a row: pixels, or beamlets.
+    columns: usize,
+    /// Pixels along a row of the frames.
+    frame_columns: usize,
+}
+
+impl Retriever {
+    /// Makes a method ready for the set-up and the mask offsets of `scene`.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] where the method cannot serve the set-up or the offsets;
+    /// [`Error::Device`], [`Error::Memory`].
+    pub fn new(engine: &Engine, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
+        let method = options.method;
+        let offsets = scene.scan.mask_offsets.clone();
+        method.check(scene, &offsets)?;
+        let fits = matches!(method, Method::Gaussian | Method::TwoStep | Method::Beamlet);
+        if options.weights == Weights::Poisson && !fits {
+            let allowed = "weights of counts serve the methods gaussian, two-step and beamlet";
+            return Err(Error::scene("weights", format!("poisson with {method}"), allowed));
+        }
+        if options.gain.is_some_and(|gain| !(gain.is_finite() && gain > 0.0)) {
+            return Err(Error::scene("gain", format!("{:?}", options.gain), "above zero"));
+        }
+        let sample_offsets = match (&options.sample_offsets, method) {
+            (None, _) => offsets.clone(),
+            (Some(other), Method::TwoStep) if other.len() >= 2 => other.clone(),
+            (Some(other), _) => {
+                return Err(Error::scene(
+                    "sample offsets",
+                    format!("{} offsets of their own with {method}", other.len()),
+                    "only two-step takes them, two or more",
+                ));
+            }
+        };
+        if let Some([i, j]) = options.steps
+            && (i == j || i.max(j) >= sample_offsets.len())
+        {
+            let allowed = format!("two different steps below {}", sample_offsets.len());
+            return Err(Error::scene("steps", format!("{i} and {j}"), allowed));
+        }
+        let beamlets = if method == Method::Beamlet { Some(Beamlets::of(scene)?) } else { None };
+        let fit_options = FitOptions {
+            weights: options.weights,
+            gain: options.gain.unwrap_or(1.0),
+            saturation: options.saturation,
+        };
+        let along = beamlets.as_ref().map_or_else(|| offsets.clone(), Beamlets::offsets);
+        let lever = scene.lever_arm();
+        Ok(Self {
+            options: options.clone(),
+            fitter: if fits { Some(Fitter::new(engine, &along, &fit_options)?) } else { None },
+            arm: if beamlets.is_some() { 1.0 / lever } else { -scene.magnification() / lever },
+            beamlets,
+            shape: MaskShape::of(scene),
+            offsets,
+            sample_offsets,
+            flat: None,
+        })
+    }
+
+    /// Frames of the flat, and of a view of the sample.
+    #[must_use]
+    pub fn steps(&self) -> [usize; 2] {
+        [self.offsets.len(), self.sample_offsets.len()]
+    }
+
+    /// Refraction angle per metre of shift of a curve's centre: -M/z for a scan of the sample
+    /// mask, 1/z for beamlets on the detector.
+    #[must_use]
+    pub const fn arm(&self) -> f64 {
+        self.arm
+    }
+
+    /// Curves of the flat, counted over rows; `None` before it was taken.
+    #[must_use]
+    pub fn flat_curves(&self) -> Option<&Curves> {
+        self.flat.as_ref().map(|flat| &flat.curves)
+    }
+
+    /// Names of the images of a view.
+    #[must_use]
+    pub fn names(&self) -> Vec<&'static str> {
+        let told = |name: &&'static str| {
+            let dark = name.starts_with("dark_field");
+            !dark || self.options.method.has_dark_field()
+        };
+        CONTRASTS.into_iter().filter(told).chain([FLAGS]).chain(OF_SAMPLE).collect()
+    }
+
+    /// Takes the flat, `rows` rows of `columns` pixels.
+    ///
+    /// # Errors
+    /// As `read`; [`Error::Scene`] where the frames do not fit the offsets or the set-up;
+    /// [`Error::Interrupted`].
+    pub fn set_flat(
+        &mut self,
+        rows: u32,
+        columns: usize,
+        read: &mut ReadRows<'_>,
+        control: &mut RetrieveControl<'_>,
+    ) -> Result<()> {
+        if let Some(beamlets) = &self.beamlets
+            && beamlets.columns() != columns
+        {
+            return Err(Error::scene(
+                "detector.pixels",
+                format!("{} columns for frames of {columns}", beamlets.columns()),
+                "as many columns as the frames have, for beamlets to be found",
+            ));
+        }
+        let across = self.beamlets.as_ref().map_or(columns, Beamlets::count);
+        let mut all = Curves::new(rows as usize * across);
+        self.bands(rows, columns, self.offsets.len(), control, |band, control| {
+            let curves = self.curves(read(band.clone())?, &self.offsets, None, control.cancel)?;
+            all.put(band.start as usize * across, &curves);
+            Ok(())
+        })?;
+        self.flat = Some(Flat {
+            curves: all,
+            rows: rows as usize,
+            columns: across,
+            frame_columns: columns,
+        });
+        Ok(())
+    }
+
+    /// The images of a view; the flat comes first.
+    ///
+    /// # Errors
+    /// As [`Retriever::set_flat`], and where there is no flat.
+    pub fn retrieve(
+        &self,
+        columns: usize,
+        read: &mut ReadRows<'_>,
+        control: &mut RetrieveControl<'_>,
+    ) -> Result<Images> {
+        let Some(flat) = &self.flat else {
+            return Err(Error::scene("flat", "no flat was taken", "the flat, then the views"));
+        };
+        if columns != flat.frame_columns {
+            let found = format!("frames of {columns} columns after {}", flat.frame_columns);
+            return Err(Error::scene("sample", found, "frames of one shape for flat and sample"));
+        }
+        let chosen = self.two_steps(flat);
+        let across = flat.columns;
+        let mut images = Images::new(self.names(), flat.rows, across);
+        let rows = u32::try_from(flat.rows).unwrap_or(u32::MAX);
+        self.bands(rows, columns, self.sample_offsets.len(), control, |band, control| {
+            let mut data = read(band.clone())?;
+            let mut offsets = self.sample_offsets.clone();
+            if let Some([i, j]) = chosen {
+                data = ndarray::stack![
+                    ndarray::Axis(0),
+                    data.slice(s![i, .., ..]),
+                    data.slice(s![j, .., ..])
+                ];
+                offsets = vec![offsets[i], offsets[j]];
+            }
+            let pixels = band.start as usize * across..band.end as usize * across;
+            let known = chosen.map(|_| (&flat.curves, pixels.start));
+            let curves = self.curves(data, &offsets, known, control.cancel)?;
+            images.take(pixels, &flat.curves, &curves, self.arm);
+            Ok(())
+        })?;
+        Ok(images)
+    }
+
+    /// The flat, from an array `[step][row][column]`.
+    ///
+    /// # Errors
+    /// As [`Retriever::set_flat`].
+    pub fn set_flat_array(&mut self, flat: ArrayView3<'_, f32>) -> Result<()> {
+        let (_, rows, columns) = flat.dim();
+        let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+        self.set_flat(
+            rows,
+            columns,
+            &mut |band| Ok(part(flat, &band)),
+            &mut RetrieveControl::default(),
+        )
+    }
+
+    /// The images of a view, from an array `[step][row][column]`.
+    ///
+    /// # Errors
+    /// As [`Retriever::retrieve`].
+    pub fn retrieve_array(&self, sample: ArrayView3<'_, f32>) -> Result<Images> {
+        let (_, rows, columns) = sample.dim();
+        if self.flat.as_ref().is_some_and(|flat| flat.rows != rows) {
+            let allowed = "frames of one shape for flat and sample";
+            return Err(Error::scene("sample", format!("{rows} rows"), allowed));
+        }
+        let mut read = |band| Ok(part(sample, &band));
+        self.retrieve(columns, &mut read, &mut RetrieveControl::default())
+    }
+
+    /// Calls `work` for bands of rows.
+    fn bands(
+        &self,
+        rows: u32,
+        columns: usize,
+        steps: usize,
+        control: &mut RetrieveControl<'_>,
+        mut work: impl FnMut(Range<u32>, &mut RetrieveControl<'_>) -> Result<()>,
+    ) -> Result<()> {
+        let row_bytes = (4 * steps * columns).max(1);
+        let height = u32::try_from(BAND / row_bytes).unwrap_or(u32::MAX).max(1);
+        let mut start = 0;
+        while start < rows {
+            if control.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
+                return Err(Error::Interrupted);
+            }
+            let end = rows.min(start.saturating_add(height));
+            work(start..end, control)?;
+            if let Some(progress) = &mut control.progress {
+                progress(u64::from(end - start), u64::from(rows));
+            }
+            start = end;
+        }
+        Ok(())
+    }
+
+    /// The two steps of the sample that two-step uses.
+    fn two_steps(&self, flat: &Flat) -> Option<[usize; 2]> {
+        if self.options.method != Method::TwoStep {
+            return None;
+        }
+        if let Some(steps) = self.options.steps {
+            return Some(steps);
+        }
+        let mut known: Vec<[f32; 2]> = (0..flat.curves.len())
+            .filter(|at| flat.curves.has_answer(*at))
+            .map(|at| [flat.curves.centre[at], flat.curves.width[at]])
+            .collect();
+        known.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let [centre, width] = known.get(known.len() / 2).map_or([0.0, 0.0], |k| k.map(f64::from));
+        let nearest = |to: f64| {
+            let distance = |i: &usize| (self.sample_offsets[*i] - to).abs();
+            (0..self.sample_offsets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        };
+        let [left, right] = [nearest(centre - width)?, nearest(centre + width)?];
+        Some(if left == right { [0, self.sample_offsets.len() - 1] } else { [left, right] })
+    }
+
+    /// The curves of a band. `known`: the flat's curves and the first of this band, for methods
+    /// that build on them.
+    fn curves(
+        &self,
+        data: Array3<f32>,
+        offsets: &[f64],
+        known: Option<(&Curves, usize)>,
+        cancel: Option<&AtomicBool>,
+    ) -> Result<Curves> {
+        let (steps, rows, columns) = data.dim();
+        if steps != offsets.len() {
+            return Err(Error::scene(
+                "scan.mask_offsets",
+                format!("{} offsets for {steps} frames", offsets.len()),
+                "as many offsets as frames",
+            ));
+        }
+        let data = match &self.beamlets {
+            Some(beamlets) => beamlets.gather(data.view()),
+            None => data,
+        };
+        if let (Some(fitter), None) = (&self.fitter, known) {
+            let (steps, rows, across) = data.dim();
+            let flat = data
+                .into_shape_with_order((steps, rows * across))
+                .map_err(|error| Error::scene("frames", error.to_string(), "frames in C order"))?;
+            return fitter.fit(flat.view(), cancel);
+        }
+        let scan = self.scan(offsets);
+        let entry = |pixel: usize| -> Curve {
+            let (row, column) = (pixel / columns, pixel % columns);
+            let curve = (0..steps).map(|step| data[[step, row, column]]);
+            match (self.options.method, known) {
+                (Method::ThreeStep, _) => closed::three_step(&scan, curve),
+                (Method::Moments, _) => closed::by_moments(&scan, curve),
+                (Method::TwoStep, Some((flat, first))) => {
+                    closed::two_step(&scan, curve, flat, first + pixel)
+                }
+                _ => self.shape().map_or(Curve::unknown(flags::NOT_CONVERGED), |shape| {
+                    least_squares::fit(shape, &scan, curve)
+                }),
+            }
+        };
+        let entries: Vec<Curve> = (0..rows * columns).into_par_iter().map(entry).collect();
+        Ok(Curves::from_entries(&entries))
+    }
+
+    /// The shape of methods that fit one, in the unit of offsets.
+    fn shape(&self) -> Option<Shape> {
+        let m = self.shape.magnification;
+        let [base, top] = [self.shape.half_base() / m, self.shape.half_top() / m];
+        match self.options.method {
+            Method::Triangle => Some(Shape::Trapezoid { top: 0.0 }),
+            Method::Trapezoid => Some(Shape::Trapezoid { top }),
+            Method::ExactCurve => Some(Shape::Blurred { base, top }),
+            _ => None,
+        }
+    }
+
+    fn scan(&self, offsets: &[f64]) -> Scan {
+        let mut sorted = offsets.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        Scan {
+            offsets: offsets.to_vec(),
+            shares: offsets.iter().map(|offset| share(&sorted, *offset)).collect(),
+            saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
+            gain: self.options.gain,
+        }
+    }
+}
+
+fn part(stack: ArrayView3<'_, f32>, band: &Range<u32>) -> Array3<f32> {
+    stack.slice(s![.., band.start as usize..band.end as usize, ..]).to_owned()
+}

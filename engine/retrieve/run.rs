@@ -1,0 +1,166 @@
+//! A whole retrieval: from an input to a directory of images.
+
+use super::images::{FLAGS, OF_FLAT, unit};
+use super::input::Input;
+use super::retriever::{RetrieveControl, RetrieveOptions, Retriever};
+use super::write::{ImageDirectory, ImageFormat, Record};
+use super::{Curves, Weights, flags};
+use crate::{Engine, Error, Result};
+use ndarray::ArrayView2;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Where images go.
+#[derive(Debug, Clone, Copy)]
+pub struct ImagesTo<'a> {
+    /// Directory of the images: `RUN/retrieved`, or any other.
+    pub path: &'a Path,
+    /// Their format.
+    pub format: ImageFormat,
+    /// Replace images that are there.
+    pub overwrite: bool,
+}
+
+/// Retrieves every view of an input into a directory, whole or not at all.
+///
+/// # Errors
+/// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::Output`] where the place is taken
+/// or cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
+pub fn retrieve(
+    engine: &Engine,
+    input: Input,
+    options: &RetrieveOptions,
+    to: ImagesTo<'_>,
+    control: &mut RetrieveControl<'_>,
+) -> Result<Record> {
+    ImageDirectory::check(to.path, to.overwrite)?;
+    let saturation = input.saturation();
+    let options = RetrieveOptions { saturation, ..options.clone() };
+    let mut retriever = Retriever::new(engine, input.scene(), &options)?;
+    let input = input.fitted_to(&retriever)?;
+    let [rows, columns] = input.frame();
+    let row_count = u32::try_from(rows).unwrap_or(u32::MAX);
+    let all = u64::from(row_count) * (input.views() as u64 + 1);
+    let mut done = 0;
+    let mut outer = control.progress.take();
+    let mut advance = |rows: u64, _: u64| {
+        done += rows;
+        if let Some(progress) = &mut outer {
+            progress(done, all);
+        }
+    };
+    let mut inner = RetrieveControl { progress: Some(&mut advance), cancel: control.cancel };
+    retriever.set_flat(row_count, columns, &mut |band| input.flat_rows(band), &mut inner)?;
+    let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
+    let across = flat.len() / rows.max(1);
+    if (0..flat.len()).all(|at| !flat.has_answer(at)) {
+        return Err(Error::scene("flat", no_answers(flat), "a flat with light in some pixel"));
+    }
+    let mut record = begun(&input, &retriever, &options, [input.views(), rows, across]);
+    let value = if input.counts() { "counts" } else { "open pixels" };
+    let names = retriever.names();
+    for name in names.iter().copied().chain(OF_FLAT) {
+        record.units.insert(name.to_owned(), unit(name, value).to_owned());
+    }
+    let mut images = ImageDirectory::begin(to.path, to.format, about(&record))?;
+    for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
+        let image = ArrayView2::from_shape((rows, across), values)
+            .map_err(|error| Error::output(to.path, error.to_string(), None))?;
+        images.put(name, unit(name, value), 1, image)?;
+    }
+    for view in 0..input.views() {
+        let mut read = |band| input.sample_rows(view, band);
+        let retrieved = retriever.retrieve(columns, &mut read, &mut inner)?;
+        for (name, image) in retrieved.iter() {
+            images.put(name, unit(name, value), input.views(), image.view())?;
+        }
+        count(&mut record, retrieved.get(FLAGS));
+    }
+    images.finish(Some(&record))?;
+    Ok(record)
+}
+
+/// Images of the flat, in the order of [`OF_FLAT`].
+fn of_flat(flat: &Curves) -> [&Vec<f32>; 5] {
+    [&flat.amplitude, &flat.centre, &flat.width, &flat.background, &flat.residual]
+}
+
+/// What stands against an answer, for a message.
+fn no_answers(flat: &Curves) -> String {
+    let found: Vec<String> = flags::MEANINGS
+        .iter()
+        .map(|(bit, _, meaning)| (flat.flags.iter().filter(|f| *f & bit != 0).count(), meaning))
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, meaning)| format!("{count} pixels: {meaning}"))
+        .collect();
+    format!("no pixel with an answer ({})", found.join("; "))
+}
+
+fn begun(
+    input: &Input,
+    retriever: &Retriever,
+    options: &RetrieveOptions,
+    shape: [usize; 3],
+) -> Record {
+    let scene = input.scene();
+    let mut meanings = BTreeMap::new();
+    for (bit, name, meaning) in flags::MEANINGS {
+        meanings.insert(flags::of_pixel(bit, 0), format!("flat {name}: {meaning}"));
+        meanings.insert(flags::of_pixel(0, bit), format!("sample {name}: {meaning}"));
+    }
+    Record {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        method: options.method.name().to_owned(),
+        weights: match options.weights {
+            Weights::None => "none".to_owned(),
+            Weights::Poisson => "poisson".to_owned(),
+        },
+        counts: input.counts(),
+        gain: options.gain,
+        sources: input.sources(),
+        offsets: scene.scan.mask_offsets.clone(),
+        magnification: scene.magnification(),
+        lever_arm: scene.lever_arm(),
+        angle_per_shift: retriever.arm(),
+        shape,
+        units: BTreeMap::new(),
+        flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),
+        flags: meanings,
+        without_answer: 0,
+    }
+}
+
+/// What every image tells of itself.
+fn about(record: &Record) -> serde_json::Value {
+    serde_json::json!({
+        "beamlet": record.version,
+        "method": record.method,
+        "mask_offsets": record.offsets,
+        "mask_offsets_unit": "m",
+        "magnification": record.magnification,
+        "lever_arm": record.lever_arm,
+        "lever_arm_unit": "m",
+        "row_0": "top (largest z); columns run along +x",
+        "sign": "refraction > 0 deflects towards +x",
+    })
+}
+
+/// Counts flagged pixels and those without an answer.
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "flags are small integers"
+)]
+fn count(record: &mut Record, flag_image: Option<&ndarray::Array2<f32>>) {
+    let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER);
+    for value in flag_image.into_iter().flatten() {
+        let bits = *value as u32;
+        if bits == 0 {
+            continue;
+        }
+        for (bit, count) in &mut record.flagged {
+            *count += u64::from(bits & bit != 0);
+        }
+        record.without_answer += u64::from(bits & none != 0);
+    }
+}

@@ -1,0 +1,134 @@
+//! Shapes of illumination curves that follow from the masks: triangle, trapezoid, and the closed
+//! form of design 6.1 with any blur.
+
+use crate::scene::Scene;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+/// Standard deviation of a Gaussian of unit full width at half maximum.
+const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
+
+/// What the masks make of a curve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct MaskShape {
+    /// Widths of both apertures on the analyser, m.
+    pub(super) projected: [f64; 2],
+    /// Blur of the focal spot on the analyser, standard deviation, m.
+    pub(super) blur: f64,
+    /// Analyser over sample mask distance.
+    pub(super) magnification: f64,
+}
+
+impl MaskShape {
+    /// Of a scene with both masks; zero widths without.
+    pub(super) fn of(scene: &Scene) -> Self {
+        let magnification = scene.magnification();
+        let aperture =
+            |mask: &Option<crate::scene::MaskSpec>| mask.as_ref().map_or(0.0, |mask| mask.aperture);
+        Self {
+            projected: [
+                magnification * aperture(&scene.sample_mask),
+                aperture(&scene.detector_mask),
+            ],
+            blur: (magnification - 1.0) * SIGMA_PER_FWHM * scene.source.spot[0],
+            magnification,
+        }
+    }
+
+    /// Half the base of the curve without blur, m on the analyser.
+    pub(super) fn half_base(&self) -> f64 {
+        (self.projected[0] + self.projected[1]) / 2.0
+    }
+
+    /// Half its top, m on the analyser.
+    pub(super) fn half_top(&self) -> f64 {
+        (self.projected[0] - self.projected[1]).abs() / 2.0
+    }
+}
+
+/// A shape with four unknowns: scale, centre, spread, background. Lengths are those of offsets.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Shape {
+    /// Height 1 between `-top` and `top`, falling to 0 at the spread.
+    Trapezoid {
+        /// Half the top.
+        top: f64,
+    },
+    /// The masks' curve of unit area, blurred by the spread.
+    Blurred {
+        /// Half base and half top.
+        base: f64,
+        /// Half the top.
+        top: f64,
+    },
+}
+
+impl Shape {
+    /// Value and slopes at `x` by scale, centre, spread and background.
+    pub(super) fn at(self, p: &[f64; 4], x: f64) -> (f64, [f64; 4]) {
+        let [scale, centre, spread, background] = *p;
+        let (value, by_x, by_spread) = self.unit(x - centre, spread);
+        (scale * value + background, [value, -scale * by_x, scale * by_spread, 1.0])
+    }
+
+    /// Value, slope by place and slope by spread, for a scale of one about zero.
+    fn unit(self, x: f64, spread: f64) -> (f64, f64, f64) {
+        match self {
+            Self::Trapezoid { top } => {
+                let fall = (spread - top).max(1e-12 * spread);
+                let left = spread - x.abs();
+                if left <= 0.0 {
+                    (0.0, 0.0, 0.0)
+                } else if left >= fall {
+                    (1.0, 0.0, 0.0)
+                } else {
+                    (left / fall, -x.signum() / fall, (fall - left) / (fall * fall))
+                }
+            }
+            Self::Blurred { base, top } => {
+                // Second differences of the ramp's blurred form Q; the area is base^2 - top^2.
+                let area = base * base - top * top;
+                let corners = [(x + base, 1.0), (x + top, -1.0), (x - top, -1.0), (x - base, 1.0)];
+                let sum = corners.iter().fold([0.0; 3], |sum, (v, sign)| {
+                    let t = v / spread;
+                    let density = (-0.5 * t * t).exp() / (2.0 * PI).sqrt();
+                    let below = 0.5 * libm::erfc(-t * FRAC_1_SQRT_2);
+                    let q = v * below + spread * density;
+                    [sum[0] + sign * q, sum[1] + sign * below, sum[2] + sign * density]
+                });
+                (sum[0] / area, sum[1] / area, sum[2] / area)
+            }
+        }
+    }
+
+    /// Area and standard deviation of a fitted curve, and the slopes of both by scale and
+    /// spread: `[[value, by scale, by spread]; 2]`. The blurred form's own width is that of its
+    /// blur: the masks' part is the same for flat and sample.
+    pub(super) fn area_and_width(self, p: &[f64; 4]) -> [[f64; 3]; 2] {
+        let [scale, _, spread, _] = *p;
+        match self {
+            Self::Trapezoid { top } => {
+                let width = ((spread * spread + top * top) / 6.0).sqrt();
+                [
+                    [scale * (spread + top), spread + top, scale],
+                    [width, 0.0, spread / (6.0 * width)],
+                ]
+            }
+            Self::Blurred { .. } => [[scale, 1.0, 0.0], [spread, 0.0, 1.0]],
+        }
+    }
+
+    /// Scale and spread of a curve of this area and standard deviation, roughly.
+    pub(super) fn guess(self, area: f64, deviation: f64) -> [f64; 2] {
+        let variance = deviation * deviation;
+        match self {
+            Self::Trapezoid { top } => {
+                let spread = (6.0 * variance - top * top).max(1.1 * top * top).sqrt();
+                [area / (spread + top), spread]
+            }
+            Self::Blurred { base, top } => {
+                let own = (base * base + top * top) / 6.0;
+                [area, (variance - own).max(0.05 * own).sqrt()]
+            }
+        }
+    }
+}

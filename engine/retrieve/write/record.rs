@@ -1,0 +1,68 @@
+//! retrieved.json: what the images are, in which units, and what their flags say.
+
+use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Contents of retrieved.json.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// Version of beamlet.
+    pub version: String,
+    /// The method.
+    pub method: String,
+    /// Weights of the fit.
+    pub weights: String,
+    /// Whether values were detector numbers, and not intensities.
+    pub counts: bool,
+    /// Value of one count, where given.
+    pub gain: Option<f64>,
+    /// What was read: flat and sample.
+    pub sources: Vec<String>,
+    /// Offsets of the sample mask, m.
+    pub offsets: Vec<f64>,
+    /// Mask magnification M.
+    pub magnification: f64,
+    /// Lever arm z, m.
+    pub lever_arm: f64,
+    /// Refraction angle per shift of a centre, rad/m: -M/z, or 1/z for beamlets.
+    pub angle_per_shift: f64,
+    /// Views, rows and columns of the images.
+    pub shape: [usize; 3],
+    /// Unit of each image by its name.
+    pub units: BTreeMap<String, String>,
+    /// Meaning of each bit of `flags` by its value.
+    pub flags: BTreeMap<u32, String>,
+    /// Pixels with each bit over all views, by the bit's value.
+    pub flagged: BTreeMap<u32, u64>,
+    /// Pixels without an answer over all views; their images hold NaN.
+    pub without_answer: u64,
+}
+
+impl Record {
+    /// Names of the images that a retrieved.json tells of.
+    pub(super) fn names(path: &Path) -> Result<BTreeSet<String>> {
+        Ok(Self::read(path)?.units.into_keys().collect())
+    }
+
+    /// Reads a retrieved.json.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where it is missing or was not written by beamlet.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+        serde_json::from_str(&text).map_err(|error| {
+            Error::output(path, format!("is not the record of a retrieval: {error}"), None)
+        })
+    }
+
+    pub(super) fn write(&self, path: &Path) -> Result<()> {
+        let mut text = serde_json::to_string_pretty(self)
+            .map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))?;
+        text.push('\n');
+        std::fs::write(path, text)
+            .map_err(|error| Error::output(path, "cannot be written", Some(error)))
+    }
+}

@@ -1,0 +1,118 @@
+//! EXR frames: the channel `Y`, or the only channel, of the first layer.
+
+use super::refuse_shape;
+use crate::{Error, Result};
+use exr::block::lines::LineRef;
+use exr::block::reader::{ChunksReader, Reader};
+use exr::meta::attribute::SampleType;
+use exr::meta::header::Header;
+use exr::prelude::f16;
+use std::fs::File;
+use std::io::BufReader;
+use std::ops::Range;
+use std::path::Path;
+
+type FrameReader = Reader<BufReader<File>>;
+
+/// Rows and columns of a frame.
+pub(super) fn frame_shape(path: &Path) -> Result<[usize; 2]> {
+    let reader = open(path)?;
+    let header = first(path, reader.headers())?;
+    channel(path, header)?;
+    Ok([header.layer_size.height(), header.layer_size.width()])
+}
+
+/// Some rows of a frame that has this shape.
+pub(super) fn read(path: &Path, shape: [usize; 2], rows: Range<usize>) -> Result<Vec<f32>> {
+    let reader = open(path)?;
+    let header = first(path, reader.headers())?;
+    refuse_shape(path, [header.layer_size.height(), header.layer_size.width()], shape)?;
+    let (wanted, _) = channel(path, header)?;
+    let columns = shape[1];
+    let mut values = vec![f32::NAN; rows.len() * columns];
+    let unread = |error| failed(path, error);
+    let meets = |top: usize, height: usize| top < rows.end && top + height > rows.start;
+    let mut chunks = reader
+        .filter_chunks(true, |_, tile, block| {
+            block.layer == 0
+                && tile.level_index == exr::math::Vec2(0, 0)
+                && meets(block.pixel_position.y(), block.pixel_size.height())
+        })
+        .map_err(unread)?
+        .sequential_decompressor(true);
+    while let Some(block) = chunks.decompress_next_block() {
+        let block = block.map_err(unread)?;
+        let channels = &chunks.meta_data().headers[0].channels;
+        for line in block.lines(channels) {
+            let at = line.location;
+            let y = at.position.y();
+            if at.channel != wanted || !rows.contains(&y) {
+                continue;
+            }
+            let start = (y - rows.start) * columns + at.position.x();
+            let to = &mut values[start..start + at.sample_count];
+            let kind = channels.list[wanted].sample_type;
+            copy(line, kind, to).map_err(unread)?;
+        }
+    }
+    Ok(values)
+}
+
+/// Copies a line of samples.
+fn copy(line: LineRef<'_>, kind: SampleType, to: &mut [f32]) -> exr::error::UnitResult {
+    match kind {
+        SampleType::F32 => line.read_samples_into_slice::<f32>(to),
+        SampleType::F16 => {
+            for (to, from) in to.iter_mut().zip(line.read_samples::<f16>()) {
+                *to = from?.to_f32();
+            }
+            Ok(())
+        }
+        SampleType::U32 => {
+            for (to, from) in to.iter_mut().zip(line.read_samples::<u32>()) {
+                *to = from? as f32;
+            }
+            Ok(())
+        }
+    }
+}
+
+fn open(path: &Path) -> Result<FrameReader> {
+    let file =
+        File::open(path).map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    Reader::read_from_buffered(BufReader::new(file), true).map_err(|error| failed(path, error))
+}
+
+fn first<'a>(path: &Path, headers: &'a [Header]) -> Result<&'a Header> {
+    headers.first().ok_or_else(|| Error::output(path, "has no layer", None))
+}
+
+/// Index and type of the channel of intensities.
+fn channel(path: &Path, header: &Header) -> Result<(usize, SampleType)> {
+    let list = &header.channels.list;
+    let found = match list.len() {
+        1 => Some(0),
+        _ => list.iter().position(|channel| channel.name.eq("Y")),
+    };
+    let sampled = |at: usize| list[at].sampling == exr::math::Vec2(1, 1);
+    match found {
+        Some(at) if sampled(at) => Ok((at, list[at].sample_type)),
+        _ => {
+            let names: Vec<String> = list.iter().map(|channel| channel.name.to_string()).collect();
+            let problem = format!(
+                "has the channels {}; allowed: one channel, or one that is named Y",
+                names.join(", ")
+            );
+            Err(Error::output(path, problem, None))
+        }
+    }
+}
+
+fn failed(path: &Path, error: exr::error::Error) -> Error {
+    match error {
+        exr::error::Error::Io(source) => {
+            Error::output(path, "cannot be read (cut short?)", Some(source))
+        }
+        other => Error::output(path, format!("is no EXR frame that can be read: {other}"), None),
+    }
+}

@@ -1,0 +1,90 @@
+//! Retrieved images of a run.
+
+use super::{StackFile, extension};
+use crate::{Error, Result};
+use ndarray::Array2;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Retrieved images in a directory (`RUN/retrieved`): by name, one per view.
+#[derive(Debug)]
+pub struct Maps {
+    path: PathBuf,
+    maps: BTreeMap<String, StackFile>,
+    views: usize,
+}
+
+impl Maps {
+    /// Opens a directory of images: `NAME.npy` (view, row, column), `NAME.tif` with a page per
+    /// view, or `NAME/view_0000.exr`.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where there are none, or where they differ in shape.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let unread = |error| Error::output(path, "cannot be read", Some(error));
+        let mut maps = BTreeMap::new();
+        for entry in std::fs::read_dir(path).map_err(unread)? {
+            let entry = entry.map_err(unread)?.path();
+            let is_map = entry.is_dir() || matches!(extension(&entry).as_str(), "npy" | "tif");
+            let name = entry.file_stem().map(|name| name.to_string_lossy().into_owned());
+            if let (true, Some(name)) = (is_map, name.filter(|name| !name.starts_with('.'))) {
+                maps.insert(name, StackFile::open(&entry)?);
+            }
+        }
+        let Some(most) = maps.values().max_by_key(|map| map.shape()[1]) else {
+            return Err(Error::output(path, "holds no retrieved images", None));
+        };
+        let [_, views, rows, columns] = most.shape();
+        // What belongs to the flat is one image for all views.
+        let fits = |map: &&StackFile| {
+            let [_, count, r, c] = map.shape();
+            (count == views || count == 1) && [r, c] == [rows, columns]
+        };
+        if let Some(other) = maps.values().find(|map| !fits(map)) {
+            let problem = format!(
+                "has {:?} images, rows and columns; {} has {:?}",
+                &other.shape()[1..],
+                most.path().display(),
+                &most.shape()[1..]
+            );
+            return Err(Error::output(other.path(), problem, None));
+        }
+        Ok(Self { path: path.to_path_buf(), maps, views })
+    }
+
+    /// Names of the images, sorted.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.maps.keys().map(String::as_str)
+    }
+
+    /// Every image as a stack of one view whose steps are the views.
+    pub(crate) fn into_stacks(self) -> BTreeMap<String, StackFile> {
+        self.maps
+    }
+
+    /// Number of views.
+    #[must_use]
+    pub const fn views(&self) -> usize {
+        self.views
+    }
+
+    /// The image of a view, `[row][column]` (the same for all views where it is the flat's), in the unit that `retrieved.json` names.
+    ///
+    /// # Errors
+    /// [`Error::Output`] for a name or view that is not there (says what is), or where the file
+    /// cannot be read.
+    pub fn map(&self, name: &str, view: usize) -> Result<Array2<f32>> {
+        let Some(map) = self.maps.get(name) else {
+            let names: Vec<&str> = self.names().collect();
+            let problem = format!("has no image {name}; it has {}", names.join(", "));
+            return Err(Error::output(&self.path, problem, None));
+        };
+        if view >= self.views {
+            let problem =
+                format!("has {} views; asked for view {view}, counted from 0", self.views);
+            return Err(Error::output(map.path(), problem, None));
+        }
+        map.only_frame(view.min(map.shape()[1] - 1))
+    }
+}

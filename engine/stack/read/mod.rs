@@ -1,0 +1,242 @@
+//! Reading stacks: beamlet's own and measured ones, frame by frame or band by band.
+//!
+//! One type serves every format, so that whoever takes frames need not know where they come
+//! from. Values become f32: u8 and u16 exactly, f64 and u32 rounded.
+
+mod exr;
+mod folder;
+mod maps;
+mod npy;
+mod run;
+mod tiff;
+
+pub use maps::Maps;
+pub use run::OpenRun;
+
+use crate::{Error, Result};
+use ndarray::{Array2, Array3, Axis};
+use npy::NpyFile;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use tiff::TiffPages;
+
+/// One stack in a file or a folder, `[view][step][row][column]`.
+///
+/// | place | layout |
+/// |---|---|
+/// | `.npy` | 2, 3 or 4 dimensions: (row, column), (step, row, column), (view, step, row, column) |
+/// | `.tif`, `.tiff` | one page per frame, strips or tiles, `BigTIFF` too; see [`StackFile::with_steps`] |
+/// | `.exr` | one frame |
+/// | folder of `.exr` or `.tif` files | one frame per file, in the order of the numbers in their names |
+/// | folder of such folders | one view per folder |
+///
+/// Samples are f32, f64, u8, u16 or u32 (EXR: f16, f32, u32), one per pixel.
+#[derive(Debug)]
+pub struct StackFile {
+    path: PathBuf,
+    shape: [usize; 4],
+    source: Source,
+}
+
+#[derive(Debug)]
+enum Source {
+    Npy(NpyFile),
+    Pages(Box<TiffPages>),
+    /// One file per frame, the views one after another.
+    Frames(Vec<PathBuf>),
+}
+
+impl StackFile {
+    /// Opens a stack: reads headers, no values.
+    ///
+    /// # Errors
+    /// [`Error::Output`] with file, what was found and what is allowed: a format, sample type or
+    /// shape that is not in the table, a file shorter than its header says, frames that are
+    /// missing from a series of numbers.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let found = std::fs::metadata(path)
+            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+        if found.is_dir() {
+            return Self::open_folder(path);
+        }
+        let (shape, source) = match extension(path).as_str() {
+            "npy" => {
+                let file = NpyFile::open(path)?;
+                (file.shape(), Source::Npy(file))
+            }
+            "tif" | "tiff" => {
+                let pages = TiffPages::open(path)?;
+                let [rows, columns] = pages.frame_shape();
+                ([1, pages.count(), rows, columns], Source::Pages(Box::new(pages)))
+            }
+            "exr" => {
+                let [rows, columns] = exr::frame_shape(path)?;
+                ([1, 1, rows, columns], Source::Frames(vec![path.to_path_buf()]))
+            }
+            _ => {
+                let problem = "is no stack: allowed are .npy, .tif, .tiff, .exr, and folders of \
+                               .exr or .tif frames";
+                return Err(Error::output(path, problem, None));
+            }
+        };
+        let stack = Self { path: path.to_path_buf(), shape, source };
+        stack.refuse_empty()
+    }
+
+    fn open_folder(path: &Path) -> Result<Self> {
+        let (views, frames) = folder::frames(path)?;
+        let [rows, columns] = match frames.first() {
+            Some(frame) if extension(frame) == "exr" => exr::frame_shape(frame)?,
+            Some(frame) => TiffPages::open(frame)?.frame_shape(),
+            None => [0, 0],
+        };
+        let shape = [views, frames.len() / views.max(1), rows, columns];
+        Self { path: path.to_path_buf(), shape, source: Source::Frames(frames) }.refuse_empty()
+    }
+
+    fn refuse_empty(self) -> Result<Self> {
+        if self.shape.contains(&0) {
+            let [views, steps, rows, columns] = self.shape;
+            let problem = format!(
+                "holds nothing: {views} views of {steps} steps of {rows} x {columns} pixels"
+            );
+            return Err(Error::output(self.path, problem, None));
+        }
+        Ok(self)
+    }
+
+    /// The same frames as views of so many steps: files of pages do not say where a view ends.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where the number of frames is not a multiple of `steps`, or where the
+    /// stack has views of another length already.
+    pub fn with_steps(mut self, steps: usize) -> Result<Self> {
+        let [views, found, ..] = self.shape;
+        if found == steps {
+            return Ok(self);
+        }
+        if views > 1 || steps == 0 || found % steps != 0 {
+            let problem = format!("has {views} views of {found} steps; expected {steps} steps");
+            return Err(Error::output(self.path, problem, None));
+        }
+        self.shape[0] = found / steps;
+        self.shape[1] = steps;
+        Ok(self)
+    }
+
+    /// The first `views` views: the others do not count.
+    pub(super) fn first_views(mut self, views: usize) -> Self {
+        self.shape[0] = self.shape[0].min(views);
+        self
+    }
+
+    /// The file or folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Views, steps, rows and columns, none of them zero.
+    #[must_use]
+    pub const fn shape(&self) -> [usize; 4] {
+        self.shape
+    }
+
+    /// Some rows of a view with all its steps, `[step][row][column]`.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where a file cannot be read or a frame has another shape than the
+    /// first; where the view or the rows are not there.
+    pub fn rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
+        let [views, steps, ..] = self.shape;
+        if view >= views {
+            let problem = format!("has {views} views; asked for view {view}, counted from 0");
+            return Err(Error::output(&self.path, problem, None));
+        }
+        let read = |step| self.frame(view, step, rows.clone());
+        let frames: Vec<Array2<f32>> = match &self.source {
+            // Frames are compressed one by one: worth a thread each.
+            Source::Frames(_) => (0..steps).into_par_iter().map(read).collect::<Result<_>>()?,
+            _ => (0..steps).map(read).collect::<Result<_>>()?,
+        };
+        let [_, _, _, columns] = self.shape;
+        let mut all = Array3::zeros((steps, rows.len(), columns));
+        for (mut to, from) in all.outer_iter_mut().zip(&frames) {
+            to.assign(from);
+        }
+        Ok(all)
+    }
+
+    /// A whole view, `[step][row][column]`.
+    ///
+    /// # Errors
+    /// As [`StackFile::rows`].
+    pub fn view(&self, view: usize) -> Result<Array3<f32>> {
+        self.rows(view, 0..self.row_count())
+    }
+
+    /// Some rows of one frame, `[row][column]`.
+    ///
+    /// # Errors
+    /// As [`StackFile::rows`].
+    pub fn frame(&self, view: usize, step: usize, rows: Range<u32>) -> Result<Array2<f32>> {
+        let [views, steps, row_count, columns] = self.shape;
+        let range = rows.start as usize..rows.end as usize;
+        if view >= views || step >= steps || range.start > range.end || range.end > row_count {
+            let problem = format!(
+                "has {views} views, {steps} steps, {row_count} rows; asked for rows {range:?} of \
+                 view {view}, step {step}, counted from 0"
+            );
+            return Err(Error::output(&self.path, problem, None));
+        }
+        let index = view * steps + step;
+        let frame = [row_count, columns];
+        let values = match &self.source {
+            Source::Npy(file) => file.read(index, range.clone())?,
+            Source::Pages(pages) => pages.read(index, range.clone())?,
+            Source::Frames(files) => {
+                let path = &files[index];
+                match extension(path).as_str() {
+                    "exr" => exr::read(path, frame, range.clone())?,
+                    _ => {
+                        let page = TiffPages::open(path)?;
+                        refuse_shape(path, page.frame_shape(), frame)?;
+                        page.read(0, range.clone())?
+                    }
+                }
+            }
+        };
+        Array2::from_shape_vec((range.len(), columns), values)
+            .map_err(|error| Error::output(&self.path, format!("cannot be read: {error}"), None))
+    }
+
+    pub(super) fn row_count(&self) -> u32 {
+        u32::try_from(self.shape[2]).unwrap_or(u32::MAX)
+    }
+
+    /// All frames of one view as one image, for files whose steps are views (maps).
+    pub(super) fn only_frame(&self, index: usize) -> Result<Array2<f32>> {
+        let all = self.frame(0, index, 0..self.row_count())?;
+        debug_assert_eq!(all.len_of(Axis(0)), self.shape[2]);
+        Ok(all)
+    }
+}
+
+/// Lower-case extension of a path.
+fn extension(path: &Path) -> String {
+    path.extension().map(|text| text.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// Refuses a frame of another shape than the rest.
+fn refuse_shape(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Result<()> {
+    if found == expected {
+        return Ok(());
+    }
+    let problem = format!(
+        "has {} rows of {} columns; the first frame has {} rows of {}",
+        found[0], found[1], expected[0], expected[1]
+    );
+    Err(Error::output(path, problem, None))
+}

@@ -1,0 +1,170 @@
+//! Reading a run directory: its scene, its record, and the views that are committed.
+
+use super::StackFile;
+use crate::scene::Scene;
+use crate::stack::run_directory::{LOG, RUN, SCENE};
+use crate::stack::{Format, RunFile, View, progress_log};
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// A run directory, opened to be read.
+#[derive(Debug)]
+pub struct OpenRun {
+    path: PathBuf,
+    scene: Scene,
+    file: RunFile,
+    flat_committed: bool,
+    /// Views from the first on that are committed.
+    views: usize,
+}
+
+impl OpenRun {
+    /// Opens a run: reads its scene, record and log. An interrupted run counts as far as it
+    /// came.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where there is no run, or where a committed view follows one that is
+    /// not (names it); [`Error::Scene`] where scene.toml does not read.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        if !path.join(RUN).exists() {
+            let problem = "is no run directory: it has no run.json";
+            return Err(Error::output(path, problem, None));
+        }
+        let file = RunFile::read(&path.join(RUN))?;
+        let scene = read_scene(&path.join(SCENE))?;
+        let committed = progress_log::read(&path.join(LOG))?;
+        let is_there = |view: &u32| committed.contains_key(&View::Sample(*view));
+        let views = (0..file.extent.views).take_while(is_there).count();
+        let count = (0..file.extent.views).filter(is_there).count();
+        if count != views {
+            let problem =
+                format!("view {views} is not committed and later ones are; resume the run");
+            return Err(Error::output(path, problem, None));
+        }
+        let flat_committed = committed.contains_key(&View::Flat);
+        Ok(Self { path: path.to_path_buf(), scene, file, flat_committed, views })
+    }
+
+    /// The directory.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The resolved scene.
+    #[must_use]
+    pub const fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// run.json.
+    #[must_use]
+    pub const fn record(&self) -> &RunFile {
+        &self.file
+    }
+
+    /// Views of the sample that are committed, from the first on.
+    #[must_use]
+    pub const fn views(&self) -> usize {
+        self.views
+    }
+
+    /// The flat, one view.
+    ///
+    /// # Errors
+    /// [`Error::Output`] where it is not committed or does not have the shape of run.json.
+    pub fn flat(&self) -> Result<StackFile> {
+        if !self.flat_committed {
+            return Err(Error::output(
+                &self.path,
+                "the flat is not committed: resume the run",
+                None,
+            ));
+        }
+        self.stack("flat", 1)
+    }
+
+    /// The committed views with the sample.
+    ///
+    /// # Errors
+    /// As [`OpenRun::flat`], where no view is committed.
+    pub fn sample(&self) -> Result<StackFile> {
+        if self.views == 0 {
+            return Err(Error::output(&self.path, "no view is committed: resume the run", None));
+        }
+        self.stack("sample", self.views)
+    }
+
+    /// Detector numbers of the flat, where the scene asks for noise.
+    ///
+    /// # Errors
+    /// As [`OpenRun::flat`].
+    pub fn counts_flat(&self) -> Result<Option<StackFile>> {
+        self.optional("counts/flat", 1, self.flat_committed)
+    }
+
+    /// Detector numbers with the sample, where the scene asks for noise.
+    ///
+    /// # Errors
+    /// As [`OpenRun::flat`].
+    pub fn counts_sample(&self) -> Result<Option<StackFile>> {
+        self.optional("counts/sample", self.views, self.views > 0)
+    }
+
+    /// Detector numbers without beam, where the scene asks for noise.
+    ///
+    /// # Errors
+    /// As [`OpenRun::flat`].
+    pub fn dark(&self) -> Result<Option<StackFile>> {
+        self.optional("dark", 1, true)
+    }
+
+    fn optional(&self, name: &str, views: usize, committed: bool) -> Result<Option<StackFile>> {
+        if !committed || !self.file_of(name).exists() {
+            return Ok(None);
+        }
+        self.stack(name, views).map(Some)
+    }
+
+    fn file_of(&self, name: &str) -> PathBuf {
+        match self.file.format {
+            Format::Exr => self.path.join(name),
+            Format::Npy => self.path.join(format!("{name}.npy")),
+        }
+    }
+
+    fn stack(&self, name: &str, views: usize) -> Result<StackFile> {
+        let path = self.file_of(name);
+        let stack = StackFile::open(&path)?.first_views(views);
+        let extent = self.file.extent;
+        let [steps, rows, columns] =
+            [extent.steps, extent.rows, extent.columns].map(|side| side as usize);
+        // The number of dark frames is the detector's own.
+        let expected =
+            [views, if name == "dark" { stack.shape()[1] } else { steps }, rows, columns];
+        if stack.shape() != expected {
+            let problem = format!(
+                "has {:?} views, steps, rows and columns; run.json says {expected:?}",
+                stack.shape()
+            );
+            return Err(Error::output(path, problem, None));
+        }
+        Ok(stack)
+    }
+}
+
+/// The resolved scene; one whose meshes were arrays does not load, and is read without objects.
+fn read_scene(path: &Path) -> Result<Scene> {
+    let error = match Scene::load(path) {
+        Ok(scene) => return Ok(scene),
+        Err(error) => error,
+    };
+    let without_objects = || {
+        let text = std::fs::read_to_string(path).ok()?;
+        let mut table: toml::Table = toml::from_str(&text).ok()?;
+        table.remove("object")?;
+        Scene::from_toml(&toml::to_string(&table).ok()?, path.parent()?).ok()
+    };
+    without_objects().ok_or(error)
+}

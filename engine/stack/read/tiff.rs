@@ -1,0 +1,134 @@
+//! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`.
+
+use super::refuse_shape;
+use crate::{Error, Result};
+use std::fmt;
+use std::fs::File;
+use std::io::BufReader;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use tiff::decoder::{Decoder, DecodingResult, Limits};
+use tiff::{ColorType, TiffError};
+
+type Pages = Decoder<BufReader<File>>;
+
+/// A file of pages, each a frame of the same shape.
+pub(super) struct TiffPages {
+    path: PathBuf,
+    /// Rows and columns.
+    frame: [usize; 2],
+    count: usize,
+    /// Knows where every page begins, so that seeking does not walk the file again.
+    pages: Mutex<Pages>,
+}
+
+impl fmt::Debug for TiffPages {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TiffPages")
+            .field("path", &self.path)
+            .field("frame", &self.frame)
+            .field("count", &self.count)
+            .finish_non_exhaustive()
+    }
+}
+
+impl TiffPages {
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let unread = |error| failed(path, error);
+        let file =
+            File::open(path).map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+        let mut limits = Limits::default();
+        // Frames of 4 GiB in one strip do exist; the values are bounded by the frame's shape.
+        limits.decoding_buffer_size = 1 << 32;
+        let mut pages = Decoder::new(BufReader::new(file)).map_err(unread)?.with_limits(limits);
+        let frame = frame_of(path, &mut pages)?;
+        let mut count = 1;
+        while pages.more_images() {
+            pages.next_image().map_err(unread)?;
+            let found = frame_of(path, &mut pages)?;
+            if found != frame {
+                let problem = format!(
+                    "has {} rows of {} columns in page {count}, counted from 0; its first page \
+                     has {} rows of {}",
+                    found[0], found[1], frame[0], frame[1]
+                );
+                return Err(Error::output(path, problem, None));
+            }
+            count += 1;
+        }
+        Ok(Self { path: path.to_path_buf(), frame, count, pages: Mutex::new(pages) })
+    }
+
+    pub(super) const fn frame_shape(&self) -> [usize; 2] {
+        self.frame
+    }
+
+    pub(super) const fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Some rows of a page.
+    pub(super) fn read(&self, page: usize, rows: Range<usize>) -> Result<Vec<f32>> {
+        let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
+        let unread = |error| failed(&self.path, error);
+        pages.seek_to_image(page).map_err(unread)?;
+        refuse_shape(&self.path, frame_of(&self.path, &mut pages)?, self.frame)?;
+        let columns = self.frame[1];
+        let (width, height) = pages.chunk_dimensions();
+        let [width, height] = [width as usize, height as usize].map(|side| side.max(1));
+        let across = columns.div_ceil(width);
+        let mut values = vec![f32::NAN; rows.len() * columns];
+        for down in rows.start / height..rows.end.div_ceil(height) {
+            for right in 0..across {
+                let chunk = u32::try_from(down * across + right).unwrap_or(u32::MAX);
+                let wide = pages.chunk_data_dimensions(chunk).0 as usize;
+                let samples = floats(pages.read_chunk(chunk).map_err(unread)?)
+                    .ok_or_else(|| refused(&self.path, "samples of another type"))?;
+                for (y, line) in (down * height..).zip(samples.chunks_exact(wide.max(1))) {
+                    if rows.contains(&y) {
+                        let start = (y - rows.start) * columns + right * width;
+                        values[start..start + wide].copy_from_slice(line);
+                    }
+                }
+            }
+        }
+        Ok(values)
+    }
+}
+
+/// Rows and columns of the page in turn; refuses what is not one number per pixel.
+fn frame_of(path: &Path, pages: &mut Pages) -> Result<[usize; 2]> {
+    match pages.colortype().map_err(|error| failed(path, error))? {
+        ColorType::Gray(8 | 16 | 32 | 64) => {}
+        other => return Err(refused(path, &format!("{other:?} pixels"))),
+    }
+    let (columns, rows) = pages.dimensions().map_err(|error| failed(path, error))?;
+    Ok([rows as usize, columns as usize])
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
+fn floats(samples: DecodingResult) -> Option<Vec<f32>> {
+    Some(match samples {
+        DecodingResult::F32(values) => values,
+        DecodingResult::F64(values) => values.into_iter().map(|v| v as f32).collect(),
+        DecodingResult::U8(values) => values.into_iter().map(f32::from).collect(),
+        DecodingResult::U16(values) => values.into_iter().map(f32::from).collect(),
+        DecodingResult::U32(values) => values.into_iter().map(|v| v as f32).collect(),
+        _ => return None,
+    })
+}
+
+fn refused(path: &Path, found: &str) -> Error {
+    let problem = format!("has {found}; allowed is one sample per pixel, f32, f64, u8, u16 or u32");
+    Error::output(path, problem, None)
+}
+
+fn failed(path: &Path, error: TiffError) -> Error {
+    match error {
+        TiffError::IoError(source) => {
+            Error::output(path, "cannot be read (cut short?)", Some(source))
+        }
+        other => Error::output(path, format!("is no TIFF that can be read: {other}"), None),
+    }
+}

@@ -1,0 +1,94 @@
+//! Crossings of rays in order, for pictures of the sample: what is seen first, and through it.
+
+use super::tracer::push_bytes;
+use super::upload::DeviceSample;
+use crate::Result;
+use crate::gpu::interface::{CrossingsPush, MetSurface, Ray};
+use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Invocations per workgroup in crossings.comp.
+const GROUP: u32 = 64;
+/// Rays whose crossings lie on the device at once.
+const RAYS: u32 = 1 << 15;
+/// Dispatches aim at this, well short of a desktop driver's time-out.
+const LONG: Duration = Duration::from_millis(100);
+
+/// Finds the first crossings of rays, with the software BVH on any device.
+#[derive(Debug)]
+pub struct CrossingFinder {
+    device: Arc<Device>,
+    sample: Arc<DeviceSample>,
+    kernel: Kernel,
+    most: u32,
+    rays: Buffer,
+    met: Buffer,
+    counts: Buffer,
+}
+
+impl CrossingFinder {
+    /// A finder of up to `most` (at least 1) crossings of a ray.
+    ///
+    /// # Errors
+    /// [`crate::Error::Memory`], or [`crate::Error::Device`] where the driver refuses.
+    pub fn new(device: &Arc<Device>, sample: &Arc<DeviceSample>, most: u32) -> Result<Self> {
+        let push = push_bytes::<CrossingsPush>();
+        let most = most.max(1);
+        let bytes = u64::from(RAYS) * u64::from(most) * size_of::<MetSurface>() as u64;
+        let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
+        Ok(Self {
+            device: device.clone(),
+            sample: sample.clone(),
+            kernel: device.kernel("crossings", shaders::CROSSINGS, push, None)?,
+            most,
+            rays: make("rays", u64::from(RAYS) * size_of::<Ray>() as u64)?,
+            met: make("crossings", bytes)?,
+            counts: make("counts of crossings", u64::from(RAYS) * 4)?,
+        })
+    }
+
+    /// Calls `visit` with the index of every ray, in order, and its first crossings, front to
+    /// back.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`].
+    pub fn find(&self, rays: &[Ray], mut visit: impl FnMut(usize, &[MetSurface])) -> Result<()> {
+        let most = self.most as usize;
+        let mut size = 4096;
+        let mut done = 0;
+        for batch in rays.chunks(RAYS as usize) {
+            let count = u32::try_from(batch.len()).unwrap_or(RAYS);
+            self.rays.write(0, batch)?;
+            let mut first = 0;
+            while first < count {
+                let push = CrossingsPush {
+                    sample_ref: self.sample.record(None),
+                    rays: self.rays.address(),
+                    met: self.met.address(),
+                    counts: self.counts.address(),
+                    count: count.min(first + size),
+                    first,
+                    most: self.most,
+                };
+                let groups = (push.count - first).div_ceil(GROUP);
+                let took = self.device.run(|r| {
+                    r.dispatch(&self.kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
+                })?;
+                first += size;
+                if took > LONG {
+                    size = (size / 2).max(GROUP);
+                } else if took < LONG / 4 {
+                    size = (size * 2).min(RAYS);
+                }
+            }
+            let counts = self.counts.read::<u32>(0, batch.len())?;
+            let met = self.met.read::<MetSurface>(0, batch.len() * most)?;
+            for (ray, (count, met)) in counts.iter().zip(met.chunks(most)).enumerate() {
+                visit(done + ray, &met[..*count as usize]);
+            }
+            done += batch.len();
+        }
+        Ok(())
+    }
+}

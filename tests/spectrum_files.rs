@@ -1,0 +1,163 @@
+//! Spectrum files and spectra of scenes: what is read, and what is refused with its place.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::path::Path;
+
+use beamlet::scene::Scene;
+use beamlet::spectrum::{Spectrum, nodes};
+
+fn read(text: &str) -> beamlet::Result<Spectrum> {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("tube.csv");
+    std::fs::write(&path, text).unwrap();
+    Spectrum::read(&path)
+}
+
+#[test]
+fn the_text_export_of_spekpy_is_read_as_it_is() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tables/spekpy_100kv.txt");
+    let spectrum = Spectrum::read(path).unwrap();
+    assert_eq!(spectrum.energies_kev.len(), 198);
+    // SpekPy's own words in the header of the file. Its mean is that of the same rows; its
+    // half-value layer takes other coefficients (PENELOPE's), hence 1 %.
+    assert!((spectrum.mean_energy() / 45.0656 - 1.0).abs() < 1e-5, "{}", spectrum.mean_energy());
+    let layer = spectrum.half_value_layer().unwrap() * 1e3;
+    assert!((layer / 2.0684 - 1.0).abs() < 0.01, "{layer}");
+}
+
+#[test]
+fn separators_headers_and_comments_do_not_matter() {
+    let expected = Spectrum { energies_kev: vec![10.0, 20.0, 30.5], weights: vec![1.0, 0.0, 2e6] };
+    for text in [
+        "10,1\n20,0\n30.5,2e6\n",
+        "# tube\nenergy_keV,weight\n10,1\n\n20,0\n# more\n30.5,2e6",
+        "\u{feff}weight\tnote\tENERGY_KEV\n1\tx\t10\n0\ty\t20\n2e6\t\t30.5\n",
+        "energy_keV weight\n10  1\n20  0\n30.5  2e6\n",
+        "10; 1; 0.5\r\n20; 0; 0\r\n30.5; 2e6; 0\r\n",
+    ] {
+        assert_eq!(read(text).unwrap(), expected, "{text:?}");
+    }
+}
+
+#[test]
+fn what_is_no_spectrum_is_refused_with_file_line_and_reason() {
+    for (text, place, what) in [
+        ("", "tube.csv:1:1: spectrum", "no rows"),
+        ("# only words\n", "tube.csv:1:1: spectrum", "no rows"),
+        ("energy_keV,weight\n", "tube.csv:1:1: spectrum", "no rows"),
+        ("energy,weight\n1,1\n", "tube.csv:1:1: energy_keV", "a header with energy_keV"),
+        ("energy_keV,photons\n1,1\n", "tube.csv:1:1: weight", "a header with energy_keV"),
+        ("20,1\n10,1\n", "tube.csv:2:1: energy_keV", "ascending"),
+        ("20,1\n20,1\n", "tube.csv:2:1: energy_keV", "ascending"),
+        (
+            "10,1\n20,-1\n",
+            "tube.csv:2:4: weight",
+            "found -1; allowed: a number of photons, 0 or more",
+        ),
+        ("10,1\n20,nan\n", "tube.csv:2:4: weight", "found nan"),
+        ("10,1\n20,inf\n", "tube.csv:2:4: weight", "found inf"),
+        ("10,1\nnan,1\n", "tube.csv:2:1: energy_keV", "found nan"),
+        ("-5,1\n10,1\n", "tube.csv:1:1: energy_keV", "above 0"),
+        ("0,1\n10,1\n", "tube.csv:1:1: energy_keV", "above 0"),
+        ("10,1\n20\n", "tube.csv:2:1: weight", "found nothing"),
+        ("10,1\n20,x\n", "tube.csv:2:4: weight", "found x"),
+        ("10,0\n20,0\n", "tube.csv:2:1: weight", "sum to 0.0"),
+        ("10,1e308\n20,1e308\n", "tube.csv:2:1: weight", "sum to inf"),
+    ] {
+        let error = read(text).unwrap_err().to_string();
+        assert!(error.contains(place) && error.contains(what), "{text:?}: {error}");
+    }
+    let error = Spectrum::read("nowhere/tube.csv").unwrap_err().to_string();
+    assert!(error.contains("nowhere/tube.csv"), "{error}");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("binary.csv");
+    std::fs::write(&path, [0xff, 0xfe, 0x00]).unwrap();
+    assert!(Spectrum::read(&path).unwrap_err().to_string().contains("binary.csv"));
+}
+
+/// The error of the nodes of a scene with this spectrum and these further tables.
+fn refused(spectrum: &str, tables: &str) -> String {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("high.csv"), "30,1\n900,1\n").unwrap();
+    std::fs::write(directory.path().join("low.csv"), "0.05,1\n30,1\n").unwrap();
+    std::fs::write(directory.path().join("tail.csv"), "0.05,0\n30,1\n60,1\n900,1e-20\n").unwrap();
+    std::fs::write(
+        directory.path().join("resin.csv"),
+        "energy_keV,mu_per_cm,delta\n10,2,1e-6\n40,1,1e-7\n",
+    )
+    .unwrap();
+    let text = format!(
+        "[source]\ndistance = \"1 m\"\nspot = \"0 um\"\nspectrum = {spectrum}\n[detector]\n\
+         distance = \"2 m\"\npixels = [1, 1]\npitch = \"100 um\"\n{tables}"
+    );
+    let path = directory.path().join("scene.toml");
+    std::fs::write(&path, text).unwrap();
+    match Scene::load(&path).and_then(|scene| nodes(&scene)) {
+        Ok(nodes) => format!("{} nodes", nodes.energies.len()),
+        Err(error) => Scene::locate(&path, &[], error).to_string(),
+    }
+}
+
+fn object(material: &str) -> String {
+    format!(
+        "[[object]]\nname = \"a\"\nmaterial = \"{material}\"\n\
+         shape = {{ sphere = {{ radius = \"1 mm\", sides = 16 }} }}\n"
+    )
+}
+
+#[test]
+fn spectra_that_materials_cannot_serve_are_refused() {
+    let tube = |rest: &str| format!("{{ anode = \"tungsten\", kvp = \"60 kV\"{rest} }}");
+    let filter = |material: &str| {
+        tube(&format!(", filters = [{{ material = \"{material}\", thickness = \"1 mm\" }}]"))
+    };
+    let numbers = "[materials.plastic]\nmu = \"0.25 /cm\"\ndelta = 2.4e-7\n";
+    let table = "[materials.resin]\ntable = \"resin.csv\"\n";
+    let gold = object("gold");
+    for (spectrum, tables, wanted) in [
+        ("\"missing.csv\"".into(), String::new(), vec!["missing.csv", "cannot read"]),
+        (
+            "\"high.csv\"".into(),
+            gold.clone(),
+            vec![":4:", "source.spectrum", "900 keV", "0.1 keV to 800 keV"],
+        ),
+        (
+            "\"low.csv\"".into(),
+            gold.clone(),
+            vec!["source.spectrum", "0.05 keV", "range of the tables"],
+        ),
+        (
+            filter("alumminium"),
+            String::new(),
+            vec!["source.spectrum.filters[0].material", "did you mean \"aluminium\""],
+        ),
+        (tube(""), object("watr"), vec!["object[0].material", "did you mean \"water\""]),
+        (
+            tube(""),
+            format!("{numbers}{}", object("plastic")),
+            vec!["materials.plastic", "under source.spectrum", "one energy only"],
+        ),
+        (filter("plastic"), numbers.into(), vec!["materials.plastic", "one energy only"]),
+        (
+            tube(""),
+            format!("{table}{}", object("resin")),
+            vec!["source.spectrum", "10 keV to 40 keV", "resin.csv"],
+        ),
+        (
+            tube(", filters = [{ material = \"lead\", thickness = \"90 cm\" }]"),
+            String::new(),
+            vec!["source.spectrum.filters", "absorb everything"],
+        ),
+    ] {
+        let text = refused(&spectrum, &tables);
+        assert!(wanted.iter().all(|part| text.contains(part)), "{spectrum} {tables}: {text}");
+    }
+    // Rows without photons may lie anywhere; an unused definition harms nobody.
+    assert!(
+        refused("\"tail.csv\"", &gold).contains(" nodes"),
+        "{}",
+        refused("\"tail.csv\"", &gold)
+    );
+    assert!(refused(&tube(""), numbers).contains(" nodes"));
+}
