@@ -114,7 +114,9 @@ pub(super) fn gamma(shape: f64, draws: &mut Draws) -> f64 {
         let v = root * root * root;
         let u = draws.uniform();
         // A squeeze that spares the logarithms nearly always.
-        if u < 1.0 - 0.0331 * x * x * x * x || libm::log(u) < 0.5 * x * x + d - d * v + d * libm::log(v) {
+        if u < 1.0 - 0.0331 * x * x * x * x
+            || libm::log(u) < 0.5 * x * x + d - d * v + d * libm::log(v)
+        {
             return d * v;
         }
     }
