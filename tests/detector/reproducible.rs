@@ -5,7 +5,7 @@ use super::reference::stack::Setup;
 use super::reference::surfaces::{body, star};
 use super::support::{CARBON, Worst, engine_with};
 use beamlet::kept::{Kept, KeptWriter};
-use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene};
+use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
 use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks, View};
 use beamlet::{Backend, Control, EngineOptions, Error};
 use ndarray::Array2;
@@ -197,6 +197,8 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
 fn kept_moments_serve_another_detector() {
     let place = tempfile::tempdir().unwrap();
     let mut base = scene(place.path());
+    // A mesh of arrays does not stand in scene.toml.
+    base.objects[0].geometry = ShapeOrMesh::Shape(Shape::Sphere { radius: 0.25e-3, sides: 24 });
     let noisy = base.clone();
     base.detector.blur = Some(Blur::Gaussian { sigma: [70e-6, 0.0] });
     (base.detector.scatter, base.detector.counts) = (None, None);
