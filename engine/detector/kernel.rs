@@ -177,6 +177,11 @@ impl Measured {
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "samples of a kernel, none below 0"
+)]
 mod tests {
     use super::*;
     use ndarray::array;

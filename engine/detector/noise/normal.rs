@@ -1,8 +1,9 @@
 //! Quantiles of the standard normal distribution: one uniform number gives one normal number.
 
+#![allow(clippy::excessive_precision, reason = "the coefficients as they are printed")]
+
 /// The number below which a share `p`, in (0, 1), of the standard normal distribution lies; to
 /// 1e-15 relative (Wichura 1988, algorithm AS 241, PPND16).
-#[allow(clippy::excessive_precision, reason = "the coefficients as they are printed")]
 pub(super) fn normal_quantile(p: f64) -> f64 {
     let q = p - 0.5;
     if q.abs() <= 0.425 {

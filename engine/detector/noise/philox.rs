@@ -69,7 +69,7 @@ impl Draws {
 mod tests {
     use super::*;
 
-    /// Known answers of the authors' Random123 (file kat_vectors, philox4x32 10).
+    /// Known answers of the authors' Random123 (file `kat_vectors`, philox4x32 10).
     #[test]
     fn philox_gives_the_answers_of_its_authors() {
         let cases = [
