@@ -24,7 +24,6 @@ layout(push_constant, scalar) uniform CrossingsPush {
 #include "walk/triangle.glsl"
 #include "physics/refraction.glsl"
 #include "walk/order.glsl"
-#include "walk/moments.glsl"
 #include "walk/bvh.glsl"
 
 void main() {

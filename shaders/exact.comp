@@ -31,7 +31,6 @@ layout(push_constant, scalar) uniform ExactPush {
 #include "walk/triangle.glsl"
 #include "physics/refraction.glsl"
 #include "walk/order.glsl"
-#include "walk/moments.glsl"
 #ifdef BACKEND_RAY_QUERY
 #include "walk/ray_query.glsl"
 #else

@@ -108,6 +108,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sam
 // flags; crossings), then per material path length, lever sums x and z, slope sums x and z.
 #define MOMENTS_HEAD 4
 #define MOMENTS_PER_MATERIAL 5
+// With more materials sums of rays are kept in memory even where nobody asks for moments.
+#define MATERIALS_IN_REGISTERS 4
 
 // Counters of a run.
 #define TALLY_UNBALANCED 0u

@@ -3,8 +3,9 @@
 mod reference;
 mod support;
 
-use beamlet::scene::{Scene, Scheme};
+use beamlet::scene::{Scene, Scheme, Transport};
 use beamlet::stack::Stacks;
+use beamlet::trace::{Law, Ray};
 use beamlet::{Backend, EngineOptions};
 use reference::scenes;
 use reference::stack::Setup;
@@ -125,5 +126,60 @@ fn random_rays_serve_every_step_alike() {
     let alone = run(EngineOptions::default(), &alone);
     for ((view, _, row, column), got) in alone.sample.indexed_iter() {
         assert_eq!(got.to_bits(), all.sample[[view, 1, row, column]].to_bits());
+    }
+}
+
+/// A law as bits.
+fn bits(law: &Law) -> [u32; 8] {
+    bytemuck::cast(*law)
+}
+
+#[test]
+fn law_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
+    // Rods with materials of their own around one another: runs of crossings end in
+    // the midst of a walk. With 3 materials sums stay in registers, with 7 they do not.
+    for count in [2_u32, 6] {
+        let rods: Vec<_> = (0..count)
+            .map(|i| {
+                let k = f64::from(i);
+                let rod = cylinder(0.5e-3 - 0.07e-3 * k, 1e-3 - 0.1e-3 * k, 24, 0.1 * k);
+                body(rod.turned([1.0, 0.2, 0.0], 0.3).rounded(), 40.0 + 9.0 * k, (4.0 + k) * 1e-7)
+            })
+            .collect();
+        let mut scene = scenes::scene(&Setup::paper([12, 5]), &rods, &[0.0]);
+        scene.scan.angles = vec![0.0, 1.5, 0.4];
+        scene.sampling.transport = Transport::FirstOrder;
+        // Tiles of 4 x 4 rays of one view.
+        let number = 48_u16 * 48 * 3;
+        let rays: Vec<Ray> = (0..number)
+            .map(|i| {
+                let (within, tile) = (i % 16, i / 16);
+                let at = |k: u16| 2.5e-5 * (f32::from(k) - 23.5);
+                let (x, z) = (at(tile % 12 * 4 + within % 4), at(tile / 12 % 12 * 4 + within / 4));
+                Ray { x, z, slope_x: x / 1.21, slope_z: z / 1.21, view: (tile / 144).into() }
+            })
+            .collect();
+        for backend in backends() {
+            let engine = engine(backend);
+            let simulation = engine.prepare(&scene).expect("a sample");
+            let laws = simulation.trace(&rays).expect("laws");
+            let met = laws.iter().filter(|law| law.crossings > 2).count();
+            assert!(met * 4 > laws.len(), "{met} of {} rays", laws.len());
+            let (with_moments, _) = simulation.moments(&rays).expect("laws");
+            // Neighbours far apart, and of all views.
+            let apart: Vec<usize> = (0..rays.len()).map(|i| i * 2_503 % rays.len()).collect();
+            let shuffled: Vec<Ray> = apart.iter().map(|&i| rays[i]).collect();
+            let shuffled = simulation.trace(&shuffled).expect("laws");
+            for (i, law) in laws.iter().enumerate() {
+                assert_eq!(bits(law), bits(&with_moments[i]), "moments asked for: {:?}", rays[i]);
+            }
+            for (&i, law) in apart.iter().zip(&shuffled) {
+                assert_eq!(bits(law), bits(&laws[i]), "other company: {:?}", rays[i]);
+            }
+            for i in (0..rays.len()).step_by(601) {
+                let alone = simulation.trace(&rays[i..=i]).expect("a law");
+                assert_eq!(bits(&alone[0]), bits(&laws[i]), "alone: {:?}", rays[i]);
+            }
+        }
     }
 }

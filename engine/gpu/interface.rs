@@ -354,6 +354,8 @@ pub const MOMENTS_VERSION: u32 = 1;
 pub const MOMENTS_HEAD: usize = 4;
 /// Floats per material: path length, lever sums x and z, slope sums x and z.
 pub const MOMENTS_PER_MATERIAL: usize = 5;
+/// With more materials sums of rays are kept in memory even where nobody asks for moments.
+pub const MATERIALS_IN_REGISTERS: u32 = 4;
 
 /// The first order is not enough at some surface.
 pub const FLAG_GRAZING: u32 = 1;

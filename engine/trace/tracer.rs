@@ -2,7 +2,9 @@
 
 use super::upload::DeviceSample;
 use crate::Result;
-use crate::gpu::interface::{ExactPush, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, TracePush};
+use crate::gpu::interface::{
+    ExactPush, Law, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, TracePush,
+};
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
 use crate::run::{Backend, Tally};
 use crate::scene::Transport;
@@ -11,10 +13,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Sizes of subgroups whose rays walk the tree together. Smaller ones cannot hold a node; in larger
-/// ones too few of the rays meet the same nodes.
-const TOGETHER: RangeInclusive<u32> = 8..=16;
-/// Invocations per workgroup in trace.comp and exact.comp.
+/// Sizes of subgroups whose rays walk the tree as a bundle. Smaller ones cannot hold a node; in
+/// larger ones too few of the rays meet the same nodes.
+const BUNDLES: RangeInclusive<u32> = 8..=16;
+/// Rays of each lane of a bundle, as in `trace_bundles.comp`.
+const RAYS_PER_LANE: u32 = 2;
+/// Invocations per workgroup of all kernels here.
 const GROUP: u32 = 64;
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
 const FIRST_BATCH: u32 = 1 << 16;
@@ -29,9 +33,31 @@ const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
 /// The kernels of one device, compiled once.
 #[derive(Debug)]
 pub struct TraceKernels {
-    trace_bvh: Kernel,
+    trace_bvh: OrderFree,
     exact_bvh: Kernel,
-    ray_query: Option<(Kernel, Kernel)>,
+    ray_query: Option<(OrderFree, Kernel)>,
+}
+
+/// The order-free walk of a backend.
+#[derive(Debug)]
+struct OrderFree {
+    /// For few materials, leaves no moments.
+    laws: Kernel,
+    /// For any number of materials, leaves moments.
+    moments: Kernel,
+    /// Rays of a workgroup.
+    rays: u32,
+}
+
+impl OrderFree {
+    fn new(device: &Arc<Device>, name: &str, spirv: [&[u32]; 2], rays: u32) -> Result<Self> {
+        let push = push_bytes::<TracePush>();
+        Ok(Self {
+            laws: device.kernel(name, spirv[0], push, None)?,
+            moments: device.kernel(&format!("{name}_moments"), spirv[1], push, None)?,
+            rays,
+        })
+    }
 }
 
 impl TraceKernels {
@@ -40,28 +66,33 @@ impl TraceKernels {
     /// # Errors
     /// [`crate::Error::Device`] where the driver refuses.
     pub fn new(device: &Arc<Device>) -> Result<Self> {
-        let trace = push_bytes::<TracePush>();
         let exact = push_bytes::<ExactPush>();
         let ray_query = if device.description().ray_query {
+            let trace = [shaders::TRACE_RAY_QUERY, shaders::TRACE_RAY_QUERY_MOMENTS];
             Some((
-                device.kernel("trace_ray_query", shaders::TRACE_RAY_QUERY, trace, None)?,
+                OrderFree::new(device, "trace_ray_query", trace, GROUP)?,
                 device.kernel("exact_ray_query", shaders::EXACT_RAY_QUERY, exact, None)?,
             ))
         } else {
             None
         };
         let description = device.description();
-        let together =
-            description.subgroup_exchange && TOGETHER.contains(&description.subgroup_size);
-        let trace_bvh = if together { shaders::TRACE_BVH_PACKETS } else { shaders::TRACE_BVH };
+        let bundles = description.subgroup_exchange && BUNDLES.contains(&description.subgroup_size);
+        let trace_bvh = if bundles {
+            let trace = [shaders::TRACE_BUNDLES, shaders::TRACE_BUNDLES_MOMENTS];
+            OrderFree::new(device, "trace_bundles", trace, GROUP * RAYS_PER_LANE)?
+        } else {
+            let trace = [shaders::TRACE_BVH, shaders::TRACE_BVH_MOMENTS];
+            OrderFree::new(device, "trace_bvh", trace, GROUP)?
+        };
         Ok(Self {
-            trace_bvh: device.kernel("trace_bvh", trace_bvh, trace, None)?,
+            trace_bvh,
             exact_bvh: device.kernel("exact_bvh", shaders::EXACT_BVH, exact, None)?,
             ray_query,
         })
     }
 
-    fn of(&self, backend: Backend) -> (&Kernel, &Kernel) {
+    const fn of(&self, backend: Backend) -> (&OrderFree, &Kernel) {
         match (&self.ray_query, backend) {
             (Some((trace, exact)), Backend::RayQuery) => (trace, exact),
             _ => (&self.trace_bvh, &self.exact_bvh),
@@ -205,7 +236,7 @@ impl Tracer {
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Law>> {
         let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
-        self.each_batch(rays, &mut laws, |_, _, _| Ok(()))?;
+        self.each_batch(rays, &mut laws, false, |_, _, _| Ok(()))?;
         Ok(laws)
     }
 
@@ -217,7 +248,7 @@ impl Tracer {
         let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
         let words = stride(self.sample.materials);
         let mut moments = vec![0_u32; rays.len() * words];
-        self.each_batch(rays, &mut laws, |batch, first, n| {
+        self.each_batch(rays, &mut laws, true, |batch, first, n| {
             batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
         })?;
         Ok((laws, moments))
@@ -227,13 +258,14 @@ impl Tracer {
         &mut self,
         rays: &[Ray],
         laws: &mut [Law],
+        moments: bool,
         mut after: impl FnMut(&Batch, usize, usize) -> Result<()>,
     ) -> Result<()> {
         let mut first = 0;
         while first < rays.len() {
             let n = (rays.len() - first).min(self.batch.capacity as usize);
             self.batch.rays.write(0, &rays[first..first + n])?;
-            let time = self.trace_on_device(u32::try_from(n).unwrap_or(u32::MAX))?;
+            let time = self.trace_batch(u32::try_from(n).unwrap_or(u32::MAX), moments)?;
             self.batch.laws.read_into(0, &mut laws[first..first + n])?;
             after(&self.batch, first, n)?;
             first += n;
@@ -264,8 +296,12 @@ impl Tracer {
     /// # Errors
     /// [`crate::Error::Device`].
     pub fn trace_on_device(&self, n: u32) -> Result<Duration> {
+        self.trace_batch(n, false)
+    }
+
+    fn trace_batch(&self, n: u32, moments: bool) -> Result<Duration> {
         let (trace, exact) = self.kernels.of(self.backend);
-        let mut time = self.pass(trace, n, false, 0.0, false)?;
+        let mut time = self.pass(trace, moments, n, false, 0.0, false)?;
         self.counts.rays.fetch_add(u64::from(n), Ordering::Relaxed);
         // Whatever the driver's search or the rounding at an edge lost is traced again by the
         // software BVH, at last a hair beside.
@@ -279,7 +315,7 @@ impl Tracer {
             }
             self.counts.retraced.fetch_add(u64::from(unbalanced), Ordering::Relaxed);
             let last = i + 1 == NUDGES.len();
-            time += self.pass(&self.kernels.trace_bvh, unbalanced, true, nudge, last)?;
+            time += self.pass(&self.kernels.trace_bvh, moments, unbalanced, true, nudge, last)?;
             unbalanced = if last { 0 } else { self.batch.unbalanced.read::<u32>(0, 1)?[0] };
         }
         let all = self.transport == Transport::Exact;
@@ -294,13 +330,16 @@ impl Tracer {
 
     fn pass(
         &self,
-        kernel: &Kernel,
+        trace: &OrderFree,
+        moments: bool,
         n: u32,
         listed: bool,
         nudge: f32,
         last: bool,
     ) -> Result<Duration> {
         let b = &self.batch;
+        let in_memory = moments || self.sample.materials > MATERIALS_IN_REGISTERS;
+        let kernel = if in_memory { &trace.moments } else { &trace.laws };
         let push = TracePush {
             sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),
@@ -325,7 +364,7 @@ impl Tracer {
             r.barrier();
             r.fill(&b.unbalanced, 0, 4, 0);
             r.barrier();
-            r.dispatch(kernel, bytemuck::bytes_of(&push), [n.div_ceil(GROUP), 1, 1]);
+            r.dispatch(kernel, bytemuck::bytes_of(&push), [n.div_ceil(trace.rays), 1, 1]);
         })
     }
 

@@ -1,6 +1,6 @@
 // Software backend: compressed wide BVH, one traversal per walk, no order among children.
 
-const uint STACK = 32u; // the host refuses deeper trees
+#include "walk/node.glsl"
 
 // Bits of the children of a node that the line may meet at t in [near, far]:
 // leaves below bit 24, inner children from bit 24 on.
@@ -33,21 +33,13 @@ vec3 line_direction(Beam beam) {
     return mix(d, vec3(1e-12), lessThan(abs(d), vec3(1e-12)));
 }
 
-// Takes the next inner child off a group (x: base, y: bits from 24 on and the inner mask).
-uint pop_child(inout uvec2 group) {
-    uint bit = uint(findMSB(group.y));
-    group.y &= ~(1u << bit);
-    uint slot = bit - 24u;
-    return group.x + bitCount(group.y & 0xffu & ((1u << slot) - 1u));
-}
-
+// Loops test at their end: CPU devices run a body once more, idle, for a test at its beginning.
 #define TRAVERSE(origin, inverse, NEAR, FAR, VISIT)                                              \
     uvec2 stack[STACK];                                                                          \
     uint height = 0u;                                                                            \
     uvec2 group = uvec2(0u, 0x80000000u);                                                        \
-    while (true) {                                                                               \
+    do {                                                                                         \
         if (group.y < 0x01000000u) {                                                             \
-            if (height == 0u) break;                                                             \
             height -= 1u;                                                                        \
             group = stack[height];                                                               \
         }                                                                                        \
@@ -60,25 +52,26 @@ uint pop_child(inout uvec2 group) {
         uint met = children_met(node, origin, inverse, NEAR, FAR);                               \
         group = uvec2(node.child_base, (met & 0xff000000u) | (node.exponents >> 24));            \
         uint leaves = met & 0x00ffffffu;                                                         \
-        while (leaves != 0u) {                                                                   \
-            uint bit = uint(findLSB(leaves));                                                    \
-            leaves &= leaves - 1u;                                                               \
-            uint primitive = node.leaf_base + bit;                                               \
-            VISIT;                                                                               \
+        if (leaves != 0u) {                                                                      \
+            do {                                                                                 \
+                uint bit = uint(findLSB(leaves));                                                \
+                leaves &= leaves - 1u;                                                           \
+                uint primitive = node.leaf_base + bit;                                           \
+                VISIT;                                                                           \
+            } while (leaves != 0u);                                                              \
         }                                                                                        \
-    }
+    } while (group.y >= 0x01000000u || height > 0u);
 
+#ifdef ORDER_FREE
 // Hands every candidate of the whole line to visit().
-void walk_all(Beam beam, Floats moments, inout Walk walk) {
+void walk_all(Beam beam, inout Sums sums, inout Run run) {
     vec3 origin = world_from_beam(beam, vec3(beam.x, 0.0, beam.z));
     vec3 inverse = 1.0 / line_direction(beam);
+    float stretch = stretch_of(beam);
     TRAVERSE(origin, inverse, -1e30, 1e30,
-             visit(beam, sample_.leaves.at[primitive], moments, walk))
+             visit(beam, stretch, sample_.leaves.at[primitive], sums, run))
 }
-#ifdef PACKETS
-#include "walk/packet.glsl"
-#endif
-
+#else
 // The next crossing after (y, id) in the order (y, primitive).
 bool next(Beam beam, float y, uint id, out Crossing crossing) {
     crossing = no_crossing();
@@ -88,3 +81,4 @@ bool next(Beam beam, float y, uint id, out Crossing crossing) {
              offer(beam, primitive, 0u, y, id, crossing))
     return crossing.found;
 }
+#endif

@@ -1,64 +1,150 @@
 // The order-free walk: moments of a ray, summed over its crossings in any order.
 // Runs of crossings between the same two materials are summed in registers.
 
-struct Walk {
+struct Run {
     uint signature;
     uint balance;
     uint flags;
     uint crossings;
     uint inside; // materials of the run
     uint outside;
-    uint base; // first word of the ray's moments
     float grazing; // least cosine of incidence over the one that a surface asks for
     float path;
     vec2 lever;
     vec2 slope;
 };
 
-Walk walk_begin(uint base) {
-    return Walk(0u, 0u, 0u, 0u, 0u, 0u, base, 1e30, 0.0, vec2(0.0), vec2(0.0));
+Run run_begin() {
+    return Run(0u, 0u, 0u, 0u, 0u, 0u, 1e30, 0.0, vec2(0.0), vec2(0.0));
 }
 
-void moments_add(Floats moments, uint material, float sign_, Walk walk) {
-    uint m = walk.base + material * MOMENTS_PER_MATERIAL;
-    moments.at[m] += sign_ * walk.path;
-    moments.at[m + 1] += sign_ * walk.lever.x;
-    moments.at[m + 2] += sign_ * walk.lever.y;
-    moments.at[m + 3] += sign_ * walk.slope.x;
-    moments.at[m + 4] += sign_ * walk.slope.y;
-}
+#ifdef SUMS_IN_REGISTERS
+// Few materials, and nobody asked for the moments themselves.
+#define EACH_MATERIAL [[unroll]] for (uint m = 0u; m < MATERIALS_IN_REGISTERS; m++)
+struct Sums {
+    float path[MATERIALS_IN_REGISTERS];
+    vec2 lever[MATERIALS_IN_REGISTERS];
+    vec2 slope[MATERIALS_IN_REGISTERS];
+};
 
-void walk_flush(Floats moments, inout Walk walk) {
-    if (walk.inside != walk.outside) {
-        moments_add(moments, walk.inside, 1.0, walk);
-        moments_add(moments, walk.outside, -1.0, walk);
+Sums sums_begin(uint index, bool live) {
+    Sums sums;
+    EACH_MATERIAL {
+        sums.path[m] = 0.0;
+        sums.lever[m] = sums.slope[m] = vec2(0.0);
     }
-    walk.path = 0.0;
-    walk.lever = vec2(0.0);
-    walk.slope = vec2(0.0);
+    return sums;
 }
 
-// A candidate of the search: everything after "which primitive" is here, for both backends.
-void visit(Beam beam, Leaf leaf, Floats moments, inout Walk walk) {
-    float y;
-    bool entering;
-    if (!crosses(beam, leaf.a, leaf.b, leaf.c, y, entering)) return;
-    Surface surface = sample_.surfaces.at[leaf.surface & 0x0fffffffu];
-    vec2 slope = vec2(beam.slope_x, beam.slope_z);
-    vec3 normal_ = beam_from_world(beam, leaf.normal);
-    walk.signature += surface.hash;
-    walk.balance += entering ? surface.hash : ~surface.hash + 1u;
-    walk.crossings += 1u;
+void sums_add(inout Sums sums, uint material, float sign_, Run run) {
+    EACH_MATERIAL {
+        if (m == material) {
+            sums.path[m] += sign_ * run.path;
+            sums.lever[m] += sign_ * run.lever;
+            sums.slope[m] += sign_ * run.slope;
+        }
+    }
+}
+
+Law law_of(Sums sums, Run run) {
+    Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
+    EACH_MATERIAL {
+        Constants k = sample_.constants.at[min(m, push.materials - 1u)];
+        if (m < push.materials) {
+            law.optical_depth += k.mu * sums.path[m];
+            law.displacement_x += k.delta * sums.lever[m].x;
+            law.displacement_z += k.delta * sums.lever[m].y;
+            law.slope_x += k.delta * sums.slope[m].x;
+            law.slope_z += k.delta * sums.slope[m].y;
+        }
+    }
+    return law;
+}
+
+void sums_end(Sums sums, Law law, uint balance) {}
+#else
+struct Sums {
+    uint head; // first word of the ray's moments
+};
+
+Sums sums_begin(uint index, bool live) {
+    uint stride = MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL;
+    Sums sums = Sums(index * stride);
+    if (live) {
+        for (uint i = MOMENTS_HEAD; i < stride; i++) push.moments.at[sums.head + i] = 0u;
+    }
+    return sums;
+}
+
+uint sums_place(Sums sums, uint material) {
+    return sums.head + MOMENTS_HEAD + material * MOMENTS_PER_MATERIAL;
+}
+
+void sums_add(inout Sums sums, uint material, float sign_, Run run) {
+    Floats moments = Floats(push.moments);
+    uint m = sums_place(sums, material);
+    moments.at[m] += sign_ * run.path;
+    moments.at[m + 1] += sign_ * run.lever.x;
+    moments.at[m + 2] += sign_ * run.lever.y;
+    moments.at[m + 3] += sign_ * run.slope.x;
+    moments.at[m + 4] += sign_ * run.slope.y;
+}
+
+Law law_of(Sums sums, Run run) {
+    Floats moments = Floats(push.moments);
+    Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
+    for (uint m = 0u; m < push.materials; m++) {
+        Constants k = sample_.constants.at[m];
+        uint base = sums_place(sums, m);
+        law.optical_depth += k.mu * moments.at[base];
+        law.displacement_x += k.delta * moments.at[base + 1];
+        law.displacement_z += k.delta * moments.at[base + 2];
+        law.slope_x += k.delta * moments.at[base + 3];
+        law.slope_z += k.delta * moments.at[base + 4];
+    }
+    return law;
+}
+
+void sums_end(Sums sums, Law law, uint balance) {
+    push.moments.at[sums.head] = law.signature;
+    push.moments.at[sums.head + 1u] = balance;
+    push.moments.at[sums.head + 2u] = law.flags;
+    push.moments.at[sums.head + 3u] = law.crossings;
+}
+#endif
+
+// Ends the run.
+void run_flush(inout Sums sums, inout Run run) {
+    if (run.inside != run.outside) {
+        sums_add(sums, run.inside, 1.0, run);
+        sums_add(sums, run.outside, -1.0, run);
+    }
+    run.inside = run.outside = 0u;
+    run.path = 0.0;
+    run.lever = vec2(0.0);
+    run.slope = vec2(0.0);
+}
+
+// Whether a crossing of the surface needs the run to end first.
+bool run_ends_at(Run run, Surface surface) {
+    return run.inside != run.outside && surface.inside != surface.outside
+        && (run.inside != surface.inside || run.outside != surface.outside);
+}
+
+// Adds a crossing at y. `stretch`: length of the ray per length of y; `normal_` in the beam frame.
+void run_cross(inout Run run, Beam beam, float stretch, Surface surface, vec3 normal_, float y,
+               bool entering) {
+    run.signature += surface.hash;
+    run.balance += entering ? surface.hash : ~surface.hash + 1u;
+    run.crossings += 1u;
     if (surface.inside == surface.outside) return;
-    walk.grazing = min(walk.grazing, incidence(slope, normal_) / max(surface.grazing, 1e-30));
-    if (surface.inside != walk.inside || surface.outside != walk.outside) {
-        walk_flush(moments, walk);
-        walk.inside = surface.inside;
-        walk.outside = surface.outside;
-    }
+    vec2 slope = vec2(beam.slope_x, beam.slope_z);
+    run.grazing = min(run.grazing, incidence(slope, normal_) / max(surface.grazing, 1e-30));
+    run.inside = surface.inside;
+    run.outside = surface.outside;
     float sign_ = entering ? 1.0 : -1.0;
     vec2 g = sign_ * slope_per_delta(slope, normal_);
-    walk.path -= sign_ * y * sqrt(1.0 + dot(slope, slope));
-    walk.lever += g * (beam.analyser - y);
-    walk.slope += g;
+    run.path -= sign_ * y * stretch;
+    run.lever += g * (beam.analyser - y);
+    run.slope += g;
 }

@@ -9,16 +9,18 @@ void query_begin(rayQueryEXT query, Beam beam) {
                           -2.0 * beam.start);
 }
 
+#ifdef ORDER_FREE
 // Hands every candidate of the whole line to visit().
-void walk_all(Beam beam, Floats moments, inout Walk walk) {
+void walk_all(Beam beam, inout Sums sums, inout Run run) {
+    float stretch = stretch_of(beam);
     rayQueryEXT query;
     query_begin(query, beam);
     while (rayQueryProceedEXT(query)) {
         uint primitive = uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false));
-        visit(beam, sample_.leaves.at[primitive], moments, walk);
+        visit(beam, stretch, sample_.leaves.at[primitive], sums, run);
     }
 }
-
+#else
 // The next crossing after (y, id) in the order (y, primitive).
 bool next(Beam beam, float y, uint id, out Crossing crossing) {
     crossing = no_crossing();
@@ -30,3 +32,4 @@ bool next(Beam beam, float y, uint id, out Crossing crossing) {
     }
     return crossing.found;
 }
+#endif

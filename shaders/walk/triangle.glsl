@@ -19,6 +19,12 @@ Beam beam_of(Ray ray, View view) {
                 view.start, view.analyser);
 }
 
+// Length of the ray per length of y.
+float stretch_of(Beam beam) {
+    vec2 slope = vec2(beam.slope_x, beam.slope_z);
+    return sqrt(1.0 + dot(slope, slope));
+}
+
 vec3 beam_from_world(Beam beam, vec3 v) {
     precise float x = v.x * beam.cos_angle + v.y * beam.sin_angle;
     precise float y = v.y * beam.cos_angle - v.x * beam.sin_angle;
@@ -30,9 +36,8 @@ vec3 world_from_beam(Beam beam, vec3 v) {
                 v.x * beam.sin_angle + v.y * beam.cos_angle, v.z);
 }
 
-// The vertex relative to the ray, sheared along it: (x, z) and y.
-vec3 sheared(Beam beam, vec3 vertex) {
-    precise vec3 v = beam_from_world(beam, vertex);
+// A point of the beam frame relative to the ray, sheared along it: (x, z) and y.
+vec3 sheared(Beam beam, vec3 v) {
     precise float x = (v.x - beam.x) - beam.slope_x * v.y;
     precise float z = (v.z - beam.z) - beam.slope_z * v.y;
     return vec3(x, v.y, z);
@@ -46,12 +51,23 @@ float edge(vec3 p, vec3 q) {
 }
 
 bool side(float e, vec3 p, vec3 q) {
-    if (e != 0.0) return e > 0.0;
-    return p.z < q.z || (p.z == q.z && p.x > q.x);
+    return e > 0.0 || (e == 0.0 && (p.z < q.z || (p.z == q.z && p.x > q.x)));
 }
 
-// True where the ray crosses the triangle; `y` is where, `entering` whether against its normal.
-bool crosses(Beam beam, vec3 a, vec3 b, vec3 c, out float y, out bool entering) {
+// A triangle as a ray sees it.
+struct Facet {
+    vec3 p; // sheared vertices
+    vec3 q;
+    vec3 r;
+    float v; // edge functions
+    float w;
+    float area;
+    bool crossed;
+    bool entering; // against the normal
+};
+
+// `a`, `b`, `c` in the beam frame.
+Facet facet_of(Beam beam, vec3 a, vec3 b, vec3 c) {
     precise vec3 p = sheared(beam, a);
     precise vec3 q = sheared(beam, b);
     precise vec3 r = sheared(beam, c);
@@ -61,13 +77,22 @@ bool crosses(Beam beam, vec3 a, vec3 b, vec3 c, out float y, out bool entering) 
     bool su = side(u, q, r);
     bool sv = side(v, r, p);
     bool sw = side(w, p, q);
-    y = 0.0;
-    entering = su;
-    if (su != sv || sv != sw) return false;
     precise float area = u + v + w;
-    if (area == 0.0) return false;
+    return Facet(p, q, r, v, w, area, su == sv && sv == sw && area != 0.0, su);
+}
+
+// Where the ray crosses the facet, y.
+float place_of(Facet f) {
     // Offsets from the first vertex keep the digits of y; the weights are in [0, 1].
-    precise float depth = p.y + (v * (q.y - p.y) + w * (r.y - p.y)) / area;
-    y = depth;
-    return true;
+    precise float y = f.p.y + (f.v * (f.q.y - f.p.y) + f.w * (f.r.y - f.p.y)) / f.area;
+    return y;
+}
+
+// True where the ray crosses the triangle (world); `y` is where.
+bool crosses(Beam beam, vec3 a, vec3 b, vec3 c, out float y, out bool entering) {
+    Facet facet = facet_of(beam, beam_from_world(beam, a), beam_from_world(beam, b),
+                           beam_from_world(beam, c));
+    y = facet.crossed ? place_of(facet) : 0.0;
+    entering = facet.entering;
+    return facet.crossed;
 }

@@ -1,4 +1,5 @@
-//! Ten kinds of closed meshes that tracers stumble over.
+//! Ten kinds of closed meshes that tracers stumble over, of moderate sizes: what matters is how
+//! many rays run along how many of their edges.
 
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid, cylinder, prism, star};
 use std::collections::HashMap;
@@ -8,14 +9,14 @@ type Make = fn() -> Vec<Body>;
 
 /// Names of the kinds and how they are made; coordinates are f32 already.
 pub(crate) const KINDS: [(&str, Make); 10] = [
-    ("long-thin-triangles", || one(cylinder(4e-3, 16e-3, 2000, 0.0))),
-    ("vertex-fans", || one(fans(1000))),
+    ("long-thin-triangles", || one(cylinder(4e-3, 16e-3, 300, 0.0))),
+    ("vertex-fans", || one(fans(200))),
     ("grid-in-the-beam", || one(grid_cube(16, |i| f64::from(i) * 2.0_f64.powi(-13)))),
     ("shells-1-um-apart", nested),
-    ("fibres", || one(fibres(400))),
-    ("bumpy-sphere", || one(star(0.8e-3, 1.5e-3, 5, 4))),
+    ("fibres", || one(fibres(100))),
+    ("bumpy-sphere", || one(star(0.8e-3, 1.5e-3, 3, 4))),
     ("faces-along-the-beam", octagons),
-    ("needles", || one(needles(500))),
+    ("needles", || one(needles(250))),
     ("huge-and-tiny-triangles", || one(grid_cube(16, graded))),
     ("wall-of-1-um", || one(hollow())),
 ];
@@ -86,20 +87,20 @@ fn graded(i: i32) -> f64 {
 
 /// Balls in one another, an object each, 1 um apart.
 fn nested() -> Vec<Body> {
-    (0..6)
+    (0..4)
         .map(|i| {
             let radius = 1e-3 - 1e-6 * f64::from(i);
             let mu = if i % 2 == 0 { 51.235 } else { 37.559 };
-            body(star(radius, radius, 5, 0).rounded(), mu, mu * 1e-8)
+            body(star(radius, radius, 4, 0).rounded(), mu, mu * 1e-8)
         })
         .collect()
 }
 
 /// A ball with a void that leaves a wall of 1 um.
 fn hollow() -> Mesh {
-    let mut void = star(0.999e-3, 0.999e-3, 5, 0);
+    let mut void = star(0.999e-3, 0.999e-3, 4, 0);
     void.triangles.iter_mut().for_each(|t| t.swap(1, 2));
-    joined([star(1e-3, 1e-3, 5, 0), void])
+    joined([star(1e-3, 1e-3, 4, 0), void])
 }
 
 /// Fibres of 5 um along z, 17 sides each, side by side on a jittered grid.

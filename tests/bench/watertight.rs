@@ -1,9 +1,10 @@
 //! Watertightness at scale: rays through vertices, edges and insides of ten kinds of closed
 //! meshes; every object must be left as often as it was entered.
 //!
-//! `cargo bench --bench watertight -- [RAYS] [bvh|ray-query] [KIND]`: `RAYS` in all (1e7), on
-//! one backend (both), a tenth of them through each kind of mesh (or all through one). Fails
-//! where a ray stays unbalanced after re-tracing.
+//! `cargo bench --bench watertight -- [RAYS [FIRST]] [bvh|ray-query] [KIND...]`: `RAYS` in all
+//! (1e7), on one backend (both), shared equally among the kinds of meshes (or some of them), the
+//! rays of each from number `FIRST` (0) on. A ray is a function of its number: runs may be split
+//! by numbers, kinds and backends. Fails where a ray stays unbalanced after re-tracing.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a benchmark stops at the first fault")]
 #![allow(clippy::print_stdout, reason = "a table is the result")]
@@ -27,6 +28,7 @@ use reference::scenes;
 use reference::stack::Setup;
 use reference::surfaces::{Body, Random};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -38,22 +40,20 @@ const ANGLES: [f64; 4] = [0.0, FRAC_PI_2, FRAC_PI_4, 0.5];
 fn main() {
     let arguments: Vec<String> =
         std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
-    let number = |a: &String| a.parse::<f64>().ok().map(|n| n as u64);
-    let rays = arguments.iter().find_map(number).unwrap_or(10_000_000);
-    let backends: Vec<Backend> = [Backend::Bvh, Backend::RayQuery]
-        .into_iter()
-        .filter(|b| {
-            let other = if *b == Backend::Bvh { Backend::RayQuery } else { Backend::Bvh };
-            !arguments.contains(&other.to_string())
-        })
-        .collect();
-    let kinds: Vec<_> = closed::KINDS
-        .iter()
-        .filter(|(name, _)| {
-            let chosen = |(other, _): &(&str, _)| arguments.iter().any(|a| a == other);
-            !closed::KINDS.iter().any(chosen) || arguments.iter().any(|a| a == name)
-        })
-        .collect();
+    let numbers: Vec<u64> =
+        arguments.iter().filter_map(|a| a.parse::<f64>().ok()).map(|n| n as u64).collect();
+    let rays = numbers.first().copied().unwrap_or(10_000_000);
+    let first = numbers.get(1).copied().unwrap_or(0);
+    let named = |name: &str| arguments.iter().any(|a| a == name);
+    let both = [Backend::Bvh, Backend::RayQuery];
+    let any_backend = both.iter().any(|b| named(&b.to_string()));
+    let any_kind = closed::KINDS.iter().any(|(name, _)| named(name));
+    for argument in &arguments {
+        let known = both.iter().any(|b| b.to_string() == *argument)
+            || closed::KINDS.iter().any(|(name, _)| name == argument);
+        assert!(known || argument.parse::<f64>().is_ok(), "{argument}: no such kind or backend");
+    }
+    let kinds: Vec<_> = closed::KINDS.iter().filter(|(name, _)| !any_kind || named(name)).collect();
     println!(
         "{:10} {:24}{:>10}{:>14}{:>8}{:>16}{:>10}{:>12}{:>9}",
         "backend",
@@ -67,45 +67,91 @@ fn main() {
         "seconds"
     );
     let mut unbalanced = 0;
-    for backend in backends {
+    for backend in both.into_iter().filter(|b| !any_backend || named(&b.to_string())) {
+        let share = rays.div_ceil(kinds.len() as u64);
+        let mut all = Counts::default();
         for (name, make) in &kinds {
-            unbalanced += trace(backend, name, &make(), rays.div_ceil(kinds.len() as u64));
+            let bodies = make();
+            let Some(counts) = trace(backend, &bodies, first..first + share) else {
+                println!("{backend:10} the device has no ray query");
+                break;
+            };
+            let triangles: usize = bodies.iter().map(|b| b.mesh.triangles.len()).sum();
+            counts.print(backend, name, &triangles.to_string());
+            all.add(&counts);
         }
+        if kinds.len() > 1 {
+            all.print(backend, "all", "");
+        }
+        unbalanced += all.unbalanced;
     }
     assert_eq!(unbalanced, 0, "rays left an object other than as often as they entered it");
 }
 
-/// Traces rays through a kind of mesh, prints its line, and returns how many stayed unbalanced.
-fn trace(backend: Backend, name: &str, bodies: &[Body], rays: u64) -> u64 {
-    let triangles: usize = bodies.iter().map(|b| b.mesh.triangles.len()).sum();
+/// What became of rays.
+#[derive(Default)]
+struct Counts {
+    rays: u64,
+    met: u64,
+    crossings: u64,
+    retraced: u64,
+    unbalanced: u64,
+    seconds: f64,
+}
+
+impl Counts {
+    fn add(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.met += other.met;
+        self.crossings += other.crossings;
+        self.retraced += other.retraced;
+        self.unbalanced += other.unbalanced;
+        self.seconds += other.seconds;
+    }
+
+    fn print(&self, backend: Backend, name: &str, triangles: &str) {
+        println!(
+            "{:10} {name:24}{triangles:>10}{:>14}{:>7.1}%{:>16}{:>10}{:>12}{:>9.1}",
+            backend.to_string(),
+            self.rays,
+            100.0 * self.met as f64 / self.rays as f64,
+            self.crossings,
+            self.retraced,
+            self.unbalanced,
+            self.seconds,
+        );
+    }
+}
+
+/// Traces rays, by number, through a kind of mesh; `None` where the device cannot.
+fn trace(backend: Backend, bodies: &[Body], rays: Range<u64>) -> Option<Counts> {
     let device = Device::open(&DeviceOptions::default()).expect("a Vulkan device");
     if backend == Backend::RayQuery && !device.description().ray_query {
-        println!("{backend:10} the device has no ray query");
-        return 0;
+        return None;
     }
     let mut tracer = tracer(&device, backend, &scene_of(bodies));
     let aim = Aim::of(bodies);
     let begin = Instant::now();
-    let (mut met, mut crossings, mut unbalanced) = (0, 0, 0);
-    for first in (0..rays).step_by(CHUNK as usize) {
-        let last = rays.min(first + CHUNK);
+    let mut counts = Counts { rays: rays.end - rays.start, ..Counts::default() };
+    for first in rays.clone().step_by(CHUNK as usize) {
+        let last = rays.end.min(first + CHUNK);
         let chunk: Vec<Ray> = (first..last).into_par_iter().map(|i| aim.ray(i)).collect();
-        let laws = tracer.trace(&chunk).expect("laws");
-        met += laws.iter().filter(|law| law.crossings > 0).count() as u64;
-        crossings += laws.iter().map(|law| u64::from(law.crossings)).sum::<u64>();
-        unbalanced += laws.iter().filter(|law| law.flags & FLAG_UNBALANCED != 0).count() as u64;
+        for law in tracer.trace(&chunk).expect("laws") {
+            counts.met += u64::from(law.crossings > 0);
+            counts.crossings += u64::from(law.crossings);
+            counts.unbalanced += u64::from(law.flags & FLAG_UNBALANCED != 0);
+        }
     }
     let tally = tracer.tally().expect("a tally");
-    assert_eq!((tally.rays, tally.unbalanced), (rays, unbalanced), "the tally counts otherwise");
-    assert_eq!((tally.not_finite, tally.dropped), (0, 0));
-    println!(
-        "{:10} {name:24}{triangles:>10}{rays:>14}{:>7.1}%{crossings:>16}{:>10}{unbalanced:>12}{:>9.1}",
-        backend.to_string(),
-        100.0 * met as f64 / rays as f64,
-        tally.retraced,
-        begin.elapsed().as_secs_f64(),
+    assert_eq!(
+        (tally.rays, tally.unbalanced),
+        (counts.rays, counts.unbalanced),
+        "the tally counts otherwise"
     );
-    unbalanced
+    assert_eq!((tally.not_finite, tally.dropped), (0, 0));
+    counts.retraced = tally.retraced;
+    counts.seconds = begin.elapsed().as_secs_f64();
+    Some(counts)
 }
 
 fn scene_of(bodies: &[Body]) -> Scene {

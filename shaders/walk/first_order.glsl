@@ -1,0 +1,59 @@
+// What the kernels of the order-free walk share: what they are given, and where laws go.
+
+layout(push_constant, scalar) uniform TracePush {
+    SampleRef sample_ref;
+    Rays rays;
+    Words moments;  // [ray][MOMENTS_HEAD + materials * MOMENTS_PER_MATERIAL]
+    Laws laws;
+    Words exact;      // [0]: count, then indices of rays to trace in order
+    Words unbalanced; // [0]: count, then indices of rays to trace again
+    Words list;       // [0]: count, then indices of rays to trace, where `listed`
+    Words tally;
+    uint count;
+    uint materials;
+    uint listed;
+    uint last;   // no further attempt follows
+    float nudge; // moves the rays in x, and in z by 0.7 of it, m
+} push;
+
+#define sample_ push.sample_ref.at[0]
+
+#include "walk/triangle.glsl"
+#include "physics/refraction.glsl"
+#include "walk/moments.glsl"
+
+Ray ray_at(uint index) {
+    Ray ray = push.rays.at[index];
+    ray.x += push.nudge;
+    ray.z += 0.7 * push.nudge;
+    return ray;
+}
+
+bool finite(Law law) {
+    float sum = abs(law.optical_depth) + abs(law.displacement_x) + abs(law.displacement_z);
+    return sum < 1e30; // false for NaN too
+}
+
+// Writes the law of a ray, and puts it on the list of those that need more.
+void finish(uint index, inout Sums sums, inout Run run) {
+    run_flush(sums, run);
+    if (run.balance != 0u) run.flags |= FLAG_UNBALANCED;
+    if (run.grazing < 1.0) run.flags |= FLAG_GRAZING;
+    run.flags |= uint(255.0 * min(run.grazing, 1.0)) << FLAG_SHARE_SHIFT;
+    Law law = law_of(sums, run);
+    if (!finite(law)) law.flags |= FLAG_NOT_FINITE;
+    push.laws.at[index] = law;
+    sums_end(sums, law, run.balance);
+    if ((law.flags & FLAG_NOT_FINITE) != 0u) atomicAdd(push.tally.at[TALLY_NOT_FINITE], 1u);
+    if ((law.flags & FLAG_UNBALANCED) != 0u) {
+        if (push.last != 0u) {
+            atomicAdd(push.tally.at[TALLY_UNBALANCED], 1u);
+        } else {
+            uint slot = atomicAdd(push.unbalanced.at[0], 1u);
+            push.unbalanced.at[1u + slot] = index;
+        }
+    } else if ((law.flags & FLAG_GRAZING) != 0u) {
+        uint slot = atomicAdd(push.exact.at[0], 1u);
+        push.exact.at[1u + slot] = index;
+    }
+}
