@@ -148,6 +148,7 @@ fn read_png(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
 }
 
 #[cfg(test)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "values of 8 bits")]
 mod tests {
     use super::*;
     use ndarray::array;

@@ -14,6 +14,10 @@ for format in exr npy; do
     "$beamlet" simulate scene/scene.toml -o "run_$format" --format "$format" -q \
         --set 'detector.pixels=[16, 4]' \
         --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }'
+    "$beamlet" simulate scene/scene.toml -o "noisy_$format" --format "$format" -q \
+        --set 'detector.pixels=[16, 4]' \
+        --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }' \
+        --set detector.photons=20000 --set detector.offset=100 --set detector.electronic_noise=3
 done
 "$beamlet" retrieve run_npy --format npy -q
 

@@ -66,19 +66,21 @@ impl LightGrid {
             };
             grid.margin[axis] = spread.reach().ceil() as u32;
             let lit = if axis == 0 { lit_width(scene) } else { 1.0 };
-            let errors: Vec<_> =
-                (1..=MOST[axis]).map(|parts| (parts, error_of(spread, parts, lit))).collect();
-            let fine = |(_, [sharp, _]): &&(u32, [f64; 2])| *sharp <= TOLERANCE[axis];
-            let aligned = |(_, [_, even]): &&(u32, [f64; 2])| *even <= EVEN;
-            let chosen = errors
-                .iter()
-                .find(|error| fine(error) && aligned(error))
-                .or_else(|| errors.iter().find(fine))
-                .or(errors.last());
-            if let Some((parts, [sharp, _])) = chosen {
-                grid.parts[axis] = *parts;
-                grid.error = grid.error.max(*sharp);
+            let (mut chosen, mut chosen_error) = (0, f64::INFINITY);
+            for parts in 1..=MOST[axis] {
+                let [sharp, even] = error_of(spread, parts, lit);
+                let fine = sharp <= TOLERANCE[axis];
+                let aligned = even <= EVEN;
+                // The first that is fine, unless a later one is aligned as well; or the finest.
+                if chosen_error > TOLERANCE[axis] || (fine && aligned) {
+                    (chosen, chosen_error) = (parts, sharp);
+                }
+                if fine && aligned {
+                    break;
+                }
             }
+            grid.parts[axis] = chosen;
+            grid.error = grid.error.max(chosen_error);
         }
         if let Some(Scatter::Kernel { kernel, .. }) = &detector.scatter {
             let spread = Measured::read(scene, kernel, "detector.scatter")?.profile(1);

@@ -7,22 +7,40 @@ use ndarray::Array2;
 
 /// Deviations of a Gaussian that count: 2e-9 of the light lies beyond.
 const REACH: f64 = 6.0;
+/// Widest kernels, pixels: what is summed grows with their area.
+const BLUR: f64 = 100.0;
+const SCATTER: f64 = 2000.0;
 
 /// A kernel along one axis.
 #[derive(Debug, Clone)]
 pub(super) enum Spread {
     /// Gaussian of this standard deviation.
     Gaussian(f64),
-    /// Even over each of `weights`, which sum to 1: samples of this width, the middle at 0.
-    Samples { weights: Vec<f64>, width: f64 },
+    /// Even over each of some samples of this width, the middle at 0. `below`: of the samples
+    /// before each and of all, the sum of their weights, which is 1 in the end, and that of
+    /// their weights times their middles.
+    Samples { below: Vec<[f64; 2]>, width: f64 },
 }
 
 impl Spread {
+    /// Samples of these weights, which sum to 1.
+    pub(super) fn samples(weights: &[f64], width: f64) -> Self {
+        let first = -0.5 * weights.len() as f64 * width;
+        let mut below = vec![[0.0; 2]];
+        let mut sum = [0.0; 2];
+        for (k, weight) in weights.iter().enumerate() {
+            sum[0] += weight;
+            sum[1] += weight * (first + (k as f64 + 0.5) * width);
+            below.push(sum);
+        }
+        Self::Samples { below, width }
+    }
+
     /// Farthest that light goes.
     pub(super) fn reach(&self) -> f64 {
         match self {
             Self::Gaussian(sigma) => REACH * sigma,
-            Self::Samples { weights, width } => 0.5 * weights.len() as f64 * width,
+            Self::Samples { below, width } => 0.5 * (below.len() - 1) as f64 * width,
         }
     }
 
@@ -31,12 +49,24 @@ impl Spread {
     pub(super) fn ramp(&self, v: f64) -> f64 {
         match self {
             Self::Gaussian(sigma) => gaussian_ramp(v, *sigma),
-            Self::Samples { weights, width } => {
-                let first = -0.5 * weights.len() as f64 * width;
-                let share = |(k, weight): (usize, &f64)| {
-                    weight * sample_ramp(v, first + k as f64 * width, *width)
+            Self::Samples { below, width } => {
+                let last = below.len() - 1;
+                let first = -0.5 * last as f64 * width;
+                let at = ((v - first) / width).floor().clamp(-1.0, last as f64);
+                #[allow(
+                    clippy::cast_possible_truncation,
+                    clippy::cast_sign_loss,
+                    reason = "clamped to the samples"
+                )]
+                let k = if at < 0.0 { return 0.0 } else { at as usize };
+                let [sum, moment] = below[k];
+                let partly = match below.get(k + 1) {
+                    Some(next) => {
+                        (next[0] - sum) * sample_ramp(v, first + k as f64 * width, *width)
+                    }
+                    None => 0.0,
                 };
-                weights.iter().enumerate().map(share).sum()
+                v * sum - moment + partly
             }
         }
     }
@@ -105,10 +135,11 @@ impl Measured {
         let pitch = scene.detector.pitch;
         let size = [0, 1].map(|axis| kernel.pixel[axis] / pitch[axis]);
         let [rows, columns] = [samples.nrows(), samples.ncols()].map(|n| n as f64);
-        for (extent, most) in [(columns * size[0], 200.0), (rows * size[1], 200.0)] {
-            if extent > 2.0 * most {
+        let most = if table == "detector.blur" { BLUR } else { SCATTER };
+        for extent in [columns * size[0], rows * size[1]] {
+            if extent > most {
                 let found = format!("a kernel that is {extent:.0} pixels of the detector wide");
-                return Err(refuse(found, "up to 400 pixels of the detector"));
+                return Err(refuse(found, &format!("up to {most} pixels of the detector")));
             }
         }
         Ok(Self { samples: samples / sum, size })
@@ -118,7 +149,7 @@ impl Measured {
     pub(super) fn profile(&self, axis: usize) -> Spread {
         let along = if axis == 0 { 0 } else { 1 };
         let weights = self.samples.sum_axis(ndarray::Axis(along)).to_vec();
-        Spread::Samples { weights, width: self.size[axis] }
+        Spread::samples(&weights, self.size[axis])
     }
 
     /// Weights `[sub-row][sub-column]` of the light around a pixel: `margin` pixels on either
@@ -146,6 +177,11 @@ impl Measured {
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "samples of a kernel, none below 0"
+)]
 mod tests {
     use super::*;
     use ndarray::array;
@@ -175,7 +211,7 @@ mod tests {
             let k = ((v + 0.6) / 0.3).floor();
             if (0.0..4.0).contains(&k) { weights[k as usize] / 0.3 } else { 0.0 }
         };
-        let spread = Spread::Samples { weights: weights.to_vec(), width: 0.3 };
+        let spread = Spread::samples(&weights, 0.3);
         for (low, high) in [(-0.6, -0.5), (0.0, 0.1), (0.4, 0.65), (0.9, 1.0), (1.2, 1.5)] {
             let got = Spread::Gaussian(sigma).landing(low, high);
             // Middle points of 1/400: errors of the square of that, and jumps for samples.

@@ -14,7 +14,7 @@ pub fn response(scene: &Scene, energy_kev: f64) -> Result<f64> {
     let absorbed = match &detector.absorber {
         Some(absorber) => {
             let constants = material::constants_at(scene, &absorber.material, energy_kev);
-            let mu = constants.map_err(|error| absorber_error(error))?.mu;
+            let mu = constants.map_err(absorber_error)?.mu;
             -libm::expm1(-mu * absorber.thickness)
         }
         None => 1.0,

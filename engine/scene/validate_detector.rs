@@ -32,12 +32,12 @@ pub(super) fn validate_detector(scene: &Scene) -> Result<()> {
     match &detector.blur {
         Some(Blur::Gaussian { sigma }) => {
             sigma.iter().try_for_each(|s| not_negative("detector.blur.sigma", *s, Length))?;
-            for axis in 0..2 {
-                let most = limits::BLUR * detector.pitch[axis];
-                if sigma[axis] > most {
+            for (sigma, pitch) in sigma.iter().zip(detector.pitch) {
+                let most = limits::BLUR * pitch;
+                if *sigma > most {
                     return Err(Error::scene(
                         "detector.blur.sigma",
-                        Length.format(sigma[axis]),
+                        Length.format(*sigma),
                         format!("no more than {} pixels, {}", limits::BLUR, Length.format(most)),
                     ));
                 }

@@ -175,11 +175,16 @@ impl<'s> Work<'s> {
             let border = borders.into_iter().find(|b| *b > row).unwrap_or(inner.end + halo);
             let rows = row..border.min(row + group);
             row = rows.end;
-            let own = (i64::from(own.start)..i64::from(own.end)).contains(&rows.start);
+            let own = i64::from(own.start)..i64::from(own.end);
+            // Rows beside the detector are kept with the band at that end.
+            let all = i64::from(self.simulation.detection.lit().detector.pixels[1]);
+            let beside = (rows.end <= 0 && own.start == 0) || (rows.start >= all && own.end == all);
+            let own = own.contains(&rows.start);
+            let kept = own || beside;
             if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(view, shadows, &rows)?;
             } else {
-                self.cell_rows(view, shadows, &rows, &inner, own, &mut control.keep)?;
+                self.cell_rows(view, shadows, &rows, &inner, [own, kept], &mut control.keep)?;
             }
             if own {
                 self.rows_done += (rows.end - rows.start) as u64;
@@ -223,7 +228,7 @@ impl<'s> Work<'s> {
         shadows: &[Shadow],
         rows: &Range<i64>,
         inner: &Range<i64>,
-        own: bool,
+        [own, kept]: [bool; 2],
         keep: &mut Option<&mut KeptWriter>,
     ) -> Result<()> {
         let begin = Instant::now();
@@ -232,10 +237,7 @@ impl<'s> Work<'s> {
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
         let Self { cells, lights, sums, tally, tracer, simulation, .. } = self;
         let mut illuminating = 0.0;
-        // Rows beside the detector are kept with the band at that end.
-        let all = i64::from(simulation.detection.lit().detector.pixels[1]);
-        let beside = (rows.end <= 0 && inner.start == 0) || (rows.start >= all && inner.end == all);
-        let (kept, words) = (own || beside, simulation.moment_words());
+        let words = simulation.moment_words();
         let mut add = |tracer: &mut Tracer, strips: &Strips| {
             if own {
                 tally.split += strips.splits;

@@ -102,7 +102,7 @@ fn files_and_materials_that_cannot_serve_are_refused_before_anything_runs() {
         ("blur = { kernel = \"negative.npy\", pixel = \"9 um\" }", "-0.1 in row 1, column 0"),
         ("blur = { kernel = \"nan.npy\", pixel = \"9 um\" }", "NaN"),
         ("blur = { kernel = \"zero.npy\", pixel = \"9 um\" }", "sum"),
-        ("blur = { kernel = \"good.npy\", pixel = \"1 m\" }", "up to 400 pixels"),
+        ("blur = { kernel = \"good.npy\", pixel = \"1 m\" }", "up to 100 pixels"),
         ("scatter = { image = \"good.npy\" }", "4 x 2 pixels"),
         ("absorber = { material = \"csx\", thickness = \"1 mm\" }", "detector.absorber.material"),
     ];

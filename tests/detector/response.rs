@@ -20,6 +20,91 @@ formula = "CsI"
 density = "4.51 g/cm3"
 "#;
 
+/// Three lines through a slab whose attenuation a table gives: transmissions weighted by photons,
+/// by their energy, and within a threshold.
+#[test]
+fn spectrum_is_weighted_by_what_the_detector_sees() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("lines.csv"), "20, 1\n40, 2\n60, 3\n").unwrap();
+    let table =
+        "energy_keV,mu_per_cm,delta\n10,10,1e-12\n20,8,1e-12\n40,2,1e-12\n60,1,1e-12\n80,1,1e-12\n";
+    std::fs::write(place.path().join("slab.csv"), table).unwrap();
+    let absorber =
+        "energy_keV,mu_per_cm,delta\n10,9,1e-12\n20,7,1e-12\n40,3,1e-12\n60,2,1e-12\n80,1,1e-12\n";
+    std::fs::write(place.path().join("sensor.csv"), absorber).unwrap();
+    let engine = super::support::engine(beamlet::Backend::Bvh);
+    let mut worst = super::support::Worst::new("detector, weights of a spectrum", 1e-6);
+    let layer = "absorber = { material = \"sensor\", thickness = \"2 mm\" }";
+    let lines = [[20.0, 1.0, 8.0, 7.0], [40.0, 2.0, 2.0, 3.0], [60.0, 3.0, 1.0, 2.0_f64]];
+    type Weight = fn([f64; 4]) -> f64;
+    let cases: [(String, Weight); 4] = [
+        (String::new(), |[_, photons, ..]| photons),
+        ("mode = \"integrating\"".into(), |[energy, photons, ..]| photons * energy),
+        (format!("mode = \"integrating\"\n{layer}"), |[energy, photons, _, mu]| {
+            photons * energy * (1.0 - (-mu * 0.2).exp())
+        }),
+        (format!("threshold_low = \"30 keV\"\n{layer}"), |[energy, photons, _, mu]| {
+            if energy > 30.0 { photons * (1.0 - (-mu * 0.2).exp()) } else { 0.0 }
+        }),
+    ];
+    for (detector, weight) in cases {
+        let text = format!(
+            r#"
+            [source]
+            distance = "1 m"
+            spot = "0 um"
+            spectrum = {{ file = "lines.csv", nodes = 3 }}
+            [detector]
+            distance = "2 m"
+            pixels = [4, 2]
+            pitch = "100 um"
+            {detector}
+            [materials.slab]
+            table = "slab.csv"
+            [materials.sensor]
+            table = "sensor.csv"
+            [[object]]
+            name = "slab"
+            shape = {{ box = {{ size = ["9 mm", "3 mm", "9 mm"] }} }}
+            material = "slab"
+            "#
+        );
+        let scene = Scene::from_toml(&text, place.path()).unwrap();
+        let total: f64 = lines.iter().map(|line| weight(*line)).sum();
+        let want: f64 = lines.iter().map(|line| weight(*line) * (-line[2] * 0.3).exp()).sum();
+        for (index, got) in engine.simulate(&scene).unwrap().sample.indexed_iter() {
+            worst.take(f64::from(*got) - want / total, || format!("{detector}, {index:?}"));
+        }
+    }
+}
+
+/// A spectrum that ends below a threshold, and one that the thresholds leave out.
+#[test]
+fn thresholds_beyond_the_spectrum_are_refused() {
+    let place = tempfile::tempdir().unwrap();
+    std::fs::write(place.path().join("lines.csv"), "20, 1\n60, 3\n").unwrap();
+    let refused = |beam: &str, detector: &str| {
+        let text = SCENE
+            .replace("energy = \"30 keV\"", beam)
+            .replace("pitch = \"100 um\"", &format!("pitch = \"100 um\"\n{detector}"));
+        match Scene::from_toml(&text, place.path()) {
+            Ok(scene) => beamlet::check::check(&scene).expect_err(detector).to_string(),
+            Err(error) => error.to_string(),
+        }
+    };
+    let file = "spectrum = { file = \"lines.csv\" }";
+    let tube = "spectrum = { anode = \"tungsten\", kvp = \"80 kV\" }";
+    for (beam, highest) in [(file, "60 keV"), (tube, "80 keV")] {
+        for key in ["threshold_low", "threshold_high"] {
+            let message = refused(beam, &format!("{key} = \"90 keV\""));
+            assert!(message.contains(key) && message.contains(highest), "{message}");
+        }
+    }
+    let between = "threshold_low = \"30 keV\"\nthreshold_high = \"50 keV\"";
+    let message = refused(file, between);
+    assert!(message.contains("detector"), "{message}");
+}
+
 fn scene(detector: &str) -> Scene {
     let text = SCENE.replace("pitch = \"100 um\"", &format!("pitch = \"100 um\"\n{detector}"));
     Scene::from_toml(&text, ".").unwrap()

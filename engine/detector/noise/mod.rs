@@ -5,6 +5,7 @@
     reason = "indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+mod normal;
 mod philox;
 mod poisson;
 

@@ -4,6 +4,8 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "the halves of a product of words are words")]
 
+use super::normal::normal_quantile;
+
 /// 128 random bits.
 pub(super) fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     let multiply = |a: u32, b: u32| {
@@ -24,13 +26,15 @@ pub(super) fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
 pub(super) struct Draws {
     key: [u32; 2],
     counter: [u32; 4],
+    /// The half of the last pair that a single draw left.
+    spare: Option<f64>,
 }
 
 impl Draws {
     /// The sequence of a seed and a place of three words and a kind.
     pub(super) const fn new(seed: u64, place: [u32; 3], kind: u8) -> Self {
         let key = [seed as u32, (seed >> 32) as u32];
-        Self { key, counter: [place[0], place[1], place[2], (kind as u32) << 24] }
+        Self { key, counter: [place[0], place[1], place[2], (kind as u32) << 24], spare: None }
     }
 
     /// Two numbers in (0, 1), multiples of 2^-53 and a half.
@@ -45,10 +49,19 @@ impl Draws {
         [unit(bits[0], bits[1]), unit(bits[2], bits[3])]
     }
 
-    /// A number of the standard normal distribution (Box and Muller).
-    pub(super) fn normal(&mut self) -> f64 {
+    /// One number in (0, 1).
+    pub(super) fn uniform(&mut self) -> f64 {
+        if let Some(spare) = self.spare.take() {
+            return spare;
+        }
         let [u, v] = self.pair();
-        (-2.0 * libm::log(u)).sqrt() * libm::cos(std::f64::consts::TAU * v)
+        self.spare = Some(v);
+        u
+    }
+
+    /// A number of the standard normal distribution.
+    pub(super) fn normal(&mut self) -> f64 {
+        normal_quantile(self.uniform())
     }
 }
 
@@ -56,7 +69,7 @@ impl Draws {
 mod tests {
     use super::*;
 
-    /// Known answers of the authors' Random123 (file kat_vectors, philox4x32 10).
+    /// Known answers of the authors' Random123 (file `kat_vectors`, philox4x32 10).
     #[test]
     fn philox_gives_the_answers_of_its_authors() {
         let cases = [
