@@ -16,7 +16,7 @@ use obvhs::cwbvh::node::CwBvhNode;
 use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
-/// Stack of shaders/walk/bvh.glsl: one entry per level.
+/// Stack of shaders/walk/node.glsl: one entry per level.
 const STACK: usize = 32;
 
 /// Triangles of a leaf: the most that the wide nodes can count.

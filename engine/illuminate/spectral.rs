@@ -489,8 +489,9 @@ impl Spectral {
         let spread = (SPREAD_SHARE * self.blur).max(self.tolerance) * libm::cbrt(room);
         for (group, list) in lists.iter_mut().enumerate() {
             let shares = &bars.shares[group * nodes..][..nodes];
-            let mut waiting = Vec::from([0..nodes]);
-            while let Some(band) = waiting.pop() {
+            let mut waiting = Vec::new();
+            let mut next = Some(0..nodes);
+            while let Some(band) = next.take().or_else(|| waiting.pop()) {
                 let sums = Sums::over(band.clone(), shares, &passing, laws, &bars.shades);
                 if !sums.light.iter().all(|light| *light > 0.0) {
                     continue;

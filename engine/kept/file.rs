@@ -1,4 +1,4 @@
-//! Moments of a view on disk: RUN/moments/view_0000.bin.
+//! Moments of a view on disk: `RUN/moments/view_0000.bin`.
 //!
 //! A header, then blocks of strips with their cells, then the SHA-256 of all that. Numbers are
 //! little-endian words of 32 bits; docs/architecture.md says what they are. A file is written
