@@ -272,7 +272,8 @@ impl RunReader {
                 *merit = steps.map(|s| (flat[[s, 0, column]] - sample[[s, 0, column]]).abs()).sum();
             }
         }
-        let best = (0..columns).filter(|c| merit[*c].is_finite());
-        Ok(best.max_by(|a, b| merit[*a].total_cmp(&merit[*b])).unwrap_or(columns / 2))
+        // The middle, where no column stands out.
+        let told = (0..columns).filter(|column| merit[*column] > 0.0);
+        Ok(told.max_by(|a, b| merit[*a].total_cmp(&merit[*b])).unwrap_or(columns / 2))
     }
 }

@@ -54,8 +54,9 @@ impl Watch {
         let sample = geometry::load(&scene).expect("a sample");
         let media = Media::of(&scene).expect("media");
         let query = backend == Backend::RayQuery;
-        let sample =
-            Arc::new(DeviceSample::upload(&device, &scene, &sample, &media, query).expect("room"));
+        let sample = Arc::new(
+            DeviceSample::upload(&device, &scene, &sample, &media, query, 1.0).expect("room"),
+        );
         let kernels = Arc::new(TraceKernels::new(&device).expect("kernels"));
         let transport = Transport::FirstOrder;
         let tracer = Tracer::new(&device, &kernels, &sample, backend, transport, None, u32::MAX);

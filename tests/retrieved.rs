@@ -128,7 +128,7 @@ fn beam_tracking_behind_a_single_mask_tells_a_wedge_and_a_slab() {
         let images =
             retriever.retrieve_array(stacks.sample.index_axis(ndarray::Axis(0), 0)).unwrap();
         assert_eq!(images.get("transmission").unwrap().dim(), (1, 32));
-        for beamlet in 9..23 {
+        for beamlet in 9..23_u32 {
             let centre = (f64::from(beamlet) + 0.5 - 16.0) * 150e-6;
             let ray = setup.trace(&sample, [0.0; 2], [centre, 0.0], Order::Exact);
             let f = fit(&pixels, &profile(1.0, 0.0));

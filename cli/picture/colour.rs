@@ -28,7 +28,7 @@ pub(crate) const SET: [Rgb; 7] = [
 ];
 /// Where all but the outermost values take less than this share of the range, the outermost are
 /// what the picture shows, and nothing is cut.
-const SPARSE: f64 = 0.1;
+const SPARSE: f64 = 0.05;
 /// Share of the values on either side that may lie beyond a scale.
 const TAIL: f64 = 0.02;
 /// Type size of numbers at bars and axes.

@@ -101,6 +101,7 @@ function axes(context, area, x, y, labels) {
   context.strokeRect(area.left + .5, area.top + .5, area.width, area.height);
   context.textAlign = "center";
   context.textBaseline = "top";
+  let widest = 0;
   context.beginPath();
   for (const [v, text] of ticks(x[0], x[1], Math.max(2, area.width / 70))) {
     context.moveTo(across(v), area.top + area.height);
@@ -114,9 +115,10 @@ function axes(context, area, x, y, labels) {
     context.moveTo(area.left - 4, down(v));
     context.lineTo(area.left, down(v));
     context.fillText(text, area.left - 7, down(v));
+    widest = Math.max(widest, context.measureText(text).width);
   }
   context.stroke();
-  upwards(context, labels[1], area.left - 46, area.top + area.height / 2);
+  upwards(context, labels[1], area.left - 7 - widest - 10, area.top + area.height / 2);
   return { across, down };
 }
 
@@ -239,7 +241,7 @@ const flatFrame = (step) => step;
 const sampleFrame = (step) => at.view * offsets.length + step;
 
 function drawCurve() {
-  const area = { left: 64, top: 12, width: 520, height: 290 };
+  const area = { left: 78, top: 12, width: 506, height: 290 };
   const context = fresh(element("curve"), area.left + area.width + 24, area.top + area.height + 46);
   const room = .06 * ((offsets[offsets.length - 1] - offsets[0]) || 1);
   const ends = [Math.min(...offsets), Math.max(...offsets)];

@@ -29,13 +29,16 @@ pub(super) fn scene_text(run: &RunReader) -> Result<String, Failure> {
         .map_err(|error| Failure::File { path, problem: format!("cannot be read: {error}") })
 }
 
-/// The counts of the run; those that are not zero stand out.
+/// Counts that belong to any run.
+const USUAL: [&str; 4] = ["rays", "exact", "split", "reflected"];
+
+/// The counts of the run; those that should be zero and are not stand out.
 pub(super) fn tally(run: &RunReader) -> String {
     let value = serde_json::to_value(run.run().record().record.tally).unwrap_or(Value::Null);
     let rows = value.as_object().into_iter().flatten().map(|(key, value)| {
         let number = value.as_u64().unwrap_or(0);
         let text = count(usize::try_from(number).unwrap_or(usize::MAX));
-        (key.replace('_', " "), text, number > 0 && key != "rays")
+        (key.replace('_', " "), text, number > 0 && !USUAL.contains(&key.as_str()))
     });
     table(rows)
 }
