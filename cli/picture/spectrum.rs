@@ -38,7 +38,7 @@ pub(crate) fn draw(title: &str, before: &Spectrum, after: &Spectrum) -> Drawing 
     let mut drawing = Drawing::new(area.right() + 24.0, area.bottom() + BELOW + 8.0);
     drawing.text([area.left, 28.0], title, 17.0, INK, Anchor::Start);
     let high = before.energies_kev.last().copied().unwrap_or(1.0) * 1.02;
-    let axes = Axes { area, x: [0.0, high], y: [0.0, 1.05] };
+    let axes = Axes { area, x: [0.0, high], y: [0.0, 1.05], ..Axes::default() };
     axes.grid(&mut drawing);
     let mut left = area.left;
     let passed: f64 = 100.0 * after.total() / before.total();
