@@ -6,7 +6,7 @@ use crate::scene::{Detector, DetectorMode};
 /// photons of equal signal. `nodes` are the energies (keV) of the beam and their shares of the
 /// signal, as photons times [`response`](super::response).
 ///
-/// With r the signal of a detected photon, F = <r^2> / <r>^2 / A, where A is the Swank factor of
+/// With r the signal of a detected photon, `F = <r^2> / <r>^2 / A`, where A is the Swank factor of
 /// the light that a photon of one energy makes. A counting detector has F = 1.
 #[must_use]
 pub fn excess_noise(detector: &Detector, nodes: &[[f64; 2]]) -> f64 {

@@ -2,7 +2,7 @@
 //! materials or detectors without another search through its surfaces.
 //!
 //! Moments do not depend on masks, mask steps, spot or energy. A cell of one lattice is cut and
-//! interpolated to cells of another ([`relattice`]); moments become laws at the energies of the
+//! interpolated to cells of another (`relattice`); moments become laws at the energies of the
 //! other scene (`illuminate::Spectral`). Rays that no sum of moments can describe are traced
 //! again, which needs the meshes.
 
