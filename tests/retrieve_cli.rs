@@ -267,6 +267,17 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
     good(place, &from_file);
     good(place, &["compare", "images", "again"]);
     bad(place, &["compare", "run/retrieved", "images"], 1, "they differ");
+    // Values at the top of the curves are left out and flagged, and nothing else.
+    let clipped = [
+        ["retrieve"].as_slice(),
+        &words,
+        &["--offsets", &list_in_one, "--geometry", SCENE, "-o", "clipped"],
+        &["--saturation", "31000"],
+    ]
+    .concat();
+    good(place, &clipped);
+    let flagged = Maps::open(place.join("clipped")).unwrap().map("flags", 0).unwrap();
+    assert!(flagged.iter().all(|bits| *bits as u32 & 4 == 4), "{flagged:?}");
 
     // Bad input: each named, and nothing written.
     let swap = |from: &str, to: &str| -> Vec<String> {

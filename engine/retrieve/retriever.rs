@@ -6,6 +6,7 @@ use super::fitter::{FitOptions, Fitter, Weights, share};
 use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::least_squares::{self, Scan};
 use super::method::Method;
+use super::options::{ReadRows, RetrieveControl, RetrieveOptions};
 use super::shape::{MaskShape, Shape};
 use super::{closed, flags};
 use crate::scene::Scene;
@@ -18,42 +19,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
 /// takes seconds, a sixteenth of it, so that a retrieval can be stopped.
 const BAND: usize = 48 << 20;
-
-/// How to retrieve.
-#[derive(Debug, Clone, Default)]
-pub struct RetrieveOptions {
-    /// The estimator.
-    pub method: Method,
-    /// Weights of the values (methods `gaussian`, `two-step` for its flat, and `beamlet`).
-    pub weights: Weights,
-    /// Value of one count, where the values are counts: uncertainties of weighted fits and of
-    /// closed forms come from it. `None`: values are intensities.
-    pub gain: Option<f64>,
-    /// Values from here on are left out and flagged.
-    pub saturation: Option<f32>,
-    /// Two-step: the steps of the sample to use; `None`: those nearest to the flat's slopes.
-    pub steps: Option<[usize; 2]>,
-    /// Two-step: offsets of the sample's steps, where they are not those of the flat, m.
-    pub sample_offsets: Option<Vec<f64>>,
-}
-
-/// What steers a retrieval while it goes on.
-#[derive(Default)]
-pub struct RetrieveControl<'a> {
-    /// Called now and then with rows done and rows in all, the flat's included.
-    pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
-    /// Set to true to end with [`Error::Interrupted`].
-    pub cancel: Option<&'a AtomicBool>,
-}
-
-impl std::fmt::Debug for RetrieveControl<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("RetrieveControl").finish_non_exhaustive()
-    }
-}
-
-/// Reads rows of a stack, `[step][row][column]`.
-pub type ReadRows<'a> = dyn FnMut(Range<u32>) -> Result<Array3<f32>> + 'a;
 
 /// A method made ready for a set-up.
 #[derive(Debug)]

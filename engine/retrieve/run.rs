@@ -2,7 +2,8 @@
 
 use super::images::{FLAGS, OF_FLAT, unit};
 use super::input::Input;
-use super::retriever::{RetrieveControl, RetrieveOptions, Retriever};
+use super::options::{RetrieveControl, RetrieveOptions};
+use super::retriever::Retriever;
 use super::write::{ImageDirectory, ImageFormat, Record};
 use super::{Curves, Weights, flags};
 use crate::{Engine, Error, Result};
@@ -34,7 +35,7 @@ pub fn retrieve(
     control: &mut RetrieveControl<'_>,
 ) -> Result<Record> {
     ImageDirectory::check(to.path, to.overwrite)?;
-    let saturation = input.saturation();
+    let saturation = input.saturation().or(options.saturation);
     let options = RetrieveOptions { saturation, ..options.clone() };
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
     let input = input.fitted_to(&retriever)?;

@@ -1,0 +1,44 @@
+//! What a caller chooses of a retrieval, and how it steers one.
+
+use super::fitter::Weights;
+use super::method::Method;
+use crate::Result;
+use ndarray::Array3;
+use std::ops::Range;
+use std::sync::atomic::AtomicBool;
+
+/// How to retrieve.
+#[derive(Debug, Clone, Default)]
+pub struct RetrieveOptions {
+    /// The estimator.
+    pub method: Method,
+    /// Weights of the values (methods `gaussian`, `two-step` for its flat, and `beamlet`).
+    pub weights: Weights,
+    /// Value of one count, where the values are counts: uncertainties of weighted fits and of
+    /// closed forms come from it. `None`: values are intensities.
+    pub gain: Option<f64>,
+    /// Values from here on are left out and flagged.
+    pub saturation: Option<f32>,
+    /// Two-step: the steps of the sample to use; `None`: those nearest to the flat's slopes.
+    pub steps: Option<[usize; 2]>,
+    /// Two-step: offsets of the sample's steps, where they are not those of the flat, m.
+    pub sample_offsets: Option<Vec<f64>>,
+}
+
+/// What steers a retrieval while it goes on.
+#[derive(Default)]
+pub struct RetrieveControl<'a> {
+    /// Called now and then with rows done and rows in all, the flat's included.
+    pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
+    /// Set to true to end with [`crate::Error::Interrupted`].
+    pub cancel: Option<&'a AtomicBool>,
+}
+
+impl std::fmt::Debug for RetrieveControl<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("RetrieveControl").finish_non_exhaustive()
+    }
+}
+
+/// Reads rows of a stack, `[step][row][column]`.
+pub type ReadRows<'a> = dyn FnMut(Range<u32>) -> Result<Array3<f32>> + 'a;
