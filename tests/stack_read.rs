@@ -177,6 +177,10 @@ fn what_is_no_stack_is_refused_with_what_was_found() {
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
     assert!(refusal(&path).contains("cut short"), "{}", refusal(&path));
+    // Brackets without end, as a hostile header may have them.
+    let deep = [b"\x93NUMPY\x01\x00\x60\xea".as_slice(), &[b'('; 60_000]].concat();
+    fs::write(&path, deep).unwrap();
+    assert!(refusal(&path).len() < 500 && refusal(&path).contains("header"));
     fs::write(&path, "nonsense").unwrap();
     assert!(refusal(&path).contains("header"), "{}", refusal(&path));
 

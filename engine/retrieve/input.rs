@@ -30,6 +30,14 @@ impl Input {
     /// [`Error::Output`] where it has none, or cannot be read.
     pub fn of_run(run: &OpenRun, counts: bool) -> Result<Self> {
         let scene = run.scene().clone();
+        let all = run.record().extent.views;
+        if run.views() < all as usize {
+            let path = run.path().display();
+            log::warn!(
+                "{path}: {} of {all} views are committed; the rest is left out",
+                run.views()
+            );
+        }
         if !counts {
             let (flat, sample) = (run.flat()?, run.sample()?);
             return Ok(Self { scene, flat, sample, dark: None, saturation: None, counts });

@@ -43,6 +43,8 @@ impl NpyFile {
         let unread = |error| Error::output(path, "cannot be read", Some(error));
         let mut file = BufReader::new(File::open(path).map_err(unread)?);
         let header = NpyHeader::from_reader(&mut file).map_err(|error| {
+            // A parser's message may hold the whole of what it did not understand.
+            let error: String = error.to_string().chars().take(120).collect();
             Error::output(path, format!("has no header of an NPY array: {error}"), None)
         })?;
         let start = file.stream_position().map_err(unread)?;
