@@ -22,6 +22,8 @@ pub(crate) struct RunReader {
     flat: StackFile,
     sample: StackFile,
     maps: Option<Maps>,
+    /// Images with a column per beamlet, which stand on no pixels.
+    beamlets: Option<Maps>,
     /// retrieved.json.
     record: Option<Record>,
     /// What was retrieved from, or would be.
@@ -34,14 +36,13 @@ impl RunReader {
         let run = OpenRun::open(path)?;
         let (flat, sample) = (run.flat()?, run.sample()?);
         let directory = path.join(RETRIEVED);
-        let (mut record, mut maps) = (None, None);
+        let (mut record, mut maps, mut beamlets) = (None, None, None);
         if directory.is_dir() {
             let found = Maps::open(&directory)?;
             let told = Record::read(&directory.join("retrieved.json"))?;
             let first = found.names().next().map(str::to_owned).unwrap_or_default();
             let (rows, columns) = found.map(&first, 0)?.dim();
             let [_, _, run_rows, run_columns] = sample.shape();
-            // Images of beamlets are narrower than the frames; they have no pixels to point at.
             let of_beamlets = told.method == Method::Beamlet.name();
             let differs = (rows, columns) != (run_rows, run_columns);
             if differs && !of_beamlets || found.views() > sample.shape()[0] {
@@ -55,12 +56,12 @@ impl RunReader {
                     ),
                 });
             }
-            maps = (!of_beamlets).then_some(found);
+            *(if of_beamlets { &mut beamlets } else { &mut maps }) = Some(found);
             record = Some(told);
         }
         let counts = record.as_ref().is_some_and(|record: &Record| record.counts);
         let fitted = Input::of_run(&run, counts)?;
-        Ok(Self { run, flat, sample, maps, record, fitted })
+        Ok(Self { run, flat, sample, maps, beamlets, record, fitted })
     }
 
     pub(crate) const fn run(&self) -> &OpenRun {
@@ -118,7 +119,21 @@ impl RunReader {
 
     /// A retrieved image of a view, in the file's unit.
     pub(crate) fn map(&self, name: &str, view: usize) -> Result<Array2<f32>, Failure> {
-        let maps = self.maps.as_ref().ok_or_else(|| self.not_retrieved())?;
+        self.map_of(self.maps.as_ref(), name, view)
+    }
+
+    /// As [`RunReader::map`], of pixels or of beamlets, whichever there are.
+    pub(crate) fn image(&self, name: &str, view: usize) -> Result<Array2<f32>, Failure> {
+        self.map_of(self.maps.as_ref().or(self.beamlets.as_ref()), name, view)
+    }
+
+    /// Images with a column per beamlet.
+    pub(crate) const fn beamlets(&self) -> Option<&Maps> {
+        self.beamlets.as_ref()
+    }
+
+    fn map_of(&self, maps: Option<&Maps>, name: &str, view: usize) -> Result<Array2<f32>, Failure> {
+        let maps = maps.ok_or_else(|| self.not_retrieved())?;
         if view >= maps.views() {
             return Err(Failure::File {
                 path: self.run.path().join(RETRIEVED),

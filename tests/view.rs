@@ -248,6 +248,28 @@ fn curves_of_counts_are_drawn_less_their_dark() {
 }
 
 #[test]
+fn images_of_beamlets_are_drawn_over_their_numbers() {
+    let place = run_with_maps();
+    let retrieved = place.path().join("run/retrieved");
+    fs::remove_dir_all(&retrieved).unwrap();
+    fs::create_dir(&retrieved).unwrap();
+    // Five beamlets in each of the four rows; the last one deflects most.
+    let map = Array3::from_shape_fn((2, 4, 5), |(_, _, beamlet)| beamlet as f32 * 1e-6);
+    write_npy(retrieved.join("refraction.npy"), &map).unwrap();
+    let record = Record { method: "beamlet".into(), shape: [2, 4, 5], ..Record::default() };
+    fs::write(retrieved.join("retrieved.json"), serde_json::to_string(&record).unwrap()).unwrap();
+    let printed = done(place.path(), "view run -o pictures");
+    assert!(printed.contains("refraction_view_0000.png"), "{printed}");
+    let refraction = picture(&place.path().join("pictures/refraction_view_0000.png"));
+    let block = |beamlet: f64| colour(&refraction, 90.0 + 112.0 * (beamlet + 0.5), 200.0);
+    assert!(block(0.0).iter().all(|part| *part > 235), "zero is white: {:?}", block(0.0));
+    assert!(block(4.0)[0] > 2 * block(4.0)[2], "the last is red: {:?}", block(4.0));
+    done(place.path(), "report run");
+    let page = fs::read_to_string(place.path().join("run/report.html")).unwrap();
+    assert!(page.contains("retrieved per beamlet") && !page.contains("No retrieved images"));
+}
+
+#[test]
 fn the_same_pictures_come_from_exr_frames() {
     let place = run_with_maps();
     done(place.path(), "simulate scene.toml -o exr --format exr -q");

@@ -35,6 +35,19 @@ pub(crate) fn draw(
     on_axes(values, quantity, scale, words, ([x, z], Vec::new()), labels, true)
 }
 
+/// Draws `[row][beamlet]` values: beamlets by their number from 0, rows by their z.
+pub(crate) fn of_beamlets(
+    scene: &Scene,
+    values: ArrayView2<'_, f64>,
+    quantity: &Quantity,
+    scale: &Scale,
+    words: &Words,
+) -> Drawing {
+    let ranges = [[-0.5, values.ncols() as f64 - 0.5], mm(scene, 1)];
+    let labels = ["beamlet", "z [mm]"];
+    on_axes(values, quantity, scale, words, (ranges, Vec::new()), labels, false)
+}
+
 /// Draws `[view][column]` values, view 0 on top, over angles in degrees; where these are not
 /// evenly spaced every view is as high as any other, with its angle beside it.
 pub(crate) fn sinogram(

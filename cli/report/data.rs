@@ -194,7 +194,13 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
             most as f64 / f64::from(1 << 20)
         ));
     }
-    if contrasts.is_empty() {
+    if run.beamlets().is_some() {
+        notes.push(
+            "The run was retrieved per beamlet; `beamlet view` draws those images, this page is of \
+             pixels."
+                .into(),
+        );
+    } else if contrasts.is_empty() {
         notes.push(format!(
             "No retrieved images: `beamlet retrieve {}` makes them; then write the report again.",
             run.run().path().display()

@@ -22,7 +22,7 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun) -> Result<Pictures, Failure> {
     let run = RunReader::open(path)?;
     let chosen = Chosen::of(&run, asked)?;
     let wants = |what: Show| asked.show.is_empty() || asked.show.contains(&what);
-    let has_maps = run.maps().is_some();
+    let has_maps = run.maps().or(run.beamlets()).is_some();
     let needs_maps = asked.show.contains(&Show::Retrieved) || !asked.maps.is_empty();
     if needs_maps && !has_maps {
         return Err(run.not_retrieved());
@@ -152,11 +152,15 @@ impl<'a> Chosen<'a> {
     fn retrieved(&self, pictures: &mut Pictures, asked: &ViewOfRun) -> Result<(), Failure> {
         for name in self.names(asked) {
             let quantity = Quantity::of_map(&name);
-            let values = self.run.map(&name, self.view)?.mapv(|v| f64::from(v) * quantity.factor);
+            let values = self.run.image(&name, self.view)?.mapv(|v| f64::from(v) * quantity.factor);
             let scale = Scale::of(quantity.map, values.iter().copied());
             let note = joined(&[self.at_view(), self.run.method_words(), clipped(&scale)]);
             let words = Words { title: capital(&quantity.label), note };
-            let drawing = image::draw(self.run.scene(), values.view(), &quantity, &scale, &words);
+            let draw = match self.run.beamlets() {
+                Some(_) => image::of_beamlets,
+                None => image::draw,
+            };
+            let drawing = draw(self.run.scene(), values.view(), &quantity, &scale, &words);
             pictures.add(format!("{name}_view_{:04}.png", self.view), &drawing)?;
         }
         Ok(())
@@ -167,7 +171,8 @@ impl<'a> Chosen<'a> {
         if !asked.maps.is_empty() {
             return asked.maps.clone();
         }
-        let there: Vec<&str> = self.run.maps().map_or(Vec::new(), |maps| maps.names().collect());
+        let maps = self.run.maps().or(self.run.beamlets());
+        let there: Vec<&str> = maps.map_or(Vec::new(), |maps| maps.names().collect());
         let contrasts = CONTRASTS.iter().filter(|name| there.contains(name));
         contrasts.map(|name| (*name).to_owned()).collect()
     }
@@ -233,7 +238,9 @@ impl<'a> Chosen<'a> {
             },
         ];
         let mut notes = self.run.words_of_pixel(self.view, self.pixel)?;
-        if self.run.maps().is_none() {
+        if self.run.beamlets().is_some() {
+            notes.push("no fit: retrieved per beamlet".into());
+        } else if self.run.maps().is_none() {
             notes.push("no fit: the run is not retrieved yet".into());
             notes.push("(beamlet retrieve)".into());
         }
@@ -250,7 +257,11 @@ impl<'a> Chosen<'a> {
     fn sinograms(&self, pictures: &mut Pictures, asked: &ViewOfRun) -> Result<(), Failure> {
         let [_, _, _, columns] = self.run.shape();
         let views = self.run.views();
-        let names = self.names(asked);
+        // Rows of pixels; beamlets have none.
+        let names = match self.run.maps() {
+            Some(_) => self.names(asked),
+            None => Vec::new(),
+        };
         let row = u32::try_from(self.row).unwrap_or(u32::MAX);
         if names.is_empty() {
             let mut values = Array2::zeros((views, columns));
