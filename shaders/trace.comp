@@ -17,7 +17,7 @@ layout(local_size_x = 64) in;
 #include "walk/first_order.glsl"
 
 // A candidate of the search: everything after "which primitive" is here, for both backends.
-void visit(Beam beam, float stretch, Leaf leaf, inout Sums sums, inout Run run) {
+void visit(Beam beam, Stretch stretch, Leaf leaf, inout Sums sums, inout Run run) {
     float y;
     bool entering;
     if (!crosses(beam, leaf.a, leaf.b, leaf.c, y, entering)) return;

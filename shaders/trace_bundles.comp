@@ -12,7 +12,7 @@
 
 layout(local_size_x = 64) in;
 
-const uint RAYS = 2u; // in each lane; RAYS_PER_LANE of the host
+const uint RAYS = 4u; // in each lane; RAYS_PER_LANE of the host
 #define EACH_RAY [[unroll]] for (uint k = 0u; k < RAYS; k++)
 
 #include "walk/first_order.glsl"
@@ -26,8 +26,8 @@ struct Member {
     bool waits; // for its view to be walked
     bool walks;
     uint view;
-    Beam beam;
-    float stretch;
+    Beam beam; // its view set while it walks
+    Stretch stretch;
     Run run;
     Sums sums;
 };
@@ -80,7 +80,7 @@ void walk_together(inout Member rays[RAYS], View view) {
     uint leaves = 0u;
     uint leaf_base = 0u;
     uint visited = 0u;
-    uint crossings = 0u; // of one ray, at most
+    uint crossed_by_some = 0u; // triangles
     bool more = true;
     bool ends; // runs of some rays
     // CPU devices skip no code but by leaving a loop at its end: what is rare stands outside.
@@ -95,7 +95,7 @@ void walk_together(inout Member rays[RAYS], View view) {
                     if (group.y >= 0x01000000u) stack_push(stack, group);
                     Children children = children_of(nodes, node, view, bounds);
                     visited += 1u;
-                    bool wide = visited > NODES + NODES_PER_CROSSING * crossings;
+                    bool wide = visited > NODES + NODES_PER_TRIANGLE * crossed_by_some;
                     uint met = children_met(children, rays, wide);
                     group = uvec2(children.base, (met & 0xff000000u) | children.inner);
                     leaf_base = children.leaf_base;
@@ -147,6 +147,7 @@ void walk_together(inout Member rays[RAYS], View view) {
                     }
                     vec3 normal_ = beam_from_world(frame, vec3(NUMBER(high, 1u), NUMBER(high, 2u),
                                                                NUMBER(high, 3u)));
+                    crossed_by_some += 1u;
                     EACH_RAY {
                         if (facets[k].crossed) {
                             run_cross(rays[k].run, rays[k].beam, rays[k].stretch, surface,
@@ -155,9 +156,6 @@ void walk_together(inout Member rays[RAYS], View view) {
                     }
                 } while (leaves != 0u);
             }
-            uint most = 0u;
-            EACH_RAY most = max(most, rays[k].run.crossings);
-            crossings = most_of_lanes(most);
         } while (more && !ends);
         EACH_RAY {
             if (ending[k]) run_flush(rays[k].sums, rays[k].run);
@@ -179,7 +177,7 @@ void main() {
         Ray ray = ray_at(index);
         rays[k].index = index;
         rays[k].view = ray.view;
-        rays[k].beam = beam_of(ray, sample_.views.at[ray.view]);
+        rays[k].beam = beam_of(ray, View(1.0, 0.0, 0.0, 0.0));
         rays[k].stretch = stretch_of(rays[k].beam);
         rays[k].run = run_begin();
         rays[k].sums = sums_begin(index, rays[k].waits);
@@ -196,7 +194,9 @@ void main() {
             left = left || rays[k].waits;
         }
         left = any_lane(uint(left)) != 0u;
-        walk_together(rays, sample_.views.at[view]);
+        View frame = sample_.views.at[view];
+        EACH_RAY rays[k].beam.analyser = frame.analyser;
+        walk_together(rays, frame);
     } while (left);
     EACH_RAY {
         if (first + k * gl_SubgroupSize < push.count) {

@@ -17,7 +17,7 @@ use std::time::Duration;
 /// larger ones too few of the rays meet the same nodes.
 const BUNDLES: RangeInclusive<u32> = 8..=16;
 /// Rays of each lane of a bundle, as in `trace_bundles.comp`.
-const RAYS_PER_LANE: u32 = 2;
+const RAYS_PER_LANE: u32 = 4;
 /// Invocations per workgroup of all kernels here.
 const GROUP: u32 = 64;
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.

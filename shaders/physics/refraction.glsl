@@ -8,10 +8,10 @@ vec2 slope_per_delta(vec2 slope, vec3 normal) {
     return -norm2 * (vec2(normal.x, normal.z) - normal.y * slope) / along;
 }
 
-// Cosine of incidence, >= 0.
-float incidence(vec2 slope, vec3 normal) {
+// Cosine of incidence, >= 0. `inverse_stretch`: 1 / sqrt(1 + slope^2).
+float incidence(vec2 slope, vec3 normal, float inverse_stretch) {
     float along = normal.x * slope.x + normal.y + normal.z * slope.y;
-    return abs(along) * inversesqrt(1.0 + dot(slope, slope));
+    return abs(along) * inverse_stretch;
 }
 
 // Exact change of slope from medium delta_i to delta_r; `reflected` on total reflection.

@@ -9,9 +9,9 @@ const uint LEAF_WORDS = 13u;
 const uint SURFACE_WORDS = 5u;
 
 // Nodes that a bundle may visit before its rays are tested against inner children too: so many,
-// and so many per crossing of one ray.
+// and so many per triangle that some ray crosses.
 const uint NODES = 64u;
-const uint NODES_PER_CROSSING = 8u;
+const uint NODES_PER_TRIANGLE = 4u;
 
 // Bounds of the rays of a bundle, (x, z).
 struct Bounds {

@@ -67,7 +67,7 @@ vec3 line_direction(Beam beam) {
 void walk_all(Beam beam, inout Sums sums, inout Run run) {
     vec3 origin = world_from_beam(beam, vec3(beam.x, 0.0, beam.z));
     vec3 inverse = 1.0 / line_direction(beam);
-    float stretch = stretch_of(beam);
+    Stretch stretch = stretch_of(beam);
     TRAVERSE(origin, inverse, -1e30, 1e30,
              visit(beam, stretch, sample_.leaves.at[primitive], sums, run))
 }

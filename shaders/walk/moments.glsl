@@ -131,20 +131,21 @@ bool run_ends_at(Run run, Surface surface) {
         && (run.inside != surface.inside || run.outside != surface.outside);
 }
 
-// Adds a crossing at y. `stretch`: length of the ray per length of y; `normal_` in the beam frame.
-void run_cross(inout Run run, Beam beam, float stretch, Surface surface, vec3 normal_, float y,
+// Adds a crossing at y. `normal_` in the beam frame.
+void run_cross(inout Run run, Beam beam, Stretch stretch, Surface surface, vec3 normal_, float y,
                bool entering) {
     run.signature += surface.hash;
     run.balance += entering ? surface.hash : ~surface.hash + 1u;
     run.crossings += 1u;
     if (surface.inside == surface.outside) return;
     vec2 slope = vec2(beam.slope_x, beam.slope_z);
-    run.grazing = min(run.grazing, incidence(slope, normal_) / max(surface.grazing, 1e-30));
+    float share = incidence(slope, normal_, stretch.inverse) / max(surface.grazing, 1e-30);
+    run.grazing = min(run.grazing, share);
     run.inside = surface.inside;
     run.outside = surface.outside;
     float sign_ = entering ? 1.0 : -1.0;
     vec2 g = sign_ * slope_per_delta(slope, normal_);
-    run.path -= sign_ * y * stretch;
+    run.path -= sign_ * y * stretch.length_;
     run.lever += g * (beam.analyser - y);
     run.slope += g;
 }

@@ -12,7 +12,7 @@ void query_begin(rayQueryEXT query, Beam beam) {
 #ifdef ORDER_FREE
 // Hands every candidate of the whole line to visit().
 void walk_all(Beam beam, inout Sums sums, inout Run run) {
-    float stretch = stretch_of(beam);
+    Stretch stretch = stretch_of(beam);
     rayQueryEXT query;
     query_begin(query, beam);
     while (rayQueryProceedEXT(query)) {

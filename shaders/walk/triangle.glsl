@@ -19,10 +19,15 @@ Beam beam_of(Ray ray, View view) {
                 view.start, view.analyser);
 }
 
-// Length of the ray per length of y.
-float stretch_of(Beam beam) {
+// Length of a ray per length of y, and its inverse: the same for all crossings.
+struct Stretch {
+    float length_;
+    float inverse;
+};
+
+Stretch stretch_of(Beam beam) {
     vec2 slope = vec2(beam.slope_x, beam.slope_z);
-    return sqrt(1.0 + dot(slope, slope));
+    return Stretch(sqrt(1.0 + dot(slope, slope)), inversesqrt(1.0 + dot(slope, slope)));
 }
 
 vec3 beam_from_world(Beam beam, vec3 v) {
