@@ -232,10 +232,16 @@ pub(crate) struct Retrieve {
     /// Take the run's detector numbers instead of its intensities
     #[arg(long, requires = "run")]
     pub(crate) counts: bool,
-    /// Detector number of one photon, for the uncertainties of counts [default: 1]
+    /// Detector number of one photon, for the uncertainties of counts [default: that of a run's
+    /// scene, else 1]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) gain: Option<f64>,
-    /// Leave out values from here on, as they are in the files
+    /// Standard deviation of a number without light, for --weights poisson [default: that of a
+    /// run's scene, else 0]
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) read_noise: Option<f64>,
+    /// Leave out values from here on, as they are in the files [default: the largest number of
+    /// a run's detector]
     #[arg(long, value_name = "NUMBER")]
     pub(crate) saturation: Option<f32>,
     /// Two-step: steps of the sample, counted from 0 [default: those nearest to the slopes]

@@ -36,6 +36,11 @@ const SHIPPED: &[Shipped] = &[
         about: "nylon bracket with a carbon core inside, three views",
         files: files!("bracket": "scene.toml", "bracket.stl", "core.stl"),
     },
+    Shipped {
+        name: "cylinders",
+        about: "water, polyethylene and carbon cylinders of 6 mm at 60 kV, one view",
+        files: files!("cylinders": "scene.toml"),
+    },
 ];
 
 pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failure> {

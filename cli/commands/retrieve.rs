@@ -22,17 +22,19 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     };
     let path = arguments.output.clone().unwrap_or(path);
     let input = input.saturated_at(arguments.saturation);
+    let of_scene = input.noise();
     let options = RetrieveOptions {
         method: arguments.method.into(),
         weights: arguments.weights.into(),
         gain: match (input.counts(), arguments.gain) {
-            (true, gain) => Some(gain.unwrap_or(1.0)),
+            (true, gain) => gain.or(of_scene.map(|[gain, _]| gain)).or(Some(1.0)),
             (false, None) => None,
             (false, Some(_)) => {
                 let problem = "--gain belongs to counts: a run needs --counts with it";
                 return Err(Failure::Usage(problem.into()));
             }
         },
+        read_noise: arguments.read_noise.or(of_scene.map(|[_, noise]| noise)).unwrap_or(0.0),
         saturation: None,
         steps: arguments.steps,
         sample_offsets: arguments.sample_offsets.as_deref().map(offsets).transpose()?,
@@ -40,6 +42,9 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     if options.weights == Weights::Poisson && !input.counts() {
         let problem = "--weights poisson belongs to counts: a run needs --counts with it";
         return Err(Failure::Usage(problem.into()));
+    }
+    if arguments.read_noise.is_some() && options.weights == Weights::None {
+        return Err(Failure::Usage("--read-noise belongs to --weights poisson".into()));
     }
     interrupt::listen();
     let mut reporter = Reporter::new(arguments.quiet, false);

@@ -41,6 +41,16 @@ impl Detection {
         })
     }
 
+    /// Variance of a detector number over its mean above the dark: the gain times the excess
+    /// noise factor of the open beam. 1 without counts.
+    ///
+    /// # Errors
+    /// As [`Detection::of`], for the beam and the absorber.
+    pub fn variance_per_value(scene: &Scene) -> Result<f64> {
+        let gain = scene.detector.counts.map_or(1.0, |counts| counts.gain);
+        Ok(gain * excess_noise(&scene.detector, &open_beam(scene)?))
+    }
+
     /// The grid that takes the light.
     #[must_use]
     pub const fn grid(&self) -> &LightGrid {

@@ -93,11 +93,15 @@ struct Repeated {
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     light: [f64; 3],
+    /// Light weighted by the widths that apertures have for its energy: the rest is of that.
+    passed: [f64; 3],
     x: [f64; 3],
     x2: f64,
     z: f64,
     slope_x: f64,
+    /// Of all light in the sample mask, in the detector mask of what passed that.
     shade: [f64; 2],
+    lit: [f64; 2],
 }
 
 impl Sums {
@@ -107,22 +111,28 @@ impl Sums {
         passing: &[[f64; 3]],
         laws: &[[NodeLaw; 2]],
         shades: &[Vec<f64>; 2],
+        widths: [&[f64]; 2],
     ) -> Self {
         let mut sums = Self::default();
         for node in nodes {
             let [low, high] = &laws[node];
             let x = [low.x, 0.5 * (low.x + high.x), high.x];
+            let [first, second] = widths.map(|widths| widths[node]);
             for i in 0..3 {
                 let light = shares[node] * passing[node][i];
+                let passed = light * first * second;
                 sums.light[i] += light;
-                sums.x[i] += light * x[i];
+                sums.passed[i] += passed;
+                sums.x[i] += passed * x[i];
             }
-            let middle = shares[node] * passing[node][1];
-            sums.x2 += middle * x[1] * x[1];
-            sums.z += middle * 0.5 * (low.z + high.z);
-            sums.slope_x += middle * 0.5 * (low.slope_x + high.slope_x);
-            for (sum, shades) in sums.shade.iter_mut().zip(shades) {
-                *sum += middle * shades.get(node).copied().unwrap_or(0.0);
+            let light = shares[node] * passing[node][1];
+            let passed = light * first * second;
+            sums.x2 += passed * x[1] * x[1];
+            sums.z += passed * 0.5 * (low.z + high.z);
+            sums.slope_x += passed * 0.5 * (low.slope_x + high.slope_x);
+            for (mask, lit) in [light, light * first].into_iter().enumerate() {
+                sums.lit[mask] += lit;
+                sums.shade[mask] += lit * shades[mask].get(node).copied().unwrap_or(0.0);
             }
         }
         sums
@@ -135,14 +145,14 @@ impl Sums {
 
     /// The same of the displacement.
     fn drift(&self) -> f64 {
-        let x = |i: usize| self.x[i] / self.light[i];
+        let x = |i: usize| self.x[i] / self.passed[i];
         (x(1) - 0.5 * (x(0) + x(2))).abs()
     }
 
     /// Variance of the displacement over the energies, in the middle.
     fn spread(&self) -> f64 {
-        let mean = self.x[1] / self.light[1];
-        (self.x2 / self.light[1] - mean * mean).max(0.0)
+        let mean = self.x[1] / self.passed[1];
+        (self.x2 / self.passed[1] - mean * mean).max(0.0)
     }
 }
 
@@ -152,6 +162,8 @@ struct Bars {
     shares: Vec<f64>,
     /// `[mask][node]`.
     shades: [Vec<f64>; 2],
+    /// `[mask][node]`: what the shade leaves of an aperture's width.
+    widths: [Vec<f64>; 2],
     /// The shadows of bars meet: apertures have no effective width.
     closed: bool,
 }
@@ -341,12 +353,20 @@ impl Spectral {
         let shade = |mask: &Option<Vec<MaskShape>>| {
             mask.iter().flatten().map(|shape| shape.shade(secant)).collect()
         };
+        let width = |mask: &Option<Vec<MaskShape>>| {
+            let left = |shape: &MaskShape| {
+                1.0 - shape.thickness * slope.abs() / shape.narrowest() * shape.shade(secant)
+            };
+            let ones = vec![1.0; self.nodes()];
+            mask.as_ref().map_or(ones, |nodes| nodes.iter().map(left).collect())
+        };
         let closed = |mask: &Option<Vec<MaskShape>>| {
             mask.iter().flatten().any(|shape| shape.thickness * slope.abs() > shape.narrowest())
         };
         Bars {
             shares,
             shades: [shade(&self.masks[0]), shade(&self.masks[1])],
+            widths: [width(&self.masks[0]), width(&self.masks[1])],
             closed: self.masks.iter().any(closed),
         }
     }
@@ -485,14 +505,18 @@ impl Spectral {
         let light = bars.shares.iter().zip(passing.iter().cycle());
         let all: f64 = light.map(|(share, passing)| share * passing[1]).sum();
         let room = self.room(cell);
+        let ones = vec![1.0; nodes];
         // What the third moment moves grows with the light of the cell.
         let spread = (SPREAD_SHARE * self.blur).max(self.tolerance) * libm::cbrt(room);
         for (group, list) in lists.iter_mut().enumerate() {
             let shares = &bars.shares[group * nodes..][..nodes];
+            // Light that leaks through the bars of a mask does not meet its apertures.
+            let leaks = self.groups[group];
+            let widths = [0, 1].map(|m| if leaks[m] { &ones[..] } else { &bars.widths[m][..] });
             let mut waiting = Vec::new();
             let mut next = Some(0..nodes);
             while let Some(band) = next.take().or_else(|| waiting.pop()) {
-                let sums = Sums::over(band.clone(), shares, &passing, laws, &bars.shades);
+                let sums = Sums::over(band.clone(), shares, &passing, laws, &bars.shades, widths);
                 if !sums.light.iter().all(|light| *light > 0.0) {
                     continue;
                 }
@@ -524,14 +548,14 @@ impl Spectral {
     fn gathered(&self, strip: &Strip, cell: &Cell, sums: &Sums) -> Cell {
         let end = |i: usize| NodeLaw {
             depth: -sums.light[i].ln(),
-            x: sums.x[i] / sums.light[i],
-            z: sums.z / sums.light[1],
-            slope_x: sums.slope_x / sums.light[1],
+            x: sums.x[i] / sums.passed[i],
+            z: sums.z / sums.passed[1],
+            slope_x: sums.slope_x / sums.passed[1],
         };
         Cell {
             spread: sums.spread() as f32,
-            sample_shade: (sums.shade[0] / sums.light[1]) as f32,
-            detector_shade: (sums.shade[1] / sums.light[1]) as f32,
+            sample_shade: (sums.shade[0] / sums.lit[0]) as f32,
+            detector_shade: (sums.shade[1] / sums.lit[1]) as f32,
             ..self.cell(strip, [cell.x_low, cell.x_high], [end(0), end(2)])
         }
     }

@@ -1,7 +1,7 @@
 //! Moments of a view on disk: `RUN/moments/view_0000.bin`.
 //!
 //! A header, then blocks of strips with their cells, then the SHA-256 of all that. Numbers are
-//! little-endian words of 32 bits; docs/architecture.md says what they are. A file is written
+//! little-endian words of 32 bits; docs/kept.md says what they are. A file is written
 //! under another name and renamed when its view is committed.
 
 use crate::gpu::interface::{Cell, Law, Strip};
@@ -21,8 +21,8 @@ const VERSION: u32 = 1;
 /// Magic, version, words of a ray's moments, hash of the run's scene.
 const HEADER: usize = 16 + 8 + 32;
 const HASH: usize = 32;
-/// Words of a block's header: strips, cells, cells walked in order, of them the wide ones, first
-/// and last row.
+/// Words of a block's header: strips, cells, wide cells walked in order, all of those, first and
+/// last row.
 const BLOCK: usize = 6;
 
 /// What ties moments to their run: the hash of its scene.toml.

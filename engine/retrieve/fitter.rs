@@ -44,13 +44,15 @@ pub struct FitOptions {
     pub weights: Weights,
     /// Value of one count, for the uncertainties of weighted fits. > 0.
     pub gain: f64,
+    /// Standard deviation of noise besides that of counts, for weighted fits. >= 0.
+    pub read_noise: f64,
     /// Values from here on are left out.
     pub saturation: Option<f32>,
 }
 
 impl Default for FitOptions {
     fn default() -> Self {
-        Self { weights: Weights::None, gain: 1.0, saturation: None }
+        Self { weights: Weights::None, gain: 1.0, read_noise: 0.0, saturation: None }
     }
 }
 
@@ -64,6 +66,8 @@ pub struct Fitter {
     /// Centre and half width of the scan.
     middle: f64,
     half: f64,
+    /// Added to values while they are fitted: with it their variance is the gain times them.
+    pedestal: f32,
     /// Least and most width, in half widths.
     narrow: f64,
     wide: f64,
@@ -92,6 +96,10 @@ impl Fitter {
             let found = options.gain.to_string();
             return Err(Error::scene("gain", found, "a number above zero"));
         }
+        if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
+            let found = options.read_noise.to_string();
+            return Err(Error::scene("read noise", found, "a number of at least zero"));
+        }
         let [low, high] = [sorted[0], sorted[sorted.len() - 1]];
         let (middle, half) = (f64::midpoint(low, high), (high - low) / 2.0);
         let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.0);
@@ -119,6 +127,10 @@ impl Fitter {
             half,
             narrow: least / 3.0,
             wide: 2.0,
+            pedestal: match options.weights {
+                Weights::None => 0.0,
+                Weights::Poisson => (options.read_noise * options.read_noise / options.gain) as f32,
+            },
             options: *options,
         })
     }
@@ -155,8 +167,11 @@ impl Fitter {
                 let part = curve.slice_move(s![start..start + n]);
                 let offset = (step * n * 4) as u64;
                 match part.as_slice() {
-                    Some(values) => input.write(offset, values)?,
-                    None => input.write(offset, &part.to_vec())?,
+                    Some(values) if self.pedestal <= 0.0 => input.write(offset, values)?,
+                    _ => {
+                        let raised: Vec<f32> = part.iter().map(|y| y + self.pedestal).collect();
+                        input.write(offset, &raised)?;
+                    }
                 }
             }
             self.dispatch(&input, &output, n as u32, &mut batch, cancel)?;
@@ -189,7 +204,7 @@ impl Fitter {
                 first,
                 poisson: (self.options.weights == Weights::Poisson).into(),
                 gain: self.options.gain as f32,
-                saturation: self.options.saturation.unwrap_or(f32::INFINITY),
+                saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
                 narrow: self.narrow as f32,
                 wide: self.wide as f32,
             };
@@ -219,7 +234,7 @@ impl Fitter {
         fill(&mut all.amplitude, start, plane(0).iter().copied());
         fill(&mut all.centre, start, lengths(1, self.middle));
         fill(&mut all.width, start, lengths(2, 0.0));
-        fill(&mut all.background, start, plane(3).iter().copied());
+        fill(&mut all.background, start, plane(3).iter().map(|b| b - self.pedestal));
         fill(&mut all.residual, start, plane(4).iter().copied());
         fill(&mut all.area_sigma, start, plane(5).iter().copied());
         fill(&mut all.centre_sigma, start, lengths(6, 0.0));

@@ -1,6 +1,7 @@
 //! What is retrieved from: a run of beamlet, or measured stacks with their geometry.
 
 use super::retriever::Retriever;
+use crate::detector::Detection;
 use crate::scene::Scene;
 use crate::stack::{OpenRun, StackFile};
 use crate::{Error, Result};
@@ -20,11 +21,14 @@ pub struct Input {
     dark: Option<Array2<f32>>,
     /// Values from here on, before the dark is subtracted, are left out.
     saturation: Option<f32>,
+    /// Detector number of one photon, and the noise of no light, where the scene tells them.
+    noise: Option<[f64; 2]>,
     counts: bool,
 }
 
 impl Input {
-    /// A run; with `counts` its detector numbers instead of intensities.
+    /// A run; with `counts` its detector numbers instead of intensities. Noise and saturation are
+    /// then those of the scene's detector, and the mean of the run's dark frames is subtracted.
     ///
     /// # Errors
     /// [`Error::Output`] where it has none, or cannot be read.
@@ -40,14 +44,31 @@ impl Input {
         }
         if !counts {
             let (flat, sample) = (run.flat()?, run.sample()?);
-            return Ok(Self { scene, flat, sample, dark: None, saturation: None, counts });
+            return Ok(Self {
+                scene,
+                flat,
+                sample,
+                dark: None,
+                saturation: None,
+                noise: None,
+                counts,
+            });
         }
         let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
-            let problem = "has no counts: its scene does not ask for noise";
+            let problem = "has no counts: its scene has no detector.photons";
             return Err(Error::output(run.path(), problem, None));
         };
         let dark = run.dark()?.map(|dark| mean(&dark)).transpose()?;
-        Ok(Self { scene, flat, sample, dark, saturation: None, counts })
+        let numbers = scene.detector.counts;
+        // The largest number stands for all that was clipped to it.
+        let saturation = numbers
+            .and_then(|n| n.bit_depth)
+            .map(|bits| crate::gpu::interface::single(libm::exp2(f64::from(bits)) - 1.0));
+        let noise = match numbers {
+            Some(n) => Some([Detection::variance_per_value(&scene)?, n.electronic_noise]),
+            None => None,
+        };
+        Ok(Self { scene, flat, sample, dark, saturation, noise, counts })
     }
 
     /// Measured stacks. `scene` gives the geometry; its mask offsets are those of the frames.
@@ -78,14 +99,33 @@ impl Input {
             }
         }
         let dark = dark.map(mean).transpose()?;
-        Ok(Self { scene: scene.clone(), flat, sample, dark, saturation: None, counts: true })
+        Ok(Self {
+            scene: scene.clone(),
+            flat,
+            sample,
+            dark,
+            saturation: None,
+            noise: None,
+            counts: true,
+        })
     }
 
     /// Leaves out values from here on, as they are in the files: before the dark is subtracted.
+    /// `None` leaves it at what a run's scene says.
     #[must_use]
     pub const fn saturated_at(mut self, saturation: Option<f32>) -> Self {
-        self.saturation = saturation;
+        if saturation.is_some() {
+            self.saturation = saturation;
+        }
         self
+    }
+
+    /// Variance of a number over its mean above the dark (the gain, times the excess noise of an
+    /// integrating detector), and the standard deviation of one without light: those of a run's
+    /// scene, `None` for measured stacks.
+    #[must_use]
+    pub const fn noise(&self) -> Option<[f64; 2]> {
+        self.noise
     }
 
     /// The scene whose geometry and offsets the frames have.

@@ -17,6 +17,8 @@ pub struct RetrieveOptions {
     /// Value of one count, where the values are counts: uncertainties of weighted fits and of
     /// closed forms come from it. `None`: values are intensities.
     pub gain: Option<f64>,
+    /// Standard deviation of noise besides that of counts, for weighted fits. >= 0.
+    pub read_noise: f64,
     /// Values from here on are left out and flagged.
     pub saturation: Option<f32>,
     /// Two-step: the steps of the sample to use; `None`: those nearest to the flat's slopes.

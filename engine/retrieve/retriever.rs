@@ -84,6 +84,7 @@ impl Retriever {
         let fit_options = FitOptions {
             weights: options.weights,
             gain: options.gain.unwrap_or(1.0),
+            read_noise: options.read_noise,
             saturation: options.saturation,
         };
         let along = beamlets.as_ref().map_or_else(|| offsets.clone(), Beamlets::offsets);

@@ -118,6 +118,7 @@ fn begun(
         },
         counts: input.counts(),
         gain: options.gain,
+        read_noise: options.read_noise,
         sources: input.sources(),
         offsets: scene.scan.mask_offsets.clone(),
         magnification: scene.magnification(),

@@ -16,8 +16,11 @@ pub struct Record {
     pub weights: String,
     /// Whether values were detector numbers, and not intensities.
     pub counts: bool,
-    /// Value of one count, where given.
+    /// Variance of a value over its mean, where the values are counts.
     pub gain: Option<f64>,
+    /// Standard deviation of a value's noise besides that of counts.
+    #[serde(default)]
+    pub read_noise: f64,
     /// What was read: flat and sample.
     pub sources: Vec<String>,
     /// Offsets of the sample mask, m.
