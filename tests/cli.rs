@@ -207,7 +207,7 @@ fn examples_are_listed_and_written_and_pass_their_own_check() {
     let place = workplace();
     let output = run(place.path(), "example");
     assert_code(&output, 0);
-    for name in ["cylinder", "bracket"] {
+    for name in ["cylinder", "bracket", "cylinders"] {
         assert!(stdout(&output).contains(name));
         let write = format!("example {name} -o {name}");
         assert_code(&run(place.path(), &write), 0);

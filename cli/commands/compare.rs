@@ -25,7 +25,12 @@ pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failu
         return Ok(());
     }
     out.flush()?;
-    Err(Failure::Differs(format!("{} by more than {:e}", unlike.join(", "), arguments.tolerance)))
+    let names = unlike.join(", ");
+    Err(Failure::Differs(if arguments.tolerance > 0.0 {
+        format!("{names} by more than {:e}", arguments.tolerance)
+    } else {
+        names
+    }))
 }
 
 fn table(found: &[Difference], out: &mut impl Write) -> Result<(), Failure> {

@@ -97,9 +97,18 @@ pub(super) fn summary(
     writeln!(out, "run      {} ({})", sink.path().display(), sink.format())?;
     writeln!(out, "views    {views} x {steps} steps of {columns} x {rows} pixels, and the flat")?;
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
+    if record.tally.rays == 0 {
+        writeln!(out, "rays     none traced, in {seconds:.1} s")?;
+        return tell(&record.tally, out);
+    }
     writeln!(out, "backend  {}: {}", record.backend, record.backend_reason)?;
     writeln!(out, "rays     {} in {seconds:.1} s ({rate:.2} million a second)", record.tally.rays)?;
-    for (count, what) in counts(&record.tally).into_iter().filter(|(count, _)| *count > 0) {
+    tell(&record.tally, out)
+}
+
+/// What is worth a line of a tally.
+fn tell(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
+    for (count, what) in counts(tally).into_iter().filter(|(count, _)| *count > 0) {
         writeln!(out, "         {count} {what}")?;
     }
     Ok(())

@@ -93,8 +93,6 @@ struct Repeated {
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {
     light: [f64; 3],
-    /// Light weighted by the widths that apertures have for its energy: the rest is of that.
-    passed: [f64; 3],
     x: [f64; 3],
     x2: f64,
     z: f64,
@@ -102,6 +100,8 @@ struct Sums {
     /// Of all light in the sample mask, in the detector mask of what passed that.
     shade: [f64; 2],
     lit: [f64; 2],
+    /// Of what the shade takes of an aperture's width, by mask: light, and light times x.
+    narrowed: [[f64; 2]; 2],
 }
 
 impl Sums {
@@ -120,16 +120,17 @@ impl Sums {
             let [first, second] = widths.map(|widths| widths[node]);
             for i in 0..3 {
                 let light = shares[node] * passing[node][i];
-                let passed = light * first * second;
                 sums.light[i] += light;
-                sums.passed[i] += passed;
-                sums.x[i] += passed * x[i];
+                sums.x[i] += light * x[i];
             }
             let light = shares[node] * passing[node][1];
-            let passed = light * first * second;
-            sums.x2 += passed * x[1] * x[1];
-            sums.z += passed * 0.5 * (low.z + high.z);
-            sums.slope_x += passed * 0.5 * (low.slope_x + high.slope_x);
+            sums.x2 += light * x[1] * x[1];
+            sums.z += light * 0.5 * (low.z + high.z);
+            sums.slope_x += light * 0.5 * (low.slope_x + high.slope_x);
+            for (narrowed, width) in sums.narrowed.iter_mut().zip([first, second]) {
+                narrowed[0] += light * (1.0 - width);
+                narrowed[1] += light * (1.0 - width) * x[1];
+            }
             for (mask, lit) in [light, light * first].into_iter().enumerate() {
                 sums.lit[mask] += lit;
                 sums.shade[mask] += lit * shades[mask].get(node).copied().unwrap_or(0.0);
@@ -145,14 +146,21 @@ impl Sums {
 
     /// The same of the displacement.
     fn drift(&self) -> f64 {
-        let x = |i: usize| self.x[i] / self.passed[i];
+        let x = |i: usize| self.x[i] / self.light[i];
         (x(1) - 0.5 * (x(0) + x(2))).abs()
     }
 
     /// Variance of the displacement over the energies, in the middle.
     fn spread(&self) -> f64 {
-        let mean = self.x[1] / self.passed[1];
-        (self.x2 / self.passed[1] - mean * mean).max(0.0)
+        let mean = self.x[1] / self.light[1];
+        (self.x2 / self.light[1] - mean * mean).max(0.0)
+    }
+
+    /// How much the mean displacement of what passes the apertures differs from that of the
+    /// light before them: energies that are narrowed more are displaced more.
+    fn lean(&self) -> f64 {
+        let [light, x] = [self.light[1], self.x[1] / self.light[1]];
+        self.narrowed.iter().map(|[sum, sum_x]| (sum_x / light - x * sum / light).abs()).sum()
     }
 }
 
@@ -523,6 +531,7 @@ impl Spectral {
                 let part = sums.light[1] / all;
                 let agrees = part * sums.bend() <= f64::from(DEPTH_TOLERANCE) * room
                     && part * sums.drift() <= self.tolerance * room
+                    && part * sums.lean() <= self.tolerance * room
                     && part * sums.spread() <= spread * spread;
                 if agrees || band.len() == 1 {
                     list.push(self.gathered(strip, cell, &sums));
@@ -548,9 +557,9 @@ impl Spectral {
     fn gathered(&self, strip: &Strip, cell: &Cell, sums: &Sums) -> Cell {
         let end = |i: usize| NodeLaw {
             depth: -sums.light[i].ln(),
-            x: sums.x[i] / sums.passed[i],
-            z: sums.z / sums.passed[1],
-            slope_x: sums.slope_x / sums.passed[1],
+            x: sums.x[i] / sums.light[i],
+            z: sums.z / sums.light[1],
+            slope_x: sums.slope_x / sums.light[1],
         };
         Cell {
             spread: sums.spread() as f32,
