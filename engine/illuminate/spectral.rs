@@ -97,9 +97,7 @@ struct Sums {
     x2: f64,
     z: f64,
     slope_x: f64,
-    /// Of all light in the sample mask, in the detector mask of what passed that.
     shade: [f64; 2],
-    lit: [f64; 2],
     /// Of what the shade takes of an aperture's width, by mask: light, and light times x.
     narrowed: [[f64; 2]; 2],
 }
@@ -117,7 +115,6 @@ impl Sums {
         for node in nodes {
             let [low, high] = &laws[node];
             let x = [low.x, 0.5 * (low.x + high.x), high.x];
-            let [first, second] = widths.map(|widths| widths[node]);
             for i in 0..3 {
                 let light = shares[node] * passing[node][i];
                 sums.light[i] += light;
@@ -127,13 +124,13 @@ impl Sums {
             sums.x2 += light * x[1] * x[1];
             sums.z += light * 0.5 * (low.z + high.z);
             sums.slope_x += light * 0.5 * (low.slope_x + high.slope_x);
-            for (narrowed, width) in sums.narrowed.iter_mut().zip([first, second]) {
-                narrowed[0] += light * (1.0 - width);
-                narrowed[1] += light * (1.0 - width) * x[1];
+            for (narrowed, width) in sums.narrowed.iter_mut().zip(widths) {
+                let narrower = light * (1.0 - width[node]);
+                narrowed[0] += narrower;
+                narrowed[1] += narrower * x[1];
             }
-            for (mask, lit) in [light, light * first].into_iter().enumerate() {
-                sums.lit[mask] += lit;
-                sums.shade[mask] += lit * shades[mask].get(node).copied().unwrap_or(0.0);
+            for (sum, shades) in sums.shade.iter_mut().zip(shades) {
+                *sum += light * shades.get(node).copied().unwrap_or(0.0);
             }
         }
         sums
@@ -563,8 +560,8 @@ impl Spectral {
         };
         Cell {
             spread: sums.spread() as f32,
-            sample_shade: (sums.shade[0] / sums.lit[0]) as f32,
-            detector_shade: (sums.shade[1] / sums.lit[1]) as f32,
+            sample_shade: (sums.shade[0] / sums.light[1]) as f32,
+            detector_shade: (sums.shade[1] / sums.light[1]) as f32,
             ..self.cell(strip, [cell.x_low, cell.x_high], [end(0), end(2)])
         }
     }

@@ -92,14 +92,15 @@ for side, (name, factor, words, plain, style, limit) in enumerate((
         profile.set_ylim(-3.6, 3.6)
     for (centre, _, _), word in zip(theory.CYLINDERS, ("water", "polyethylene", "carbon")):
         place = 1e3 * centre * theory.DETECTOR / theory.SOURCE
-        profile.text(place, profile.get_ylim()[0] + 0.04 * np.ptp(profile.get_ylim()), word, ha="center")
+        profile.text(place, profile.get_ylim()[1] - 0.07 * np.ptp(profile.get_ylim()), word, ha="center",
+                     fontsize=8)
     scale = 1 if name == "transmission" else rms_alpha
     error = (answers[name] - exact[name]) / scale
     off.axhspan(-limit, limit, color="#009e73", alpha=0.12, lw=0)
     off.axhline(0, color="0.6", lw=0.5)
     off.plot(mm[inside], error[inside], ".", ms=3, color="#0072b2", label="inside")
     off.plot(mm[~inside], error[~inside], "x", ms=3, mew=0.6, color="0.5", label="rim, silhouettes, beside")
-    off.set_ylim(-2.5e-3, 2.5e-3)
+    off.set_ylim(-3e-3, 4e-3)
     off.set_ylabel("difference" + (" / rms of angle" if side else ""))
     off.set_xlabel("x on the detector [mm]")
     off.legend(loc="upper right", fontsize=7, ncols=2, frameon=False)
