@@ -131,14 +131,16 @@ float response(Light light, Column column, float row_z, Piece piece, float low, 
     float reach = abs(piece.half_width) + 6.5 * piece.blur;
     float first = max(low, piece.middle - reach) + column.aperture_offset;
     float last = min(high, piece.middle + reach) + column.aperture_offset;
-    int from = masked ? int(floor(first / mask.period - 0.5)) : 0;
-    int to = masked ? int(ceil(last / mask.period + 0.5)) : -1;
+    // Only periods with an aperture in reach: where a driver runs every branch, each counts.
+    int from = masked ? int(ceil((first - mask.apertures.at[mask.count - 1u].high) / mask.period)) : 0;
+    int to = masked ? int(floor((last - mask.apertures.at[0].low) / mask.period)) : -1;
     int apertures = max(to - from + 1, 0) * int(mask.count);
     float whole = 0.0;
     float open = 0.0;
     // First the whole pixel, behind the bars too; then each aperture. The window stands in the
     // loop once: drivers inline it, and it is long.
-    for (int n = leak >= NEGLIGIBLE ? -1 : 0; n < apertures; n++) {
+    int n = leak >= NEGLIGIBLE ? -1 : 0;
+    do {
         Edge lower = pixel_low;
         Edge upper = pixel_high;
         if (n >= 0) {
@@ -151,14 +153,17 @@ float response(Light light, Column column, float row_z, Piece piece, float low, 
                                           piece.detector_shade);
             float a = centre - 0.5 * width;
             float b = centre + 0.5 * width;
-            if (b <= low || a >= high || b <= a) continue;
-            if (b < high) upper = Edge(b, false);
-            if (a > low) lower = Edge(a, false);
+            if (b <= low || a >= high || b <= a || n >= apertures) lower = upper;
+            else {
+                if (b < high) upper = Edge(b, false);
+                if (a > low) lower = Edge(a, false);
+            }
         }
         float share = window(piece, lower, upper);
         if (n < 0) whole = share;
         else open += max(share, 0.0);
-    }
+        n++;
+    } while (n < apertures);
     if (!masked) return whole;
     return leak < NEGLIGIBLE ? open : leak * whole + (1.0 - leak) * open;
 }
@@ -172,11 +177,13 @@ void deposit(Light light, Strip strip, Column column, float row_z, uint mask_ste
     // Far outside the detector there is nothing to sum.
     from = max(from, -column.pixel);
     to = min(to, int(light.column_count) - 1 - column.pixel);
-    for (int q = from; q <= to; q++) {
+    int q = from;
+    do {
         float low = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
         float value = piece.amount * response(light, column, row_z, piece, low, low + light.pixel);
-        if (!(value > 0.0)) continue;
         int pixel = column.pixel + q;
+        if (q > to || !(value > 0.0)) value = 0.0;
+        q++;
         if (spread.near) {
             if (pixel != pending.pixel) {
                 flush(light, strip.row, mask_step, pending);
@@ -194,7 +201,7 @@ void deposit(Light light, Strip strip, Column column, float row_z, uint mask_ste
                 above = below;
             }
         }
-    }
+    } while (q <= to);
 }
 
 // The part [a, b] of a cell on the analyser. x is where the ray from the centre of the source
@@ -231,6 +238,19 @@ void settle(inout Piece piece) {
     piece.middle -= piece.half_width * piece.lean / 3.0;
 }
 
+// The first cell from `first` on whose upper (or lower) end lies beyond x; cells are sorted.
+uint cell_beyond(Strip strip, float x, uint first, bool upper) {
+    uint last = strip.count;
+    while (first < last) {
+        uint middle = (first + last) / 2u;
+        Cell cell = push.cells.at[strip.first + middle];
+        bool beyond = upper ? cell.x_high > x : cell.x_low >= x;
+        if (beyond) last = middle;
+        else first = middle + 1u;
+    }
+    return first;
+}
+
 void main() {
     uint index = push.first_strip + gl_GlobalInvocationID.x;
     uint mask_step = push.first_step + gl_GlobalInvocationID.y;
@@ -251,74 +271,82 @@ void main() {
                      edge_variance(light.detector_mask, column.slope, sec, other_leak));
 
     Pending pending = Pending(column.pixel, vec3(0.0));
-    bool faint = mask.present != 0u && leak > NEGLIGIBLE && leak < FAINT;
-    float faint_amount = 0.0;
-    // Behind the cells the light of faint leaks of the whole strip; in each cell first what the
-    // bars leak, then each aperture. deposit() stands in the loop once: drivers inline it.
-    for (uint i = 0u; i < strip.count + (faint ? 1u : 0u); i++) {
+    bool masked = mask.present != 0u;
+    bool faint = masked && leak > NEGLIGIBLE && leak < FAINT;
+    bool every = leak >= FAINT;
+    // A source without extent, or cells in the plane of the mask: the cut is sharp.
+    bool sharp = light.shift <= 0.0;
+    float reach = 6.5 * light.shift;
+    Aperture ends = Aperture(push.cells.at[strip.first].x_low,
+                             push.cells.at[strip.first + strip.count - 1u].x_high);
+    float low_side = masked ? mask.apertures.at[mask.count - 1u].high + reach : 0.0;
+    float high_side = masked ? mask.apertures.at[0].low - reach : 0.0;
+    int from = masked ? int(ceil((ends.low - offset - low_side) / mask.period)) : 0;
+    int to = masked ? int(floor((ends.high - offset - high_side) / mask.period)) : -1;
+    int apertures = max(to - from + 1, 0) * int(mask.count);
+    // First what the bars leak: of every cell, or so faint that the strip counts as one cell
+    // (index `count`); then each aperture with the cells that it lets light through. deposit()
+    // stands in the loop once: drivers inline it, and some run the body for nothing.
+    int n = -1;
+    uint i = faint ? strip.count : 0u;
+    uint stop = faint ? strip.count + 1u : (every ? strip.count : 0u);
+    float middle_x = 0.0, slope_x = 0.0; // of the aperture
+    for (;;) {
+        while (n < apertures && i >= stop) {
+            n++;
+            if (n >= apertures) break;
+            int k = from + n / int(mask.count);
+            Aperture aperture = mask.apertures.at[n % int(mask.count)];
+            float centre = float(k) * mask.period + offset + 0.5 * (aperture.low + aperture.high);
+            // Effective apertures are narrower than these.
+            float widest = aperture.high - aperture.low;
+            i = cell_beyond(strip, centre - 0.5 * widest - reach, 0u, true);
+            stop = cell_beyond(strip, centre + 0.5 * widest + reach, i, false);
+            middle_x = centre;
+            slope_x = column.slope + centre / light.cell_plane;
+        }
+        if (n >= apertures) break;
         bool all = i == strip.count;
         Cell cell = push.cells.at[strip.first + (all ? 0u : i)];
+        i++;
         if (all) {
             // Bars of this leak pass about 1e-6 of open beam: where in the strip does not matter.
-            cell.x_high = push.cells.at[strip.first + strip.count - 1u].x_high;
+            cell.x_high = ends.high;
             cell.depth_low = cell.depth_high = 0.0;
             cell.displacement_low = cell.displacement_high = 0.0;
             cell.pixel_shift = 0.0;
         }
-        RowSpread spread = row_spread(light, strip, cell);
-        bool masked = mask.present != 0u && !all;
-        int from = masked ? int(floor((cell.x_low - offset) / mask.period - 0.5)) : 0;
-        int to = masked ? int(ceil((cell.x_high - offset) / mask.period + 0.5)) : -1;
-        int apertures = (to - from + 1) * int(mask.count);
-        for (int n = -1; n < apertures; n++) {
-            bool background = n < 0;
-            float a = cell.x_low;
-            float b = cell.x_high;
-            float from_x = a;
-            float to_x = b;
-            bool cut_ = false;
-            if (background) {
-                if (leak <= NEGLIGIBLE) continue;
-            } else {
-                int k = from + n / int(mask.count);
-                Aperture aperture = mask.apertures.at[n % int(mask.count)];
-                float centre = float(k) * mask.period + offset + 0.5 * (aperture.low + aperture.high);
-                float slope = column.slope + centre / light.cell_plane;
-                float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak,
-                                              cell.sample_shade);
-                a = centre - 0.5 * width;
-                b = centre + 0.5 * width;
-                float reach = 6.5 * light.shift;
-                if (b <= a || b + reach <= cell.x_low || a - reach >= cell.x_high) continue;
-                bool inside = a + reach <= cell.x_low && b - reach >= cell.x_high;
-                // A source without extent, or cells in the plane of the mask: the cut is sharp.
-                bool sharp = light.shift <= 0.0;
-                if (sharp) {
-                    from_x = max(cell.x_low, a);
-                    to_x = min(cell.x_high, b);
-                }
-                cut_ = !inside && !sharp;
+        float from_x = cell.x_low;
+        float to_x = cell.x_high;
+        bool cut_ = false;
+        float low = 0.0, high = 0.0;
+        if (n >= 0) {
+            Aperture aperture = mask.apertures.at[n % int(mask.count)];
+            float width = effective_width(mask, aperture.high - aperture.low, slope_x, sec, leak,
+                                          cell.sample_shade);
+            low = middle_x - 0.5 * width;
+            high = middle_x + 0.5 * width;
+            if (high <= low || high + reach <= cell.x_low || low - reach >= cell.x_high) continue;
+            bool inside = low + reach <= cell.x_low && high - reach >= cell.x_high;
+            if (sharp) {
+                from_x = max(cell.x_low, low);
+                to_x = min(cell.x_high, high);
             }
-            float share = background ? (all ? 1.0 : leak) : 1.0 - leak;
-            Piece piece = piece_of(light, strip, cell, from_x, to_x, share, all ? vec2(0.0) : soft);
-            if (background && faint) {
-                if (!all) {
-                    faint_amount += piece.amount;
-                    continue;
-                }
-                piece.amount = faint_amount;
-            }
-            if (cut_) {
-                float middle = 0.5 * (from_x + to_x);
-                piece.cut = true;
-                piece.shift = light.shift;
-                piece.aperture_low = a - middle;
-                piece.aperture_high = b - middle;
-            } else {
-                settle(piece);
-            }
-            deposit(light, strip, column, row_z, mask_step, piece, spread, pending);
+            cut_ = !inside && !sharp;
         }
+        float share = n < 0 ? (all ? 1.0 : leak) : 1.0 - leak;
+        Piece piece = piece_of(light, strip, cell, from_x, to_x, share, all ? vec2(0.0) : soft);
+        if (all) piece.amount = leak * strip.light * light.weight * (strip.bottom - strip.top);
+        if (cut_) {
+            float middle = 0.5 * (from_x + to_x);
+            piece.cut = true;
+            piece.shift = light.shift;
+            piece.aperture_low = low - middle;
+            piece.aperture_high = high - middle;
+        } else {
+            settle(piece);
+        }
+        deposit(light, strip, column, row_z, mask_step, piece, row_spread(light, strip, cell), pending);
     }
     flush(light, strip.row, mask_step, pending);
 }

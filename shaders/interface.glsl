@@ -167,6 +167,7 @@ struct Strip {
     int row;
     float top;    // within the row, 0..1 downwards
     float bottom;
+    float light;  // that its cells let through, as a length of the open beam, m
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Strips { Strip at[]; };
 

@@ -184,6 +184,7 @@ shared_structs! {
         pub row: i32,
         pub top: f32,
         pub bottom: f32,
+        pub light: f32,
     }
 
     /// A cell with the laws at its ends.

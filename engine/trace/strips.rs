@@ -97,7 +97,7 @@ impl Strips {
             return;
         }
         let (first, count) = (self.cells.len() as u32, cells.len() as u32);
-        self.strips.push(Strip { first, count, ..strip });
+        self.strips.push(Strip { first, count, light: light_of(cells), ..strip });
         self.cells.extend_from_slice(cells);
         self.moments.append(moments, first);
     }
@@ -134,6 +134,16 @@ impl Strips {
     }
 }
 
+/// What cells let through, as a length of the open beam, m.
+fn light_of(cells: &[Cell]) -> f32 {
+    let light = |cell: &Cell| {
+        let lean = cell.depth_high - cell.depth_low;
+        let middle = 0.5 * (cell.depth_low + cell.depth_high);
+        (cell.x_high - cell.x_low) * (-middle).exp() * (1.0 + lean * lean / 24.0)
+    };
+    cells.iter().map(light).sum()
+}
+
 /// Strips of all beamlets without a sample: one cell each.
 #[must_use]
 pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
@@ -149,7 +159,15 @@ pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
 }
 
 pub(crate) fn empty_strip(column: i64, row: i64) -> Strip {
-    Strip { first: 0, count: 0, column: column as u32, row: row as i32, top: 0.0, bottom: 1.0 }
+    Strip {
+        first: 0,
+        count: 0,
+        column: column as u32,
+        row: row as i32,
+        top: 0.0,
+        bottom: 1.0,
+        light: 0.0,
+    }
 }
 
 pub(crate) fn empty_cell(lattice: &Lattice) -> Cell {
