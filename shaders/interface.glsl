@@ -191,7 +191,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Off
 
 // A Gaussian of the focal spot.
 struct SpotPart {
-    float below; // share of the light in this part and those before it
+    float below; // share of the light in this part and those before it; more than 1 in the last
     float x;     // offset from the optical axis, m
     float z;
     float deviation_x; // m
@@ -207,7 +207,6 @@ struct Light {
     Columns columns;
     Offsets offsets;      // of the sample mask, per step, m
     SpotParts spot_parts; // for random draws
-    uint spot_part_count;
     float magnification;  // cell plane to analyser
     float mask_move;      // of a place in the sample against the sample mask, m
     float landing_move;   // of the detector mask's edges against the light of a cell, m

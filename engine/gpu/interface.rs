@@ -219,7 +219,6 @@ shared_structs! {
         pub columns: Address,
         pub offsets: Address,
         pub spot_parts: Address,
-        pub spot_part_count: u32,
         pub magnification: f32,
         pub mask_move: f32,
         pub landing_move: f32,

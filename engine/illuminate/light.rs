@@ -193,7 +193,6 @@ impl LightRecord {
             columns: columns.address(),
             offsets: offsets.address(),
             spot_parts: table.address(),
-            spot_part_count: (table.len() / size_of::<SpotPart>() as u64) as u32,
             magnification: (analyser / cell_plane) as f32,
             mask_move: narrow(at_mask(part.offset[0])),
             landing_move: narrow(at_analyser(part.offset[0])),
@@ -303,5 +302,10 @@ fn table(parts: &[PlacedPart]) -> Vec<SpotPart> {
         let [deviation_x, deviation_z] = part.deviation.map(|deviation| deviation as f32);
         SpotPart { below: below as f32, x, z, deviation_x, deviation_z }
     };
-    parts.iter().map(of_part).collect()
+    let mut table: Vec<SpotPart> = parts.iter().map(of_part).collect();
+    // Every draw ends there, whatever the shares round to.
+    if let Some(last) = table.last_mut() {
+        last.below = 2.0;
+    }
+    table
 }

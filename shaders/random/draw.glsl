@@ -24,18 +24,10 @@ Draw draw(Light light, Pixel pixel, uint view, uvec2 seed, uint ray, uvec2 rays)
     vec2 gauss = radius * vec2(cos(angle), sin(angle));
     uvec2 place = uvec2(ray % rays.x, ray / rays.x);
     vec2 target = (vec2(place) + 0.5) / vec2(rays) - 0.5;
-    SpotPart part = light.spot_parts.at[0];
-    if (light.spot_part_count > 1u) {
-        float pick = float(bits.z >> 8) / 16777216.0;
-        uint low = 0u;
-        uint high = light.spot_part_count - 1u;
-        while (low < high) {
-            uint middle = (low + high) / 2u;
-            if (pick < light.spot_parts.at[middle].below) high = middle;
-            else low = middle + 1u;
-        }
-        part = light.spot_parts.at[low];
-    }
+    float pick = float(bits.z >> 8) / 16777216.0;
+    uint k = 0u;
+    while (pick >= light.spot_parts.at[k].below) k++;
+    SpotPart part = light.spot_parts.at[k];
     return Draw(vec2(part.x, part.z) + gauss * vec2(part.deviation_x, part.deviation_z),
                 vec2(target.x * light.column_pitch, -target.y * light.row_pitch));
 }
