@@ -7,6 +7,7 @@ mod reference;
 mod support;
 
 use beamlet::Backend;
+use beamlet::retrieve::Method;
 use beamlet::scene::{Scene, Scheme};
 use beamlet::spot::{Spot, SpotPart};
 use ndarray::{Array2, array};
@@ -438,7 +439,21 @@ fn overrides_change_parts_of_a_spot() {
     let load = |set: &str| Scene::load_with(&path, &[set.to_owned()]).unwrap().source.spot.fwhm();
     let [one, two] = ["10 um", "20 um"].map(|p| load(&format!("source.spot.pixel={p}")));
     assert!((two[0] / one[0] - 2.0).abs() < 1e-9 && (two[1] / one[1] - 2.0).abs() < 1e-9);
-    assert_eq!(load("source.spot.fwhm=7 um"), [7e-6; 2]);
+    let [x, z] = load("source.spot.fwhm=7 um");
+    assert!((x - 7e-6).abs() < 1e-15 && (z - 7e-6).abs() < 1e-15);
+}
+
+#[test]
+fn the_exact_curve_of_a_gaussian_spot_serves_no_other() {
+    let setup = Setup::paper([4, 1]);
+    let check =
+        |spot: Spot| Method::ExactCurve.check(&with_spot(&setup, &[], &OFFSETS, spot), &OFFSETS);
+    assert!(check([30e-6, 26e-6].into()).is_ok());
+    // Two heights of one width across the slits are one Gaussian there.
+    let [low, high] = [part(1.0, [30e-6, 9e-6], [0.0; 2]), part(2.0, [30e-6, 0.0], [0.0, 9e-6])];
+    assert!(check(Spot::gaussians(vec![low, high])).is_ok());
+    let error = check(Spot::gaussians(LOPSIDED.to_vec())).unwrap_err().to_string();
+    assert!(error.contains("source.spot") && error.contains("use gaussian"), "{error}");
 }
 
 #[test]

@@ -199,7 +199,8 @@ impl LightRecord {
             pixel_move: narrow(at_pixel(part.offset[0])),
             slope_move: narrow(part.offset[0] / source.distance),
             row_move: narrow(in_rows(part.offset[1])),
-            rows_apart: (part.offset[1] != 0.0 || part.deviation[1] != base).into(),
+            rows_apart: (part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0)
+                .into(),
             spot: narrow(at_analyser(part.deviation[0])),
             pixel_spot: narrow(at_pixel(part.deviation[0])),
             shift: narrow(at_mask(part.deviation[0])),
