@@ -50,7 +50,7 @@ fn scene() -> Scene {
     Scene {
         // Where relative paths of meshes and tables start; this scene has none.
         directory: PathBuf::from("."),
-        source: Source { distance: source, spot: [30e-6, 26e-6], beam: Beam::Energy(30.0) },
+        source: Source { distance: source, spot: [30e-6, 26e-6].into(), beam: Beam::Energy(30.0) },
         detector: Detector::new(detector, [64, 4], [pitch, pitch]),
         sample_mask: Some(MaskSpec {
             distance: sample_mask,

@@ -7,6 +7,7 @@ use crate::material;
 use crate::memory::{self, MemoryEstimate};
 use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
 use crate::spectrum::{self, Nodes};
+use crate::spot::SpotFit;
 use crate::stack::Extent;
 use crate::trace::Lattice;
 use crate::{Error, Result};
@@ -48,6 +49,8 @@ pub struct Setup {
     pub fan_angle: f64,
     /// Field of view in the plane of the rotation centre, x and z, m.
     pub field_of_view: [f64; 2],
+    /// The focal spot.
+    pub spot: CheckedSpot,
     /// Period and aperture of the sample mask, m.
     pub sample_mask: Option<[f64; 2]>,
     /// Period and aperture of the detector mask, m.
@@ -62,6 +65,19 @@ pub struct Setup {
     pub extent: Extent,
     /// Where the detector blurs, the grid that takes the light.
     pub light_grid: Option<LightGrid>,
+}
+
+/// The focal spot.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CheckedSpot {
+    /// Full width at half maximum along x and z of the Gaussian with the spot's variance, m.
+    pub fwhm: [f64; 2],
+    /// Gaussians that it is the sum of.
+    pub parts: usize,
+    /// How they were made from an image or a profile, where they were.
+    pub fit: Option<SpotFit>,
+    /// Where they were and both masks are there: most that they change a flat, of open beam.
+    pub curve_error: Option<f64>,
 }
 
 /// A material at the energy of the scene.
@@ -182,12 +198,30 @@ fn setup(
         lever_arm: scene.lever_arm(),
         fan_angle: scene.fan_angle(),
         field_of_view: scene.field_of_view(),
+        spot: spot(scene),
         sample_mask: mask(&scene.sample_mask),
         detector_mask: mask(&scene.detector_mask),
         swept: reach,
         room: geometry::room(scene).map(|(distance, _)| distance),
         extent,
         light_grid: scene.detector.blur.as_ref().map(|_| *detection.grid()),
+    }
+}
+
+fn spot(scene: &Scene) -> CheckedSpot {
+    let spot = &scene.source.spot;
+    let fit = spot.fit().cloned();
+    // The overlap of two apertures changes by as much per metre of source, and has four kinks.
+    let slope = scene
+        .detector_mask
+        .as_ref()
+        .filter(|_| scene.sample_mask.is_some())
+        .map(|mask| (scene.magnification() - 1.0) / mask.period);
+    CheckedSpot {
+        fwhm: spot.fwhm(),
+        parts: spot.parts().len(),
+        curve_error: fit.as_ref().zip(slope).map(|(fit, slope)| 2.0 * slope * fit.error),
+        fit,
     }
 }
 

@@ -25,6 +25,7 @@ mod run;
 pub mod scene;
 mod simulation;
 pub mod spectrum;
+pub mod spot;
 pub mod stack;
 pub mod trace;
 pub mod units;

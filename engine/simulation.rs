@@ -125,6 +125,10 @@ impl<'e> Simulation<'e> {
         };
         let memory =
             memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
+        if let Some(fit) = scene.source.spot.fit() {
+            let (parts, samples) = (scene.source.spot.parts().len(), fit.samples);
+            log::info!("focal spot {}: {parts} Gaussians for {samples} pixels", fit.file);
+        }
         let device = engine.device();
         let wanted = options.backend;
         let description = device.description();

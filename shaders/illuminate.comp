@@ -60,10 +60,18 @@ struct RowSpread {
 
 RowSpread row_spread(Light light, Strip strip, Cell cell) {
     RowSpread spread;
-    spread.middle = 0.5 * (strip.top + strip.bottom) - cell.displacement_z / light.row_pitch;
+    spread.middle = 0.5 * (strip.top + strip.bottom) - cell.displacement_z / light.row_pitch
+        + light.row_move;
     spread.half_height = 0.5 * (strip.bottom - strip.top);
     spread.near = cell.above >= 0.0;
     spread.shares = vec3(cell.above, 1.0 - cell.above - cell.below, cell.below);
+    if (light.rows_apart != 0u) {
+        float span = spread.half_height + 6.0 * light.row_blur;
+        spread.near = spread.middle - span >= -1.0 && spread.middle + span <= 2.0;
+        float above = share_below(0.0, spread.middle, spread.half_height, light.row_blur);
+        float below = 1.0 - share_below(1.0, spread.middle, spread.half_height, light.row_blur);
+        spread.shares = vec3(above, 1.0 - above - below, below);
+    }
     return spread;
 }
 
@@ -258,6 +266,10 @@ void main() {
     Light light = push.light_ref.at[0];
     Strip strip = push.strips.at[index];
     Column column = light.columns.at[strip.column];
+    column.sample_offset += light.mask_move;
+    column.aperture_offset -= light.landing_move;
+    column.pixel_offset -= light.pixel_move;
+    column.slope -= light.slope_move;
     float row_middle = float(strip.row) + 0.5 * (strip.top + strip.bottom);
     float row_z = (row_middle - light.middle_row) * light.row_slope;
 

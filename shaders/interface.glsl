@@ -190,13 +190,31 @@ struct Cell {
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Cells { Cell at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Offsets { float at[]; };
 
+// A Gaussian of the focal spot.
+struct SpotPart {
+    float below; // share of the light in this part and those before it; more than 1 in the last
+    float x;     // offset from the optical axis, m
+    float z;
+    float deviation_x; // m
+    float deviation_z;
+};
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer SpotParts { SpotPart at[]; };
+
+// For cells: of one part of the focal spot. What lies at an offset moves against the rays from
+// the source centre, which is where cells stand (docs/physics.md, "Focal spot").
 struct Light {
     Mask sample_mask;
     Mask detector_mask;
     Columns columns;
     Offsets offsets;      // of the sample mask, per step, m
+    SpotParts spot_parts; // for random draws
     float magnification;  // cell plane to analyser
-    float source_x;       // standard deviation of the spot, m
+    float mask_move;      // of a place in the sample against the sample mask, m
+    float landing_move;   // of the detector mask's edges against the light of a cell, m
+    float pixel_move;     // the same of pixel edges, seen on the analyser
+    float slope_move;     // of rays, downwards
+    float row_move;       // of light, rows downwards
+    uint rows_apart;      // shares of rows that cells hold are not those of this part
     float spot;           // blur on the analyser of what lies at the rotation centre, m, std
     float pixel_spot;     // the same at edges of pixels, seen on the analyser
     float shift;          // std of x at the sample mask for a fixed place in the sample, m
@@ -214,7 +232,6 @@ struct Light {
     uint column_count;    // pixels
     float detector;       // distance from the source
     float rotation;       // distance of the rotation centre from the source
-    float source_z;       // standard deviation of the spot, m
     float column_pitch;   // m, on the detector
     float part;           // of the spectrum that this light is
 };

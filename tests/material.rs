@@ -13,7 +13,7 @@ use beamlet::scene::{
 fn scene(energy: f64) -> Scene {
     Scene {
         directory: ".".into(),
-        source: Source { distance: 1.21, spot: [0.0; 2], beam: Beam::Energy(energy) },
+        source: Source { distance: 1.21, spot: [0.0; 2].into(), beam: Beam::Energy(energy) },
         detector: Detector::new(1.8, [128, 128], [150e-6; 2]),
         sample_mask: None,
         detector_mask: None,

@@ -170,7 +170,7 @@ proptest! {
         angles in prop::collection::vec(-10.0..10.0_f64, 1..6),
     ) {
         let mut scene = load(PAPER).unwrap();
-        scene.source.spot = [values[0], values[1]];
+        scene.source.spot = [values[0], values[1]].into();
         scene.source.beam = Beam::Energy(values[2] * 1e6);
         scene.detector.pitch = [values[3], values[4]];
         scene.scan.mask_offsets = values.clone();

@@ -34,7 +34,7 @@ fn scene() -> Scene {
     };
     Scene {
         directory: PathBuf::new(),
-        source: Source { distance: 1.21, spot: [30e-6, 26e-6], beam: Beam::Energy(30.0) },
+        source: Source { distance: 1.21, spot: [30e-6, 26e-6].into(), beam: Beam::Energy(30.0) },
         detector: Detector::new(1.8, [7, 5], [150e-6; 2]),
         sample_mask: mask(1.2, 100e-6, 20e-6),
         detector_mask: mask(1.8, 150e-6, 30e-6),

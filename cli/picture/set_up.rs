@@ -29,9 +29,11 @@ pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Drawing {
 fn caption(scene: &Scene) -> String {
     let [columns, rows] = scene.detector.pixels;
     let [x, z] = scene.detector.pitch.map(length);
-    let spot = match scene.source.spot {
-        [0.0, 0.0] => "a point".to_owned(),
-        [x, z] => format!("{} × {} (FWHM)", length(x), length(z)),
+    let [across, up] = scene.source.spot.fwhm();
+    let spot = match scene.source.spot.parts().len() {
+        1 if across == 0.0 && up == 0.0 => "a point".to_owned(),
+        1 => format!("{} × {} (FWHM)", length(across), length(up)),
+        n => format!("of {n} parts, {} × {} (FWHM by variance)", length(across), length(up)),
     };
     let views = match scene.scan.angles.len() {
         1 => "1 view".to_owned(),

@@ -57,6 +57,20 @@ impl CheckReport {
         line(f, "fan angle", format!("{} deg", number(setup.fan_angle.to_degrees())))?;
         let [x, z] = setup.field_of_view.map(length);
         line(f, "field of view", format!("{x} x {z}"))?;
+        let spot = &setup.spot;
+        let [x, z] = spot.fwhm.map(length);
+        let parts = match spot.parts {
+            1 => String::new(),
+            parts => format!(", the width by variance of {parts} Gaussians"),
+        };
+        let made = spot.fit.as_ref().map_or(String::new(), |fit| {
+            let error = spot
+                .curve_error
+                .map_or(String::new(), |error| format!(", flat within {error:.1e} of open beam"));
+            let off = fit.relative_error;
+            format!(" for {} pixels (shape within {off:.1e}{error})", count(fit.samples as u64))
+        });
+        line(f, "focal spot", format!("{x} x {z}{parts}{made}"))?;
         for (name, mask) in
             [("sample mask", setup.sample_mask), ("detector mask", setup.detector_mask)]
         {

@@ -129,7 +129,7 @@ impl LightGrid {
         {
             let source = scene.source.distance;
             let seen = sigma[1] / deviation(1.0) * source / (scene.detector.distance - source);
-            lit.source.spot[1] = libm::hypot(lit.source.spot[1], seen);
+            lit.source.spot = lit.source.spot.blurred_along_z(seen);
         }
         lit
     }

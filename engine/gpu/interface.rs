@@ -204,14 +204,29 @@ shared_structs! {
         pub detector_shade: f32,
     }
 
+    /// A Gaussian of the focal spot.
+    pub struct SpotPart {
+        pub below: f32,
+        pub x: f32,
+        pub z: f32,
+        pub deviation_x: f32,
+        pub deviation_z: f32,
+    }
+
     /// Everything that the light stages need to know of a band.
     pub struct Light {
         pub sample_mask: Mask,
         pub detector_mask: Mask,
         pub columns: Address,
         pub offsets: Address,
+        pub spot_parts: Address,
         pub magnification: f32,
-        pub source_x: f32,
+        pub mask_move: f32,
+        pub landing_move: f32,
+        pub pixel_move: f32,
+        pub slope_move: f32,
+        pub row_move: f32,
+        pub rows_apart: u32,
         pub spot: f32,
         pub pixel_spot: f32,
         pub shift: f32,
@@ -229,7 +244,6 @@ shared_structs! {
         pub column_count: u32,
         pub detector: f32,
         pub rotation: f32,
-        pub source_z: f32,
         pub column_pitch: f32,
         pub part: f32,
     }

@@ -76,35 +76,38 @@ impl CellIlluminator {
         // Light that no sample mask moves is the same at every step.
         let (steps, repeats) = if light.same_at_all_steps { (1, steps) } else { (steps, 1) };
         let all = strips.strips.len() as u32;
-        let mut first_strip = 0;
-        while first_strip < all {
-            let strip_count = (all - first_strip).min(self.load.min(1 << 20) as u32).max(1);
-            let at_once = ((self.load / u64::from(strip_count)).clamp(1, 4096) as u32).min(steps);
-            let mut first_step = 0;
-            while first_step < steps {
-                let n = at_once.min(steps - first_step);
-                let push = IlluminatePush {
-                    light_ref: light.buffer.address(),
-                    strips: strip_buffer.address(),
-                    cells: cell_buffer.address(),
-                    sums: sums.buffer.address(),
-                    strip_count,
-                    first_strip,
-                    first_step,
-                    repeats,
-                };
-                let time = self.device.run(|r| {
-                    let groups = [strip_count.div_ceil(GROUP), n, 1];
-                    r.dispatch(&self.kernel, bytemuck::bytes_of(&push), groups);
-                })?;
-                first_step += n;
-                if time > LONG {
-                    self.load = (self.load / 2).max(1024);
-                } else if time < LONG / 4 {
-                    self.load = (self.load * 2).min(1 << 26);
+        for light in light.addresses() {
+            let mut first_strip = 0;
+            while first_strip < all {
+                let strip_count = (all - first_strip).min(self.load.min(1 << 20) as u32).max(1);
+                let at_once =
+                    ((self.load / u64::from(strip_count)).clamp(1, 4096) as u32).min(steps);
+                let mut first_step = 0;
+                while first_step < steps {
+                    let n = at_once.min(steps - first_step);
+                    let push = IlluminatePush {
+                        light_ref: light,
+                        strips: strip_buffer.address(),
+                        cells: cell_buffer.address(),
+                        sums: sums.buffer.address(),
+                        strip_count,
+                        first_strip,
+                        first_step,
+                        repeats,
+                    };
+                    let time = self.device.run(|r| {
+                        let groups = [strip_count.div_ceil(GROUP), n, 1];
+                        r.dispatch(&self.kernel, bytemuck::bytes_of(&push), groups);
+                    })?;
+                    first_step += n;
+                    if time > LONG {
+                        self.load = (self.load / 2).max(1024);
+                    } else if time < LONG / 4 {
+                        self.load = (self.load * 2).min(1 << 26);
+                    }
                 }
+                first_strip += strip_count;
             }
-            first_strip += strip_count;
         }
         Ok(())
     }

@@ -7,10 +7,11 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use crate::gpu::interface::{Aperture, Column, Light, Mask};
+use crate::gpu::interface::{Address, Aperture, Column, Light, Mask, SpotPart};
 use crate::gpu::{Buffer, Device};
 use crate::scene::{MaskBody, MaskSpec, Scene};
-use crate::trace::{Lattice, column, deviation};
+use crate::spot::PlacedPart;
+use crate::trace::{Lattice, column};
 use crate::{Result, material};
 use std::ops::Range;
 use std::sync::Arc;
@@ -115,11 +116,12 @@ impl MaskShape {
 /// The light stages' parameters on the device. The band of rows varies, the rest stays.
 #[derive(Debug)]
 pub struct LightRecord {
-    /// The record itself; rows of a band are set with [`LightRecord::set_band`].
-    pub buffer: Buffer,
+    /// For cells one record for each part of the focal spot, for random rays one in all; rows of a
+    /// band are set with [`LightRecord::set_band`].
+    buffer: Buffer,
     /// No sample mask tells the mask steps apart.
     pub(super) same_at_all_steps: bool,
-    light: Light,
+    lights: Vec<Light>,
     _kept: Vec<Buffer>,
 }
 
@@ -132,6 +134,7 @@ impl LightRecord {
         columns: &[Column],
         offsets: &[f64],
         part: &Part,
+        parts: &[PlacedPart],
     ) -> Result<Self> {
         let analyser = scene.analyser_distance();
         let detector = &scene.detector;
@@ -168,30 +171,46 @@ impl LightRecord {
         let columns = device.upload("columns", columns)?;
         let offsets: Vec<f32> = offsets.iter().map(|&f| f as f32).collect();
         let offsets = device.upload("mask offsets", &offsets)?;
-        let spot = source.spot.map(deviation);
         let share = match part {
             Part::Node { weight, .. } => *weight,
             Part::Group { .. } => 1.0,
         };
-        let light = Light {
+        let table = device.upload("focal spot", &table(&source.spot.placed()))?;
+        let narrow = |value: f64| value as f32;
+        // By how much what lies at a source offset (or its deviation) moves, m.
+        let at_analyser = |offset: f64| offset * (analyser / source.distance - 1.0);
+        let at_pixel = |offset: f64| {
+            offset * (detector.distance / source.distance - 1.0) * analyser / detector.distance
+        };
+        let at_mask = |offset: f64| offset * (source.distance - cell_plane) / source.distance;
+        let in_rows = |offset: f64| {
+            offset * (detector.distance - source.distance) / source.distance / detector.pitch[1]
+        };
+        let base = parts.first().map_or(0.0, |part| part.deviation[1]);
+        let of_part = |part: &PlacedPart| Light {
             sample_mask,
             detector_mask,
             columns: columns.address(),
             offsets: offsets.address(),
+            spot_parts: table.address(),
             magnification: (analyser / cell_plane) as f32,
-            source_x: spot[0] as f32,
-            spot: (spot[0] * (analyser / source.distance - 1.0)) as f32,
-            pixel_spot: (spot[0] * (detector.distance / source.distance - 1.0) * analyser
-                / detector.distance) as f32,
-            shift: (spot[0] * (source.distance - cell_plane) / source.distance) as f32,
+            mask_move: narrow(at_mask(part.offset[0])),
+            landing_move: narrow(at_analyser(part.offset[0])),
+            pixel_move: narrow(at_pixel(part.offset[0])),
+            slope_move: narrow(part.offset[0] / source.distance),
+            row_move: narrow(in_rows(part.offset[1])),
+            rows_apart: (part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0)
+                .into(),
+            spot: narrow(at_analyser(part.deviation[0])),
+            pixel_spot: narrow(at_pixel(part.deviation[0])),
+            shift: narrow(at_mask(part.deviation[0])),
             cell_plane: cell_plane as f32,
             analyser: analyser as f32,
             ratio: (analyser / detector.distance) as f32,
             pixel: (detector.pitch[0] * analyser / detector.distance) as f32,
-            weight: (share * detector.distance / (cell_plane * detector.pitch[0])) as f32,
-            row_blur: (spot[1] * (detector.distance - source.distance)
-                / source.distance
-                / detector.pitch[1]) as f32,
+            weight: (share * part.share * detector.distance / (cell_plane * detector.pitch[0]))
+                as f32,
+            row_blur: narrow(in_rows(part.deviation[1])),
             row_pitch: detector.pitch[1] as f32,
             row_slope: (-detector.pitch[1] / detector.distance) as f32,
             middle_row: (f64::from(detector.pixels[1]) / 2.0) as f32,
@@ -200,13 +219,25 @@ impl LightRecord {
             column_count: detector.pixels[0],
             detector: detector.distance as f32,
             rotation: source.distance as f32,
-            source_z: spot[1] as f32,
             column_pitch: detector.pitch[0] as f32,
             part: share as f32,
         };
-        let buffer = device.upload("light", &[light])?;
-        kept.extend([columns, offsets]);
-        Ok(Self { buffer, same_at_all_steps: light.sample_mask.present == 0, light, _kept: kept })
+        let lights: Vec<Light> = parts.iter().map(of_part).collect();
+        let buffer = device.upload("light", &lights)?;
+        kept.extend([columns, offsets, table]);
+        let same_at_all_steps = sample_mask.present == 0;
+        Ok(Self { buffer, same_at_all_steps, lights, _kept: kept })
+    }
+
+    /// The record of random rays.
+    pub(super) fn address(&self) -> Address {
+        self.buffer.address()
+    }
+
+    /// The records of the parts of the focal spot.
+    pub(super) fn addresses(&self) -> impl Iterator<Item = Address> {
+        let first = self.buffer.address();
+        (0..self.lights.len() as u64).map(move |part| first + part * size_of::<Light>() as u64)
     }
 
     /// For cells: one column per beamlet of the lattice.
@@ -220,7 +251,9 @@ impl LightRecord {
         offsets: &[f64],
         part: &Part,
     ) -> Result<Self> {
-        Self::upload(device, scene, lattice.plane, &lattice.columns(scene), offsets, part)
+        let parts = scene.source.spot.placed();
+        let columns = lattice.columns(scene);
+        Self::upload(device, scene, lattice.plane, &columns, offsets, part, &parts)
     }
 
     /// For random rays: one column per pixel of `pixels`.
@@ -242,7 +275,10 @@ impl LightRecord {
                 column(scene, at / detector.distance, scene.analyser_distance(), plane)
             })
             .collect();
-        Self::upload(device, scene, plane, &columns, &scene.scan.mask_offsets, part)
+        // Rays draw their part: one record tells of all.
+        let whole = PlacedPart { share: 1.0, offset: [0.0; 2], deviation: [0.0; 2] };
+        let offsets = &scene.scan.mask_offsets;
+        Self::upload(device, scene, plane, &columns, offsets, part, &[whole])
     }
 
     /// Sets the band of detector rows that sums are kept for.
@@ -250,8 +286,27 @@ impl LightRecord {
     /// # Errors
     /// [`crate::Error::Device`].
     pub fn set_band(&mut self, rows: &Range<u32>) -> Result<()> {
-        self.light.first_row = rows.start as i32;
-        self.light.row_count = rows.end - rows.start;
-        self.buffer.write(0, &[self.light])
+        for light in &mut self.lights {
+            light.first_row = rows.start as i32;
+            light.row_count = rows.end - rows.start;
+        }
+        self.buffer.write(0, &self.lights)
     }
+}
+
+/// The parts of a focal spot for random draws.
+fn table(parts: &[PlacedPart]) -> Vec<SpotPart> {
+    let mut below = 0.0;
+    let of_part = |part: &PlacedPart| {
+        below += part.share;
+        let [x, z] = part.offset.map(|offset| offset as f32);
+        let [deviation_x, deviation_z] = part.deviation.map(|deviation| deviation as f32);
+        SpotPart { below: below as f32, x, z, deviation_x, deviation_z }
+    };
+    let mut table: Vec<SpotPart> = parts.iter().map(of_part).collect();
+    // Every draw ends there, whatever the shares round to.
+    if let Some(last) = table.last_mut() {
+        last.below = 2.0;
+    }
+    table
 }

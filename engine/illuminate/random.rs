@@ -87,7 +87,7 @@ pub fn cast(
             let batch = (all - first_ray).min(capacity / pixel_count);
             if !job.empty {
                 let push = RandomRaysPush {
-                    light_ref: light.buffer.address(),
+                    light_ref: light.address(),
                     pixels: buffer.address(),
                     rays: tracer.rays().address(),
                     seed,
@@ -109,7 +109,7 @@ pub fn cast(
                 // A few steps at a time keep dispatches short.
                 let n = (steps - first_step).min(16);
                 let push = RandomLightPush {
-                    light_ref: light.buffer.address(),
+                    light_ref: light.address(),
                     pixels: buffer.address(),
                     laws: tracer.laws().address(),
                     sums: sums.buffer.address(),

@@ -17,9 +17,7 @@ use crate::gpu::Device;
 use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, MOMENTS_PER_MATERIAL, Ray, Strip};
 use crate::material::Constants;
 use crate::scene::{Scene, Transport};
-use crate::trace::{
-    DEPTH_TOLERANCE, ExactCell, FULL_SHARE, Lattice, Media, Strips, Tracer, deviation,
-};
+use crate::trace::{DEPTH_TOLERANCE, ExactCell, FULL_SHARE, Lattice, Media, Strips, Tracer};
 use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
@@ -200,7 +198,7 @@ impl Spectral {
             at("sample_mask", scene.sample_mask.as_ref(), lattice.plane)?,
             at("detector_mask", scene.detector_mask.as_ref(), analyser)?,
         ];
-        let spot = deviation(scene.source.spot[0]);
+        let spot = scene.source.spot.narrowest(0);
         let at_mask = spot * (analyser / scene.source.distance - 1.0);
         let at_pixel = spot * (scene.detector.distance / scene.source.distance - 1.0) * analyser
             / scene.detector.distance;

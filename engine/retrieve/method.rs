@@ -106,6 +106,11 @@ impl Method {
                 ),
                 "triangle needs projected apertures of one width: use trapezoid",
             )),
+            Self::ExactCurve if !scene.source.spot.is_gaussian(0) => Err(Error::scene(
+                "source.spot",
+                format!("a spot of {} Gaussians", scene.source.spot.parts().len()),
+                "exact-curve is that of a Gaussian spot across the slits: use gaussian",
+            )),
             Self::ExactCurve if shape.blur <= 0.0 => Err(Error::scene(
                 "source.spot",
                 spot(scene),
@@ -147,7 +152,7 @@ impl fmt::Display for Method {
 }
 
 fn spot(scene: &Scene) -> String {
-    format!("a spot of {} across the slits", Length.format(scene.source.spot[0]))
+    format!("a spot of {} across the slits", Length.format(scene.source.spot.fwhm()[0]))
 }
 
 fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {

@@ -29,7 +29,7 @@ impl MaskShape {
                 magnification * aperture(&scene.sample_mask),
                 aperture(&scene.detector_mask),
             ],
-            blur: (magnification - 1.0) * SIGMA_PER_FWHM * scene.source.spot[0],
+            blur: (magnification - 1.0) * SIGMA_PER_FWHM * scene.source.spot.fwhm()[0],
             magnification,
         }
     }

@@ -28,6 +28,8 @@ const KNOWN: &[(&str, &[&str])] = &[
         ],
     ),
     ("source", &["distance", "spot", "energy", "spectrum"]),
+    ("source.spot", &["fwhm", "points", "image", "pixel", "background", "profile", "gaussians"]),
+    ("source.spot.gaussian", &["weight", "fwhm", "offset"]),
     (
         "source.spectrum",
         &["file", "anode", "kvp", "anode_angle", "inherent_filters", "filters", "nodes"],

@@ -19,6 +19,7 @@ mod read;
 mod read_beam;
 mod read_detector;
 mod read_sample;
+mod read_spot;
 mod set;
 mod table;
 mod tree;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::{Beam, Detector};
+use crate::spot::Spot;
 
 /// A whole scene, every default filled in. See docs/scene.md for the file form.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,8 +37,8 @@ pub struct Scene {
 pub struct Source {
     /// Source to rotation centre, m. > 0.
     pub distance: f64,
-    /// FWHM of the Gaussian focal spot along x and z, m. >= 0; 0 is a point.
-    pub spot: [f64; 2],
+    /// The focal spot; `[x, z].into()` is the Gaussian of that FWHM in m.
+    pub spot: Spot,
     /// One photon energy, or a spectrum.
     pub beam: Beam,
 }

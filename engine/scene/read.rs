@@ -7,6 +7,7 @@ use super::limits;
 use super::read_beam::read_beam;
 use super::read_detector::read_detector;
 use super::read_sample::{read_materials, read_objects};
+use super::read_spot::read_spot;
 use super::table::{Item, Table};
 use super::tree::Document;
 use super::{Detector, MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
@@ -16,7 +17,8 @@ use crate::units::Dimension::{self, Angle, Length};
 /// Reads a scene. The result still has to be validated.
 pub(super) fn read_scene(document: &Document, directory: &Path) -> Result<Scene> {
     let top = Item::root(document).table("")?;
-    let source = read_source(&top.require("source", "a table [source]")?.table("source")?)?;
+    let source = top.require("source", "a table [source]")?.table("source")?;
+    let source = read_source(&source, directory)?;
     let detector =
         read_detector(&top.require("detector", "a table [detector]")?.table("detector")?)?;
     let mask = |key: &str| {
@@ -45,11 +47,11 @@ pub(super) fn read_scene(document: &Document, directory: &Path) -> Result<Scene>
     })
 }
 
-fn read_source(table: &Table<'_>) -> Result<Source> {
+fn read_source(table: &Table<'_>, directory: &Path) -> Result<Source> {
     let spot = table.require("spot", pair_allowed(Length))?;
     Ok(Source {
         distance: table.quantity("distance", Length)?,
-        spot: read_pair(&spot, Length)?,
+        spot: read_spot(&spot, directory)?,
         beam: read_beam(table)?,
     })
 }

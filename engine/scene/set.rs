@@ -22,6 +22,10 @@ const RIVALS: &[(&[&str], &[&str])] = &[
     (&["image"], &["kernel", "pixel", "fraction"]),
 ];
 
+/// The same within the focal spot, whose image has a pixel.
+const SPOT_RIVALS: [&[&str]; 4] =
+    [&["image", "pixel", "background"], &["profile"], &["gaussians"], &["fwhm", "points"]];
+
 /// Most steps of a path. A scene has five; trees without a limit would overflow the stack.
 const DEPTH: usize = 32;
 
@@ -75,7 +79,7 @@ fn target<'a>(
         node = match (&mut node.value, step) {
             (Value::Table(entries), Step::Key(key)) => {
                 if !names {
-                    drop_rivals(entries, key);
+                    drop_rivals(entries, key, &steps[..depth]);
                 }
                 let at = match entries.iter().position(|entry| entry.key == *key) {
                     Some(at) => at,
@@ -117,7 +121,14 @@ fn target<'a>(
     Ok(node)
 }
 
-fn drop_rivals(entries: &mut Vec<Entry>, key: &str) {
+fn drop_rivals(entries: &mut Vec<Entry>, key: &str, table: &[Step]) {
+    if matches!(table, [.., Step::Key(spot)] if spot == "spot") {
+        let Some(own) = SPOT_RIVALS.iter().find(|keys| keys.contains(&key)) else { return };
+        entries.retain(|entry| {
+            !matches!(entry.origin, Origin::Text(_)) || own.contains(&entry.key.as_str())
+        });
+        return;
+    }
     for (one, other) in RIVALS {
         let rivals = match (one.contains(&key), other.contains(&key)) {
             (true, _) => other,

@@ -6,6 +6,7 @@ use super::derived::AT_DETECTOR;
 use super::validate_beam::validate_beam;
 use super::validate_detector::validate_detector;
 use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
+use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
 use crate::{Error, Result};
 
@@ -39,7 +40,7 @@ impl Scene {
     fn validate_axis(&self) -> Result<()> {
         let (source, detector) = (&self.source, &self.detector);
         positive("source.distance", source.distance, Length)?;
-        source.spot.iter().try_for_each(|spot| not_negative("source.spot", *spot, Length))?;
+        validate_spot(&source.spot)?;
         validate_beam(&source.beam)?;
         validate_detector(self)?;
         ordered(
@@ -143,6 +144,27 @@ impl Scene {
         }
         Ok(())
     }
+}
+
+fn validate_spot(spot: &Spot) -> Result<()> {
+    let parts = spot.parts();
+    let most = limits::SPOT_PARTS as usize;
+    if parts.is_empty() || parts.len() > most {
+        let found = format!("{} Gaussians", parts.len());
+        return Err(Error::scene("source.spot.gaussians", found, format!("1 to {most}")));
+    }
+    let several = parts.len() > 1 || parts[0].offset.iter().any(|offset| *offset != 0.0);
+    for (index, part) in parts.iter().enumerate() {
+        let key = |key: &str| match several {
+            true => format!("source.spot.gaussians[{index}].{key}"),
+            false => "source.spot".to_owned(),
+        };
+        plain(&key("weight"), part.weight, part.weight >= 0.0, "a number >= 0")?;
+        part.fwhm.iter().try_for_each(|fwhm| not_negative(&key("fwhm"), *fwhm, Length))?;
+        part.offset.iter().try_for_each(|offset| finite(&key("offset"), *offset, Length))?;
+    }
+    let sum: f64 = parts.iter().map(|part| part.weight).sum();
+    plain("source.spot.gaussians", sum, sum > 0.0, "weights with a finite sum > 0")
 }
 
 fn validate_mask(table: &str, mask: &MaskSpec) -> Result<()> {

@@ -10,6 +10,7 @@ use super::{
     Beam, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape, ShapeOrMesh,
     SpectrumOrigin, Transport, path, write_beam,
 };
+use crate::spot::{Spot, SpotPart};
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
 use crate::{Error, Result};
 
@@ -53,7 +54,7 @@ pub(super) fn to_toml(
 
     out.table("[source]");
     out.quantity("distance", scene.source.distance, Length);
-    out.raw("spot", list(&scene.source.spot, Length));
+    write_spot(&mut out, &scene.source.spot);
     write_beam(&mut out, scene, directory)?;
 
     out.table("[detector]");
@@ -89,6 +90,24 @@ pub(super) fn to_toml(
         write_object(&mut out, object, hash, scene, directory)?;
     }
     Ok(out.0)
+}
+
+/// The Gaussians themselves, so that a run needs no file to be told by.
+fn write_spot(out: &mut Text, spot: &Spot) {
+    if let Some(fit) = spot.fit() {
+        out.comment(&format!("spot: {} Gaussians for {}", spot.parts().len(), fit.file));
+    }
+    if let [SpotPart { weight: 1.0, fwhm, offset: [0.0, 0.0] }] = spot.parts() {
+        out.raw("spot", list(fwhm, Length));
+        return;
+    }
+    let part = |part: &SpotPart| {
+        let weight = number(part.weight);
+        let (fwhm, offset) = (list(&part.fwhm, Length), list(&part.offset, Length));
+        format!("{{ weight = {weight}, fwhm = {fwhm}, offset = {offset} }}")
+    };
+    let parts: Vec<_> = spot.parts().iter().map(part).collect();
+    out.raw("spot", format!("{{ gaussians = [{}] }}", parts.join(", ")));
 }
 
 fn write_beam(out: &mut Text, scene: &Scene, directory: &Path) -> Result<()> {

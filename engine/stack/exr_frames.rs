@@ -259,7 +259,7 @@ impl About {
             ("row_0", "top (largest z); columns run along +x".into()),
             ("energy", scene.source.beam.single_energy().into()),
             ("source_distance", scene.source.distance.into()),
-            ("spot", scene.source.spot.to_vec().into()),
+            ("spot", scene.source.spot.fwhm().to_vec().into()),
             ("detector_distance", scene.detector.distance.into()),
             ("pitch", scene.detector.pitch.to_vec().into()),
             ("sample_mask", mask(&scene.sample_mask)),

@@ -78,9 +78,9 @@ impl Lattice {
         };
         let cells = scene.sampling.cells.unwrap_or_else(|| default_cells(period, aperture));
         let throw = throw(scene, delta);
-        let spread = |axis: usize, from: f64| {
-            6.0 * deviation(scene.source.spot[axis]) * (detector - from) / from
-        };
+        let spot = &scene.source.spot;
+        let reach = spot.reach();
+        let spread = |axis: usize, from: f64| reach[axis] * (detector - from) / from;
         let shift = scene.scan.mask_offsets.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
         let direct = (shift + period) * detector / plane + spread(0, plane);
         let step = period * detector / plane;
@@ -92,6 +92,11 @@ impl Lattice {
         let beamlets = within(direct + throw);
         let direct = within(direct);
         let blur = [0, 1].map(|axis| spread(axis, scene.source.distance) / pitch[axis]);
+        // Cells hold the rows' shares of the first part of the spot.
+        let first = spot.parts().iter().find(|part| part.weight > 0.0);
+        let first = 6.0 * first.map_or(0.0, |part| deviation(part.fwhm[1]));
+        let centre = scene.source.distance;
+        let row_blur = first * (detector - centre) / centre / pitch[1];
         let halo = (throw / pitch[1] + blur[1]).ceil() as i64;
         Self {
             plane,
@@ -104,7 +109,7 @@ impl Lattice {
             halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
             blur_rows: blur[1].ceil() as i64,
             blur,
-            row_spread: RowSpread { blur: blur[1] / 6.0 },
+            row_spread: RowSpread { blur: row_blur / 6.0 },
             rotation: scene.source.distance,
             detector,
             pitch,

@@ -24,6 +24,10 @@ Draw draw(Light light, Pixel pixel, uint view, uvec2 seed, uint ray, uvec2 rays)
     vec2 gauss = radius * vec2(cos(angle), sin(angle));
     uvec2 place = uvec2(ray % rays.x, ray / rays.x);
     vec2 target = (vec2(place) + 0.5) / vec2(rays) - 0.5;
-    return Draw(gauss * vec2(light.source_x, light.source_z),
+    float pick = float(bits.z >> 8) / 16777216.0;
+    uint k = 0u;
+    while (pick >= light.spot_parts.at[k].below) k++;
+    SpotPart part = light.spot_parts.at[k];
+    return Draw(vec2(part.x, part.z) + gauss * vec2(part.deviation_x, part.deviation_z),
                 vec2(target.x * light.column_pitch, -target.y * light.row_pitch));
 }

@@ -120,7 +120,7 @@ pub(crate) fn rays(name: &str, n: u32) -> Vec<Ray> {
 pub(crate) fn scene((vertices, triangles): Soup) -> Scene {
     Scene {
         directory: ".".into(),
-        source: Source { distance: 1.21, spot: [0.0, 0.0], beam: Beam::Energy(30.0) },
+        source: Source { distance: 1.21, spot: [0.0, 0.0].into(), beam: Beam::Energy(30.0) },
         detector: Detector::new(1.8, [64, 64], [150e-6, 150e-6]),
         sample_mask: None,
         detector_mask: None,

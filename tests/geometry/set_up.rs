@@ -16,7 +16,7 @@ pub(crate) fn mask(distance: f64) -> MaskSpec {
 pub(crate) fn scene(objects: Vec<Object>) -> Scene {
     Scene {
         directory: ".".into(),
-        source: Source { distance: 1.21, spot: [0.0; 2], beam: Beam::Energy(30.0) },
+        source: Source { distance: 1.21, spot: [0.0; 2].into(), beam: Beam::Energy(30.0) },
         detector: Detector::new(1.8, [128, 128], [150e-6; 2]),
         sample_mask: Some(mask(1.2)),
         detector_mask: Some(mask(1.8 - 112.5e-6)),

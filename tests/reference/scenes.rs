@@ -50,7 +50,7 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
         directory: ".".into(),
         source: Source {
             distance: setup.source_distance,
-            spot: setup.spot,
+            spot: setup.spot.into(),
             beam: Beam::Energy(30.0),
         },
         detector: Detector::new(setup.detector_distance, setup.pixels, setup.pitch),

@@ -13,6 +13,8 @@ pub(crate) struct Setup {
     pub(crate) source_distance: f64,
     /// FWHM of the focal spot in x and z, m.
     pub(crate) spot: [f64; 2],
+    /// Its centre in x and z, m.
+    pub(crate) source_offset: [f64; 2],
     /// Source to detector, m.
     pub(crate) detector_distance: f64,
     /// Columns and rows.
@@ -79,6 +81,7 @@ impl Setup {
         let mut setup = Self {
             source_distance: 1.21,
             spot: [30e-6, 26e-6],
+            source_offset: [0.0; 2],
             detector_distance: 1.8,
             pixels,
             pitch: [150e-6; 2],
@@ -170,8 +173,9 @@ impl Setup {
         let plane = self.sample_mask.map_or(self.source_distance, |m| m.distance);
         let magnification = self.detector_distance / plane;
         let cell = self.pitch[0] / magnification / how.cells as f64;
-        let sources = normal::nodes(self.sigma()[0], how.sources, how.reach);
-        let widest = how.reach * self.sigma()[0];
+        let mut sources = normal::nodes(self.sigma()[0], how.sources, how.reach);
+        sources.iter_mut().for_each(|source| source.0 += self.source_offset[0]);
+        let widest = how.reach * self.sigma()[0] + self.source_offset[0].abs();
         let beyond = ((magnification - 1.0) * widest + how.farthest[0]) / magnification;
         let left = (self.centre(columns.start, row)[0] - 0.5 * self.pitch[0]) / magnification;
         let extra = (beyond / cell).ceil();
@@ -212,7 +216,7 @@ impl Setup {
     fn heights(&self, how: &Quadrature, row: u32) -> Vec<[f64; 4]> {
         let centre = self.centre(0, row)[1];
         if how.lines == 1 {
-            return vec![[centre, 0.0, 0.0, 1.0]];
+            return vec![[centre, self.source_offset[1], 0.0, 1.0]];
         }
         let breadth = self.pitch[1] / how.lines as f64;
         let extra = (how.farthest[1] / breadth).ceil() as usize;
@@ -222,7 +226,7 @@ impl Setup {
                 let at = i as f64 + 0.5 - 0.5 * count as f64;
                 // Golden-ratio lattice: source heights spread evenly over any stretch of lines.
                 let share = (i as f64 * 0.618_033_988_749_894_9 + 0.5).fract();
-                let source = self.sigma()[1] * normal::quantile(share);
+                let source = self.source_offset[1] + self.sigma()[1] * normal::quantile(share);
                 [centre + at * breadth, source, breadth, breadth / self.pitch[1]]
             })
             .collect()
