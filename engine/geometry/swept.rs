@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::Sample;
 use crate::error::{Error, Result};
-use crate::scene::Scene;
+use crate::scene::{Object, Scene, ShapeOrMesh};
 
 /// Points of an object that are kept before their hull replaces them.
 const MOST_POINTS: usize = 1 << 20;
@@ -190,14 +190,22 @@ pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
         }
         for (((reach, angle), half), axis) in worst.into_iter().zip(half).zip(["x", "z"]) {
             if reach > half {
+                let is_mesh = |o: &&Object| matches!(o.geometry, ShapeOrMesh::Mesh(_));
+                let of_file =
+                    scene.objects.iter().filter(is_mesh).any(|object| object.name == outline.name);
                 warnings.push(format!(
                     "\"{}\" reaches outside the field of view: {:.3} mm from the centre of the \
                      detector in {axis} at angle {:.3} deg, where the detector ends at {:.3} mm; if \
-                     it should not, is its `unit` (or `scale`) the right one?",
+                     it should not, {}?",
                     outline.name,
                     reach * 1e3,
                     angle.to_degrees(),
-                    half * 1e3
+                    half * 1e3,
+                    if of_file {
+                        "is its `unit` (or `scale`) the right one"
+                    } else {
+                        "are its size and place the right ones"
+                    }
                 ));
             }
         }
