@@ -12,7 +12,7 @@ use rayon::prelude::*;
 const MOST: usize = 64;
 /// Difference of the twice integrated profiles over the spot's deviation that counts as none: a
 /// curve whose blur is a tenth of the period then errs by less than 1e-4 of open beam.
-const TOLERANCE: f64 = 1e-3;
+pub(super) const TOLERANCE: f64 = 1e-3;
 /// Rounds of improvement.
 const ROUNDS: usize = 60;
 /// Places along each direction where the difference is taken.
