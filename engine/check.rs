@@ -158,6 +158,7 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
     for material in materials.iter().filter(|material| material.shadows_builtin) {
         warnings.push(format!("materials.{} hides the built-in material", material.name));
     }
+    warnings.extend(scene.source.spot.warnings());
     for object in &sample.objects {
         warnings.extend(object.warnings.iter().map(|text| format!("{}: {text}", object.name)));
     }

@@ -128,6 +128,7 @@ impl<'e> Simulation<'e> {
         if let Some(fit) = scene.source.spot.fit() {
             let (parts, samples) = (scene.source.spot.parts().len(), fit.samples);
             log::info!("focal spot {}: {parts} Gaussians for {samples} pixels", fit.file);
+            scene.source.spot.warnings().iter().for_each(|text| log::warn!("{text}"));
         }
         let device = engine.device();
         let wanted = options.backend;

@@ -2,6 +2,7 @@
 //! by one, against closed forms, and against one another.
 
 #![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
+#![allow(clippy::cast_possible_truncation, reason = "whole numbers of pixels")]
 
 mod reference;
 mod support;
@@ -200,6 +201,27 @@ fn image_of_a_gaussian_gives_the_stacks_of_the_gaussian() {
     for (place, value) in want.sample.indexed_iter() {
         sample.take(f64::from(got.sample[place] - value), || format!("{place:?}"));
     }
+}
+
+#[test]
+fn large_and_pixelated_images_say_what_becomes_of_them() {
+    // Two spots far apart, of one pixel each: 300 pixels a side are summed to 100, which keeps
+    // centroid and variances.
+    let mut image = Array2::zeros((300, 300));
+    (image[[150, 20]], image[[150, 279]]) = (1.0, 3.0);
+    let spot = Spot::of_image(&image, [1e-6; 2]).unwrap();
+    assert_eq!(spot.fit().unwrap().block, [3, 3]);
+    assert!(spot.warnings().iter().any(|text| text.contains("3 x 3 pixels")));
+    let variance = 0.1875 * 259e-6_f64.powi(2) + 1e-12 / 12.0;
+    assert!((spot.fwhm()[0] * 0.424_660_9 / variance.sqrt() - 1.0).abs() < 1e-6);
+    // A board of single pixels is no smooth spot.
+    let board = image_of(81, 1e-6, |x, z| {
+        let at = |v: f64| (v / 1e-6).round() as i64;
+        if at(x) % 10 == 0 && at(z) % 10 == 0 { 1.0 } else { 0.0 }
+    });
+    let spot = Spot::of_image(&board, [1e-6; 2]).unwrap();
+    assert!(spot.parts().len() <= 64);
+    assert!(spot.warnings().iter().any(|text| text.contains("smooth the image")), "{spot:?}");
 }
 
 /// The flat of thin opaque masks for point sources at some offsets along x, with weights.

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 const MOST: usize = 64;
 /// Difference of the twice integrated profiles over the spot's deviation that counts as none: a
 /// curve whose blur is a tenth of the period then errs by less than 1e-4 of open beam.
-const TOLERANCE: f64 = 1e-3;
+pub(super) const TOLERANCE: f64 = 1e-3;
 /// Rounds of improvement.
 const ROUNDS: usize = 60;
 /// Places along each direction where the difference is taken.
@@ -82,8 +82,23 @@ fn sum<'a>(patches: impl Iterator<Item = (f64, &'a Patch)> + Clone) -> Patch {
 /// The patches in `count` groups of about the same light, cut across their longer side.
 fn divided(patches: &[Patch], count: usize) -> Vec<Patch> {
     let mut groups = vec![patches.to_vec()];
-    while groups.len() < count {
-        groups = groups.into_iter().flat_map(halves).collect();
+    loop {
+        // Groups of one pixel stay, so that others may have to be cut once more.
+        let before = groups.len();
+        let mut room = count - before;
+        let mut next = Vec::with_capacity(count);
+        for group in groups {
+            if room > 0 && group.len() > 1 {
+                room -= 1;
+                next.extend(halves(group));
+            } else {
+                next.push(group);
+            }
+        }
+        groups = next;
+        if groups.len() == before || groups.len() == count {
+            break;
+        }
     }
     groups.iter().map(|group| sum(group.iter().map(|patch| (1.0, patch)))).collect()
 }

@@ -26,6 +26,8 @@ pub struct SpotFit {
     pub file: String,
     /// Pixels with light, or samples of the profile's spot.
     pub samples: usize,
+    /// Pixels, along x and z, that were summed before.
+    pub block: [usize; 2],
     /// Across the slits: how far the twice integrated profiles of parts and image part, m. Times
     /// twice the change of a curve per metre of source this bounds the error of the curve.
     pub error: f64,
@@ -121,6 +123,27 @@ impl Spot {
             deviation: part.fwhm.map(deviation),
         })
         .collect()
+    }
+
+    /// Where the parts stand for the image less well than they should: why.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let Some(fit) = &self.fit else { return Vec::new() };
+        let mut warnings = Vec::new();
+        let [x, z] = fit.block;
+        if x > 1 || z > 1 {
+            warnings.push(format!("focal spot {}: {x} x {z} pixels were summed to one", fit.file));
+        }
+        if fit.relative_error > fit::TOLERANCE {
+            let (parts, error) = (self.parts.len(), fit.relative_error);
+            warnings.push(format!(
+                "focal spot {}: {parts} Gaussians have its shape within {error:.1e} of its \
+                 deviation, more than {:.0e}: smooth the image",
+                fit.file,
+                fit::TOLERANCE
+            ));
+        }
+        warnings
     }
 
     /// Whether the light along an axis (0: x, 1: z) is that of one Gaussian.

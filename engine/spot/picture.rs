@@ -49,7 +49,8 @@ impl Spot {
             let found = format!("values that sum to {sum}");
             return Err(Error::scene("source.spot.image", found, "a finite sum > 0"));
         }
-        let patches = patches(values, pixel, sum);
+        let block = [values.ncols(), values.nrows()].map(|side| side.div_ceil(SIDE));
+        let patches = patches(values, pixel, block, sum);
         let fitted = fit::fit(&patches);
         let samples = values.iter().filter(|value| **value > 0.0).count();
         Ok(Self {
@@ -57,6 +58,7 @@ impl Spot {
             fit: Some(SpotFit {
                 file: String::new(),
                 samples,
+                block,
                 error: fitted.error,
                 relative_error: fitted.relative_error,
             }),
@@ -65,9 +67,8 @@ impl Spot {
 }
 
 /// Pixels, or blocks of pixels with their centroid and variance.
-fn patches(values: &Array2<f64>, pixel: [f64; 2], sum: f64) -> Vec<Patch> {
+fn patches(values: &Array2<f64>, pixel: [f64; 2], block: [usize; 2], sum: f64) -> Vec<Patch> {
     let [rows, columns] = [values.nrows(), values.ncols()];
-    let block = [columns.div_ceil(SIDE), rows.div_ceil(SIDE)];
     let middle = [0.5 * (columns as f64 - 1.0), 0.5 * (rows as f64 - 1.0)];
     let mut patches = Vec::new();
     for part in blocks(values, block) {
