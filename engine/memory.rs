@@ -5,7 +5,7 @@
 
 use crate::detector::LightGrid;
 use crate::geometry::{self, ObjectSummary};
-use crate::scene::{Scatter, Scene, Scheme, ShapeOrMesh};
+use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
 use crate::trace::Lattice;
 use crate::{Error, Result};
@@ -28,6 +28,11 @@ const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its law, segments of its line, cells.
 /// For curved bodies, which refine most; flat ones take less.
 const REFINEMENT: u64 = 680;
+/// Bytes on the host per ray and material under a spectrum: moments in lines and at both ends of
+/// cells.
+const KEPT_MOMENTS: u64 = 40;
+/// Bytes on the host per ray under a spectrum: cells by their way through the masks.
+const GATHERED: u64 = 160;
 /// Bytes on the device of a ray besides its moments, and of the cells made from it.
 const RAY: u64 = 128;
 /// Copies of a frame while it is encoded: values, and raw or compressed blocks.
@@ -86,6 +91,7 @@ struct Needs {
     frame: u64,
     /// Rays of a view, before refinement.
     rays: u64,
+    ray_host: u64,
     ray_device: u64,
     cells: bool,
 }
@@ -177,6 +183,10 @@ impl Needs {
             host: 4 * lit_row + copies * 4 * steps * u64::from(extent.columns),
             device: 8 * lit_row,
         };
+        let ray_host = match scene.source.beam {
+            Beam::Energy(_) => REFINEMENT,
+            Beam::Spectrum(_) => REFINEMENT + GATHERED + KEPT_MOMENTS * materials.len() as u64,
+        };
         let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
         Ok(Self {
             triangles: objects.iter().map(|o| o.triangles as u64).sum(),
@@ -188,6 +198,7 @@ impl Needs {
             beside: 2 * u64::from(grid.margin[1] + grid.scatter_rows),
             frame: extent.frame_bytes(),
             rays,
+            ray_host,
             ray_device,
             cells,
         })
@@ -225,7 +236,7 @@ impl Needs {
     fn run(&self, band_rows: u32, rays_at_once: u64) -> Bytes {
         let rays = rays_at_once.min(self.rays);
         let band = u64::from(band_rows) + self.beside;
-        let refined = if self.cells { REFINEMENT * rays } else { 0 };
+        let refined = if self.cells { self.ray_host * rays } else { 0 };
         let host =
             PROGRAM + KEPT * self.triangles + refined + 64 * self.views + FRAME_COPIES * self.frame;
         let device = (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
