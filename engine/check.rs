@@ -15,6 +15,8 @@ use serde::Serialize;
 
 mod display;
 
+pub use display::count;
+
 /// What a scene amounts to. Lengths in metres, angles in radians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CheckReport {

@@ -1,7 +1,7 @@
 //! One error type, by who can act on it (design: scene, mesh, device, memory, output).
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Result of every fallible call of the engine.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -15,6 +15,14 @@ pub struct Place {
     pub line_column: Option<(usize, usize)>,
     /// The offending line of the text with a caret below it, where it is known.
     pub excerpt: Option<String>,
+}
+
+impl Place {
+    /// Where a word stands in a line of a file (or the line's start, where it does not).
+    pub(crate) fn of_word(file: &Path, line: usize, text: &str, word: &str) -> Self {
+        let column = text.find(word).map_or(1, |at| text[..at].chars().count() + 1);
+        Self { file: Some(file.to_owned()), line_column: Some((line, column)), excerpt: None }
+    }
 }
 
 impl fmt::Display for Place {
@@ -99,8 +107,18 @@ impl Error {
         found: impl Into<String>,
         allowed: impl Into<String>,
     ) -> Self {
+        Self::scene_at(Place::default(), key, found, allowed)
+    }
+
+    /// A scene error at a known place.
+    pub(crate) fn scene_at(
+        place: Place,
+        key: impl Into<String>,
+        found: impl Into<String>,
+        allowed: impl Into<String>,
+    ) -> Self {
         Self::Scene {
-            place: Box::default(),
+            place: Box::new(place),
             key: key.into(),
             found: found.into(),
             allowed: allowed.into(),

@@ -276,7 +276,7 @@ fn legend(drawing: &mut Drawing, scene: &Scene, sample: &Sample, picture: &Pictu
         }
     }
     let triangles: usize = sample.objects.iter().map(|object| object.triangles).sum();
-    let text = format!("{} triangles", super::text::count(triangles));
+    let text = format!("{} triangles", beamlet::check::count(triangles as u64));
     drawing.text([left, y + 6.0], text, 11.0, GREY, Anchor::Start);
     triad(drawing, picture, [left + 74.0, SIZE - 176.0]);
     scale_bar(drawing, picture, left);

@@ -47,19 +47,6 @@ pub(crate) fn rough(value: f64) -> String {
     short((value / unit).round() * unit)
 }
 
-/// A count with its thousands apart.
-pub(crate) fn count(value: usize) -> String {
-    let digits = value.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(' ');
-        }
-        text.push(digit);
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -2,8 +2,9 @@
 
 use crate::failure::Failure;
 use crate::picture::svg::escaped;
-use crate::picture::text::{count, short};
+use crate::picture::text::short;
 use crate::run_reader::RunReader;
+use beamlet::check::count;
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -37,7 +38,7 @@ pub(super) fn tally(run: &RunReader) -> String {
     let value = serde_json::to_value(run.run().record().record.tally).unwrap_or(Value::Null);
     let rows = value.as_object().into_iter().flatten().map(|(key, value)| {
         let number = value.as_u64().unwrap_or(0);
-        let text = count(usize::try_from(number).unwrap_or(usize::MAX));
+        let text = count(number);
         (key.replace('_', " "), text, number > 0 && !USUAL.contains(&key.as_str()))
     });
     table(rows)
@@ -81,8 +82,8 @@ pub(super) fn retrieval(run: &RunReader) -> String {
         ("lever arm z", format!("{} m", short(record.lever_arm)), false),
         ("angle per shift", format!("{} rad/m", short(record.angle_per_shift)), false),
     ];
-    let (lost, all) = (record.without_answer, count(pixels));
-    let lost = count(usize::try_from(lost).unwrap_or(usize::MAX));
+    let (lost, all) = (record.without_answer, count(pixels as u64));
+    let lost = count(lost);
     let is_lost = record.without_answer > 0;
     rows.push(("without an answer", format!("{lost} of {all} pixels"), is_lost));
     for (bit, number) in record.flagged.iter().filter(|(_, number)| **number > 0) {

@@ -159,7 +159,8 @@ fn length(metres: f64) -> String {
 }
 
 /// A count with its thousands apart.
-fn count(value: u64) -> String {
+#[must_use]
+pub fn count(value: u64) -> String {
     let digits = value.to_string();
     let mut text = String::new();
     for (index, digit) in digits.chars().enumerate() {

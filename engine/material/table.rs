@@ -117,17 +117,7 @@ struct Line<'a> {
 
 impl Line<'_> {
     fn error(&self, key: &str, found: &str, allowed: &str) -> Error {
-        let column = self.text.find(found).map_or(1, |at| self.text[..at].chars().count() + 1);
-        let place = Place {
-            file: Some(self.path.to_owned()),
-            line_column: Some((self.number, column)),
-            excerpt: None,
-        };
-        Error::Scene {
-            place: Box::new(place),
-            key: key.into(),
-            found: found.into(),
-            allowed: allowed.into(),
-        }
+        let place = Place::of_word(self.path, self.number, self.text, found);
+        Error::scene_at(place, key, found, allowed)
     }
 }

@@ -65,9 +65,13 @@ fn read_filters(table: &Table<'_>, key: &str) -> Result<Vec<Filter>> {
 
 fn read_filter(item: &Item<'_>) -> Result<Filter> {
     let table = item.table("source.spectrum.filter")?;
+    let (material, thickness) = read_layer(&table)?;
+    Ok(Filter { material, thickness })
+}
+
+/// The material of a layer and its thickness, m.
+pub(super) fn read_layer(table: &Table<'_>) -> Result<(String, f64)> {
     let material = "name of a material";
-    Ok(Filter {
-        material: table.require("material", material)?.text(material)?.to_owned(),
-        thickness: table.quantity("thickness", Length)?,
-    })
+    let name = table.require("material", material)?.text(material)?.to_owned();
+    Ok((name, table.quantity("thickness", Length)?))
 }

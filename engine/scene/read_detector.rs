@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 use super::limits;
 use super::read::{pair_allowed, read_pair};
+use super::read_beam::read_layer;
 use super::table::{Item, Table};
 use crate::Result;
 use crate::units::Dimension::{Energy, Length};
@@ -47,11 +48,8 @@ fn read_mode(table: &Table<'_>) -> Result<DetectorMode> {
 
 fn read_absorber(item: &Item<'_>) -> Result<Absorber> {
     let table = item.table("detector.absorber")?;
-    let material = "name of a material";
-    Ok(Absorber {
-        material: table.require("material", material)?.text(material)?.to_owned(),
-        thickness: table.quantity("thickness", Length)?,
-    })
+    let (material, thickness) = read_layer(&table)?;
+    Ok(Absorber { material, thickness })
 }
 
 fn read_blur(item: &Item<'_>) -> Result<Blur> {

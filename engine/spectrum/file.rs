@@ -95,17 +95,7 @@ impl<'a> Row<'a> {
     }
 
     fn error(&self, key: &str, found: &str, allowed: &str) -> Error {
-        let column = self.line.find(found).map_or(1, |at| self.line[..at].chars().count() + 1);
-        let place = Place {
-            file: Some(self.path.to_owned()),
-            line_column: Some((self.number, column)),
-            excerpt: None,
-        };
-        Error::Scene {
-            place: Box::new(place),
-            key: key.into(),
-            found: found.into(),
-            allowed: allowed.into(),
-        }
+        let place = Place::of_word(self.path, self.number, self.line, found);
+        Error::scene_at(place, key, found, allowed)
     }
 }

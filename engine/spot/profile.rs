@@ -41,15 +41,8 @@ struct Profile {
 
 impl Profile {
     fn parse(path: &Path, text: &str) -> Result<Self> {
-        let refuse = |line: usize, key: &str, found: &str, allowed: &str| Error::Scene {
-            place: Box::new(Place {
-                file: Some(path.to_owned()),
-                line_column: Some((line, 1)),
-                excerpt: None,
-            }),
-            key: key.into(),
-            found: found.into(),
-            allowed: allowed.into(),
+        let refuse = |line: usize, key: &str, found: &str, allowed: &str| {
+            Error::scene_at(Place::of_word(path, line, "", ""), key, found, allowed)
         };
         let columns = "the columns radius_um,value or position_um,value";
         let mut rows: Vec<[f64; 2]> = Vec::new();
