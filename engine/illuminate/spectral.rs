@@ -11,16 +11,24 @@
     reason = "rounding to f32 is meant; indices are bounded by those of the cells"
 )]
 
+mod join;
+mod ordered;
+mod sums;
+
 use super::light::{LightRecord, MaskShape, Part};
 use crate::Result;
 use crate::gpu::Device;
-use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, MOMENTS_PER_MATERIAL, Ray, Strip};
+use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::material::Constants;
-use crate::scene::{Scene, Transport};
-use crate::trace::{DEPTH_TOLERANCE, ExactCell, FULL_SHARE, Lattice, Media, Strips, Tracer};
+use crate::scene::Scene;
+use crate::trace::{DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, Strips, Tracer};
+use join::join;
+use ordered::{Repeated, severe};
 use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::Arc;
+use sums::Sums;
+
+pub(crate) use ordered::NARROW;
 
 /// Cells of light that leaks through bars are joined up to this share of the period where it is
 /// as little as `LITTLE`, of open beam; less far where there is more.
@@ -33,12 +41,6 @@ const FAINT: f64 = 1e-4;
 /// The displacement may spread over this share of the blur: the third moment that is left out
 /// then moves less than 2e-4 of the light at an edge.
 const SPREAD_SHARE: f64 = 0.15;
-/// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes
-/// are bisected to it, so that there are many, with next to no light.
-pub(crate) const NARROW: f32 = 50e-9;
-/// Of the grazing incidence below which the first order leaves 1e-9 rad, where the second order
-/// leaves as much: beyond it the error grows by delta^2 / c^3.
-const SEVERE: f64 = 0.2154;
 /// Strips gathered side by side.
 const STRIPS_AT_ONCE: usize = 1 << 12;
 
@@ -77,86 +79,6 @@ struct NodeLaw {
     /// At the detector.
     z: f64,
     slope_x: f64,
-}
-
-/// Ordered walks repeated at a node.
-#[derive(Debug, Clone, Default)]
-struct Repeated {
-    laws: Vec<Law>,
-    /// For each ordered cell the laws of its two ends, where they were repeated.
-    places: Vec<Option<[usize; 2]>>,
-}
-
-/// Sums over the energies of a group, at the ends and the middle of a cell.
-#[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    light: [f64; 3],
-    x: [f64; 3],
-    x2: f64,
-    z: f64,
-    slope_x: f64,
-    shade: [f64; 2],
-    /// Of what the shade takes of an aperture's width, by mask: light, and light times x.
-    narrowed: [[f64; 2]; 2],
-}
-
-impl Sums {
-    fn over(
-        nodes: Range<usize>,
-        shares: &[f64],
-        passing: &[[f64; 3]],
-        laws: &[[NodeLaw; 2]],
-        shades: &[Vec<f64>; 2],
-        widths: [&[f64]; 2],
-    ) -> Self {
-        let mut sums = Self::default();
-        for node in nodes {
-            let [low, high] = &laws[node];
-            let x = [low.x, 0.5 * (low.x + high.x), high.x];
-            for i in 0..3 {
-                let light = shares[node] * passing[node][i];
-                sums.light[i] += light;
-                sums.x[i] += light * x[i];
-            }
-            let light = shares[node] * passing[node][1];
-            sums.x2 += light * x[1] * x[1];
-            sums.z += light * 0.5 * (low.z + high.z);
-            sums.slope_x += light * 0.5 * (low.slope_x + high.slope_x);
-            for (narrowed, width) in sums.narrowed.iter_mut().zip(widths) {
-                let narrower = light * (1.0 - width[node]);
-                narrowed[0] += narrower;
-                narrowed[1] += narrower * x[1];
-            }
-            for (sum, shades) in sums.shade.iter_mut().zip(shades) {
-                *sum += light * shades.get(node).copied().unwrap_or(0.0);
-            }
-        }
-        sums
-    }
-
-    /// Optical depth in the middle less the mean of that at the ends.
-    fn bend(&self) -> f64 {
-        (self.light[1] / (self.light[0] * self.light[2]).sqrt()).ln().abs()
-    }
-
-    /// The same of the displacement.
-    fn drift(&self) -> f64 {
-        let x = |i: usize| self.x[i] / self.light[i];
-        (x(1) - 0.5 * (x(0) + x(2))).abs()
-    }
-
-    /// Variance of the displacement over the energies, in the middle.
-    fn spread(&self) -> f64 {
-        let mean = self.x[1] / self.light[1];
-        (self.x2 / self.light[1] - mean * mean).max(0.0)
-    }
-
-    /// How much the mean displacement of what passes the apertures differs from that of the
-    /// light before them: energies that are narrowed more are displaced more.
-    fn lean(&self) -> f64 {
-        let [light, x] = [self.light[1], self.x[1] / self.light[1]];
-        self.narrowed.iter().map(|[sum, sum_x]| (sum_x / light - x * sum / light).abs()).sum()
-    }
 }
 
 /// What the masks do to a strip's light: by node and group, and how much they shade.
@@ -310,37 +232,6 @@ impl Spectral {
         Ok(lists)
     }
 
-    /// Repeats ordered walks at the nodes where they cannot be told from the one made.
-    fn repeat(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Vec<Repeated>> {
-        let exact = &strips.moments.exact;
-        let mut repeated = vec![Repeated::default(); self.nodes()];
-        for (node, repeated) in repeated.iter_mut().enumerate() {
-            let mut rays: Vec<Ray> = Vec::new();
-            for cell in exact {
-                let Cell { x_low, x_high, .. } = strips.cells[cell.cell as usize];
-                let wide = x_high - x_low > NARROW || self.severe[node] > 1.0;
-                let places = (wide && cell.grazing() < self.severe[node]).then(|| {
-                    cell.ends.map(|ray| {
-                        // Neighbours share a ray.
-                        let last = rays.len().saturating_sub(2);
-                        if let Some(at) = rays[last..].iter().position(|r| *r == ray) {
-                            return last + at;
-                        }
-                        rays.push(ray);
-                        rays.len() - 1
-                    })
-                });
-                repeated.places.push(places);
-            }
-            if !rays.is_empty() {
-                tracer.set_node(Some(node));
-                repeated.laws = tracer.trace(&rays)?;
-            }
-        }
-        tracer.set_node(None);
-        Ok(repeated)
-    }
-
     fn bars(&self, strip: &Strip) -> Bars {
         let slope = self.slopes[strip.column as usize];
         let row = f64::from(strip.row) + 0.5 * f64::from(strip.top + strip.bottom);
@@ -444,50 +335,6 @@ impl Spectral {
         law
     }
 
-    /// Adds to the laws of the nodes what the ordered walk found beyond the first order: that is
-    /// of second order, so it grows with the square of delta.
-    fn correct(&self, exact: &ExactCell, moments: [&[f32]; 2], laws: &mut [[NodeLaw; 2]]) {
-        let strength = |node: usize| -> f64 {
-            self.delta[node * self.materials..][..self.materials].iter().map(|d| d.abs()).sum()
-        };
-        let reference = self.nodes();
-        for end in 0..2 {
-            let walked = self.walked(exact.laws.each_ref(), exact.range[end]);
-            let first = self.law(reference, moments[end]);
-            for (node, laws) in laws.iter_mut().enumerate() {
-                let stronger = strength(node) / strength(reference);
-                let law = &mut laws[end];
-                // A path that changes by refraction: linear in delta, and in mu.
-                if first.depth > 0.0 {
-                    law.depth += (walked.depth - first.depth) * stronger * law.depth / first.depth;
-                }
-                if exact.grazing() < self.severe[node] {
-                    // Narrow, or not repeated: total reflection turns light by as much anywhere.
-                    law.x = walked.x;
-                } else {
-                    law.x += (walked.x - first.x) * stronger * stronger;
-                }
-            }
-        }
-    }
-
-    /// Law between the ends that were walked in order.
-    fn walked(&self, ends: [&Law; 2], at: f32) -> NodeLaw {
-        let [a, b] = ends.map(|law| NodeLaw {
-            depth: law.optical_depth.into(),
-            x: law.displacement_x.into(),
-            z: f64::from(law.displacement_z) + f64::from(law.slope_z) * self.gap,
-            slope_x: law.slope_x.into(),
-        });
-        let mix = |f: fn(&NodeLaw) -> f64| f(&a) + (f(&b) - f(&a)) * f64::from(at);
-        NodeLaw {
-            depth: mix(|l| l.depth),
-            x: mix(|l| l.x),
-            z: mix(|l| l.z),
-            slope_x: mix(|l| l.slope_x),
-        }
-    }
-
     /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
     fn push_groups(
         &self,
@@ -564,35 +411,6 @@ impl Spectral {
         }
     }
 
-    /// The cell of a repeated walk at one node. Where its ends met other surfaces the law is
-    /// constant on either side.
-    fn push_exact(
-        &self,
-        list: &mut Vec<Cell>,
-        strip: &Strip,
-        cell: &Cell,
-        ends: [&Law; 2],
-        range: [f32; 2],
-    ) {
-        if ends.iter().any(|law| law.flags & FLAG_NOT_FINITE != 0) {
-            return;
-        }
-        if ends[0].signature == ends[1].signature {
-            let laws = range.map(|at| self.walked(ends, at));
-            list.push(self.cell(strip, [cell.x_low, cell.x_high], laws));
-            return;
-        }
-        let width = cell.x_high - cell.x_low;
-        let share = ((0.5 - range[0]) / (range[1] - range[0])).clamp(0.0, 1.0);
-        let middle = cell.x_low + share * width;
-        for (x, at) in [([cell.x_low, middle], 0.0), ([middle, cell.x_high], 1.0)] {
-            if x[1] > x[0] {
-                let law = self.walked(ends, at);
-                list.push(self.cell(strip, x, [law, law]));
-            }
-        }
-    }
-
     fn cell(&self, strip: &Strip, x: [f32; 2], [low, high]: [NodeLaw; 2]) -> Cell {
         let mean = |f: fn(&NodeLaw) -> f64| 0.5 * (f(&low) + f(&high));
         let z = mean(|l| l.z);
@@ -612,72 +430,5 @@ impl Spectral {
                 - mean(|l| l.slope_x) * self.gap * self.ratio) as f32,
             ..bytemuck::Zeroable::zeroed()
         }
-    }
-}
-
-/// Share of the grazing incidence that rays were flagged by, below which an ordered walk at the
-/// reference constants does not tell the walk at a node.
-fn severe(scene: &Scene, media: &Media, reference: &[Constants], flagged: f64) -> Vec<f64> {
-    if scene.sampling.transport == Transport::Exact {
-        return vec![f64::INFINITY; media.constants.len()];
-    }
-    let strongest = |node: &[Constants]| node.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
-    let walked = strongest(reference);
-    // The third order is delta^3 / c^5, and counts by the light of the node.
-    let share = |(node, weight): (&Vec<Constants>, &f64)| {
-        if flagged <= 0.0 || node == reference {
-            return 0.0;
-        }
-        let stronger = strongest(node).max(walked) / flagged;
-        SEVERE * libm::pow(weight * stronger.powi(3), 0.2)
-    };
-    media.constants.iter().zip(&media.weights).map(share).collect()
-}
-
-/// Joins neighbouring cells up to a width, with their light, their mean displacement and its
-/// spread. Cells of one interval that stand for several bands of energies are joined too.
-fn join(cells: &[Cell], width: f64) -> Vec<Cell> {
-    let mut out: Vec<Cell> = Vec::new();
-    let mut first = 0;
-    while first < cells.len() {
-        let low = cells[first].x_low;
-        let fits = |c: &Cell| f64::from(c.x_high - low) <= width;
-        let more = cells[first..].iter().take_while(|c| fits(c)).count().max(1);
-        // Never between bands of one interval.
-        let end = cells[first + more - 1].x_high;
-        let more = cells[first..].iter().take_while(|c| c.x_high <= end).count();
-        out.push(joined(&cells[first..first + more]));
-        first += more;
-    }
-    out
-}
-
-fn joined(cells: &[Cell]) -> Cell {
-    let (first, last) = (cells[0], cells[cells.len() - 1]);
-    if cells.len() == 1 {
-        return first;
-    }
-    let amount = |c: &Cell| {
-        f64::from(c.x_high - c.x_low) * f64::from((-0.5 * (c.depth_low + c.depth_high)).exp())
-    };
-    let light: f64 = cells.iter().map(amount).sum();
-    let mean =
-        |of: &dyn Fn(&Cell) -> f64| cells.iter().map(|c| amount(c) * of(c)).sum::<f64>() / light;
-    let x = |c: &Cell| 0.5 * f64::from(c.displacement_low + c.displacement_high);
-    let middle = mean(&x);
-    let spread = mean(&|c| f64::from(c.spread) + (x(c) - middle).powi(2));
-    let depth = -(light / f64::from(last.x_high - first.x_low)).ln() as f32;
-    Cell {
-        x_low: first.x_low,
-        x_high: last.x_high,
-        depth_low: depth,
-        depth_high: depth,
-        displacement_low: middle as f32,
-        displacement_high: middle as f32,
-        spread: spread as f32,
-        sample_shade: mean(&|c| c.sample_shade.into()) as f32,
-        detector_shade: mean(&|c| c.detector_shade.into()) as f32,
-        pixel_shift: mean(&|c| c.pixel_shift.into()) as f32,
-        ..cells[cells.len() / 2]
     }
 }

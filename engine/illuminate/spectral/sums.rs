@@ -1,0 +1,76 @@
+//! Light of a cell summed over a band of energies, and how far one cell can stand for it.
+
+use super::NodeLaw;
+use std::ops::Range;
+
+/// Sums over the energies of a group, at the ends and the middle of a cell.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sums {
+    pub(super) light: [f64; 3],
+    pub(super) x: [f64; 3],
+    pub(super) x2: f64,
+    pub(super) z: f64,
+    pub(super) slope_x: f64,
+    pub(super) shade: [f64; 2],
+    /// Of what the shade takes of an aperture's width, by mask: light, and light times x.
+    pub(super) narrowed: [[f64; 2]; 2],
+}
+
+impl Sums {
+    pub(super) fn over(
+        nodes: Range<usize>,
+        shares: &[f64],
+        passing: &[[f64; 3]],
+        laws: &[[NodeLaw; 2]],
+        shades: &[Vec<f64>; 2],
+        widths: [&[f64]; 2],
+    ) -> Self {
+        let mut sums = Self::default();
+        for node in nodes {
+            let [low, high] = &laws[node];
+            let x = [low.x, 0.5 * (low.x + high.x), high.x];
+            for i in 0..3 {
+                let light = shares[node] * passing[node][i];
+                sums.light[i] += light;
+                sums.x[i] += light * x[i];
+            }
+            let light = shares[node] * passing[node][1];
+            sums.x2 += light * x[1] * x[1];
+            sums.z += light * 0.5 * (low.z + high.z);
+            sums.slope_x += light * 0.5 * (low.slope_x + high.slope_x);
+            for (narrowed, width) in sums.narrowed.iter_mut().zip(widths) {
+                let narrower = light * (1.0 - width[node]);
+                narrowed[0] += narrower;
+                narrowed[1] += narrower * x[1];
+            }
+            for (sum, shades) in sums.shade.iter_mut().zip(shades) {
+                *sum += light * shades.get(node).copied().unwrap_or(0.0);
+            }
+        }
+        sums
+    }
+
+    /// Optical depth in the middle less the mean of that at the ends.
+    pub(super) fn bend(&self) -> f64 {
+        (self.light[1] / (self.light[0] * self.light[2]).sqrt()).ln().abs()
+    }
+
+    /// The same of the displacement.
+    pub(super) fn drift(&self) -> f64 {
+        let x = |i: usize| self.x[i] / self.light[i];
+        (x(1) - 0.5 * (x(0) + x(2))).abs()
+    }
+
+    /// Variance of the displacement over the energies, in the middle.
+    pub(super) fn spread(&self) -> f64 {
+        let mean = self.x[1] / self.light[1];
+        (self.x2 / self.light[1] - mean * mean).max(0.0)
+    }
+
+    /// How much the mean displacement of what passes the apertures differs from that of the
+    /// light before them: energies that are narrowed more are displaced more.
+    pub(super) fn lean(&self) -> f64 {
+        let [light, x] = [self.light[1], self.x[1] / self.light[1]];
+        self.narrowed.iter().map(|[sum, sum_x]| (sum_x / light - x * sum / light).abs()).sum()
+    }
+}
