@@ -26,6 +26,7 @@ const PERMUTATIONS: &[Permutation] = &[
     ("exact_ray_query", "exact.comp", &[("BACKEND_RAY_QUERY", "1")]),
     ("crossings", "crossings.comp", &[]),
     ("illuminate", "illuminate.comp", &[]),
+    ("illuminate_far", "illuminate.comp", &[("FAR", "1")]),
     ("random_rays", "random_rays.comp", &[]),
     ("random_light", "random_light.comp", &[]),
     ("fit", "retrieve/fit.comp", &[]),

@@ -1,8 +1,8 @@
 //! The engine: a Vulkan device that serves many scenes one after another.
 
 use crate::Result;
-use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault, Kernel};
-use crate::illuminate::CellIlluminator;
+use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault};
+use crate::illuminate::CellKernels;
 use crate::kept::Kept;
 use crate::run::{Backend, Control, RunRecord};
 use crate::scene::Scene;
@@ -57,7 +57,7 @@ impl Engine {
         })?;
         let kernels = Kernels {
             trace: Arc::new(TraceKernels::new(&device)?),
-            illuminate: CellIlluminator::kernel(&device)?,
+            illuminate: Arc::new(CellKernels::new(&device)?),
         };
         Ok(Self { options: options.clone(), device, kernels })
     }
@@ -86,7 +86,7 @@ impl Engine {
         &self.kernels.trace
     }
 
-    pub(crate) const fn illuminate_kernel(&self) -> &Arc<Kernel> {
+    pub(crate) const fn illuminate_kernels(&self) -> &Arc<CellKernels> {
         &self.kernels.illuminate
     }
 

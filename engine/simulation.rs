@@ -14,7 +14,7 @@ use crate::detector::Detection;
 use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
-use crate::illuminate::Spectral;
+use crate::illuminate::{self, Spectral};
 use crate::kept::{self, Kept, KeptSource};
 use crate::memory::{self, MemoryEstimate};
 use crate::run::{Backend, Control, RunRecord, Tally};
@@ -71,7 +71,8 @@ impl<'e> Simulation<'e> {
         let detection = Detection::of(scene)?;
         let lit = detection.lit();
         let media = Media::of(scene)?;
-        let lattice = Lattice::of(lit, media.strongest());
+        let mut lattice = Lattice::of(lit, media.strongest());
+        lattice.alike_rows = illuminate::alike_rows(lit, &media)?;
         let stronger = if engine.options().keep_moments { kept::STRONGER } else { 1.0 };
         let several = media.energies.len() > 1 || engine.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
@@ -95,7 +96,8 @@ impl<'e> Simulation<'e> {
         let detection = Detection::of(scene)?;
         let lit = detection.lit();
         let own = Media::of(scene)?;
-        let lattice = Lattice::of(lit, own.strongest());
+        let mut lattice = Lattice::of(lit, own.strongest());
+        lattice.alike_rows = illuminate::alike_rows(lit, &own)?;
         let source = moments.for_scene(lit, &lattice)?;
         let media = source.media.clone();
         let flagged = source.flagged;
@@ -431,5 +433,5 @@ fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
 #[derive(Debug)]
 pub(crate) struct Kernels {
     pub(crate) trace: Arc<TraceKernels>,
-    pub(crate) illuminate: Arc<crate::gpu::Kernel>,
+    pub(crate) illuminate: Arc<illuminate::CellKernels>,
 }

@@ -1,6 +1,7 @@
 #version 460
-// Light of cells: one invocation per strip and mask step integrates every cell over the sample
-// mask, the focal spot, the detector mask and the pixels (docs/physics.md, "Cells").
+// Light of cells: one invocation per strip and some mask steps integrates every cell over the
+// sample mask, the focal spot, the detector mask and the pixels (docs/physics.md, "Cells").
+// With FAR light may land in rows other than its own and the two beside it.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
@@ -15,145 +16,107 @@ layout(push_constant, scalar) uniform IlluminatePush {
     Strips strips;
     Cells cells;
     Words sums; // [step][row][column][2]
-    uint strip_count;
+    uint strip_count; // behind the first
     uint first_strip;
     uint first_step;
-    uint repeats; // steps from the first that see the same light
+    uint last_step;  // one behind
+    uint steps_each; // of an invocation
+    uint repeats;    // steps from the first that see the same light
 } push;
 
 #include "physics/gauss.glsl"
-#include "physics/polygon.glsl"
 #include "light/sum.glsl"
 #include "light/mask.glsl"
+#include "light/window.glsl"
 
 const float NEGLIGIBLE = 1e-9; // leaks below this are left out
-const float FAINT = 1e-4;      // the light of leaks below this is spread over the whole strip
-
-// Light waiting for one pixel in three rows, so that sums meet memory once per pixel.
-struct Pending {
-    int pixel;
-    vec3 rows; // row - 1, row, row + 1
-};
+const float FAINT = 1e-5;      // where in its pixel the light of leaks below this lands is left open
 
 // Adds light to a pixel at every step that sees the same.
-void add_to_steps(Light light, int row, int pixel, uint mask_step, float value) {
+void add_to_steps(Light light, int row, int pixel, uint mask_step, uvec2 value) {
     uint index;
-    if (!(value > 0.0) || !place_of_light(light, row, pixel, mask_step, index)) return;
+    if (value == uvec2(0u) || !place_of_light(light, row, pixel, mask_step, index)) return;
     uint frame = light.row_count * light.column_count;
-    for (uint n = 0u; n < push.repeats; n++) add_light(push.sums, index + n * frame, value);
+    uint n = 0u;
+    do {
+        add_words(push.sums, index + n * frame, value);
+        n++;
+    } while (n < push.repeats);
 }
 
-void flush(Light light, int row, uint mask_step, inout Pending pending) {
-    for (int i = 0; i < 3; i++) {
-        add_to_steps(light, row - 1 + i, pending.pixel, mask_step, pending.rows[i]);
+#ifdef FAR
+// Rows that light lands on which is evenly spread over as many from 0 on.
+float rows_before(float at, float blur) {
+    if (at >= 6.0 * blur) return at;
+    return at <= -6.0 * blur ? 0.0 : blur * ramp(at / blur);
+}
+
+// Adds light of a cell to all rows where it lands, for each row of the strip.
+void spread_over_rows(Light light, Strip strip, Cell cell, int pixel, uint mask_step, float value) {
+    float shift = light.row_move - cell.displacement_z / light.row_pitch;
+    float top = strip.top + shift;
+    float bottom = strip.bottom + shift;
+    float per_row = value / (strip.bottom - strip.top);
+    float reach = 6.0 * light.row_blur;
+    float before = 0.0;
+    int last = int(floor(bottom + reach));
+    for (int r = int(floor(top - reach)); r <= last; r++) {
+        float end = float(r + 1);
+        float through = rows_before(end - top, light.row_blur)
+            - rows_before(end - bottom, light.row_blur);
+        uvec2 words = fixed_point(per_row * (through - before));
+        for (uint k = 0u; k < strip.rows; k++) {
+            add_to_steps(light, strip.row + r + int(k), pixel, mask_step, words);
+        }
+        before = through;
     }
-    pending.rows = vec3(0.0);
 }
-
-// How the light of a cell spreads over rows.
-struct RowSpread {
-    float middle;
-    float half_height;
-    bool near; // within the row and its two neighbours
-    vec3 shares;
-};
-
-RowSpread row_spread(Light light, Strip strip, Cell cell) {
-    RowSpread spread;
-    spread.middle = 0.5 * (strip.top + strip.bottom) - cell.displacement_z / light.row_pitch
-        + light.row_move;
-    spread.half_height = 0.5 * (strip.bottom - strip.top);
-    spread.near = cell.above >= 0.0;
-    spread.shares = vec3(cell.above, 1.0 - cell.above - cell.below, cell.below);
-    if (light.rows_apart != 0u) {
-        float span = spread.half_height + 6.0 * light.row_blur;
-        spread.near = spread.middle - span >= -1.0 && spread.middle + span <= 2.0;
-        float above = share_below(0.0, spread.middle, spread.half_height, light.row_blur);
-        float below = 1.0 - share_below(1.0, spread.middle, spread.half_height, light.row_blur);
-        spread.shares = vec3(above, 1.0 - above - below, below);
-    }
-    return spread;
+#else
+// Adds light that waits for a pixel: in the row above a strip's, its own and the one below, for
+// each row of the strip, to the same sums as if each row had its own strip.
+void flush(Light light, Strip strip, int pixel, uint mask_step, vec3 waiting) {
+    int rows = int(strip.rows);
+    uvec2 above = fixed_point(waiting.x);
+    uvec2 own = fixed_point(waiting.y);
+    uvec2 below = fixed_point(waiting.z);
+    int r = -1;
+    do {
+        uvec2 value = r < rows - 1 ? above : uvec2(0u);
+        if (r >= 0 && r < rows) value = plus(value, own);
+        if (r > 0) value = plus(value, below);
+        add_to_steps(light, strip.row + r, pixel, mask_step, value);
+        r++;
+    } while (r <= rows);
 }
-
-// Light of a cell, or of what a hard edge leaves of it, on the analyser: evenly spread over
-// middle +- half_width, blurred by the spot.
-struct Piece {
-    float amount;
-    float middle;
-    float half_width; // signed: light may land in reverse order
-    float blur;       // at edges of the detector mask
-    float pixel_blur; // at edges of pixels
-    float pixel_shift;
-    float lean;       // half the change of optical depth over the piece
-    float detector_shade;
-    // Where the aperture of the sample mask cuts the piece the cut depends on the source offset
-    // t (in standard deviations): half_cell * xi + shift * t lies in [aperture_low, aperture_high].
-    bool cut;
-    float half_cell;
-    float shift;
-    float aperture_low;
-    float aperture_high;
-};
-
-// An edge on the analyser.
-struct Edge {
-    float at;
-    bool of_pixel;
-};
-
-float blur_at(Piece piece, Edge edge) {
-    return edge.of_pixel ? piece.pixel_blur : piece.blur;
-}
-
-// Share of the piece between two edges.
-float window(Piece piece, Edge low, Edge high) {
-    if (!piece.cut) {
-        float width = abs(piece.half_width);
-        return share_below(high.at, piece.middle, width, blur_at(piece, high))
-            - share_below(low.at, piece.middle, width, blur_at(piece, low));
-    }
-    float scale = 1.0 / (piece.half_cell + piece.shift);
-    float low_blur = blur_at(piece, low);
-    float high_blur = blur_at(piece, high);
-    float low_scale = 1.0 / (abs(piece.half_width) + low_blur);
-    float high_scale = 1.0 / (abs(piece.half_width) + high_blur);
-    vec3 lines[4] = vec3[4](
-        scale * vec3(piece.half_cell, piece.shift, -piece.aperture_low),
-        scale * vec3(-piece.half_cell, -piece.shift, piece.aperture_high),
-        low_scale * vec3(piece.half_width, -low_blur, piece.middle - low.at),
-        high_scale * vec3(-piece.half_width, high_blur, high.at - piece.middle));
-    Polygon region = rectangle(1.0, 6.5);
-    for (int i = 0; i < 4; i++) cut(region, lines[i]);
-    vec2 moments = polygon_moments(region);
-    return 0.5 * (moments.x - piece.lean * moments.y);
-}
+#endif
 
 // Share of the piece that passes the detector mask and lands in the pixel [low, high].
-float response(Light light, Column column, float row_z, Piece piece, float low, float high) {
+float response(Light light, Column column, Aperture only, float sec, float leak, Piece piece,
+               float low, float high) {
     Edge pixel_low = Edge(low, true);
     Edge pixel_high = Edge(high, true);
     Mask mask = light.detector_mask;
     bool masked = mask.present != 0u;
-    float sec = secant(column.slope, row_z);
-    float leak = masked ? bar_transmission(mask, sec) : 1.0;
     float reach = abs(piece.half_width) + 6.5 * piece.blur;
     float first = max(low, piece.middle - reach) + column.aperture_offset;
     float last = min(high, piece.middle + reach) + column.aperture_offset;
     // Only periods with an aperture in reach: where a driver runs every branch, each counts.
-    int from = masked ? int(ceil((first - mask.apertures.at[mask.count - 1u].high) / mask.period)) : 0;
-    int to = masked ? int(floor((last - mask.apertures.at[0].low) / mask.period)) : -1;
+    int from = masked ? int(ceil((first - mask.last) / mask.period)) : 0;
+    int to = masked ? int(floor((last - mask.first) / mask.period)) : -1;
     int apertures = max(to - from + 1, 0) * int(mask.count);
-    float whole = 0.0;
     float open = 0.0;
     // First the whole pixel, behind the bars too; then each aperture. The window stands in the
     // loop once: drivers inline it, and it is long.
-    int n = leak >= NEGLIGIBLE ? -1 : 0;
+    float whole = 0.0;
+    int n = leak >= FAINT ? -1 : 0;
     do {
         Edge lower = pixel_low;
         Edge upper = pixel_high;
-        if (n >= 0) {
+        bool met = n < 0;
+        if (n >= 0 && n < apertures) {
             int j = from + n / int(mask.count);
-            Aperture aperture = mask.apertures.at[n % int(mask.count)];
+            Aperture aperture = only;
+            if (mask.count > 1u) aperture = mask.apertures.at[n % int(mask.count)];
             float centre = float(j) * mask.period - column.aperture_offset
                 + 0.5 * (aperture.low + aperture.high);
             float slope = column.slope + centre / light.analyser;
@@ -161,55 +124,28 @@ float response(Light light, Column column, float row_z, Piece piece, float low, 
                                           piece.detector_shade);
             float a = centre - 0.5 * width;
             float b = centre + 0.5 * width;
-            if (b <= low || a >= high || b <= a || n >= apertures) lower = upper;
-            else {
-                if (b < high) upper = Edge(b, false);
-                if (a > low) lower = Edge(a, false);
-            }
+            met = b > low && a < high && b > a;
+            if (b < high) upper = Edge(b, false);
+            if (a > low) lower = Edge(a, false);
         }
         float share = window(piece, lower, upper);
         if (n < 0) whole = share;
-        else open += max(share, 0.0);
+        else if (met) open += share;
         n++;
     } while (n < apertures);
     if (!masked) return whole;
+    if (leak < FAINT) {
+        // So little that its blur at the pixel's edges does not matter.
+        float from_xi = max(piece.low / piece.steep, -1.0);
+        float to_xi = min(piece.high / piece.steep, 1.0);
+        float centre = piece.middle + 0.5 * (from_xi + to_xi) * piece.half_width;
+        float half_width = max(0.5 * (to_xi - from_xi) * abs(piece.half_width), piece.pixel_blur);
+        float part = min(high, centre + half_width) - max(low, centre - half_width);
+        whole = half_width > 0.0 ? max(part, 0.0) / (2.0 * half_width)
+            : float(centre >= low && centre < high);
+        whole *= 0.5 * max(to_xi - from_xi, 0.0);
+    }
     return leak < NEGLIGIBLE ? open : leak * whole + (1.0 - leak) * open;
-}
-
-void deposit(Light light, Strip strip, Column column, float row_z, uint mask_step, Piece piece,
-             RowSpread spread, inout Pending pending) {
-    float reach = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
-    float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
-    int from = int(floor((landing - reach) / light.pixel + 0.5));
-    int to = int(floor((landing + reach) / light.pixel + 0.5));
-    // Far outside the detector there is nothing to sum.
-    from = max(from, -column.pixel);
-    to = min(to, int(light.column_count) - 1 - column.pixel);
-    int q = from;
-    do {
-        float low = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
-        float value = piece.amount * response(light, column, row_z, piece, low, low + light.pixel);
-        int pixel = column.pixel + q;
-        if (q > to || !(value > 0.0)) value = 0.0;
-        q++;
-        if (spread.near) {
-            if (pixel != pending.pixel) {
-                flush(light, strip.row, mask_step, pending);
-                pending.pixel = pixel;
-            }
-            pending.rows += value * spread.shares;
-        } else {
-            float span = spread.half_height + 6.0 * light.row_blur;
-            int top = int(floor(spread.middle - span));
-            int bottom = int(floor(spread.middle + span));
-            float above = 0.0;
-            for (int r = top; r <= bottom; r++) {
-                float below = share_below(float(r + 1), spread.middle, spread.half_height, light.row_blur);
-                add_to_steps(light, strip.row + r, pixel, mask_step, value * (below - above));
-                above = below;
-            }
-        }
-    } while (q <= to);
 }
 
 // The part [a, b] of a cell on the analyser. x is where the ray from the centre of the source
@@ -230,20 +166,28 @@ Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float tran
         * (1.0 + lean * lean / 24.0) * light.weight * (strip.bottom - strip.top);
     piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low;
     piece.half_width = 0.5 * growth * width;
-    float shadow = growth * growth * soft.x;
+    // Soft edges of the aperture move light within the piece, not beyond it.
+    float shadow = min(growth * growth * soft.x, piece.half_width * piece.half_width / 3.0);
     piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.spread);
     piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.spread);
     piece.pixel_shift = cell.pixel_shift;
     piece.lean = 0.5 * lean;
     piece.detector_shade = cell.detector_shade;
-    piece.cut = false;
-    piece.half_cell = 0.5 * width;
+    piece.steep = STEEP;
+    piece.low = -STEEP - 8.0;
+    piece.high = STEEP + 8.0;
     return piece;
 }
 
-// Without a cut the lean only moves the centre of the light.
-void settle(inout Piece piece) {
-    piece.middle -= piece.half_width * piece.lean / 3.0;
+// Lets an aperture [low, high] of the sample mask, `shift` per standard deviation of the source
+// offset, cut the piece [a, b].
+void cut_by(inout Piece piece, float a, float b, float low, float high, float shift) {
+    float middle = 0.5 * (a + b);
+    float half_cell = 0.5 * (b - a);
+    float per = 1.0 / max(shift, half_cell / STEEP);
+    piece.steep = half_cell * per;
+    piece.low = clamp((low - middle) * per, -piece.steep - 8.0, piece.steep + 8.0);
+    piece.high = clamp((high - middle) * per, -piece.steep - 8.0, piece.steep + 8.0);
 }
 
 // The first cell from `first` on whose upper (or lower) end lies beyond x; cells are sorted.
@@ -261,8 +205,9 @@ uint cell_beyond(Strip strip, float x, uint first, bool upper) {
 
 void main() {
     uint index = push.first_strip + gl_GlobalInvocationID.x;
-    uint mask_step = push.first_step + gl_GlobalInvocationID.y;
-    if (gl_GlobalInvocationID.x >= push.strip_count) return;
+    uint mask_step = push.first_step + gl_GlobalInvocationID.y * push.steps_each;
+    uint last_step = min(mask_step + push.steps_each, push.last_step);
+    if (gl_GlobalInvocationID.x >= push.strip_count || mask_step >= last_step) return;
     Light light = push.light_ref.at[0];
     Strip strip = push.strips.at[index];
     Column column = light.columns.at[strip.column];
@@ -270,95 +215,156 @@ void main() {
     column.aperture_offset -= light.landing_move;
     column.pixel_offset -= light.pixel_move;
     column.slope -= light.slope_move;
-    float row_middle = float(strip.row) + 0.5 * (strip.top + strip.bottom);
-    float row_z = (row_middle - light.middle_row) * light.row_slope;
+    // Rows of a block see the bars under one angle.
+    float block = (floor(float(strip.row) / light.alike_rows) + 0.5) * light.alike_rows;
+    float row_z = (block - light.middle_row) * light.row_slope;
 
     Mask mask = light.sample_mask;
-    float sec = secant(column.slope, row_z);
-    float leak = mask.present == 0u ? 1.0 : bar_transmission(mask, sec);
-    float offset = mask.present == 0u ? 0.0 : light.offsets.at[mask_step] - column.sample_offset;
-
-    float other_leak = bar_transmission(light.detector_mask, sec);
-    vec2 soft = vec2(edge_variance(mask, column.slope, sec, leak),
-                     edge_variance(light.detector_mask, column.slope, sec, other_leak));
-
-    Pending pending = Pending(column.pixel, vec3(0.0));
+    Mask behind = light.detector_mask;
     bool masked = mask.present != 0u;
-    bool faint = masked && leak > NEGLIGIBLE && leak < FAINT;
+    float sec = secant(column.slope, row_z);
+    float leak = masked ? bar_transmission(mask, sec) : 1.0;
+    float leak_behind = behind.present != 0u ? bar_transmission(behind, sec) : 1.0;
+    vec2 soft = vec2(edge_variance(mask, column.slope, sec, leak),
+                     edge_variance(behind, column.slope, sec, leak_behind));
+    Aperture only = Aperture(mask.first, mask.last);
+    Aperture only_behind = Aperture(behind.first, behind.last);
+
+    // Faint light stays in its pixel.
+    float faint = 0.0;
+    if (masked && leak > NEGLIGIBLE && leak < FAINT) {
+        faint = leak * strip.light * light.weight * (strip.bottom - strip.top)
+            * (leak_behind + (1.0 - leak_behind) * (behind.present != 0u ? light.open : 1.0));
+    }
     bool every = leak >= FAINT;
     // A source without extent, or cells in the plane of the mask: the cut is sharp.
     bool sharp = light.shift <= 0.0;
     float reach = 6.5 * light.shift;
     Aperture ends = Aperture(push.cells.at[strip.first].x_low,
                              push.cells.at[strip.first + strip.count - 1u].x_high);
-    float low_side = masked ? mask.apertures.at[mask.count - 1u].high + reach : 0.0;
-    float high_side = masked ? mask.apertures.at[0].low - reach : 0.0;
-    int from = masked ? int(ceil((ends.low - offset - low_side) / mask.period)) : 0;
-    int to = masked ? int(floor((ends.high - offset - high_side) / mask.period)) : -1;
-    int apertures = max(to - from + 1, 0) * int(mask.count);
-    // First what the bars leak: of every cell, or so faint that the strip counts as one cell
-    // (index `count`); then each aperture with the cells that it lets light through. deposit()
-    // stands in the loop once: drivers inline it, and some run the body for nothing.
-    int n = -1;
-    uint i = faint ? strip.count : 0u;
-    uint stop = faint ? strip.count + 1u : (every ? strip.count : 0u);
-    float middle_x = 0.0, slope_x = 0.0; // of the aperture
-    for (;;) {
-        while (n < apertures && i >= stop) {
-            n++;
-            if (n >= apertures) break;
-            int k = from + n / int(mask.count);
-            Aperture aperture = mask.apertures.at[n % int(mask.count)];
-            float centre = float(k) * mask.period + offset + 0.5 * (aperture.low + aperture.high);
-            // Effective apertures are narrower than these.
-            float widest = aperture.high - aperture.low;
-            i = cell_beyond(strip, centre - 0.5 * widest - reach, 0u, true);
-            stop = cell_beyond(strip, centre + 0.5 * widest + reach, i, false);
-            middle_x = centre;
-            slope_x = column.slope + centre / light.cell_plane;
+    // How far light of the strip lands from where it stands.
+    float growth = light.magnification + strip.bend;
+    float blur = max(light.spot * light.spot + soft.y, light.pixel_spot * light.pixel_spot);
+    blur = sqrt(blur + growth * growth * soft.x + strip.spread);
+    float low_landing = strip.low_landing + column.pixel_offset - 6.5 * blur;
+    float high_landing = strip.high_landing + column.pixel_offset + 6.5 * blur;
+    // Far outside the detector there is nothing to sum.
+    int first_pixel = -column.pixel;
+    int last_pixel = int(light.column_count) - 1 - column.pixel;
+
+    do {
+        float offset = masked ? light.offsets.at[mask_step] - column.sample_offset : 0.0;
+        int from = masked ? int(ceil((ends.low - offset - mask.last - reach) / mask.period)) : 0;
+        int to = masked ? int(floor((ends.high - offset - mask.first + reach) / mask.period)) : -1;
+        int apertures = max(to - from + 1, 0) * int(mask.count);
+        float lit_low = ends.low;
+        float lit_high = ends.high;
+        if (!every) {
+            lit_low = max(lit_low, float(from) * mask.period + offset + mask.first - reach);
+            lit_high = min(lit_high, float(to) * mask.period + offset + mask.last + reach);
         }
-        if (n >= apertures) break;
-        bool all = i == strip.count;
-        Cell cell = push.cells.at[strip.first + (all ? 0u : i)];
-        i++;
-        if (all) {
-            // Bars of this leak pass about 1e-6 of open beam: where in the strip does not matter.
-            cell.x_high = ends.high;
-            cell.depth_low = cell.depth_high = 0.0;
-            cell.displacement_low = cell.displacement_high = 0.0;
-            cell.pixel_shift = 0.0;
+        bool lit = lit_high > lit_low;
+        int low_pixel = 0;
+        int high_pixel = 0;
+        if (lit) {
+            low_pixel = int(floor((light.magnification * lit_low + low_landing) / light.pixel + 0.5));
+            high_pixel = int(floor((light.magnification * lit_high + high_landing) / light.pixel + 0.5));
         }
-        float from_x = cell.x_low;
-        float to_x = cell.x_high;
-        bool cut_ = false;
-        float low = 0.0, high = 0.0;
-        if (n >= 0) {
-            Aperture aperture = mask.apertures.at[n % int(mask.count)];
-            float width = effective_width(mask, aperture.high - aperture.low, slope_x, sec, leak,
-                                          cell.sample_shade);
-            low = middle_x - 0.5 * width;
-            high = middle_x + 0.5 * width;
-            if (high <= low || high + reach <= cell.x_low || low - reach >= cell.x_high) continue;
-            bool inside = low + reach <= cell.x_low && high - reach >= cell.x_high;
-            if (sharp) {
-                from_x = max(cell.x_low, low);
-                to_x = min(cell.x_high, high);
+        if (faint > 0.0) {
+            low_pixel = min(low_pixel, 0);
+            high_pixel = max(high_pixel, 0);
+        }
+        low_pixel = max(low_pixel, first_pixel);
+        high_pixel = min(high_pixel, last_pixel);
+        // Three pixels at a time, in registers; light rarely reaches more.
+        int base = low_pixel;
+        do {
+            vec3 left = vec3(0.0), middle = vec3(0.0), right = vec3(0.0);
+#ifdef FAR
+            if (faint > 0.0 && base <= 0 && 0 < base + 3) {
+                Cell cell = push.cells.at[strip.first];
+                spread_over_rows(light, strip, cell, column.pixel, mask_step, faint);
             }
-            cut_ = !inside && !sharp;
-        }
-        float share = n < 0 ? (all ? 1.0 : leak) : 1.0 - leak;
-        Piece piece = piece_of(light, strip, cell, from_x, to_x, share, all ? vec2(0.0) : soft);
-        if (all) piece.amount = leak * strip.light * light.weight * (strip.bottom - strip.top);
-        if (cut_) {
-            float middle = 0.5 * (from_x + to_x);
-            piece.cut = true;
-            piece.shift = light.shift;
-            piece.aperture_low = low - middle;
-            piece.aperture_high = high - middle;
-        } else {
-            settle(piece);
-        }
-        deposit(light, strip, column, row_z, mask_step, piece, row_spread(light, strip, cell), pending);
-    }
-    flush(light, strip.row, mask_step, pending);
+#else
+            left.y = base == 0 ? faint : 0.0;
+            middle.y = base == -1 ? faint : 0.0;
+            right.y = base == -2 ? faint : 0.0;
+#endif
+            // First what the bars leak, of every cell; then each aperture with the cells that it
+            // lets light through.
+            int n = every ? -1 : 0;
+            do {
+                uint i = 0u;
+                uint stop = n < 0 ? strip.count : 0u;
+                float centre = 0.0, slope = 0.0, widest = 0.0;
+                if (n >= 0 && n < apertures) {
+                    Aperture aperture = only;
+                    if (mask.count > 1u) aperture = mask.apertures.at[n % int(mask.count)];
+                    centre = float(from + n / int(mask.count)) * mask.period + offset
+                        + 0.5 * (aperture.low + aperture.high);
+                    slope = column.slope + centre / light.cell_plane;
+                    // Effective apertures are narrower than these.
+                    widest = aperture.high - aperture.low;
+                    i = cell_beyond(strip, centre - 0.5 * widest - reach, 0u, true);
+                    stop = cell_beyond(strip, centre + 0.5 * widest + reach, i, false);
+                }
+                do {
+                    if (i >= stop) break;
+                    Cell cell = push.cells.at[strip.first + i];
+                    i++;
+                    float from_x = cell.x_low;
+                    float to_x = cell.x_high;
+                    float low = from_x, high = to_x;
+                    bool cut = false;
+                    if (n >= 0) {
+                        float width = effective_width(mask, widest, slope, sec, leak, cell.sample_shade);
+                        low = centre - 0.5 * width;
+                        high = centre + 0.5 * width;
+                        cut = !sharp && (low + reach > from_x || high - reach < to_x);
+                        if (sharp) {
+                            from_x = max(from_x, low);
+                            to_x = min(to_x, high);
+                        }
+                    }
+                    bool passes = high > low && high + reach > cell.x_low && low - reach < cell.x_high
+                        && to_x > from_x;
+                    float share = !passes ? 0.0 : (n < 0 ? leak : 1.0 - leak);
+                    Piece piece = piece_of(light, strip, cell, from_x, to_x, share, soft);
+                    if (cut) cut_by(piece, from_x, to_x, low, high, light.shift);
+                    float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
+                    float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
+                    int q = max(int(floor((landing - span) / light.pixel + 0.5)), base);
+                    int last = min(int(floor((landing + span) / light.pixel + 0.5)),
+                                   min(base + 2, high_pixel));
+                    if (share <= 0.0) last = q - 1;
+                    do {
+                        float edge = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
+                        float value = piece.amount * response(light, column, only_behind, sec,
+                                                              leak_behind, piece, edge, edge + light.pixel);
+                        if (q > last || !(value > 0.0)) value = 0.0;
+#ifdef FAR
+                        spread_over_rows(light, strip, cell, column.pixel + q, mask_step, value);
+#else
+                        vec3 rows = value * vec3(cell.above, 1.0 - cell.above - cell.below, cell.below);
+                        left += q == base ? rows : vec3(0.0);
+                        middle += q == base + 1 ? rows : vec3(0.0);
+                        right += q == base + 2 ? rows : vec3(0.0);
+#endif
+                        q++;
+                    } while (q <= last);
+                } while (i < stop);
+                n++;
+            } while (n < apertures);
+#ifndef FAR
+            int q = base;
+            do {
+                vec3 waiting = q == base ? left : (q == base + 1 ? middle : right);
+                if (q <= high_pixel) flush(light, strip, column.pixel + q, mask_step, waiting);
+                q++;
+            } while (q < base + 3 && q <= high_pixel);
+#endif
+            base += 3;
+        } while (base <= high_pixel);
+        mask_step++;
+    } while (mask_step < last_step);
 }

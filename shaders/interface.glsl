@@ -147,6 +147,8 @@ struct Mask {
     float transmission; // of a sheet's bars
     uint averaged;      // over energies: bars are opaque, and each cell says how much they shade
     float softness;     // variance of the edges of an averaged mask, in squared shadow widths
+    float first;        // low end of the first aperture
+    float last;         // high end of the last aperture
 };
 
 // What depends on the beamlet (index k of the cell lattice) alone.
@@ -167,7 +169,13 @@ struct Strip {
     int row;
     float top;    // within the row, 0..1 downwards
     float bottom;
+    uint rows;    // as many rows are alike from this one on
     float light;  // that its cells let through, as a length of the open beam, m
+    // Of all its cells:
+    float low_landing; // least displacement at the analyser, against the edges of pixels, m
+    float high_landing;
+    float spread; // largest variance of the displacement, m2, and of the light of narrow cells
+    float bend;   // largest change of the displacement per metre, narrow cells apart
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Strips { Strip at[]; };
 
@@ -214,7 +222,6 @@ struct Light {
     float pixel_move;     // the same of pixel edges, seen on the analyser
     float slope_move;     // of rays, downwards
     float row_move;       // of light, rows downwards
-    uint rows_apart;      // shares of rows that cells hold are not those of this part
     float spot;           // blur on the analyser of what lies at the rotation centre, m, std
     float pixel_spot;     // the same at edges of pixels, seen on the analyser
     float shift;          // std of x at the sample mask for a fixed place in the sample, m
@@ -227,9 +234,11 @@ struct Light {
     float row_pitch;      // m, on the detector
     float row_slope;      // slope dz/dy per row, downwards < 0
     float middle_row;     // row coordinate of the optical axis
+    float alike_rows;     // as many rows see the bars of masks under one angle
     uint row_count;       // rows of the band
     int first_row;        // of the band
     uint column_count;    // pixels
+    float open;           // share of the detector mask that is open
     float detector;       // distance from the source
     float rotation;       // distance of the rotation centre from the source
     float column_pitch;   // m, on the detector

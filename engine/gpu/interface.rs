@@ -165,6 +165,8 @@ shared_structs! {
         pub transmission: f32,
         pub averaged: u32,
         pub softness: f32,
+        pub first: f32,
+        pub last: f32,
     }
 
     /// What depends on the beamlet alone.
@@ -184,7 +186,12 @@ shared_structs! {
         pub row: i32,
         pub top: f32,
         pub bottom: f32,
+        pub rows: u32,
         pub light: f32,
+        pub low_landing: f32,
+        pub high_landing: f32,
+        pub spread: f32,
+        pub bend: f32,
     }
 
     /// A cell with the laws at its ends.
@@ -226,7 +233,6 @@ shared_structs! {
         pub pixel_move: f32,
         pub slope_move: f32,
         pub row_move: f32,
-        pub rows_apart: u32,
         pub spot: f32,
         pub pixel_spot: f32,
         pub shift: f32,
@@ -239,9 +245,11 @@ shared_structs! {
         pub row_pitch: f32,
         pub row_slope: f32,
         pub middle_row: f32,
+        pub alike_rows: f32,
         pub row_count: u32,
         pub first_row: i32,
         pub column_count: u32,
+        pub open: f32,
         pub detector: f32,
         pub rotation: f32,
         pub column_pitch: f32,
@@ -307,6 +315,8 @@ shared_structs! {
         pub strip_count: u32,
         pub first_strip: u32,
         pub first_step: u32,
+        pub last_step: u32,
+        pub steps_each: u32,
         pub repeats: u32,
     }
 

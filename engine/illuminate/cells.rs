@@ -13,7 +13,9 @@ use crate::Result;
 use crate::gpu::interface::{Cell, IlluminatePush, Strip};
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
 use crate::trace::{Strips, push_bytes};
-use std::sync::Arc;
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 /// Invocations per workgroup in illuminate.comp.
@@ -21,11 +23,48 @@ const GROUP: u32 = 64;
 /// Dispatches longer than this are cut.
 const LONG: Duration = Duration::from_millis(100);
 
+/// Mask steps of an invocation: what it reads of a strip serves all of them.
+const STEPS_EACH: u32 = 16;
+
+/// The kernels of cells.
+#[derive(Debug)]
+pub struct CellKernels {
+    device: Arc<Device>,
+    near: Kernel,
+    /// For light that lands more than a row away; made when there is some.
+    far: OnceLock<Kernel>,
+}
+
+impl CellKernels {
+    /// Compiles what every run needs.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`].
+    pub fn new(device: &Arc<Device>) -> Result<Self> {
+        let near = device.kernel(
+            "illuminate",
+            shaders::ILLUMINATE,
+            push_bytes::<IlluminatePush>(),
+            None,
+        )?;
+        Ok(Self { device: device.clone(), near, far: OnceLock::new() })
+    }
+
+    fn far(&self) -> Result<&Kernel> {
+        if let Some(kernel) = self.far.get() {
+            return Ok(kernel);
+        }
+        let bytes = push_bytes::<IlluminatePush>();
+        let made = self.device.kernel("illuminate far", shaders::ILLUMINATE_FAR, bytes, None)?;
+        Ok(self.far.get_or_init(|| made))
+    }
+}
+
 /// Illuminates cells.
 #[derive(Debug)]
 pub struct CellIlluminator {
     device: Arc<Device>,
-    kernel: Arc<Kernel>,
+    kernels: Arc<CellKernels>,
     strips: Option<Buffer>,
     cells: Option<Buffer>,
     /// Strips times steps of a dispatch, adapted.
@@ -33,21 +72,12 @@ pub struct CellIlluminator {
 }
 
 impl CellIlluminator {
-    /// Compiles the kernel.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`].
-    pub fn kernel(device: &Arc<Device>) -> Result<Arc<Kernel>> {
-        let bytes = push_bytes::<IlluminatePush>();
-        Ok(Arc::new(device.kernel("illuminate", shaders::ILLUMINATE, bytes, None)?))
-    }
-
     /// An illuminator.
     #[must_use]
-    pub fn new(device: &Arc<Device>, kernel: &Arc<Kernel>) -> Self {
+    pub fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>) -> Self {
         Self {
             device: device.clone(),
-            kernel: kernel.clone(),
+            kernels: kernels.clone(),
             strips: None,
             cells: None,
             load: 1 << 16,
@@ -68,23 +98,51 @@ impl CellIlluminator {
         if strips.strips.is_empty() || strips.cells.is_empty() {
             return Ok(());
         }
-        fit::<Strip>(&self.device, &mut self.strips, "strips", &strips.strips)?;
+        // Light of parts of a spot that spread differently over rows has its own kernel, as has
+        // that of cells which lands far off.
+        let near = |strip: &&Strip| !light.rows_apart && lands_near(&strips.cells, strip);
+        let mut ordered = Cow::from(&strips.strips);
+        let mut near_count = strips.strips.len() as u32;
+        if !strips.strips.iter().all(|strip| near(&strip)) {
+            let (mut first, far): (Vec<_>, Vec<_>) = strips.strips.iter().partition(&near);
+            near_count = first.len() as u32;
+            first.extend(far);
+            ordered = first.into_iter().copied().collect();
+        }
+        fit::<Strip>(&self.device, &mut self.strips, "strips", &ordered)?;
         fit::<Cell>(&self.device, &mut self.cells, "cells", &strips.cells)?;
+        let kernels = self.kernels.clone();
+        self.dispatch(&kernels.near, light, sums, 0..near_count, steps)?;
+        if near_count < ordered.len() as u32 {
+            self.dispatch(kernels.far()?, light, sums, near_count..ordered.len() as u32, steps)?;
+        }
+        Ok(())
+    }
+
+    fn dispatch(
+        &mut self,
+        kernel: &Kernel,
+        light: &LightRecord,
+        sums: &Sums,
+        strips: Range<u32>,
+        steps: u32,
+    ) -> Result<()> {
         let (Some(strip_buffer), Some(cell_buffer)) = (&self.strips, &self.cells) else {
             return Ok(());
         };
         // Light that no sample mask moves is the same at every step.
         let (steps, repeats) = if light.same_at_all_steps { (1, steps) } else { (steps, 1) };
-        let all = strips.strips.len() as u32;
         for light in light.addresses() {
-            let mut first_strip = 0;
-            while first_strip < all {
-                let strip_count = (all - first_strip).min(self.load.min(1 << 20) as u32).max(1);
+            let mut first_strip = strips.start;
+            while first_strip < strips.end {
+                let left = strips.end - first_strip;
+                let strip_count = left.min(self.load.min(1 << 20) as u32).max(1);
                 let at_once =
                     ((self.load / u64::from(strip_count)).clamp(1, 4096) as u32).min(steps);
                 let mut first_step = 0;
                 while first_step < steps {
-                    let n = at_once.min(steps - first_step);
+                    let last_step = steps.min(first_step + at_once);
+                    let steps_each = STEPS_EACH.min(last_step - first_step);
                     let push = IlluminatePush {
                         light_ref: light,
                         strips: strip_buffer.address(),
@@ -93,13 +151,16 @@ impl CellIlluminator {
                         strip_count,
                         first_strip,
                         first_step,
+                        last_step,
+                        steps_each,
                         repeats,
                     };
+                    let shares = (last_step - first_step).div_ceil(steps_each);
                     let time = self.device.run(|r| {
-                        let groups = [strip_count.div_ceil(GROUP), n, 1];
-                        r.dispatch(&self.kernel, bytemuck::bytes_of(&push), groups);
+                        let groups = [strip_count.div_ceil(GROUP), shares, 1];
+                        r.dispatch(kernel, bytemuck::bytes_of(&push), groups);
                     })?;
-                    first_step += n;
+                    first_step = last_step;
                     if time > LONG {
                         self.load = (self.load / 2).max(1024);
                     } else if time < LONG / 4 {
@@ -111,6 +172,12 @@ impl CellIlluminator {
         }
         Ok(())
     }
+}
+
+/// Whether all light of a strip lands in its row and the two beside it.
+fn lands_near(cells: &[Cell], strip: &Strip) -> bool {
+    let first = strip.first as usize;
+    cells[first..first + strip.count as usize].iter().all(|cell| cell.above >= 0.0)
 }
 
 /// Writes items into a buffer that grows as needed.

@@ -11,10 +11,18 @@ use crate::gpu::interface::{Address, Aperture, Column, Light, Mask, SpotPart};
 use crate::gpu::{Buffer, Device};
 use crate::scene::{MaskBody, MaskSpec, Scene};
 use crate::spot::PlacedPart;
-use crate::trace::{Lattice, column};
+use crate::trace::{Lattice, Media, column};
 use crate::{Result, material};
 use std::ops::Range;
 use std::sync::Arc;
+
+/// Rows of a block see the bars under angles whose secants differ by this from that of its middle,
+/// at most,
+const SAME_SECANT: f64 = 2e-5;
+/// and by so much that the light they leak differs by this share of the open beam.
+const SAME_LEAK: f64 = 1e-7;
+/// At most 2 to the power of this many rows.
+const MOST_ALIKE: u32 = 5;
 
 /// Which light a record is of.
 #[derive(Debug, Clone, Copy)]
@@ -107,10 +115,42 @@ impl MaskShape {
         (1.0 / (a * a) - leak / ((1.0 - leak) * (1.0 - leak))).max(0.0)
     }
 
+    /// Share of the period that is open.
+    fn open(&self) -> f64 {
+        self.apertures.iter().map(|a| f64::from(a.high - a.low)).sum::<f64>() / self.period
+    }
+
     /// Width of the narrowest aperture, m in the plane of evaluation.
     pub(super) fn narrowest(&self) -> f64 {
         self.apertures.iter().map(|a| f64::from(a.high - a.low)).fold(f64::INFINITY, f64::min)
     }
+}
+
+/// Rows of a block that may see the bars of masks under one angle, a power of two.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub(crate) fn alike_rows(scene: &Scene, media: &Media) -> Result<u32> {
+    let masks = [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)];
+    // Change of the leaks, as a share of the open beam, by that of the secant.
+    let mut change: f64 = 0.0;
+    for (name, mask) in masks {
+        let Some(mask) = mask else { continue };
+        let mut sum = 0.0;
+        for (&energy, weight) in media.energies.iter().zip(&media.weights) {
+            let shape = MaskShape::of(scene, name, mask, mask.distance, Some(energy))?;
+            sum += weight * shape.attenuation * shape.leak(1.0);
+        }
+        change = change.max(sum);
+    }
+    let slope = scene.detector.pitch[1] / scene.detector.distance;
+    let highest = f64::from(scene.detector.pixels[1]) / 2.0 * slope;
+    let fits = |rows: u32| {
+        let half = f64::from(rows) / 2.0 * slope;
+        let turn = (highest + 2.0 * half) * half;
+        turn <= SAME_SECANT && change * turn <= SAME_LEAK
+    };
+    Ok((1..=MOST_ALIKE).rev().map(|power| 1 << power).find(|rows| fits(*rows)).unwrap_or(1))
 }
 
 /// The light stages' parameters on the device. The band of rows varies, the rest stays.
@@ -121,6 +161,8 @@ pub struct LightRecord {
     buffer: Buffer,
     /// No sample mask tells the mask steps apart.
     pub(super) same_at_all_steps: bool,
+    /// Shares of rows that cells hold are not those of some part of the spot.
+    pub(super) rows_apart: bool,
     lights: Vec<Light>,
     _kept: Vec<Buffer>,
 }
@@ -140,6 +182,7 @@ impl LightRecord {
         let detector = &scene.detector;
         let source = &scene.source;
         let mut kept = Vec::new();
+        let mut open = 1.0;
         let mut mask = |index: usize, spec: Option<&MaskSpec>, plane: f64| -> Result<Mask> {
             let name = ["sample_mask", "detector_mask"][index];
             let Some(spec) = spec else { return Ok(bytemuck::Zeroable::zeroed()) };
@@ -151,6 +194,7 @@ impl LightRecord {
                 Part::Group { softness } => (None, softness[index]),
             };
             let shape = MaskShape::of(scene, name, spec, plane, energy)?;
+            open = shape.open(); // the detector mask comes last
             let apertures = device.upload(name, &shape.apertures)?;
             let record = Mask {
                 apertures: apertures.address(),
@@ -162,6 +206,8 @@ impl LightRecord {
                 transmission: shape.transmission as f32,
                 averaged: softness.is_some().into(),
                 softness: softness.unwrap_or(0.0),
+                first: shape.apertures.first().map_or(0.0, |a| a.low),
+                last: shape.apertures.last().map_or(0.0, |a| a.high),
             };
             kept.push(apertures);
             Ok(record)
@@ -199,8 +245,6 @@ impl LightRecord {
             pixel_move: narrow(at_pixel(part.offset[0])),
             slope_move: narrow(part.offset[0] / source.distance),
             row_move: narrow(in_rows(part.offset[1])),
-            rows_apart: (part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0)
-                .into(),
             spot: narrow(at_analyser(part.deviation[0])),
             pixel_spot: narrow(at_pixel(part.deviation[0])),
             shift: narrow(at_mask(part.deviation[0])),
@@ -213,10 +257,12 @@ impl LightRecord {
             row_blur: narrow(in_rows(part.deviation[1])),
             row_pitch: detector.pitch[1] as f32,
             row_slope: (-detector.pitch[1] / detector.distance) as f32,
+            alike_rows: 1.0,
             middle_row: (f64::from(detector.pixels[1]) / 2.0) as f32,
             row_count: 0,
             first_row: 0,
             column_count: detector.pixels[0],
+            open: narrow(open),
             detector: detector.distance as f32,
             rotation: source.distance as f32,
             column_pitch: detector.pitch[0] as f32,
@@ -226,7 +272,11 @@ impl LightRecord {
         let buffer = device.upload("light", &lights)?;
         kept.extend([columns, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
-        Ok(Self { buffer, same_at_all_steps, lights, _kept: kept })
+        let apart = |part: &PlacedPart| {
+            part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0
+        };
+        let rows_apart = parts.iter().any(apart);
+        Ok(Self { buffer, same_at_all_steps, rows_apart, lights, _kept: kept })
     }
 
     /// The record of random rays.
@@ -253,7 +303,12 @@ impl LightRecord {
     ) -> Result<Self> {
         let parts = scene.source.spot.placed();
         let columns = lattice.columns(scene);
-        Self::upload(device, scene, lattice.plane, &columns, offsets, part, &parts)
+        let mut record =
+            Self::upload(device, scene, lattice.plane, &columns, offsets, part, &parts)?;
+        for light in &mut record.lights {
+            light.alike_rows = lattice.alike_rows as f32;
+        }
+        Ok(record)
     }
 
     /// For random rays: one column per pixel of `pixels`.

@@ -6,7 +6,8 @@ mod random;
 mod spectral;
 mod sums;
 
-pub use cells::CellIlluminator;
+pub use cells::{CellIlluminator, CellKernels};
+pub(crate) use light::alike_rows;
 pub use light::{LightRecord, Part};
 pub use random::{Cast, RandomKernels, cast};
 pub(crate) use spectral::NARROW;

@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// Folder in the run directory.
 pub(super) const DIRECTORY: &str = "moments";
 const MAGIC: [u8; 16] = *b"beamlet moments\0";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Magic, version, words of a ray's moments, hash of the run's scene.
 const HEADER: usize = 16 + 8 + 32;
 const HASH: usize = 32;

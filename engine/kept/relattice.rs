@@ -10,7 +10,9 @@
 
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::scene::Scene;
-use crate::trace::{CellMoments, ExactCell, Lattice, Strips, empty_cell, empty_strip};
+use crate::trace::{
+    CellMoments, ExactCell, Lattice, Strips, blank_strips, empty_cell, empty_strip,
+};
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -210,11 +212,12 @@ impl Relattice {
         let mut out = Strips::default();
         let whole = empty_cell(&self.new);
         let half = 0.5 * self.new.period;
+        let mut blank = Vec::new();
         for row in rows.start.max(lit.start)..rows.end.min(lit.end) {
             for beamlet in self.new.direct.clone() {
                 let strip = empty_strip(beamlet - self.new.beamlets.start, row);
                 let Some(parts) = covered.0.get(&(row, beamlet)) else {
-                    out.push(strip, &[whole], &CellMoments::default());
+                    blank.push((i64::from(strip.column), row));
                     continue;
                 };
                 let mut edges: Vec<f64> = parts.iter().flat_map(|p| [p[0], p[1]]).collect();
@@ -245,6 +248,9 @@ impl Relattice {
                     out.push(strip, &cells, &CellMoments::default());
                 }
             }
+        }
+        for strip in blank_strips(&self.new, blank) {
+            out.push(strip, &[whole], &CellMoments::default());
         }
         out
     }

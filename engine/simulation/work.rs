@@ -83,7 +83,7 @@ impl<'s> Work<'s> {
             tracer: simulation.tracer(simulation.start.backend)?,
             lights,
             sums: Sums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
-            cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernel()),
+            cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels()),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
             band,
             pixel_columns,

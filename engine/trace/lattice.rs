@@ -38,6 +38,9 @@ pub struct Lattice {
     pub halo_columns: i64,
     /// Rows that the spot blurs what lies at the rotation centre over, on either side.
     pub blur_rows: i64,
+    /// Rows in a block that see the bars of masks under one angle
+    /// ([`crate::illuminate::alike_rows`]); blocks begin at multiples of it.
+    pub alike_rows: u32,
     /// The same reach in columns and rows, not rounded.
     blur: [f64; 2],
     /// How cells spread over rows.
@@ -108,6 +111,7 @@ impl Lattice {
             halo,
             halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
             blur_rows: blur[1].ceil() as i64,
+            alike_rows: 1,
             blur,
             row_spread: RowSpread { blur: row_blur / 6.0 },
             rotation: scene.source.distance,

@@ -19,6 +19,6 @@ pub use media::Media;
 pub use moments::{Moment, Moments};
 pub use occupancy::{Shadow, shadows};
 pub use strips::{CellMoments, ExactCell, Strips, Take, View, empty_strips, trace_strips};
-pub(crate) use strips::{empty_cell, empty_strip};
+pub(crate) use strips::{blank_strips, empty_cell, empty_strip};
 pub use tracer::{TraceKernels, Tracer, push_bytes};
 pub use upload::DeviceSample;

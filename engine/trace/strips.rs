@@ -32,6 +32,9 @@ const FINEST: i64 = 256;
 /// Spans whose cells are made side by side.
 const SPANS_AT_ONCE: usize = 1 << 12;
 
+/// Cells narrower than this may bend light by any amount, m.
+const NARROW: f32 = 2.5e-7;
+
 /// Strips and cells, ready to be illuminated.
 #[derive(Debug, Clone, Default)]
 pub struct Strips {
@@ -97,7 +100,7 @@ impl Strips {
             return;
         }
         let (first, count) = (self.cells.len() as u32, cells.len() as u32);
-        self.strips.push(Strip { first, count, light: light_of(cells), ..strip });
+        self.strips.push(Strip { first, count, ..reach_of(strip, cells) });
         self.cells.extend_from_slice(cells);
         self.moments.append(moments, first);
     }
@@ -134,14 +137,35 @@ impl Strips {
     }
 }
 
-/// What cells let through, as a length of the open beam, m.
-fn light_of(cells: &[Cell]) -> f32 {
-    let light = |cell: &Cell| {
+/// A strip with what its cells let through and how far their light lands.
+fn reach_of(strip: Strip, cells: &[Cell]) -> Strip {
+    let mut strip = Strip {
+        light: 0.0,
+        low_landing: f32::INFINITY,
+        high_landing: f32::NEG_INFINITY,
+        spread: 0.0,
+        bend: 0.0,
+        ..strip
+    };
+    for cell in cells {
         let lean = cell.depth_high - cell.depth_low;
         let middle = 0.5 * (cell.depth_low + cell.depth_high);
-        (cell.x_high - cell.x_low) * (-middle).exp() * (1.0 + lean * lean / 24.0)
-    };
-    cells.iter().map(light).sum()
+        let width = cell.x_high - cell.x_low;
+        strip.light += width * (-middle).exp() * (1.0 + lean * lean / 24.0);
+        let (low, high) = (cell.displacement_low, cell.displacement_high);
+        strip.low_landing = strip.low_landing.min(low.min(high) - cell.pixel_shift);
+        strip.high_landing = strip.high_landing.max(low.max(high) - cell.pixel_shift);
+        // The shadow of a thick bar blurs a cell by the bend times its width, and by no more than
+        // the light of the cell is wide (piece_of in illuminate.comp).
+        let lands = 0.5 * (high - low).abs() + 4.0 * width; // magnified eightfold at most
+        if width > NARROW {
+            strip.bend = strip.bend.max((high - low).abs() / width);
+            strip.spread = strip.spread.max(cell.spread);
+        } else {
+            strip.spread = strip.spread.max(cell.spread + lands * lands / 3.0);
+        }
+    }
+    strip
 }
 
 /// Strips of all beamlets without a sample: one cell each.
@@ -149,13 +173,24 @@ fn light_of(cells: &[Cell]) -> f32 {
 pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
     let mut out = Strips::default();
     let cell = empty_cell(lattice);
-    for row in rows {
-        for beamlet in lattice.direct.clone() {
-            let strip = empty_strip(beamlet - lattice.beamlets.start, row);
-            out.push(strip, &[cell], &CellMoments::default());
-        }
+    let first = lattice.beamlets.start;
+    let places = rows.flat_map(|row| lattice.direct.clone().map(move |k| (k - first, row)));
+    for strip in blank_strips(lattice, places.collect()) {
+        out.push(strip, &[cell], &CellMoments::default());
     }
     out
+}
+
+/// Strips of whole rows without a sample at places (column, row), one for rows that follow one
+/// another in a block.
+pub(crate) fn blank_strips(lattice: &Lattice, mut places: Vec<(i64, i64)>) -> Vec<Strip> {
+    places.sort_unstable();
+    let block = |row: i64| row.div_euclid(i64::from(lattice.alike_rows));
+    let alike =
+        |a: &(i64, i64), b: &(i64, i64)| a.0 == b.0 && a.1 + 1 == b.1 && block(a.1) == block(b.1);
+    let strip =
+        |run: &[(i64, i64)]| Strip { rows: run.len() as u32, ..empty_strip(run[0].0, run[0].1) };
+    places.chunk_by(alike).map(strip).collect()
 }
 
 pub(crate) fn empty_strip(column: i64, row: i64) -> Strip {
@@ -166,7 +201,8 @@ pub(crate) fn empty_strip(column: i64, row: i64) -> Strip {
         row: row as i32,
         top: 0.0,
         bottom: 1.0,
-        light: 0.0,
+        rows: 1,
+        ..bytemuck::Zeroable::zeroed()
     }
 }
 
@@ -230,8 +266,8 @@ pub fn trace_strips(
     let cell = empty_cell(view.lattice);
     let words = if view.keep_moments { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
-    for (column, row) in blank {
-        out.push(tracer, empty_strip(column, row), &[cell], &none)?;
+    for strip in blank_strips(view.lattice, blank) {
+        out.push(tracer, strip, &[cell], &none)?;
     }
     let work = Refiner::new(view);
     // A span takes about two lines: its middle, and one of its ends, shared with a neighbour.

@@ -1,14 +1,26 @@
 // Sums of light in 64-bit fixed point, 2^-32 of open beam, as two words: integer sums do not
 // depend on the order of their terms, and need no 64-bit atomics.
 
-void add_light(Words sums, uint index, float value) {
-    if (!(value > 0.0)) return;
+// Low and high word of a value.
+uvec2 fixed_point(float value) {
+    if (!(value > 0.0)) return uvec2(0u);
     float whole = floor(value);
-    uint low = uint((value - whole) * 4294967296.0);
-    uint high = uint(whole);
-    uint old = atomicAdd(sums.at[2u * index], low);
-    if (old + low < old) high += 1u;
+    return uvec2(uint((value - whole) * 4294967296.0), uint(whole));
+}
+
+uvec2 plus(uvec2 a, uvec2 b) {
+    uint low = a.x + b.x;
+    return uvec2(low, a.y + b.y + (low < a.x ? 1u : 0u));
+}
+
+void add_words(Words sums, uint index, uvec2 value) {
+    uint old = atomicAdd(sums.at[2u * index], value.x);
+    uint high = value.y + (old + value.x < old ? 1u : 0u);
     if (high != 0u) atomicAdd(sums.at[2u * index + 1u], high);
+}
+
+void add_light(Words sums, uint index, float value) {
+    if (value > 0.0) add_words(sums, index, fixed_point(value));
 }
 
 // Index of a pixel and step of the band; false outside it.

@@ -118,7 +118,7 @@ impl<'a> Refiner<'a> {
                 let moments = &moments[rays.start * words..rays.end * words];
                 line.begin(&self.aim, &narrow, &laws[rays], moments);
                 if line.wanted_count() == 0 {
-                    line.finish();
+                    line.finish(&self.aim);
                 }
                 (*key, narrow, line)
             })

@@ -1,0 +1,101 @@
+// Share of the light of a piece that lands between two edges on the analyser, uniform in xi and
+// normal in the source offset t (docs/physics.md, "Cells").
+
+// Edges at the ends of a piece that an aperture does not cut stand this steeply.
+const float STEEP = 2e4;
+
+// Light of a cell, or of what a hard edge leaves of it, on the analyser: evenly spread over
+// middle + half_width * xi, xi in [-1, 1], moved by -blur * t.
+struct Piece {
+    float amount;
+    float middle;
+    float half_width; // signed: light may land in reverse order
+    float blur;       // at edges of the detector mask
+    float pixel_blur; // at edges of pixels
+    float pixel_shift;
+    float lean;       // half the change of optical depth over the piece
+    float detector_shade;
+    // The aperture of the sample mask lets t through between low - steep * xi and
+    // high - steep * xi.
+    float low;
+    float high;
+    float steep;
+};
+
+// An edge on the analyser.
+struct Edge {
+    float at;
+    bool of_pixel;
+};
+
+float blur_at(Piece piece, Edge edge) {
+    float blur = edge.of_pixel ? piece.pixel_blur : piece.blur;
+    return max(blur, max(2e-6 * abs(piece.half_width), 1e-12));
+}
+
+// Integral of (1 - lean * xi) Phi over xi in [p, q], where the argument of Phi goes from a to b.
+float below_between(float a, float b, float p, float q, float lean) {
+    float density_a, below_a, density_b, below_b;
+    normal(a, density_a, below_a);
+    normal(b, density_b, below_b);
+    float h = q - p;
+    float w = b - a;
+    float at_a = 1.0 - lean * p;
+    float at_b = 1.0 - lean * q;
+    if (abs(w) < 0.5) {
+        // The closed form would lose its digits: Euler and Maclaurin's sum.
+        float first = w * (at_b * density_b - at_a * density_a) - lean * h * (below_b - below_a);
+        float third = w * w
+            * (w * (at_b * (b * b - 1.0) * density_b - at_a * (a * a - 1.0) * density_a)
+               + 3.0 * lean * h * (b * density_b - a * density_a));
+        return h * (0.5 * (at_a * below_a + at_b * below_b) - first / 12.0 + third / 720.0);
+    }
+    float per = h / w;
+    float once = at_b * (b * below_b + density_b) - at_a * (a * below_a + density_a);
+    float twice = 0.5 * ((b * b + 1.0) * below_b + b * density_b - (a * a + 1.0) * below_a
+                         - a * density_a);
+    return per * (once + lean * per * twice);
+}
+
+// Where two lines meet, cut to [-1, 1].
+float meeting(float apart, float slope) {
+    return clamp(apart / slope, -1.0, 1.0);
+}
+
+// Share of the piece between two edges. At xi the aperture and the edges each leave an interval
+// of t; what both leave is, with F(u, l) = max(Phi(u) - Phi(l), 0) of an upper and a lower bound
+// u, l, F(ua, le) - F(ua, ue) - F(la, le) + F(la, ue). Bounds are linear in xi, those of the
+// aperture fall more steeply, so that each F ends where its lines meet, and what is left are
+// integrals of Phi along each line between two meetings.
+float window(Piece piece, Edge low, Edge high) {
+    float low_blur = blur_at(piece, low);
+    float high_blur = blur_at(piece, high);
+    if ((piece.steep * low_blur + piece.half_width > 0.0)
+        != (piece.steep * high_blur + piece.half_width > 0.0)) {
+        low_blur = high_blur = 0.5 * (low_blur + high_blur);
+    }
+    float upper = (piece.middle - low.at) / low_blur;
+    float lower = (piece.middle - high.at) / high_blur;
+    float upper_slope = piece.half_width / low_blur;
+    float lower_slope = piece.half_width / high_blur;
+    float d_upper = upper_slope + piece.steep;
+    float d_lower = lower_slope + piece.steep;
+    float turned = d_upper < 0.0 ? -0.5 : 0.5;
+    if (abs(d_upper) < 1e-12) d_upper = 1e-12;
+    if (abs(d_lower) < 1e-12) d_lower = 1e-12;
+    float high_lower = meeting(piece.high - lower, d_lower);
+    float high_upper = meeting(piece.high - upper, d_upper);
+    float low_lower = meeting(piece.low - lower, d_lower);
+    float low_upper = meeting(piece.low - upper, d_upper);
+    float steep = piece.steep;
+    float lean = piece.lean;
+    float share = below_between(piece.high - steep * high_upper, piece.high - steep * high_lower,
+                                high_upper, high_lower, lean)
+        - below_between(piece.low - steep * low_upper, piece.low - steep * low_lower,
+                        low_upper, low_lower, lean)
+        - below_between(lower + lower_slope * low_lower, lower + lower_slope * high_lower,
+                        low_lower, high_lower, lean)
+        + below_between(upper + upper_slope * low_upper, upper + upper_slope * high_upper,
+                        low_upper, high_upper, lean);
+    return max(turned * share, 0.0);
+}
