@@ -8,7 +8,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use crate::gpu::interface::{FLAG_GRAZING, FLAG_NOT_FINITE, Law};
+use crate::gpu::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
 
 /// Silhouettes are bisected to this width at least, m in the cell plane.
 const SHARP: f32 = 20e-9;
@@ -22,6 +22,11 @@ pub(crate) const DEPTH_TOLERANCE: f32 = 2e-5;
 /// A segment of this share of the period may deviate by the tolerance; narrower ones by more,
 /// in proportion, since they carry less light.
 pub(crate) const FULL_SHARE: f32 = 1.0 / 40.0;
+
+/// Segments are joined up to this change of optical depth: light is linear in a cell.
+const STEEPEST: f32 = 0.02;
+/// Flags that rays of joined segments share.
+const KIND: u32 = FLAG_EXACT | FLAG_GRAZING | FLAG_REFLECTED;
 
 /// A traced point of a line.
 #[derive(Debug, Clone, Copy)]
@@ -141,17 +146,18 @@ impl Line {
             self.judge(aim, narrow, segment.low, point, segment.high);
         }
         if self.open.is_empty() {
-            self.finish();
+            self.finish(aim);
         }
     }
 
     /// Sorts the segments and joins neighbours that need not be apart.
-    pub(super) fn finish(&mut self) {
+    pub(super) fn finish(&mut self, aim: &Aim) {
         self.segments.sort_by(|a, b| a.low.x.total_cmp(&b.low.x));
         if self.is_empty() {
             let (first, last) = (self.segments[0].low, self.segments[self.segments.len() - 1].high);
             self.segments = vec![Segment { low: first, high: last }];
         }
+        self.segments = joined(aim, &self.segments);
         // Lines wait in great numbers until their strips are done.
         self.segments.shrink_to_fit();
         self.places.shrink_to_fit();
@@ -205,6 +211,44 @@ impl Line {
             })
             .collect()
     }
+}
+
+/// Segments with those neighbours joined that are linear as one: bisecting towards a jump leaves
+/// many pieces of one straight law, and every cell costs light.
+fn joined(aim: &Aim, segments: &[Segment]) -> Vec<Segment> {
+    let mut joined = Vec::new();
+    let mut rest = segments;
+    while let Some(first) = rest.first() {
+        let mut count = 1;
+        while count < rest.len() && is_one(aim, &rest[..=count]) {
+            count += 1;
+        }
+        joined.push(Segment { low: first.low, high: rest[count - 1].high });
+        rest = &rest[count..];
+    }
+    joined
+}
+
+/// Whether segments that follow one another are linear as one, at every ray between them.
+fn is_one(aim: &Aim, segments: &[Segment]) -> bool {
+    let (low, high) = (&segments[0].low, &segments[segments.len() - 1].high);
+    let width = high.x - low.x;
+    let room = (aim.period * FULL_SHARE / width).max(1.0);
+    let law = |f: fn(&Law) -> f32, limit: f32| {
+        let slope = (f(&high.law) - f(&low.law)) / width;
+        let off = |p: &Point| (f(&low.law) + slope * (p.x - low.x) - f(&p.law)).abs();
+        segments.windows(2).all(|w| off(&w[0].high) <= limit && off(&w[1].low) <= limit)
+    };
+    let alike = |p: &Point| {
+        p.signature() == low.signature()
+            && p.law.flags & KIND == low.law.flags & KIND
+            && p.law.flags & FLAG_NOT_FINITE == 0
+    };
+    segments.iter().all(|s| alike(&s.low) && alike(&s.high))
+        && (high.law.optical_depth - low.law.optical_depth).abs() <= STEEPEST
+        && law(|l| l.displacement_x, aim.tolerance * room)
+        && law(|l| l.displacement_z, 100.0 * aim.tolerance * room)
+        && law(|l| l.optical_depth, DEPTH_TOLERANCE * room)
 }
 
 fn middle(a: f32, b: f32) -> f32 {
