@@ -21,10 +21,12 @@ use crate::gpu::Device;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::material::Constants;
 use crate::scene::Scene;
-use crate::trace::{DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, Strips, Tracer};
+use crate::trace::{CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, Strips, Tracer};
 use join::join;
 use ordered::{Repeated, severe};
 use rayon::prelude::*;
+use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
 use std::sync::Arc;
 use sums::Sums;
 
@@ -41,8 +43,8 @@ const FAINT: f64 = 1e-4;
 /// The displacement may spread over this share of the blur: the third moment that is left out
 /// then moves less than 2e-4 of the light at an edge.
 const SPREAD_SHARE: f64 = 0.15;
-/// Strips gathered side by side.
-const STRIPS_AT_ONCE: usize = 1 << 12;
+/// Strips gathered one after the other by a thread.
+const STRIPS_AT_ONCE: usize = 1 << 8;
 
 /// What the gathering needs of a scene.
 #[derive(Debug)]
@@ -81,7 +83,8 @@ struct NodeLaw {
     slope_x: f64,
 }
 
-/// What the masks do to a strip's light: by node and group, and how much they shade.
+/// What the masks do to the light of a column in a block of rows: by node and group, and how much
+/// they shade.
 struct Bars {
     /// `[group][node]`.
     shares: Vec<f64>,
@@ -91,6 +94,25 @@ struct Bars {
     widths: [Vec<f64>; 2],
     /// The shadows of bars meet: apertures have no effective width.
     closed: bool,
+}
+
+/// A column, and a block of rows ([`Lattice::alike_rows`]).
+type Place = (u32, i64);
+
+/// Share of light that takes a way through masks of these leaks, where there are masks.
+fn passing(leaks: [Option<f64>; 2], group: [bool; 2]) -> f64 {
+    let through = |i: usize| leaks[i].map_or(1.0, |leak| if group[i] { leak } else { 1.0 - leak });
+    through(0) * through(1)
+}
+
+/// What gathering works with, kept from strip to strip.
+#[derive(Default)]
+struct Scratch {
+    laws: Vec<[NodeLaw; 2]>,
+    /// Light at the low end, the middle and the high end of a cell, by node.
+    passing: Vec<[f64; 3]>,
+    waiting: Vec<Range<usize>>,
+    lists: Vec<Vec<Cell>>,
 }
 
 impl Spectral {
@@ -145,14 +167,17 @@ impl Spectral {
             middle_row: f64::from(scene.detector.pixels[1]) / 2.0,
             masks,
         };
-        spectral.groups = [[false, false], [true, false], [false, true], [true, true]]
-            .into_iter()
-            .filter(|leaks| {
-                let has = |i: usize| !leaks[i] || spectral.masks[i].is_some();
-                let light = |n| spectral.weights[n] * spectral.passes(n, *leaks, 1.0);
-                has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
-            })
-            .collect();
+        // One energy has nothing to gather.
+        if spectral.nodes() > 1 {
+            spectral.groups = [[false, false], [true, false], [false, true], [true, true]]
+                .into_iter()
+                .filter(|leaks| {
+                    let has = |i: usize| !leaks[i] || spectral.masks[i].is_some();
+                    let light = |n| spectral.weights[n] * spectral.passes(n, *leaks, 1.0);
+                    has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
+                })
+                .collect();
+        }
         Ok(spectral)
     }
 
@@ -161,15 +186,8 @@ impl Spectral {
     }
 
     /// Share of the light of a node that takes a way through the masks.
-    fn passes(&self, node: usize, leaks: [bool; 2], secant: f64) -> f64 {
-        let through = |i: usize| match &self.masks[i] {
-            Some(mask) => {
-                let leak = mask[node].leak(secant);
-                if leaks[i] { leak } else { 1.0 - leak }
-            }
-            None => 1.0,
-        };
-        through(0) * through(1)
+    fn passes(&self, node: usize, group: [bool; 2], secant: f64) -> f64 {
+        passing([0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[node].leak(secant))), group)
     }
 
     /// Light records of the lists of [`Spectral::lists`], in their order.
@@ -218,31 +236,51 @@ impl Spectral {
     /// As [`Tracer::trace`], by which the ordered walks are repeated at each node.
     pub fn lists(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Vec<Strips>> {
         let repeated = self.repeat(tracer, strips)?;
-        let mut lists = vec![Strips::default(); self.groups.len() + self.nodes()];
-        for some in strips.strips.chunks(STRIPS_AT_ONCE) {
-            let made: Vec<_> =
-                some.par_iter().map(|strip| self.gather(strips, strip, &repeated)).collect();
-            for (strip, cells) in some.iter().zip(made) {
-                for (list, cells) in lists.iter_mut().zip(cells) {
-                    list.push(*strip, &cells, &crate::trace::CellMoments::default());
+        let places: BTreeSet<Place> = strips.strips.iter().map(|s| self.place(s)).collect();
+        let places: Vec<Place> = places.into_iter().collect();
+        let bars: HashMap<Place, Bars> =
+            places.par_iter().map(|place| (*place, self.bars(*place))).collect();
+        let gathered: Vec<Vec<Strips>> = strips
+            .strips
+            .par_chunks(STRIPS_AT_ONCE)
+            .map_init(Scratch::default, |scratch, some| {
+                let mut lists = vec![Strips::default(); self.groups.len() + self.nodes()];
+                for strip in some {
+                    self.gather(strips, strip, &repeated, &bars[&self.place(strip)], scratch);
+                    for (list, cells) in lists.iter_mut().zip(&scratch.lists) {
+                        list.push(*strip, cells, &CellMoments::default());
+                    }
                 }
+                lists
+            })
+            .collect();
+        let mut lists = vec![Strips::default(); self.groups.len() + self.nodes()];
+        for some in &gathered {
+            for (list, part) in lists.iter_mut().zip(some) {
+                list.append(part);
             }
         }
         lists.iter_mut().for_each(Strips::balance);
         Ok(lists)
     }
 
-    fn bars(&self, strip: &Strip) -> Bars {
-        let slope = self.slopes[strip.column as usize];
-        let row = f64::from(strip.row) + 0.5 * f64::from(strip.top + strip.bottom);
+    fn place(&self, strip: &Strip) -> Place {
+        (strip.column, i64::from(strip.row).div_euclid(self.lattice.alike_rows.into()))
+    }
+
+    fn bars(&self, (column, block): Place) -> Bars {
+        let slope = self.slopes[column as usize];
+        let row = (block as f64 + 0.5) * f64::from(self.lattice.alike_rows);
         let slope_z = (row - self.middle_row) * self.row_slope;
         let secant = (1.0 + slope * slope + slope_z * slope_z).sqrt();
-        let shares = self
-            .groups
-            .iter()
-            .flat_map(|leaks| {
-                (0..self.nodes()).map(|n| self.weights[n] * self.passes(n, *leaks, secant))
-            })
+        let of_node = |n: usize| {
+            let leaks = [0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[n].leak(secant)));
+            self.groups.iter().map(move |group| self.weights[n] * passing(leaks, *group))
+        };
+        let by_node: Vec<f64> = (0..self.nodes()).flat_map(of_node).collect();
+        let groups = self.groups.len();
+        let shares = (0..groups)
+            .flat_map(|group| by_node[group..].iter().step_by(groups).copied())
             .collect();
         let shade = |mask: &Option<Vec<MaskShape>>| {
             mask.iter().flatten().map(|shape| shape.shade(secant)).collect()
@@ -261,37 +299,46 @@ impl Spectral {
             shares,
             shades: [shade(&self.masks[0]), shade(&self.masks[1])],
             widths: [width(&self.masks[0]), width(&self.masks[1])],
-            closed: self.masks.iter().any(closed),
+            closed: self.groups.is_empty() || self.masks.iter().any(closed),
         }
     }
 
-    /// Cells of a strip for every list.
-    fn gather(&self, strips: &Strips, strip: &Strip, repeated: &[Repeated]) -> Vec<Vec<Cell>> {
+    /// Cells of a strip for every list, in the scratch.
+    fn gather(
+        &self,
+        strips: &Strips,
+        strip: &Strip,
+        repeated: &[Repeated],
+        bars: &Bars,
+        scratch: &mut Scratch,
+    ) {
         let groups = self.groups.len();
-        let bars = self.bars(strip);
-        let mut lists = vec![Vec::new(); groups + self.nodes()];
+        scratch.lists.resize_with(groups + self.nodes(), Vec::new);
+        scratch.lists.iter_mut().for_each(Vec::clear);
+        scratch.laws.resize(self.nodes(), [NodeLaw::default(); 2]);
         let words = 2 * self.materials * MOMENTS_PER_MATERIAL;
         let first = strip.first as usize;
-        let mut laws = vec![[NodeLaw::default(); 2]; self.nodes()];
         let exact = &strips.moments.exact;
+        let mut at = exact.partition_point(|e| (e.cell as usize) < first);
         for index in first..first + strip.count as usize {
             let cell = &strips.cells[index];
             let ends = &strips.moments.ends[index * words..(index + 1) * words];
-            for (node, laws) in laws.iter_mut().enumerate() {
-                let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
+            let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
+            for (node, laws) in scratch.laws.iter_mut().enumerate() {
                 *laws = [self.law(node, low), self.law(node, high)];
             }
-            if let Ok(at) = exact.binary_search_by_key(&(index as u32), |e| e.cell) {
-                let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
-                self.correct(&exact[at], [low, high], &mut laws);
-                if repeated.iter().any(|r| r.places[at].is_some()) {
-                    for (node, (ends, repeated)) in laws.iter().zip(repeated).enumerate() {
-                        let list = &mut lists[groups + node];
-                        match repeated.places[at] {
-                            None => list.push(self.cell(strip, [cell.x_low, cell.x_high], *ends)),
+            if exact.get(at).is_some_and(|e| e.cell as usize == index) {
+                let walked = at;
+                at += 1;
+                self.correct(&exact[walked], [low, high], &mut scratch.laws);
+                if repeated.iter().any(|r| r.places[walked].is_some()) {
+                    let lists = &mut scratch.lists[groups..];
+                    for ((laws, repeated), list) in scratch.laws.iter().zip(repeated).zip(lists) {
+                        match repeated.places[walked] {
+                            None => list.push(self.cell(strip, [cell.x_low, cell.x_high], *laws)),
                             Some(places) => {
                                 let laws = places.map(|place| &repeated.laws[place]);
-                                self.push_exact(list, strip, cell, laws, exact[at].range);
+                                self.push_exact(list, strip, cell, laws, exact[walked].range);
                             }
                         }
                     }
@@ -299,14 +346,14 @@ impl Spectral {
                 }
             }
             if !bars.closed {
-                self.push_groups(&mut lists[..groups], strip, cell, &laws, &bars);
+                self.push_groups(strip, cell, bars, scratch);
                 continue;
             }
-            for (node, ends) in laws.iter().enumerate() {
-                lists[groups + node].push(self.cell(strip, [cell.x_low, cell.x_high], *ends));
+            for (ends, list) in scratch.laws.iter().zip(&mut scratch.lists[groups..]) {
+                list.push(self.cell(strip, [cell.x_low, cell.x_high], *ends));
             }
         }
-        for (group, list) in lists[..groups].iter_mut().enumerate() {
+        for (group, list) in scratch.lists[..groups].iter_mut().enumerate() {
             if self.groups[group].contains(&true) {
                 let share: f64 = bars.shares[group * self.nodes()..][..self.nodes()].iter().sum();
                 let width = if share < FAINT {
@@ -317,7 +364,6 @@ impl Spectral {
                 *list = join(list, width);
             }
         }
-        lists
     }
 
     /// First-order law at a node.
@@ -336,37 +382,27 @@ impl Spectral {
     }
 
     /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
-    fn push_groups(
-        &self,
-        lists: &mut [Vec<Cell>],
-        strip: &Strip,
-        cell: &Cell,
-        laws: &[[NodeLaw; 2]],
-        bars: &Bars,
-    ) {
-        let passing: Vec<[f64; 3]> = laws
-            .iter()
-            .map(|ends| {
-                let [low, high] = ends.map(|law| f64::from((-law.depth as f32).exp()));
-                [low, (low * high).sqrt(), high]
-            })
-            .collect();
+    fn push_groups(&self, strip: &Strip, cell: &Cell, bars: &Bars, scratch: &mut Scratch) {
+        let Scratch { laws, passing, waiting, lists } = scratch;
+        passing.clear();
+        passing.extend(laws.iter().map(|ends| {
+            let [low, high] = ends.map(|law| f64::from((-law.depth as f32).exp()));
+            [low, (low * high).sqrt(), high]
+        }));
         let nodes = self.nodes();
         let light = bars.shares.iter().zip(passing.iter().cycle());
         let all: f64 = light.map(|(share, passing)| share * passing[1]).sum();
         let room = self.room(cell);
-        let ones = vec![1.0; nodes];
         // What the third moment moves grows with the light of the cell.
         let spread = (SPREAD_SHARE * self.blur).max(self.tolerance) * libm::cbrt(room);
-        for (group, list) in lists.iter_mut().enumerate() {
+        for (group, list) in lists[..self.groups.len()].iter_mut().enumerate() {
             let shares = &bars.shares[group * nodes..][..nodes];
             // Light that leaks through the bars of a mask does not meet its apertures.
             let leaks = self.groups[group];
-            let widths = [0, 1].map(|m| if leaks[m] { &ones[..] } else { &bars.widths[m][..] });
-            let mut waiting = Vec::new();
+            let widths = [0, 1].map(|m| (!leaks[m]).then_some(&bars.widths[m][..]));
             let mut next = Some(0..nodes);
             while let Some(band) = next.take().or_else(|| waiting.pop()) {
-                let sums = Sums::over(band.clone(), shares, &passing, laws, &bars.shades, widths);
+                let sums = Sums::over(band.clone(), shares, passing, laws, &bars.shades, widths);
                 if !sums.light.iter().all(|light| *light > 0.0) {
                     continue;
                 }

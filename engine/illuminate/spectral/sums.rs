@@ -23,7 +23,7 @@ impl Sums {
         passing: &[[f64; 3]],
         laws: &[[NodeLaw; 2]],
         shades: &[Vec<f64>; 2],
-        widths: [&[f64]; 2],
+        widths: [Option<&[f64]>; 2],
     ) -> Self {
         let mut sums = Self::default();
         for node in nodes {
@@ -39,6 +39,7 @@ impl Sums {
             sums.z += light * 0.5 * (low.z + high.z);
             sums.slope_x += light * 0.5 * (low.slope_x + high.slope_x);
             for (narrowed, width) in sums.narrowed.iter_mut().zip(widths) {
+                let Some(width) = width else { continue };
                 let narrower = light * (1.0 - width[node]);
                 narrowed[0] += narrower;
                 narrowed[1] += narrower * x[1];
