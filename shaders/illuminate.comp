@@ -174,8 +174,8 @@ Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float tran
     piece.lean = 0.5 * lean;
     piece.detector_shade = cell.detector_shade;
     piece.steep = STEEP;
-    piece.low = -STEEP - 8.0;
-    piece.high = STEEP + 8.0;
+    piece.low = -STEEP - BEYOND;
+    piece.high = STEEP + BEYOND;
     return piece;
 }
 
@@ -186,8 +186,8 @@ void cut_by(inout Piece piece, float a, float b, float low, float high, float sh
     float half_cell = 0.5 * (b - a);
     float per = 1.0 / max(shift, half_cell / STEEP);
     piece.steep = half_cell * per;
-    piece.low = clamp((low - middle) * per, -piece.steep - 8.0, piece.steep + 8.0);
-    piece.high = clamp((high - middle) * per, -piece.steep - 8.0, piece.steep + 8.0);
+    piece.low = clamp((low - middle) * per, -piece.steep - BEYOND, piece.steep + BEYOND);
+    piece.high = clamp((high - middle) * per, -piece.steep - BEYOND, piece.steep + BEYOND);
 }
 
 // The first cell from `first` on whose upper (or lower) end lies beyond x; cells are sorted.
@@ -234,7 +234,7 @@ void main() {
     float faint = 0.0;
     if (masked && leak > NEGLIGIBLE && leak < FAINT) {
         faint = leak * strip.light * light.weight * (strip.bottom - strip.top)
-            * (leak_behind + (1.0 - leak_behind) * (behind.present != 0u ? light.open : 1.0));
+            * (leak_behind + (1.0 - leak_behind) * (behind.present != 0u ? open_part(behind) : 1.0));
     }
     bool every = leak >= FAINT;
     // A source without extent, or cells in the plane of the mask: the cut is sharp.
@@ -276,95 +276,94 @@ void main() {
         }
         low_pixel = max(low_pixel, first_pixel);
         high_pixel = min(high_pixel, last_pixel);
-        // Three pixels at a time, in registers; light rarely reaches more.
-        int base = low_pixel;
+#ifdef FAR
+        if (faint > 0.0) {
+            Cell cell = push.cells.at[strip.first];
+            spread_over_rows(light, strip, cell, column.pixel, mask_step, faint);
+        }
+#else
+        // Three pixels in registers, those that light reaches or else the own and its neighbours.
+        int base = high_pixel < low_pixel + 3 ? low_pixel : -1;
+        vec3 left = vec3(0.0), middle = vec3(0.0), right = vec3(0.0);
+        left.y = base == 0 ? faint : 0.0;
+        middle.y = base == -1 ? faint : 0.0;
+        right.y = base == -2 ? faint : 0.0;
+#endif
+        // First what the bars leak, of every cell; then each aperture with the cells that it
+        // lets light through.
+        int n = every ? -1 : 0;
         do {
-            vec3 left = vec3(0.0), middle = vec3(0.0), right = vec3(0.0);
-#ifdef FAR
-            if (faint > 0.0 && base <= 0 && 0 < base + 3) {
-                Cell cell = push.cells.at[strip.first];
-                spread_over_rows(light, strip, cell, column.pixel, mask_step, faint);
+            uint i = 0u;
+            uint stop = n < 0 ? strip.count : 0u;
+            float centre = 0.0, slope = 0.0, widest = 0.0;
+            if (n >= 0 && n < apertures) {
+                Aperture aperture = only;
+                if (mask.count > 1u) aperture = mask.apertures.at[n % int(mask.count)];
+                centre = float(from + n / int(mask.count)) * mask.period + offset
+                    + 0.5 * (aperture.low + aperture.high);
+                slope = column.slope + centre / light.cell_plane;
+                // Effective apertures are narrower than these.
+                widest = aperture.high - aperture.low;
+                i = cell_beyond(strip, centre - 0.5 * widest - reach, 0u, true);
+                stop = cell_beyond(strip, centre + 0.5 * widest + reach, i, false);
             }
-#else
-            left.y = base == 0 ? faint : 0.0;
-            middle.y = base == -1 ? faint : 0.0;
-            right.y = base == -2 ? faint : 0.0;
-#endif
-            // First what the bars leak, of every cell; then each aperture with the cells that it
-            // lets light through.
-            int n = every ? -1 : 0;
             do {
-                uint i = 0u;
-                uint stop = n < 0 ? strip.count : 0u;
-                float centre = 0.0, slope = 0.0, widest = 0.0;
-                if (n >= 0 && n < apertures) {
-                    Aperture aperture = only;
-                    if (mask.count > 1u) aperture = mask.apertures.at[n % int(mask.count)];
-                    centre = float(from + n / int(mask.count)) * mask.period + offset
-                        + 0.5 * (aperture.low + aperture.high);
-                    slope = column.slope + centre / light.cell_plane;
-                    // Effective apertures are narrower than these.
-                    widest = aperture.high - aperture.low;
-                    i = cell_beyond(strip, centre - 0.5 * widest - reach, 0u, true);
-                    stop = cell_beyond(strip, centre + 0.5 * widest + reach, i, false);
-                }
-                do {
-                    if (i >= stop) break;
-                    Cell cell = push.cells.at[strip.first + i];
-                    i++;
-                    float from_x = cell.x_low;
-                    float to_x = cell.x_high;
-                    float low = from_x, high = to_x;
-                    bool cut = false;
-                    if (n >= 0) {
-                        float width = effective_width(mask, widest, slope, sec, leak, cell.sample_shade);
-                        low = centre - 0.5 * width;
-                        high = centre + 0.5 * width;
-                        cut = !sharp && (low + reach > from_x || high - reach < to_x);
-                        if (sharp) {
-                            from_x = max(from_x, low);
-                            to_x = min(to_x, high);
-                        }
+                if (i >= stop) break;
+                Cell cell = push.cells.at[strip.first + i];
+                i++;
+                float from_x = cell.x_low;
+                float to_x = cell.x_high;
+                float low = from_x, high = to_x;
+                bool cut = false;
+                if (n >= 0) {
+                    float width = effective_width(mask, widest, slope, sec, leak, cell.sample_shade);
+                    low = centre - 0.5 * width;
+                    high = centre + 0.5 * width;
+                    cut = !sharp && (low + reach > from_x || high - reach < to_x);
+                    if (sharp) {
+                        from_x = max(from_x, low);
+                        to_x = min(to_x, high);
                     }
-                    bool passes = high > low && high + reach > cell.x_low && low - reach < cell.x_high
-                        && to_x > from_x;
-                    float share = !passes ? 0.0 : (n < 0 ? leak : 1.0 - leak);
-                    Piece piece = piece_of(light, strip, cell, from_x, to_x, share, soft);
-                    if (cut) cut_by(piece, from_x, to_x, low, high, light.shift);
-                    float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
-                    float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
-                    int q = max(int(floor((landing - span) / light.pixel + 0.5)), base);
-                    int last = min(int(floor((landing + span) / light.pixel + 0.5)),
-                                   min(base + 2, high_pixel));
-                    if (share <= 0.0) last = q - 1;
-                    do {
-                        float edge = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
-                        float value = piece.amount * response(light, column, only_behind, sec,
-                                                              leak_behind, piece, edge, edge + light.pixel);
-                        if (q > last || !(value > 0.0)) value = 0.0;
+                }
+                bool passes = high > low && high + reach > cell.x_low && low - reach < cell.x_high
+                    && to_x > from_x;
+                float share = !passes ? 0.0 : (n < 0 ? leak : 1.0 - leak);
+                Piece piece = piece_of(light, strip, cell, from_x, to_x, share, soft);
+                if (cut) cut_by(piece, from_x, to_x, low, high, light.shift);
+                float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
+                float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
+                int q = max(int(floor((landing - span) / light.pixel + 0.5)), low_pixel);
+                int last = min(int(floor((landing + span) / light.pixel + 0.5)), high_pixel);
+                if (share <= 0.0) last = q - 1;
+                while (q <= last) {
+                    float edge = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
+                    float value = piece.amount * response(light, column, only_behind, sec,
+                                                          leak_behind, piece, edge, edge + light.pixel);
+                    if (!(value > 0.0)) value = 0.0;
 #ifdef FAR
-                        spread_over_rows(light, strip, cell, column.pixel + q, mask_step, value);
+                    spread_over_rows(light, strip, cell, column.pixel + q, mask_step, value);
 #else
-                        vec3 rows = value * vec3(cell.above, 1.0 - cell.above - cell.below, cell.below);
-                        left += q == base ? rows : vec3(0.0);
-                        middle += q == base + 1 ? rows : vec3(0.0);
-                        right += q == base + 2 ? rows : vec3(0.0);
+                    vec3 rows = value * vec3(cell.above, 1.0 - cell.above - cell.below, cell.below);
+                    left += q == base ? rows : vec3(0.0);
+                    middle += q == base + 1 ? rows : vec3(0.0);
+                    right += q == base + 2 ? rows : vec3(0.0);
+                    if (value > 0.0 && (q < base || q > base + 2)) {
+                        flush(light, strip, column.pixel + q, mask_step, rows);
+                    }
 #endif
-                        q++;
-                    } while (q <= last);
-                } while (i < stop);
-                n++;
-            } while (n < apertures);
+                    q++;
+                }
+            } while (i < stop);
+            n++;
+        } while (n < apertures);
 #ifndef FAR
-            int q = base;
-            do {
-                vec3 waiting = q == base ? left : (q == base + 1 ? middle : right);
-                if (q <= high_pixel) flush(light, strip, column.pixel + q, mask_step, waiting);
-                q++;
-            } while (q < base + 3 && q <= high_pixel);
+        int q = base;
+        do {
+            vec3 waiting = q == base ? left : (q == base + 1 ? middle : right);
+            if (q <= high_pixel) flush(light, strip, column.pixel + q, mask_step, waiting);
+            q++;
+        } while (q < base + 3 && q <= high_pixel);
 #endif
-            base += 3;
-        } while (base <= high_pixel);
         mask_step++;
     } while (mask_step < last_step);
 }

@@ -238,7 +238,6 @@ struct Light {
     uint row_count;       // rows of the band
     int first_row;        // of the band
     uint column_count;    // pixels
-    float open;           // share of the detector mask that is open
     float detector;       // distance from the source
     float rotation;       // distance of the rotation centre from the source
     float column_pitch;   // m, on the detector

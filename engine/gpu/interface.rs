@@ -249,7 +249,6 @@ shared_structs! {
         pub row_count: u32,
         pub first_row: i32,
         pub column_count: u32,
-        pub open: f32,
         pub detector: f32,
         pub rotation: f32,
         pub column_pitch: f32,

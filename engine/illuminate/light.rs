@@ -115,11 +115,6 @@ impl MaskShape {
         (1.0 / (a * a) - leak / ((1.0 - leak) * (1.0 - leak))).max(0.0)
     }
 
-    /// Share of the period that is open.
-    fn open(&self) -> f64 {
-        self.apertures.iter().map(|a| f64::from(a.high - a.low)).sum::<f64>() / self.period
-    }
-
     /// Width of the narrowest aperture, m in the plane of evaluation.
     pub(super) fn narrowest(&self) -> f64 {
         self.apertures.iter().map(|a| f64::from(a.high - a.low)).fold(f64::INFINITY, f64::min)
@@ -182,7 +177,6 @@ impl LightRecord {
         let detector = &scene.detector;
         let source = &scene.source;
         let mut kept = Vec::new();
-        let mut open = 1.0;
         let mut mask = |index: usize, spec: Option<&MaskSpec>, plane: f64| -> Result<Mask> {
             let name = ["sample_mask", "detector_mask"][index];
             let Some(spec) = spec else { return Ok(bytemuck::Zeroable::zeroed()) };
@@ -194,7 +188,6 @@ impl LightRecord {
                 Part::Group { softness } => (None, softness[index]),
             };
             let shape = MaskShape::of(scene, name, spec, plane, energy)?;
-            open = shape.open(); // the detector mask comes last
             let apertures = device.upload(name, &shape.apertures)?;
             let record = Mask {
                 apertures: apertures.address(),
@@ -262,7 +255,6 @@ impl LightRecord {
             row_count: 0,
             first_row: 0,
             column_count: detector.pixels[0],
-            open: narrow(open),
             detector: detector.distance as f32,
             rotation: source.distance as f32,
             column_pitch: detector.pitch[0] as f32,

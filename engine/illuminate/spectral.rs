@@ -255,10 +255,11 @@ impl Spectral {
             })
             .collect();
         let mut lists = vec![Strips::default(); self.groups.len() + self.nodes()];
-        for some in &gathered {
-            for (list, part) in lists.iter_mut().zip(some) {
-                list.append(part);
-            }
+        for (index, list) in lists.iter_mut().enumerate() {
+            let parts = || gathered.iter().map(|some| &some[index]);
+            list.strips.reserve_exact(parts().map(|part| part.strips.len()).sum());
+            list.cells.reserve_exact(parts().map(|part| part.cells.len()).sum());
+            parts().for_each(|part| list.append(part));
         }
         lists.iter_mut().for_each(Strips::balance);
         Ok(lists)

@@ -306,7 +306,7 @@ impl KeptFile {
         &self,
         rows: &Range<i64>,
         words: usize,
-        mut take: impl FnMut(&Strips) -> Result<()>,
+        mut take: impl FnMut(Strips) -> Result<()>,
     ) -> Result<()> {
         let failed = |error| Error::output(&self.path, "cannot be read", Some(error));
         if self.words != words {
@@ -322,31 +322,29 @@ impl KeptFile {
             if there.start >= rows.end || there.end <= rows.start {
                 continue;
             }
-            let mut bytes = vec![0_u8; usize::try_from(block.bytes(words)).unwrap_or(usize::MAX)];
             file.seek(SeekFrom::Start(block.at)).map_err(failed)?;
-            file.read_exact(&mut bytes).map_err(failed)?;
-            take(&unpack(block, words, &bytes))?;
+            take(unpack(block, words, &mut file).map_err(failed)?)?;
         }
         Ok(())
     }
 }
 
-fn unpack(block: &Block, words: usize, bytes: &[u8]) -> Strips {
+fn unpack(block: &Block, words: usize, file: &mut File) -> std::io::Result<Strips> {
+    fn take<T: bytemuck::Pod>(file: &mut File, count: usize) -> std::io::Result<Vec<T>> {
+        let mut items = bytemuck::zeroed_vec(count);
+        file.read_exact(bytemuck::cast_slice_mut(&mut items))?;
+        Ok(items)
+    }
     let [strips, cells, _, ordered, ..] = block.head.map(|n| n as usize);
-    let (strips, rest) = bytes.split_at(strips * size_of::<Strip>());
-    let (cells, rest) = rest.split_at(cells * size_of::<Cell>());
-    let (ends, ordered_words) = rest.split_at(rest.len() - 4 * ordered * ORDERED);
-    debug_assert_eq!(ends.len() % (8 * words), 0, "two ends a cell");
-    let ordered_words: Vec<u32> = bytemuck::pod_collect_to_vec(ordered_words);
-    Strips {
-        strips: bytemuck::pod_collect_to_vec(strips),
-        cells: bytemuck::pod_collect_to_vec(cells),
+    Ok(Strips {
+        strips: take(file, strips)?,
+        cells: take(file, cells)?,
         moments: CellMoments {
-            ends: bytemuck::pod_collect_to_vec(ends),
-            exact: ordered_words.chunks_exact(ORDERED).map(ordered_of).collect(),
+            ends: take(file, 2 * words * cells)?,
+            exact: take(file, ordered * ORDERED)?.chunks_exact(ORDERED).map(ordered_of).collect(),
         },
         ..Strips::default()
-    }
+    })
 }
 
 fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {

@@ -131,9 +131,7 @@ impl KeptSource<'_> {
         let mut covered = relattice::Covered::default();
         let words = self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL;
         self.kept.views[view as usize].read(&self.relattice.old_rows(rows), words, |block| {
-            let mut strips = self.relattice.map(block, rows, &mut covered);
-            strips.balance();
-            take(&strips)
+            take(&self.relattice.map(block, rows, &mut covered))
         })?;
         let mut blank = self.relattice.blank(rows, lit, &covered);
         blank.keep_nothing(self.media.names.len());

@@ -98,7 +98,10 @@ impl Relattice {
     }
 
     /// The strips of `rows` of the new detector.
-    pub(super) fn map(&self, strips: &Strips, rows: &Range<i64>, covered: &mut Covered) -> Strips {
+    pub(super) fn map(&self, strips: Strips, rows: &Range<i64>, covered: &mut Covered) -> Strips {
+        if self.same_columns && self.same_rows && self.lever.to_bits() == 0 {
+            return self.keep(strips, rows, covered);
+        }
         let mut out = Strips::default();
         for strip in &strips.strips {
             let at = f64::from(strip.row);
@@ -106,11 +109,32 @@ impl Relattice {
             for row in top.floor() as i64..bottom.ceil() as i64 {
                 let z = [top.max(row as f64), bottom.min((row + 1) as f64)].map(|z| z - row as f64);
                 if rows.contains(&row) && z[1] - z[0] > SLIVER {
-                    self.map_strip(strips, strip, row, z, &mut out, covered);
+                    self.map_strip(&strips, strip, row, z, &mut out, covered);
                 }
             }
         }
         out
+    }
+
+    /// Strips of the same lattice: those of `rows` stay as they are.
+    fn keep(&self, mut strips: Strips, rows: &Range<i64>, covered: &mut Covered) -> Strips {
+        let Strips { strips: all, cells, .. } = &mut strips;
+        all.retain_mut(|strip| {
+            let beamlet = i64::from(strip.column) + self.old.beamlets.start;
+            let row = i64::from(strip.row);
+            if !rows.contains(&row) || !self.new.beamlets.contains(&beamlet) {
+                return false;
+            }
+            strip.column = (beamlet - self.new.beamlets.start) as u32;
+            let of_strip = &cells[strip.first as usize..(strip.first + strip.count) as usize];
+            if let [first, .., last] | [first @ last] = of_strip {
+                let [top, bottom] = [strip.top, strip.bottom].map(f64::from);
+                let x = [first.x_low, last.x_high].map(f64::from);
+                covered.0.entry((row, beamlet)).or_default().push([top, bottom, x[0], x[1]]);
+            }
+            true
+        });
+        strips
     }
 
     fn map_strip(

@@ -10,6 +10,15 @@ float bar_transmission(Mask mask, float sec) {
     return mask.attenuation > 0.0 ? exp(-mask.attenuation * sec) : mask.transmission;
 }
 
+// Share of the period that is open.
+float open_part(Mask mask) {
+    float open = 0.0;
+    for (uint i = 0u; i < mask.count; i++) {
+        open += mask.apertures.at[i].high - mask.apertures.at[i].low;
+    }
+    return open / mask.period;
+}
+
 // Width of the hard-edged aperture; `leak` is the transmission of the bars, `shade` that of the
 // cell for averaged masks.
 float effective_width(Mask mask, float width, float slope, float sec, float leak, float shade) {

@@ -3,6 +3,8 @@
 
 // Edges at the ends of a piece that an aperture does not cut stand this steeply.
 const float STEEP = 2e4;
+// Standard deviations from an edge to where it cuts nothing.
+const float BEYOND = 8.0;
 
 // Light of a cell, or of what a hard edge leaves of it, on the analyser: evenly spread over
 // middle + half_width * xi, xi in [-1, 1], moved by -blur * t.
@@ -89,13 +91,22 @@ float window(Piece piece, Edge low, Edge high) {
     float low_upper = meeting(piece.low - upper, d_upper);
     float steep = piece.steep;
     float lean = piece.lean;
-    float share = below_between(piece.high - steep * high_upper, piece.high - steep * high_lower,
-                                high_upper, high_lower, lean)
-        - below_between(piece.low - steep * low_upper, piece.low - steep * low_lower,
-                        low_upper, low_lower, lean)
+    // Edges of the aperture that do not cut the piece stand at its ends.
+    bool cut_high = piece.high < steep + BEYOND;
+    bool cut_low = piece.low > -steep - BEYOND;
+    if (!cut_high) high_lower = high_upper = 2.0 * turned;
+    if (!cut_low) low_lower = low_upper = -2.0 * turned;
+    float share = below_between(upper + upper_slope * low_upper, upper + upper_slope * high_upper,
+                                low_upper, high_upper, lean)
         - below_between(lower + lower_slope * low_lower, lower + lower_slope * high_lower,
-                        low_lower, high_lower, lean)
-        + below_between(upper + upper_slope * low_upper, upper + upper_slope * high_upper,
-                        low_upper, high_upper, lean);
+                        low_lower, high_lower, lean);
+    if (cut_high) {
+        share += below_between(piece.high - steep * high_upper, piece.high - steep * high_lower,
+                               high_upper, high_lower, lean);
+    }
+    if (cut_low) {
+        share -= below_between(piece.low - steep * low_upper, piece.low - steep * low_lower,
+                               low_upper, low_lower, lean);
+    }
     return max(turned * share, 0.0);
 }
