@@ -94,8 +94,6 @@ pub(super) struct Line {
     pub(super) splits: u64,
     /// Place of each ray traced, m from the beamlet's centre in the cell plane.
     pub(super) places: Vec<f32>,
-    /// Moments of each ray traced, where they are kept, `[ray][material][moment]`.
-    pub(super) moments: Vec<f32>,
     open: Vec<Segment>,
 }
 
@@ -106,10 +104,9 @@ impl Line {
         (0..=n).map(|i| aim.period * ((i as f32) / (n as f32) - 0.5)).collect()
     }
 
-    /// Takes the laws of the first rays, and their moments where they are kept.
-    pub(super) fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law], moments: &[f32]) {
+    /// Takes the laws of the first rays.
+    pub(super) fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
         self.places = Self::first_places(aim);
-        self.moments.extend_from_slice(moments);
         let points: Vec<Point> = (0..)
             .zip(&self.places)
             .zip(laws)
@@ -136,9 +133,8 @@ impl Line {
         self.open.len()
     }
 
-    /// Takes the laws (and moments) of the rays wanted; sorts the segments when the line is done.
-    pub(super) fn give(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law], moments: &[f32]) {
-        self.moments.extend_from_slice(moments);
+    /// Takes the laws of the rays wanted; sorts the segments when the line is done.
+    pub(super) fn give(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
         for (segment, law) in std::mem::take(&mut self.open).into_iter().zip(laws) {
             let x = middle(segment.low.x, segment.high.x);
             let point = Point { x, law: *law, ray: self.places.len() as u32 };
@@ -161,7 +157,6 @@ impl Line {
         // Lines wait in great numbers until their strips are done.
         self.segments.shrink_to_fit();
         self.places.shrink_to_fit();
-        self.moments.shrink_to_fit();
         self.open = Vec::new();
     }
 
@@ -198,6 +193,15 @@ impl Line {
             self.segments
                 .push(Segment { low: Point { x: from, ..of }, high: Point { x: to, ..of } });
         }
+    }
+
+    /// The rays that bound segments, in the order of the segments' ends; neighbours share one.
+    pub(super) fn ends(&self) -> Vec<Point> {
+        let mut ends: Vec<Point> = self.segments.iter().flat_map(|s| [s.low, s.high]).collect();
+        ends.dedup_by_key(|point| point.ray);
+        // A law that is constant up to a silhouette ends beside its ray.
+        ends.iter_mut().for_each(|end| end.x = self.places[end.ray as usize]);
+        ends
     }
 
     /// Places where the signature changes.

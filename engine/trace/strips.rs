@@ -292,8 +292,11 @@ pub fn trace_strips(
             }
         }
         for some in done.chunks(SPANS_AT_ONCE) {
-            let cells = |s: &Span| work.cells(s, &lines[&(s.beamlet, s.middle())]);
-            let strips: Vec<SpanCells> = some.par_iter().map(cells).collect();
+            let moments = work.end_moments(tracer, some, &lines)?;
+            let cells = |(span, moments): (&Span, &Vec<f32>)| {
+                work.cells(span, &lines[&(span.beamlet, span.middle())], moments)
+            };
+            let strips: Vec<SpanCells> = some.par_iter().zip(&moments).map(cells).collect();
             for made in strips {
                 let row = i64::from(made.strip.row);
                 out.strips.landed_off += made.landed_off;

@@ -121,6 +121,14 @@ pub struct Tracer {
     counts: Counts,
 }
 
+/// What is asked of rays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    Laws,
+    Moments,
+    Both,
+}
+
 /// Buffers of one batch.
 #[derive(Debug)]
 struct Batch {
@@ -236,7 +244,7 @@ impl Tracer {
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Law>> {
         let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
-        self.each_batch(rays, &mut laws, false, |_, _, _| Ok(()))?;
+        self.each_batch(rays, &mut laws, Wanted::Laws, |_, _, _| Ok(()))?;
         Ok(laws)
     }
 
@@ -248,25 +256,40 @@ impl Tracer {
         let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
         let words = stride(self.sample.materials);
         let mut moments = vec![0_u32; rays.len() * words];
-        self.each_batch(rays, &mut laws, true, |batch, first, n| {
+        self.each_batch(rays, &mut laws, Wanted::Both, |batch, first, n| {
             batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
         })?;
         Ok((laws, moments))
+    }
+
+    /// Moments of rays whose laws are known, `[ray][word]`: none is walked in order.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub fn trace_moments(&mut self, rays: &[Ray]) -> Result<Vec<u32>> {
+        let words = stride(self.sample.materials);
+        let mut moments = vec![0_u32; rays.len() * words];
+        self.each_batch(rays, &mut [], Wanted::Moments, |batch, first, n| {
+            batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
+        })?;
+        Ok(moments)
     }
 
     fn each_batch(
         &mut self,
         rays: &[Ray],
         laws: &mut [Law],
-        moments: bool,
+        wanted: Wanted,
         mut after: impl FnMut(&Batch, usize, usize) -> Result<()>,
     ) -> Result<()> {
         let mut first = 0;
         while first < rays.len() {
             let n = (rays.len() - first).min(self.batch.capacity as usize);
             self.batch.rays.write(0, &rays[first..first + n])?;
-            let time = self.trace_batch(u32::try_from(n).unwrap_or(u32::MAX), moments)?;
-            self.batch.laws.read_into(0, &mut laws[first..first + n])?;
+            let time = self.trace_batch(u32::try_from(n).unwrap_or(u32::MAX), wanted)?;
+            if wanted != Wanted::Moments {
+                self.batch.laws.read_into(0, &mut laws[first..first + n])?;
+            }
             after(&self.batch, first, n)?;
             first += n;
             self.adapt(n, time)?;
@@ -296,10 +319,11 @@ impl Tracer {
     /// # Errors
     /// [`crate::Error::Device`].
     pub fn trace_on_device(&self, n: u32) -> Result<Duration> {
-        self.trace_batch(n, false)
+        self.trace_batch(n, Wanted::Laws)
     }
 
-    fn trace_batch(&self, n: u32, moments: bool) -> Result<Duration> {
+    fn trace_batch(&self, n: u32, wanted: Wanted) -> Result<Duration> {
+        let moments = wanted != Wanted::Laws;
         let (trace, exact) = self.kernels.of(self.backend);
         let mut time = self.pass(trace, moments, n, false, 0.0, false)?;
         self.counts.rays.fetch_add(u64::from(n), Ordering::Relaxed);
@@ -320,7 +344,8 @@ impl Tracer {
         }
         let all = self.transport == Transport::Exact;
         let flagged = if all { n } else { self.batch.exact.read::<u32>(0, 1)?[0] };
-        if flagged > 0 && self.transport != Transport::FirstOrder {
+        let ordered = wanted != Wanted::Moments && self.transport != Transport::FirstOrder;
+        if flagged > 0 && ordered {
             self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
             time += self.exact_pass(exact, flagged, &self.batch.exact, all, 0.0, false)?;
             time += self.exact_again()?;

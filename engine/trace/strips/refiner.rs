@@ -13,7 +13,7 @@ use crate::Result;
 use crate::gpu::interface::{
     Cell, FLAG_EXACT, FLAG_NOT_FINITE, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, Strip,
 };
-use crate::trace::line::{Aim, DEPTH_TOLERANCE, Edge, Line, Narrow};
+use crate::trace::line::{Aim, DEPTH_TOLERANCE, Edge, Line, Narrow, Point};
 use crate::trace::tracer::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -104,10 +104,9 @@ impl<'a> Refiner<'a> {
     ) -> Result<u64> {
         let places = Line::first_places(&self.aim);
         let n = places.len();
-        let words = self.moment_words(tracer);
         let rays: Vec<Ray> =
             keys.par_iter().flat_map_iter(|k| places.iter().map(|&x| self.ray(k, x))).collect();
-        let (laws, moments) = self.trace(tracer, &rays)?;
+        let laws = tracer.trace(&rays)?;
         let mut work: Vec<(Key, Vec<Narrow>, Line)> = keys
             .par_iter()
             .enumerate()
@@ -115,8 +114,7 @@ impl<'a> Refiner<'a> {
                 let narrow = self.narrow(key);
                 let mut line = Line::default();
                 let rays = i * n..(i + 1) * n;
-                let moments = &moments[rays.start * words..rays.end * words];
-                line.begin(&self.aim, &narrow, &laws[rays], moments);
+                line.begin(&self.aim, &narrow, &laws[rays]);
                 if line.wanted_count() == 0 {
                     line.finish(&self.aim);
                 }
@@ -131,13 +129,12 @@ impl<'a> Refiner<'a> {
             if rays.is_empty() {
                 break;
             }
-            let (laws, moments) = self.trace(tracer, &rays)?;
+            let laws = tracer.trace(&rays)?;
             let mut first = 0;
             for (_, narrow, line) in &mut work {
                 let n = line.wanted_count();
                 if n > 0 {
-                    let moments = &moments[first * words..(first + n) * words];
-                    line.give(&self.aim, narrow, &laws[first..first + n], moments);
+                    line.give(&self.aim, narrow, &laws[first..first + n]);
                     first += n;
                 }
             }
@@ -147,23 +144,46 @@ impl<'a> Refiner<'a> {
         Ok(splits)
     }
 
-    /// Words of a ray's moments that are kept.
-    fn moment_words(&self, tracer: &Tracer) -> usize {
-        if self.view.keep_moments { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 }
-    }
-
-    /// Laws of rays, and their moments where they are kept.
-    fn trace(&self, tracer: &mut Tracer, rays: &[Ray]) -> Result<(Vec<Law>, Vec<f32>)> {
+    /// Moments of the rays that bound the cells of spans, `[ray][material][moment]` for each span
+    /// in the order of [`Line::ends`]; nothing where they are not kept. Few rays of a line bound
+    /// cells: these are traced once more.
+    pub(super) fn end_moments(
+        &self,
+        tracer: &mut Tracer,
+        spans: &[Span],
+        lines: &HashMap<Key, Arc<Line>>,
+    ) -> Result<Vec<Vec<f32>>> {
         if !self.view.keep_moments {
-            return Ok((tracer.trace(rays)?, Vec::new()));
+            return Ok(vec![Vec::new(); spans.len()]);
         }
-        let (laws, words) = tracer.trace_with_moments(rays)?;
-        let stride = MOMENTS_HEAD + self.moment_words(tracer);
-        let moments = words
-            .chunks_exact(stride)
-            .flat_map(|ray| ray[MOMENTS_HEAD..].iter().map(|&w| f32::from_bits(w)))
+        let ends: Vec<(Key, Vec<Point>)> = spans
+            .par_iter()
+            .map(|span| {
+                let key = (span.beamlet, span.middle());
+                (key, lines[&key].ends())
+            })
             .collect();
-        Ok((laws, moments))
+        let meets = |point: &&Point| point.law.crossings > 0;
+        let rays: Vec<Ray> = ends
+            .par_iter()
+            .flat_map_iter(|(key, ends)| ends.iter().filter(meets).map(|p| self.ray(key, p.x)))
+            .collect();
+        let words = tracer.materials() * MOMENTS_PER_MATERIAL;
+        let traced = tracer.trace_moments(&rays)?;
+        let mut traced = traced.chunks_exact(MOMENTS_HEAD + words);
+        let of_span = |(_, ends): &(Key, Vec<Point>)| {
+            let mut moments = Vec::with_capacity(ends.len() * words);
+            for end in ends {
+                match meets(&end).then(|| traced.next()).flatten() {
+                    Some(ray) => {
+                        moments.extend(ray[MOMENTS_HEAD..].iter().map(|&w| f32::from_bits(w)));
+                    }
+                    None => moments.resize(moments.len() + words, 0.0),
+                }
+            }
+            moments
+        };
+        Ok(ends.iter().map(of_span).collect())
     }
 
     /// Whether the middle line stands for the whole span.
@@ -220,7 +240,8 @@ impl<'a> Refiner<'a> {
         })
     }
 
-    pub(super) fn cells(&self, span: &Span, line: &Line) -> SpanCells {
+    /// The cells of a span; `moments`: of the rays that bound them ([`Self::end_moments`]).
+    pub(super) fn cells(&self, span: &Span, line: &Line, moments: &[f32]) -> SpanCells {
         let row = span.low.div_euclid(self.units);
         let top = self.row(span.low) - row as f64;
         let bottom = self.row(span.high) - row as f64;
@@ -237,10 +258,17 @@ impl<'a> Refiner<'a> {
             landed_off: 0,
             not_finite: 0,
         };
-        let words = line.moments.len() / line.places.len().max(1);
         let middle = (span.beamlet, span.middle());
+        let ends = if self.view.keep_moments { line.ends() } else { Vec::new() };
+        let words = moments.len() / ends.len().max(1);
+        let mut at = 0;
         for segment in &line.segments {
             let (low, high) = (&segment.low, &segment.high);
+            let mut place = |point: &Point| {
+                at += usize::from(ends.get(at).is_some_and(|end| end.ray != point.ray));
+                at
+            };
+            let places = [place(low), place(high)];
             if (low.law.flags | high.law.flags) & FLAG_NOT_FINITE != 0 {
                 made.not_finite += 1;
                 continue;
@@ -272,9 +300,8 @@ impl<'a> Refiner<'a> {
             if !self.view.keep_moments {
                 continue;
             }
-            for end in [low, high] {
-                let first = end.ray as usize * words;
-                made.moments.ends.extend_from_slice(&line.moments[first..first + words]);
+            for place in places {
+                made.moments.ends.extend_from_slice(&moments[place * words..][..words]);
             }
             let flags = low.law.flags | high.law.flags;
             if flags & FLAG_EXACT != 0 {
