@@ -93,8 +93,8 @@ void flush(Light light, Strip strip, int pixel, uint mask_step, vec3 waiting) {
 // Share of the piece that passes the detector mask and lands in the pixel [low, high].
 float response(Light light, Column column, Aperture only, float sec, float leak, Piece piece,
                float low, float high) {
-    Edge pixel_low = Edge(low, true);
-    Edge pixel_high = Edge(high, true);
+    Edge pixel_low = Edge(low, piece.pixel_blur);
+    Edge pixel_high = Edge(high, piece.pixel_blur);
     Mask mask = light.detector_mask;
     bool masked = mask.present != 0u;
     float reach = abs(piece.half_width) + 6.5 * piece.blur;
@@ -125,8 +125,12 @@ float response(Light light, Column column, Aperture only, float sec, float leak,
             float a = centre - 0.5 * width;
             float b = centre + 0.5 * width;
             met = b > low && a < high && b > a;
-            if (b < high) upper = Edge(b, false);
-            if (a > low) lower = Edge(a, false);
+            // Energies for which bars shade more may be displaced more: such light lands farther
+            // from one edge, and closer to the other.
+            float lean = mask.thickness * abs(slope) * piece.detector_lean;
+            float variance = piece.blur * piece.blur;
+            if (b < high) upper = Edge(b, sqrt(max(variance + lean, 0.0)));
+            if (a > low) lower = Edge(a, sqrt(max(variance - lean, 0.0)));
         }
         float share = window(piece, lower, upper);
         if (n < 0) whole = share;
@@ -173,6 +177,7 @@ Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float tran
     piece.pixel_shift = cell.pixel_shift;
     piece.lean = 0.5 * lean;
     piece.detector_shade = cell.detector_shade;
+    piece.detector_lean = cell.detector_lean;
     piece.steep = STEEP;
     piece.low = -STEEP - BEYOND;
     piece.high = STEEP + BEYOND;
@@ -329,6 +334,15 @@ void main() {
                     && to_x > from_x;
                 float share = !passes ? 0.0 : (n < 0 ? leak : 1.0 - leak);
                 Piece piece = piece_of(light, strip, cell, from_x, to_x, share, soft);
+                if (n >= 0 && cell.sample_lean != 0.0) {
+                    // What an edge takes away more of is displaced otherwise than what is left.
+                    float left_of = min(to_x, high) - max(from_x, low);
+                    float edges = float(low > cell.x_low) + float(high < cell.x_high);
+                    float moved = 0.5 * mask.thickness * abs(slope) * cell.sample_lean * edges
+                        / max(left_of, 1e-9);
+                    float most = 2.0 * sqrt(cell.spread);
+                    piece.middle -= clamp(moved, -most, most);
+                }
                 if (cut) cut_by(piece, from_x, to_x, low, high, light.shift);
                 float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
                 float landing = piece.middle + column.pixel_offset - piece.pixel_shift;

@@ -194,6 +194,8 @@ struct Cell {
     float spread;           // variance of the displacement over energies, m2
     float sample_shade;     // share of the shadow width that narrows apertures, of averaged masks
     float detector_shade;
+    float sample_lean;      // covariance over energies of that share and the displacement, m
+    float detector_lean;
 };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Cells { Cell at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Offsets { float at[]; };

@@ -209,6 +209,8 @@ shared_structs! {
         pub spread: f32,
         pub sample_shade: f32,
         pub detector_shade: f32,
+        pub sample_lean: f32,
+        pub detector_lean: f32,
     }
 
     /// A Gaussian of the focal spot.

@@ -22,7 +22,7 @@ use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::material::Constants;
 use crate::scene::Scene;
 use crate::trace::{CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, Strips, Tracer};
-use join::join;
+use join::Joining;
 use ordered::{Repeated, severe};
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
@@ -90,8 +90,8 @@ struct Bars {
     shares: Vec<f64>,
     /// `[mask][node]`.
     shades: [Vec<f64>; 2],
-    /// `[mask][node]`: what the shade leaves of an aperture's width.
-    widths: [Vec<f64>; 2],
+    /// `[group]`: how far cells of light that leaks through bars are joined, m.
+    joined: Vec<Option<f64>>,
     /// The shadows of bars meet: apertures have no effective width.
     closed: bool,
 }
@@ -108,10 +108,15 @@ fn passing(leaks: [Option<f64>; 2], group: [bool; 2]) -> f64 {
 /// What gathering works with, kept from strip to strip.
 #[derive(Default)]
 struct Scratch {
+    /// First-order laws at either end of a cell, by node.
+    first_order: [Vec<NodeLaw>; 2],
+    /// Laws at both ends, by node.
     laws: Vec<[NodeLaw; 2]>,
     /// Light at the low end, the middle and the high end of a cell, by node.
     passing: Vec<[f64; 3]>,
     waiting: Vec<Range<usize>>,
+    /// Light of the groups that is joined.
+    joining: Vec<Joining>,
     lists: Vec<Vec<Cell>>,
 }
 
@@ -280,26 +285,29 @@ impl Spectral {
         };
         let by_node: Vec<f64> = (0..self.nodes()).flat_map(of_node).collect();
         let groups = self.groups.len();
-        let shares = (0..groups)
+        let shares: Vec<f64> = (0..groups)
             .flat_map(|group| by_node[group..].iter().step_by(groups).copied())
             .collect();
         let shade = |mask: &Option<Vec<MaskShape>>| {
             mask.iter().flatten().map(|shape| shape.shade(secant)).collect()
         };
-        let width = |mask: &Option<Vec<MaskShape>>| {
-            let left = |shape: &MaskShape| {
-                1.0 - shape.thickness * slope.abs() / shape.narrowest() * shape.shade(secant)
-            };
-            let ones = vec![1.0; self.nodes()];
-            mask.as_ref().map_or(ones, |nodes| nodes.iter().map(left).collect())
+        let joined = |(shares, leaks): (&[f64], &[bool; 2])| {
+            let share: f64 = shares.iter().sum();
+            leaks.contains(&true).then(|| {
+                if share < FAINT {
+                    f64::INFINITY
+                } else {
+                    self.lattice.period * LEAK_SHARE * (LITTLE / share).min(1.0)
+                }
+            })
         };
         let closed = |mask: &Option<Vec<MaskShape>>| {
             mask.iter().flatten().any(|shape| shape.thickness * slope.abs() > shape.narrowest())
         };
         Bars {
+            joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
             shares,
             shades: [shade(&self.masks[0]), shade(&self.masks[1])],
-            widths: [width(&self.masks[0]), width(&self.masks[1])],
             closed: self.groups.is_empty() || self.masks.iter().any(closed),
         }
     }
@@ -316,18 +324,27 @@ impl Spectral {
         let groups = self.groups.len();
         scratch.lists.resize_with(groups + self.nodes(), Vec::new);
         scratch.lists.iter_mut().for_each(Vec::clear);
-        scratch.laws.resize(self.nodes(), [NodeLaw::default(); 2]);
+        scratch.joining.resize_with(groups, Joining::default);
         let words = 2 * self.materials * MOMENTS_PER_MATERIAL;
         let first = strip.first as usize;
         let exact = &strips.moments.exact;
         let mut at = exact.partition_point(|e| (e.cell as usize) < first);
+        let mut before: &[f32] = &[];
         for index in first..first + strip.count as usize {
             let cell = &strips.cells[index];
             let ends = &strips.moments.ends[index * words..(index + 1) * words];
             let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
-            for (node, laws) in scratch.laws.iter_mut().enumerate() {
-                *laws = [self.law(node, low), self.law(node, high)];
+            // Neighbours share a ray.
+            if low == before {
+                scratch.first_order.swap(0, 1);
+            } else {
+                self.laws(low, &mut scratch.first_order[0]);
             }
+            self.laws(high, &mut scratch.first_order[1]);
+            before = high;
+            let [low_laws, high_laws] = &scratch.first_order;
+            scratch.laws.clear();
+            scratch.laws.extend(low_laws.iter().zip(high_laws).map(|(low, high)| [*low, *high]));
             if exact.get(at).is_some_and(|e| e.cell as usize == index) {
                 let walked = at;
                 at += 1;
@@ -354,16 +371,25 @@ impl Spectral {
                 list.push(self.cell(strip, [cell.x_low, cell.x_high], *ends));
             }
         }
-        for (group, list) in scratch.lists[..groups].iter_mut().enumerate() {
-            if self.groups[group].contains(&true) {
-                let share: f64 = bars.shares[group * self.nodes()..][..self.nodes()].iter().sum();
-                let width = if share < FAINT {
-                    f64::INFINITY
-                } else {
-                    self.lattice.period * LEAK_SHARE * (LITTLE / share).min(1.0)
-                };
-                *list = join(list, width);
-            }
+        for group in 0..groups {
+            self.push_joined(strip, group, scratch);
+        }
+    }
+
+    /// First-order laws at all nodes.
+    fn laws(&self, moments: &[f32], laws: &mut Vec<NodeLaw>) {
+        laws.clear();
+        if moments.iter().all(|m| *m == 0.0) {
+            laws.resize(self.nodes(), NodeLaw::default());
+        } else {
+            laws.extend((0..self.nodes()).map(|node| self.law(node, moments)));
+        }
+    }
+
+    /// Ends the cell that light of a group is joined to.
+    fn push_joined(&self, strip: &Strip, group: usize, scratch: &mut Scratch) {
+        if let Some((x, sums)) = scratch.joining[group].take() {
+            scratch.lists[group].push(self.gathered(strip, x, &sums));
         }
     }
 
@@ -384,7 +410,7 @@ impl Spectral {
 
     /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
     fn push_groups(&self, strip: &Strip, cell: &Cell, bars: &Bars, scratch: &mut Scratch) {
-        let Scratch { laws, passing, waiting, lists } = scratch;
+        let Scratch { laws, passing, .. } = scratch;
         passing.clear();
         passing.extend(laws.iter().map(|ends| {
             let [low, high] = ends.map(|law| f64::from((-law.depth as f32).exp()));
@@ -396,24 +422,32 @@ impl Spectral {
         let room = self.room(cell);
         // What the third moment moves grows with the light of the cell.
         let spread = (SPREAD_SHARE * self.blur).max(self.tolerance) * libm::cbrt(room);
-        for (group, list) in lists[..self.groups.len()].iter_mut().enumerate() {
+        for group in 0..self.groups.len() {
             let shares = &bars.shares[group * nodes..][..nodes];
-            // Light that leaks through the bars of a mask does not meet its apertures.
-            let leaks = self.groups[group];
-            let widths = [0, 1].map(|m| (!leaks[m]).then_some(&bars.widths[m][..]));
+            if let Some(width) = bars.joined[group] {
+                if !scratch.joining[group].fits(cell, width) {
+                    self.push_joined(strip, group, scratch);
+                }
+                if scratch.joining[group].fits(cell, width) {
+                    let Scratch { laws, passing, joining, .. } = scratch;
+                    let sums = Sums::over(0..nodes, shares, passing, laws, &bars.shades);
+                    joining[group].add(cell, &sums);
+                    continue;
+                }
+            }
+            let Scratch { laws, passing, waiting, lists, .. } = scratch;
             let mut next = Some(0..nodes);
             while let Some(band) = next.take().or_else(|| waiting.pop()) {
-                let sums = Sums::over(band.clone(), shares, passing, laws, &bars.shades, widths);
+                let sums = Sums::over(band.clone(), shares, passing, laws, &bars.shades);
                 if !sums.light.iter().all(|light| *light > 0.0) {
                     continue;
                 }
                 let part = sums.light[1] / all;
                 let agrees = part * sums.bend() <= f64::from(DEPTH_TOLERANCE) * room
                     && part * sums.drift() <= self.tolerance * room
-                    && part * sums.lean() <= self.tolerance * room
                     && part * sums.spread() <= spread * spread;
                 if agrees || band.len() == 1 {
-                    list.push(self.gathered(strip, cell, &sums));
+                    lists[group].push(self.gathered(strip, [cell.x_low, cell.x_high], &sums));
                     continue;
                 }
                 let mut light = 0.0;
@@ -433,7 +467,7 @@ impl Spectral {
         (self.lattice.period * f64::from(FULL_SHARE) / width).max(1.0)
     }
 
-    fn gathered(&self, strip: &Strip, cell: &Cell, sums: &Sums) -> Cell {
+    fn gathered(&self, strip: &Strip, x: [f32; 2], sums: &Sums) -> Cell {
         let end = |i: usize| NodeLaw {
             depth: -sums.light[i].ln(),
             x: sums.x[i] / sums.light[i],
@@ -444,7 +478,9 @@ impl Spectral {
             spread: sums.spread() as f32,
             sample_shade: (sums.shade[0] / sums.light[1]) as f32,
             detector_shade: (sums.shade[1] / sums.light[1]) as f32,
-            ..self.cell(strip, [cell.x_low, cell.x_high], [end(0), end(2)])
+            sample_lean: sums.lean(0) as f32,
+            detector_lean: sums.lean(1) as f32,
+            ..self.cell(strip, x, [end(0), end(2)])
         }
     }
 

@@ -17,6 +17,7 @@ struct Piece {
     float pixel_shift;
     float lean;       // half the change of optical depth over the piece
     float detector_shade;
+    float detector_lean;
     // The aperture of the sample mask lets t through between low - steep * xi and
     // high - steep * xi.
     float low;
@@ -24,16 +25,11 @@ struct Piece {
     float steep;
 };
 
-// An edge on the analyser.
+// An edge on the analyser, and the blur of light there.
 struct Edge {
     float at;
-    bool of_pixel;
+    float blur;
 };
-
-float blur_at(Piece piece, Edge edge) {
-    float blur = edge.of_pixel ? piece.pixel_blur : piece.blur;
-    return max(blur, max(2e-6 * abs(piece.half_width), 1e-12));
-}
 
 // Integral of (1 - lean * xi) Phi over xi in [p, q], where the argument of Phi goes from a to b.
 float below_between(float a, float b, float p, float q, float lean) {
@@ -70,8 +66,9 @@ float meeting(float apart, float slope) {
 // aperture fall more steeply, so that each F ends where its lines meet, and what is left are
 // integrals of Phi along each line between two meetings.
 float window(Piece piece, Edge low, Edge high) {
-    float low_blur = blur_at(piece, low);
-    float high_blur = blur_at(piece, high);
+    float least = max(2e-6 * abs(piece.half_width), 1e-12);
+    float low_blur = max(low.blur, least);
+    float high_blur = max(high.blur, least);
     if ((piece.steep * low_blur + piece.half_width > 0.0)
         != (piece.steep * high_blur + piece.half_width > 0.0)) {
         low_blur = high_blur = 0.5 * (low_blur + high_blur);

@@ -11,9 +11,9 @@ pub(super) struct Sums {
     pub(super) x2: f64,
     pub(super) z: f64,
     pub(super) slope_x: f64,
+    /// By mask.
     pub(super) shade: [f64; 2],
-    /// Of what the shade takes of an aperture's width, by mask: light, and light times x.
-    pub(super) narrowed: [[f64; 2]; 2],
+    pub(super) shade_x: [f64; 2],
 }
 
 impl Sums {
@@ -23,7 +23,6 @@ impl Sums {
         passing: &[[f64; 3]],
         laws: &[[NodeLaw; 2]],
         shades: &[Vec<f64>; 2],
-        widths: [Option<&[f64]>; 2],
     ) -> Self {
         let mut sums = Self::default();
         for node in nodes {
@@ -38,14 +37,10 @@ impl Sums {
             sums.x2 += light * x[1] * x[1];
             sums.z += light * 0.5 * (low.z + high.z);
             sums.slope_x += light * 0.5 * (low.slope_x + high.slope_x);
-            for (narrowed, width) in sums.narrowed.iter_mut().zip(widths) {
-                let Some(width) = width else { continue };
-                let narrower = light * (1.0 - width[node]);
-                narrowed[0] += narrower;
-                narrowed[1] += narrower * x[1];
-            }
-            for (sum, shades) in sums.shade.iter_mut().zip(shades) {
-                *sum += light * shades.get(node).copied().unwrap_or(0.0);
+            for (mask, shades) in shades.iter().enumerate() {
+                let shade = light * shades.get(node).copied().unwrap_or(0.0);
+                sums.shade[mask] += shade;
+                sums.shade_x[mask] += shade * x[1];
             }
         }
         sums
@@ -68,10 +63,23 @@ impl Sums {
         (self.x2 / self.light[1] - mean * mean).max(0.0)
     }
 
-    /// How much the mean displacement of what passes the apertures differs from that of the
-    /// light before them: energies that are narrowed more are displaced more.
-    pub(super) fn lean(&self) -> f64 {
-        let [light, x] = [self.light[1], self.x[1] / self.light[1]];
-        self.narrowed.iter().map(|[sum, sum_x]| (sum_x / light - x * sum / light).abs()).sum()
+    /// Covariance over the energies of what bars shade and the displacement, in the middle.
+    pub(super) fn lean(&self, mask: usize) -> f64 {
+        let [light, x] = [self.light[1], self.x[1]];
+        self.shade_x[mask] / light - self.shade[mask] / light * (x / light)
+    }
+
+    /// Adds the sums of a cell of this width, by its middle.
+    pub(super) fn add(&mut self, other: &Self, width: f64) {
+        let scaled = |sum: &mut f64, other: f64| *sum += width * other;
+        scaled(&mut self.light[1], other.light[1]);
+        scaled(&mut self.x[1], other.x[1]);
+        scaled(&mut self.x2, other.x2);
+        scaled(&mut self.z, other.z);
+        scaled(&mut self.slope_x, other.slope_x);
+        for mask in 0..2 {
+            scaled(&mut self.shade[mask], other.shade[mask]);
+            scaled(&mut self.shade_x[mask], other.shade_x[mask]);
+        }
     }
 }
