@@ -177,6 +177,7 @@ Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float tran
     piece.pixel_shift = cell.pixel_shift;
     piece.lean = 0.5 * lean;
     piece.detector_shade = cell.detector_shade;
+    piece.sample_lean = 0.0;
     piece.detector_lean = cell.detector_lean;
     piece.steep = STEEP;
     piece.low = -STEEP - BEYOND;
@@ -334,16 +335,10 @@ void main() {
                     && to_x > from_x;
                 float share = !passes ? 0.0 : (n < 0 ? leak : 1.0 - leak);
                 Piece piece = piece_of(light, strip, cell, from_x, to_x, share, soft);
-                if (n >= 0 && cell.sample_lean != 0.0) {
-                    // What an edge takes away more of is displaced otherwise than what is left.
-                    float left_of = min(to_x, high) - max(from_x, low);
-                    float edges = float(low > cell.x_low) + float(high < cell.x_high);
-                    float moved = 0.5 * mask.thickness * abs(slope) * cell.sample_lean * edges
-                        / max(left_of, 1e-9);
-                    float most = 2.0 * sqrt(cell.spread);
-                    piece.middle -= clamp(moved, -most, most);
+                if (cut) {
+                    cut_by(piece, from_x, to_x, low, high, light.shift);
+                    piece.sample_lean = mask.thickness * abs(slope) * cell.sample_lean / (to_x - from_x);
                 }
-                if (cut) cut_by(piece, from_x, to_x, low, high, light.shift);
                 float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
                 float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
                 int q = max(int(floor((landing - span) / light.pixel + 0.5)), low_pixel);

@@ -17,6 +17,7 @@ struct Piece {
     float pixel_shift;
     float lean;       // half the change of optical depth over the piece
     float detector_shade;
+    float sample_lean; // over the half width of the piece in the cell plane
     float detector_lean;
     // The aperture of the sample mask lets t through between low - steep * xi and
     // high - steep * xi.
@@ -58,6 +59,17 @@ float below_between(float a, float b, float p, float q, float lean) {
 // Where two lines meet, cut to [-1, 1].
 float meeting(float apart, float slope) {
     return clamp(apart / slope, -1.0, 1.0);
+}
+
+// By how much the share between two edges changes with energies that an edge of the aperture at xi
+// takes away.
+float leaning(Piece piece, float xi, float low, float low_blur, float high, float high_blur) {
+    if (abs(xi) > 1.0) return 0.0;
+    float at = piece.middle + piece.half_width * xi;
+    float l = (low - at) / low_blur;
+    float h = (high - at) / high_blur;
+    return 0.5 * piece.sample_lean * INV_SQRT_2PI
+        * (exp(-0.5 * l * l) / low_blur - exp(-0.5 * h * h) / high_blur);
 }
 
 // Share of the piece between two edges. At xi the aperture and the edges each leave an interval
@@ -105,5 +117,11 @@ float window(Piece piece, Edge low, Edge high) {
         share -= below_between(piece.low - steep * low_upper, piece.low - steep * low_lower,
                                low_upper, low_lower, lean);
     }
-    return max(turned * share, 0.0);
+    share *= turned;
+    if (piece.sample_lean != 0.0) {
+        // Energies that an edge takes away more of are displaced more, there alone.
+        if (cut_high) share -= leaning(piece, piece.high / steep, low.at, low_blur, high.at, high_blur);
+        if (cut_low) share -= leaning(piece, piece.low / steep, low.at, low_blur, high.at, high_blur);
+    }
+    return max(share, 0.0);
 }
