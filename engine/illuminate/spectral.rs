@@ -13,6 +13,7 @@
 
 mod join;
 mod ordered;
+mod run;
 mod sums;
 
 use super::light::{LightRecord, MaskShape, Part};
@@ -21,10 +22,13 @@ use crate::gpu::Device;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::material::Constants;
 use crate::scene::Scene;
-use crate::trace::{CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, Strips, Tracer};
+use crate::trace::{
+    CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, STEEPEST, Strips, Tracer,
+};
 use join::Joining;
 use ordered::{Repeated, severe};
 use rayon::prelude::*;
+use run::{Fitted, Limits, Run};
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
@@ -43,6 +47,11 @@ const FAINT: f64 = 1e-4;
 /// The displacement may spread over this share of the blur: the third moment that is left out
 /// then moves less than 2e-4 of the light at an edge.
 const SPREAD_SHARE: f64 = 0.15;
+/// Cells are made one up to this share of the period,
+const RUN_SHARE: f64 = 1.0 / 20.0;
+/// and to this deviation of the displacement from a straight line, in shares of the blur. It is
+/// added to the blur; what an edge of an aperture cuts out of a run may lean by as much.
+const RESIDUAL_SHARE: f64 = 0.1;
 /// Strips gathered one after the other by a thread.
 const STRIPS_AT_ONCE: usize = 1 << 8;
 
@@ -64,6 +73,7 @@ pub struct Spectral {
     /// dx/dy of the centre ray of each beamlet.
     slopes: Vec<f64>,
     tolerance: f64,
+    limits: Limits,
     /// Least blur at any edge on the analyser, standard deviation, m.
     blur: f64,
     gap: f64,
@@ -112,6 +122,9 @@ struct Scratch {
     first_order: [Vec<NodeLaw>; 2],
     /// Laws at both ends, by node.
     laws: Vec<[NodeLaw; 2]>,
+    run: Run,
+    /// Laws of the run, by node.
+    fitted: Vec<Fitted>,
     /// Light at the low end, the middle and the high end of a cell, by node.
     passing: Vec<[f64; 3]>,
     waiting: Vec<Range<usize>>,
@@ -154,6 +167,7 @@ impl Spectral {
         let flat = |of: fn(&Constants) -> f64| {
             media.constants.iter().flatten().chain(reference).map(of).collect()
         };
+        let blur = if masks[1].is_some() { at_mask } else { at_pixel };
         let mut spectral = Self {
             weights: media.weights.clone(),
             mu: flat(|c| c.mu),
@@ -164,7 +178,12 @@ impl Spectral {
             slopes: lattice.columns(scene).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
             tolerance: scene.sampling.tolerance,
-            blur: if masks[1].is_some() { at_mask } else { at_pixel },
+            limits: Limits {
+                width: RUN_SHARE * lattice.period,
+                depth: f64::from(STEEPEST),
+                residual: (RESIDUAL_SHARE * blur).max(scene.sampling.tolerance),
+            },
+            blur,
             gap: scene.detector.distance - analyser,
             ratio: analyser / scene.detector.distance,
             row_pitch: scene.detector.pitch[1],
@@ -330,6 +349,7 @@ impl Spectral {
         let exact = &strips.moments.exact;
         let mut at = exact.partition_point(|e| (e.cell as usize) < first);
         let mut before: &[f32] = &[];
+        scratch.run.clear();
         for index in first..first + strip.count as usize {
             let cell = &strips.cells[index];
             let ends = &strips.moments.ends[index * words..(index + 1) * words];
@@ -350,6 +370,7 @@ impl Spectral {
                 at += 1;
                 self.correct(&exact[walked], [low, high], &mut scratch.laws);
                 if repeated.iter().any(|r| r.places[walked].is_some()) {
+                    self.push_run(strip, bars, scratch);
                     let lists = &mut scratch.lists[groups..];
                     for ((laws, repeated), list) in scratch.laws.iter().zip(repeated).zip(lists) {
                         match repeated.places[walked] {
@@ -363,17 +384,43 @@ impl Spectral {
                     continue;
                 }
             }
-            if !bars.closed {
-                self.push_groups(strip, cell, bars, scratch);
-                continue;
+            let x = [cell.x_low, cell.x_high].map(f64::from);
+            if !scratch.run.takes(x, self.mean(&scratch.laws), &self.limits) {
+                self.push_run(strip, bars, scratch);
+                scratch.run.begin(x, self.mean(&scratch.laws));
             }
-            for (ends, list) in scratch.laws.iter().zip(&mut scratch.lists[groups..]) {
-                list.push(self.cell(strip, [cell.x_low, cell.x_high], *ends));
-            }
+            scratch.run.push(x, &scratch.laws);
         }
+        self.push_run(strip, bars, scratch);
         for group in 0..groups {
             self.push_joined(strip, group, scratch);
         }
+    }
+
+    /// Light of neighbouring cells that are as good as one.
+    fn push_run(&self, strip: &Strip, bars: &Bars, scratch: &mut Scratch) {
+        let Some(x) = scratch.run.fit(self.nodes(), &mut scratch.fitted) else { return };
+        scratch.run.clear();
+        if !bars.closed {
+            self.push_groups(strip, x, bars, scratch);
+            return;
+        }
+        let lists = &mut scratch.lists[self.groups.len()..];
+        for (fitted, list) in scratch.fitted.iter().zip(lists) {
+            list.push(Cell { spread: fitted.residual as f32, ..self.cell(strip, x, fitted.ends) });
+        }
+    }
+
+    /// Laws averaged over the energies.
+    fn mean(&self, laws: &[[NodeLaw; 2]]) -> [NodeLaw; 2] {
+        let mut mean = [NodeLaw::default(); 2];
+        for (ends, weight) in laws.iter().zip(&self.weights) {
+            for (mean, law) in mean.iter_mut().zip(ends) {
+                mean.depth += weight * law.depth;
+                mean.x += weight * law.x;
+            }
+        }
+        mean
     }
 
     /// First-order laws at all nodes.
@@ -409,36 +456,36 @@ impl Spectral {
     }
 
     /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
-    fn push_groups(&self, strip: &Strip, cell: &Cell, bars: &Bars, scratch: &mut Scratch) {
-        let Scratch { laws, passing, .. } = scratch;
+    fn push_groups(&self, strip: &Strip, x: [f32; 2], bars: &Bars, scratch: &mut Scratch) {
+        let Scratch { fitted, passing, .. } = scratch;
         passing.clear();
-        passing.extend(laws.iter().map(|ends| {
-            let [low, high] = ends.map(|law| f64::from((-law.depth as f32).exp()));
+        passing.extend(fitted.iter().map(|fitted| {
+            let [low, high] = fitted.ends.map(|law| f64::from((-law.depth as f32).exp()));
             [low, (low * high).sqrt(), high]
         }));
         let nodes = self.nodes();
         let light = bars.shares.iter().zip(passing.iter().cycle());
         let all: f64 = light.map(|(share, passing)| share * passing[1]).sum();
-        let room = self.room(cell);
+        let room = self.room(x);
         // What the third moment moves grows with the light of the cell.
         let spread = (SPREAD_SHARE * self.blur).max(self.tolerance) * libm::cbrt(room);
         for group in 0..self.groups.len() {
             let shares = &bars.shares[group * nodes..][..nodes];
             if let Some(width) = bars.joined[group] {
-                if !scratch.joining[group].fits(cell, width) {
+                if !scratch.joining[group].fits(x, width) {
                     self.push_joined(strip, group, scratch);
                 }
-                if scratch.joining[group].fits(cell, width) {
-                    let Scratch { laws, passing, joining, .. } = scratch;
-                    let sums = Sums::over(0..nodes, shares, passing, laws, &bars.shades);
-                    joining[group].add(cell, &sums);
+                if scratch.joining[group].fits(x, width) {
+                    let Scratch { fitted, passing, joining, .. } = scratch;
+                    let sums = Sums::over(0..nodes, shares, passing, fitted, &bars.shades);
+                    joining[group].add(x, &sums);
                     continue;
                 }
             }
-            let Scratch { laws, passing, waiting, lists, .. } = scratch;
+            let Scratch { fitted, passing, waiting, lists, .. } = scratch;
             let mut next = Some(0..nodes);
             while let Some(band) = next.take().or_else(|| waiting.pop()) {
-                let sums = Sums::over(band.clone(), shares, passing, laws, &bars.shades);
+                let sums = Sums::over(band.clone(), shares, passing, fitted, &bars.shades);
                 if !sums.light.iter().all(|light| *light > 0.0) {
                     continue;
                 }
@@ -447,7 +494,7 @@ impl Spectral {
                     && part * sums.drift() <= self.tolerance * room
                     && part * sums.spread() <= spread * spread;
                 if agrees || band.len() == 1 {
-                    lists[group].push(self.gathered(strip, [cell.x_low, cell.x_high], &sums));
+                    lists[group].push(self.gathered(strip, x, &sums));
                     continue;
                 }
                 let mut light = 0.0;
@@ -462,8 +509,8 @@ impl Spectral {
     }
 
     /// How much more than the widest cell of full accuracy a cell may err: it has less light.
-    fn room(&self, cell: &Cell) -> f64 {
-        let width = f64::from(cell.x_high - cell.x_low);
+    fn room(&self, x: [f32; 2]) -> f64 {
+        let width = f64::from(x[1] - x[0]);
         (self.lattice.period * f64::from(FULL_SHARE) / width).max(1.0)
     }
 

@@ -24,7 +24,7 @@ pub(crate) const DEPTH_TOLERANCE: f32 = 2e-5;
 pub(crate) const FULL_SHARE: f32 = 1.0 / 40.0;
 
 /// Segments are joined up to this change of optical depth: light is linear in a cell.
-const STEEPEST: f32 = 0.02;
+pub(crate) const STEEPEST: f32 = 0.02;
 /// Flags that rays of joined segments share.
 const KIND: u32 = FLAG_EXACT | FLAG_GRAZING | FLAG_REFLECTED;
 

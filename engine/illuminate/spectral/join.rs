@@ -1,7 +1,6 @@
 //! Neighbouring cells of faint light joined to fewer.
 
 use super::sums::Sums;
-use crate::gpu::interface::Cell;
 
 /// Cells being joined: their light, its mean displacement and how far it spreads.
 #[derive(Debug, Default)]
@@ -12,16 +11,16 @@ pub(super) struct Joining {
 
 impl Joining {
     /// Whether the cell fits with those before it, up to a width.
-    pub(super) fn fits(&self, cell: &Cell, width: f64) -> bool {
-        let low = self.x.map_or(cell.x_low, |[low, _]| low);
-        f64::from(cell.x_high - low) <= width
+    pub(super) fn fits(&self, x: [f32; 2], width: f64) -> bool {
+        let low = self.x.map_or(x[0], |[low, _]| low);
+        f64::from(x[1] - low) <= width
     }
 
     /// Takes a cell.
-    pub(super) fn add(&mut self, cell: &Cell, sums: &Sums) {
-        let low = self.x.map_or(cell.x_low, |[low, _]| low);
-        self.x = Some([low, cell.x_high]);
-        self.sums.add(sums, (cell.x_high - cell.x_low).into());
+    pub(super) fn add(&mut self, x: [f32; 2], sums: &Sums) {
+        let low = self.x.map_or(x[0], |[low, _]| low);
+        self.x = Some([low, x[1]]);
+        self.sums.add(sums, (x[1] - x[0]).into());
     }
 
     /// The interval joined, with the sums per metre, alike at both ends.

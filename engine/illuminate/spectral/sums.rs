@@ -1,6 +1,6 @@
 //! Light of a cell summed over a band of energies, and how far one cell can stand for it.
 
-use super::NodeLaw;
+use super::run::Fitted;
 use std::ops::Range;
 
 /// Sums over the energies of a group, at the ends and the middle of a cell.
@@ -21,12 +21,12 @@ impl Sums {
         nodes: Range<usize>,
         shares: &[f64],
         passing: &[[f64; 3]],
-        laws: &[[NodeLaw; 2]],
+        laws: &[Fitted],
         shades: &[Vec<f64>; 2],
     ) -> Self {
         let mut sums = Self::default();
         for node in nodes {
-            let [low, high] = &laws[node];
+            let Fitted { ends: [low, high], residual } = &laws[node];
             let x = [low.x, 0.5 * (low.x + high.x), high.x];
             for i in 0..3 {
                 let light = shares[node] * passing[node][i];
@@ -34,7 +34,7 @@ impl Sums {
                 sums.x[i] += light * x[i];
             }
             let light = shares[node] * passing[node][1];
-            sums.x2 += light * x[1] * x[1];
+            sums.x2 += light * (x[1] * x[1] + residual);
             sums.z += light * 0.5 * (low.z + high.z);
             sums.slope_x += light * 0.5 * (low.slope_x + high.slope_x);
             for (mask, shades) in shades.iter().enumerate() {

@@ -170,8 +170,17 @@ impl<'a> Refiner<'a> {
             .collect();
         let words = tracer.materials() * MOMENTS_PER_MATERIAL;
         let traced = tracer.trace_moments(&rays)?;
-        let mut traced = traced.chunks_exact(MOMENTS_HEAD + words);
-        let of_span = |(_, ends): &(Key, Vec<Point>)| {
+        let firsts: Vec<usize> = ends
+            .iter()
+            .scan(0, |next, (_, ends)| {
+                let first = *next;
+                *next += ends.iter().filter(meets).count();
+                Some(first)
+            })
+            .collect();
+        let of_span = |((_, ends), first): (&(Key, Vec<Point>), usize)| {
+            let stride = MOMENTS_HEAD + words;
+            let mut traced = traced[first * stride..].chunks_exact(stride);
             let mut moments = Vec::with_capacity(ends.len() * words);
             for end in ends {
                 match meets(&end).then(|| traced.next()).flatten() {
@@ -183,7 +192,7 @@ impl<'a> Refiner<'a> {
             }
             moments
         };
-        Ok(ends.iter().map(of_span).collect())
+        Ok(ends.par_iter().zip(firsts).map(of_span).collect())
     }
 
     /// Whether the middle line stands for the whole span.
