@@ -13,7 +13,6 @@ use crate::Result;
 use crate::gpu::Device;
 use crate::gpu::interface::Pixel;
 use crate::illuminate::{Cast, CellIlluminator, LightRecord, Part, RandomKernels, Sums, cast};
-use crate::kept::KeptWriter;
 use crate::run::{Control, Progress, Tally};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
@@ -184,7 +183,7 @@ impl<'s> Work<'s> {
             if self.simulation.scene.sampling.scheme == Scheme::Random {
                 self.random_rows(view, shadows, &rows)?;
             } else {
-                self.cell_rows(view, shadows, &rows, &inner, [own, kept], &mut control.keep)?;
+                self.cell_rows(view, shadows, &rows, &inner, [own, kept], control)?;
             }
             if own {
                 self.rows_done += (rows.end - rows.start) as u64;
@@ -200,6 +199,9 @@ impl<'s> Work<'s> {
         let per_row = if scene.sampling.scheme == Scheme::Random {
             let [x, z] = scene.sampling.rays.map(u64::from);
             u64::from(scene.detector.pixels[0]) * x * z
+        } else if self.simulation.kept.is_some() {
+            // Nothing is traced; the blocks of a file are read once each, or nearly.
+            (lattice.beamlets.end - lattice.beamlets.start) as u64
         } else {
             let beamlets = (lattice.beamlets.end - lattice.beamlets.start) as u64;
             beamlets * (2 * u64::from(lattice.cells) + 1) * 2 * u64::from(scene.sampling.rows)
@@ -229,7 +231,7 @@ impl<'s> Work<'s> {
         rows: &Range<i64>,
         inner: &Range<i64>,
         [own, kept]: [bool; 2],
-        keep: &mut Option<&mut KeptWriter>,
+        control: &mut Control<'_>,
     ) -> Result<()> {
         let begin = Instant::now();
         let blur_rows = self.simulation.lattice.blur_rows;
@@ -238,7 +240,11 @@ impl<'s> Work<'s> {
         let Self { cells, lights, sums, tally, tracer, simulation, .. } = self;
         let mut illuminating = 0.0;
         let words = simulation.moment_words();
+        let keep = &mut control.keep;
         let mut add = |tracer: &mut Tracer, strips: &Strips| {
+            if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
+                return Err(Error::Interrupted);
+            }
             if own {
                 tally.split += strips.splits;
                 tally.landed_off += strips.landed_off;
