@@ -32,6 +32,8 @@ use work::Work;
 
 /// Rays of a calibration.
 const CALIBRATION_RAYS: usize = 1 << 13;
+/// Places they are at.
+const CALIBRATION_PATCHES: usize = 16;
 /// A run fails when more than this share of its rays stays unbalanced.
 const UNBALANCED_SHARE: f64 = 1e-5;
 
@@ -247,7 +249,8 @@ impl<'e> Simulation<'e> {
         Ok(())
     }
 
-    /// Rays spread over the shadow of the sample in the first view.
+    /// Rays over the shadow of the sample in the first view, side by side in lines as in a run:
+    /// how fast a backend is depends on their order.
     fn calibration_rays(&self) -> Vec<Ray> {
         let shadows = self.shadows(0);
         let span = |f: fn(&Shadow) -> [f64; 2]| {
@@ -257,17 +260,23 @@ impl<'e> Simulation<'e> {
                 .fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
         };
         let (x, rows) = (span(|s| s.x), span(|s| s.rows));
-        let middle = self.lattice.beamlets.start;
-        let side = (CALIBRATION_RAYS as f64).sqrt() as usize;
-        (0..side * side)
-            .map(|i| {
-                let at = |j: usize, range: [f64; 2]| {
-                    range[0] + (range[1] - range[0]) * (j as f64 + 0.5) / side as f64
-                };
-                let centre = self.lattice.centre(middle);
-                self.lattice.ray(middle, at(i % side, x) - centre, at(i / side, rows), 0)
-            })
-            .collect()
+        let at = |share: f64, range: [f64; 2]| range[0] + (range[1] - range[0]) * share;
+        let places = 2 * self.lattice.cells + 1;
+        let lines = CALIBRATION_RAYS / places as usize / CALIBRATION_PATCHES + 1;
+        let mut rays = Vec::with_capacity(CALIBRATION_RAYS + CALIBRATION_PATCHES * places as usize);
+        for patch in 0..CALIBRATION_PATCHES {
+            // Spread over width and height by the golden ratio.
+            let share = (patch as f64 + 0.5) / CALIBRATION_PATCHES as f64;
+            let beamlet = self.lattice.beamlet_at(at(share, x));
+            let row = at((share * 1.618 * CALIBRATION_PATCHES as f64).fract(), rows);
+            for line in 0..lines {
+                let row = row + 0.5 * line as f64;
+                let place =
+                    |i: u32| self.lattice.period * (f64::from(i) / f64::from(places - 1) - 0.5);
+                rays.extend((0..places).map(|i| self.lattice.ray(beamlet, place(i), row, 0)));
+            }
+        }
+        rays
     }
 
     fn shadows(&self, view: u32) -> Vec<Shadow> {

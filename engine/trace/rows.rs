@@ -48,12 +48,27 @@ fn ramp(t: f64) -> f64 {
     if t < -8.0 {
         return 0.0;
     }
+    // Most light is hardly moved in z: the series is exact to 1e-13 there, and much faster.
+    if t.abs() < 0.05 {
+        let t2 = t * t;
+        let even = 1.0 + t2 * (0.5 - t2 * (1.0 / 24.0 - t2 / 240.0));
+        return 0.5 * t + even / (2.0 * PI).sqrt();
+    }
     0.5 * t * libm::erfc(-t / SQRT_2) + libm::exp(-0.5 * t * t) / (2.0 * PI).sqrt()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_series_of_the_ramp_is_its_closed_form() {
+        for t in [-0.0499, -1e-3, 0.0, 1e-9, 0.02, 0.0499] {
+            let closed =
+                0.5 * t * libm::erfc(-t / SQRT_2) + libm::exp(-0.5 * t * t) / (2.0 * PI).sqrt();
+            assert!((ramp(t) - closed).abs() < 1e-13, "{t}");
+        }
+    }
 
     #[test]
     fn a_whole_row_loses_the_same_share_on_both_sides() {
