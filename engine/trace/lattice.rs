@@ -39,7 +39,7 @@ pub struct Lattice {
     /// Rows that the spot blurs what lies at the rotation centre over, on either side.
     pub blur_rows: i64,
     /// Rows in a block that see the bars of masks under one angle
-    /// ([`crate::illuminate::alike_rows`]); blocks begin at multiples of it.
+    /// (`illuminate::alike_rows`); blocks begin at multiples of it.
     pub alike_rows: u32,
     /// The same reach in columns and rows, not rounded.
     blur: [f64; 2],
