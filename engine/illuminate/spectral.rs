@@ -11,6 +11,7 @@
     reason = "rounding to f32 is meant; indices are bounded by those of the cells"
 )]
 
+mod bars;
 mod join;
 mod ordered;
 mod run;
@@ -25,6 +26,7 @@ use crate::scene::Scene;
 use crate::trace::{
     CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, STEEPEST, Strips, Tracer,
 };
+use bars::{Bars, Place, passing};
 use join::Joining;
 use ordered::{Repeated, severe};
 use rayon::prelude::*;
@@ -36,14 +38,8 @@ use sums::Sums;
 
 pub(crate) use ordered::NARROW;
 
-/// Cells of light that leaks through bars are joined up to this share of the period where it is
-/// as little as `LITTLE`, of open beam; less far where there is more.
-const LEAK_SHARE: f64 = 1.0 / 12.0;
-const LITTLE: f64 = 2e-3;
 /// Groups with less light than this, of open beam, are left out.
 const NEGLIGIBLE: f64 = 1e-9;
-/// The light of groups below this is spread over the whole strip.
-const FAINT: f64 = 1e-4;
 /// The displacement may spread over this share of the blur: the third moment that is left out
 /// then moves less than 2e-4 of the light at an edge.
 const SPREAD_SHARE: f64 = 0.15;
@@ -91,28 +87,6 @@ struct NodeLaw {
     /// At the detector.
     z: f64,
     slope_x: f64,
-}
-
-/// What the masks do to the light of a column in a block of rows: by node and group, and how much
-/// they shade.
-struct Bars {
-    /// `[group][node]`.
-    shares: Vec<f64>,
-    /// `[mask][node]`.
-    shades: [Vec<f64>; 2],
-    /// `[group]`: how far cells of light that leaks through bars are joined, m.
-    joined: Vec<Option<f64>>,
-    /// The shadows of bars meet: apertures have no effective width.
-    closed: bool,
-}
-
-/// A column, and a block of rows ([`Lattice::alike_rows`]).
-type Place = (u32, i64);
-
-/// Share of light that takes a way through masks of these leaks, where there are masks.
-fn passing(leaks: [Option<f64>; 2], group: [bool; 2]) -> f64 {
-    let through = |i: usize| leaks[i].map_or(1.0, |leak| if group[i] { leak } else { 1.0 - leak });
-    through(0) * through(1)
 }
 
 /// What gathering works with, kept from strip to strip.
@@ -287,48 +261,6 @@ impl Spectral {
         }
         lists.iter_mut().for_each(Strips::balance);
         Ok(lists)
-    }
-
-    fn place(&self, strip: &Strip) -> Place {
-        (strip.column, i64::from(strip.row).div_euclid(self.lattice.alike_rows.into()))
-    }
-
-    fn bars(&self, (column, block): Place) -> Bars {
-        let slope = self.slopes[column as usize];
-        let row = (block as f64 + 0.5) * f64::from(self.lattice.alike_rows);
-        let slope_z = (row - self.middle_row) * self.row_slope;
-        let secant = (1.0 + slope * slope + slope_z * slope_z).sqrt();
-        let of_node = |n: usize| {
-            let leaks = [0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[n].leak(secant)));
-            self.groups.iter().map(move |group| self.weights[n] * passing(leaks, *group))
-        };
-        let by_node: Vec<f64> = (0..self.nodes()).flat_map(of_node).collect();
-        let groups = self.groups.len();
-        let shares: Vec<f64> = (0..groups)
-            .flat_map(|group| by_node[group..].iter().step_by(groups).copied())
-            .collect();
-        let shade = |mask: &Option<Vec<MaskShape>>| {
-            mask.iter().flatten().map(|shape| shape.shade(secant)).collect()
-        };
-        let joined = |(shares, leaks): (&[f64], &[bool; 2])| {
-            let share: f64 = shares.iter().sum();
-            leaks.contains(&true).then(|| {
-                if share < FAINT {
-                    f64::INFINITY
-                } else {
-                    self.lattice.period * LEAK_SHARE * (LITTLE / share).min(1.0)
-                }
-            })
-        };
-        let closed = |mask: &Option<Vec<MaskShape>>| {
-            mask.iter().flatten().any(|shape| shape.thickness * slope.abs() > shape.narrowest())
-        };
-        Bars {
-            joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
-            shares,
-            shades: [shade(&self.masks[0]), shade(&self.masks[1])],
-            closed: self.groups.is_empty() || self.masks.iter().any(closed),
-        }
     }
 
     /// Cells of a strip for every list, in the scratch.
