@@ -91,8 +91,8 @@ void flush(Light light, Strip strip, int pixel, uint mask_step, vec3 waiting) {
 #endif
 
 // Share of the piece that passes the detector mask and lands in the pixel [low, high].
-float response(Light light, Column column, Aperture only, float sec, float leak, Piece piece,
-               float low, float high) {
+float response(Light light, Column column, float sec, float leak, Piece piece, float low,
+               float high) {
     Edge pixel_low = Edge(low, piece.pixel_blur);
     Edge pixel_high = Edge(high, piece.pixel_blur);
     Mask mask = light.detector_mask;
@@ -115,8 +115,7 @@ float response(Light light, Column column, Aperture only, float sec, float leak,
         bool met = n < 0;
         if (n >= 0 && n < apertures) {
             int j = from + n / int(mask.count);
-            Aperture aperture = only;
-            if (mask.count > 1u) aperture = mask.apertures.at[n % int(mask.count)];
+            Aperture aperture = aperture_of(mask, n);
             float centre = float(j) * mask.period - column.aperture_offset
                 + 0.5 * (aperture.low + aperture.high);
             float slope = column.slope + centre / light.analyser;
@@ -233,8 +232,6 @@ void main() {
     float leak_behind = behind.present != 0u ? bar_transmission(behind, sec) : 1.0;
     vec2 soft = vec2(edge_variance(mask, column.slope, sec, leak),
                      edge_variance(behind, column.slope, sec, leak_behind));
-    Aperture only = Aperture(mask.first, mask.last);
-    Aperture only_behind = Aperture(behind.first, behind.last);
 
     // Faint light stays in its pixel.
     float faint = 0.0;
@@ -303,8 +300,7 @@ void main() {
             uint stop = n < 0 ? strip.count : 0u;
             float centre = 0.0, slope = 0.0, widest = 0.0;
             if (n >= 0 && n < apertures) {
-                Aperture aperture = only;
-                if (mask.count > 1u) aperture = mask.apertures.at[n % int(mask.count)];
+                Aperture aperture = aperture_of(mask, n);
                 centre = float(from + n / int(mask.count)) * mask.period + offset
                     + 0.5 * (aperture.low + aperture.high);
                 slope = column.slope + centre / light.cell_plane;
@@ -346,8 +342,8 @@ void main() {
                 if (share <= 0.0) last = q - 1;
                 while (q <= last) {
                     float edge = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
-                    float value = piece.amount * response(light, column, only_behind, sec,
-                                                          leak_behind, piece, edge, edge + light.pixel);
+                    float value = piece.amount * response(light, column, sec, leak_behind, piece,
+                                                          edge, edge + light.pixel);
                     if (!(value > 0.0)) value = 0.0;
 #ifdef FAR
                     spread_over_rows(light, strip, cell, column.pixel + q, mask_step, value);

@@ -64,7 +64,7 @@ void main() {
     float row_z = (float(pixel.row) + 0.5 - light.middle_row) * light.row_slope;
     float plane = light.cell_plane / light.detector;
     float gap = light.detector - light.analyser;
-    uint low = 0u, high = 0u; // sum of the pixel's own light, 64 bits
+    uvec2 own = uvec2(0u); // sum of the pixel's own light
     for (uint r = 0u; r < push.batch; r++) {
         Draw d = draw(light, pixel, push.view_seed, push.seed, push.first_ray + r, push.rays_per_pixel);
         Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u);
@@ -85,10 +85,7 @@ void main() {
         int to_column = int(floor(land_x / light.column_pitch + 0.5));
         int to_row = int(floor(-land_z / light.row_pitch + 0.5));
         if (to_column == 0 && to_row == 0) {
-            float whole = floor(value);
-            uint part = uint((value - whole) * 4294967296.0);
-            low += part;
-            high += uint(whole) + (low < part ? 1u : 0u);
+            own = plus(own, fixed_point(value));
         } else {
             uint index;
             if (place_of_light(light, pixel.row + to_row, pixel.column + to_column, mask_step, index)) {
@@ -98,8 +95,6 @@ void main() {
     }
     uint index;
     if (place_of_light(light, pixel.row, pixel.column, mask_step, index)) {
-        uint old = atomicAdd(push.sums.at[2u * index], low);
-        if (old + low < old) high += 1u;
-        if (high != 0u) atomicAdd(push.sums.at[2u * index + 1u], high);
+        add_words(push.sums, index, own);
     }
 }

@@ -10,6 +10,12 @@ float bar_transmission(Mask mask, float sec) {
     return mask.attenuation > 0.0 ? exp(-mask.attenuation * sec) : mask.transmission;
 }
 
+// An aperture of the period; the only one without a look at memory.
+Aperture aperture_of(Mask mask, int n) {
+    if (mask.count == 1u) return Aperture(mask.first, mask.last);
+    return mask.apertures.at[n % int(mask.count)];
+}
+
 // Share of the period that is open.
 float open_part(Mask mask) {
     float open = 0.0;
