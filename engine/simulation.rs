@@ -73,8 +73,7 @@ impl<'e> Simulation<'e> {
         let detection = Detection::of(scene)?;
         let lit = detection.lit();
         let media = Media::of(scene)?;
-        let mut lattice = Lattice::of(lit, media.strongest());
-        lattice.alike_rows = illuminate::alike_rows(lit, &media)?;
+        let lattice = lattice_of(lit, &media)?;
         let stronger = if engine.options().keep_moments { kept::STRONGER } else { 1.0 };
         let several = media.energies.len() > 1 || engine.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
@@ -98,8 +97,7 @@ impl<'e> Simulation<'e> {
         let detection = Detection::of(scene)?;
         let lit = detection.lit();
         let own = Media::of(scene)?;
-        let mut lattice = Lattice::of(lit, own.strongest());
-        lattice.alike_rows = illuminate::alike_rows(lit, &own)?;
+        let lattice = lattice_of(lit, &own)?;
         let source = moments.for_scene(lit, &lattice)?;
         let media = source.media.clone();
         let flagged = source.flagged;
@@ -261,9 +259,9 @@ impl<'e> Simulation<'e> {
         };
         let (x, rows) = (span(|s| s.x), span(|s| s.rows));
         let at = |share: f64, range: [f64; 2]| range[0] + (range[1] - range[0]) * share;
-        let places = 2 * self.lattice.cells + 1;
-        let lines = CALIBRATION_RAYS / places as usize / CALIBRATION_PATCHES + 1;
-        let mut rays = Vec::with_capacity(CALIBRATION_RAYS + CALIBRATION_PATCHES * places as usize);
+        let places = trace::first_places(self.lattice.period as f32, self.lattice.cells);
+        let lines = CALIBRATION_RAYS / places.len() / CALIBRATION_PATCHES + 1;
+        let mut rays = Vec::with_capacity(CALIBRATION_PATCHES * lines * places.len());
         for patch in 0..CALIBRATION_PATCHES {
             // Spread over width and height by the golden ratio.
             let share = (patch as f64 + 0.5) / CALIBRATION_PATCHES as f64;
@@ -271,9 +269,7 @@ impl<'e> Simulation<'e> {
             let row = at((share * 1.618 * CALIBRATION_PATCHES as f64).fract(), rows);
             for line in 0..lines {
                 let row = row + 0.5 * line as f64;
-                let place =
-                    |i: u32| self.lattice.period * (f64::from(i) / f64::from(places - 1) - 0.5);
-                rays.extend((0..places).map(|i| self.lattice.ray(beamlet, place(i), row, 0)));
+                rays.extend(places.iter().map(|&x| self.lattice.ray(beamlet, x.into(), row, 0)));
             }
         }
         rays
@@ -426,6 +422,13 @@ impl<'e> Simulation<'e> {
         sink.finish(&record)?;
         Ok(record)
     }
+}
+
+/// The lattice of a scene with its blocks of rows.
+fn lattice_of(scene: &Scene, media: &Media) -> Result<Lattice> {
+    let mut lattice = Lattice::of(scene, media.strongest());
+    lattice.alike_rows = illuminate::alike_rows(scene, media)?;
+    Ok(lattice)
 }
 
 /// SHA-256 of the meshes by object: as loaded, or as the scene records them.

@@ -97,16 +97,16 @@ pub(super) struct Line {
     open: Vec<Segment>,
 }
 
-impl Line {
-    /// Places of the first rays: cell ends and cell middles.
-    pub(super) fn first_places(aim: &Aim) -> Vec<f32> {
-        let n = 2 * aim.cells;
-        (0..=n).map(|i| aim.period * ((i as f32) / (n as f32) - 0.5)).collect()
-    }
+/// Places of the first rays of a line: cell ends and cell middles, m from the beamlet's centre.
+pub(crate) fn first_places(period: f32, cells: u32) -> Vec<f32> {
+    let n = 2 * cells;
+    (0..=n).map(|i| period * ((i as f32) / (n as f32) - 0.5)).collect()
+}
 
+impl Line {
     /// Takes the laws of the first rays.
     pub(super) fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
-        self.places = Self::first_places(aim);
+        self.places = first_places(aim.period, aim.cells);
         let points: Vec<Point> = (0..)
             .zip(&self.places)
             .zip(laws)

@@ -14,7 +14,7 @@ mod upload;
 pub use crate::gpu::interface::{Law, MetSurface, Ray};
 pub use crossings::CrossingFinder;
 pub use lattice::{Lattice, column, deviation};
-pub(crate) use line::{DEPTH_TOLERANCE, FULL_SHARE, STEEPEST};
+pub(crate) use line::{DEPTH_TOLERANCE, FULL_SHARE, STEEPEST, first_places};
 pub use media::Media;
 pub use moments::{Moment, Moments};
 pub use occupancy::{Shadow, shadows};

@@ -13,7 +13,7 @@ mod moments;
 mod refiner;
 
 use super::lattice::Lattice;
-use super::line::Line;
+use super::line::{Line, first_places};
 use super::occupancy::Shadow;
 use super::tracer::Tracer;
 use crate::Result;
@@ -271,7 +271,7 @@ pub fn trace_strips(
     }
     let work = Refiner::new(view);
     // A span takes about two lines: its middle, and one of its ends, shared with a neighbour.
-    let places = Line::first_places(&work.aim).len();
+    let places = first_places(work.aim.period, work.aim.cells).len();
     let at_once = (rays_at_once / (2 * places)).max(1);
     let mut waiting: Vec<Lines> = chunks(&open, at_once, &HashMap::new());
     while let Some(Lines { open, mut lines }) = waiting.pop() {

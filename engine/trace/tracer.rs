@@ -254,11 +254,7 @@ impl Tracer {
     /// As [`Tracer::trace`].
     pub fn trace_with_moments(&mut self, rays: &[Ray]) -> Result<(Vec<Law>, Vec<u32>)> {
         let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
-        let words = stride(self.sample.materials);
-        let mut moments = vec![0_u32; rays.len() * words];
-        self.each_batch(rays, &mut laws, Wanted::Both, |batch, first, n| {
-            batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
-        })?;
+        let moments = self.read_moments(rays, &mut laws, Wanted::Both)?;
         Ok((laws, moments))
     }
 
@@ -267,9 +263,13 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::trace`].
     pub fn trace_moments(&mut self, rays: &[Ray]) -> Result<Vec<u32>> {
+        self.read_moments(rays, &mut [], Wanted::Moments)
+    }
+
+    fn read_moments(&mut self, rays: &[Ray], laws: &mut [Law], wanted: Wanted) -> Result<Vec<u32>> {
         let words = stride(self.sample.materials);
         let mut moments = vec![0_u32; rays.len() * words];
-        self.each_batch(rays, &mut [], Wanted::Moments, |batch, first, n| {
+        self.each_batch(rays, laws, wanted, |batch, first, n| {
             batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
         })?;
         Ok(moments)

@@ -13,7 +13,7 @@ use crate::Result;
 use crate::gpu::interface::{
     Cell, FLAG_EXACT, FLAG_NOT_FINITE, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, Strip,
 };
-use crate::trace::line::{Aim, DEPTH_TOLERANCE, Edge, Line, Narrow, Point};
+use crate::trace::line::{Aim, DEPTH_TOLERANCE, Edge, Line, Narrow, first_places};
 use crate::trace::tracer::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -102,7 +102,7 @@ impl<'a> Refiner<'a> {
         keys: &[Key],
         lines: &mut HashMap<Key, Arc<Line>>,
     ) -> Result<u64> {
-        let places = Line::first_places(&self.aim);
+        let places = first_places(self.aim.period, self.aim.cells);
         let n = places.len();
         let rays: Vec<Ray> =
             keys.par_iter().flat_map_iter(|k| places.iter().map(|&x| self.ray(k, x))).collect();
@@ -144,9 +144,9 @@ impl<'a> Refiner<'a> {
         Ok(splits)
     }
 
-    /// Moments of the rays that bound the cells of spans, `[ray][material][moment]` for each span
-    /// in the order of [`Line::ends`]; nothing where they are not kept. Few rays of a line bound
-    /// cells: these are traced once more.
+    /// Moments at both ends of the segments of spans, `[segment][end][material][moment]` for each
+    /// span; nothing where they are not kept. Few rays of a line bound cells: these are traced
+    /// once more.
     pub(super) fn end_moments(
         &self,
         tracer: &mut Tracer,
@@ -156,34 +156,37 @@ impl<'a> Refiner<'a> {
         if !self.view.keep_moments {
             return Ok(vec![Vec::new(); spans.len()]);
         }
-        let ends: Vec<(Key, Vec<Point>)> = spans
+        let met: Vec<Vec<Ray>> = spans
             .par_iter()
             .map(|span| {
                 let key = (span.beamlet, span.middle());
-                (key, lines[&key].ends())
+                let ends = lines[&key].ends().into_iter();
+                ends.filter(|p| p.law.crossings > 0).map(|p| self.ray(&key, p.x)).collect()
             })
-            .collect();
-        let meets = |point: &&Point| point.law.crossings > 0;
-        let rays: Vec<Ray> = ends
-            .par_iter()
-            .flat_map_iter(|(key, ends)| ends.iter().filter(meets).map(|p| self.ray(key, p.x)))
             .collect();
         let words = tracer.materials() * MOMENTS_PER_MATERIAL;
-        let traced = tracer.trace_moments(&rays)?;
-        let firsts: Vec<usize> = ends
+        let stride = MOMENTS_HEAD + words;
+        let traced = tracer.trace_moments(&met.concat())?;
+        let mut rest = &traced[..];
+        let of_spans: Vec<&[u32]> = met
             .iter()
-            .scan(0, |next, (_, ends)| {
-                let first = *next;
-                *next += ends.iter().filter(meets).count();
-                Some(first)
+            .map(|rays| {
+                let (of_span, after) = rest.split_at(rays.len() * stride);
+                rest = after;
+                of_span
             })
             .collect();
-        let of_span = |((_, ends), first): (&(Key, Vec<Point>), usize)| {
-            let stride = MOMENTS_HEAD + words;
-            let mut traced = traced[first * stride..].chunks_exact(stride);
-            let mut moments = Vec::with_capacity(ends.len() * words);
-            for end in ends {
-                match meets(&end).then(|| traced.next()).flatten() {
+        let by_segment = |(span, traced): (&Span, &[u32])| {
+            let mut traced = traced.chunks_exact(stride);
+            let line = &lines[&(span.beamlet, span.middle())];
+            let mut moments = Vec::with_capacity(2 * line.segments.len() * words);
+            let (mut ray, mut last) = (None, None);
+            for end in line.segments.iter().flat_map(|s| [s.low, s.high]) {
+                // Neighbours share a ray.
+                if ray.replace(end.ray) != Some(end.ray) {
+                    last = if end.law.crossings > 0 { traced.next() } else { None };
+                }
+                match last {
                     Some(ray) => {
                         moments.extend(ray[MOMENTS_HEAD..].iter().map(|&w| f32::from_bits(w)));
                     }
@@ -192,7 +195,7 @@ impl<'a> Refiner<'a> {
             }
             moments
         };
-        Ok(ends.par_iter().zip(firsts).map(of_span).collect())
+        Ok(spans.par_iter().zip(of_spans).map(by_segment).collect())
     }
 
     /// Whether the middle line stands for the whole span.
@@ -249,7 +252,7 @@ impl<'a> Refiner<'a> {
         })
     }
 
-    /// The cells of a span; `moments`: of the rays that bound them ([`Self::end_moments`]).
+    /// The cells of a span; `moments`: those of its segments ([`Self::end_moments`]).
     pub(super) fn cells(&self, span: &Span, line: &Line, moments: &[f32]) -> SpanCells {
         let row = span.low.div_euclid(self.units);
         let top = self.row(span.low) - row as f64;
@@ -268,16 +271,9 @@ impl<'a> Refiner<'a> {
             not_finite: 0,
         };
         let middle = (span.beamlet, span.middle());
-        let ends = if self.view.keep_moments { line.ends() } else { Vec::new() };
-        let words = moments.len() / ends.len().max(1);
-        let mut at = 0;
-        for segment in &line.segments {
+        let words = moments.len() / line.segments.len().max(1);
+        for (index, segment) in line.segments.iter().enumerate() {
             let (low, high) = (&segment.low, &segment.high);
-            let mut place = |point: &Point| {
-                at += usize::from(ends.get(at).is_some_and(|end| end.ray != point.ray));
-                at
-            };
-            let places = [place(low), place(high)];
             if (low.law.flags | high.law.flags) & FLAG_NOT_FINITE != 0 {
                 made.not_finite += 1;
                 continue;
@@ -309,9 +305,7 @@ impl<'a> Refiner<'a> {
             if !self.view.keep_moments {
                 continue;
             }
-            for place in places {
-                made.moments.ends.extend_from_slice(&moments[place * words..][..words]);
-            }
+            made.moments.ends.extend_from_slice(&moments[index * words..][..words]);
             let flags = low.law.flags | high.law.flags;
             if flags & FLAG_EXACT != 0 {
                 made.moments.exact.push(ExactCell {
