@@ -28,8 +28,7 @@ const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its law, segments of its line, cells.
 /// For curved bodies, which refine most; flat ones take less.
 const REFINEMENT: u64 = 680;
-/// Bytes on the host per ray and material under a spectrum: moments in lines and at both ends of
-/// cells.
+/// Bytes on the host per ray and material under a spectrum: moments at both ends of cells.
 const KEPT_MOMENTS: u64 = 40;
 /// Bytes on the host per ray under a spectrum: cells by their way through the masks.
 const GATHERED: u64 = 160;

@@ -171,7 +171,7 @@ impl Spectral {
                 .into_iter()
                 .filter(|leaks| {
                     let has = |i: usize| !leaks[i] || spectral.masks[i].is_some();
-                    let light = |n| spectral.weights[n] * spectral.passes(n, *leaks, 1.0);
+                    let light = |n| spectral.weights[n] * spectral.passes(n, *leaks);
                     has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
                 })
                 .collect();
@@ -183,9 +183,9 @@ impl Spectral {
         self.weights.len()
     }
 
-    /// Share of the light of a node that takes a way through the masks.
-    fn passes(&self, node: usize, group: [bool; 2], secant: f64) -> f64 {
-        passing([0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[node].leak(secant))), group)
+    /// Share of the light of a node along the axis that takes a way through the masks.
+    fn passes(&self, node: usize, group: [bool; 2]) -> f64 {
+        passing([0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[node].leak(1.0))), group)
     }
 
     /// Light records of the lists of [`Spectral::lists`], in their order.
@@ -203,7 +203,7 @@ impl Spectral {
             let shapes = self.masks[mask].as_ref().filter(|_| !leaks[mask])?;
             let (mut sum, mut all) = ([0.0; 3], 0.0);
             for (n, shape) in shapes.iter().enumerate() {
-                let weight = self.weights[n] * self.passes(n, leaks, 1.0);
+                let weight = self.weights[n] * self.passes(n, leaks);
                 all += weight;
                 let shade = shape.shade(1.0);
                 sum[0] += weight * shape.softness();
@@ -317,9 +317,10 @@ impl Spectral {
                 }
             }
             let x = [cell.x_low, cell.x_high].map(f64::from);
-            if !scratch.run.takes(x, self.mean(&scratch.laws), &self.limits) {
+            let mean = self.mean(&scratch.laws);
+            if !scratch.run.takes(x, mean, &self.limits) {
                 self.push_run(strip, bars, scratch);
-                scratch.run.begin(x, self.mean(&scratch.laws));
+                scratch.run.begin(x, mean);
             }
             scratch.run.push(x, &scratch.laws);
         }
