@@ -56,8 +56,8 @@ impl Engine {
             ..DeviceOptions::default()
         })?;
         let kernels = Kernels {
-            trace: Arc::new(TraceKernels::new(&device)?),
-            illuminate: Arc::new(CellKernels::new(&device)?),
+            trace: Arc::new(TraceKernels::new(&device)),
+            illuminate: Arc::new(CellKernels::new(&device)),
         };
         Ok(Self { options: options.clone(), device, kernels })
     }

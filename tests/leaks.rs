@@ -57,7 +57,7 @@ impl Watch {
         let sample = Arc::new(
             DeviceSample::upload(&device, &scene, &sample, &media, query, 1.0).expect("room"),
         );
-        let kernels = Arc::new(TraceKernels::new(&device).expect("kernels"));
+        let kernels = Arc::new(TraceKernels::new(&device));
         let transport = Transport::FirstOrder;
         let tracer = Tracer::new(&device, &kernels, &sample, backend, transport, None, u32::MAX);
         let materials = sample.materials as usize;

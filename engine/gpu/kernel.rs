@@ -8,7 +8,7 @@ use super::retire::Retired;
 use crate::{Error, Result};
 use ash::vk;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A compute shader with its push constants, ready to dispatch.
 pub struct Kernel {
@@ -17,6 +17,41 @@ pub struct Kernel {
     pub(super) layout: vk::PipelineLayout,
     pub(super) push_bytes: u32,
     name: String,
+}
+
+/// A kernel that is made when it is first wanted: some take long, and few runs want all.
+#[derive(Debug)]
+pub struct LazyKernel {
+    device: Arc<Device>,
+    name: &'static str,
+    spirv: &'static [u32],
+    push_bytes: u32,
+    made: OnceLock<Kernel>,
+}
+
+impl LazyKernel {
+    /// A kernel to be made as [`Device::kernel`] makes it.
+    #[must_use]
+    pub fn new(
+        device: &Arc<Device>,
+        name: &'static str,
+        spirv: &'static [u32],
+        push_bytes: u32,
+    ) -> Self {
+        Self { device: device.clone(), name, spirv, push_bytes, made: OnceLock::new() }
+    }
+
+    /// The kernel.
+    ///
+    /// # Errors
+    /// As [`Device::kernel`].
+    pub fn get(&self) -> Result<&Kernel> {
+        if let Some(kernel) = self.made.get() {
+            return Ok(kernel);
+        }
+        let made = self.device.kernel(self.name, self.spirv, self.push_bytes, None)?;
+        Ok(self.made.get_or_init(|| made))
+    }
 }
 
 impl Device {

@@ -27,7 +27,7 @@ pub use acceleration::AccelerationStructure;
 pub use buffer::{Buffer, Memory};
 pub use device::{Device, DeviceOptions};
 pub use faults::{Fault, FaultAnswer, FaultyCall};
-pub use kernel::Kernel;
+pub use kernel::{Kernel, LazyKernel};
 pub use physical::{DeviceDescription, DeviceKind};
 pub use recorder::Recorder;
 pub use submission::Submission;

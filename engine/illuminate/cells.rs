@@ -11,11 +11,11 @@ use super::light::LightRecord;
 use super::sums::Sums;
 use crate::Result;
 use crate::gpu::interface::{Cell, IlluminatePush, Strip};
-use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use crate::gpu::{Buffer, Device, Kernel, LazyKernel, Memory, shaders};
 use crate::trace::{Strips, push_bytes};
 use std::borrow::Cow;
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Invocations per workgroup in illuminate.comp.
@@ -29,34 +29,21 @@ const STEPS_EACH: u32 = 16;
 /// The kernels of cells.
 #[derive(Debug)]
 pub struct CellKernels {
-    device: Arc<Device>,
-    near: Kernel,
-    /// For light that lands more than a row away; made when there is some.
-    far: OnceLock<Kernel>,
+    near: LazyKernel,
+    /// For light that lands more than a row away.
+    far: LazyKernel,
 }
 
 impl CellKernels {
-    /// Compiles what every run needs.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`].
-    pub fn new(device: &Arc<Device>) -> Result<Self> {
-        let near = device.kernel(
-            "illuminate",
-            shaders::ILLUMINATE,
-            push_bytes::<IlluminatePush>(),
-            None,
-        )?;
-        Ok(Self { device: device.clone(), near, far: OnceLock::new() })
-    }
-
-    fn far(&self) -> Result<&Kernel> {
-        if let Some(kernel) = self.far.get() {
-            return Ok(kernel);
+    /// Kernels of a device.
+    #[must_use]
+    pub fn new(device: &Arc<Device>) -> Self {
+        let kernel =
+            |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<IlluminatePush>());
+        Self {
+            near: kernel("illuminate", shaders::ILLUMINATE),
+            far: kernel("illuminate far", shaders::ILLUMINATE_FAR),
         }
-        let bytes = push_bytes::<IlluminatePush>();
-        let made = self.device.kernel("illuminate far", shaders::ILLUMINATE_FAR, bytes, None)?;
-        Ok(self.far.get_or_init(|| made))
     }
 }
 
@@ -72,16 +59,19 @@ pub struct CellIlluminator {
 }
 
 impl CellIlluminator {
-    /// An illuminator.
-    #[must_use]
-    pub fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>) -> Self {
-        Self {
+    /// An illuminator, its kernel made.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`], [`crate::Error::Memory`].
+    pub fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>) -> Result<Self> {
+        kernels.near.get()?;
+        Ok(Self {
             device: device.clone(),
             kernels: kernels.clone(),
             strips: None,
             cells: None,
             load: 1 << 16,
-        }
+        })
     }
 
     /// Adds the light of the strips to the sums, at `steps` mask steps.
@@ -112,9 +102,15 @@ impl CellIlluminator {
         fit::<Strip>(&self.device, &mut self.strips, "strips", &ordered)?;
         fit::<Cell>(&self.device, &mut self.cells, "cells", &strips.cells)?;
         let kernels = self.kernels.clone();
-        self.dispatch(&kernels.near, light, sums, 0..near_count, steps)?;
+        self.dispatch(kernels.near.get()?, light, sums, 0..near_count, steps)?;
         if near_count < ordered.len() as u32 {
-            self.dispatch(kernels.far()?, light, sums, near_count..ordered.len() as u32, steps)?;
+            self.dispatch(
+                kernels.far.get()?,
+                light,
+                sums,
+                near_count..ordered.len() as u32,
+                steps,
+            )?;
         }
         Ok(())
     }

@@ -78,11 +78,15 @@ impl<'s> Work<'s> {
                 .map(|part| LightRecord::of_cells(&device, scene, lattice, offsets, &part))
                 .collect::<Result<_>>()?,
         };
+        let tracer = simulation.tracer(simulation.start.backend)?;
+        if !simulation.sample.triangles.is_empty() {
+            tracer.make_kernels()?;
+        }
         Ok(Self {
-            tracer: simulation.tracer(simulation.start.backend)?,
+            tracer,
             lights,
             sums: Sums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
-            cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels()),
+            cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels())?,
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
             band,
             pixel_columns,

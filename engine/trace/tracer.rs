@@ -5,7 +5,7 @@ use crate::Result;
 use crate::gpu::interface::{
     ExactPush, Law, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, TracePush,
 };
-use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use crate::gpu::{Buffer, Device, Kernel, LazyKernel, Memory, shaders};
 use crate::run::{Backend, Tally};
 use crate::scene::Transport;
 use std::ops::RangeInclusive;
@@ -30,69 +30,59 @@ const LONG: Duration = Duration::from_millis(100);
 /// above the rounding of coordinates that made an edge ambiguous.
 const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
 
-/// The kernels of one device, compiled once.
+/// The kernels of one device, each made when it is first wanted.
 #[derive(Debug)]
 pub struct TraceKernels {
     trace_bvh: OrderFree,
-    exact_bvh: Kernel,
-    ray_query: Option<(OrderFree, Kernel)>,
+    exact_bvh: LazyKernel,
+    ray_query: Option<(OrderFree, LazyKernel)>,
 }
 
 /// The order-free walk of a backend.
 #[derive(Debug)]
 struct OrderFree {
     /// For few materials, leaves no moments.
-    laws: Kernel,
+    laws: LazyKernel,
     /// For any number of materials, leaves moments.
-    moments: Kernel,
+    moments: LazyKernel,
     /// Rays of a workgroup.
     rays: u32,
 }
 
-impl OrderFree {
-    fn new(device: &Arc<Device>, name: &str, spirv: [&[u32]; 2], rays: u32) -> Result<Self> {
-        let push = push_bytes::<TracePush>();
-        Ok(Self {
-            laws: device.kernel(name, spirv[0], push, None)?,
-            moments: device.kernel(&format!("{name}_moments"), spirv[1], push, None)?,
-            rays,
-        })
-    }
-}
-
 impl TraceKernels {
-    /// Compiles them.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`] where the driver refuses.
-    pub fn new(device: &Arc<Device>) -> Result<Self> {
-        let exact = push_bytes::<ExactPush>();
-        let ray_query = if device.description().ray_query {
-            let trace = [shaders::TRACE_RAY_QUERY, shaders::TRACE_RAY_QUERY_MOMENTS];
-            Some((
-                OrderFree::new(device, "trace_ray_query", trace, GROUP)?,
-                device.kernel("exact_ray_query", shaders::EXACT_RAY_QUERY, exact, None)?,
-            ))
-        } else {
-            None
-        };
+    /// Kernels of a device.
+    #[must_use]
+    pub fn new(device: &Arc<Device>) -> Self {
+        let kernel = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<TracePush>());
+        let ordered = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<ExactPush>());
         let description = device.description();
+        let ray_query = description.ray_query.then(|| {
+            let walk = OrderFree {
+                laws: kernel("trace_ray_query", shaders::TRACE_RAY_QUERY),
+                moments: kernel("trace_ray_query_moments", shaders::TRACE_RAY_QUERY_MOMENTS),
+                rays: GROUP,
+            };
+            (walk, ordered("exact_ray_query", shaders::EXACT_RAY_QUERY))
+        });
         let bundles = description.subgroup_exchange && BUNDLES.contains(&description.subgroup_size);
         let trace_bvh = if bundles {
-            let trace = [shaders::TRACE_BUNDLES, shaders::TRACE_BUNDLES_MOMENTS];
-            OrderFree::new(device, "trace_bundles", trace, GROUP * RAYS_PER_LANE)?
+            OrderFree {
+                laws: kernel("trace_bundles", shaders::TRACE_BUNDLES),
+                moments: kernel("trace_bundles_moments", shaders::TRACE_BUNDLES_MOMENTS),
+                rays: GROUP * RAYS_PER_LANE,
+            }
         } else {
-            let trace = [shaders::TRACE_BVH, shaders::TRACE_BVH_MOMENTS];
-            OrderFree::new(device, "trace_bvh", trace, GROUP)?
+            OrderFree {
+                laws: kernel("trace_bvh", shaders::TRACE_BVH),
+                moments: kernel("trace_bvh_moments", shaders::TRACE_BVH_MOMENTS),
+                rays: GROUP,
+            }
         };
-        Ok(Self {
-            trace_bvh,
-            exact_bvh: device.kernel("exact_bvh", shaders::EXACT_BVH, exact, None)?,
-            ray_query,
-        })
+        let exact_bvh = ordered("exact_bvh", shaders::EXACT_BVH);
+        Self { trace_bvh, exact_bvh, ray_query }
     }
 
-    const fn of(&self, backend: Backend) -> (&OrderFree, &Kernel) {
+    const fn of(&self, backend: Backend) -> (&OrderFree, &LazyKernel) {
         match (&self.ray_query, backend) {
             (Some((trace, exact)), Backend::RayQuery) => (trace, exact),
             _ => (&self.trace_bvh, &self.exact_bvh),
@@ -201,6 +191,22 @@ impl Tracer {
             most,
             counts: Counts::default(),
         })
+    }
+
+    /// Makes the kernels that laws take, so that a run that cannot have them does not begin.
+    ///
+    /// # Errors
+    /// [`crate::Error::Device`], [`crate::Error::Memory`].
+    pub fn make_kernels(&self) -> Result<()> {
+        let (trace, exact) = self.kernels.of(self.backend);
+        self.law_kernel(trace).get()?;
+        exact.get()?;
+        Ok(())
+    }
+
+    /// Sums of many materials do not fit in registers.
+    fn law_kernel<'k>(&self, trace: &'k OrderFree) -> &'k LazyKernel {
+        if self.sample.materials > MATERIALS_IN_REGISTERS { &trace.moments } else { &trace.laws }
     }
 
     /// Laws from now on are those of a node of the spectrum, or (`None`) at its mean constants.
@@ -347,7 +353,7 @@ impl Tracer {
         let ordered = wanted != Wanted::Moments && self.transport != Transport::FirstOrder;
         if flagged > 0 && ordered {
             self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
-            time += self.exact_pass(exact, flagged, &self.batch.exact, all, 0.0, false)?;
+            time += self.exact_pass(exact.get()?, flagged, &self.batch.exact, all, 0.0, false)?;
             time += self.exact_again()?;
         }
         Ok(time)
@@ -363,8 +369,7 @@ impl Tracer {
         last: bool,
     ) -> Result<Duration> {
         let b = &self.batch;
-        let in_memory = moments || self.sample.materials > MATERIALS_IN_REGISTERS;
-        let kernel = if in_memory { &trace.moments } else { &trace.laws };
+        let kernel = if moments { &trace.moments } else { self.law_kernel(trace) }.get()?;
         let push = TracePush {
             sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),
@@ -408,7 +413,7 @@ impl Tracer {
             }
             self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
             self.device.run(|r| r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(lost) + 1) * 4))?;
-            let kernel = &self.kernels.exact_bvh;
+            let kernel = self.kernels.exact_bvh.get()?;
             let last = i + 1 == NUDGES.len();
             time += self.exact_pass(kernel, lost, &b.list, false, nudge, last)?;
         }

@@ -79,7 +79,7 @@ fn tracer(scene: &Scene, backend: Backend) -> Option<Tracer> {
     let sample = geometry::load(scene).unwrap();
     let media = Media::of(scene).unwrap();
     let sample = DeviceSample::upload(&device, scene, &sample, &media, query, 1.0).unwrap();
-    let kernels = Arc::new(TraceKernels::new(&device).unwrap());
+    let kernels = Arc::new(TraceKernels::new(&device));
     let transport = Transport::FirstOrder;
     Tracer::new(&device, &kernels, &Arc::new(sample), backend, transport, None, u32::MAX).ok()
 }

@@ -169,7 +169,7 @@ fn tracer(device: &Arc<Device>, backend: Backend, scene: &Scene) -> Tracer {
     let media = Media::of(scene).expect("media");
     let query = backend == Backend::RayQuery;
     let sample = DeviceSample::upload(device, scene, &sample, &media, query, 1.0).expect("room");
-    let kernels = Arc::new(TraceKernels::new(device).expect("kernels"));
+    let kernels = Arc::new(TraceKernels::new(device));
     let transport = Transport::FirstOrder;
     Tracer::new(device, &kernels, &Arc::new(sample), backend, transport, None, u32::MAX)
         .expect("a tracer")
