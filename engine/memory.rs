@@ -40,7 +40,7 @@ const FRAME_COPIES: u64 = 2;
 /// Bytes of a band where no limit is set: larger bands were not faster.
 const BAND: u64 = 1 << 30;
 /// Rays of a group of rows, about, with room enough; and least.
-const RAYS: [u64; 2] = [1 << 18, 1 << 12];
+const RAYS: [u64; 2] = [1 << 19, 1 << 12];
 
 /// Memory of a run at its peak, in bytes. On a CPU device host and device are one process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -173,14 +173,15 @@ impl Needs {
             if is_mesh { summary.triangles as u64 } else { 0 }
         };
         let steps = u64::from(extent.steps);
-        let lit_row = steps * columns * u64::from(grid.parts[1]);
+        let lit_pixels = columns * u64::from(grid.parts[1]);
+        let lit_row = steps * lit_pixels;
         let detector = &scene.detector;
         let copies = u64::from(detector.blur.is_some())
             + u64::from(detector.counts.is_some())
             + if matches!(detector.scatter, Some(Scatter::Kernel { .. })) { 2 } else { 0 };
         let row = Bytes {
-            host: 4 * lit_row + copies * 4 * steps * u64::from(extent.columns),
-            device: 8 * lit_row,
+            host: 4 * lit_row + 8 * lit_pixels + copies * 4 * steps * u64::from(extent.columns),
+            device: 8 * (lit_row + lit_pixels),
         };
         let ray_host = match scene.source.beam {
             Beam::Energy(_) => REFINEMENT,

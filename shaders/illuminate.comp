@@ -15,13 +15,12 @@ layout(push_constant, scalar) uniform IlluminatePush {
     LightRef light_ref;
     Strips strips;
     Cells cells;
-    Words sums; // [step][row][column][2]
+    Words sums; // [step][row][column][2], light that is the same at all steps behind the last
     uint strip_count; // behind the first
     uint first_strip;
     uint first_step;
     uint last_step;  // one behind
     uint steps_each; // of an invocation
-    uint repeats;    // steps from the first that see the same light
 } push;
 
 #include "physics/gauss.glsl"
@@ -32,16 +31,10 @@ layout(push_constant, scalar) uniform IlluminatePush {
 const float NEGLIGIBLE = 1e-9; // leaks below this are left out
 const float FAINT = 1e-5;      // where in its pixel the light of leaks below this lands is left open
 
-// Adds light to a pixel at every step that sees the same.
-void add_to_steps(Light light, int row, int pixel, uint mask_step, uvec2 value) {
+void add_to_pixel(Light light, int row, int pixel, uint mask_step, uvec2 value) {
     uint index;
     if (value == uvec2(0u) || !place_of_light(light, row, pixel, mask_step, index)) return;
-    uint frame = light.row_count * light.column_count;
-    uint n = 0u;
-    do {
-        add_words(push.sums, index + n * frame, value);
-        n++;
-    } while (n < push.repeats);
+    add_words(push.sums, index, value);
 }
 
 #ifdef FAR
@@ -66,7 +59,7 @@ void spread_over_rows(Light light, Strip strip, Cell cell, int pixel, uint mask_
             - rows_before(end - bottom, light.row_blur);
         uvec2 words = fixed_point(per_row * (through - before));
         for (uint k = 0u; k < strip.rows; k++) {
-            add_to_steps(light, strip.row + r + int(k), pixel, mask_step, words);
+            add_to_pixel(light, strip.row + r + int(k), pixel, mask_step, words);
         }
         before = through;
     }
@@ -84,7 +77,7 @@ void flush(Light light, Strip strip, int pixel, uint mask_step, vec3 waiting) {
         uvec2 value = r < rows - 1 ? above : uvec2(0u);
         if (r >= 0 && r < rows) value = plus(value, own);
         if (r > 0) value = plus(value, below);
-        add_to_steps(light, strip.row + r, pixel, mask_step, value);
+        add_to_pixel(light, strip.row + r, pixel, mask_step, value);
         r++;
     } while (r <= rows);
 }

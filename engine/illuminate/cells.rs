@@ -11,9 +11,8 @@ use super::light::LightRecord;
 use super::sums::Sums;
 use crate::Result;
 use crate::gpu::interface::{Cell, IlluminatePush, Strip};
-use crate::gpu::{Buffer, Device, Kernel, LazyKernel, Memory, shaders};
+use crate::gpu::{Buffer, Device, LazyKernel, Memory, shaders};
 use crate::trace::{Strips, push_bytes};
-use std::borrow::Cow;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
@@ -54,8 +53,11 @@ pub struct CellIlluminator {
     kernels: Arc<CellKernels>,
     strips: Option<Buffer>,
     cells: Option<Buffer>,
-    /// Strips times steps of a dispatch, adapted.
+    /// Strips times steps of a submission, adapted.
     load: u64,
+    /// Dispatches of the next submission, to the far kernel or not, and their cost.
+    planned: Vec<(bool, IlluminatePush)>,
+    planned_cost: u64,
 }
 
 impl CellIlluminator {
@@ -71,103 +73,132 @@ impl CellIlluminator {
             strips: None,
             cells: None,
             load: 1 << 16,
+            planned: Vec::new(),
+            planned_cost: 0,
         })
     }
 
-    /// Adds the light of the strips to the sums, at `steps` mask steps.
+    /// Adds the light of lists of strips to the sums, at `steps` mask steps.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Device`].
-    pub fn add(
+    pub fn add<'l>(
         &mut self,
-        light: &LightRecord,
-        strips: &Strips,
+        lists: impl Iterator<Item = (&'l LightRecord, &'l Strips)> + Clone,
         sums: &Sums,
         steps: u32,
     ) -> Result<()> {
-        if strips.strips.is_empty() || strips.cells.is_empty() {
+        let lists = lists.filter(|(_, list)| !list.strips.is_empty() && !list.cells.is_empty());
+        let count = |of: fn(&Strips) -> usize| lists.clone().map(|(_, list)| of(list)).sum();
+        let (strips, cells): (usize, usize) = (count(|l| l.strips.len()), count(|l| l.cells.len()));
+        if strips == 0 {
             return Ok(());
         }
-        // Light of parts of a spot that spread differently over rows has its own kernel, as has
-        // that of cells which lands far off.
-        let near = |strip: &&Strip| !light.rows_apart && lands_near(&strips.cells, strip);
-        let mut ordered = Cow::from(&strips.strips);
-        let mut near_count = strips.strips.len() as u32;
-        if !strips.strips.iter().all(|strip| near(&strip)) {
-            let (mut first, far): (Vec<_>, Vec<_>) = strips.strips.iter().partition(&near);
-            near_count = first.len() as u32;
-            first.extend(far);
-            ordered = first.into_iter().copied().collect();
+        let device = self.device.clone();
+        let cell_buffer = fit::<Cell>(&device, &mut self.cells, "cells", cells)?;
+        let strip_buffer = fit::<Strip>(&device, &mut self.strips, "strips", strips)?;
+        let mut ordered = Vec::with_capacity(strips);
+        let mut pieces = Vec::new();
+        let mut first_cell = 0;
+        for (light, list) in lists {
+            cell_buffer.write((first_cell * size_of::<Cell>()) as u64, &list.cells)?;
+            // Light of parts of a spot that spread differently over rows has its own kernel, as
+            // has that of cells which lands far off.
+            let near = |strip: &&Strip| !light.rows_apart && lands_near(&list.cells, strip);
+            let (near, far): (Vec<_>, Vec<_>) = list.strips.iter().partition(near);
+            for (some, far) in [(near, false), (far, true)] {
+                if !some.is_empty() {
+                    let first = ordered.len() as u32;
+                    pieces.push(Piece { light, far, strips: first..first + some.len() as u32 });
+                }
+                let moved =
+                    |strip: &Strip| Strip { first: strip.first + first_cell as u32, ..*strip };
+                ordered.extend(some.into_iter().map(moved));
+            }
+            first_cell += list.cells.len();
         }
-        fit::<Strip>(&self.device, &mut self.strips, "strips", &ordered)?;
-        fit::<Cell>(&self.device, &mut self.cells, "cells", &strips.cells)?;
-        let kernels = self.kernels.clone();
-        self.dispatch(kernels.near.get()?, light, sums, 0..near_count, steps)?;
-        if near_count < ordered.len() as u32 {
-            self.dispatch(
-                kernels.far.get()?,
-                light,
-                sums,
-                near_count..ordered.len() as u32,
-                steps,
-            )?;
-        }
-        Ok(())
+        strip_buffer.write(0, &ordered)?;
+        let template = IlluminatePush {
+            strips: strip_buffer.address(),
+            cells: cell_buffer.address(),
+            sums: sums.buffer.address(),
+            ..bytemuck::Zeroable::zeroed()
+        };
+        pieces.iter().try_for_each(|piece| self.plan(piece, template, steps))?;
+        self.run()
     }
 
-    fn dispatch(
-        &mut self,
-        kernel: &Kernel,
-        light: &LightRecord,
-        sums: &Sums,
-        strips: Range<u32>,
-        steps: u32,
-    ) -> Result<()> {
-        let (Some(strip_buffer), Some(cell_buffer)) = (&self.strips, &self.cells) else {
-            return Ok(());
-        };
-        // Light that no sample mask moves is the same at every step.
-        let (steps, repeats) = if light.same_at_all_steps { (1, steps) } else { (steps, 1) };
-        for light in light.addresses() {
+    /// Plans the dispatches of a piece; runs those before it as they fill a submission.
+    fn plan(&mut self, piece: &Piece<'_>, template: IlluminatePush, steps: u32) -> Result<()> {
+        let Piece { light, far, strips } = piece;
+        // Light that no sample mask moves is the same at every step, and has its own sums.
+        let steps = if light.same_at_all_steps { steps..steps + 1 } else { 0..steps };
+        for light_ref in light.addresses() {
             let mut first_strip = strips.start;
             while first_strip < strips.end {
                 let left = strips.end - first_strip;
                 let strip_count = left.min(self.load.min(1 << 20) as u32).max(1);
-                let at_once =
-                    ((self.load / u64::from(strip_count)).clamp(1, 4096) as u32).min(steps);
-                let mut first_step = 0;
-                while first_step < steps {
-                    let last_step = steps.min(first_step + at_once);
+                let at_once = ((self.load / u64::from(strip_count)).clamp(1, 4096) as u32)
+                    .min(steps.end - steps.start);
+                let mut first_step = steps.start;
+                while first_step < steps.end {
+                    let last_step = steps.end.min(first_step + at_once);
                     let steps_each = STEPS_EACH.min(last_step - first_step);
                     let push = IlluminatePush {
-                        light_ref: light,
-                        strips: strip_buffer.address(),
-                        cells: cell_buffer.address(),
-                        sums: sums.buffer.address(),
+                        light_ref,
                         strip_count,
                         first_strip,
                         first_step,
                         last_step,
                         steps_each,
-                        repeats,
+                        ..template
                     };
-                    let shares = (last_step - first_step).div_ceil(steps_each);
-                    let time = self.device.run(|r| {
-                        let groups = [strip_count.div_ceil(GROUP), shares, 1];
-                        r.dispatch(kernel, bytemuck::bytes_of(&push), groups);
-                    })?;
-                    first_step = last_step;
-                    if time > LONG {
-                        self.load = (self.load / 2).max(1024);
-                    } else if time < LONG / 4 {
-                        self.load = (self.load * 2).min(1 << 26);
+                    let cost = u64::from(strip_count) * u64::from(last_step - first_step);
+                    if self.planned_cost + cost > self.load {
+                        self.run()?;
                     }
+                    self.planned.push((*far, push));
+                    self.planned_cost += cost;
+                    first_step = last_step;
                 }
                 first_strip += strip_count;
             }
         }
         Ok(())
     }
+
+    /// Runs what is planned.
+    fn run(&mut self) -> Result<()> {
+        let planned = std::mem::take(&mut self.planned);
+        self.planned_cost = 0;
+        let kernels = self.kernels.clone();
+        let far = match planned.iter().any(|(far, _)| *far) {
+            true => Some(kernels.far.get()?),
+            false => None,
+        };
+        let near = kernels.near.get()?;
+        let time = self.device.run(|r| {
+            for (is_far, push) in &planned {
+                let kernel = far.filter(|_| *is_far).unwrap_or(near);
+                let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
+                let groups = [push.strip_count.div_ceil(GROUP), shares, 1];
+                r.dispatch(kernel, bytemuck::bytes_of(push), groups);
+            }
+        })?;
+        if time > LONG {
+            self.load = (self.load / 2).max(1024);
+        } else if time < LONG / 4 {
+            self.load = (self.load * 2).min(1 << 26);
+        }
+        Ok(())
+    }
+}
+
+/// Strips for one kernel.
+struct Piece<'l> {
+    light: &'l LightRecord,
+    far: bool,
+    strips: Range<u32>,
 }
 
 /// Whether all light of a strip lands in its row and the two beside it.
@@ -176,17 +207,18 @@ fn lands_near(cells: &[Cell], strip: &Strip) -> bool {
     cells[first..first + strip.count as usize].iter().all(|cell| cell.above >= 0.0)
 }
 
-/// Writes items into a buffer that grows as needed.
-fn fit<T: bytemuck::Pod>(
+/// A buffer with room for so many items, which grows as needed.
+fn fit<'b, T>(
     device: &Arc<Device>,
-    buffer: &mut Option<Buffer>,
+    buffer: &'b mut Option<Buffer>,
     name: &str,
-    items: &[T],
-) -> Result<()> {
-    let bytes = size_of_val(items) as u64;
-    if buffer.as_ref().is_none_or(|b| b.len() < bytes) {
-        *buffer = None;
-        *buffer = Some(device.buffer(name, bytes.next_power_of_two(), Memory::Device)?);
-    }
-    buffer.as_ref().map_or(Ok(()), |b| b.write(0, items))
+    items: usize,
+) -> Result<&'b Buffer> {
+    let bytes = (items * size_of::<T>()) as u64;
+    let old = buffer.take().filter(|old| old.len() >= bytes);
+    let made = match old {
+        Some(old) => old,
+        None => device.buffer(name, bytes.next_power_of_two(), Memory::Device)?,
+    };
+    Ok(buffer.insert(made))
 }

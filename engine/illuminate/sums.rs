@@ -2,6 +2,7 @@
 
 #![allow(
     clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
     clippy::cast_sign_loss,
     clippy::cast_possible_wrap,
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
@@ -17,7 +18,8 @@ use std::sync::Arc;
 /// Sums read and converted at a time.
 const PART: usize = 1 << 20;
 
-/// Sums of a band, `[step][row][column]`.
+/// Sums of a band, `[step][row][column]`, and behind the last step those of light that is the same
+/// at every step.
 #[derive(Debug)]
 pub struct Sums {
     /// Two words per pixel and step.
@@ -32,9 +34,14 @@ impl Sums {
     /// # Errors
     /// [`Error::Memory`].
     pub fn new(device: &Arc<Device>, steps: usize, rows: usize, columns: usize) -> Result<Self> {
-        let bytes = steps as u64 * rows as u64 * columns as u64 * 8;
+        let bytes = (steps as u64 + 1) * rows as u64 * columns as u64 * 8;
         let buffer = device.buffer("sums of light", bytes, Memory::Device)?;
         Ok(Self { buffer, device: device.clone(), shape: [steps, rows, columns] })
+    }
+
+    /// Pixels of a band.
+    const fn frame(&self) -> usize {
+        self.shape[1] * self.shape[2]
     }
 
     /// Sets all sums of a band of `rows` rows to zero.
@@ -43,7 +50,7 @@ impl Sums {
     /// [`Error::Device`].
     pub fn clear(&mut self, rows: &Range<u32>) -> Result<()> {
         self.shape[1] = (rows.end - rows.start) as usize;
-        let bytes = self.shape.iter().product::<usize>() as u64 * 8;
+        let bytes = (self.shape[0] as u64 + 1) * self.frame() as u64 * 8;
         self.device.run(|r| {
             r.fill(&self.buffer, 0, bytes, 0);
         })?;
@@ -55,16 +62,21 @@ impl Sums {
     /// # Errors
     /// [`Error::Device`].
     pub fn intensities(&self) -> Result<Array3<f32>> {
+        let whole = |[low, high]: [u32; 2]| u64::from(high) << 32 | u64::from(low);
         let mut values = vec![0.0_f32; self.shape.iter().product()];
+        let every_step = self.buffer.read::<[u32; 2]>(8 * values.len() as u64, self.frame())?;
+        let every_step = |index: usize| whole(every_step[index % self.frame()]);
         let mut words = vec![[0_u32; 2]; values.len().min(PART)];
         let mut first = 0;
         for part in values.chunks_mut(PART) {
             let words = &mut words[..part.len()];
-            self.buffer.read_into(first, words)?;
-            part.par_iter_mut().zip(words).for_each(|(value, [low, high])| {
-                *value = (f64::from(*high) + f64::from(*low) / 4_294_967_296.0) as f32;
+            self.buffer.read_into(8 * first as u64, words)?;
+            part.par_iter_mut().zip(words).enumerate().for_each(|(index, (value, words))| {
+                let sum = whole(*words) + every_step(first + index);
+                let (high, low) = (sum >> 32, sum & 0xffff_ffff);
+                *value = (high as f64 + low as f64 / 4_294_967_296.0) as f32;
             });
-            first += 8 * PART as u64;
+            first += PART;
         }
         Array3::from_shape_vec(self.shape, values).map_err(|e| {
             Error::device("sums of light", format!("have the wrong shape: {e}"), "report this")

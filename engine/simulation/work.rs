@@ -259,11 +259,9 @@ impl<'s> Work<'s> {
             let begin = Instant::now();
             if let Some(spectral) = &simulation.spectral {
                 let lists = spectral.lists(tracer, strips)?;
-                for (light, list) in lights.iter().zip(&lists) {
-                    cells.add(light, list, sums, steps)?;
-                }
+                cells.add(lights.iter().zip(&lists), sums, steps)?;
             } else {
-                cells.add(&lights[0], strips, sums, steps)?;
+                cells.add(std::iter::once((&lights[0], strips)), sums, steps)?;
             }
             illuminating += begin.elapsed().as_secs_f64();
             Ok(())
