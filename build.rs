@@ -17,11 +17,11 @@ type Permutation = (&'static str, &'static str, &'static [(&'static str, &'stati
 /// The shaders of the engine, from shaders/. `trace_bvh` becomes `gpu::shaders::TRACE_BVH`.
 const PERMUTATIONS: &[Permutation] = &[
     ("trace_bvh", "trace.comp", &[("SUMS_IN_REGISTERS", "1")]),
-    ("trace_bvh_moments", "trace.comp", &[]),
+    ("trace_bvh_many", "trace.comp", &[]),
     ("trace_bundles", "trace_bundles.comp", &[("SUMS_IN_REGISTERS", "1")]),
-    ("trace_bundles_moments", "trace_bundles.comp", &[]),
+    ("trace_bundles_many", "trace_bundles.comp", &[]),
     ("trace_ray_query", "trace.comp", &[("BACKEND_RAY_QUERY", "1"), ("SUMS_IN_REGISTERS", "1")]),
-    ("trace_ray_query_moments", "trace.comp", &[("BACKEND_RAY_QUERY", "1")]),
+    ("trace_ray_query_many", "trace.comp", &[("BACKEND_RAY_QUERY", "1")]),
     ("exact_bvh", "exact.comp", &[]),
     ("exact_ray_query", "exact.comp", &[("BACKEND_RAY_QUERY", "1")]),
     ("crossings", "crossings.comp", &[]),

@@ -1,23 +1,22 @@
 //! The tracer: rays in, laws out, in batches, on either backend.
 
+mod batch;
+mod kernels;
+
 use super::upload::DeviceSample;
 use crate::Result;
-use crate::gpu::interface::{
-    ExactPush, Law, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, TracePush,
-};
-use crate::gpu::{Buffer, Device, Kernel, LazyKernel, Memory, shaders};
+use crate::gpu::interface::{ExactPush, Law, MATERIALS_IN_REGISTERS, Ray, TracePush};
+use crate::gpu::{Buffer, Device, Kernel, LazyKernel};
 use crate::run::{Backend, Tally};
 use crate::scene::Transport;
-use std::ops::RangeInclusive;
+use batch::{Batch, stride};
+use kernels::OrderFree;
+pub use kernels::TraceKernels;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Sizes of subgroups whose rays walk the tree as a bundle. Smaller ones cannot hold a node; in
-/// larger ones too few of the rays meet the same nodes.
-const BUNDLES: RangeInclusive<u32> = 8..=16;
-/// Rays of each lane of a bundle, as in `trace_bundles.comp`.
-const RAYS_PER_LANE: u32 = 4;
 /// Invocations per workgroup of all kernels here.
 const GROUP: u32 = 64;
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
@@ -30,66 +29,6 @@ const LONG: Duration = Duration::from_millis(100);
 /// above the rounding of coordinates that made an edge ambiguous.
 const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
 
-/// The kernels of one device, each made when it is first wanted.
-#[derive(Debug)]
-pub struct TraceKernels {
-    trace_bvh: OrderFree,
-    exact_bvh: LazyKernel,
-    ray_query: Option<(OrderFree, LazyKernel)>,
-}
-
-/// The order-free walk of a backend.
-#[derive(Debug)]
-struct OrderFree {
-    /// For few materials, leaves no moments.
-    laws: LazyKernel,
-    /// For any number of materials, leaves moments.
-    moments: LazyKernel,
-    /// Rays of a workgroup.
-    rays: u32,
-}
-
-impl TraceKernels {
-    /// Kernels of a device.
-    #[must_use]
-    pub fn new(device: &Arc<Device>) -> Self {
-        let kernel = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<TracePush>());
-        let ordered = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<ExactPush>());
-        let description = device.description();
-        let ray_query = description.ray_query.then(|| {
-            let walk = OrderFree {
-                laws: kernel("trace_ray_query", shaders::TRACE_RAY_QUERY),
-                moments: kernel("trace_ray_query_moments", shaders::TRACE_RAY_QUERY_MOMENTS),
-                rays: GROUP,
-            };
-            (walk, ordered("exact_ray_query", shaders::EXACT_RAY_QUERY))
-        });
-        let bundles = description.subgroup_exchange && BUNDLES.contains(&description.subgroup_size);
-        let trace_bvh = if bundles {
-            OrderFree {
-                laws: kernel("trace_bundles", shaders::TRACE_BUNDLES),
-                moments: kernel("trace_bundles_moments", shaders::TRACE_BUNDLES_MOMENTS),
-                rays: GROUP * RAYS_PER_LANE,
-            }
-        } else {
-            OrderFree {
-                laws: kernel("trace_bvh", shaders::TRACE_BVH),
-                moments: kernel("trace_bvh_moments", shaders::TRACE_BVH_MOMENTS),
-                rays: GROUP,
-            }
-        };
-        let exact_bvh = ordered("exact_bvh", shaders::EXACT_BVH);
-        Self { trace_bvh, exact_bvh, ray_query }
-    }
-
-    const fn of(&self, backend: Backend) -> (&OrderFree, &LazyKernel) {
-        match (&self.ray_query, backend) {
-            (Some((trace, exact)), Backend::RayQuery) => (trace, exact),
-            _ => (&self.trace_bvh, &self.exact_bvh),
-        }
-    }
-}
-
 /// Bytes of a push constant struct.
 pub fn push_bytes<T>() -> u32 {
     u32::try_from(size_of::<T>()).unwrap_or(u32::MAX)
@@ -101,6 +40,8 @@ pub struct Tracer {
     device: Arc<Device>,
     kernels: Arc<TraceKernels>,
     sample: Arc<DeviceSample>,
+    /// Sums of all its materials fit in registers.
+    few: bool,
     backend: Backend,
     transport: Transport,
     node: Option<usize>,
@@ -119,46 +60,12 @@ enum Wanted {
     Both,
 }
 
-/// Buffers of one batch.
-#[derive(Debug)]
-struct Batch {
-    capacity: u32,
-    rays: Buffer,
-    moments: Buffer,
-    laws: Buffer,
-    exact: Buffer,
-    unbalanced: Buffer,
-    list: Buffer,
-}
-
 #[derive(Debug, Default)]
 struct Counts {
     rays: AtomicU64,
     exact: AtomicU64,
     retraced: AtomicU64,
     device: [AtomicU64; 4],
-}
-
-impl Batch {
-    fn new(device: &Arc<Device>, capacity: u32, materials: u32) -> Result<Self> {
-        let n = u64::from(capacity);
-        let words = stride(materials) as u64;
-        let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
-        Ok(Self {
-            capacity,
-            rays: make("rays", n * size_of::<Ray>() as u64)?,
-            moments: make("moments", n * words * 4)?,
-            laws: make("laws", n * size_of::<Law>() as u64)?,
-            exact: make("rays to trace in order", (n + 1) * 4)?,
-            unbalanced: make("unbalanced rays", (n + 1) * 4)?,
-            list: make("rays to trace again", (n + 1) * 4)?,
-        })
-    }
-}
-
-/// Words of a ray's moments.
-const fn stride(materials: u32) -> usize {
-    MOMENTS_HEAD + materials as usize * MOMENTS_PER_MATERIAL
 }
 
 impl Tracer {
@@ -182,6 +89,7 @@ impl Tracer {
             device: device.clone(),
             kernels: kernels.clone(),
             sample: sample.clone(),
+            few: sample.materials <= MATERIALS_IN_REGISTERS,
             backend,
             transport,
             node: None,
@@ -199,14 +107,13 @@ impl Tracer {
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn make_kernels(&self) -> Result<()> {
         let (trace, exact) = self.kernels.of(self.backend);
-        self.law_kernel(trace).get()?;
+        self.order_free(trace).get()?;
         exact.get()?;
         Ok(())
     }
 
-    /// Sums of many materials do not fit in registers.
-    fn law_kernel<'k>(&self, trace: &'k OrderFree) -> &'k LazyKernel {
-        if self.sample.materials > MATERIALS_IN_REGISTERS { &trace.moments } else { &trace.laws }
+    const fn order_free<'k>(&self, trace: &'k OrderFree) -> &'k LazyKernel {
+        if self.few { &trace.few } else { &trace.many }
     }
 
     /// Laws from now on are those of a node of the spectrum, or (`None`) at its mean constants.
@@ -270,6 +177,83 @@ impl Tracer {
     /// As [`Tracer::trace`].
     pub fn trace_moments(&mut self, rays: &[Ray]) -> Result<Vec<u32>> {
         self.read_moments(rays, &mut [], Wanted::Moments)
+    }
+
+    /// Walks rays in order at each node of the spectrum, `[node][ray]`. Few of them: walks at many
+    /// nodes go together.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub fn walk_at_nodes(&mut self, rays: &[Vec<Ray>]) -> Result<Vec<Vec<Law>>> {
+        let all = rays.concat();
+        let count = u32::try_from(all.len()).unwrap_or(u32::MAX);
+        if count == 0 || (count <= self.capacity() && self.walk_together(rays, &all)?) {
+            let mut laws = rays.iter().map(|of| vec![bytemuck::Zeroable::zeroed(); of.len()]);
+            let mut laws: Vec<Vec<Law>> = laws.by_ref().collect();
+            let mut first = 0;
+            for of_node in laws.iter_mut().filter(|of| !of.is_empty()) {
+                self.batch.laws.read_into(first, of_node)?;
+                first += size_of_val(&of_node[..]) as u64;
+            }
+            return Ok(laws);
+        }
+        let mut laws = Vec::with_capacity(rays.len());
+        for (node, of_node) in rays.iter().enumerate() {
+            self.node = Some(node);
+            laws.push(self.trace(of_node)?);
+        }
+        self.node = None;
+        Ok(laws)
+    }
+
+    /// Whether the walks of these rays, `all` of them, could be made together: none lost a
+    /// crossing.
+    fn walk_together(&self, rays: &[Vec<Ray>], all: &[Ray]) -> Result<bool> {
+        let (trace, exact) = self.kernels.of(self.backend);
+        let exact = exact.get()?;
+        let n = u32::try_from(all.len()).unwrap_or(u32::MAX);
+        self.batch.rays.write(0, all)?;
+        self.pass(trace, false, n, false, 0.0, false)?;
+        if self.batch.unbalanced.read::<u32>(0, 1)?[0] > 0 {
+            return Ok(false);
+        }
+        let mut first = 0;
+        let dispatches = rays.iter().enumerate().map(|(node, of_node)| {
+            let begin = first;
+            first += u32::try_from(of_node.len()).unwrap_or(u32::MAX);
+            let sample_ref = self.sample.record(Some(node));
+            ExactPush { sample_ref, ..self.exact_push(&self.batch.exact, true, begin..first) }
+        });
+        let dispatches: Vec<ExactPush> =
+            dispatches.filter(|push| push.count > push.first).collect();
+        self.device.run(|r| {
+            for push in &dispatches {
+                let groups = [(push.count - push.first).div_ceil(GROUP), 1, 1];
+                r.dispatch(exact, bytemuck::bytes_of(push), groups);
+            }
+        })?;
+        let together = self.batch.unbalanced.read::<u32>(0, 1)?[0] == 0;
+        if together {
+            self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
+            self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
+        }
+        Ok(together)
+    }
+
+    fn exact_push(&self, list: &Buffer, all: bool, rays: Range<u32>) -> ExactPush {
+        ExactPush {
+            sample_ref: self.sample.record(self.node),
+            rays: self.batch.rays.address(),
+            laws: self.batch.laws.address(),
+            list: list.address(),
+            unbalanced: self.batch.unbalanced.address(),
+            tally: self.tally.address(),
+            count: rays.end,
+            all: all.into(),
+            first: rays.start,
+            last: 0,
+            nudge: 0.0,
+        }
     }
 
     fn read_moments(&mut self, rays: &[Ray], laws: &mut [Law], wanted: Wanted) -> Result<Vec<u32>> {
@@ -369,11 +353,13 @@ impl Tracer {
         last: bool,
     ) -> Result<Duration> {
         let b = &self.batch;
-        let kernel = if moments { &trace.moments } else { self.law_kernel(trace) }.get()?;
+        let kernel = self.order_free(trace).get()?;
+        // Many materials are summed in memory, whether anybody asks for the moments or not.
+        let keep = moments || !self.few;
         let push = TracePush {
             sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),
-            moments: b.moments.address(),
+            moments: if keep { b.moments.address() } else { 0 },
             laws: b.laws.address(),
             exact: b.exact.address(),
             unbalanced: b.unbalanced.address(),
@@ -435,19 +421,8 @@ impl Tracer {
         let mut first = 0;
         let mut size = 4096;
         while first < n {
-            let push = ExactPush {
-                sample_ref: self.sample.record(self.node),
-                rays: self.batch.rays.address(),
-                laws: self.batch.laws.address(),
-                list: list.address(),
-                unbalanced: self.batch.unbalanced.address(),
-                tally: self.tally.address(),
-                count: n.min(first + size),
-                all: all.into(),
-                first,
-                last: last.into(),
-                nudge,
-            };
+            let rays = first..n.min(first + size);
+            let push = ExactPush { last: last.into(), nudge, ..self.exact_push(list, all, rays) };
             let groups = (push.count - first).div_ceil(GROUP);
             let took = self.device.run(|r| {
                 r.dispatch(kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);

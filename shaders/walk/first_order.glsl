@@ -43,7 +43,7 @@ void finish(uint index, inout Sums sums, inout Run run) {
     Law law = law_of(sums, run);
     if (!finite(law)) law.flags |= FLAG_NOT_FINITE;
     push.laws.at[index] = law;
-    sums_end(sums, law, run.balance);
+    sums_end(sums, index, law, run.balance);
     if ((law.flags & FLAG_NOT_FINITE) != 0u) atomicAdd(push.tally.at[TALLY_NOT_FINITE], 1u);
     if ((law.flags & FLAG_UNBALANCED) != 0u) {
         if (push.last != 0u) {

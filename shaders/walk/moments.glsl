@@ -18,8 +18,15 @@ Run run_begin() {
     return Run(0u, 0u, 0u, 0u, 0u, 0u, 1e30, 0.0, vec2(0.0), vec2(0.0));
 }
 
+void head_of_moments(uint head, Law law, uint balance) {
+    push.moments.at[head] = law.signature;
+    push.moments.at[head + 1u] = balance;
+    push.moments.at[head + 2u] = law.flags;
+    push.moments.at[head + 3u] = law.crossings;
+}
+
 #ifdef SUMS_IN_REGISTERS
-// Few materials, and nobody asked for the moments themselves.
+// Few materials: moments are written once, where they are asked for.
 #define EACH_MATERIAL [[unroll]] for (uint m = 0u; m < MATERIALS_IN_REGISTERS; m++)
 struct Sums {
     float path[MATERIALS_IN_REGISTERS];
@@ -61,7 +68,22 @@ Law law_of(Sums sums, Run run) {
     return law;
 }
 
-void sums_end(Sums sums, Law law, uint balance) {}
+void sums_end(Sums sums, uint index, Law law, uint balance) {
+    if (uvec2(push.moments) == uvec2(0u)) return;
+    uint head = index * (MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL);
+    head_of_moments(head, law, balance);
+    Floats moments = Floats(push.moments);
+    EACH_MATERIAL {
+        uint first = head + MOMENTS_HEAD + m * MOMENTS_PER_MATERIAL;
+        if (m < push.materials) {
+            moments.at[first] = sums.path[m];
+            moments.at[first + 1] = sums.lever[m].x;
+            moments.at[first + 2] = sums.lever[m].y;
+            moments.at[first + 3] = sums.slope[m].x;
+            moments.at[first + 4] = sums.slope[m].y;
+        }
+    }
+}
 #else
 struct Sums {
     uint head; // first word of the ray's moments
@@ -105,11 +127,8 @@ Law law_of(Sums sums, Run run) {
     return law;
 }
 
-void sums_end(Sums sums, Law law, uint balance) {
-    push.moments.at[sums.head] = law.signature;
-    push.moments.at[sums.head + 1u] = balance;
-    push.moments.at[sums.head + 2u] = law.flags;
-    push.moments.at[sums.head + 3u] = law.crossings;
+void sums_end(Sums sums, uint index, Law law, uint balance) {
+    head_of_moments(sums.head, law, balance);
 }
 #endif
 

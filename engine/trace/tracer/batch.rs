@@ -1,0 +1,40 @@
+//! Buffers of the rays that are traced together.
+
+use crate::Result;
+use crate::gpu::interface::{Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray};
+use crate::gpu::{Buffer, Device, Memory};
+use std::sync::Arc;
+
+/// Buffers of one batch.
+#[derive(Debug)]
+pub(super) struct Batch {
+    pub(super) capacity: u32,
+    pub(super) rays: Buffer,
+    pub(super) moments: Buffer,
+    pub(super) laws: Buffer,
+    pub(super) exact: Buffer,
+    pub(super) unbalanced: Buffer,
+    pub(super) list: Buffer,
+}
+
+impl Batch {
+    pub(super) fn new(device: &Arc<Device>, capacity: u32, materials: u32) -> Result<Self> {
+        let n = u64::from(capacity);
+        let words = stride(materials) as u64;
+        let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
+        Ok(Self {
+            capacity,
+            rays: make("rays", n * size_of::<Ray>() as u64)?,
+            moments: make("moments", n * words * 4)?,
+            laws: make("laws", n * size_of::<Law>() as u64)?,
+            exact: make("rays to trace in order", (n + 1) * 4)?,
+            unbalanced: make("unbalanced rays", (n + 1) * 4)?,
+            list: make("rays to trace again", (n + 1) * 4)?,
+        })
+    }
+}
+
+/// Words of a ray's moments.
+pub(super) const fn stride(materials: u32) -> usize {
+    MOMENTS_HEAD + materials as usize * MOMENTS_PER_MATERIAL
+}

@@ -1,0 +1,74 @@
+//! Kernels of the walks.
+
+use super::{GROUP, push_bytes};
+use crate::gpu::interface::{ExactPush, TracePush};
+use crate::gpu::{Device, LazyKernel, shaders};
+use crate::run::Backend;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+
+/// Sizes of subgroups whose rays walk the tree as a bundle. Smaller ones cannot hold a node; in
+/// larger ones too few of the rays meet the same nodes.
+const BUNDLES: RangeInclusive<u32> = 8..=16;
+/// Rays of each lane of a bundle, as in `trace_bundles.comp`.
+const RAYS_PER_LANE: u32 = 4;
+
+/// The kernels of one device, each made when it is first wanted.
+#[derive(Debug)]
+pub struct TraceKernels {
+    pub(super) trace_bvh: OrderFree,
+    pub(super) exact_bvh: LazyKernel,
+    ray_query: Option<(OrderFree, LazyKernel)>,
+}
+
+/// The order-free walk of a backend.
+#[derive(Debug)]
+pub(super) struct OrderFree {
+    /// For few materials, whose sums stay in registers.
+    pub(super) few: LazyKernel,
+    /// For any number of materials.
+    pub(super) many: LazyKernel,
+    /// Rays of a workgroup.
+    pub(super) rays: u32,
+}
+
+impl TraceKernels {
+    /// Kernels of a device.
+    #[must_use]
+    pub fn new(device: &Arc<Device>) -> Self {
+        let kernel = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<TracePush>());
+        let ordered = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<ExactPush>());
+        let description = device.description();
+        let ray_query = description.ray_query.then(|| {
+            let walk = OrderFree {
+                few: kernel("trace_ray_query", shaders::TRACE_RAY_QUERY),
+                many: kernel("trace_ray_query_many", shaders::TRACE_RAY_QUERY_MANY),
+                rays: GROUP,
+            };
+            (walk, ordered("exact_ray_query", shaders::EXACT_RAY_QUERY))
+        });
+        let bundles = description.subgroup_exchange && BUNDLES.contains(&description.subgroup_size);
+        let trace_bvh = if bundles {
+            OrderFree {
+                few: kernel("trace_bundles", shaders::TRACE_BUNDLES),
+                many: kernel("trace_bundles_many", shaders::TRACE_BUNDLES_MANY),
+                rays: GROUP * RAYS_PER_LANE,
+            }
+        } else {
+            OrderFree {
+                few: kernel("trace_bvh", shaders::TRACE_BVH),
+                many: kernel("trace_bvh_many", shaders::TRACE_BVH_MANY),
+                rays: GROUP,
+            }
+        };
+        let exact_bvh = ordered("exact_bvh", shaders::EXACT_BVH);
+        Self { trace_bvh, exact_bvh, ray_query }
+    }
+
+    pub(super) const fn of(&self, backend: Backend) -> (&OrderFree, &LazyKernel) {
+        match (&self.ray_query, backend) {
+            (Some((trace, exact)), Backend::RayQuery) => (trace, exact),
+            _ => (&self.trace_bvh, &self.exact_bvh),
+        }
+    }
+}
