@@ -60,6 +60,8 @@ pub struct Simulation<'e> {
     lattice: Lattice,
     /// For a spectrum or kept moments, by cells.
     spectral: Option<Spectral>,
+    /// For what moments of the rays that bound cells are kept.
+    keep: Option<trace::Keep>,
     /// Moments that another run kept, in place of rays.
     kept: Option<KeptSource<'e>>,
     memory: MemoryEstimate,
@@ -142,6 +144,10 @@ impl<'e> Simulation<'e> {
                 "use the backend bvh, or a driver with ray query",
             ));
         }
+        let keep = parts.spectral.as_ref().map(|spectral| {
+            let severe = spectral.severe(options.keep_moments);
+            trace::Keep::new(&parts.media, &parts.media.mean(), severe)
+        });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let Parts { detection, media, lattice, spectral, kept, stronger } = parts;
         let on_device =
@@ -163,6 +169,7 @@ impl<'e> Simulation<'e> {
             media,
             lattice,
             spectral,
+            keep,
             kept,
             memory,
             prepared_in: 0.0,
@@ -350,7 +357,7 @@ impl<'e> Simulation<'e> {
             lattice: &self.lattice,
             index,
             shadows,
-            keep_moments: self.spectral.is_some(),
+            keep: self.keep.as_ref(),
         }
     }
 

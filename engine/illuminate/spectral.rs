@@ -14,7 +14,6 @@
 mod bars;
 mod join;
 mod ordered;
-mod run;
 mod sums;
 
 use super::light::{LightRecord, MaskShape, Part};
@@ -23,33 +22,25 @@ use crate::gpu::Device;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::material::Constants;
 use crate::scene::Scene;
-use crate::trace::{
-    CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, STEEPEST, Strips, Tracer,
-};
+use crate::trace::{CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, Strips, Tracer};
 use bars::{Bars, Place, passing};
 use join::Joining;
 use ordered::{Repeated, severe};
 use rayon::prelude::*;
-use run::{Fitted, Limits, Run};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
-use sums::Sums;
+use sums::{Sums, Terms};
 
 pub(crate) use ordered::NARROW;
 
 /// Groups with less light than this, of open beam, are left out.
 const NEGLIGIBLE: f64 = 1e-9;
 /// The displacement may spread over this share of the blur: the third moment that is left out
-/// then moves less than 2e-4 of the light at an edge.
-const SPREAD_SHARE: f64 = 0.15;
-/// Cells are made one up to this share of the period,
-const RUN_SHARE: f64 = 1.0 / 20.0;
-/// and to this deviation of the displacement from a straight line, in shares of the blur. It is
-/// added to the blur; what an edge of an aperture cuts out of a run may lean by as much.
-const RESIDUAL_SHARE: f64 = 0.1;
+/// then moves less than 5e-4 of the light at an edge.
+const SPREAD_SHARE: f64 = 0.2;
 /// Strips gathered one after the other by a thread.
-const STRIPS_AT_ONCE: usize = 1 << 8;
+const STRIPS_AT_ONCE: usize = 1 << 6;
 
 /// What the gathering needs of a scene.
 #[derive(Debug)]
@@ -58,6 +49,8 @@ pub struct Spectral {
     /// `[node][material]`, behind the nodes the mean constants.
     mu: Vec<f64>,
     delta: Vec<f64>,
+    /// How much more strongly the sample refracts than at the mean constants, by node.
+    stronger: Vec<f64>,
     /// Share of the grazing incidence below which ordered walks are repeated, by node.
     severe: Vec<f64>,
     materials: usize,
@@ -69,9 +62,6 @@ pub struct Spectral {
     /// dx/dy of the centre ray of each beamlet.
     slopes: Vec<f64>,
     tolerance: f64,
-    limits: Limits,
-    /// Least blur at any edge on the analyser, standard deviation, m.
-    blur: f64,
     gap: f64,
     ratio: f64,
     row_pitch: f64,
@@ -96,11 +86,8 @@ struct Scratch {
     first_order: [Vec<NodeLaw>; 2],
     /// Laws at both ends, by node.
     laws: Vec<[NodeLaw; 2]>,
-    run: Run,
-    /// Laws of the run, by node.
-    fitted: Vec<Fitted>,
-    /// Light at the low end, the middle and the high end of a cell, by node.
-    passing: Vec<[f64; 3]>,
+    /// Light of a cell, by node.
+    terms: Vec<Terms>,
     waiting: Vec<Range<usize>>,
     /// Light of the groups that is joined.
     joining: Vec<Joining>,
@@ -134,30 +121,23 @@ impl Spectral {
             at("sample_mask", scene.sample_mask.as_ref(), lattice.plane)?,
             at("detector_mask", scene.detector_mask.as_ref(), analyser)?,
         ];
-        let spot = scene.source.spot.narrowest(0);
-        let at_mask = spot * (analyser / scene.source.distance - 1.0);
-        let at_pixel = spot * (scene.detector.distance / scene.source.distance - 1.0) * analyser
-            / scene.detector.distance;
         let flat = |of: fn(&Constants) -> f64| {
             media.constants.iter().flatten().chain(reference).map(of).collect()
         };
-        let blur = if masks[1].is_some() { at_mask } else { at_pixel };
+        let strength = |c: &[Constants]| c.iter().map(|c| c.delta.abs()).sum::<f64>();
+        let stronger =
+            |node: &Vec<Constants>| strength(node) / strength(reference).max(f64::MIN_POSITIVE);
         let mut spectral = Self {
             weights: media.weights.clone(),
             mu: flat(|c| c.mu),
             delta: flat(|c| c.delta),
+            stronger: media.constants.iter().map(stronger).collect(),
             severe: severe(scene, media, reference, flagged),
             materials: media.names.len(),
             groups: Vec::new(),
             slopes: lattice.columns(scene).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
             tolerance: scene.sampling.tolerance,
-            limits: Limits {
-                width: RUN_SHARE * lattice.period,
-                depth: f64::from(STEEPEST),
-                residual: (RESIDUAL_SHARE * blur).max(scene.sampling.tolerance),
-            },
-            blur,
             gap: scene.detector.distance - analyser,
             ratio: analyser / scene.detector.distance,
             row_pitch: scene.detector.pitch[1],
@@ -234,8 +214,9 @@ impl Spectral {
     /// As [`Tracer::trace`], by which the ordered walks are repeated at each node.
     pub fn lists(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Vec<Strips>> {
         let repeated = self.repeat(tracer, strips)?;
-        let places: BTreeSet<Place> = strips.strips.iter().map(|s| self.place(s)).collect();
-        let places: Vec<Place> = places.into_iter().collect();
+        let mut places: Vec<Place> = strips.strips.iter().map(|s| self.place(s)).collect();
+        places.sort_unstable();
+        places.dedup();
         let bars: HashMap<Place, Bars> =
             places.par_iter().map(|place| (*place, self.bars(*place))).collect();
         let gathered: Vec<Vec<Strips>> = strips
@@ -281,7 +262,6 @@ impl Spectral {
         let exact = &strips.moments.exact;
         let mut at = exact.partition_point(|e| (e.cell as usize) < first);
         let mut before: &[f32] = &[];
-        scratch.run.clear();
         for index in first..first + strip.count as usize {
             let cell = &strips.cells[index];
             let ends = &strips.moments.ends[index * words..(index + 1) * words];
@@ -302,7 +282,6 @@ impl Spectral {
                 at += 1;
                 self.correct(&exact[walked], [low, high], &mut scratch.laws);
                 if repeated.iter().any(|r| r.places[walked].is_some()) {
-                    self.push_run(strip, bars, scratch);
                     let lists = &mut scratch.lists[groups..];
                     for ((laws, repeated), list) in scratch.laws.iter().zip(repeated).zip(lists) {
                         match repeated.places[walked] {
@@ -316,54 +295,44 @@ impl Spectral {
                     continue;
                 }
             }
-            let x = [cell.x_low, cell.x_high].map(f64::from);
-            let mean = self.mean(&scratch.laws);
-            if !scratch.run.takes(x, mean, &self.limits) {
-                self.push_run(strip, bars, scratch);
-                scratch.run.begin(x, mean);
+            if bars.closed {
+                let laws = scratch.laws.iter().zip(&self.stronger);
+                for ((laws, stronger), list) in laws.zip(&mut scratch.lists[groups..]) {
+                    let spread = cell.spread * (stronger * stronger) as f32;
+                    let x = [cell.x_low, cell.x_high];
+                    list.push(Cell { spread, ..self.cell(strip, x, *laws) });
+                }
+            } else {
+                self.push_groups(strip, cell, bars, scratch);
             }
-            scratch.run.push(x, &scratch.laws);
         }
-        self.push_run(strip, bars, scratch);
         for group in 0..groups {
             self.push_joined(strip, group, scratch);
         }
     }
 
-    /// Light of neighbouring cells that are as good as one.
-    fn push_run(&self, strip: &Strip, bars: &Bars, scratch: &mut Scratch) {
-        let Some(x) = scratch.run.fit(self.nodes(), &mut scratch.fitted) else { return };
-        scratch.run.clear();
-        if !bars.closed {
-            self.push_groups(strip, x, bars, scratch);
-            return;
-        }
-        let lists = &mut scratch.lists[self.groups.len()..];
-        for (fitted, list) in scratch.fitted.iter().zip(lists) {
-            list.push(Cell { spread: fitted.residual as f32, ..self.cell(strip, x, fitted.ends) });
-        }
-    }
-
-    /// Laws averaged over the energies.
-    fn mean(&self, laws: &[[NodeLaw; 2]]) -> [NodeLaw; 2] {
-        let mut mean = [NodeLaw::default(); 2];
-        for (ends, weight) in laws.iter().zip(&self.weights) {
-            for (mean, law) in mean.iter_mut().zip(ends) {
-                mean.depth += weight * law.depth;
-                mean.x += weight * law.x;
-            }
-        }
-        mean
-    }
-
     /// First-order laws at all nodes.
     fn laws(&self, moments: &[f32], laws: &mut Vec<NodeLaw>) {
         laws.clear();
-        if moments.iter().all(|m| *m == 0.0) {
-            laws.resize(self.nodes(), NodeLaw::default());
-        } else {
-            laws.extend((0..self.nodes()).map(|node| self.law(node, moments)));
+        laws.resize(self.nodes(), NodeLaw::default());
+        for (material, m) in moments.chunks_exact(MOMENTS_PER_MATERIAL).enumerate() {
+            // Few of the materials are on the way of a ray.
+            if m.iter().any(|m| *m != 0.0) {
+                for (node, law) in laws.iter_mut().enumerate() {
+                    self.add_law(node * self.materials + material, m, law);
+                }
+            }
         }
+    }
+
+    /// Adds what the moments in a material (behind those of the nodes before) make.
+    fn add_law(&self, constants: usize, moments: &[f32], law: &mut NodeLaw) {
+        let (mu, delta) = (self.mu[constants], self.delta[constants]);
+        let m: [f64; MOMENTS_PER_MATERIAL] = std::array::from_fn(|i| moments[i].into());
+        law.depth += mu * m[0];
+        law.x += delta * m[1];
+        law.z += delta * (m[2] + m[4] * self.gap);
+        law.slope_x += delta * m[3];
     }
 
     /// Ends the cell that light of a group is joined to.
@@ -376,67 +345,58 @@ impl Spectral {
     /// First-order law at a node.
     fn law(&self, node: usize, moments: &[f32]) -> NodeLaw {
         let mut law = NodeLaw::default();
-        let constants = node * self.materials..(node + 1) * self.materials;
-        let (mu, delta) = (&self.mu[constants.clone()], &self.delta[constants]);
-        for ((m, mu), delta) in moments.chunks_exact(MOMENTS_PER_MATERIAL).zip(mu).zip(delta) {
-            let m: [f64; 5] = std::array::from_fn(|i| m[i].into());
-            law.depth += mu * m[0];
-            law.x += delta * m[1];
-            law.z += delta * (m[2] + m[4] * self.gap);
-            law.slope_x += delta * m[3];
+        for (material, m) in moments.chunks_exact(MOMENTS_PER_MATERIAL).enumerate() {
+            self.add_law(node * self.materials + material, m, &mut law);
         }
         law
     }
 
     /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
-    fn push_groups(&self, strip: &Strip, x: [f32; 2], bars: &Bars, scratch: &mut Scratch) {
-        let Scratch { fitted, passing, .. } = scratch;
-        passing.clear();
-        passing.extend(fitted.iter().map(|fitted| {
-            let [low, high] = fitted.ends.map(|law| f64::from((-law.depth as f32).exp()));
-            [low, (low * high).sqrt(), high]
-        }));
+    fn push_groups(&self, strip: &Strip, cell: &Cell, bars: &Bars, scratch: &mut Scratch) {
+        let x = [cell.x_low, cell.x_high];
         let nodes = self.nodes();
-        let light = bars.shares.iter().zip(passing.iter().cycle());
-        let all: f64 = light.map(|(share, passing)| share * passing[1]).sum();
+        scratch.terms.clear();
+        scratch.terms.extend(scratch.laws.iter().enumerate().map(|(node, ends)| {
+            let light = ends.map(|law| f64::from((-law.depth as f32).exp()));
+            let spread = f64::from(cell.spread) * self.stronger[node] * self.stronger[node];
+            Terms::new(ends, light, spread, bars.shades[node])
+        }));
+        let terms = scratch.terms.iter().cycle();
+        let all: f64 =
+            bars.shares.iter().zip(terms).map(|(share, term)| share * term.light()).sum();
         let room = self.room(x);
         // What the third moment moves grows with the light of the cell.
-        let spread = (SPREAD_SHARE * self.blur).max(self.tolerance) * libm::cbrt(room);
+        let spread = (SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance) * libm::cbrt(room);
         for group in 0..self.groups.len() {
             let shares = &bars.shares[group * nodes..][..nodes];
-            if let Some(width) = bars.joined[group] {
-                if !scratch.joining[group].fits(x, width) {
-                    self.push_joined(strip, group, scratch);
-                }
-                if scratch.joining[group].fits(x, width) {
-                    let Scratch { fitted, passing, joining, .. } = scratch;
-                    let sums = Sums::over(0..nodes, shares, passing, fitted, &bars.shades);
-                    joining[group].add(x, &sums);
-                    continue;
-                }
-            }
-            let Scratch { fitted, passing, waiting, lists, .. } = scratch;
             let mut next = Some(0..nodes);
-            while let Some(band) = next.take().or_else(|| waiting.pop()) {
-                let sums = Sums::over(band.clone(), shares, passing, fitted, &bars.shades);
-                if !sums.light.iter().all(|light| *light > 0.0) {
+            while let Some(band) = next.take().or_else(|| scratch.waiting.pop()) {
+                let sums = Sums::over(band.clone(), shares, &scratch.terms);
+                let light = sums.light();
+                if !light.iter().all(|light| *light > 0.0) {
                     continue;
                 }
-                let part = sums.light[1] / all;
+                let part = light[1] / all;
                 let agrees = part * sums.bend() <= f64::from(DEPTH_TOLERANCE) * room
-                    && part * sums.drift() <= self.tolerance * room
-                    && part * sums.spread() <= spread * spread;
-                if agrees || band.len() == 1 {
-                    lists[group].push(self.gathered(strip, x, &sums));
+                    && part * sums.drift() <= self.tolerance * room;
+                if let (true, Some(limits)) = (agrees && band.len() == nodes, &bars.joined[group]) {
+                    if !scratch.joining[group].takes(x, &sums, limits) {
+                        self.push_joined(strip, group, scratch);
+                        scratch.joining[group].takes(x, &sums, limits);
+                    }
                     continue;
                 }
-                let mut light = 0.0;
+                if (agrees && part * sums.spread() <= spread * spread) || band.len() == 1 {
+                    scratch.lists[group].push(self.gathered(strip, x, &sums));
+                    continue;
+                }
+                let mut below = 0.0;
                 let half = band.clone().find(|&n| {
-                    light += shares[n] * passing[n][1];
-                    light >= 0.5 * sums.light[1]
+                    below += shares[n] * scratch.terms[n].light();
+                    below >= 0.5 * light[1]
                 });
                 let cut = half.unwrap_or(band.start).clamp(band.start + 1, band.end - 1);
-                waiting.extend([cut..band.end, band.start..cut]);
+                scratch.waiting.extend([cut..band.end, band.start..cut]);
             }
         }
     }
@@ -449,15 +409,15 @@ impl Spectral {
 
     fn gathered(&self, strip: &Strip, x: [f32; 2], sums: &Sums) -> Cell {
         let end = |i: usize| NodeLaw {
-            depth: -sums.light[i].ln(),
-            x: sums.x[i] / sums.light[i],
-            z: sums.z / sums.light[1],
-            slope_x: sums.slope_x / sums.light[1],
+            depth: -sums.light()[i].ln(),
+            x: sums.x()[i],
+            z: sums.z(),
+            slope_x: sums.slope_x(),
         };
         Cell {
             spread: sums.spread() as f32,
-            sample_shade: (sums.shade[0] / sums.light[1]) as f32,
-            detector_shade: (sums.shade[1] / sums.light[1]) as f32,
+            sample_shade: sums.shade(0) as f32,
+            detector_shade: sums.shade(1) as f32,
             sample_lean: sums.lean(0) as f32,
             detector_lean: sums.lean(1) as f32,
             ..self.cell(strip, x, [end(0), end(2)])

@@ -38,6 +38,8 @@ pub struct Lattice {
     pub halo_columns: i64,
     /// Rows that the spot blurs what lies at the rotation centre over, on either side.
     pub blur_rows: i64,
+    /// Least blur of light at edges on the analyser, standard deviation, m.
+    pub edge_blur: f64,
     /// Rows in a block that see the bars of masks under one angle
     /// (`illuminate::alike_rows`); blocks begin at multiples of it.
     pub alike_rows: u32,
@@ -62,6 +64,19 @@ fn throw(scene: &Scene, delta: f64) -> f64 {
 /// Standard deviation of a Gaussian of this FWHM.
 pub fn deviation(fwhm: f64) -> f64 {
     fwhm / (8.0 * std::f64::consts::LN_2).sqrt()
+}
+
+/// Least standard deviation of the blur at any edge on the analyser, m: of the detector mask, or
+/// of pixels.
+fn edge_blur(scene: &Scene) -> f64 {
+    let spot = scene.source.spot.narrowest(0);
+    let magnified = |distance: f64| spot * (distance / scene.source.distance - 1.0);
+    let (analyser, detector) = (scene.analyser_distance(), scene.detector.distance);
+    if scene.detector_mask.is_some() {
+        magnified(analyser)
+    } else {
+        magnified(detector) * analyser / detector
+    }
 }
 
 impl Lattice {
@@ -111,6 +126,7 @@ impl Lattice {
             halo,
             halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
             blur_rows: blur[1].ceil() as i64,
+            edge_blur: edge_blur(scene),
             alike_rows: 1,
             blur,
             row_spread: RowSpread { blur: row_blur / 6.0 },

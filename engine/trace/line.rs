@@ -8,7 +8,11 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+mod run;
+
 use crate::gpu::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
+pub(crate) use run::Integrals;
+pub(super) use run::{Fit, Numbers, numbers};
 
 /// Silhouettes are bisected to this width at least, m in the cell plane.
 const SHARP: f32 = 20e-9;
@@ -24,7 +28,7 @@ pub(crate) const DEPTH_TOLERANCE: f32 = 2e-5;
 pub(crate) const FULL_SHARE: f32 = 1.0 / 40.0;
 
 /// Segments are joined up to this change of optical depth: light is linear in a cell.
-pub(crate) const STEEPEST: f32 = 0.02;
+const STEEPEST: f32 = 0.02;
 /// Flags that rays of joined segments share.
 const KIND: u32 = FLAG_EXACT | FLAG_GRAZING | FLAG_REFLECTED;
 
@@ -46,12 +50,43 @@ impl Point {
 }
 
 /// An interval of x in which the law is linear between its ends.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(super) struct Segment {
     /// Lower end.
     pub(super) low: Point,
     /// Upper end.
     pub(super) high: Point,
+    /// For a run of such intervals the straight law that stands for them.
+    pub(super) fit: Option<Box<Fit>>,
+}
+
+impl Segment {
+    const fn new(low: Point, high: Point) -> Self {
+        Self { low, high, fit: None }
+    }
+
+    /// The law at its ends.
+    pub(super) fn ends(&self) -> [Numbers; 2] {
+        let own = || [numbers(&self.low.law), numbers(&self.high.law)];
+        self.fit.as_ref().map_or_else(own, |fit| fit.ends)
+    }
+
+    /// The same as laws.
+    pub(super) fn laws(&self) -> [Law; 2] {
+        let law = |of: Law, ends: Numbers| {
+            let [depth, x, z, slope_x, slope_z] = ends.map(|number| number as f32);
+            Law {
+                optical_depth: depth,
+                displacement_x: x,
+                displacement_z: z,
+                slope_x,
+                slope_z,
+                ..of
+            }
+        };
+        let ends = self.ends();
+        [law(self.low.law, ends[0]), law(self.high.law, ends[1])]
+    }
 }
 
 /// A place where the signature changes along a line.
@@ -72,6 +107,10 @@ pub(super) struct Aim {
     pub(super) cells: u32,
     /// Displacement error at the detector that splits a cell, m.
     pub(super) tolerance: f32,
+    /// Standard deviation of the displacement about a straight line that is blurred away, m.
+    pub(super) residual: f64,
+    /// Share of the grazing incidence of ordered walks below which they stand by themselves.
+    pub(super) severe: f64,
 }
 
 /// Intervals that must be cut finer than their law asks: they may hide a narrow component.
@@ -151,9 +190,9 @@ impl Line {
         self.segments.sort_by(|a, b| a.low.x.total_cmp(&b.low.x));
         if self.is_empty() {
             let (first, last) = (self.segments[0].low, self.segments[self.segments.len() - 1].high);
-            self.segments = vec![Segment { low: first, high: last }];
+            self.segments = vec![Segment::new(first, last)];
         }
-        self.segments = joined(aim, &self.segments);
+        self.segments = run::runs(aim, &joined(aim, &self.segments));
         // Lines wait in great numbers until their strips are done.
         self.segments.shrink_to_fit();
         self.places.shrink_to_fit();
@@ -163,7 +202,7 @@ impl Line {
     /// Accepts the segment, or opens its halves.
     fn judge(&mut self, aim: &Aim, narrow: &[Narrow], low: Point, mid: Point, high: Point) {
         if is_linear(aim, narrow, &low, &mid, &high) {
-            self.segments.push(Segment { low, high });
+            self.segments.push(Segment::new(low, high));
             return;
         }
         self.splits += 1;
@@ -176,32 +215,22 @@ impl Line {
                 width > SHARPEST
             };
             if open && representable(a.x, b.x) {
-                self.open.push(Segment { low: a, high: b });
+                self.open.push(Segment::new(a, b));
             } else if step {
                 // Across a silhouette the law is constant on each side, never interpolated.
                 let x = middle(a.x, b.x);
                 self.push_constant(a.x, x, a);
                 self.push_constant(x, b.x, b);
             } else {
-                self.segments.push(Segment { low: a, high: b });
+                self.segments.push(Segment::new(a, b));
             }
         }
     }
 
     fn push_constant(&mut self, from: f32, to: f32, of: Point) {
         if to > from {
-            self.segments
-                .push(Segment { low: Point { x: from, ..of }, high: Point { x: to, ..of } });
+            self.segments.push(Segment::new(Point { x: from, ..of }, Point { x: to, ..of }));
         }
-    }
-
-    /// The rays that bound segments, in the order of the segments' ends; neighbours share one.
-    pub(super) fn ends(&self) -> Vec<Point> {
-        let mut ends: Vec<Point> = self.segments.iter().flat_map(|s| [s.low, s.high]).collect();
-        ends.dedup_by_key(|point| point.ray);
-        // A law that is constant up to a silhouette ends beside its ray.
-        ends.iter_mut().for_each(|end| end.x = self.places[end.ray as usize]);
-        ends
     }
 
     /// Places where the signature changes.
@@ -227,30 +256,35 @@ fn joined(aim: &Aim, segments: &[Segment]) -> Vec<Segment> {
         while count < rest.len() && is_one(aim, &rest[..=count]) {
             count += 1;
         }
-        joined.push(Segment { low: first.low, high: rest[count - 1].high });
+        joined.push(Segment::new(first.low, rest[count - 1].high));
         rest = &rest[count..];
     }
     joined
 }
 
-/// Whether segments that follow one another are linear as one, at every ray between them.
+/// Whether segments that follow one another, alike but perhaps for the last, are linear as one, at
+/// every ray between them.
 fn is_one(aim: &Aim, segments: &[Segment]) -> bool {
-    let (low, high) = (&segments[0].low, &segments[segments.len() - 1].high);
-    let width = high.x - low.x;
-    let room = (aim.period * FULL_SHARE / width).max(1.0);
-    let law = |f: fn(&Law) -> f32, limit: f32| {
-        let slope = (f(&high.law) - f(&low.law)) / width;
-        let off = |p: &Point| (f(&low.law) + slope * (p.x - low.x) - f(&p.law)).abs();
-        segments.windows(2).all(|w| off(&w[0].high) <= limit && off(&w[1].low) <= limit)
-    };
+    let (low, last) = (&segments[0].low, &segments[segments.len() - 1]);
+    let high = &last.high;
     let alike = |p: &Point| {
         p.signature() == low.signature()
             && p.law.flags & KIND == low.law.flags & KIND
             && p.law.flags & FLAG_NOT_FINITE == 0
     };
-    segments.iter().all(|s| alike(&s.low) && alike(&s.high))
-        && (high.law.optical_depth - low.law.optical_depth).abs() <= STEEPEST
-        && law(|l| l.displacement_x, aim.tolerance * room)
+    if !(alike(&segments[0].high) && alike(&last.low) && alike(high))
+        || (high.law.optical_depth - low.law.optical_depth).abs() > STEEPEST
+    {
+        return false;
+    }
+    let width = high.x - low.x;
+    let room = (aim.period * FULL_SHARE / width).max(1.0);
+    let law = |f: fn(&Law) -> f32, limit: f32| {
+        let slope = (f(&high.law) - f(&low.law)) / width;
+        let off = |p: &Point| (f(&low.law) + slope * (p.x - low.x) - f(&p.law)).abs();
+        segments.windows(2).rev().all(|w| off(&w[0].high) <= limit && off(&w[1].low) <= limit)
+    };
+    law(|l| l.displacement_x, aim.tolerance * room)
         && law(|l| l.displacement_z, 100.0 * aim.tolerance * room)
         && law(|l| l.optical_depth, DEPTH_TOLERANCE * room)
 }

@@ -9,6 +9,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+mod ends;
 mod moments;
 mod refiner;
 
@@ -19,9 +20,10 @@ use super::tracer::Tracer;
 use crate::Result;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::scene::Scene;
+pub use ends::Keep;
 pub use moments::{CellMoments, ExactCell};
 use rayon::prelude::*;
-use refiner::{Refiner, SpanCells};
+use refiner::Refiner;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -31,6 +33,8 @@ const FINEST: i64 = 256;
 
 /// Spans whose cells are made side by side.
 const SPANS_AT_ONCE: usize = 1 << 12;
+/// Of these, one after the other by a thread.
+const SPANS_OF_A_THREAD: usize = 1 << 5;
 
 /// Cells narrower than this may bend light by any amount, m.
 const NARROW: f32 = 2.5e-7;
@@ -85,7 +89,7 @@ pub struct View<'a> {
     /// Shadows of the components.
     pub shadows: &'a [Shadow],
     /// Keep the moments of the rays that bound cells, for other energies or masks.
-    pub keep_moments: bool,
+    pub keep: Option<&'a Keep>,
 }
 
 /// Units per row of the row coordinates in keys. Twice, so that every span has a middle.
@@ -264,10 +268,12 @@ pub fn trace_strips(
     }
     let mut out = Parts { strips: Strips::default(), most: rays_at_once, take };
     let cell = empty_cell(view.lattice);
-    let words = if view.keep_moments { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
+    let words = if view.keep.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
-    for strip in blank_strips(view.lattice, blank) {
-        out.push(tracer, strip, &[cell], &none)?;
+    for strips in blank_strips(view.lattice, blank).chunks(SPANS_AT_ONCE) {
+        let mut part = Strips::default();
+        strips.iter().for_each(|strip| part.push(*strip, &[cell], &none));
+        out.append(tracer, &part)?;
     }
     let work = Refiner::new(view);
     // A span takes about two lines: its middle, and one of its ends, shared with a neighbour.
@@ -293,20 +299,28 @@ pub fn trace_strips(
         }
         for some in done.chunks(SPANS_AT_ONCE) {
             let moments = work.end_moments(tracer, some, &lines)?;
-            let cells = |(span, moments): (&Span, &Vec<f32>)| {
-                work.cells(span, &lines[&(span.beamlet, span.middle())], moments)
-            };
-            let strips: Vec<SpanCells> = some.par_iter().zip(&moments).map(cells).collect();
-            for made in strips {
-                let row = i64::from(made.strip.row);
-                out.strips.landed_off += made.landed_off;
-                out.strips.not_finite += made.not_finite;
-                if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
-                    out.push(tracer, made.strip, &made.cells, &made.moments)?;
+            let cells = |(spans, moments): (&[Span], &[Vec<f32>])| {
+                let mut part = Strips::default();
+                for (span, moments) in spans.iter().zip(moments) {
+                    let made = work.cells(span, &lines[&(span.beamlet, span.middle())], moments);
+                    let row = i64::from(made.strip.row);
+                    part.landed_off += made.landed_off;
+                    part.not_finite += made.not_finite;
+                    if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
+                        part.push(made.strip, &made.cells, &made.moments);
+                    }
                 }
+                part
+            };
+            let spans = some.par_chunks(SPANS_OF_A_THREAD);
+            let parts: Vec<Strips> =
+                spans.zip(moments.par_chunks(SPANS_OF_A_THREAD)).map(cells).collect();
+            for part in &parts {
+                out.append(tracer, part)?;
             }
         }
         waiting.extend(chunks(&next, at_once, &lines));
+        lines.into_par_iter().for_each(drop);
     }
     out.hand_over(tracer)
 }
@@ -339,17 +353,11 @@ struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    fn push(
-        &mut self,
-        tracer: &mut Tracer,
-        strip: Strip,
-        cells: &[Cell],
-        moments: &CellMoments,
-    ) -> Result<()> {
-        if self.strips.cells.len() + cells.len() > self.most {
+    fn append(&mut self, tracer: &mut Tracer, strips: &Strips) -> Result<()> {
+        if self.strips.cells.len() + strips.cells.len() > self.most {
             self.hand_over(tracer)?;
         }
-        self.strips.push(strip, cells, moments);
+        self.strips.append(strips);
         Ok(())
     }
 

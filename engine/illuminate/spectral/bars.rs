@@ -3,25 +3,30 @@
 #![allow(clippy::cast_precision_loss, reason = "rows are few")]
 
 use super::Spectral;
+use super::join::Limits;
 use crate::gpu::interface::Strip;
 use crate::illuminate::light::MaskShape;
 
-/// Cells of light that leaks through bars are joined up to this share of the period where it is
-/// as little as `LITTLE`, of open beam; less far where there is more.
-const LEAK_SHARE: f64 = 1.0 / 12.0;
-const LITTLE: f64 = 2e-3;
+/// Cells of light that leaks through bars are joined up to this share of the period,
+const LEAK_SHARE: f64 = 1.0 / 2.0;
+/// where their displacement leaves a straight line by no more than this share of the blur in groups
+/// as strong as `LITTLE`, of open beam (less in stronger ones),
+const LEAK_RESIDUAL: f64 = 0.3;
+const LITTLE: f64 = 0.02;
+/// and their light changes by no more than this.
+const LEAK_CHANGE: f64 = 0.15;
 /// The light of groups below this is spread over the whole strip.
-const FAINT: f64 = 1e-4;
+const FAINT: f64 = 1e-3;
 
 /// What the masks do to the light of a column in a block of rows: by node and group, and how much
 /// they shade.
 pub(super) struct Bars {
     /// `[group][node]`.
     pub(super) shares: Vec<f64>,
-    /// `[mask][node]`.
-    pub(super) shades: [Vec<f64>; 2],
-    /// `[group]`: how far cells of light that leaks through bars are joined, m.
-    pub(super) joined: Vec<Option<f64>>,
+    /// `[node][mask]`.
+    pub(super) shades: Vec<[f64; 2]>,
+    /// `[group]`: how far cells of light that leaks through bars are joined.
+    pub(super) joined: Vec<Option<Limits>>,
     /// The shadows of bars meet: apertures have no effective width.
     pub(super) closed: bool,
 }
@@ -41,6 +46,14 @@ impl Spectral {
     }
 
     pub(super) fn bars(&self, (column, block): Place) -> Bars {
+        if self.groups.is_empty() {
+            return Bars {
+                shares: Vec::new(),
+                shades: Vec::new(),
+                joined: Vec::new(),
+                closed: true,
+            };
+        }
         let slope = self.slopes[column as usize];
         let row = (block as f64 + 0.5) * f64::from(self.lattice.alike_rows);
         let slope_z = (row - self.middle_row) * self.row_slope;
@@ -54,16 +67,22 @@ impl Spectral {
         let shares: Vec<f64> = (0..groups)
             .flat_map(|group| by_node[group..].iter().step_by(groups).copied())
             .collect();
-        let shade = |mask: &Option<Vec<MaskShape>>| {
-            mask.iter().flatten().map(|shape| shape.shade(secant)).collect()
+        let shade = |node: usize| {
+            [0, 1].map(|mask| self.masks[mask].as_ref().map_or(0.0, |of| of[node].shade(secant)))
         };
         let joined = |(shares, leaks): (&[f64], &[bool; 2])| {
             let share: f64 = shares.iter().sum();
             leaks.contains(&true).then(|| {
                 if share < FAINT {
-                    f64::INFINITY
+                    let all = f64::INFINITY;
+                    Limits { width: all, residual: all, change: all }
                 } else {
-                    self.lattice.period * LEAK_SHARE * (LITTLE / share).min(1.0)
+                    let residual = LEAK_RESIDUAL * (LITTLE / share).min(1.0);
+                    Limits {
+                        width: LEAK_SHARE * self.lattice.period,
+                        residual: (residual * self.lattice.edge_blur).max(self.tolerance),
+                        change: LEAK_CHANGE,
+                    }
                 }
             })
         };
@@ -73,8 +92,8 @@ impl Spectral {
         Bars {
             joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
             shares,
-            shades: [shade(&self.masks[0]), shade(&self.masks[1])],
-            closed: self.groups.is_empty() || self.masks.iter().any(closed),
+            shades: (0..self.nodes()).map(shade).collect(),
+            closed: self.masks.iter().any(closed),
         }
     }
 }

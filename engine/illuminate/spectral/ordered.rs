@@ -2,7 +2,7 @@
 
 use super::{NodeLaw, Spectral};
 use crate::Result;
-use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
+use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Strip};
 use crate::material::Constants;
 use crate::scene::{Scene, Transport};
 use crate::trace::{ExactCell, Media, Strips, Tracer};
@@ -23,16 +23,23 @@ pub(super) struct Repeated {
 }
 
 impl Spectral {
+    /// Share of the grazing incidence that rays were flagged by, below which ordered walks are
+    /// repeated at some node; `others`: at nodes of other spectra, or with other constants, too.
+    pub fn severe(&self, others: bool) -> f64 {
+        let least = if others { SEVERE } else { 0.0 };
+        self.severe.iter().copied().fold(least, f64::max)
+    }
+
     /// Repeats ordered walks at the nodes where they cannot be told from the one made.
     pub(super) fn repeat(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Vec<Repeated>> {
         let exact = &strips.moments.exact;
-        let mut repeated = vec![Repeated::default(); self.nodes()];
-        for (node, repeated) in repeated.iter_mut().enumerate() {
-            let mut rays: Vec<Ray> = Vec::new();
+        let mut rays = vec![Vec::new(); self.nodes()];
+        let mut places = vec![Vec::with_capacity(exact.len()); self.nodes()];
+        for (node, (rays, places)) in rays.iter_mut().zip(&mut places).enumerate() {
             for cell in exact {
                 let Cell { x_low, x_high, .. } = strips.cells[cell.cell as usize];
                 let wide = x_high - x_low > NARROW || self.severe[node] > 1.0;
-                let places = (wide && cell.grazing() < self.severe[node]).then(|| {
+                places.push((wide && cell.grazing() < self.severe[node]).then(|| {
                     cell.ends.map(|ray| {
                         // Neighbours share a ray.
                         let last = rays.len().saturating_sub(2);
@@ -42,16 +49,11 @@ impl Spectral {
                         rays.push(ray);
                         rays.len() - 1
                     })
-                });
-                repeated.places.push(places);
-            }
-            if !rays.is_empty() {
-                tracer.set_node(Some(node));
-                repeated.laws = tracer.trace(&rays)?;
+                }));
             }
         }
-        tracer.set_node(None);
-        Ok(repeated)
+        let laws = tracer.walk_at_nodes(&rays)?.into_iter();
+        Ok(laws.zip(places).map(|(laws, places)| Repeated { laws, places }).collect())
     }
 
     /// Adds to the laws of the nodes what the ordered walk found beyond the first order: that is
@@ -62,15 +64,12 @@ impl Spectral {
         moments: [&[f32]; 2],
         laws: &mut [[NodeLaw; 2]],
     ) {
-        let strength = |node: usize| -> f64 {
-            self.delta[node * self.materials..][..self.materials].iter().map(|d| d.abs()).sum()
-        };
         let reference = self.nodes();
         for end in 0..2 {
             let walked = self.walked(exact.laws.each_ref(), exact.range[end]);
             let first = self.law(reference, moments[end]);
             for (node, laws) in laws.iter_mut().enumerate() {
-                let stronger = strength(node) / strength(reference);
+                let stronger = self.stronger[node];
                 let law = &mut laws[end];
                 // A path that changes by refraction: linear in delta, and in mu.
                 if first.depth > 0.0 {

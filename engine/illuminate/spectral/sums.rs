@@ -1,85 +1,146 @@
 //! Light of a cell summed over a band of energies, and how far one cell can stand for it.
 
-use super::run::Fitted;
+use super::NodeLaw;
 use std::ops::Range;
+
+/// Light of a cell at one energy, by the weight of which it is summed: all that sums are made of.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Terms([f64; 13]);
+
+// At the low end, the middle and the high end: light, and light times displacement. In the
+// middle: times its square, displacement along z, slope; for either mask times shade, and times
+// shade and displacement.
+const LIGHT: usize = 0;
+const X: usize = 3;
+const X2: usize = 6;
+const Z: usize = 7;
+const SLOPE_X: usize = 8;
+const SHADE: usize = 9;
+const SHADE_X: usize = 11;
+
+impl Terms {
+    /// Of a cell with these laws at its ends, which lets these shares through there; `spread`:
+    /// variance of its displacement about a straight line.
+    pub(super) fn new(
+        [low, high]: &[NodeLaw; 2],
+        light: [f64; 2],
+        spread: f64,
+        shades: [f64; 2],
+    ) -> Self {
+        let middle = (light[0] * light[1]).sqrt();
+        let x = 0.5 * (low.x + high.x);
+        let light_x = middle * x;
+        Self([
+            light[0],
+            middle,
+            light[1],
+            light[0] * low.x,
+            light_x,
+            light[1] * high.x,
+            light_x * x + middle * spread,
+            middle * 0.5 * (low.z + high.z),
+            middle * 0.5 * (low.slope_x + high.slope_x),
+            middle * shades[0],
+            middle * shades[1],
+            light_x * shades[0],
+            light_x * shades[1],
+        ])
+    }
+
+    /// Light in the middle.
+    pub(super) const fn light(&self) -> f64 {
+        self.0[LIGHT + 1]
+    }
+}
 
 /// Sums over the energies of a group, at the ends and the middle of a cell.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sums {
-    pub(super) light: [f64; 3],
-    pub(super) x: [f64; 3],
-    pub(super) x2: f64,
-    pub(super) z: f64,
-    pub(super) slope_x: f64,
-    /// By mask.
-    pub(super) shade: [f64; 2],
-    pub(super) shade_x: [f64; 2],
-}
+pub(super) struct Sums([f64; 13]);
 
 impl Sums {
-    pub(super) fn over(
-        nodes: Range<usize>,
-        shares: &[f64],
-        passing: &[[f64; 3]],
-        laws: &[Fitted],
-        shades: &[Vec<f64>; 2],
-    ) -> Self {
+    pub(super) fn over(nodes: Range<usize>, shares: &[f64], terms: &[Terms]) -> Self {
         let mut sums = Self::default();
-        for node in nodes {
-            let Fitted { ends: [low, high], residual } = &laws[node];
-            let x = [low.x, 0.5 * (low.x + high.x), high.x];
-            for i in 0..3 {
-                let light = shares[node] * passing[node][i];
-                sums.light[i] += light;
-                sums.x[i] += light * x[i];
-            }
-            let light = shares[node] * passing[node][1];
-            sums.x2 += light * (x[1] * x[1] + residual);
-            sums.z += light * 0.5 * (low.z + high.z);
-            sums.slope_x += light * 0.5 * (low.slope_x + high.slope_x);
-            for (mask, shades) in shades.iter().enumerate() {
-                let shade = light * shades.get(node).copied().unwrap_or(0.0);
-                sums.shade[mask] += shade;
-                sums.shade_x[mask] += shade * x[1];
+        for (share, Terms(terms)) in shares[nodes.clone()].iter().zip(&terms[nodes]) {
+            for (sum, term) in sums.0.iter_mut().zip(terms) {
+                *sum += share * term;
             }
         }
         sums
     }
 
+    /// At the low end, the middle and the high end.
+    pub(super) fn light(&self) -> [f64; 3] {
+        std::array::from_fn(|i| self.0[LIGHT + i])
+    }
+
+    /// Mean displacements there.
+    pub(super) fn x(&self) -> [f64; 3] {
+        std::array::from_fn(|i| self.0[X + i] / self.0[LIGHT + i])
+    }
+
+    /// Mean of one of the other sums.
+    fn mean(&self, of: usize) -> f64 {
+        self.0[of] / self.0[LIGHT + 1]
+    }
+
+    pub(super) fn z(&self) -> f64 {
+        self.mean(Z)
+    }
+
+    pub(super) fn slope_x(&self) -> f64 {
+        self.mean(SLOPE_X)
+    }
+
+    pub(super) fn shade(&self, mask: usize) -> f64 {
+        self.mean(SHADE + mask)
+    }
+
     /// Optical depth in the middle less the mean of that at the ends.
     pub(super) fn bend(&self) -> f64 {
-        (self.light[1] / (self.light[0] * self.light[2]).sqrt()).ln().abs()
+        let [low, middle, high] = self.light();
+        (middle / (low * high).sqrt()).ln().abs()
     }
 
     /// The same of the displacement.
     pub(super) fn drift(&self) -> f64 {
-        let x = |i: usize| self.x[i] / self.light[i];
-        (x(1) - 0.5 * (x(0) + x(2))).abs()
+        let [low, middle, high] = self.x();
+        (middle - 0.5 * (low + high)).abs()
     }
 
     /// Variance of the displacement over the energies, in the middle.
     pub(super) fn spread(&self) -> f64 {
-        let mean = self.x[1] / self.light[1];
-        (self.x2 / self.light[1] - mean * mean).max(0.0)
+        let mean = self.mean(X + 1);
+        (self.mean(X2) - mean * mean).max(0.0)
     }
 
     /// Covariance over the energies of what bars shade and the displacement, in the middle.
     pub(super) fn lean(&self, mask: usize) -> f64 {
-        let [light, x] = [self.light[1], self.x[1]];
-        self.shade_x[mask] / light - self.shade[mask] / light * (x / light)
+        self.mean(SHADE_X + mask) - self.shade(mask) * self.mean(X + 1)
     }
 
     /// Adds the sums of a cell of this width, by its middle.
     pub(super) fn add(&mut self, other: &Self, width: f64) {
-        let scaled = |sum: &mut f64, other: f64| *sum += width * other;
-        scaled(&mut self.light[1], other.light[1]);
-        scaled(&mut self.x[1], other.x[1]);
-        scaled(&mut self.x2, other.x2);
-        scaled(&mut self.z, other.z);
-        scaled(&mut self.slope_x, other.slope_x);
-        for mask in 0..2 {
-            scaled(&mut self.shade[mask], other.shade[mask]);
-            scaled(&mut self.shade_x[mask], other.shade_x[mask]);
+        for (sum, other) in self.0.iter_mut().zip(&other.0) {
+            *sum += width * other;
         }
+    }
+
+    /// Sums per metre of cells that follow one another, as of one cell with these straight lines
+    /// of light and displacement: what the displacement spreads about its line stays.
+    pub(super) fn joined(&self, width: f64, light: [f64; 2], x: [f64; 2]) -> Self {
+        let mut one = Self::default();
+        one.add(self, 1.0 / width);
+        let mean = one.mean(X + 1);
+        let explained = (x[1] - x[0]).powi(2) / 12.0;
+        let spread = (one.spread() - explained).max(0.0);
+        let middle = one.0[LIGHT + 1];
+        one.0[X2] = middle * (mean * mean + spread);
+        // The light of the line is the light of the cells, and lands where theirs lands on average.
+        let [low, high] = if light[0] > 0.0 && light[1] > 0.0 { light } else { [middle; 2] };
+        let leaning = (x[1] - x[0]) * (high - low) / (12.0 * middle);
+        let off = mean - 0.5 * (x[0] + x[1]) - leaning;
+        (one.0[LIGHT], one.0[LIGHT + 2]) = (low, high);
+        (one.0[X], one.0[X + 2]) = (low * (x[0] + off), high * (x[1] + off));
+        one
     }
 }

@@ -10,9 +10,7 @@
 use super::moments::{CellMoments, ExactCell};
 use super::{Key, Span, View, empty_strip, units};
 use crate::Result;
-use crate::gpu::interface::{
-    Cell, FLAG_EXACT, FLAG_NOT_FINITE, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, Strip,
-};
+use crate::gpu::interface::{Cell, FLAG_EXACT, FLAG_NOT_FINITE, Law, Ray, Strip};
 use crate::trace::line::{Aim, DEPTH_TOLERANCE, Edge, Line, Narrow, first_places};
 use crate::trace::tracer::Tracer;
 use rayon::prelude::*;
@@ -22,6 +20,11 @@ use std::sync::Arc;
 
 /// Silhouettes of neighbouring lines may differ by this share of a period.
 const EDGE_SHARE: f32 = 1.0 / 20.0;
+
+/// Displacements in a cell may differ from a straight line by this share of the blur, standard
+/// deviation. It is added to the blur; what an edge of an aperture cuts out of a cell may lean by
+/// as much.
+const RESIDUAL_SHARE: f64 = 0.1;
 
 /// The cells of one span.
 pub(super) struct SpanCells {
@@ -36,7 +39,7 @@ pub(super) struct SpanCells {
 
 /// Traces lines of a view, and judges and cuts spans by them.
 pub(super) struct Refiner<'a> {
-    view: &'a View<'a>,
+    pub(super) view: &'a View<'a>,
     pub(super) aim: Aim,
     units: i64,
     /// Distance from analyser to detector, m, and analyser over detector distance.
@@ -55,6 +58,8 @@ impl<'a> Refiner<'a> {
                 period: view.lattice.period as f32,
                 cells: view.lattice.cells,
                 tolerance: scene.sampling.tolerance as f32,
+                residual: (RESIDUAL_SHARE * view.lattice.edge_blur).max(scene.sampling.tolerance),
+                severe: view.keep.map_or(0.0, |keep| keep.severe),
             },
             units: units(view),
             gap: (scene.detector.distance - analyser) as f32,
@@ -90,7 +95,7 @@ impl<'a> Refiner<'a> {
             .collect()
     }
 
-    fn ray(&self, key: &Key, x: f32) -> Ray {
+    pub(super) fn ray(&self, key: &Key, x: f32) -> Ray {
         self.view.lattice.ray(key.0, f64::from(x), self.row(key.1), self.view.index)
     }
 
@@ -130,72 +135,24 @@ impl<'a> Refiner<'a> {
                 break;
             }
             let laws = tracer.trace(&rays)?;
-            let mut first = 0;
-            for (_, narrow, line) in &mut work {
-                let n = line.wanted_count();
-                if n > 0 {
-                    line.give(&self.aim, narrow, &laws[first..first + n]);
-                    first += n;
-                }
-            }
+            let mut rest = &laws[..];
+            let asking: Vec<_> = work
+                .iter_mut()
+                .filter(|(_, _, line)| line.wanted_count() > 0)
+                .map(|(_, narrow, line)| {
+                    let (given, after) = rest.split_at(line.wanted_count());
+                    rest = after;
+                    (narrow, line, given)
+                })
+                .collect();
+            let give = |(narrow, line, laws): (&mut Vec<Narrow>, &mut Line, &[Law])| {
+                line.give(&self.aim, narrow, laws);
+            };
+            asking.into_par_iter().for_each(give);
         }
         let splits = work.iter().map(|(_, _, line)| line.splits).sum();
         lines.extend(work.into_iter().map(|(key, _, line)| (key, Arc::new(line))));
         Ok(splits)
-    }
-
-    /// Moments at both ends of the segments of spans, `[segment][end][material][moment]` for each
-    /// span; nothing where they are not kept. Few rays of a line bound cells: these are traced
-    /// once more.
-    pub(super) fn end_moments(
-        &self,
-        tracer: &mut Tracer,
-        spans: &[Span],
-        lines: &HashMap<Key, Arc<Line>>,
-    ) -> Result<Vec<Vec<f32>>> {
-        if !self.view.keep_moments {
-            return Ok(vec![Vec::new(); spans.len()]);
-        }
-        let met: Vec<Vec<Ray>> = spans
-            .par_iter()
-            .map(|span| {
-                let key = (span.beamlet, span.middle());
-                let ends = lines[&key].ends().into_iter();
-                ends.filter(|p| p.law.crossings > 0).map(|p| self.ray(&key, p.x)).collect()
-            })
-            .collect();
-        let words = tracer.materials() * MOMENTS_PER_MATERIAL;
-        let stride = MOMENTS_HEAD + words;
-        let traced = tracer.trace_moments(&met.concat())?;
-        let mut rest = &traced[..];
-        let of_spans: Vec<&[u32]> = met
-            .iter()
-            .map(|rays| {
-                let (of_span, after) = rest.split_at(rays.len() * stride);
-                rest = after;
-                of_span
-            })
-            .collect();
-        let by_segment = |(span, traced): (&Span, &[u32])| {
-            let mut traced = traced.chunks_exact(stride);
-            let line = &lines[&(span.beamlet, span.middle())];
-            let mut moments = Vec::with_capacity(2 * line.segments.len() * words);
-            let (mut ray, mut last) = (None, None);
-            for end in line.segments.iter().flat_map(|s| [s.low, s.high]) {
-                // Neighbours share a ray.
-                if ray.replace(end.ray) != Some(end.ray) {
-                    last = if end.law.crossings > 0 { traced.next() } else { None };
-                }
-                match last {
-                    Some(ray) => {
-                        moments.extend(ray[MOMENTS_HEAD..].iter().map(|&w| f32::from_bits(w)));
-                    }
-                    None => moments.resize(moments.len() + words, 0.0),
-                }
-            }
-            moments
-        };
-        Ok(spans.par_iter().zip(of_spans).map(by_segment).collect())
     }
 
     /// Whether the middle line stands for the whole span.
@@ -278,13 +235,13 @@ impl<'a> Refiner<'a> {
                 made.not_finite += 1;
                 continue;
             }
-            let mean = |f: fn(&Law) -> f32| 0.5 * (f(&low.law) + f(&high.law));
-            let displacement_z = mean(|l| l.displacement_z) + mean(|l| l.slope_z) * self.gap;
+            let ends = segment.ends().map(|numbers| numbers.map(|number| number as f32));
+            let mean = |i: usize| 0.5 * (ends[0][i] + ends[1][i]);
+            let displacement_z = mean(2) + mean(4) * self.gap;
             if displacement_z.abs() > self.view.lattice.halo as f32 * self.row_pitch {
                 made.landed_off += 1;
             }
-            let pixel_shift = mean(|l| l.displacement_x) * (1.0 - self.ratio)
-                - mean(|l| l.slope_x) * self.gap * self.ratio;
+            let pixel_shift = mean(1) * (1.0 - self.ratio) - mean(3) * self.gap * self.ratio;
             let down = -f64::from(displacement_z / self.row_pitch);
             made.lands.start = made.lands.start.min(down.floor() as i64);
             made.lands.end = made.lands.end.max(down.ceil() as i64 + 1);
@@ -292,17 +249,18 @@ impl<'a> Refiner<'a> {
             made.cells.push(Cell {
                 x_low: low.x,
                 x_high: high.x,
-                depth_low: low.law.optical_depth,
-                depth_high: high.law.optical_depth,
-                displacement_low: low.law.displacement_x,
-                displacement_high: high.law.displacement_x,
+                depth_low: ends[0][0],
+                depth_high: ends[1][0],
+                displacement_low: ends[0][1],
+                displacement_high: ends[1][1],
                 displacement_z,
                 above,
                 below,
                 pixel_shift,
+                spread: segment.fit.as_ref().map_or(0.0, |fit| fit.spread),
                 ..bytemuck::Zeroable::zeroed()
             });
-            if !self.view.keep_moments {
+            if self.view.keep.is_none() {
                 continue;
             }
             made.moments.ends.extend_from_slice(&moments[index * words..][..words]);
@@ -311,7 +269,7 @@ impl<'a> Refiner<'a> {
                 made.moments.exact.push(ExactCell {
                     cell: made.cells.len() as u32 - 1,
                     ends: [low, high].map(|p| self.ray(&middle, line.places[p.ray as usize])),
-                    laws: [low.law, high.law],
+                    laws: segment.laws(),
                     range: [0.0, 1.0],
                 });
             }
