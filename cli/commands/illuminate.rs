@@ -8,10 +8,34 @@ use crate::progress::Reporter;
 use beamlet::kept::Kept;
 use beamlet::scene::Scene;
 use beamlet::stack::{Extent, RunDirectory};
-use beamlet::{Control, Engine, EngineOptions, Error};
+use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError, mpsc};
+use std::thread;
 use std::time::Instant;
+
+/// Scenes illuminated side by side: while one is written the next keeps the device busy.
+const SIDE_BY_SIDE: usize = 2;
+
+/// A scene and where its stacks go.
+struct Job {
+    path: PathBuf,
+    output: PathBuf,
+    scene: Scene,
+    extent: Extent,
+    sink: RunDirectory,
+}
+
+/// A scene that is done.
+struct Done {
+    extent: Extent,
+    sink: RunDirectory,
+    record: RunRecord,
+    seconds: f64,
+}
 
 pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Failure> {
     let outputs = outputs(arguments)?;
@@ -23,7 +47,8 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         let extent = Extent::of(&scene)?;
         let format = arguments.format.map(Into::into).unwrap_or_default();
         let sink = RunDirectory::create(&output, format, arguments.overwrite)?;
-        jobs.push((path, scene, extent, sink.overrides(&arguments.sets)));
+        let sink = sink.overrides(&arguments.sets);
+        jobs.push(Job { path: path.clone(), output, scene, extent, sink });
     }
     interrupt::listen();
     let engine = Engine::open(&EngineOptions {
@@ -32,42 +57,100 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         memory_limit: arguments.memory_limit,
         ..EngineOptions::default()
     })?;
-    for (path, scene, extent, mut sink) in jobs {
-        let began = Instant::now();
-        let mut reporter = Reporter::new(arguments.quiet, arguments.verbose);
-        let done = engine.reilluminate(&kept, &scene).and_then(|simulation| {
-            simulation.run(
-                &mut sink,
-                Control {
-                    progress: Some(&mut |progress| reporter.update(progress)),
-                    cancel: Some(&interrupt::CANCELLED),
-                    ..Control::default()
-                },
-            )
-        });
-        reporter.finish();
-        match done {
-            Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out)?,
-            Err(Error::Interrupted) => {
-                let advice = advice(arguments, path, sink.path());
-                return Err(Failure::Interrupted { advice });
-            }
-            Err(error) => return Err(Scene::locate(path, &arguments.sets, error).into()),
+    let places: Vec<_> = jobs.iter().map(|job| (job.path.clone(), job.output.clone())).collect();
+    // A limit is that of one run.
+    let at_once = if arguments.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
+    let at_once = at_once.min(jobs.len());
+    let (sender, results) = mpsc::channel();
+    let jobs = Mutex::new(jobs.into_iter().enumerate());
+    let failed = AtomicBool::new(false);
+    let mut unfinished: BTreeMap<usize, Option<Failure>> =
+        (0..places.len()).map(|index| (index, None)).collect();
+    thread::scope(|scope| {
+        for worker in 0..at_once {
+            let sender = sender.clone();
+            let (engine, kept, jobs, failed) = (&engine, &kept, &jobs, &failed);
+            scope.spawn(move || {
+                while !failed.load(Ordering::Relaxed) {
+                    let next = jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
+                    let Some((index, job)) = next else { break };
+                    // One bar is enough.
+                    let quiet = arguments.quiet || worker > 0;
+                    let reporter = Reporter::new(quiet, arguments.verbose);
+                    let done = illuminate(engine, kept, job, &arguments.sets, reporter);
+                    failed.fetch_or(done.is_err(), Ordering::Relaxed);
+                    let _ = sender.send((index, done));
+                }
+            });
         }
+        drop(sender);
+        for (index, done) in results {
+            match done {
+                Ok(Done { extent, sink, record, seconds }) => {
+                    unfinished.remove(&index);
+                    summary(&sink, extent, &record, seconds, out)?;
+                }
+                Err(failure) => {
+                    unfinished.insert(index, Some(failure));
+                }
+            }
+        }
+        Ok::<_, Failure>(())
+    })?;
+    let left: Vec<_> = unfinished.keys().map(|index| &places[*index]).collect();
+    let advice = || advice(arguments, &left);
+    match unfinished.into_values().flatten().next() {
+        Some(Failure::Interrupted { .. }) => Err(Failure::Interrupted { advice: advice() }),
+        Some(failure) => Err(failure),
+        None => Ok(()),
     }
-    Ok(())
 }
 
-/// What to enter to go on after an interrupt.
-fn advice(arguments: &Illuminate, scene: &Path, output: &Path) -> String {
+fn illuminate(
+    engine: &Engine,
+    kept: &Kept,
+    mut job: Job,
+    sets: &[String],
+    mut reporter: Reporter,
+) -> Result<Done, Failure> {
+    let began = Instant::now();
+    let done = engine.reilluminate(kept, &job.scene).and_then(|simulation| {
+        simulation.run(
+            &mut job.sink,
+            Control {
+                progress: Some(&mut |progress| reporter.update(progress)),
+                cancel: Some(&interrupt::CANCELLED),
+                ..Control::default()
+            },
+        )
+    });
+    reporter.finish();
+    let Job { path, extent, sink, .. } = job;
+    match done {
+        Ok(record) => Ok(Done { extent, sink, record, seconds: began.elapsed().as_secs_f64() }),
+        Err(Error::Interrupted) => Err(Failure::Interrupted { advice: String::new() }),
+        Err(error) => Err(Scene::locate(&path, sets, error).into()),
+    }
+}
+
+/// What to enter to go on after an interrupt, with the scenes that are left.
+fn advice(arguments: &Illuminate, left: &[&(PathBuf, PathBuf)]) -> String {
     let word = |path: &Path| quoted(&path.to_string_lossy());
     let mut command = vec!["beamlet illuminate".to_owned(), word(&arguments.run)];
-    command.extend(["--scene".into(), word(scene), "-o".into(), word(output)]);
+    for (scene, _) in left {
+        command.extend(["--scene".into(), word(scene)]);
+    }
+    let output = match left {
+        [(_, output)] => output,
+        _ => &arguments.output,
+    };
+    command.extend(["-o".into(), word(output)]);
     for set in &arguments.sets {
         command.extend(["--set".into(), quoted(set)]);
     }
     command.push("--overwrite".into());
-    format!("to start this scene again: {}", command.join(" "))
+    let what = if left.len() == 1 { "this scene" } else { "the scenes that are left" };
+    format!("to start {what} again: {}", command.join(" "))
 }
 
 /// A directory for each scene: as given, or below the one given by the names of the scenes.

@@ -244,6 +244,13 @@ impl Relattice {
                     blank.push((i64::from(strip.column), row));
                     continue;
                 };
+                let ends = half - SLIVER * self.new.period;
+                let whole_beamlet = |p: &[f64; 4]| {
+                    p[0] <= SLIVER && p[1] >= 1.0 - SLIVER && p[2] <= -ends && p[3] >= ends
+                };
+                if parts.iter().any(whole_beamlet) {
+                    continue;
+                }
                 let mut edges: Vec<f64> = parts.iter().flat_map(|p| [p[0], p[1]]).collect();
                 edges.extend([0.0, 1.0]);
                 edges.sort_by(f64::total_cmp);
