@@ -37,8 +37,8 @@ pub(crate) use ordered::NARROW;
 /// Groups with less light than this, of open beam, are left out.
 const NEGLIGIBLE: f64 = 1e-9;
 /// The displacement may spread over this share of the blur: the third moment that is left out
-/// then moves less than 5e-4 of the light at an edge.
-const SPREAD_SHARE: f64 = 0.2;
+/// then moves less than 2e-4 of the light at an edge.
+const SPREAD_SHARE: f64 = 0.15;
 /// Strips gathered one after the other by a thread.
 const STRIPS_AT_ONCE: usize = 1 << 6;
 
