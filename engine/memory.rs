@@ -40,7 +40,7 @@ const FRAME_COPIES: u64 = 2;
 /// Bytes of a band where no limit is set: larger bands were not faster.
 const BAND: u64 = 1 << 30;
 /// Rays of a group of rows, about, with room enough; and least.
-const RAYS: [u64; 2] = [1 << 19, 1 << 12];
+const RAYS: [u64; 2] = [1 << 18, 1 << 12];
 
 /// Memory of a run at its peak, in bytes. On a CPU device host and device are one process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
