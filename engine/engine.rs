@@ -1,4 +1,4 @@
-//! The engine: a Vulkan device that serves many scenes one after another.
+//! The engine: a Vulkan device that serves many scenes.
 
 use crate::Result;
 use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault};
@@ -35,7 +35,7 @@ pub struct EngineOptions {
     pub faults: Vec<Fault>,
 }
 
-/// A Vulkan device that serves many scenes one after another.
+/// A Vulkan device that serves many scenes, from several threads where that is wanted.
 #[derive(Debug)]
 pub struct Engine {
     options: EngineOptions,

@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::kept::Kept;
 use beamlet::scene::Scene;
-use beamlet::stack::{Extent, RunDirectory};
+use beamlet::stack::{Extent, Format, RunDirectory};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -88,7 +88,9 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
             match done {
                 Ok(Done { extent, sink, record, seconds }) => {
                     unfinished.remove(&index);
-                    summary(&sink, extent, &record, seconds, out)?;
+                    let told = summary(&sink, extent, &record, seconds, out);
+                    failed.fetch_or(told.is_err(), Ordering::Relaxed);
+                    told?;
                 }
                 Err(failure) => {
                     unfinished.insert(index, Some(failure));
@@ -99,7 +101,10 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
     })?;
     let left: Vec<_> = unfinished.keys().map(|index| &places[*index]).collect();
     let advice = || advice(arguments, &left);
-    match unfinished.into_values().flatten().next() {
+    // What went wrong says more than that the others were stopped.
+    let mut failures: Vec<_> = unfinished.into_values().flatten().collect();
+    failures.sort_by_key(|failure| matches!(failure, Failure::Interrupted { .. }));
+    match failures.into_iter().next() {
         Some(Failure::Interrupted { .. }) => Err(Failure::Interrupted { advice: advice() }),
         Some(failure) => Err(failure),
         None => Ok(()),
@@ -147,6 +152,9 @@ fn advice(arguments: &Illuminate, left: &[&(PathBuf, PathBuf)]) -> String {
     command.extend(["-o".into(), word(output)]);
     for set in &arguments.sets {
         command.extend(["--set".into(), quoted(set)]);
+    }
+    if let Some(format) = arguments.format.map(Format::from) {
+        command.extend(["--format".into(), format.to_string()]);
     }
     command.push("--overwrite".into());
     let what = if left.len() == 1 { "this scene" } else { "the scenes that are left" };

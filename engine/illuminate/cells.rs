@@ -46,6 +46,9 @@ impl CellKernels {
     }
 }
 
+/// Lists of no more cells than these share a submission; larger ones go by themselves.
+const CELLS_TOGETHER: usize = 1 << 16;
+
 /// Illuminates cells.
 #[derive(Debug)]
 pub struct CellIlluminator {
@@ -84,16 +87,35 @@ impl CellIlluminator {
     /// [`crate::Error::Memory`], [`crate::Error::Device`].
     pub fn add<'l>(
         &mut self,
-        lists: impl Iterator<Item = (&'l LightRecord, &'l Strips)> + Clone,
+        lists: impl Iterator<Item = (&'l LightRecord, &'l Strips)>,
         sums: &Sums,
         steps: u32,
     ) -> Result<()> {
         let lists = lists.filter(|(_, list)| !list.strips.is_empty() && !list.cells.is_empty());
-        let count = |of: fn(&Strips) -> usize| lists.clone().map(|(_, list)| of(list)).sum();
-        let (strips, cells): (usize, usize) = (count(|l| l.strips.len()), count(|l| l.cells.len()));
-        if strips == 0 {
-            return Ok(());
+        let lists: Vec<_> = lists.collect();
+        let mut rest = &lists[..];
+        while !rest.is_empty() {
+            let mut cells = 0;
+            let fits = |(_, list): &&(&LightRecord, &Strips)| {
+                cells += list.cells.len();
+                cells <= CELLS_TOGETHER
+            };
+            let count = rest.iter().take_while(fits).count().max(1);
+            self.add_together(&rest[..count], sums, steps)?;
+            rest = &rest[count..];
         }
+        Ok(())
+    }
+
+    /// Adds the light of lists that are on the device together.
+    fn add_together(
+        &mut self,
+        lists: &[(&LightRecord, &Strips)],
+        sums: &Sums,
+        steps: u32,
+    ) -> Result<()> {
+        let count = |of: fn(&Strips) -> usize| lists.iter().map(|(_, list)| of(list)).sum();
+        let (strips, cells): (usize, usize) = (count(|l| l.strips.len()), count(|l| l.cells.len()));
         let device = self.device.clone();
         let cell_buffer = fit::<Cell>(&device, &mut self.cells, "cells", cells)?;
         let strip_buffer = fit::<Strip>(&device, &mut self.strips, "strips", strips)?;

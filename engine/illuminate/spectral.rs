@@ -386,6 +386,8 @@ impl Spectral {
                     }
                     continue;
                 }
+                // Cells of a strip are sorted: what is being joined lies before this one.
+                self.push_joined(strip, group, scratch);
                 if (agrees && part * sums.spread() <= spread * spread) || band.len() == 1 {
                     scratch.lists[group].push(self.gathered(strip, x, &sums));
                     continue;

@@ -25,6 +25,8 @@ const FIRST_BATCH: u32 = 1 << 16;
 const LARGEST_BATCH: u32 = 1 << 19;
 /// Dispatches longer than this are cut, well short of a desktop driver's time-out.
 const LONG: Duration = Duration::from_millis(100);
+/// Ordered walks at nodes of the spectrum that go together at most.
+const WALKS: u32 = 1 << 14;
 /// Unbalanced rays are tried again this far to the side, m: far below any accuracy wanted, far
 /// above the rounding of coordinates that made an edge ambiguous.
 const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
@@ -179,65 +181,66 @@ impl Tracer {
         self.read_moments(rays, &mut [], Wanted::Moments)
     }
 
-    /// Walks rays in order at each node of the spectrum, `[node][ray]`. Few of them: walks at many
-    /// nodes go together.
+    /// Walks rays in order at each node of the spectrum, `[node][ray]`. Walks at many nodes go
+    /// together.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
     pub fn walk_at_nodes(&mut self, rays: &[Vec<Ray>]) -> Result<Vec<Vec<Law>>> {
-        let all = rays.concat();
-        let count = u32::try_from(all.len()).unwrap_or(u32::MAX);
-        if count == 0 || (count <= self.capacity() && self.walk_together(rays, &all)?) {
-            let mut laws = rays.iter().map(|of| vec![bytemuck::Zeroable::zeroed(); of.len()]);
-            let mut laws: Vec<Vec<Law>> = laws.by_ref().collect();
-            let mut first = 0;
-            for of_node in laws.iter_mut().filter(|of| !of.is_empty()) {
-                self.batch.laws.read_into(first, of_node)?;
-                first += size_of_val(&of_node[..]) as u64;
+        let all: Vec<(usize, Ray)> = rays
+            .iter()
+            .enumerate()
+            .flat_map(|(node, of_node)| of_node.iter().map(move |ray| (node, *ray)))
+            .collect();
+        let mut laws: Vec<Vec<Law>> = rays.iter().map(|of| Vec::with_capacity(of.len())).collect();
+        for some in all.chunks(WALKS.min(self.capacity()) as usize) {
+            let walked = self.walk_together(some)?;
+            for ((node, _), law) in some.iter().zip(walked) {
+                laws[*node].push(law);
             }
-            return Ok(laws);
         }
-        let mut laws = Vec::with_capacity(rays.len());
-        for (node, of_node) in rays.iter().enumerate() {
-            self.node = Some(node);
-            laws.push(self.trace(of_node)?);
-        }
-        self.node = None;
         Ok(laws)
     }
 
-    /// Whether the walks of these rays, `all` of them, could be made together: none lost a
-    /// crossing.
-    fn walk_together(&self, rays: &[Vec<Ray>], all: &[Ray]) -> Result<bool> {
+    /// Walks rays in order, each at its node; nodes ascend.
+    fn walk_together(&mut self, rays: &[(usize, Ray)]) -> Result<Vec<Law>> {
         let (trace, exact) = self.kernels.of(self.backend);
         let exact = exact.get()?;
-        let n = u32::try_from(all.len()).unwrap_or(u32::MAX);
-        self.batch.rays.write(0, all)?;
+        let n = u32::try_from(rays.len()).unwrap_or(u32::MAX);
+        self.batch.rays.write(0, &rays.iter().map(|(_, ray)| *ray).collect::<Vec<_>>())?;
+        // The first order is the answer for walks that stay lost.
         self.pass(trace, false, n, false, 0.0, false)?;
-        if self.batch.unbalanced.read::<u32>(0, 1)?[0] > 0 {
-            return Ok(false);
-        }
+        self.batch.unbalanced.write(0, &[0_u32])?;
         let mut first = 0;
-        let dispatches = rays.iter().enumerate().map(|(node, of_node)| {
-            let begin = first;
-            first += u32::try_from(of_node.len()).unwrap_or(u32::MAX);
-            let sample_ref = self.sample.record(Some(node));
-            ExactPush { sample_ref, ..self.exact_push(&self.batch.exact, true, begin..first) }
-        });
-        let dispatches: Vec<ExactPush> =
-            dispatches.filter(|push| push.count > push.first).collect();
+        let dispatches: Vec<ExactPush> = rays
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(|of_node| {
+                let begin = first;
+                first += u32::try_from(of_node.len()).unwrap_or(u32::MAX);
+                let push = self.exact_push(&self.batch.exact, true, begin..first);
+                ExactPush { sample_ref: self.sample.record(Some(of_node[0].0)), ..push }
+            })
+            .collect();
         self.device.run(|r| {
             for push in &dispatches {
                 let groups = [(push.count - push.first).div_ceil(GROUP), 1, 1];
                 r.dispatch(exact, bytemuck::bytes_of(push), groups);
             }
         })?;
-        let together = self.batch.unbalanced.read::<u32>(0, 1)?[0] == 0;
-        if together {
-            self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
-            self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
+        self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
+        self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
+        let lost = self.batch.unbalanced.read::<u32>(0, 1)?[0];
+        let mut lost = self.batch.unbalanced.read::<u32>(4, lost as usize)?;
+        lost.sort_unstable();
+        for of_node in lost.chunk_by(|a, b| rays[*a as usize].0 == rays[*b as usize].0) {
+            let count = u32::try_from(of_node.len()).unwrap_or(u32::MAX);
+            self.batch.unbalanced.write(0, &[&[count], of_node].concat())?;
+            self.node = Some(rays[of_node[0] as usize].0);
+            let again = self.exact_again();
+            self.node = None;
+            again?;
         }
-        Ok(together)
+        self.batch.laws.read(0, rays.len())
     }
 
     fn exact_push(&self, list: &Buffer, all: bool, rays: Range<u32>) -> ExactPush {

@@ -135,8 +135,17 @@ impl Sums {
         let spread = (one.spread() - explained).max(0.0);
         let middle = one.0[LIGHT + 1];
         one.0[X2] = middle * (mean * mean + spread);
-        // The light of the line is the light of the cells, and lands where theirs lands on average.
-        let [low, high] = if light[0] > 0.0 && light[1] > 0.0 { light } else { [middle; 2] };
+        // Light of a cell falls off exponentially between its ends: they are chosen so that the
+        // cell has the light of its parts, which lands where theirs lands on average.
+        let within =
+            |[low, high]: [f64; 2]| low > 0.0 && high > 0.0 && low.max(high) <= 2.0 * low.min(high);
+        let [low, high] = if within(light) {
+            let fall = (light[1] / light[0]).ln();
+            let mean = (light[0] * light[1]).sqrt() * (1.0 + fall * fall / 24.0);
+            light.map(|end| end * middle / mean)
+        } else {
+            [middle; 2]
+        };
         let leaning = (x[1] - x[0]) * (high - low) / (12.0 * middle);
         let off = mean - 0.5 * (x[0] + x[1]) - leaning;
         (one.0[LIGHT], one.0[LIGHT + 2]) = (low, high);

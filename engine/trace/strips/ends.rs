@@ -16,6 +16,9 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::Arc;
 
+/// Of constants on both sides of a surface, by which a law tells moments.
+const LEAST_CONTRAST: f64 = 0.05;
+
 /// For what moments are kept.
 #[derive(Debug, Clone)]
 pub struct Keep {
@@ -62,8 +65,13 @@ impl Keep {
         }
         let at = self.alone.binary_search_by_key(&law.signature, |(signature, _)| *signature);
         let material = self.alone[at.ok()?].1 as usize;
-        let [mu, delta] = self.step(material);
-        (mu != 0.0 && delta != 0.0).then_some(material)
+        let (inside, outside) = (&self.reference[material], &self.reference[0]);
+        // A law is the difference of what either side does, rounded.
+        let tells = |of: fn(&Constants) -> f64| {
+            let (inside, outside) = (of(inside), of(outside));
+            (inside - outside).abs() > LEAST_CONTRAST * inside.abs().max(outside.abs())
+        };
+        (tells(|c| c.mu) && tells(|c| c.delta)).then_some(material)
     }
 
     /// Differences of mu and delta from those of the surroundings.
