@@ -153,3 +153,33 @@ impl Sums {
         one
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_joined_cell_has_the_light_of_its_parts() {
+        let law = |x: f64| NodeLaw { x, ..NodeLaw::default() };
+        let cell = |light: [f64; 2], x: [f64; 2]| {
+            let terms = [Terms::new(&x.map(law), light, 0.0, [0.0; 2])];
+            Sums::over(0..1, &[1.0], &terms)
+        };
+        let mut parts = Sums::default();
+        parts.add(&cell([1.0, 0.97], [0.0, 1.0]), 1.0);
+        parts.add(&cell([0.97, 0.86], [1.0, 2.0]), 1.0);
+        for (light, even) in [([1.01, 0.86], false), ([1.4, 0.4], true)] {
+            let joined = parts.joined(2.0, light, [0.0, 2.0]);
+            let [low, middle, high] = joined.light();
+            // As the kernel integrates between the ends.
+            let fall = (high / low).ln();
+            let integral = (low * high).sqrt() * (1.0 + fall * fall / 24.0);
+            assert!((integral / middle - 1.0).abs() < 1e-12, "{integral} {middle}");
+            assert_eq!((low - high).abs() < 1e-12, even, "{low} {high}");
+            let [from, mean, to] = joined.x();
+            let lands = 0.5 * (from + to) + (to - from) * (high - low) / (12.0 * middle);
+            assert!((lands - mean).abs() < 1e-12, "{lands} {mean}");
+            assert!(joined.spread() < 1e-3, "{}", joined.spread());
+        }
+    }
+}
