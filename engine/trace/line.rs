@@ -47,6 +47,13 @@ impl Point {
     fn signature(&self) -> u32 {
         self.law.signature
     }
+
+    /// Whether it is finite and met what another did, in the same way.
+    fn is_like(&self, other: &Self) -> bool {
+        self.signature() == other.signature()
+            && self.law.flags & KIND == other.law.flags & KIND
+            && self.law.flags & FLAG_NOT_FINITE == 0
+    }
 }
 
 /// An interval of x in which the law is linear between its ends.
@@ -267,12 +274,7 @@ fn joined(aim: &Aim, segments: &[Segment]) -> Vec<Segment> {
 fn is_one(aim: &Aim, segments: &[Segment]) -> bool {
     let (low, last) = (&segments[0].low, &segments[segments.len() - 1]);
     let high = &last.high;
-    let alike = |p: &Point| {
-        p.signature() == low.signature()
-            && p.law.flags & KIND == low.law.flags & KIND
-            && p.law.flags & FLAG_NOT_FINITE == 0
-    };
-    if !(alike(&segments[0].high) && alike(&last.low) && alike(high))
+    if ![&segments[0].high, &last.low, high].into_iter().all(|point| point.is_like(low))
         || (high.law.optical_depth - low.law.optical_depth).abs() > STEEPEST
     {
         return false;

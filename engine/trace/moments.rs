@@ -1,6 +1,11 @@
 //! Moments of rays: sums over crossings that do not depend on energy, masks or steps.
 
-use crate::gpu::interface::{MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
+use crate::gpu::interface::{FLAG_SHARE_SHIFT, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
+
+/// Least cosine of incidence of a ray over that below which rays are walked in order.
+pub(super) fn grazing(law: &Law) -> f64 {
+    f64::from(law.flags >> FLAG_SHARE_SHIFT) / 255.0
+}
 
 /// First-order moments of rays, by ray and material. Material 0 is the surroundings.
 #[derive(Debug, Clone, PartialEq, Eq)]

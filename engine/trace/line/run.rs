@@ -1,7 +1,8 @@
 //! Neighbouring segments that are as good as one: at rims facets cut a line into hundreds.
 
-use super::{Aim, KIND, Point, STEEPEST, Segment};
-use crate::gpu::interface::{FLAG_EXACT, FLAG_NOT_FINITE, FLAG_SHARE_SHIFT, Law};
+use super::{Aim, Point, STEEPEST, Segment};
+use crate::gpu::interface::{FLAG_EXACT, Law};
+use crate::trace::moments::grazing;
 
 /// Segments are made one up to this share of the period.
 const WIDEST: f64 = 1.0 / 20.0;
@@ -88,13 +89,10 @@ impl<'s> Run<'s> {
     fn grow(&mut self, aim: &Aim) -> bool {
         let Some(next) = self.segments.get(self.count) else { return false };
         let first = &self.segments[0];
-        let start = &first.low.law;
         let alike = |p: &Point| {
-            p.law.signature == start.signature
-                && p.law.flags & KIND == start.flags & KIND
-                && p.law.flags & FLAG_NOT_FINITE == 0
-                && (p.law.flags & FLAG_EXACT == 0 || share(&p.law) >= aim.severe)
-                && (p.law.optical_depth - start.optical_depth).abs() <= STEEPEST
+            p.is_like(&first.low)
+                && (p.law.flags & FLAG_EXACT == 0 || grazing(&p.law) >= aim.severe)
+                && (p.law.optical_depth - first.low.law.optical_depth).abs() <= STEEPEST
         };
         let [_, width] = self.ends(next);
         let ends = [&next.low, &next.high, &first.low, &first.high];
@@ -132,11 +130,6 @@ impl<'s> Run<'s> {
         };
         Segment { low: first.low, high: last.high, fit: Some(Box::new(fit)) }
     }
-}
-
-/// Cosine of incidence over that below which rays are walked in order.
-fn share(law: &Law) -> f64 {
-    f64::from(law.flags >> FLAG_SHARE_SHIFT) / 255.0
 }
 
 /// Segments with runs of them made one.

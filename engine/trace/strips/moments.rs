@@ -1,6 +1,7 @@
 //! Moments kept with cells, for other energies, masks or steps than those they were traced for.
 
-use crate::gpu::interface::{FLAG_SHARE_SHIFT, Law, Ray};
+use crate::gpu::interface::{Law, Ray};
+use crate::trace::moments::grazing;
 
 /// Moments of the rays that bound cells.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -30,8 +31,7 @@ impl ExactCell {
     /// enough.
     #[must_use]
     pub fn grazing(&self) -> f64 {
-        let byte = |law: &Law| law.flags >> FLAG_SHARE_SHIFT;
-        f64::from(byte(&self.laws[0]).min(byte(&self.laws[1]))) / 255.0
+        grazing(&self.laws[0]).min(grazing(&self.laws[1]))
     }
 }
 
