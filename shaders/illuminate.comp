@@ -302,38 +302,45 @@ void main() {
                 i = cell_beyond(strip, centre - 0.5 * widest - reach, 0u, true);
                 stop = cell_beyond(strip, centre + 0.5 * widest + reach, i, false);
             }
+            // A cell and a pixel at a time: where a driver runs every branch, invocations would
+            // wait for the one whose cell reaches most pixels.
+            Cell cell;
+            Piece piece;
+            int q = 0;
+            int last = -1;
             do {
-                if (i >= stop) break;
-                Cell cell = push.cells.at[strip.first + i];
-                i++;
-                float from_x = cell.x_low;
-                float to_x = cell.x_high;
-                float low = from_x, high = to_x;
-                bool cut = false;
-                if (n >= 0) {
-                    float width = effective_width(mask, widest, slope, sec, leak, cell.sample_shade);
-                    low = centre - 0.5 * width;
-                    high = centre + 0.5 * width;
-                    cut = !sharp && (low + reach > from_x || high - reach < to_x);
-                    if (sharp) {
-                        from_x = max(from_x, low);
-                        to_x = min(to_x, high);
+                if (q > last && i < stop) {
+                    cell = push.cells.at[strip.first + i];
+                    i++;
+                    float from_x = cell.x_low;
+                    float to_x = cell.x_high;
+                    float low = from_x, high = to_x;
+                    bool cut = false;
+                    if (n >= 0) {
+                        float width = effective_width(mask, widest, slope, sec, leak, cell.sample_shade);
+                        low = centre - 0.5 * width;
+                        high = centre + 0.5 * width;
+                        cut = !sharp && (low + reach > from_x || high - reach < to_x);
+                        if (sharp) {
+                            from_x = max(from_x, low);
+                            to_x = min(to_x, high);
+                        }
                     }
+                    bool passes = high > low && high + reach > cell.x_low && low - reach < cell.x_high
+                        && to_x > from_x;
+                    float share = !passes ? 0.0 : (n < 0 ? leak : 1.0 - leak);
+                    piece = piece_of(light, strip, cell, from_x, to_x, share, soft);
+                    if (cut) {
+                        cut_by(piece, from_x, to_x, low, high, light.shift);
+                        piece.sample_lean = mask.thickness * abs(slope) * cell.sample_lean / (to_x - from_x);
+                    }
+                    float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
+                    float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
+                    q = max(int(floor((landing - span) / light.pixel + 0.5)), low_pixel);
+                    last = min(int(floor((landing + span) / light.pixel + 0.5)), high_pixel);
+                    if (share <= 0.0) last = q - 1;
                 }
-                bool passes = high > low && high + reach > cell.x_low && low - reach < cell.x_high
-                    && to_x > from_x;
-                float share = !passes ? 0.0 : (n < 0 ? leak : 1.0 - leak);
-                Piece piece = piece_of(light, strip, cell, from_x, to_x, share, soft);
-                if (cut) {
-                    cut_by(piece, from_x, to_x, low, high, light.shift);
-                    piece.sample_lean = mask.thickness * abs(slope) * cell.sample_lean / (to_x - from_x);
-                }
-                float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
-                float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
-                int q = max(int(floor((landing - span) / light.pixel + 0.5)), low_pixel);
-                int last = min(int(floor((landing + span) / light.pixel + 0.5)), high_pixel);
-                if (share <= 0.0) last = q - 1;
-                while (q <= last) {
+                if (q <= last) {
                     float edge = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
                     float value = piece.amount * response(light, column, sec, leak_behind, piece,
                                                           edge, edge + light.pixel);
@@ -351,7 +358,7 @@ void main() {
 #endif
                     q++;
                 }
-            } while (i < stop);
+            } while (i < stop || q <= last);
             n++;
         } while (n < apertures);
 #ifndef FAR

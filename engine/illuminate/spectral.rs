@@ -79,13 +79,22 @@ struct NodeLaw {
     slope_x: f64,
 }
 
+impl NodeLaw {
+    /// Share of the light that passes.
+    fn light(&self) -> f64 {
+        f64::from((-self.depth as f32).exp())
+    }
+}
+
 /// What gathering works with, kept from strip to strip.
 #[derive(Default)]
 struct Scratch {
-    /// First-order laws at either end of a cell, by node.
-    first_order: [Vec<NodeLaw>; 2],
+    /// First-order laws at either end of a cell, by node, and the light there.
+    first_order: [Vec<(NodeLaw, f64)>; 2],
     /// Laws at both ends, by node.
     laws: Vec<[NodeLaw; 2]>,
+    /// Light there.
+    light: Vec<[f64; 2]>,
     /// Light of a cell, by node.
     terms: Vec<Terms>,
     waiting: Vec<Range<usize>>,
@@ -276,11 +285,18 @@ impl Spectral {
             before = high;
             let [low_laws, high_laws] = &scratch.first_order;
             scratch.laws.clear();
-            scratch.laws.extend(low_laws.iter().zip(high_laws).map(|(low, high)| [*low, *high]));
+            scratch.light.clear();
+            for (low, high) in low_laws.iter().zip(high_laws) {
+                scratch.laws.push([low.0, high.0]);
+                scratch.light.push([low.1, high.1]);
+            }
             if exact.get(at).is_some_and(|e| e.cell as usize == index) {
                 let walked = at;
                 at += 1;
                 self.correct(&exact[walked], [low, high], &mut scratch.laws);
+                for (light, laws) in scratch.light.iter_mut().zip(&scratch.laws) {
+                    *light = laws.map(|law| law.light());
+                }
                 if repeated.iter().any(|r| r.places[walked].is_some()) {
                     let lists = &mut scratch.lists[groups..];
                     for ((laws, repeated), list) in scratch.laws.iter().zip(repeated).zip(lists) {
@@ -311,18 +327,19 @@ impl Spectral {
         }
     }
 
-    /// First-order laws at all nodes.
-    fn laws(&self, moments: &[f32], laws: &mut Vec<NodeLaw>) {
+    /// First-order laws at all nodes, and the light.
+    fn laws(&self, moments: &[f32], laws: &mut Vec<(NodeLaw, f64)>) {
         laws.clear();
-        laws.resize(self.nodes(), NodeLaw::default());
+        laws.resize(self.nodes(), (NodeLaw::default(), 1.0));
         for (material, m) in moments.chunks_exact(MOMENTS_PER_MATERIAL).enumerate() {
             // Few of the materials are on the way of a ray.
             if m.iter().any(|m| *m != 0.0) {
-                for (node, law) in laws.iter_mut().enumerate() {
+                for (node, (law, _)) in laws.iter_mut().enumerate() {
                     self.add_law(node * self.materials + material, m, law);
                 }
             }
         }
+        laws.iter_mut().for_each(|(law, light)| *light = law.light());
     }
 
     /// Adds what the moments in a material (behind those of the nodes before) make.
@@ -356,10 +373,10 @@ impl Spectral {
         let x = [cell.x_low, cell.x_high];
         let nodes = self.nodes();
         scratch.terms.clear();
-        scratch.terms.extend(scratch.laws.iter().enumerate().map(|(node, ends)| {
-            let light = ends.map(|law| f64::from((-law.depth as f32).exp()));
+        let ends = scratch.laws.iter().zip(&scratch.light);
+        scratch.terms.extend(ends.enumerate().map(|(node, (laws, light))| {
             let spread = f64::from(cell.spread) * self.stronger[node] * self.stronger[node];
-            Terms::new(ends, light, spread, bars.shades[node])
+            Terms::new(laws, *light, spread, bars.shades[node])
         }));
         let terms = scratch.terms.iter().cycle();
         let all: f64 =

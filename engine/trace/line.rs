@@ -68,10 +68,6 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    const fn new(low: Point, high: Point) -> Self {
-        Self { low, high, fit: None }
-    }
-
     /// The law at its ends.
     pub(super) fn ends(&self) -> [Numbers; 2] {
         let own = || [numbers(&self.low.law), numbers(&self.high.law)];
@@ -120,6 +116,32 @@ pub(super) struct Aim {
     pub(super) severe: f64,
 }
 
+/// An interval of x in work.
+#[derive(Debug, Clone, Copy)]
+struct Piece {
+    /// Lower and upper end.
+    x: [f32; 2],
+    /// Rays whose laws hold there.
+    rays: [u32; 2],
+}
+
+impl Piece {
+    const fn between(low: &Point, high: &Point) -> Self {
+        Self { x: [low.x, high.x], rays: [low.ray, high.ray] }
+    }
+
+    fn middle(&self) -> f32 {
+        middle(self.x[0], self.x[1])
+    }
+
+    fn ends(&self, laws: &[Law]) -> [Point; 2] {
+        [0, 1].map(|end| {
+            let ray = self.rays[end];
+            Point { x: self.x[end], law: laws[ray as usize], ray }
+        })
+    }
+}
+
 /// Intervals that must be cut finer than their law asks: they may hide a narrow component.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Narrow {
@@ -140,7 +162,12 @@ pub(super) struct Line {
     pub(super) splits: u64,
     /// Place of each ray traced, m from the beamlet's centre in the cell plane.
     pub(super) places: Vec<f32>,
-    open: Vec<Segment>,
+    /// The same rays' laws, until the line is done.
+    laws: Vec<Law>,
+    /// Intervals in which the law is linear, in any order.
+    pieces: Vec<Piece>,
+    /// Intervals whose middle is wanted.
+    open: Vec<Piece>,
 }
 
 /// Places of the first rays of a line: cell ends and cell middles, m from the beamlet's centre.
@@ -152,16 +179,14 @@ pub(crate) fn first_places(period: f32, cells: u32) -> Vec<f32> {
 impl Line {
     /// Takes the laws of the first rays.
     pub(super) fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
-        self.places = first_places(aim.period, aim.cells);
-        let points: Vec<Point> = (0..)
-            .zip(&self.places)
-            .zip(laws)
-            .map(|((ray, &x), law)| Point { x, law: *law, ray })
-            .collect();
-        self.base = points.iter().step_by(2).copied().collect();
-        for cell in points.windows(3).step_by(2) {
-            self.judge(aim, narrow, cell[0], cell[1], cell[2]);
+        let places = first_places(aim.period, aim.cells);
+        let point = |ray: usize| Point { x: places[ray], law: laws[ray], ray: ray as u32 };
+        self.laws = laws.to_vec();
+        self.base = (0..laws.len()).step_by(2).map(point).collect();
+        for first in (0..laws.len() - 1).step_by(2) {
+            self.judge(aim, narrow, &point(first), &point(first + 1), &point(first + 2));
         }
+        self.places = places;
     }
 
     /// Whether every ray of the line misses the sample.
@@ -171,7 +196,7 @@ impl Line {
 
     /// Places of the rays wanted next, one for each open segment.
     pub(super) fn wanted(&self) -> impl Iterator<Item = f32> + '_ {
-        self.open.iter().map(|s| middle(s.low.x, s.high.x))
+        self.open.iter().map(Piece::middle)
     }
 
     /// Number of rays wanted next.
@@ -181,11 +206,15 @@ impl Line {
 
     /// Takes the laws of the rays wanted; sorts the segments when the line is done.
     pub(super) fn give(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
-        for (segment, law) in std::mem::take(&mut self.open).into_iter().zip(laws) {
-            let x = middle(segment.low.x, segment.high.x);
-            let point = Point { x, law: *law, ray: self.places.len() as u32 };
-            self.places.push(x);
-            self.judge(aim, narrow, segment.low, point, segment.high);
+        self.places.reserve(laws.len());
+        self.laws.reserve(laws.len());
+        let open = std::mem::replace(&mut self.open, Vec::with_capacity(laws.len()));
+        for (piece, law) in open.into_iter().zip(laws) {
+            let [low, high] = piece.ends(&self.laws);
+            let middle = Point { x: piece.middle(), law: *law, ray: self.places.len() as u32 };
+            self.places.push(middle.x);
+            self.laws.push(*law);
+            self.judge(aim, narrow, &low, &middle, &high);
         }
         if self.open.is_empty() {
             self.finish(aim);
@@ -194,22 +223,30 @@ impl Line {
 
     /// Sorts the segments and joins neighbours that need not be apart.
     pub(super) fn finish(&mut self, aim: &Aim) {
-        self.segments.sort_by(|a, b| a.low.x.total_cmp(&b.low.x));
-        if self.is_empty() {
-            let (first, last) = (self.segments[0].low, self.segments[self.segments.len() - 1].high);
-            self.segments = vec![Segment::new(first, last)];
-        }
-        self.segments = run::runs(aim, &joined(aim, &self.segments));
+        let (mut pieces, laws) = (std::mem::take(&mut self.pieces), std::mem::take(&mut self.laws));
+        pieces.sort_unstable_by(|a, b| a.x[0].total_cmp(&b.x[0]));
+        let segment = |pieces: &[Piece]| {
+            let [low, _] = pieces[0].ends(&laws);
+            let [_, high] = pieces[pieces.len() - 1].ends(&laws);
+            Segment { low, high, fit: None }
+        };
+        let misses = |piece: &Piece| piece.rays.iter().all(|r| laws[*r as usize].crossings == 0);
+        let segments = if pieces.iter().all(misses) {
+            vec![segment(&pieces)]
+        } else {
+            joined(aim, &pieces, &laws).map(segment).collect()
+        };
+        self.segments = run::runs(aim, &segments);
         // Lines wait in great numbers until their strips are done.
         self.segments.shrink_to_fit();
         self.places.shrink_to_fit();
         self.open = Vec::new();
     }
 
-    /// Accepts the segment, or opens its halves.
-    fn judge(&mut self, aim: &Aim, narrow: &[Narrow], low: Point, mid: Point, high: Point) {
-        if is_linear(aim, narrow, &low, &mid, &high) {
-            self.segments.push(Segment::new(low, high));
+    /// Accepts the interval, or opens its halves.
+    fn judge(&mut self, aim: &Aim, narrow: &[Narrow], low: &Point, mid: &Point, high: &Point) {
+        if is_linear(aim, narrow, low, mid, high) {
+            self.pieces.push(Piece::between(low, high));
             return;
         }
         self.splits += 1;
@@ -217,26 +254,26 @@ impl Line {
             let step = a.signature() != b.signature();
             let width = b.x - a.x;
             let open = if step {
-                width > SHARP || (width > SHARPEST && !jump_is_small(aim, &a, &b))
+                width > SHARP || (width > SHARPEST && !jump_is_small(aim, a, b))
             } else {
                 width > SHARPEST
             };
             if open && representable(a.x, b.x) {
-                self.open.push(Segment::new(a, b));
+                self.open.push(Piece::between(a, b));
             } else if step {
                 // Across a silhouette the law is constant on each side, never interpolated.
                 let x = middle(a.x, b.x);
-                self.push_constant(a.x, x, a);
-                self.push_constant(x, b.x, b);
+                self.push_constant([a.x, x], a.ray);
+                self.push_constant([x, b.x], b.ray);
             } else {
-                self.segments.push(Segment::new(a, b));
+                self.pieces.push(Piece::between(a, b));
             }
         }
     }
 
-    fn push_constant(&mut self, from: f32, to: f32, of: Point) {
-        if to > from {
-            self.segments.push(Segment::new(Point { x: from, ..of }, Point { x: to, ..of }));
+    fn push_constant(&mut self, x: [f32; 2], ray: u32) {
+        if x[1] > x[0] {
+            self.pieces.push(Piece { x, rays: [ray; 2] });
         }
     }
 
@@ -253,28 +290,34 @@ impl Line {
     }
 }
 
-/// Segments with those neighbours joined that are linear as one: bisecting towards a jump leaves
-/// many pieces of one straight law, and every cell costs light.
-fn joined(aim: &Aim, segments: &[Segment]) -> Vec<Segment> {
-    let mut joined = Vec::new();
-    let mut rest = segments;
-    while let Some(first) = rest.first() {
+/// Groups of neighbours that are linear as one: bisecting towards a jump leaves many pieces of one
+/// straight law, and every cell costs light.
+fn joined<'p>(
+    aim: &'p Aim,
+    pieces: &'p [Piece],
+    laws: &'p [Law],
+) -> impl Iterator<Item = &'p [Piece]> {
+    let mut rest = pieces;
+    std::iter::from_fn(move || {
+        if rest.is_empty() {
+            return None;
+        }
         let mut count = 1;
-        while count < rest.len() && is_one(aim, &rest[..=count]) {
+        while count < rest.len() && is_one(aim, &rest[..=count], laws) {
             count += 1;
         }
-        joined.push(Segment::new(first.low, rest[count - 1].high));
-        rest = &rest[count..];
-    }
-    joined
+        let (group, after) = rest.split_at(count);
+        rest = after;
+        Some(group)
+    })
 }
 
-/// Whether segments that follow one another, alike but perhaps for the last, are linear as one, at
+/// Whether pieces that follow one another, alike but perhaps for the last, are linear as one, at
 /// every ray between them.
-fn is_one(aim: &Aim, segments: &[Segment]) -> bool {
-    let (low, last) = (&segments[0].low, &segments[segments.len() - 1]);
-    let high = &last.high;
-    if ![&segments[0].high, &last.low, high].into_iter().all(|point| point.is_like(low))
+fn is_one(aim: &Aim, pieces: &[Piece], laws: &[Law]) -> bool {
+    let [low, first_high] = pieces[0].ends(laws);
+    let [last_low, high] = pieces[pieces.len() - 1].ends(laws);
+    if ![first_high, last_low, high].iter().all(|point| point.is_like(&low))
         || (high.law.optical_depth - low.law.optical_depth).abs() > STEEPEST
     {
         return false;
@@ -283,8 +326,11 @@ fn is_one(aim: &Aim, segments: &[Segment]) -> bool {
     let room = (aim.period * FULL_SHARE / width).max(1.0);
     let law = |f: fn(&Law) -> f32, limit: f32| {
         let slope = (f(&high.law) - f(&low.law)) / width;
-        let off = |p: &Point| (f(&low.law) + slope * (p.x - low.x) - f(&p.law)).abs();
-        segments.windows(2).rev().all(|w| off(&w[0].high) <= limit && off(&w[1].low) <= limit)
+        let off = |x: f32, ray: u32| {
+            (f(&low.law) + slope * (x - low.x) - f(&laws[ray as usize])).abs() <= limit
+        };
+        let between = |w: &[Piece]| off(w[0].x[1], w[0].rays[1]) && off(w[1].x[0], w[1].rays[0]);
+        pieces.windows(2).rev().all(between)
     };
     law(|l| l.displacement_x, aim.tolerance * room)
         && law(|l| l.displacement_z, 100.0 * aim.tolerance * room)

@@ -95,10 +95,10 @@ impl Sums {
         self.mean(SHADE + mask)
     }
 
-    /// Optical depth in the middle less the mean of that at the ends.
+    /// Optical depth in the middle less the mean of that at the ends, to first order.
     pub(super) fn bend(&self) -> f64 {
         let [low, middle, high] = self.light();
-        (middle / (low * high).sqrt()).ln().abs()
+        (middle / (low * high).sqrt() - 1.0).abs()
     }
 
     /// The same of the displacement.
