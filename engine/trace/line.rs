@@ -1,5 +1,5 @@
-//! One line: the laws of a beamlet along x at one row coordinate, refined until the linear law
-//! holds in every segment (docs/physics.md, "Refinement").
+//! One line: the laws of a beamlet along x at one row coordinate, first seen coarsely, then refined
+//! until the linear law holds in every segment (docs/physics.md, "Refinement").
 
 #![allow(
     clippy::cast_possible_truncation,
@@ -9,10 +9,12 @@
 )]
 
 mod run;
+mod seen;
 
 use crate::gpu::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
 pub(crate) use run::Integrals;
 pub(super) use run::{Fit, Numbers, numbers};
+pub(super) use seen::{Edge, Seen};
 
 /// Silhouettes are bisected to this width at least, m in the cell plane.
 const SHARP: f32 = 20e-9;
@@ -92,15 +94,6 @@ impl Segment {
     }
 }
 
-/// A place where the signature changes along a line.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Edge {
-    /// m from the beamlet's centre.
-    pub(super) x: f32,
-    /// Signatures below and above.
-    pub(super) signatures: [u32; 2],
-}
-
 /// What refinement aims at.
 #[derive(Debug, Clone)]
 pub(super) struct Aim {
@@ -116,7 +109,53 @@ pub(super) struct Aim {
     pub(super) severe: f64,
 }
 
-/// An interval of x in work.
+/// The rays of a line.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Rays {
+    /// Place of each, m from the beamlet's centre in the cell plane.
+    pub(super) places: Vec<f32>,
+    laws: Vec<Law>,
+}
+
+impl Rays {
+    fn point(&self, ray: u32) -> Point {
+        Point { x: self.places[ray as usize], law: self.laws[ray as usize], ray }
+    }
+
+    /// Where the middle between two rays lies.
+    fn between(&self, [low, high]: [u32; 2]) -> f32 {
+        middle(self.places[low as usize], self.places[high as usize])
+    }
+
+    /// Takes the laws of rays in the middle of intervals: those, with the ray between their ends.
+    fn take(&mut self, open: Vec<[u32; 2]>, laws: &[Law]) -> Vec<[u32; 3]> {
+        self.laws.extend_from_slice(laws);
+        self.places.reserve(laws.len());
+        let halved = |ends: [u32; 2]| {
+            let ray = self.places.len() as u32;
+            self.places.push(self.between(ends));
+            [ends[0], ray, ends[1]]
+        };
+        open.into_iter().map(halved).collect()
+    }
+}
+
+/// A line that asks for rays until it knows enough.
+pub(super) trait Asks {
+    /// Its rays so far.
+    fn rays(&self) -> &Rays;
+    /// Intervals between rays whose middles are wanted next.
+    fn open(&self) -> &[[u32; 2]];
+    /// Takes the laws of the rays wanted.
+    fn give(&mut self, aim: &Aim, laws: &[Law]);
+
+    /// Places of the rays wanted next.
+    fn wanted(&self) -> impl Iterator<Item = f32> {
+        self.open().iter().map(|ends| self.rays().between(*ends))
+    }
+}
+
+/// An interval of x in which a law holds.
 #[derive(Debug, Clone, Copy)]
 struct Piece {
     /// Lower and upper end.
@@ -128,10 +167,6 @@ struct Piece {
 impl Piece {
     const fn between(low: &Point, high: &Point) -> Self {
         Self { x: [low.x, high.x], rays: [low.ray, high.ray] }
-    }
-
-    fn middle(&self) -> f32 {
-        middle(self.x[0], self.x[1])
     }
 
     fn ends(&self, laws: &[Law]) -> [Point; 2] {
@@ -151,23 +186,19 @@ pub(super) struct Narrow {
     pub(super) width: f32,
 }
 
-/// A line in work: rays asked for, laws given, until nothing more is asked.
+/// A line in refinement, and what becomes of it.
 #[derive(Debug, Default)]
 pub(super) struct Line {
-    /// Laws at the ends of the unrefined cells.
-    pub(super) base: Vec<Point>,
-    /// Finished segments, sorted by x once the line is done.
+    /// Segments, sorted by x once the line is done.
     pub(super) segments: Vec<Segment>,
     /// Segments cut.
     pub(super) splits: u64,
-    /// Place of each ray traced, m from the beamlet's centre in the cell plane.
-    pub(super) places: Vec<f32>,
-    /// The same rays' laws, until the line is done.
-    laws: Vec<Law>,
+    /// Its rays; without their laws once it is done.
+    pub(super) rays: Rays,
+    narrow: Vec<Narrow>,
     /// Intervals in which the law is linear, in any order.
     pieces: Vec<Piece>,
-    /// Intervals whose middle is wanted.
-    open: Vec<Piece>,
+    open: Vec<[u32; 2]>,
 }
 
 /// Places of the first rays of a line: cell ends and cell middles, m from the beamlet's centre.
@@ -176,54 +207,50 @@ pub(crate) fn first_places(period: f32, cells: u32) -> Vec<f32> {
     (0..=n).map(|i| period * ((i as f32) / (n as f32) - 0.5)).collect()
 }
 
-impl Line {
-    /// Takes the laws of the first rays.
-    pub(super) fn begin(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
-        let places = first_places(aim.period, aim.cells);
-        let point = |ray: usize| Point { x: places[ray], law: laws[ray], ray: ray as u32 };
-        self.laws = laws.to_vec();
-        self.base = (0..laws.len()).step_by(2).map(point).collect();
-        for first in (0..laws.len() - 1).step_by(2) {
-            self.judge(aim, narrow, &point(first), &point(first + 1), &point(first + 2));
-        }
-        self.places = places;
+impl Asks for Line {
+    fn rays(&self) -> &Rays {
+        &self.rays
     }
 
-    /// Whether every ray of the line misses the sample.
-    pub(super) fn is_empty(&self) -> bool {
-        self.segments.iter().all(|s| s.low.law.crossings == 0 && s.high.law.crossings == 0)
+    fn open(&self) -> &[[u32; 2]] {
+        &self.open
     }
 
-    /// Places of the rays wanted next, one for each open segment.
-    pub(super) fn wanted(&self) -> impl Iterator<Item = f32> + '_ {
-        self.open.iter().map(Piece::middle)
-    }
-
-    /// Number of rays wanted next.
-    pub(super) fn wanted_count(&self) -> usize {
-        self.open.len()
-    }
-
-    /// Takes the laws of the rays wanted; sorts the segments when the line is done.
-    pub(super) fn give(&mut self, aim: &Aim, narrow: &[Narrow], laws: &[Law]) {
-        self.places.reserve(laws.len());
-        self.laws.reserve(laws.len());
-        let open = std::mem::replace(&mut self.open, Vec::with_capacity(laws.len()));
-        for (piece, law) in open.into_iter().zip(laws) {
-            let [low, high] = piece.ends(&self.laws);
-            let middle = Point { x: piece.middle(), law: *law, ray: self.places.len() as u32 };
-            self.places.push(middle.x);
-            self.laws.push(*law);
-            self.judge(aim, narrow, &low, &middle, &high);
+    fn give(&mut self, aim: &Aim, laws: &[Law]) {
+        let open = std::mem::take(&mut self.open);
+        for [low, middle, high] in self.rays.take(open, laws) {
+            self.judge(aim, low, middle, high);
         }
         if self.open.is_empty() {
             self.finish(aim);
         }
     }
+}
+
+impl Line {
+    /// Begins to refine a line that was seen.
+    pub(super) fn refine(aim: &Aim, seen: Seen) -> Self {
+        let Seen { rays, narrow, unjudged, halves, .. } = seen;
+        let mut line = Self { rays, narrow, splits: seen.splits, ..Self::default() };
+        for [low, middle, high] in unjudged {
+            line.judge(aim, low, middle, high);
+        }
+        for [low, high] in halves {
+            line.half(aim, &line.rays.point(low), &line.rays.point(high));
+        }
+        // Rays that are neighbours are traced side by side.
+        let place = |ends: &[u32; 2]| line.rays.places[ends[0] as usize];
+        line.open.sort_unstable_by(|a, b| place(a).total_cmp(&place(b)));
+        if line.open.is_empty() {
+            line.finish(aim);
+        }
+        line
+    }
 
     /// Sorts the segments and joins neighbours that need not be apart.
-    pub(super) fn finish(&mut self, aim: &Aim) {
-        let (mut pieces, laws) = (std::mem::take(&mut self.pieces), std::mem::take(&mut self.laws));
+    fn finish(&mut self, aim: &Aim) {
+        let mut pieces = std::mem::take(&mut self.pieces);
+        let laws = std::mem::take(&mut self.rays.laws);
         pieces.sort_unstable_by(|a, b| a.x[0].total_cmp(&b.x[0]));
         let segment = |pieces: &[Piece]| {
             let [low, _] = pieces[0].ends(&laws);
@@ -239,35 +266,40 @@ impl Line {
         self.segments = run::runs(aim, &segments);
         // Lines wait in great numbers until their strips are done.
         self.segments.shrink_to_fit();
-        self.places.shrink_to_fit();
+        self.rays.places.shrink_to_fit();
         self.open = Vec::new();
     }
 
-    /// Accepts the interval, or opens its halves.
-    fn judge(&mut self, aim: &Aim, narrow: &[Narrow], low: &Point, mid: &Point, high: &Point) {
-        if is_linear(aim, narrow, low, mid, high) {
-            self.pieces.push(Piece::between(low, high));
+    /// Accepts the interval between two rays, or opens its halves.
+    fn judge(&mut self, aim: &Aim, low: u32, middle: u32, high: u32) {
+        let [low, middle, high] = [low, middle, high].map(|ray| self.rays.point(ray));
+        if is_linear(aim, &self.narrow, &low, &middle, &high) {
+            self.pieces.push(Piece::between(&low, &high));
             return;
         }
         self.splits += 1;
-        for (a, b) in [(low, mid), (mid, high)] {
-            let step = a.signature() != b.signature();
-            let width = b.x - a.x;
-            let open = if step {
-                width > SHARP || (width > SHARPEST && !jump_is_small(aim, a, b))
-            } else {
-                width > SHARPEST
-            };
-            if open && representable(a.x, b.x) {
-                self.open.push(Piece::between(a, b));
-            } else if step {
-                // Across a silhouette the law is constant on each side, never interpolated.
-                let x = middle(a.x, b.x);
-                self.push_constant([a.x, x], a.ray);
-                self.push_constant([x, b.x], b.ray);
-            } else {
-                self.pieces.push(Piece::between(a, b));
-            }
+        self.half(aim, &low, &middle);
+        self.half(aim, &middle, &high);
+    }
+
+    /// Opens a half of an interval that was cut, or accepts it.
+    fn half(&mut self, aim: &Aim, a: &Point, b: &Point) {
+        let step = a.signature() != b.signature();
+        let width = b.x - a.x;
+        let open = if step {
+            width > SHARP || (width > SHARPEST && !jump_is_small(aim, a, b))
+        } else {
+            width > SHARPEST
+        };
+        if open && representable(a.x, b.x) {
+            self.open.push([a.ray, b.ray]);
+        } else if step {
+            // Across a silhouette the law is constant on each side, never interpolated.
+            let x = middle(a.x, b.x);
+            self.push_constant([a.x, x], a.ray);
+            self.push_constant([x, b.x], b.ray);
+        } else {
+            self.pieces.push(Piece::between(a, b));
         }
     }
 
@@ -275,18 +307,6 @@ impl Line {
         if x[1] > x[0] {
             self.pieces.push(Piece { x, rays: [ray; 2] });
         }
-    }
-
-    /// Places where the signature changes.
-    pub(super) fn edges(&self) -> Vec<Edge> {
-        self.segments
-            .windows(2)
-            .filter(|w| w[0].high.signature() != w[1].low.signature())
-            .map(|w| Edge {
-                x: w[1].low.x,
-                signatures: [w[0].high.signature(), w[1].low.signature()],
-            })
-            .collect()
     }
 }
 
@@ -355,6 +375,11 @@ fn jump_is_small(aim: &Aim, a: &Point, b: &Point) -> bool {
         && jump(|l| l.optical_depth) <= DEPTH_TOLERANCE * room
 }
 
+/// Whether a narrow component may hide between two rays.
+fn may_hide(narrow: &[Narrow], low: &Point, high: &Point) -> bool {
+    narrow.iter().any(|n| n.x[0] < high.x && n.x[1] > low.x && high.x - low.x > n.width)
+}
+
 fn is_linear(aim: &Aim, narrow: &[Narrow], low: &Point, mid: &Point, high: &Point) -> bool {
     let width = high.x - low.x;
     if low.signature() != mid.signature() || mid.signature() != high.signature() {
@@ -367,7 +392,7 @@ fn is_linear(aim: &Aim, narrow: &[Narrow], low: &Point, mid: &Point, high: &Poin
     if flags & FLAG_NOT_FINITE != 0 {
         return true; // its light is left out whole
     }
-    if narrow.iter().any(|n| n.x[0] < high.x && n.x[1] > low.x && width > n.width) {
+    if may_hide(narrow, low, high) {
         return false;
     }
     let bend = |f: fn(&Law) -> f32| (f(&mid.law) - 0.5 * (f(&low.law) + f(&high.law))).abs();

@@ -11,10 +11,11 @@
 
 mod ends;
 mod moments;
+mod neighbours;
 mod refiner;
 
 use super::lattice::Lattice;
-use super::line::{Line, first_places};
+use super::line::{Seen, first_places};
 use super::occupancy::Shadow;
 use super::tracer::Tracer;
 use crate::Result;
@@ -285,7 +286,7 @@ pub fn trace_strips(
         keys.sort_unstable();
         keys.dedup();
         keys.retain(|k| !lines.contains_key(k));
-        out.strips.splits += work.trace_lines(tracer, &keys, &mut lines)?;
+        work.see_lines(tracer, &keys, &mut lines)?;
         let verdicts: Vec<bool> = open.par_iter().map(|s| work.agrees(s, &lines)).collect();
         let (mut next, mut done) = (Vec::new(), Vec::new());
         for (span, agrees) in open.iter().zip(verdicts) {
@@ -297,12 +298,19 @@ pub fn trace_strips(
                 next.push(Span { low: middle, ..*span });
             }
         }
+        // Neighbouring lines are refined alike.
+        done.sort_unstable_by_key(|span| (span.beamlet, span.low));
         for some in done.chunks(SPANS_AT_ONCE) {
-            let moments = work.end_moments(tracer, some, &lines)?;
-            let cells = |(spans, moments): (&[Span], &[Vec<f32>])| {
+            let refined = work.refine_lines(tracer, some, &mut lines)?;
+            out.strips.splits += refined.iter().map(|line| line.splits).sum::<u64>();
+            let mut moments = work.end_moments(tracer, some, &refined)?;
+            let spans = some.par_chunks(SPANS_OF_A_THREAD);
+            let lines = refined.par_chunks(SPANS_OF_A_THREAD);
+            let moments = moments.par_chunks_mut(SPANS_OF_A_THREAD);
+            let cells = spans.zip(lines).zip(moments).map(|((spans, lines), moments)| {
                 let mut part = Strips::default();
-                for (span, moments) in spans.iter().zip(moments) {
-                    let made = work.cells(span, &lines[&(span.beamlet, span.middle())], moments);
+                for ((span, line), moments) in spans.iter().zip(lines).zip(moments) {
+                    let made = work.cells(span, line, std::mem::take(moments));
                     let row = i64::from(made.strip.row);
                     part.landed_off += made.landed_off;
                     part.not_finite += made.not_finite;
@@ -311,13 +319,12 @@ pub fn trace_strips(
                     }
                 }
                 part
-            };
-            let spans = some.par_chunks(SPANS_OF_A_THREAD);
-            let parts: Vec<Strips> =
-                spans.zip(moments.par_chunks(SPANS_OF_A_THREAD)).map(cells).collect();
+            });
+            let parts: Vec<Strips> = cells.collect();
             for part in &parts {
                 out.append(tracer, part)?;
             }
+            refined.into_par_iter().for_each(drop);
         }
         waiting.extend(chunks(&next, at_once, &lines));
         lines.into_par_iter().for_each(drop);
@@ -328,11 +335,11 @@ pub fn trace_strips(
 /// Spans to look at, and the lines known of them.
 struct Lines {
     open: Vec<Span>,
-    lines: HashMap<Key, Arc<Line>>,
+    lines: HashMap<Key, Arc<Seen>>,
 }
 
 /// Spans in chunks of at most `at_once`, each with those of the lines that it needs.
-fn chunks(spans: &[Span], at_once: usize, lines: &HashMap<Key, Arc<Line>>) -> Vec<Lines> {
+fn chunks(spans: &[Span], at_once: usize, lines: &HashMap<Key, Arc<Seen>>) -> Vec<Lines> {
     let chunk = |spans: &[Span]| Lines {
         open: spans.to_vec(),
         lines: spans

@@ -2,8 +2,8 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
 
+use super::Span;
 use super::refiner::Refiner;
-use super::{Key, Span};
 use crate::Result;
 use crate::gpu::interface::{
     FLAG_EXACT, FLAG_NOT_FINITE, FLAG_UNBALANCED, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray,
@@ -13,8 +13,6 @@ use crate::trace::line::{Line, Numbers, numbers};
 use crate::trace::tracer::Tracer;
 use crate::trace::{Media, upload};
 use rayon::prelude::*;
-use std::collections::HashMap;
-use std::sync::Arc;
 
 /// Of constants on both sides of a surface, by which a law tells moments.
 const LEAST_CONTRAST: f64 = 0.05;
@@ -97,29 +95,28 @@ impl Keep {
 }
 
 impl Refiner<'_> {
-    /// Moments at both ends of the segments of spans, `[segment][end][material][moment]` for each
+    /// Moments at both ends of the segments of spans with these middle lines, `[segment][end][material][moment]` for each
     /// span; nothing where they are not kept. Rays whose laws do not tell them, few of a line, are
     /// traced once more.
     pub(super) fn end_moments(
         &self,
         tracer: &mut Tracer,
         spans: &[Span],
-        lines: &HashMap<Key, Arc<Line>>,
+        lines: &[Line],
     ) -> Result<Vec<Vec<f32>>> {
         let Some(keep) = self.view.keep else { return Ok(vec![Vec::new(); spans.len()]) };
         let key = |span: &Span| (span.beamlet, span.middle());
-        let asked = |span: &Span| -> Vec<Ray> {
-            let line = &lines[&key(span)];
+        let asked = |(span, line): (&Span, &Line)| -> Vec<Ray> {
             let (mut last, mut rays) = (None, Vec::new());
             for end in line.segments.iter().flat_map(|segment| [&segment.low, &segment.high]) {
                 // Neighbours share a ray.
                 if last.replace(end.ray) != Some(end.ray) && keep.told_by(&end.law).is_none() {
-                    rays.push(self.ray(&key(span), line.places[end.ray as usize]));
+                    rays.push(self.ray(&key(span), line.rays.places[end.ray as usize]));
                 }
             }
             rays
         };
-        let asked: Vec<Vec<Ray>> = spans.par_iter().map(asked).collect();
+        let asked: Vec<Vec<Ray>> = spans.par_iter().zip(lines).map(asked).collect();
         let words = tracer.materials() * MOMENTS_PER_MATERIAL;
         let stride = MOMENTS_HEAD + words;
         let traced = tracer.trace_moments(&asked.concat())?;
@@ -132,9 +129,8 @@ impl Refiner<'_> {
                 of_span
             })
             .collect();
-        let by_segment = |(span, traced): (&Span, &[u32])| {
+        let by_segment = |(line, traced): (&Line, &[u32])| {
             let mut traced = traced.chunks_exact(stride);
-            let line = &lines[&key(span)];
             let mut moments = Vec::with_capacity(2 * line.segments.len() * words);
             let (mut last, mut of_ray) = (None, &[][..]);
             for segment in &line.segments {
@@ -160,7 +156,7 @@ impl Refiner<'_> {
             }
             moments
         };
-        Ok(spans.par_iter().zip(of_spans).map(by_segment).collect())
+        Ok(lines.par_iter().zip(of_spans).map(by_segment).collect())
     }
 }
 

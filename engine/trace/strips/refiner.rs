@@ -8,10 +8,11 @@
 )]
 
 use super::moments::{CellMoments, ExactCell};
+use super::neighbours::Wanted;
 use super::{Key, Span, View, empty_strip, units};
 use crate::Result;
 use crate::gpu::interface::{Cell, FLAG_EXACT, FLAG_NOT_FINITE, Law, Ray, Strip};
-use crate::trace::line::{Aim, DEPTH_TOLERANCE, Edge, Line, Narrow, first_places};
+use crate::trace::line::{Aim, Asks, DEPTH_TOLERANCE, Edge, Line, Narrow, Seen, first_places};
 use crate::trace::tracer::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -99,64 +100,71 @@ impl<'a> Refiner<'a> {
         self.view.lattice.ray(key.0, f64::from(x), self.row(key.1), self.view.index)
     }
 
-    /// Traces and refines lines together, so that the device gets many rays at a time. Tells
-    /// how many cells were cut.
-    pub(super) fn trace_lines(
+    /// Traces lines together, as far as it takes to tell whether they agree.
+    pub(super) fn see_lines(
         &self,
         tracer: &mut Tracer,
         keys: &[Key],
-        lines: &mut HashMap<Key, Arc<Line>>,
-    ) -> Result<u64> {
+        lines: &mut HashMap<Key, Arc<Seen>>,
+    ) -> Result<()> {
         let places = first_places(self.aim.period, self.aim.cells);
-        let n = places.len();
-        let rays: Vec<Ray> =
-            keys.par_iter().flat_map_iter(|k| places.iter().map(|&x| self.ray(k, x))).collect();
-        let laws = tracer.trace(&rays)?;
-        let mut work: Vec<(Key, Vec<Narrow>, Line)> = keys
-            .par_iter()
-            .enumerate()
-            .map(|(i, key)| {
-                let narrow = self.narrow(key);
-                let mut line = Line::default();
-                let rays = i * n..(i + 1) * n;
-                line.begin(&self.aim, &narrow, &laws[rays]);
-                if line.wanted_count() == 0 {
-                    line.finish(&self.aim);
-                }
-                (*key, narrow, line)
-            })
-            .collect();
+        let wanted: Vec<Wanted> = keys.iter().map(|key| (*key, places.clone())).collect();
+        let laws = self.trace_places(tracer, &wanted)?;
+        let begin =
+            |(key, laws): (&Key, &[Law])| (*key, Seen::begin(&self.aim, self.narrow(key), laws));
+        let mut work: Vec<(Key, Seen)> =
+            keys.par_iter().zip(laws.par_chunks(places.len())).map(begin).collect();
+        self.answer(tracer, &mut work)?;
+        lines.extend(work.into_iter().map(|(key, line)| (key, Arc::new(line))));
+        Ok(())
+    }
+
+    /// Refines the middle lines of spans, which leave the lines seen.
+    pub(super) fn refine_lines(
+        &self,
+        tracer: &mut Tracer,
+        spans: &[Span],
+        lines: &mut HashMap<Key, Arc<Seen>>,
+    ) -> Result<Vec<Line>> {
+        let key = |span: &Span| (span.beamlet, span.middle());
+        // A middle is no other span's line.
+        let mut seen = |span| Some((key(span), Arc::unwrap_or_clone(lines.remove(&key(span))?)));
+        let seen: Vec<(Key, Seen)> = spans.iter().filter_map(&mut seen).collect();
+        debug_assert_eq!(seen.len(), spans.len(), "every middle line was seen, and stands once");
+        let refine = |(key, seen)| (key, Line::refine(&self.aim, seen));
+        let mut work: Vec<(Key, Line)> = seen.into_par_iter().map(refine).collect();
+        self.answer(tracer, &mut work)?;
+        Ok(work.into_iter().map(|(_, line)| line).collect())
+    }
+
+    /// Traces what lines ask for until they ask no more, all together, so that the device gets
+    /// many rays at a time.
+    fn answer<L: Asks + Send + Sync>(
+        &self,
+        tracer: &mut Tracer,
+        work: &mut [(Key, L)],
+    ) -> Result<()> {
         loop {
-            let rays: Vec<Ray> = work
-                .par_iter()
-                .flat_map_iter(|(key, _, line)| line.wanted().map(|x| self.ray(key, x)))
-                .collect();
-            if rays.is_empty() {
-                break;
+            let asking = work.par_iter().filter(|(_, line)| !line.open().is_empty());
+            let wanted: Vec<Wanted> =
+                asking.map(|(key, line)| (*key, line.wanted().collect())).collect();
+            if wanted.is_empty() {
+                return Ok(());
             }
-            let laws = tracer.trace(&rays)?;
+            let laws = self.trace_places(tracer, &wanted)?;
             let mut rest = &laws[..];
-            let asking: Vec<_> = work
-                .iter_mut()
-                .filter(|(_, _, line)| line.wanted_count() > 0)
-                .map(|(_, narrow, line)| {
-                    let (given, after) = rest.split_at(line.wanted_count());
-                    rest = after;
-                    (narrow, line, given)
-                })
-                .collect();
-            let give = |(narrow, line, laws): (&mut Vec<Narrow>, &mut Line, &[Law])| {
-                line.give(&self.aim, narrow, laws);
-            };
-            asking.into_par_iter().for_each(give);
+            let mut asking = Vec::new();
+            for (_, line) in work.iter_mut().filter(|(_, line)| !line.open().is_empty()) {
+                let (given, after) = rest.split_at(line.open().len());
+                rest = after;
+                asking.push((line, given));
+            }
+            asking.into_par_iter().for_each(|(line, laws)| line.give(&self.aim, laws));
         }
-        let splits = work.iter().map(|(_, _, line)| line.splits).sum();
-        lines.extend(work.into_iter().map(|(key, _, line)| (key, Arc::new(line))));
-        Ok(splits)
     }
 
     /// Whether the middle line stands for the whole span.
-    pub(super) fn agrees(&self, span: &Span, lines: &HashMap<Key, Arc<Line>>) -> bool {
+    pub(super) fn agrees(&self, span: &Span, lines: &HashMap<Key, Arc<Seen>>) -> bool {
         let [low, middle, high] = span.keys().map(|k| &lines[&k]);
         let height = (self.row(span.high) - self.row(span.low)) as f32;
         if self.may_hide(span, height) {
@@ -167,14 +175,15 @@ impl<'a> Refiner<'a> {
         }
         let limit = self.aim.period * EDGE_SHARE;
         let half = self.aim.period / 2.0;
-        let edges = middle.edges();
-        if !edges_agree(&low.edges(), &edges, limit, half)
-            || !edges_agree(&high.edges(), &edges, limit, half)
+        let edges = &middle.edges;
+        if !edges_agree(&low.edges, edges, limit, half)
+            || !edges_agree(&high.edges, edges, limit, half)
         {
             return false;
         }
         // No silhouette crosses the lines, yet one may run between them.
-        let signature = |line: &Line| line.base[line.base.len() / 2].law.signature;
+        let centre = self.aim.cells as usize / 2;
+        let signature = |line: &Seen| line.base(&self.aim).nth(centre).map(|law| law.signature);
         if edges.iter().all(|e| e.x.abs() >= half - limit)
             && [low, high].into_iter().any(|line| signature(line) != signature(middle))
         {
@@ -182,13 +191,15 @@ impl<'a> Refiner<'a> {
         }
         let bend = |f: fn(&Law) -> f32| {
             let mut sum = 0.0;
-            for ((a, m), b) in low.base.iter().zip(&middle.base).zip(&high.base) {
-                let same = a.law.signature == m.law.signature && m.law.signature == b.law.signature;
-                if same && (a.law.flags | m.law.flags | b.law.flags) & FLAG_NOT_FINITE == 0 {
-                    sum += (f(&m.law) - 0.5 * (f(&a.law) + f(&b.law))).abs();
+            let [low, middle, high] = [low, middle, high].map(|line| line.base(&self.aim));
+            let count = middle.len();
+            for ((a, m), b) in low.zip(middle).zip(high) {
+                let same = a.signature == m.signature && m.signature == b.signature;
+                if same && (a.flags | m.flags | b.flags) & FLAG_NOT_FINITE == 0 {
+                    sum += (f(m) - 0.5 * (f(a) + f(b))).abs();
                 }
             }
-            sum / middle.base.len() as f32 * height
+            sum / count as f32 * height
         };
         bend(|l| l.displacement_x) <= self.aim.tolerance
             && bend(|l| l.optical_depth) <= DEPTH_TOLERANCE
@@ -210,7 +221,7 @@ impl<'a> Refiner<'a> {
     }
 
     /// The cells of a span; `moments`: those of its segments ([`Self::end_moments`]).
-    pub(super) fn cells(&self, span: &Span, line: &Line, moments: &[f32]) -> SpanCells {
+    pub(super) fn cells(&self, span: &Span, line: &Line, moments: Vec<f32>) -> SpanCells {
         let row = span.low.div_euclid(self.units);
         let top = self.row(span.low) - row as f64;
         let bottom = self.row(span.high) - row as f64;
@@ -222,17 +233,19 @@ impl<'a> Refiner<'a> {
                 ..empty_strip(i64::from(column), row)
             },
             cells: Vec::with_capacity(line.segments.len()),
-            moments: CellMoments::default(),
+            moments: CellMoments { ends: moments, exact: Vec::new() },
             lands: 0..1,
             landed_off: 0,
             not_finite: 0,
         };
         let middle = (span.beamlet, span.middle());
-        let words = moments.len() / line.segments.len().max(1);
-        for (index, segment) in line.segments.iter().enumerate() {
+        let words = made.moments.ends.len() / line.segments.len().max(1);
+        for segment in &line.segments {
             let (low, high) = (&segment.low, &segment.high);
             if (low.law.flags | high.law.flags) & FLAG_NOT_FINITE != 0 {
                 made.not_finite += 1;
+                let first = made.cells.len() * words;
+                made.moments.ends.drain(first..first + words);
                 continue;
             }
             let ends = segment.ends().map(|numbers| numbers.map(|number| number as f32));
@@ -263,12 +276,11 @@ impl<'a> Refiner<'a> {
             if self.view.keep.is_none() {
                 continue;
             }
-            made.moments.ends.extend_from_slice(&moments[index * words..][..words]);
             let flags = low.law.flags | high.law.flags;
             if flags & FLAG_EXACT != 0 {
                 made.moments.exact.push(ExactCell {
                     cell: made.cells.len() as u32 - 1,
-                    ends: [low, high].map(|p| self.ray(&middle, line.places[p.ray as usize])),
+                    ends: [low, high].map(|p| self.ray(&middle, line.rays.places[p.ray as usize])),
                     laws: segment.laws(),
                     range: [0.0, 1.0],
                 });

@@ -1,0 +1,111 @@
+//! A line seen coarsely: enough to tell whether neighbouring lines agree.
+
+use super::{Aim, Asks, Narrow, Point, Rays, first_places, may_hide, middle, representable};
+use crate::gpu::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
+
+/// Silhouettes are bisected to this share of a period.
+const COARSE_SHARE: f32 = 1.0 / 160.0;
+
+/// A place where the signature changes along a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::trace) struct Edge {
+    /// m from the beamlet's centre.
+    pub(in crate::trace) x: f32,
+    /// Signatures below and above.
+    pub(in crate::trace) signatures: [u32; 2],
+}
+
+/// A line by its first rays and those that find its silhouettes.
+#[derive(Debug, Clone, Default)]
+pub(in crate::trace) struct Seen {
+    /// Places where the signature changes, once the line is seen.
+    pub(in crate::trace) edges: Vec<Edge>,
+    pub(super) splits: u64,
+    pub(super) rays: Rays,
+    pub(super) narrow: Vec<Narrow>,
+    /// Intervals of which a ray in the middle is known, and nothing shows that they need cutting.
+    pub(super) unjudged: Vec<[u32; 3]>,
+    /// Halves of intervals that were cut, as narrow as is wanted here.
+    pub(super) halves: Vec<[u32; 2]>,
+    open: Vec<[u32; 2]>,
+}
+
+impl Asks for Seen {
+    fn rays(&self) -> &Rays {
+        &self.rays
+    }
+
+    fn open(&self) -> &[[u32; 2]] {
+        &self.open
+    }
+
+    fn give(&mut self, aim: &Aim, laws: &[Law]) {
+        let open = std::mem::take(&mut self.open);
+        for rays in self.rays.take(open, laws) {
+            self.look(aim, rays);
+        }
+        self.find_edges();
+    }
+}
+
+impl Seen {
+    /// Takes the laws of the first rays; `narrow`: where components may hide between them.
+    pub(in crate::trace) fn begin(aim: &Aim, narrow: Vec<Narrow>, laws: &[Law]) -> Self {
+        let rays = Rays { places: first_places(aim.period, aim.cells), laws: laws.to_vec() };
+        let mut seen = Self { rays, narrow, ..Self::default() };
+        for cell in 0..aim.cells {
+            seen.look(aim, [2 * cell, 2 * cell + 1, 2 * cell + 2]);
+        }
+        seen.find_edges();
+        seen
+    }
+
+    /// Whether every ray misses the sample.
+    pub(in crate::trace) fn is_empty(&self) -> bool {
+        self.rays.laws.iter().all(|law| law.crossings == 0)
+    }
+
+    /// Laws at the ends of the unrefined cells.
+    pub(in crate::trace) fn base(&self, aim: &Aim) -> impl ExactSizeIterator<Item = &Law> {
+        self.rays.laws[..=2 * aim.cells as usize].iter().step_by(2)
+    }
+
+    /// Leaves the interval between two rays for later, or cuts it where it has a silhouette.
+    fn look(&mut self, aim: &Aim, rays: [u32; 3]) {
+        let [low, mid, high] = rays.map(|ray| self.rays.point(ray));
+        let alike = low.signature() == mid.signature() && mid.signature() == high.signature();
+        if alike && !may_hide(&self.narrow, &low, &high) {
+            self.unjudged.push(rays);
+            return;
+        }
+        self.splits += 1;
+        for (a, b) in [(&low, &mid), (&mid, &high)] {
+            let step = a.signature() != b.signature() && b.x - a.x > aim.period * COARSE_SHARE;
+            if (step || may_hide(&self.narrow, a, b)) && representable(a.x, b.x) {
+                self.open.push([a.ray, b.ray]);
+            } else {
+                self.halves.push([a.ray, b.ray]);
+            }
+        }
+    }
+
+    /// Where the signature changes, once nothing more is asked. Total reflection is no silhouette:
+    /// its strip is often narrower than anybody looks here.
+    fn find_edges(&mut self) {
+        if !self.open.is_empty() {
+            return;
+        }
+        let mut points: Vec<Point> =
+            (0..).zip(&self.rays.laws).map(|(ray, _)| self.rays.point(ray)).collect();
+        points.retain(|p| p.law.flags & (FLAG_REFLECTED | FLAG_NOT_FINITE) == 0);
+        points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x));
+        self.edges = points
+            .windows(2)
+            .filter(|w| w[0].signature() != w[1].signature())
+            .map(|w| Edge {
+                x: middle(w[0].x, w[1].x),
+                signatures: [w[0].signature(), w[1].signature()],
+            })
+            .collect();
+    }
+}
