@@ -49,6 +49,8 @@ pub struct Spectral {
     /// `[node][material]`, behind the nodes the mean constants.
     mu: Vec<f64>,
     delta: Vec<f64>,
+    /// Materials that do anything to light.
+    acting: Vec<usize>,
     /// How much more strongly the sample refracts than at the mean constants, by node.
     stronger: Vec<f64>,
     /// Share of the grazing incidence below which ordered walks are repeated, by node.
@@ -84,6 +86,12 @@ impl NodeLaw {
     fn light(&self) -> f64 {
         f64::from((-self.depth as f32).exp())
     }
+}
+
+/// Moments of a ray in a material.
+fn of_material(moments: &[f32], material: usize) -> [f64; MOMENTS_PER_MATERIAL] {
+    let first = material * MOMENTS_PER_MATERIAL;
+    std::array::from_fn(|i| moments[first + i].into())
 }
 
 /// What gathering works with, kept from strip to strip.
@@ -136,13 +144,22 @@ impl Spectral {
         let strength = |c: &[Constants]| c.iter().map(|c| c.delta.abs()).sum::<f64>();
         let stronger =
             |node: &Vec<Constants>| strength(node) / strength(reference).max(f64::MIN_POSITIVE);
+        let (mu, delta): (Vec<f64>, Vec<f64>) = (flat(|c| c.mu), flat(|c| c.delta));
+        let materials = media.names.len();
+        let acts = |&material: &usize| {
+            let of = |constants: &Vec<f64>| {
+                constants[material..].iter().step_by(materials).any(|value| value.abs() > 0.0)
+            };
+            of(&mu) || of(&delta)
+        };
         let mut spectral = Self {
+            acting: (0..materials).filter(acts).collect(),
             weights: media.weights.clone(),
-            mu: flat(|c| c.mu),
-            delta: flat(|c| c.delta),
+            mu,
+            delta,
             stronger: media.constants.iter().map(stronger).collect(),
             severe: severe(scene, media, reference, flagged),
-            materials: media.names.len(),
+            materials,
             groups: Vec::new(),
             slopes: lattice.columns(scene).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
@@ -331,11 +348,12 @@ impl Spectral {
     fn laws(&self, moments: &[f32], laws: &mut Vec<(NodeLaw, f64)>) {
         laws.clear();
         laws.resize(self.nodes(), (NodeLaw::default(), 1.0));
-        for (material, m) in moments.chunks_exact(MOMENTS_PER_MATERIAL).enumerate() {
+        for &material in &self.acting {
+            let m = of_material(moments, material);
             // Few of the materials are on the way of a ray.
             if m.iter().any(|m| *m != 0.0) {
                 for (node, (law, _)) in laws.iter_mut().enumerate() {
-                    self.add_law(node * self.materials + material, m, law);
+                    self.add_law(node * self.materials + material, &m, law);
                 }
             }
         }
@@ -343,9 +361,8 @@ impl Spectral {
     }
 
     /// Adds what the moments in a material (behind those of the nodes before) make.
-    fn add_law(&self, constants: usize, moments: &[f32], law: &mut NodeLaw) {
+    fn add_law(&self, constants: usize, m: &[f64; MOMENTS_PER_MATERIAL], law: &mut NodeLaw) {
         let (mu, delta) = (self.mu[constants], self.delta[constants]);
-        let m: [f64; MOMENTS_PER_MATERIAL] = std::array::from_fn(|i| moments[i].into());
         law.depth += mu * m[0];
         law.x += delta * m[1];
         law.z += delta * (m[2] + m[4] * self.gap);
@@ -362,8 +379,9 @@ impl Spectral {
     /// First-order law at a node.
     fn law(&self, node: usize, moments: &[f32]) -> NodeLaw {
         let mut law = NodeLaw::default();
-        for (material, m) in moments.chunks_exact(MOMENTS_PER_MATERIAL).enumerate() {
-            self.add_law(node * self.materials + material, m, &mut law);
+        for &material in &self.acting {
+            let m = of_material(moments, material);
+            self.add_law(node * self.materials + material, &m, &mut law);
         }
         law
     }
@@ -386,7 +404,8 @@ impl Spectral {
         let spread = (SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance) * libm::cbrt(room);
         for group in 0..self.groups.len() {
             let shares = &bars.shares[group * nodes..][..nodes];
-            let mut next = Some(0..nodes);
+            let all_nodes = &bars.nodes[group];
+            let mut next = Some(all_nodes.clone());
             while let Some(band) = next.take().or_else(|| scratch.waiting.pop()) {
                 let sums = Sums::over(band.clone(), shares, &scratch.terms);
                 let light = sums.light();
@@ -396,7 +415,7 @@ impl Spectral {
                 let part = light[1] / all;
                 let agrees = part * sums.bend() <= f64::from(DEPTH_TOLERANCE) * room
                     && part * sums.drift() <= self.tolerance * room;
-                if let (true, Some(limits)) = (agrees && band.len() == nodes, &bars.joined[group]) {
+                if let (true, Some(limits)) = (agrees && band == *all_nodes, &bars.joined[group]) {
                     if !scratch.joining[group].takes(x, &sums, limits) {
                         self.push_joined(strip, group, scratch);
                         scratch.joining[group].takes(x, &sums, limits);

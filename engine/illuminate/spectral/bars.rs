@@ -2,10 +2,11 @@
 
 #![allow(clippy::cast_precision_loss, reason = "rows are few")]
 
-use super::Spectral;
 use super::join::Limits;
+use super::{NEGLIGIBLE, Spectral};
 use crate::gpu::interface::Strip;
 use crate::illuminate::light::MaskShape;
+use std::ops::Range;
 
 /// Cells of light that leaks through bars are joined up to this share of the period,
 const LEAK_SHARE: f64 = 1.0 / 2.0;
@@ -23,6 +24,8 @@ const FAINT: f64 = 1e-3;
 pub(super) struct Bars {
     /// `[group][node]`.
     pub(super) shares: Vec<f64>,
+    /// `[group]`: the nodes that have light which takes this way.
+    pub(super) nodes: Vec<Range<usize>>,
     /// `[node][mask]`.
     pub(super) shades: Vec<[f64; 2]>,
     /// `[group]`: how far cells of light that leaks through bars are joined.
@@ -40,6 +43,20 @@ pub(super) fn passing(leaks: [Option<f64>; 2], group: [bool; 2]) -> f64 {
     through(0) * through(1)
 }
 
+/// Nodes of a group but for those at either end that have next to no light.
+fn with_light(shares: &[f64]) -> Range<usize> {
+    let dark = |shares: &mut dyn Iterator<Item = &f64>| {
+        let mut sum = 0.0;
+        let below = |share: &&f64| {
+            sum += **share;
+            sum < 0.5 * NEGLIGIBLE
+        };
+        shares.take_while(below).count()
+    };
+    let first = dark(&mut shares.iter());
+    first..(shares.len() - dark(&mut shares.iter().rev())).max(first)
+}
+
 impl Spectral {
     pub(super) fn place(&self, strip: &Strip) -> Place {
         (strip.column, i64::from(strip.row).div_euclid(self.lattice.alike_rows.into()))
@@ -49,6 +66,7 @@ impl Spectral {
         if self.groups.is_empty() {
             return Bars {
                 shares: Vec::new(),
+                nodes: Vec::new(),
                 shades: Vec::new(),
                 joined: Vec::new(),
                 closed: true,
@@ -90,6 +108,7 @@ impl Spectral {
             mask.iter().flatten().any(|shape| shape.thickness * slope.abs() > shape.narrowest())
         };
         Bars {
+            nodes: shares.chunks(self.nodes()).map(with_light).collect(),
             joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
             shares,
             shades: (0..self.nodes()).map(shade).collect(),
