@@ -34,7 +34,8 @@ use sums::{Sums, Terms};
 
 pub(crate) use ordered::NARROW;
 
-/// Groups with less light than this, of open beam, are left out.
+/// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
+/// spectrum with less in a group.
 const NEGLIGIBLE: f64 = 1e-9;
 /// The displacement may spread over this share of the blur: the third moment that is left out
 /// then moves less than 2e-4 of the light at an edge.
@@ -148,7 +149,7 @@ impl Spectral {
         let materials = media.names.len();
         let acts = |&material: &usize| {
             let of = |constants: &Vec<f64>| {
-                constants[material..].iter().step_by(materials).any(|value| value.abs() > 0.0)
+                constants[material..].iter().step_by(materials).any(|value| *value != 0.0)
             };
             of(&mu) || of(&delta)
         };

@@ -14,7 +14,7 @@ mod seen;
 use crate::gpu::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
 pub(crate) use run::Integrals;
 pub(super) use run::{Fit, Numbers, numbers};
-pub(super) use seen::{Edge, Seen};
+pub(super) use seen::{Edge, Seen, without_narrow};
 
 /// Silhouettes are bisected to this width at least, m in the cell plane.
 const SHARP: f32 = 20e-9;
@@ -264,10 +264,6 @@ impl Line {
             joined(aim, &pieces, &laws).map(segment).collect()
         };
         self.segments = run::runs(aim, &segments);
-        // Lines wait in great numbers until their strips are done.
-        self.segments.shrink_to_fit();
-        self.rays.places.shrink_to_fit();
-        self.open = Vec::new();
     }
 
     /// Accepts the interval between two rays, or opens its halves.

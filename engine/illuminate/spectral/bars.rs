@@ -116,3 +116,16 @@ impl Spectral {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dark_nodes_at_the_ends_are_left_out() {
+        assert_eq!(with_light(&[0.0, 1e-12, 0.3, 0.0, 0.2, 1e-10]), 2..5);
+        assert_eq!(with_light(&[0.3, 0.2]), 0..2);
+        assert_eq!(with_light(&[4e-10, 4e-10]), 1..1);
+        assert!(with_light(&[0.0, 0.0]).is_empty());
+    }
+}

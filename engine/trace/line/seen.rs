@@ -1,6 +1,8 @@
 //! A line seen coarsely: enough to tell whether neighbouring lines agree.
 
-use super::{Aim, Asks, Narrow, Point, Rays, first_places, may_hide, middle, representable};
+use super::{
+    Aim, Asks, Narrow, Point, Rays, SHARP, SHARPEST, first_places, may_hide, middle, representable,
+};
 use crate::gpu::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
 
 /// Silhouettes are bisected to this share of a period.
@@ -74,14 +76,18 @@ impl Seen {
     fn look(&mut self, aim: &Aim, rays: [u32; 3]) {
         let [low, mid, high] = rays.map(|ray| self.rays.point(ray));
         let alike = low.signature() == mid.signature() && mid.signature() == high.signature();
-        if alike && !may_hide(&self.narrow, &low, &high) {
+        let left_out = (low.law.flags | mid.law.flags | high.law.flags) & FLAG_NOT_FINITE != 0;
+        if alike && (left_out || !may_hide(&self.narrow, &low, &high)) {
             self.unjudged.push(rays);
             return;
         }
         self.splits += 1;
         for (a, b) in [(&low, &mid), (&mid, &high)] {
-            let step = a.signature() != b.signature() && b.x - a.x > aim.period * COARSE_SHARE;
-            if (step || may_hide(&self.narrow, a, b)) && representable(a.x, b.x) {
+            let (step, width) = (a.signature() != b.signature(), b.x - a.x);
+            let wanted = step && width > aim.period * COARSE_SHARE;
+            let least = if step { SHARP } else { SHARPEST };
+            let cut = (wanted || may_hide(&self.narrow, a, b)) && width > least;
+            if cut && representable(a.x, b.x) {
                 self.open.push([a.ray, b.ray]);
             } else {
                 self.halves.push([a.ray, b.ray]);
@@ -107,5 +113,27 @@ impl Seen {
                 signatures: [w[0].signature(), w[1].signature()],
             })
             .collect();
+        // Lines wait in great numbers until their spans are judged.
+        self.open = Vec::new();
+        self.rays.places.shrink_to_fit();
+        self.rays.laws.shrink_to_fit();
     }
+}
+
+/// Edges with those as one that are too close for every line to tell them apart: whether a ray falls
+/// between them is chance.
+pub(in crate::trace) fn without_narrow(edges: &[Edge], period: f32) -> Vec<Edge> {
+    let mut wide: Vec<Edge> = Vec::with_capacity(edges.len());
+    let mut last = f32::NEG_INFINITY;
+    for edge in edges {
+        match wide.last_mut() {
+            Some(one) if edge.x - last < 2.0 * COARSE_SHARE * period => {
+                one.signatures[1] = edge.signatures[1];
+            }
+            _ => wide.push(*edge),
+        }
+        last = edge.x;
+    }
+    wide.retain(|edge| edge.signatures[0] != edge.signatures[1]);
+    wide
 }

@@ -95,9 +95,9 @@ impl Keep {
 }
 
 impl Refiner<'_> {
-    /// Moments at both ends of the segments of spans with these middle lines, `[segment][end][material][moment]` for each
-    /// span; nothing where they are not kept. Rays whose laws do not tell them, few of a line, are
-    /// traced once more.
+    /// Moments at both ends of the segments of spans with these middle lines,
+    /// `[segment][end][material][moment]` for each span; nothing where they are not kept. Rays whose
+    /// laws do not tell them, few of a line, are traced once more.
     pub(super) fn end_moments(
         &self,
         tracer: &mut Tracer,

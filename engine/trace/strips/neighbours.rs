@@ -35,7 +35,10 @@ impl Refiner<'_> {
         };
         let (orders, rays): (Vec<Vec<u32>>, Vec<Vec<Ray>>) =
             lines.par_chunks(LINES).map(block).unzip();
-        let traced = tracer.trace(&rays.concat())?;
+        let all = rays.concat();
+        drop(rays);
+        let traced = tracer.trace(&all)?;
+        drop(all);
         let mut laws = vec![bytemuck::Zeroable::zeroed(); traced.len()];
         let (mut from, mut to) = (&traced[..], &mut laws[..]);
         let mut blocks = Vec::with_capacity(orders.len());

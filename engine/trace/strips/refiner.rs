@@ -12,7 +12,9 @@ use super::neighbours::Wanted;
 use super::{Key, Span, View, empty_strip, units};
 use crate::Result;
 use crate::gpu::interface::{Cell, FLAG_EXACT, FLAG_NOT_FINITE, Law, Ray, Strip};
-use crate::trace::line::{Aim, Asks, DEPTH_TOLERANCE, Edge, Line, Narrow, Seen, first_places};
+use crate::trace::line::{
+    Aim, Asks, DEPTH_TOLERANCE, Edge, Line, Narrow, Seen, first_places, without_narrow,
+};
 use crate::trace::tracer::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -130,7 +132,7 @@ impl<'a> Refiner<'a> {
         // A middle is no other span's line.
         let mut seen = |span| Some((key(span), Arc::unwrap_or_clone(lines.remove(&key(span))?)));
         let seen: Vec<(Key, Seen)> = spans.iter().filter_map(&mut seen).collect();
-        debug_assert_eq!(seen.len(), spans.len(), "every middle line was seen, and stands once");
+        assert_eq!(seen.len(), spans.len(), "every middle line was seen, and stands once");
         let refine = |(key, seen)| (key, Line::refine(&self.aim, seen));
         let mut work: Vec<(Key, Line)> = seen.into_par_iter().map(refine).collect();
         self.answer(tracer, &mut work)?;
@@ -176,13 +178,16 @@ impl<'a> Refiner<'a> {
         let limit = self.aim.period * EDGE_SHARE;
         let half = self.aim.period / 2.0;
         let edges = &middle.edges;
-        if !edges_agree(&low.edges, edges, limit, half)
-            || !edges_agree(&high.edges, edges, limit, half)
-        {
+        let wide = |edges: &[Edge]| without_narrow(edges, self.aim.period);
+        let differs = |line: &Seen| {
+            !edges_agree(&line.edges, edges, limit, half)
+                && !edges_agree(&wide(&line.edges), &wide(edges), limit, half)
+        };
+        if differs(low) || differs(high) {
             return false;
         }
         // No silhouette crosses the lines, yet one may run between them.
-        let centre = self.aim.cells as usize / 2;
+        let centre = (self.aim.cells as usize).div_ceil(2);
         let signature = |line: &Seen| line.base(&self.aim).nth(centre).map(|law| law.signature);
         if edges.iter().all(|e| e.x.abs() >= half - limit)
             && [low, high].into_iter().any(|line| signature(line) != signature(middle))
@@ -286,6 +291,7 @@ impl<'a> Refiner<'a> {
                 });
             }
         }
+        debug_assert_eq!(made.moments.ends.len(), made.cells.len() * words, "moments by cell");
         made
     }
 }
@@ -316,5 +322,17 @@ mod tests {
         assert!(!edges_agree(&[edge(1.0)], &[edge(2.5)], 1.0, 50.0));
         assert!(!edges_agree(&[edge(1.0)], &[], 1.0, 50.0));
         assert!(edges_agree(&[edge(49.5)], &[], 1.0, 50.0));
+    }
+
+    #[test]
+    fn a_strip_that_only_some_lines_see_is_no_difference() {
+        let edge = |x: f32, signatures| Edge { x, signatures };
+        let period = 160.0;
+        let seen = [edge(1.0, [0, 7]), edge(2.0, [7, 9]), edge(40.0, [9, 0])];
+        let wide = without_narrow(&seen, period);
+        assert_eq!(wide, [edge(1.0, [0, 9]), edge(40.0, [9, 0])]);
+        assert!(edges_agree(&wide, &[edge(1.5, [0, 9]), edge(40.0, [9, 0])], 1.0, 80.0));
+        // A body that is all that narrow is not there.
+        assert_eq!(without_narrow(&[edge(1.0, [0, 7]), edge(2.0, [7, 0])], period), []);
     }
 }
