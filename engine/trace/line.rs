@@ -109,12 +109,14 @@ pub(super) struct Aim {
     pub(super) severe: f64,
 }
 
-/// The rays of a line.
+/// The rays of a line, and those that it asks for.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rays {
     /// Place of each, m from the beamlet's centre in the cell plane.
     pub(super) places: Vec<f32>,
     laws: Vec<Law>,
+    /// Intervals between rays whose middles are wanted next.
+    pub(super) open: Vec<[u32; 2]>,
 }
 
 impl Rays {
@@ -127,8 +129,14 @@ impl Rays {
         middle(self.places[low as usize], self.places[high as usize])
     }
 
-    /// Takes the laws of rays in the middle of intervals: those, with the ray between their ends.
-    fn take(&mut self, open: Vec<[u32; 2]>, laws: &[Law]) -> Vec<[u32; 3]> {
+    /// Places of the rays wanted next.
+    pub(super) fn wanted(&self) -> impl Iterator<Item = f32> {
+        self.open.iter().map(|ends| self.between(*ends))
+    }
+
+    /// Takes the laws of the rays wanted: the intervals that asked, with the ray between their ends.
+    fn take(&mut self, laws: &[Law]) -> Vec<[u32; 3]> {
+        let open = std::mem::take(&mut self.open);
         self.laws.extend_from_slice(laws);
         self.places.reserve(laws.len());
         let halved = |ends: [u32; 2]| {
@@ -144,15 +152,8 @@ impl Rays {
 pub(super) trait Asks {
     /// Its rays so far.
     fn rays(&self) -> &Rays;
-    /// Intervals between rays whose middles are wanted next.
-    fn open(&self) -> &[[u32; 2]];
     /// Takes the laws of the rays wanted.
     fn give(&mut self, aim: &Aim, laws: &[Law]);
-
-    /// Places of the rays wanted next.
-    fn wanted(&self) -> impl Iterator<Item = f32> {
-        self.open().iter().map(|ends| self.rays().between(*ends))
-    }
 }
 
 /// An interval of x in which a law holds.
@@ -198,7 +199,6 @@ pub(super) struct Line {
     narrow: Vec<Narrow>,
     /// Intervals in which the law is linear, in any order.
     pieces: Vec<Piece>,
-    open: Vec<[u32; 2]>,
 }
 
 /// Places of the first rays of a line: cell ends and cell middles, m from the beamlet's centre.
@@ -212,16 +212,11 @@ impl Asks for Line {
         &self.rays
     }
 
-    fn open(&self) -> &[[u32; 2]] {
-        &self.open
-    }
-
     fn give(&mut self, aim: &Aim, laws: &[Law]) {
-        let open = std::mem::take(&mut self.open);
-        for [low, middle, high] in self.rays.take(open, laws) {
+        for [low, middle, high] in self.rays.take(laws) {
             self.judge(aim, low, middle, high);
         }
-        if self.open.is_empty() {
+        if self.rays.open.is_empty() {
             self.finish(aim);
         }
     }
@@ -239,9 +234,10 @@ impl Line {
             line.half(aim, &line.rays.point(low), &line.rays.point(high));
         }
         // Rays that are neighbours are traced side by side.
-        let place = |ends: &[u32; 2]| line.rays.places[ends[0] as usize];
-        line.open.sort_unstable_by(|a, b| place(a).total_cmp(&place(b)));
-        if line.open.is_empty() {
+        let Rays { places, open, .. } = &mut line.rays;
+        let place = |ends: &[u32; 2]| places[ends[0] as usize];
+        open.sort_unstable_by(|a, b| place(a).total_cmp(&place(b)));
+        if open.is_empty() {
             line.finish(aim);
         }
         line
@@ -288,7 +284,7 @@ impl Line {
             width > SHARPEST
         };
         if open && representable(a.x, b.x) {
-            self.open.push([a.ray, b.ray]);
+            self.rays.open.push([a.ray, b.ray]);
         } else if step {
             // Across a silhouette the law is constant on each side, never interpolated.
             let x = middle(a.x, b.x);

@@ -73,8 +73,13 @@ impl Span {
         (self.low + self.high) / 2
     }
 
+    /// Of the line in the middle, which stands for the span.
+    const fn key(&self) -> Key {
+        (self.beamlet, self.middle())
+    }
+
     const fn keys(&self) -> [Key; 3] {
-        [(self.beamlet, self.low), (self.beamlet, self.middle()), (self.beamlet, self.high)]
+        [(self.beamlet, self.low), self.key(), (self.beamlet, self.high)]
     }
 }
 

@@ -29,7 +29,6 @@ pub(in crate::trace) struct Seen {
     pub(super) unjudged: Vec<[u32; 3]>,
     /// Halves of intervals that were cut, as narrow as is wanted here.
     pub(super) halves: Vec<[u32; 2]>,
-    open: Vec<[u32; 2]>,
 }
 
 impl Asks for Seen {
@@ -37,13 +36,8 @@ impl Asks for Seen {
         &self.rays
     }
 
-    fn open(&self) -> &[[u32; 2]] {
-        &self.open
-    }
-
     fn give(&mut self, aim: &Aim, laws: &[Law]) {
-        let open = std::mem::take(&mut self.open);
-        for rays in self.rays.take(open, laws) {
+        for rays in self.rays.take(laws) {
             self.look(aim, rays);
         }
         self.find_edges();
@@ -53,7 +47,8 @@ impl Asks for Seen {
 impl Seen {
     /// Takes the laws of the first rays; `narrow`: where components may hide between them.
     pub(in crate::trace) fn begin(aim: &Aim, narrow: Vec<Narrow>, laws: &[Law]) -> Self {
-        let rays = Rays { places: first_places(aim.period, aim.cells), laws: laws.to_vec() };
+        let places = first_places(aim.period, aim.cells);
+        let rays = Rays { places, laws: laws.to_vec(), open: Vec::new() };
         let mut seen = Self { rays, narrow, ..Self::default() };
         for cell in 0..aim.cells {
             seen.look(aim, [2 * cell, 2 * cell + 1, 2 * cell + 2]);
@@ -88,7 +83,7 @@ impl Seen {
             let least = if step { SHARP } else { SHARPEST };
             let cut = (wanted || may_hide(&self.narrow, a, b)) && width > least;
             if cut && representable(a.x, b.x) {
-                self.open.push([a.ray, b.ray]);
+                self.rays.open.push([a.ray, b.ray]);
             } else {
                 self.halves.push([a.ray, b.ray]);
             }
@@ -98,7 +93,7 @@ impl Seen {
     /// Where the signature changes, once nothing more is asked. Total reflection is no silhouette:
     /// its strip is often narrower than anybody looks here.
     fn find_edges(&mut self) {
-        if !self.open.is_empty() {
+        if !self.rays.open.is_empty() {
             return;
         }
         let mut points: Vec<Point> =
@@ -114,7 +109,7 @@ impl Seen {
             })
             .collect();
         // Lines wait in great numbers until their spans are judged.
-        self.open = Vec::new();
+        self.rays.open = Vec::new();
         self.rays.places.shrink_to_fit();
         self.rays.laws.shrink_to_fit();
     }

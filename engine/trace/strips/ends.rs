@@ -105,13 +105,12 @@ impl Refiner<'_> {
         lines: &[Line],
     ) -> Result<Vec<Vec<f32>>> {
         let Some(keep) = self.view.keep else { return Ok(vec![Vec::new(); spans.len()]) };
-        let key = |span: &Span| (span.beamlet, span.middle());
         let asked = |(span, line): (&Span, &Line)| -> Vec<Ray> {
             let (mut last, mut rays) = (None, Vec::new());
             for end in line.segments.iter().flat_map(|segment| [&segment.low, &segment.high]) {
                 // Neighbours share a ray.
                 if last.replace(end.ray) != Some(end.ray) && keep.told_by(&end.law).is_none() {
-                    rays.push(self.ray(&key(span), line.rays.places[end.ray as usize]));
+                    rays.push(self.ray(&span.key(), line.rays.places[end.ray as usize]));
                 }
             }
             rays

@@ -128,9 +128,9 @@ impl<'a> Refiner<'a> {
         spans: &[Span],
         lines: &mut HashMap<Key, Arc<Seen>>,
     ) -> Result<Vec<Line>> {
-        let key = |span: &Span| (span.beamlet, span.middle());
         // A middle is no other span's line.
-        let mut seen = |span| Some((key(span), Arc::unwrap_or_clone(lines.remove(&key(span))?)));
+        let mut seen =
+            |span: &Span| Some((span.key(), Arc::unwrap_or_clone(lines.remove(&span.key())?)));
         let seen: Vec<(Key, Seen)> = spans.iter().filter_map(&mut seen).collect();
         assert_eq!(seen.len(), spans.len(), "every middle line was seen, and stands once");
         let refine = |(key, seen)| (key, Line::refine(&self.aim, seen));
@@ -147,17 +147,17 @@ impl<'a> Refiner<'a> {
         work: &mut [(Key, L)],
     ) -> Result<()> {
         loop {
-            let asking = work.par_iter().filter(|(_, line)| !line.open().is_empty());
+            let asking = work.par_iter().filter(|(_, line)| !line.rays().open.is_empty());
             let wanted: Vec<Wanted> =
-                asking.map(|(key, line)| (*key, line.wanted().collect())).collect();
+                asking.map(|(key, line)| (*key, line.rays().wanted().collect())).collect();
             if wanted.is_empty() {
                 return Ok(());
             }
             let laws = self.trace_places(tracer, &wanted)?;
             let mut rest = &laws[..];
             let mut asking = Vec::new();
-            for (_, line) in work.iter_mut().filter(|(_, line)| !line.open().is_empty()) {
-                let (given, after) = rest.split_at(line.open().len());
+            for (_, line) in work.iter_mut().filter(|(_, line)| !line.rays().open.is_empty()) {
+                let (given, after) = rest.split_at(line.rays().open.len());
                 rest = after;
                 asking.push((line, given));
             }
@@ -243,7 +243,7 @@ impl<'a> Refiner<'a> {
             landed_off: 0,
             not_finite: 0,
         };
-        let middle = (span.beamlet, span.middle());
+        let middle = span.key();
         let words = made.moments.ends.len() / line.segments.len().max(1);
         for segment in &line.segments {
             let (low, high) = (&segment.low, &segment.high);
