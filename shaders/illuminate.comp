@@ -21,6 +21,7 @@ layout(push_constant, scalar) uniform IlluminatePush {
     uint first_step;
     uint last_step;  // one behind
     uint steps_each; // of an invocation
+    uint steps;      // of the scan
 } push;
 
 #include "physics/gauss.glsl"
@@ -83,20 +84,31 @@ void flush(Light light, Strip strip, int pixel, uint mask_step, vec3 waiting) {
 }
 #endif
 
-// Share of the piece that passes the detector mask and lands in the pixel [low, high].
+// Periods of the detector mask with an aperture where light of a piece lands.
+ivec2 periods_in_reach(Mask mask, Column column, Piece piece) {
+    float reach = abs(piece.half_width) + 6.5 * piece.blur;
+    float middle = piece.middle + column.aperture_offset;
+    return ivec2(int(ceil((middle - reach - mask.last) / mask.period)),
+                 int(floor((middle + reach - mask.first) / mask.period)));
+}
+
+// Share of the piece that passes the detector mask and lands in the pixel [low, high]; `home`: the
+// pixel that faint light of the piece is put into.
 float response(Light light, Column column, float sec, float leak, Piece piece, float low,
-               float high) {
+               float high, bool home) {
     Edge pixel_low = Edge(low, piece.pixel_blur);
     Edge pixel_high = Edge(high, piece.pixel_blur);
     Mask mask = light.detector_mask;
     bool masked = mask.present != 0u;
-    float reach = abs(piece.half_width) + 6.5 * piece.blur;
-    float first = max(low, piece.middle - reach) + column.aperture_offset;
-    float last = min(high, piece.middle + reach) + column.aperture_offset;
     // Only periods with an aperture in reach: where a driver runs every branch, each counts.
-    int from = masked ? int(ceil((first - mask.last) / mask.period)) : 0;
-    int to = masked ? int(floor((last - mask.first) / mask.period)) : -1;
-    int apertures = max(to - from + 1, 0) * int(mask.count);
+    int from = 0;
+    int apertures = 0;
+    if (masked) {
+        ivec2 reached = periods_in_reach(mask, column, piece);
+        from = max(reached.x, int(ceil((low + column.aperture_offset - mask.last) / mask.period)));
+        int to = min(reached.y, int(floor((high + column.aperture_offset - mask.first) / mask.period)));
+        apertures = max(to - from + 1, 0) * int(mask.count);
+    }
     float open = 0.0;
     // First the whole pixel, behind the bars too; then each aperture. The window stands in the
     // loop once: drivers inline it, and it is long.
@@ -131,15 +143,10 @@ float response(Light light, Column column, float sec, float leak, Piece piece, f
     } while (n < apertures);
     if (!masked) return whole;
     if (leak < FAINT) {
-        // So little that its blur at the pixel's edges does not matter.
+        // So little that it does not matter where about it lands.
         float from_xi = max(piece.low / piece.steep, -1.0);
         float to_xi = min(piece.high / piece.steep, 1.0);
-        float centre = piece.middle + 0.5 * (from_xi + to_xi) * piece.half_width;
-        float half_width = max(0.5 * (to_xi - from_xi) * abs(piece.half_width), piece.pixel_blur);
-        float part = min(high, centre + half_width) - max(low, centre - half_width);
-        whole = half_width > 0.0 ? max(part, 0.0) / (2.0 * half_width)
-            : float(centre >= low && centre < high);
-        whole *= 0.5 * max(to_xi - from_xi, 0.0);
+        whole = home ? 0.5 * max(to_xi - from_xi, 0.0) : 0.0;
     }
     return leak < NEGLIGIBLE ? open : leak * whole + (1.0 - leak) * open;
 }
@@ -188,16 +195,16 @@ void cut_by(inout Piece piece, float a, float b, float low, float high, float sh
     piece.high = clamp((high - middle) * per, -piece.steep - BEYOND, piece.steep + BEYOND);
 }
 
-// The first cell from `first` on whose upper (or lower) end lies beyond x; cells are sorted.
-uint cell_beyond(Strip strip, float x, uint first, bool upper) {
+// The first cell that ends beyond x; cells are sorted.
+uint cell_beyond(Strip strip, float x) {
+    uint first = 0u;
     uint last = strip.count;
-    while (first < last) {
+    do {
         uint middle = (first + last) / 2u;
-        Cell cell = push.cells.at[strip.first + middle];
-        bool beyond = upper ? cell.x_high > x : cell.x_low >= x;
-        if (beyond) last = middle;
-        else first = middle + 1u;
-    }
+        bool beyond = push.cells.at[strip.first + middle].x_high > x;
+        last = beyond ? middle : last;
+        first = beyond ? first : middle + 1u;
+    } while (first < last);
     return first;
 }
 
@@ -220,9 +227,10 @@ void main() {
     Mask mask = light.sample_mask;
     Mask behind = light.detector_mask;
     bool masked = mask.present != 0u;
+    bool barred = behind.present != 0u;
     float sec = secant(column.slope, row_z);
     float leak = masked ? bar_transmission(mask, sec) : 1.0;
-    float leak_behind = behind.present != 0u ? bar_transmission(behind, sec) : 1.0;
+    float leak_behind = barred ? bar_transmission(behind, sec) : 1.0;
     vec2 soft = vec2(edge_variance(mask, column.slope, sec, leak),
                      edge_variance(behind, column.slope, sec, leak_behind));
 
@@ -230,9 +238,10 @@ void main() {
     float faint = 0.0;
     if (masked && leak > NEGLIGIBLE && leak < FAINT) {
         faint = leak * strip.light * light.weight * (strip.bottom - strip.top)
-            * (leak_behind + (1.0 - leak_behind) * (behind.present != 0u ? open_part(behind) : 1.0));
+            * (leak_behind + (1.0 - leak_behind) * (barred ? open_part(behind) : 1.0));
     }
-    bool every = leak >= FAINT;
+    // More of it is summed once for all mask steps, behind the last.
+    bool leaks = masked && leak >= FAINT;
     // A source without extent, or cells in the plane of the mask: the cut is sharp.
     bool sharp = light.shift <= 0.0;
     float reach = 6.5 * light.shift;
@@ -247,15 +256,22 @@ void main() {
     // Far outside the detector there is nothing to sum.
     int first_pixel = -column.pixel;
     int last_pixel = int(light.column_count) - 1 - column.pixel;
+    uint turn = mask_step;
+    uint last_turn = last_step + (leaks && mask_step == 0u ? 1u : 0u);
 
     do {
-        float offset = masked ? light.offsets.at[mask_step] - column.sample_offset : 0.0;
-        int from = masked ? int(ceil((ends.low - offset - mask.last - reach) / mask.period)) : 0;
-        int to = masked ? int(floor((ends.high - offset - mask.first + reach) / mask.period)) : -1;
-        int apertures = max(to - from + 1, 0) * int(mask.count);
+        mask_step = turn < last_step ? turn : push.steps;
+        bool at_all_steps = mask_step == push.steps;
+        float offset = 0.0;
+        int from = 0;
+        int apertures = 0;
         float lit_low = ends.low;
         float lit_high = ends.high;
-        if (!every) {
+        if (!at_all_steps) {
+            offset = light.offsets.at[mask_step] - column.sample_offset;
+            from = int(ceil((ends.low - offset - mask.last - reach) / mask.period));
+            int to = int(floor((ends.high - offset - mask.first + reach) / mask.period));
+            apertures = max(to - from + 1, 0) * int(mask.count);
             lit_low = max(lit_low, float(from) * mask.period + offset + mask.first - reach);
             lit_high = min(lit_high, float(to) * mask.period + offset + mask.last + reach);
         }
@@ -284,13 +300,16 @@ void main() {
         left.y = base == 0 ? faint : 0.0;
         middle.y = base == -1 ? faint : 0.0;
         right.y = base == -2 ? faint : 0.0;
+        // Of these, those with light.
+        int first_lit = faint > 0.0 ? 0 : base + 3;
+        int last_lit = faint > 0.0 ? 0 : base - 1;
 #endif
-        // First what the bars leak, of every cell; then each aperture with the cells that it
-        // lets light through.
-        int n = every ? -1 : 0;
+        // What the bars leak, of every cell, or each aperture with the cells that it lets light
+        // through.
+        int n = at_all_steps ? -1 : 0;
         do {
-            uint i = 0u;
-            uint stop = n < 0 ? strip.count : 0u;
+            uint i = n < 0 ? 0u : strip.count;
+            float beyond = 1e30;
             float centre = 0.0, slope = 0.0, widest = 0.0;
             if (n >= 0 && n < apertures) {
                 Aperture aperture = aperture_of(mask, n);
@@ -299,8 +318,8 @@ void main() {
                 slope = column.slope + centre / light.cell_plane;
                 // Effective apertures are narrower than these.
                 widest = aperture.high - aperture.low;
-                i = cell_beyond(strip, centre - 0.5 * widest - reach, 0u, true);
-                stop = cell_beyond(strip, centre + 0.5 * widest + reach, i, false);
+                i = cell_beyond(strip, centre - 0.5 * widest - reach);
+                beyond = centre + 0.5 * widest + reach;
             }
             // A cell and a pixel at a time: where a driver runs every branch, invocations would
             // wait for the one whose cell reaches most pixels.
@@ -308,10 +327,14 @@ void main() {
             Piece piece;
             int q = 0;
             int last = -1;
+            int home = 0;
             do {
-                if (q > last && i < stop) {
+                if (q > last && i < strip.count) {
                     cell = push.cells.at[strip.first + i];
-                    i++;
+                    // Cells of several energies may share an interval.
+                    uint next = min(i + 1u, strip.count - 1u);
+                    bool is_last = next == i || push.cells.at[strip.first + next].x_low >= beyond;
+                    i = is_last ? strip.count : next;
                     float from_x = cell.x_low;
                     float to_x = cell.x_high;
                     float low = from_x, high = to_x;
@@ -336,14 +359,31 @@ void main() {
                     }
                     float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
                     float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
-                    q = max(int(floor((landing - span) / light.pixel + 0.5)), low_pixel);
-                    last = min(int(floor((landing + span) / light.pixel + 0.5)), high_pixel);
-                    if (share <= 0.0) last = q - 1;
+                    float first_landing = landing - span;
+                    float last_landing = landing + span;
+                    home = int(floor(landing / light.pixel + 0.5));
+                    if (barred && leak_behind < FAINT) {
+                        // Only pixels with an aperture in reach, and that of faint light.
+                        ivec2 reached = periods_in_reach(behind, column, piece);
+                        float to_edges = column.pixel_offset - piece.pixel_shift - column.aperture_offset;
+                        first_landing = max(first_landing,
+                                            float(reached.x) * behind.period + behind.first + to_edges);
+                        last_landing = min(last_landing,
+                                           float(reached.y) * behind.period + behind.last + to_edges);
+                    }
+                    q = int(floor(first_landing / light.pixel + 0.5));
+                    last = int(floor(last_landing / light.pixel + 0.5));
+                    if (leak_behind >= NEGLIGIBLE) {
+                        q = min(q, home);
+                        last = max(last, home);
+                    }
+                    q = max(q, low_pixel);
+                    last = share > 0.0 ? min(last, high_pixel) : q - 1;
                 }
                 if (q <= last) {
                     float edge = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
                     float value = piece.amount * response(light, column, sec, leak_behind, piece,
-                                                          edge, edge + light.pixel);
+                                                          edge, edge + light.pixel, q == home);
                     if (!(value > 0.0)) value = 0.0;
 #ifdef FAR
                     spread_over_rows(light, strip, cell, column.pixel + q, mask_step, value);
@@ -352,23 +392,26 @@ void main() {
                     left += q == base ? rows : vec3(0.0);
                     middle += q == base + 1 ? rows : vec3(0.0);
                     right += q == base + 2 ? rows : vec3(0.0);
-                    if (value > 0.0 && (q < base || q > base + 2)) {
+                    bool waits = value > 0.0 && q >= base && q <= base + 2;
+                    first_lit = waits ? min(first_lit, q) : first_lit;
+                    last_lit = waits ? max(last_lit, q) : last_lit;
+                    if (value > 0.0 && !waits) {
                         flush(light, strip, column.pixel + q, mask_step, rows);
                     }
 #endif
                     q++;
                 }
-            } while (i < stop || q <= last);
+            } while (i < strip.count || q <= last);
             n++;
         } while (n < apertures);
 #ifndef FAR
-        int q = base;
+        int q = first_lit;
         do {
             vec3 waiting = q == base ? left : (q == base + 1 ? middle : right);
-            if (q <= high_pixel) flush(light, strip, column.pixel + q, mask_step, waiting);
+            if (q <= last_lit) flush(light, strip, column.pixel + q, mask_step, waiting);
             q++;
-        } while (q < base + 3 && q <= high_pixel);
+        } while (q <= last_lit);
 #endif
-        mask_step++;
-    } while (mask_step < last_step);
+        turn++;
+    } while (turn < last_turn);
 }

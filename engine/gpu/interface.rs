@@ -318,6 +318,7 @@ shared_structs! {
         pub first_step: u32,
         pub last_step: u32,
         pub steps_each: u32,
+        pub steps: u32,
     }
 
     /// Push constants of `random_rays.comp`.

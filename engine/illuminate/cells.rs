@@ -144,6 +144,7 @@ impl CellIlluminator {
             strips: strip_buffer.address(),
             cells: cell_buffer.address(),
             sums: sums.buffer.address(),
+            steps,
             ..bytemuck::Zeroable::zeroed()
         };
         pieces.iter().try_for_each(|piece| self.plan(piece, template, steps))?;
