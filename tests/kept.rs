@@ -149,6 +149,55 @@ fn other_set_ups_are_what_a_new_simulation_gives() {
     }
 }
 
+#[test]
+fn scenes_that_make_the_same_cells_make_them_once() {
+    const NARROW: &str = "sample_mask.projected_aperture=20 um";
+    const THIN: &str = "sample_mask.thickness=60 um";
+    const LINES: &str = "source.spectrum={ anode = \"tungsten\", kvp = \"45 kV\", nodes = 3, \
+                         filters = [{ material = \"Al\", thickness = \"3 mm\" }] }";
+    const SPOT: &str = "source.spot=[\"20 um\", \"20 um\"]";
+    const STEPS: &str = "scan.mask_offsets=[\"-20 um\", \"11 um\"]";
+    const ENERGY: &str = "source.energy=28 keV";
+    const DISTANCE: &str = "detector.distance=1.85 m";
+    let engine = engine(Backend::Bvh);
+    // What the first scene changes, and scenes that make the same cells or others.
+    let families = [
+        (vec![], vec![vec![NARROW], vec![THIN], vec![STEPS]], vec![ENERGY, SPOT, LINES]),
+        (vec![LINES], vec![vec![LINES, NARROW]], vec![THIN, SPOT, DISTANCE]),
+    ];
+    for (first, alike, others) in families {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("run");
+        run(&path, None);
+        let alone = Kept::open(&path).unwrap();
+        let others: Vec<_> =
+            others.into_iter().map(|change| [&first[..], &[change]].concat()).collect();
+        let wanted = |changes: &Vec<&str>| again(&engine, &alone, &scene(changes)).unwrap();
+        let want: Vec<Stacks> = alike.iter().chain(&others).map(wanted).collect();
+        let sharing = Kept::open(&path).unwrap().sharing(8 << 20);
+        let too_little = Kept::open(&path).unwrap().sharing(1 << 10);
+        for kept in [&sharing, &too_little] {
+            for (changes, want) in alike.iter().chain(&others).zip(&want) {
+                again(&engine, kept, &scene(&first)).unwrap();
+                let got = again(&engine, kept, &scene(changes)).unwrap();
+                assert_eq!(got.flat, want.flat, "{changes:?}");
+                assert_eq!(got.sample, want.sample, "{changes:?}");
+            }
+        }
+        // Without the file only what was kept of the first scene is left.
+        std::fs::remove_dir_all(path.join("moments")).unwrap();
+        for (changes, want) in alike.iter().zip(&want) {
+            let got = again(&engine, &sharing, &scene(changes))
+                .unwrap_or_else(|e| panic!("{changes:?}: {e}"));
+            assert_eq!(got.sample, want.sample, "{changes:?}, without the file");
+            again(&engine, &too_little, &scene(changes)).unwrap_err();
+        }
+        for changes in &others {
+            again(&engine, &sharing, &scene(changes)).unwrap_err();
+        }
+    }
+}
+
 /// The key and the whole text of the error of a scene.
 fn refusal(kept: &Kept, scene: &Scene) -> (String, String) {
     let error = again(&engine(Backend::Bvh), kept, scene).unwrap_err();

@@ -20,6 +20,9 @@ use std::time::Instant;
 /// Scenes illuminated side by side: while one is written the next keeps the device busy.
 const SIDE_BY_SIDE: usize = 2;
 
+/// Bytes of cells that scenes which make the same share.
+const SHARED: u64 = 256 << 20;
+
 /// A scene and where its stacks go.
 struct Job {
     path: PathBuf,
@@ -39,7 +42,10 @@ struct Done {
 
 pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Failure> {
     let outputs = outputs(arguments)?;
-    let kept = Kept::open(&arguments.run)?;
+    let mut kept = Kept::open(&arguments.run)?;
+    if arguments.scene.len() > 1 && arguments.memory_limit.is_none() {
+        kept = kept.sharing(SHARED);
+    }
     // Every scene and directory is looked at before the first is illuminated.
     let mut jobs = Vec::new();
     for (path, output) in arguments.scene.iter().zip(outputs) {

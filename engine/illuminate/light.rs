@@ -115,6 +115,13 @@ impl MaskShape {
         (1.0 / (a * a) - leak / ((1.0 - leak) * (1.0 - leak))).max(0.0)
     }
 
+    /// Whether bars do the same to light in the way of them; apertures do not count.
+    pub(super) fn shades_like(&self, other: &Self) -> bool {
+        let of =
+            |mask: &Self| [mask.thickness, mask.attenuation, mask.transmission].map(f64::to_bits);
+        of(self) == of(other)
+    }
+
     /// Width of the narrowest aperture, m in the plane of evaluation.
     pub(super) fn narrowest(&self) -> f64 {
         self.apertures.iter().map(|a| f64::from(a.high - a.low)).fold(f64::INFINITY, f64::min)

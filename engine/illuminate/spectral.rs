@@ -44,7 +44,7 @@ const SPREAD_SHARE: f64 = 0.15;
 const STRIPS_AT_ONCE: usize = 1 << 6;
 
 /// What the gathering needs of a scene.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Spectral {
     weights: Vec<f64>,
     /// `[node][material]`, behind the nodes the mean constants.
@@ -184,6 +184,20 @@ impl Spectral {
                 .collect();
         }
         Ok(spectral)
+    }
+
+    /// Whether the lists of the same strips are the same as those of another scene, strips in rows
+    /// without a sample apart. Masks matter where energies are gathered by what bars do to them.
+    pub(crate) fn gathers_like(&self, other: &Self) -> bool {
+        let numbers = |s: &Self| [s.tolerance, s.gap, s.ratio, s.row_pitch].map(f64::to_bits);
+        let energies = [&self.weights, &self.mu, &self.delta, &self.stronger, &self.severe];
+        let others = [&other.weights, &other.mu, &other.delta, &other.stronger, &other.severe];
+        let alike = self.lattice.places_like(&other.lattice)
+            && numbers(self) == numbers(other)
+            && energies == others
+            && self.acting == other.acting
+            && self.groups == other.groups;
+        alike && (self.groups.is_empty() || self.bars_like(other))
     }
 
     fn nodes(&self) -> usize {

@@ -9,15 +9,18 @@
 pub(crate) mod file;
 mod relattice;
 mod same;
+mod shared;
 
 pub use file::KeptWriter;
 
 use crate::detector::Detection;
+use crate::illuminate::Spectral;
 use crate::scene::Scene;
 use crate::trace::{Lattice, Media, Strips};
 use crate::{Error, Result};
 use file::KeptFile;
-use relattice::Relattice;
+use relattice::{Covered, Relattice};
+use shared::{Part, Shared};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -31,6 +34,7 @@ pub struct Kept {
     directory: PathBuf,
     scene: Scene,
     views: Vec<KeptFile>,
+    shared: Shared,
 }
 
 impl Kept {
@@ -54,7 +58,16 @@ impl Kept {
         let views = (0..scene.scan.angles.len())
             .map(|view| KeptFile::open(&directory, u32::try_from(view).unwrap_or(u32::MAX), &seal))
             .collect::<Result<_>>()?;
-        Ok(Self { directory, scene, views })
+        Ok(Self { directory, scene, views, shared: Shared::default() })
+    }
+
+    /// Keeps up to so many bytes of the cells that the first scene makes, for the next ones that
+    /// would make the same: those with the same energies, constants, spot, detector, reach of the
+    /// scan, place and period of the sample mask and, under a spectrum, thickness and material of
+    /// the masks.
+    #[must_use]
+    pub fn sharing(self, bytes: u64) -> Self {
+        Self { shared: Shared::new(bytes), ..self }
     }
 
     /// The scene of the run.
@@ -117,24 +130,48 @@ pub(crate) struct KeptSource<'k> {
 }
 
 impl KeptSource<'_> {
-    /// Strips of some rows of a view, those without a sample among them, handed over in parts.
+    /// Lists of the strips of some rows of a view, those without a sample among them, handed over
+    /// in parts: as `gather`, of `spectral`, makes them, or as it made them for a scene before.
     ///
     /// # Errors
-    /// [`Error::Output`] where the file cannot be read or is damaged; those of `take`.
-    pub(crate) fn strips(
+    /// [`Error::Output`] where the file cannot be read or is damaged; those of `gather` and `take`.
+    pub(crate) fn lists(
         &self,
+        spectral: &Spectral,
         view: u32,
-        rows: &Range<i64>,
-        lit: &Range<i64>,
-        mut take: impl FnMut(&Strips) -> Result<()>,
+        [rows, lit]: [&Range<i64>; 2],
+        mut gather: impl FnMut(&Strips) -> Result<Vec<Strips>>,
+        mut take: impl FnMut(&[Strips]) -> Result<()>,
     ) -> Result<()> {
-        let mut covered = relattice::Covered::default();
+        let shared = &self.kept.shared;
+        let place = (view, rows.clone());
+        let made = shared.find(&self.relattice, spectral, &place);
+        let blank = |covered: &Covered| {
+            let mut blank = self.relattice.blank(rows, lit, covered);
+            blank.keep_nothing(self.media.names.len());
+            blank
+        };
+        if let Some(part) = made {
+            part.lists.iter().try_for_each(|lists| take(lists))?;
+            return take(&gather(&blank(&part.covered))?);
+        }
+        let mut keeps = shared.takes(&self.relattice, spectral, 0);
+        let mut part = Part::default();
         let words = self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL;
         self.kept.views[view as usize].read(&self.relattice.old_rows(rows), words, |block| {
-            take(&self.relattice.map(block, rows, &mut covered))
+            let strips = self.relattice.map(block, rows, &mut part.covered);
+            let lists = gather(&strips)?;
+            take(&lists)?;
+            if keeps {
+                part.lists.push(lists);
+                keeps = shared.takes(&self.relattice, spectral, part.bytes());
+            }
+            Ok(())
         })?;
-        let mut blank = self.relattice.blank(rows, lit, &covered);
-        blank.keep_nothing(self.media.names.len());
-        take(&blank)
+        take(&gather(&blank(&part.covered))?)?;
+        if keeps {
+            shared.insert(&self.relattice, spectral, place, part);
+        }
+        Ok(())
     }
 }

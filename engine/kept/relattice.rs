@@ -21,7 +21,7 @@ use std::ops::Range;
 const SLIVER: f64 = 1e-6;
 
 /// From the lattice of one scene to that of another with the same sample.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Relattice {
     old: Lattice,
     new: Lattice,
@@ -39,6 +39,13 @@ pub(super) struct Relattice {
 /// with intervals of x.
 #[derive(Debug, Default)]
 pub(super) struct Covered(HashMap<(i64, i64), Vec<[f64; 4]>>);
+
+impl Covered {
+    pub(super) fn bytes(&self) -> usize {
+        let rows = self.0.capacity() * size_of::<((i64, i64), Vec<[f64; 4]>)>();
+        rows + self.0.values().map(|parts| parts.capacity() * size_of::<[f64; 4]>()).sum::<usize>()
+    }
+}
 
 impl Relattice {
     /// # Errors
@@ -75,6 +82,15 @@ impl Relattice {
             same_columns,
             same_rows,
         })
+    }
+
+    /// Whether the cells that `other` makes of strips of the same run are the same.
+    pub(super) fn maps_like(&self, other: &Self) -> bool {
+        let numbers =
+            |r: &Self| [r.rows, r.row_slopes, [r.lever, 0.0]].map(|n| n.map(f64::to_bits));
+        self.new.places_like(&other.new)
+            && numbers(self) == numbers(other)
+            && [self.same_columns, self.same_rows] == [other.same_columns, other.same_rows]
     }
 
     /// Row coordinate on the new detector.

@@ -12,7 +12,9 @@ use crate::Error;
 use crate::Result;
 use crate::gpu::Device;
 use crate::gpu::interface::Pixel;
-use crate::illuminate::{Cast, CellIlluminator, LightRecord, Part, RandomKernels, Sums, cast};
+use crate::illuminate::{
+    Cast, CellIlluminator, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
+};
 use crate::run::{Control, Progress, Tally};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
@@ -242,13 +244,27 @@ impl<'s> Work<'s> {
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
         let Self { cells, lights, sums, tally, tracer, simulation, .. } = self;
-        let mut illuminating = 0.0;
+        let cancel = control.cancel;
+        let illuminating = std::cell::Cell::new(0.0);
         let words = simulation.moment_words();
         let keep = &mut control.keep;
-        let mut add = |tracer: &mut Tracer, strips: &Strips| {
-            if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
+        // Strips as lists, one for each record of light.
+        let gather = |tracer: &mut Tracer, spectral: &Spectral, strips: &Strips| {
+            let begin = Instant::now();
+            let lists = spectral.lists(tracer, strips);
+            illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
+            lists
+        };
+        let mut light = |lists: &[Strips]| {
+            if cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
                 return Err(Error::Interrupted);
             }
+            let begin = Instant::now();
+            cells.add(lights.iter().zip(lists), sums, steps)?;
+            illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
+            Ok(())
+        };
+        let mut add = |tracer: &mut Tracer, strips: &Strips| {
             if own {
                 tally.split += strips.splits;
                 tally.landed_off += strips.landed_off;
@@ -256,23 +272,17 @@ impl<'s> Work<'s> {
             if let (true, stack::View::Sample(index), Some(keep)) = (kept, view, keep.as_mut()) {
                 keep.write(index, words, strips)?;
             }
-            let begin = Instant::now();
-            if let Some(spectral) = &simulation.spectral {
-                let lists = spectral.lists(tracer, strips)?;
-                cells.add(lights.iter().zip(&lists), sums, steps)?;
-            } else {
-                cells.add(std::iter::once((&lights[0], strips)), sums, steps)?;
+            match &simulation.spectral {
+                Some(spectral) => light(&gather(tracer, spectral, strips)?),
+                None => light(std::slice::from_ref(strips)),
             }
-            illuminating += begin.elapsed().as_secs_f64();
-            Ok(())
         };
-        match view {
-            stack::View::Sample(index) if simulation.kept.is_some() => {
-                if let Some(kept) = &simulation.kept {
-                    kept.strips(index, rows, &lit, |strips| add(tracer, strips))?;
-                }
+        match (view, &simulation.kept, &simulation.spectral) {
+            (stack::View::Sample(index), Some(kept), Some(spectral)) => {
+                let gather = |strips: &Strips| gather(tracer, spectral, strips);
+                kept.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
-            stack::View::Sample(index) if !shadows.is_empty() => {
+            (stack::View::Sample(index), ..) if !shadows.is_empty() => {
                 let view = simulation.view(index, shadows);
                 let at_once = simulation.memory.rays_at_once as usize;
                 trace::trace_strips(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
@@ -286,6 +296,7 @@ impl<'s> Work<'s> {
                 add(tracer, &strips)?;
             }
         }
+        let illuminating = illuminating.get();
         self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
         self.seconds.illuminate += illuminating;
         Ok(())

@@ -18,7 +18,7 @@ use std::ops::Range;
 const REFLECTION_REACH: f64 = 2.0;
 
 /// The lattice of cells of a scene.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Lattice {
     /// Distance of the cell plane from the source, m.
     pub plane: f64,
@@ -80,6 +80,13 @@ fn edge_blur(scene: &Scene) -> f64 {
 }
 
 impl Lattice {
+    /// Whether cells stand and land as on another lattice; how finely it is sampled, and which
+    /// rows see the bars of masks under one angle, does not count.
+    #[must_use]
+    pub(crate) fn places_like(&self, other: &Self) -> bool {
+        *self == Self { cells: self.cells, alike_rows: self.alike_rows, ..other.clone() }
+    }
+
     /// The lattice of a scene whose strongest material has this delta.
     #[must_use]
     pub fn of(scene: &Scene, delta: f64) -> Self {

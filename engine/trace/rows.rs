@@ -10,7 +10,7 @@
 use std::f64::consts::{PI, SQRT_2};
 
 /// Light of an interval of a row (coordinates in rows, downwards, 0..1 inside the row).
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct RowSpread {
     /// Standard deviation of the blur, rows.
     pub(super) blur: f64,

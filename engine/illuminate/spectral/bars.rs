@@ -58,6 +58,26 @@ fn with_light(shares: &[f64]) -> Range<usize> {
 }
 
 impl Spectral {
+    /// Whether bars do the same to the light of every column, row and energy as in another scene.
+    pub(super) fn bars_like(&self, other: &Self) -> bool {
+        let mask = |(these, others): (&Option<Vec<MaskShape>>, &Option<Vec<MaskShape>>)| {
+            let [these, others] = [these, others].map(|mask| mask.as_deref().unwrap_or_default());
+            these.len() == others.len() && these.iter().zip(others).all(|(a, b)| a.shades_like(b))
+        };
+        self.lattice.alike_rows == other.lattice.alike_rows
+            && self.row_slope.to_bits() == other.row_slope.to_bits()
+            && self.middle_row.to_bits() == other.middle_row.to_bits()
+            && self.slopes == other.slopes
+            && self.slopes.iter().all(|&slope| self.is_closed(slope) == other.is_closed(slope))
+            && self.masks.iter().zip(&other.masks).all(mask)
+    }
+
+    /// Whether shadows of bars meet for rays of this dx/dy.
+    fn is_closed(&self, slope: f64) -> bool {
+        let closed = |shape: &MaskShape| shape.thickness * slope.abs() > shape.narrowest();
+        self.masks.iter().flatten().flatten().any(closed)
+    }
+
     pub(super) fn place(&self, strip: &Strip) -> Place {
         (strip.column, i64::from(strip.row).div_euclid(self.lattice.alike_rows.into()))
     }
@@ -104,15 +124,12 @@ impl Spectral {
                 }
             })
         };
-        let closed = |mask: &Option<Vec<MaskShape>>| {
-            mask.iter().flatten().any(|shape| shape.thickness * slope.abs() > shape.narrowest())
-        };
         Bars {
             nodes: shares.chunks(self.nodes()).map(with_light).collect(),
             joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
             shares,
             shades: (0..self.nodes()).map(shade).collect(),
-            closed: self.masks.iter().any(closed),
+            closed: self.is_closed(slope),
         }
     }
 }

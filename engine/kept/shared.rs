@@ -1,0 +1,100 @@
+//! Cells that one scene made of kept moments, for the next ones that would make the same.
+
+use super::relattice::{Covered, Relattice};
+use crate::gpu::interface::{Cell, Strip};
+use crate::illuminate::Spectral;
+use crate::trace::Strips;
+use std::collections::HashMap;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Some rows of a view.
+type Place = (u32, Range<i64>);
+
+/// Cells of some rows of a view, ready to be illuminated.
+#[derive(Debug, Default)]
+pub(super) struct Part {
+    /// Lists of strips, as [`Spectral::lists`] gives them, by block of the file.
+    pub(super) lists: Vec<Vec<Strips>>,
+    pub(super) covered: Covered,
+}
+
+impl Part {
+    pub(super) fn bytes(&self) -> u64 {
+        let of_list = |list: &Strips| {
+            list.cells.capacity() * size_of::<Cell>() + list.strips.capacity() * size_of::<Strip>()
+        };
+        let lists: usize = self.lists.iter().flatten().map(of_list).sum();
+        (lists + self.covered.bytes()) as u64
+    }
+}
+
+/// What the first scene made, as far as it fits.
+#[derive(Debug, Default)]
+pub(super) struct Shared {
+    /// Bytes kept at most.
+    most: u64,
+    kept: Mutex<Made>,
+}
+
+#[derive(Debug, Default)]
+struct Made {
+    by: Option<(Relattice, Spectral)>,
+    parts: HashMap<Place, Arc<Part>>,
+    bytes: u64,
+}
+
+impl Made {
+    fn is_by(&self, relattice: &Relattice, spectral: &Spectral) -> bool {
+        self.by.as_ref().is_some_and(|(r, s)| r.maps_like(relattice) && s.gathers_like(spectral))
+    }
+}
+
+impl Shared {
+    pub(super) fn new(most: u64) -> Self {
+        Self { most, kept: Mutex::default() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Made> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What was made of a place by these.
+    pub(super) fn find(
+        &self,
+        relattice: &Relattice,
+        spectral: &Spectral,
+        place: &Place,
+    ) -> Option<Arc<Part>> {
+        let made = self.lock();
+        made.parts.get(place).filter(|_| made.is_by(relattice, spectral)).cloned()
+    }
+
+    /// Whether a part of some bytes would be kept.
+    pub(super) fn takes(&self, relattice: &Relattice, spectral: &Spectral, bytes: u64) -> bool {
+        let made = self.lock();
+        made.bytes + bytes <= self.most && (made.by.is_none() || made.is_by(relattice, spectral))
+    }
+
+    /// Keeps a part, if it is the first scene's or like it, and fits.
+    pub(super) fn insert(
+        &self,
+        relattice: &Relattice,
+        spectral: &Spectral,
+        place: Place,
+        part: Part,
+    ) {
+        let bytes = part.bytes();
+        let mut made = self.lock();
+        if made.by.is_none() {
+            made.by = Some((relattice.clone(), spectral.clone()));
+        }
+        if made.bytes + bytes <= self.most
+            && made.is_by(relattice, spectral)
+            && !made.parts.contains_key(&place)
+        {
+            made.bytes += bytes;
+            made.parts.insert(place, Arc::new(part));
+        }
+    }
+}
