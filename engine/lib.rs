@@ -20,6 +20,7 @@ pub mod image;
 pub mod kept;
 pub mod material;
 pub mod memory;
+mod parallel;
 pub mod retrieve;
 mod run;
 pub mod scene;

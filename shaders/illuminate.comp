@@ -101,11 +101,12 @@ float response(Light light, Column column, float sec, float leak, Piece piece, f
     Mask mask = light.detector_mask;
     bool masked = mask.present != 0u;
     // Only periods with an aperture in reach: where a driver runs every branch, each counts.
-    int from = 0;
+    Place place = Place(0, 0u);
     int apertures = 0;
     if (masked) {
         ivec2 reached = periods_in_reach(mask, column, piece);
-        from = max(reached.x, int(ceil((low + column.aperture_offset - mask.last) / mask.period)));
+        int from = max(reached.x, int(ceil((low + column.aperture_offset - mask.last) / mask.period)));
+        place.period = from;
         int to = min(reached.y, int(floor((high + column.aperture_offset - mask.first) / mask.period)));
         apertures = max(to - from + 1, 0) * int(mask.count);
     }
@@ -119,13 +120,13 @@ float response(Light light, Column column, float sec, float leak, Piece piece, f
         Edge upper = pixel_high;
         bool met = n < 0;
         if (n >= 0 && n < apertures) {
-            int j = from + n / int(mask.count);
-            Aperture aperture = aperture_of(mask, n);
-            float centre = float(j) * mask.period - column.aperture_offset
+            Aperture aperture = aperture_of(mask, place);
+            float centre = float(place.period) * mask.period - column.aperture_offset
                 + 0.5 * (aperture.low + aperture.high);
             float slope = column.slope + centre / light.analyser;
-            float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak,
-                                          piece.detector_shade);
+            float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
+            width = shaded_width(mask, width, slope, piece.detector_shade);
+            place = next_place(mask, place);
             float a = centre - 0.5 * width;
             float b = centre + 0.5 * width;
             met = b > low && a < high && b > a;
@@ -307,17 +308,19 @@ void main() {
         // What the bars leak, of every cell, or each aperture with the cells that it lets light
         // through.
         int n = at_all_steps ? -1 : 0;
+        Place place = Place(from, 0u);
         do {
             uint i = n < 0 ? 0u : strip.count;
             float beyond = 1e30;
             float centre = 0.0, slope = 0.0, widest = 0.0;
             if (n >= 0 && n < apertures) {
-                Aperture aperture = aperture_of(mask, n);
-                centre = float(from + n / int(mask.count)) * mask.period + offset
+                Aperture aperture = aperture_of(mask, place);
+                centre = float(place.period) * mask.period + offset
                     + 0.5 * (aperture.low + aperture.high);
                 slope = column.slope + centre / light.cell_plane;
-                // Effective apertures are narrower than these.
-                widest = aperture.high - aperture.low;
+                place = next_place(mask, place);
+                // Of the cells of averaged masks it is narrower.
+                widest = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
                 i = cell_beyond(strip, centre - 0.5 * widest - reach);
                 beyond = centre + 0.5 * widest + reach;
             }
@@ -340,7 +343,7 @@ void main() {
                     float low = from_x, high = to_x;
                     bool cut = false;
                     if (n >= 0) {
-                        float width = effective_width(mask, widest, slope, sec, leak, cell.sample_shade);
+                        float width = shaded_width(mask, widest, slope, cell.sample_shade);
                         low = centre - 0.5 * width;
                         high = centre + 0.5 * width;
                         cut = !sharp && (low + reach > from_x || high - reach < to_x);

@@ -171,7 +171,7 @@ impl Buffer {
     /// # Panics
     /// Where the buffer is shorter.
     pub fn read<T: Pod>(&self, offset: u64, count: usize) -> Result<Vec<T>> {
-        let mut values = vec![T::zeroed(); count];
+        let mut values = bytemuck::zeroed_vec(count);
         self.read_into(offset, &mut values)?;
         Ok(values)
     }

@@ -93,9 +93,10 @@ impl MaskShape {
         }
     }
 
-    /// Share of the shadow width that narrows apertures, as `effective_width` there.
-    pub(super) fn shade(&self, secant: f64) -> f64 {
-        let (a, leak) = (self.attenuation * secant, self.leak(secant));
+    /// Share of the shadow width that narrows apertures, as `effective_width` there, where bars
+    /// leak so much.
+    pub(super) fn shade(&self, secant: f64, leak: f64) -> f64 {
+        let a = self.attenuation * secant;
         if a <= 0.0 || 1.0 - leak < 1e-5 {
             return 0.0;
         }

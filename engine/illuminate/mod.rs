@@ -11,5 +11,5 @@ pub(crate) use light::alike_rows;
 pub use light::{LightRecord, Part};
 pub use random::{Cast, RandomKernels, cast};
 pub(crate) use spectral::NARROW;
-pub use spectral::Spectral;
+pub use spectral::{KnownBars, Spectral};
 pub use sums::Sums;

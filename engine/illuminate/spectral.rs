@@ -23,15 +23,15 @@ use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::material::Constants;
 use crate::scene::Scene;
 use crate::trace::{CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, Strips, Tracer};
-use bars::{Bars, Place, passing};
+use bars::{Bars, passing};
 use join::Joining;
 use ordered::{Repeated, severe};
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 use sums::{Sums, Terms};
 
+pub use bars::KnownBars;
 pub(crate) use ordered::NARROW;
 
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
@@ -226,7 +226,7 @@ impl Spectral {
             for (n, shape) in shapes.iter().enumerate() {
                 let weight = self.weights[n] * self.passes(n, leaks);
                 all += weight;
-                let shade = shape.shade(1.0);
+                let shade = shape.shade(1.0, shape.leak(1.0));
                 sum[0] += weight * shape.softness();
                 sum[1] += weight * shade;
                 sum[2] += weight * shade * shade;
@@ -250,23 +250,25 @@ impl Spectral {
     }
 
     /// Cells of strips whose moments were kept, as light: one list per group, then one per node.
+    /// `known`: what was found out for the strips before.
     ///
     /// # Errors
     /// As [`Tracer::trace`], by which the ordered walks are repeated at each node.
-    pub fn lists(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Vec<Strips>> {
+    pub fn lists(
+        &self,
+        tracer: &mut Tracer,
+        known: &mut KnownBars,
+        strips: &Strips,
+    ) -> Result<Vec<Strips>> {
         let repeated = self.repeat(tracer, strips)?;
-        let mut places: Vec<Place> = strips.strips.iter().map(|s| self.place(s)).collect();
-        places.sort_unstable();
-        places.dedup();
-        let bars: HashMap<Place, Bars> =
-            places.par_iter().map(|place| (*place, self.bars(*place))).collect();
+        known.look_at(self, strips);
         let gathered: Vec<Vec<Strips>> = strips
             .strips
             .par_chunks(STRIPS_AT_ONCE)
             .map_init(Scratch::default, |scratch, some| {
                 let mut lists = vec![Strips::default(); self.groups.len() + self.nodes()];
                 for strip in some {
-                    self.gather(strips, strip, &repeated, &bars[&self.place(strip)], scratch);
+                    self.gather(strips, strip, &repeated, known.at(self, strip), scratch);
                     for (list, cells) in lists.iter_mut().zip(&scratch.lists) {
                         list.push(*strip, cells, &CellMoments::default());
                     }
@@ -274,15 +276,16 @@ impl Spectral {
                 lists
             })
             .collect();
-        let mut lists = vec![Strips::default(); self.groups.len() + self.nodes()];
-        for (index, list) in lists.iter_mut().enumerate() {
-            let parts = || gathered.iter().map(|some| &some[index]);
-            list.strips.reserve_exact(parts().map(|part| part.strips.len()).sum());
-            list.cells.reserve_exact(parts().map(|part| part.cells.len()).sum());
-            parts().for_each(|part| list.append(part));
+        let mut parts = vec![Vec::with_capacity(gathered.len()); self.groups.len() + self.nodes()];
+        for some in gathered {
+            parts.iter_mut().zip(some).for_each(|(list, part)| list.push(part));
         }
-        lists.iter_mut().for_each(Strips::balance);
-        Ok(lists)
+        let list = |parts| {
+            let mut list = Strips::concat(parts);
+            list.balance();
+            list
+        };
+        Ok(parts.into_par_iter().map(list).collect())
     }
 
     /// Cells of a strip for every list, in the scratch.
@@ -290,7 +293,7 @@ impl Spectral {
         &self,
         strips: &Strips,
         strip: &Strip,
-        repeated: &[Repeated],
+        repeated: &Repeated,
         bars: &Bars,
         scratch: &mut Scratch,
     ) {
@@ -329,13 +332,12 @@ impl Spectral {
                 for (light, laws) in scratch.light.iter_mut().zip(&scratch.laws) {
                     *light = laws.map(|law| law.light());
                 }
-                if repeated.iter().any(|r| r.places[walked].is_some()) {
+                if let Some(nodes) = repeated.of(walked) {
                     let lists = &mut scratch.lists[groups..];
-                    for ((laws, repeated), list) in scratch.laws.iter().zip(repeated).zip(lists) {
-                        match repeated.places[walked] {
+                    for ((laws, again), list) in scratch.laws.iter().zip(nodes).zip(lists) {
+                        match again {
                             None => list.push(self.cell(strip, [cell.x_low, cell.x_high], *laws)),
-                            Some(places) => {
-                                let laws = places.map(|place| &repeated.laws[place]);
+                            Some(laws) => {
                                 self.push_exact(list, strip, cell, laws, exact[walked].range);
                             }
                         }

@@ -13,7 +13,7 @@ use crate::Result;
 use crate::gpu::Device;
 use crate::gpu::interface::Pixel;
 use crate::illuminate::{
-    Cast, CellIlluminator, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
+    Cast, CellIlluminator, KnownBars, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
 };
 use crate::run::{Control, Progress, Tally};
 use crate::scene::Scheme;
@@ -44,6 +44,7 @@ pub(super) struct Work<'s> {
     lights: Vec<LightRecord>,
     sums: Sums,
     cells: CellIlluminator,
+    bars: KnownBars,
     random: Option<RandomKernels>,
     band: u32,
     pixel_columns: Range<i64>,
@@ -89,6 +90,7 @@ impl<'s> Work<'s> {
             lights,
             sums: Sums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels())?,
+            bars: KnownBars::default(),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
             band,
             pixel_columns,
@@ -243,15 +245,15 @@ impl<'s> Work<'s> {
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
-        let Self { cells, lights, sums, tally, tracer, simulation, .. } = self;
+        let Self { cells, bars, lights, sums, tally, tracer, simulation, .. } = self;
         let cancel = control.cancel;
         let illuminating = std::cell::Cell::new(0.0);
         let words = simulation.moment_words();
         let keep = &mut control.keep;
         // Strips as lists, one for each record of light.
-        let gather = |tracer: &mut Tracer, spectral: &Spectral, strips: &Strips| {
+        let mut gather = |tracer: &mut Tracer, spectral: &Spectral, strips: &Strips| {
             let begin = Instant::now();
-            let lists = spectral.lists(tracer, strips);
+            let lists = spectral.lists(tracer, bars, strips);
             illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
             lists
         };

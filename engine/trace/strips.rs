@@ -20,7 +20,9 @@ use super::occupancy::Shadow;
 use super::tracer::Tracer;
 use crate::Result;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::parallel;
 use crate::scene::Scene;
+use bytemuck::Pod;
 pub use ends::Keep;
 pub use moments::{CellMoments, ExactCell};
 use rayon::prelude::*;
@@ -133,17 +135,39 @@ impl Strips {
         self.moments.ends = vec![0.0; 2 * self.cells.len() * materials * MOMENTS_PER_MATERIAL];
     }
 
-    /// Empties strips, cells and counts; keeps their memory.
-    fn clear(&mut self) {
-        self.strips.clear();
-        self.cells.clear();
-        self.moments.clear();
-        (self.splits, self.landed_off, self.not_finite) = (0, 0, 0);
+    /// Strips of several parts in their order, with their counts.
+    pub(crate) fn concat(mut parts: Vec<Self>) -> Self {
+        let mut all = Self::default();
+        let mut first = 0;
+        for part in &mut parts {
+            part.strips.iter_mut().for_each(|strip| strip.first += first);
+            for exact in &mut part.moments.exact {
+                exact.cell += first;
+            }
+            all.moments.exact.append(&mut part.moments.exact);
+            first += part.cells.len() as u32;
+            all.splits += part.splits;
+            all.landed_off += part.landed_off;
+            all.not_finite += part.not_finite;
+        }
+        all.strips = join(&mut parts, |part| &mut part.strips);
+        all.cells = join(&mut parts, |part| &mut part.cells);
+        all.moments.ends = join(&mut parts, |part| &mut part.moments.ends);
+        all
     }
 
     /// Strips of about equal size side by side: invocations of a subgroup wait for one another.
     pub(crate) fn balance(&mut self) {
         self.strips.sort_by_key(|s| std::cmp::Reverse(s.count));
+    }
+}
+
+/// What all parts have of something, which is gone from them.
+fn join<T: Pod + Send + Sync>(parts: &mut [Strips], of: fn(&mut Strips) -> &mut Vec<T>) -> Vec<T> {
+    let own: Vec<Vec<T>> = parts.iter_mut().map(|part| std::mem::take(of(part))).collect();
+    match <[Vec<T>; 1]>::try_from(own) {
+        Ok([only]) => only,
+        Err(own) => parallel::concat(&own),
     }
 }
 
@@ -272,14 +296,14 @@ pub fn trace_strips(
             }
         }
     }
-    let mut out = Parts { strips: Strips::default(), most: rays_at_once, take };
+    let mut out = Parts { parts: Vec::new(), cells: 0, most: rays_at_once, take };
     let cell = empty_cell(view.lattice);
     let words = if view.keep.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
     for strips in blank_strips(view.lattice, blank).chunks(SPANS_AT_ONCE) {
         let mut part = Strips::default();
         strips.iter().for_each(|strip| part.push(*strip, &[cell], &none));
-        out.append(tracer, &part)?;
+        out.append(tracer, part)?;
     }
     let work = Refiner::new(view);
     // A span takes about two lines: its middle, and one of its ends, shared with a neighbour.
@@ -292,9 +316,12 @@ pub fn trace_strips(
         keys.dedup();
         keys.retain(|k| !lines.contains_key(k));
         work.see_lines(tracer, &keys, &mut lines)?;
-        let verdicts: Vec<bool> = open.par_iter().map(|s| work.agrees(s, &lines)).collect();
+        let verdict =
+            |span: &Span| (!work.misses(span, &lines, lit)).then(|| work.agrees(span, &lines));
+        let verdicts: Vec<Option<bool>> = open.par_iter().map(verdict).collect();
         let (mut next, mut done) = (Vec::new(), Vec::new());
         for (span, agrees) in open.iter().zip(verdicts) {
+            let Some(agrees) = agrees else { continue };
             if agrees || (span.high - span.low) * FINEST <= units {
                 done.push(*span);
             } else {
@@ -307,14 +334,16 @@ pub fn trace_strips(
         done.sort_unstable_by_key(|span| (span.beamlet, span.low));
         for some in done.chunks(SPANS_AT_ONCE) {
             let refined = work.refine_lines(tracer, some, &mut lines)?;
-            out.strips.splits += refined.iter().map(|line| line.splits).sum::<u64>();
             let mut moments = work.end_moments(tracer, some, &refined)?;
             let spans = some.par_chunks(SPANS_OF_A_THREAD);
             let lines = refined.par_chunks(SPANS_OF_A_THREAD);
             let moments = moments.par_chunks_mut(SPANS_OF_A_THREAD);
             let cells = spans.zip(lines).zip(moments).map(|((spans, lines), moments)| {
                 let mut part = Strips::default();
+                part.cells.reserve_exact(lines.iter().map(|line| line.segments.len()).sum());
+                part.moments.ends.reserve_exact(moments.iter().map(Vec::len).sum());
                 for ((span, line), moments) in spans.iter().zip(lines).zip(moments) {
+                    part.splits += line.splits;
                     let made = work.cells(span, line, std::mem::take(moments));
                     let row = i64::from(made.strip.row);
                     part.landed_off += made.landed_off;
@@ -326,7 +355,7 @@ pub fn trace_strips(
                 part
             });
             let parts: Vec<Strips> = cells.collect();
-            for part in &parts {
+            for part in parts {
                 out.append(tracer, part)?;
             }
             refined.into_par_iter().for_each(drop);
@@ -358,25 +387,28 @@ fn chunks(spans: &[Span], at_once: usize, lines: &HashMap<Key, Arc<Seen>>) -> Ve
 
 /// Strips handed over in parts of limited size.
 struct Parts<'a> {
-    strips: Strips,
-    /// Cells of a part.
+    parts: Vec<Strips>,
+    /// In the parts.
+    cells: usize,
+    /// Cells that are handed over at once.
     most: usize,
     take: Take<'a>,
 }
 
 impl Parts<'_> {
-    fn append(&mut self, tracer: &mut Tracer, strips: &Strips) -> Result<()> {
-        if self.strips.cells.len() + strips.cells.len() > self.most {
+    fn append(&mut self, tracer: &mut Tracer, strips: Strips) -> Result<()> {
+        if self.cells + strips.cells.len() > self.most {
             self.hand_over(tracer)?;
         }
-        self.strips.append(strips);
+        self.cells += strips.cells.len();
+        self.parts.push(strips);
         Ok(())
     }
 
     fn hand_over(&mut self, tracer: &mut Tracer) -> Result<()> {
-        self.strips.balance();
-        (self.take)(tracer, &self.strips)?;
-        self.strips.clear();
-        Ok(())
+        let mut strips = Strips::concat(std::mem::take(&mut self.parts));
+        self.cells = 0;
+        strips.balance();
+        (self.take)(tracer, &strips)
     }
 }

@@ -158,7 +158,7 @@ impl Tracer {
     /// # Errors
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Law>> {
-        let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
+        let mut laws = bytemuck::zeroed_vec(rays.len());
         self.each_batch(rays, &mut laws, Wanted::Laws, |_, _, _| Ok(()))?;
         Ok(laws)
     }
@@ -168,7 +168,7 @@ impl Tracer {
     /// # Errors
     /// As [`Tracer::trace`].
     pub fn trace_with_moments(&mut self, rays: &[Ray]) -> Result<(Vec<Law>, Vec<u32>)> {
-        let mut laws = vec![bytemuck::Zeroable::zeroed(); rays.len()];
+        let mut laws = bytemuck::zeroed_vec(rays.len());
         let moments = self.read_moments(rays, &mut laws, Wanted::Both)?;
         Ok((laws, moments))
     }

@@ -10,10 +10,22 @@ float bar_transmission(Mask mask, float sec) {
     return mask.attenuation > 0.0 ? exp(-mask.attenuation * sec) : mask.transmission;
 }
 
-// An aperture of the period; the only one without a look at memory.
-Aperture aperture_of(Mask mask, int n) {
+// An aperture of some period.
+struct Place {
+    int period;
+    uint aperture;
+};
+
+// The next one; counted, since CPU devices divide whole numbers one lane at a time.
+Place next_place(Mask mask, Place place) {
+    bool last = place.aperture + 1u >= mask.count;
+    return Place(last ? place.period + 1 : place.period, last ? 0u : place.aperture + 1u);
+}
+
+// The aperture there; the only one of a period without a look at memory.
+Aperture aperture_of(Mask mask, Place place) {
     if (mask.count == 1u) return Aperture(mask.first, mask.last);
-    return mask.apertures.at[n % int(mask.count)];
+    return mask.apertures.at[place.aperture];
 }
 
 // Share of the period that is open.
@@ -25,11 +37,11 @@ float open_part(Mask mask) {
     return open / mask.period;
 }
 
-// Width of the hard-edged aperture; `leak` is the transmission of the bars, `shade` that of the
-// cell for averaged masks.
-float effective_width(Mask mask, float width, float slope, float sec, float leak, float shade) {
+// Width of the hard-edged aperture; `leak` is the transmission of the bars. For averaged masks that
+// of an aperture without bars, which cells narrow by what they tell (`shaded_width`).
+float effective_width(Mask mask, float width, float slope, float sec, float leak) {
     float shadow = mask.thickness * abs(slope);
-    if (mask.averaged != 0u) return width - shadow * shade;
+    if (mask.averaged != 0u) return width;
     float a = mask.attenuation * sec;
     if (shadow <= 0.0 || a <= 0.0 || 1.0 - leak < 1e-5) return width;
     if (shadow <= width) {
@@ -41,6 +53,11 @@ float effective_width(Mask mask, float width, float slope, float sec, float leak
     float open = 2.0 * (shadow * (least - leak) / a - width * leak)
         + (shadow - width) * (least - leak);
     return open / (1.0 - leak);
+}
+
+// The same for a cell, from the width that all cells share.
+float shaded_width(Mask mask, float width, float slope, float shade) {
+    return mask.averaged != 0u ? width - mask.thickness * abs(slope) * shade : width;
 }
 
 // Variance of an edge that shadows soften, m2, beyond the hard edge above.

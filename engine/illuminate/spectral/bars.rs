@@ -1,11 +1,19 @@
 //! What the bars of the masks do to light of each energy, by its way through them.
 
-#![allow(clippy::cast_precision_loss, reason = "rows are few")]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "columns and blocks of rows are few"
+)]
 
 use super::join::Limits;
 use super::{NEGLIGIBLE, Spectral};
 use crate::gpu::interface::Strip;
 use crate::illuminate::light::MaskShape;
+use crate::trace::Strips;
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Cells of light that leaks through bars are joined up to this share of the period,
@@ -21,6 +29,7 @@ const FAINT: f64 = 1e-3;
 
 /// What the masks do to the light of a column in a block of rows: by node and group, and how much
 /// they shade.
+#[derive(Debug)]
 pub(super) struct Bars {
     /// `[group][node]`.
     pub(super) shares: Vec<f64>,
@@ -36,6 +45,52 @@ pub(super) struct Bars {
 
 /// A column, and a block of rows ([`Lattice::alike_rows`]).
 pub(super) type Place = (u32, i64);
+
+/// What bars do at the places of the strips that were gathered last: the next ones are near.
+#[derive(Debug, Default)]
+pub struct KnownBars {
+    first_block: i64,
+    /// `[block][column]`.
+    table: Vec<Option<Bars>>,
+}
+
+impl KnownBars {
+    /// Knows the places of strips, and no others.
+    pub(super) fn look_at(&mut self, spectral: &Spectral, strips: &Strips) {
+        let columns = spectral.slopes.len();
+        let block = |strip: &Strip| spectral.place(strip).1;
+        let first_block = strips.strips.iter().map(block).min().unwrap_or_default();
+        let blocks = strips.strips.iter().map(|strip| block(strip) - first_block + 1).max();
+        let mut wanted = vec![false; columns * blocks.unwrap_or_default() as usize];
+        let mut before = std::mem::take(&mut self.table);
+        let moved = (self.first_block - first_block) * columns as i64;
+        *self = Self { first_block, table: Vec::new() };
+        for strip in &strips.strips {
+            wanted[self.index(spectral, strip)] = true;
+        }
+        let known = |(index, wanted): (usize, &bool)| {
+            let at = usize::try_from(index as i64 - moved).ok().filter(|_| *wanted)?;
+            before.get_mut(at)?.take()
+        };
+        let known: Vec<Option<Bars>> = wanted.iter().enumerate().map(known).collect();
+        let bars = |(index, (wanted, known)): (usize, (bool, Option<Bars>))| {
+            let place = || ((index % columns) as u32, first_block + (index / columns) as i64);
+            wanted.then(|| known.unwrap_or_else(|| spectral.bars(place())))
+        };
+        self.table =
+            wanted.into_par_iter().zip(known).enumerate().with_min_len(64).map(bars).collect();
+    }
+
+    fn index(&self, spectral: &Spectral, strip: &Strip) -> usize {
+        let (column, block) = spectral.place(strip);
+        (block - self.first_block) as usize * spectral.slopes.len() + column as usize
+    }
+
+    /// Those at the place of a strip, which was looked at.
+    pub(super) fn at(&self, spectral: &Spectral, strip: &Strip) -> &Bars {
+        self.table[self.index(spectral, strip)].as_ref().expect("the place was looked at")
+    }
+}
 
 /// Share of light that takes a way through masks of these leaks, where there are masks.
 pub(super) fn passing(leaks: [Option<f64>; 2], group: [bool; 2]) -> f64 {
@@ -96,18 +151,19 @@ impl Spectral {
         let row = (block as f64 + 0.5) * f64::from(self.lattice.alike_rows);
         let slope_z = (row - self.middle_row) * self.row_slope;
         let secant = (1.0 + slope * slope + slope_z * slope_z).sqrt();
-        let of_node = |n: usize| {
-            let leaks = [0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[n].leak(secant)));
-            self.groups.iter().map(move |group| self.weights[n] * passing(leaks, *group))
-        };
-        let by_node: Vec<f64> = (0..self.nodes()).flat_map(of_node).collect();
+        let (mut by_node, mut shades) = (Vec::new(), Vec::with_capacity(self.nodes()));
+        for node in 0..self.nodes() {
+            let shapes = [0, 1].map(|i| self.masks[i].as_ref().map(|mask| &mask[node]));
+            let leaks = shapes.map(|shape| shape.map(|shape| shape.leak(secant)));
+            let shade = |i: usize| Some(shapes[i]?.shade(secant, leaks[i]?));
+            shades.push([0, 1].map(|mask| shade(mask).unwrap_or_default()));
+            let share = |group| self.weights[node] * passing(leaks, group);
+            by_node.extend(self.groups.iter().map(|group| share(*group)));
+        }
         let groups = self.groups.len();
         let shares: Vec<f64> = (0..groups)
             .flat_map(|group| by_node[group..].iter().step_by(groups).copied())
             .collect();
-        let shade = |node: usize| {
-            [0, 1].map(|mask| self.masks[mask].as_ref().map_or(0.0, |of| of[node].shade(secant)))
-        };
         let joined = |(shares, leaks): (&[f64], &[bool; 2])| {
             let share: f64 = shares.iter().sum();
             leaks.contains(&true).then(|| {
@@ -128,7 +184,7 @@ impl Spectral {
             nodes: shares.chunks(self.nodes()).map(with_light).collect(),
             joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
             shares,
-            shades: (0..self.nodes()).map(shade).collect(),
+            shades,
             closed: self.is_closed(slope),
         }
     }

@@ -2,10 +2,11 @@
 
 use super::{NodeLaw, Spectral};
 use crate::Result;
-use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Strip};
+use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
 use crate::material::Constants;
 use crate::scene::{Scene, Transport};
 use crate::trace::{ExactCell, Media, Strips, Tracer};
+use rayon::prelude::*;
 
 /// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes
 /// are bisected to it, so that there are many, with next to no light.
@@ -14,12 +15,34 @@ pub(crate) const NARROW: f32 = 50e-9;
 /// leaves as much: beyond it the error grows by delta^2 / c^3.
 const SEVERE: f64 = 0.2154;
 
-/// Ordered walks repeated at a node.
-#[derive(Debug, Clone, Default)]
+/// Ordered walks repeated at some nodes.
+#[derive(Debug, Default)]
 pub(super) struct Repeated {
-    pub(super) laws: Vec<Law>,
-    /// For each ordered cell the laws of its two ends, where they were repeated.
-    pub(super) places: Vec<Option<[usize; 2]>>,
+    /// Which of the ordered cells, ascending.
+    cells: Vec<u32>,
+    nodes: Vec<AtNode>,
+}
+
+/// Ordered walks at a node.
+#[derive(Debug, Default)]
+struct AtNode {
+    laws: Vec<Law>,
+    /// For each of the cells above the laws of its two ends, where they were repeated here.
+    places: Vec<Option<[usize; 2]>>,
+}
+
+impl AtNode {
+    fn at(&self, cell: usize) -> Option<[&Law; 2]> {
+        Some(self.places[cell]?.map(|place| &self.laws[place]))
+    }
+}
+
+impl Repeated {
+    /// Laws at the ends of an ordered cell, by node, where it was repeated at some.
+    pub(super) fn of(&self, cell: usize) -> Option<impl Iterator<Item = Option<[&Law; 2]>>> {
+        let at = self.cells.binary_search_by_key(&cell, |cell| *cell as usize).ok()?;
+        Some(self.nodes.iter().map(move |node| node.at(at)))
+    }
 }
 
 impl Spectral {
@@ -31,29 +54,41 @@ impl Spectral {
     }
 
     /// Repeats ordered walks at the nodes where they cannot be told from the one made.
-    pub(super) fn repeat(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Vec<Repeated>> {
+    pub(super) fn repeat(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Repeated> {
         let exact = &strips.moments.exact;
-        let mut rays = vec![Vec::new(); self.nodes()];
-        let mut places = vec![Vec::with_capacity(exact.len()); self.nodes()];
-        for (node, (rays, places)) in rays.iter_mut().zip(&mut places).enumerate() {
-            for cell in exact {
-                let Cell { x_low, x_high, .. } = strips.cells[cell.cell as usize];
-                let wide = x_high - x_low > NARROW || self.severe[node] > 1.0;
-                places.push((wide && cell.grazing() < self.severe[node]).then(|| {
-                    cell.ends.map(|ray| {
-                        // Neighbours share a ray.
-                        let last = rays.len().saturating_sub(2);
-                        if let Some(at) = rays[last..].iter().position(|r| *r == ray) {
-                            return last + at;
-                        }
-                        rays.push(ray);
-                        rays.len() - 1
-                    })
-                }));
-            }
-        }
-        let laws = tracer.walk_at_nodes(&rays)?.into_iter();
-        Ok(laws.zip(places).map(|(laws, places)| Repeated { laws, places }).collect())
+        let repeats = |node: usize, width: f32, grazing: f64| {
+            (width > NARROW || self.severe[node] > 1.0) && grazing < self.severe[node]
+        };
+        let asks = |(index, cell): (usize, &ExactCell)| {
+            let Cell { x_low, x_high, .. } = strips.cells[cell.cell as usize];
+            let (width, grazing) = (x_high - x_low, cell.grazing());
+            let nodes: Vec<bool> = (0..self.nodes()).map(|n| repeats(n, width, grazing)).collect();
+            nodes.contains(&true).then_some((index as u32, nodes))
+        };
+        let (cells, asked): (Vec<u32>, Vec<Vec<bool>>) =
+            exact.par_iter().enumerate().filter_map(asks).unzip();
+        let at_node = |node: usize| {
+            let mut rays: Vec<Ray> = Vec::new();
+            let mut place = |ray: Ray| {
+                // Neighbours share a ray.
+                let last = rays.len().saturating_sub(2);
+                if let Some(at) = rays[last..].iter().position(|r| *r == ray) {
+                    return last + at;
+                }
+                rays.push(ray);
+                rays.len() - 1
+            };
+            let ends = |(cell, nodes): (&u32, &Vec<bool>)| {
+                nodes[node].then(|| exact[*cell as usize].ends.map(&mut place))
+            };
+            let places = cells.iter().zip(&asked).map(ends).collect();
+            (rays, places)
+        };
+        let (rays, places): (Vec<Vec<Ray>>, Vec<Vec<Option<[usize; 2]>>>) =
+            (0..self.nodes()).into_par_iter().map(at_node).unzip();
+        let laws = tracer.walk_at_nodes(&rays)?;
+        let nodes = laws.into_iter().zip(places).map(|(laws, places)| AtNode { laws, places });
+        Ok(Repeated { cells, nodes: nodes.collect() })
     }
 
     /// Adds to the laws of the nodes what the ordered walk found beyond the first order: that is

@@ -3,7 +3,7 @@
 use super::{
     Aim, Asks, Narrow, Point, Rays, SHARP, SHARPEST, first_places, may_hide, middle, representable,
 };
-use crate::gpu::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
+use crate::gpu::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, FLAG_SHARE_SHIFT, Law};
 
 /// Silhouettes are bisected to this share of a period.
 const COARSE_SHARE: f32 = 1.0 / 160.0;
@@ -60,6 +60,15 @@ impl Seen {
     /// Whether every ray misses the sample.
     pub(in crate::trace) fn is_empty(&self) -> bool {
         self.rays.laws.iter().all(|law| law.crossings == 0)
+    }
+
+    /// How far up or down light lands on a detector `gap` behind the analyser, m, where the line
+    /// meets nothing but smooth surfaces far from grazing; `None` elsewhere.
+    pub(in crate::trace) fn smooth_reach(&self, gap: f32) -> Option<f32> {
+        let all = (1 << FLAG_SHARE_SHIFT) - 1;
+        let smooth = self.edges.is_empty() && self.rays.laws.iter().all(|l| l.flags & all == 0);
+        let reach = |law: &Law| (law.displacement_z + law.slope_z * gap).abs();
+        smooth.then(|| self.rays.laws.iter().map(reach).fold(0.0, f32::max))
     }
 
     /// Laws at the ends of the unrefined cells.

@@ -9,6 +9,7 @@ use crate::gpu::interface::{
     FLAG_EXACT, FLAG_NOT_FINITE, FLAG_UNBALANCED, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray,
 };
 use crate::material::Constants;
+use crate::parallel;
 use crate::trace::line::{Line, Numbers, numbers};
 use crate::trace::tracer::Tracer;
 use crate::trace::{Media, upload};
@@ -118,7 +119,8 @@ impl Refiner<'_> {
         let asked: Vec<Vec<Ray>> = spans.par_iter().zip(lines).map(asked).collect();
         let words = tracer.materials() * MOMENTS_PER_MATERIAL;
         let stride = MOMENTS_HEAD + words;
-        let traced = tracer.trace_moments(&asked.concat())?;
+        let all = parallel::concat(&asked);
+        let traced = tracer.trace_moments(&all)?;
         let mut rest = &traced[..];
         let of_spans: Vec<&[u32]> = asked
             .iter()

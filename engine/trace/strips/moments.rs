@@ -41,10 +41,4 @@ impl CellMoments {
         self.ends.extend_from_slice(&other.ends);
         self.exact.extend(other.exact.iter().map(|e| ExactCell { cell: e.cell + first, ..*e }));
     }
-
-    /// Forgets all; keeps the memory.
-    pub(super) fn clear(&mut self) {
-        self.ends.clear();
-        self.exact.clear();
-    }
 }

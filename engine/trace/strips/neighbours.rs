@@ -7,6 +7,7 @@ use super::Key;
 use super::refiner::Refiner;
 use crate::Result;
 use crate::gpu::interface::{Law, Ray};
+use crate::parallel;
 use crate::trace::tracer::Tracer;
 use rayon::prelude::*;
 
@@ -35,11 +36,11 @@ impl Refiner<'_> {
         };
         let (orders, rays): (Vec<Vec<u32>>, Vec<Vec<Ray>>) =
             lines.par_chunks(LINES).map(block).unzip();
-        let all = rays.concat();
+        let all = parallel::concat(&rays);
         drop(rays);
         let traced = tracer.trace(&all)?;
         drop(all);
-        let mut laws = vec![bytemuck::Zeroable::zeroed(); traced.len()];
+        let mut laws: Vec<Law> = bytemuck::zeroed_vec(traced.len());
         let (mut from, mut to) = (&traced[..], &mut laws[..]);
         let mut blocks = Vec::with_capacity(orders.len());
         for order in &orders {

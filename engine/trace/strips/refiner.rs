@@ -29,6 +29,9 @@ const EDGE_SHARE: f32 = 1.0 / 20.0;
 /// as much.
 const RESIDUAL_SHARE: f64 = 0.1;
 
+/// Light between the rays of smooth lines lands at most so many times as far off as theirs.
+const BETWEEN: f32 = 2.0;
+
 /// The cells of one span.
 pub(super) struct SpanCells {
     pub(super) strip: Strip,
@@ -209,6 +212,31 @@ impl<'a> Refiner<'a> {
         bend(|l| l.displacement_x) <= self.aim.tolerance
             && bend(|l| l.optical_depth) <= DEPTH_TOLERANCE
             && bend(|l| l.displacement_z) <= 100.0 * self.aim.tolerance
+    }
+
+    /// Whether a span outside the lit rows is seen to throw no light into them.
+    pub(super) fn misses(
+        &self,
+        span: &Span,
+        lines: &HashMap<Key, Arc<Seen>>,
+        lit: &Range<i64>,
+    ) -> bool {
+        let row = span.low.div_euclid(self.units);
+        let height = (self.row(span.high) - self.row(span.low)) as f32;
+        if lit.contains(&row) || self.may_hide(span, height) {
+            return false;
+        }
+        let lines = span.keys().map(|key| &lines[&key]);
+        let signature = |line: &Seen| line.base(&self.aim).next().map(|law| law.signature);
+        if lines.iter().any(|line| signature(line) != signature(lines[1])) {
+            return false;
+        }
+        let reaches = lines.map(|line| line.smooth_reach(self.gap));
+        let reach = reaches.into_iter().try_fold(0.0, |most: f32, reach| Some(most.max(reach?)));
+        reach.is_some_and(|reach| {
+            let rows = (BETWEEN * reach / self.row_pitch).ceil() as i64;
+            row + rows + 1 <= lit.start || row - rows >= lit.end
+        })
     }
 
     /// Whether a component lower than the span could pass between its lines.
