@@ -413,9 +413,8 @@ impl Spectral {
             let spread = f64::from(cell.spread) * self.stronger[node] * self.stronger[node];
             Terms::new(laws, *light, spread, bars.shades[node])
         }));
-        let terms = scratch.terms.iter().cycle();
-        let all: f64 =
-            bars.shares.iter().zip(terms).map(|(share, term)| share * term.light()).sum();
+        let of_node = bars.by_node.iter().zip(&scratch.terms);
+        let all: f64 = of_node.map(|(share, term)| share * term.light()).sum();
         let room = self.room(x);
         // What the third moment moves grows with the light of the cell.
         let spread = (SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance) * libm::cbrt(room);

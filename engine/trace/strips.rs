@@ -296,14 +296,15 @@ pub fn trace_strips(
             }
         }
     }
-    let mut out = Parts { parts: Vec::new(), cells: 0, most: rays_at_once, take };
+    let mut out = Parts { parts: Vec::new(), ends: Vec::new(), cells: 0, most: rays_at_once, take };
     let cell = empty_cell(view.lattice);
     let words = if view.keep.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
     for strips in blank_strips(view.lattice, blank).chunks(SPANS_AT_ONCE) {
         let mut part = Strips::default();
         strips.iter().for_each(|strip| part.push(*strip, &[cell], &none));
-        out.append(tracer, part)?;
+        let ends = std::mem::take(&mut part.moments.ends);
+        out.append(tracer, part, vec![ends])?;
     }
     let work = Refiner::new(view);
     // A span takes about two lines: its middle, and one of its ends, shared with a neighbour.
@@ -341,7 +342,7 @@ pub fn trace_strips(
             let cells = spans.zip(lines).zip(moments).map(|((spans, lines), moments)| {
                 let mut part = Strips::default();
                 part.cells.reserve_exact(lines.iter().map(|line| line.segments.len()).sum());
-                part.moments.ends.reserve_exact(moments.iter().map(Vec::len).sum());
+                let mut ends = Vec::with_capacity(spans.len());
                 for ((span, line), moments) in spans.iter().zip(lines).zip(moments) {
                     part.splits += line.splits;
                     let made = work.cells(span, line, std::mem::take(moments));
@@ -349,14 +350,17 @@ pub fn trace_strips(
                     part.landed_off += made.landed_off;
                     part.not_finite += made.not_finite;
                     if row + made.lands.end > lit.start && row + made.lands.start < lit.end {
-                        part.push(made.strip, &made.cells, &made.moments);
+                        let CellMoments { ends: of_span, exact } = made.moments;
+                        let moments = CellMoments { exact, ..CellMoments::default() };
+                        part.push(made.strip, &made.cells, &moments);
+                        ends.push(of_span);
                     }
                 }
-                part
+                (part, ends)
             });
-            let parts: Vec<Strips> = cells.collect();
-            for part in parts {
-                out.append(tracer, part)?;
+            let parts: Vec<(Strips, Vec<Vec<f32>>)> = cells.collect();
+            for (part, ends) in parts {
+                out.append(tracer, part, ends)?;
             }
             refined.into_par_iter().for_each(drop);
         }
@@ -387,7 +391,10 @@ fn chunks(spans: &[Span], at_once: usize, lines: &HashMap<Key, Arc<Seen>>) -> Ve
 
 /// Strips handed over in parts of limited size.
 struct Parts<'a> {
+    /// Without the moments of their cells,
     parts: Vec<Strips>,
+    /// which are copied but once.
+    ends: Vec<Vec<f32>>,
     /// In the parts.
     cells: usize,
     /// Cells that are handed over at once.
@@ -396,17 +403,19 @@ struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    fn append(&mut self, tracer: &mut Tracer, strips: Strips) -> Result<()> {
+    fn append(&mut self, tracer: &mut Tracer, strips: Strips, ends: Vec<Vec<f32>>) -> Result<()> {
         if self.cells + strips.cells.len() > self.most {
             self.hand_over(tracer)?;
         }
         self.cells += strips.cells.len();
         self.parts.push(strips);
+        self.ends.extend(ends);
         Ok(())
     }
 
     fn hand_over(&mut self, tracer: &mut Tracer) -> Result<()> {
         let mut strips = Strips::concat(std::mem::take(&mut self.parts));
+        strips.moments.ends = parallel::concat(&std::mem::take(&mut self.ends));
         self.cells = 0;
         strips.balance();
         (self.take)(tracer, &strips)

@@ -33,6 +33,8 @@ const FAINT: f64 = 1e-3;
 pub(super) struct Bars {
     /// `[group][node]`.
     pub(super) shares: Vec<f64>,
+    /// `[node]`: shares of all groups together.
+    pub(super) by_node: Vec<f64>,
     /// `[group]`: the nodes that have light which takes this way.
     pub(super) nodes: Vec<Range<usize>>,
     /// `[node][mask]`.
@@ -141,6 +143,7 @@ impl Spectral {
         if self.groups.is_empty() {
             return Bars {
                 shares: Vec::new(),
+                by_node: Vec::new(),
                 nodes: Vec::new(),
                 shades: Vec::new(),
                 joined: Vec::new(),
@@ -183,6 +186,7 @@ impl Spectral {
         Bars {
             nodes: shares.chunks(self.nodes()).map(with_light).collect(),
             joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
+            by_node: by_node.chunks(groups).map(|shares| shares.iter().sum()).collect(),
             shares,
             shades,
             closed: self.is_closed(slope),

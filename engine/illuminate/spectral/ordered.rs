@@ -23,12 +23,15 @@ pub(super) struct Repeated {
     nodes: Vec<AtNode>,
 }
 
+/// Places of the laws of two ends.
+type Places = Vec<Option<[usize; 2]>>;
+
 /// Ordered walks at a node.
 #[derive(Debug, Default)]
 struct AtNode {
     laws: Vec<Law>,
     /// For each of the cells above the laws of its two ends, where they were repeated here.
-    places: Vec<Option<[usize; 2]>>,
+    places: Places,
 }
 
 impl AtNode {
@@ -84,7 +87,7 @@ impl Spectral {
             let places = cells.iter().zip(&asked).map(ends).collect();
             (rays, places)
         };
-        let (rays, places): (Vec<Vec<Ray>>, Vec<Vec<Option<[usize; 2]>>>) =
+        let (rays, places): (Vec<Vec<Ray>>, Vec<Places>) =
             (0..self.nodes()).into_par_iter().map(at_node).unzip();
         let laws = tracer.walk_at_nodes(&rays)?;
         let nodes = laws.into_iter().zip(places).map(|(laws, places)| AtNode { laws, places });

@@ -235,7 +235,7 @@ impl<'a> Refiner<'a> {
         let reach = reaches.into_iter().try_fold(0.0, |most: f32, reach| Some(most.max(reach?)));
         reach.is_some_and(|reach| {
             let rows = (BETWEEN * reach / self.row_pitch).ceil() as i64;
-            row + rows + 1 <= lit.start || row - rows >= lit.end
+            row + rows < lit.start || row - rows >= lit.end
         })
     }
 
