@@ -92,6 +92,11 @@ ivec2 periods_in_reach(Mask mask, Column column, Piece piece) {
                  int(floor((middle + reach - mask.first) / mask.period)));
 }
 
+// Which of the piece, from xi to xi, the aperture of the sample mask leaves on average.
+vec2 between_edges(Piece piece) {
+    return vec2(max(piece.low / piece.steep, -1.0), min(piece.high / piece.steep, 1.0));
+}
+
 // Share of the piece that passes the detector mask and lands in the pixel [low, high]; `home`: the
 // pixel that faint light of the piece is put into.
 float response(Light light, Column column, float sec, float leak, Piece piece, float low,
@@ -145,9 +150,8 @@ float response(Light light, Column column, float sec, float leak, Piece piece, f
     if (!masked) return whole;
     if (leak < FAINT) {
         // So little that it does not matter where about it lands.
-        float from_xi = max(piece.low / piece.steep, -1.0);
-        float to_xi = min(piece.high / piece.steep, 1.0);
-        whole = home ? 0.5 * max(to_xi - from_xi, 0.0) : 0.0;
+        vec2 passing = between_edges(piece);
+        whole = home ? 0.5 * max(passing.y - passing.x, 0.0) : 0.0;
     }
     return leak < NEGLIGIBLE ? open : leak * whole + (1.0 - leak) * open;
 }
@@ -364,7 +368,9 @@ void main() {
                     float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
                     float first_landing = landing - span;
                     float last_landing = landing + span;
-                    home = int(floor(landing / light.pixel + 0.5));
+                    vec2 passing = between_edges(piece);
+                    float middle_landing = landing + 0.5 * (passing.x + passing.y) * piece.half_width;
+                    home = int(floor(middle_landing / light.pixel + 0.5));
                     if (barred && leak_behind < FAINT) {
                         // Only pixels with an aperture in reach, and that of faint light.
                         ivec2 reached = periods_in_reach(behind, column, piece);
