@@ -35,7 +35,8 @@ pub struct Control<'a> {
     /// Views that are committed already and are not computed again.
     pub skip: Vec<View>,
     /// Keeps the moments of the rays, for [`crate::Engine::reilluminate`]; the engine must have
-    /// been opened with [`crate::EngineOptions::keep_moments`]. Cells only.
+    /// been opened with [`crate::EngineOptions::keep_moments`]. Cells only; refused where the scene
+    /// is itself made from kept moments.
     pub keep: Option<&'a mut KeptWriter>,
 }
 

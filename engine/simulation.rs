@@ -146,7 +146,7 @@ impl<'e> Simulation<'e> {
         }
         let keep = parts.spectral.as_ref().map(|spectral| {
             let severe = spectral.severe(options.keep_moments);
-            trace::Keep::new(&parts.media, &parts.media.mean(), severe)
+            trace::Keep::new(&parts.media, &parts.media.mean(), severe, parts.stronger)
         });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let Parts { detection, media, lattice, spectral, kept, stronger } = parts;
@@ -378,6 +378,10 @@ impl<'e> Simulation<'e> {
     /// # Errors
     /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
+        if self.kept.is_some() && control.keep.is_some() {
+            let found = "moments to be kept of a scene that is itself made from kept moments";
+            return Err(Error::scene("moments", found, "a simulation that traces"));
+        }
         let begin = Instant::now();
         let views: Vec<stack::View> =
             stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();

@@ -88,6 +88,13 @@ fn same_scene_gives_the_same_bits_without_a_ray() {
     let kept = Kept::open(&path).unwrap();
     let stacks = again(&engine(Backend::Bvh), &kept, kept.scene()).unwrap();
     assert_eq!(stacks.record.tally.rays, 0, "nothing is traced");
+    // Moments are kept of what is traced.
+    let engine = keeping(None);
+    let simulation = engine.reilluminate(&kept, kept.scene()).unwrap();
+    let mut keep = KeptWriter::new(directory.path());
+    let control = Control { keep: Some(&mut keep), ..Control::default() };
+    let error = simulation.run(&mut ArraySink::new(), control).unwrap_err();
+    assert!(error.to_string().contains("kept moments"), "{error}");
     let fresh = keeping(None).simulate(&scene(&[])).unwrap();
     assert_eq!(stacks.flat, fresh.flat);
     assert_eq!(stacks.sample, fresh.sample);

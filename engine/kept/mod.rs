@@ -165,6 +165,9 @@ impl KeptSource<'_> {
             if keeps {
                 part.lists.push(lists);
                 keeps = shared.takes(&self.relattice, spectral, part.bytes());
+                if !keeps {
+                    part.lists = Vec::new();
+                }
             }
             Ok(())
         })?;

@@ -317,18 +317,21 @@ pub fn trace_strips(
         keys.dedup();
         keys.retain(|k| !lines.contains_key(k));
         work.see_lines(tracer, &keys, &mut lines)?;
-        let verdict =
-            |span: &Span| (!work.misses(span, &lines, lit)).then(|| work.agrees(span, &lines));
+        // Whether a span is done, and then wanted: which spans are cut depends on no band.
+        let verdict = |span: &Span| {
+            let done = work.agrees(span, &lines) || (span.high - span.low) * FINEST <= units;
+            done.then(|| !work.misses(span, &lines, lit))
+        };
         let verdicts: Vec<Option<bool>> = open.par_iter().map(verdict).collect();
         let (mut next, mut done) = (Vec::new(), Vec::new());
-        for (span, agrees) in open.iter().zip(verdicts) {
-            let Some(agrees) = agrees else { continue };
-            if agrees || (span.high - span.low) * FINEST <= units {
-                done.push(*span);
-            } else {
-                let middle = span.middle();
-                next.push(Span { high: middle, ..*span });
-                next.push(Span { low: middle, ..*span });
+        for (span, verdict) in open.iter().zip(verdicts) {
+            match verdict {
+                Some(wanted) => done.extend(wanted.then_some(*span)),
+                None => {
+                    let middle = span.middle();
+                    next.push(Span { high: middle, ..*span });
+                    next.push(Span { low: middle, ..*span });
+                }
             }
         }
         // Neighbouring lines are refined alike.

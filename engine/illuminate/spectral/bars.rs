@@ -75,6 +75,7 @@ impl KnownBars {
             before.get_mut(at)?.take()
         };
         let known: Vec<Option<Bars>> = wanted.iter().enumerate().map(known).collect();
+        drop(before);
         let bars = |(index, (wanted, known)): (usize, (bool, Option<Bars>))| {
             let place = || ((index % columns) as u32, first_block + (index / columns) as i64);
             wanted.then(|| known.unwrap_or_else(|| spectral.bars(place())))

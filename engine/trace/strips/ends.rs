@@ -23,6 +23,8 @@ const LEAST_CONTRAST: f64 = 0.05;
 pub struct Keep {
     /// Constants of the materials that rays are walked at.
     reference: Vec<Constants>,
+    /// How much more strongly the sample may refract than at these constants, 1 or more.
+    pub(super) stronger: f64,
     /// Share of the grazing incidence of ordered walks below which they are repeated at other
     /// energies, so that their cells stand by themselves.
     pub(super) severe: f64,
@@ -33,9 +35,15 @@ pub struct Keep {
 
 impl Keep {
     /// For media walked at constants of `reference`; `severe` is the share of the grazing
-    /// incidence of ordered walks below which they are repeated at other energies.
+    /// incidence of ordered walks below which they are repeated at other energies; `in_hand`: how
+    /// much more strongly than at its energies the media may refract in another scene.
     #[must_use]
-    pub fn new(media: &Media, reference: &[Constants], severe: f64) -> Self {
+    pub fn new(media: &Media, reference: &[Constants], severe: f64, in_hand: f64) -> Self {
+        let of_node = media.constants.iter().flat_map(|node| node.iter().zip(reference));
+        let stronger = of_node
+            .filter(|(_, reference)| reference.delta != 0.0)
+            .map(|(node, reference)| (node.delta / reference.delta).abs())
+            .fold(1.0, f64::max);
         let twice = |object| upload::hash(object).wrapping_mul(2);
         let bodies = (0..).zip(&media.of_object);
         let mut alone: Vec<_> =
@@ -48,7 +56,7 @@ impl Keep {
             .flatten()
             .copied()
             .collect();
-        Self { reference: reference.to_vec(), severe, alone }
+        Self { reference: reference.to_vec(), stronger: in_hand * stronger, severe, alone }
     }
 
     /// Whether a law tells the moments of its ray, and then of which material they are: those of a

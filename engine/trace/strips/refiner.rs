@@ -52,6 +52,8 @@ pub(super) struct Refiner<'a> {
     gap: f32,
     ratio: f32,
     row_pitch: f32,
+    /// How much farther than its law says light may land, at another energy.
+    stronger: f64,
 }
 
 impl<'a> Refiner<'a> {
@@ -71,6 +73,7 @@ impl<'a> Refiner<'a> {
             gap: (scene.detector.distance - analyser) as f32,
             ratio: (analyser / scene.detector.distance) as f32,
             row_pitch: scene.detector.pitch[1] as f32,
+            stronger: view.keep.map_or(1.0, |keep| keep.stronger),
         }
     }
 
@@ -234,7 +237,8 @@ impl<'a> Refiner<'a> {
         let reaches = lines.map(|line| line.smooth_reach(self.gap));
         let reach = reaches.into_iter().try_fold(0.0, |most: f32, reach| Some(most.max(reach?)));
         reach.is_some_and(|reach| {
-            let rows = (BETWEEN * reach / self.row_pitch).ceil() as i64;
+            let rows = f64::from(BETWEEN * reach / self.row_pitch) * self.stronger;
+            let rows = rows.ceil() as i64;
             row + rows < lit.start || row - rows >= lit.end
         })
     }
@@ -289,8 +293,9 @@ impl<'a> Refiner<'a> {
             }
             let pixel_shift = mean(1) * (1.0 - self.ratio) - mean(3) * self.gap * self.ratio;
             let down = -f64::from(displacement_z / self.row_pitch);
-            made.lands.start = made.lands.start.min(down.floor() as i64);
-            made.lands.end = made.lands.end.max(down.ceil() as i64 + 1);
+            let farthest = down * self.stronger;
+            made.lands.start = made.lands.start.min(farthest.floor() as i64);
+            made.lands.end = made.lands.end.max(farthest.ceil() as i64 + 1);
             let [above, below] = self.view.lattice.row_shares(top, bottom, down);
             made.cells.push(Cell {
                 x_low: low.x,
