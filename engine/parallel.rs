@@ -3,7 +3,7 @@
 use bytemuck::Pod;
 use rayon::prelude::*;
 
-/// Items that a thread copies at a time, in bytes.
+/// Bytes that a thread copies at a time.
 const PART: usize = 1 << 18;
 
 /// Slices one after another.
@@ -22,7 +22,7 @@ pub(crate) fn concat<T: Pod + Send + Sync>(slices: &[impl AsRef<[T]>]) -> Vec<T>
 }
 
 /// Copies a slice to another of the same length.
-pub(crate) fn copy<T: Pod + Send + Sync>(from: &[T], to: &mut [T]) {
+fn copy<T: Pod + Send + Sync>(from: &[T], to: &mut [T]) {
     let part = (PART / size_of::<T>().max(1)).max(1);
     if from.len() <= part {
         to.copy_from_slice(from);

@@ -337,13 +337,13 @@ impl<'e> Simulation<'e> {
         let shadows = self.shadows(view);
         let mut tracer = self.tracer(self.start.backend)?;
         let view = self.view(view, &shadows);
-        let mut strips = Strips::default();
+        let mut parts = Vec::new();
         let at_once = self.memory.rays_at_once as usize;
         trace::trace_strips(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {
-            strips.append(part);
+            parts.push(part.clone());
             Ok(())
         })?;
-        Ok(strips)
+        Ok(Strips::concat(parts))
     }
 
     /// Words of a ray's moments.

@@ -48,6 +48,11 @@ impl Made {
     fn is_by(&self, relattice: &Relattice, spectral: &Spectral) -> bool {
         self.by.as_ref().is_some_and(|(r, s)| r.maps_like(relattice) && s.gathers_like(spectral))
     }
+
+    /// Whether it is the first scene's or like it, and so many bytes more are not too many.
+    fn takes(&self, relattice: &Relattice, spectral: &Spectral, bytes: u64, most: u64) -> bool {
+        self.bytes + bytes <= most && (self.by.is_none() || self.is_by(relattice, spectral))
+    }
 }
 
 impl Shared {
@@ -72,8 +77,7 @@ impl Shared {
 
     /// Whether a part of some bytes would be kept.
     pub(super) fn takes(&self, relattice: &Relattice, spectral: &Spectral, bytes: u64) -> bool {
-        let made = self.lock();
-        made.bytes + bytes <= self.most && (made.by.is_none() || made.is_by(relattice, spectral))
+        self.lock().takes(relattice, spectral, bytes, self.most)
     }
 
     /// Keeps a part, if it is the first scene's or like it, and fits.
@@ -86,13 +90,8 @@ impl Shared {
     ) {
         let bytes = part.bytes();
         let mut made = self.lock();
-        if made.by.is_none() {
-            made.by = Some((relattice.clone(), spectral.clone()));
-        }
-        if made.bytes + bytes <= self.most
-            && made.is_by(relattice, spectral)
-            && !made.parts.contains_key(&place)
-        {
+        if made.takes(relattice, spectral, bytes, self.most) && !made.parts.contains_key(&place) {
+            made.by.get_or_insert_with(|| (relattice.clone(), spectral.clone()));
             made.bytes += bytes;
             made.parts.insert(place, Arc::new(part));
         }

@@ -117,19 +117,6 @@ impl Strips {
         self.moments.append(moments, first);
     }
 
-    /// Appends other strips and their counts.
-    pub(crate) fn append(&mut self, other: &Self) {
-        let first = self.cells.len() as u32;
-        self.moments.append(&other.moments, first);
-        self.strips.extend(
-            other.strips.iter().map(|strip| Strip { first: strip.first + first, ..*strip }),
-        );
-        self.cells.extend_from_slice(&other.cells);
-        self.splits += other.splits;
-        self.landed_off += other.landed_off;
-        self.not_finite += other.not_finite;
-    }
-
     /// Gives cells without a sample their moments, which are zero.
     pub(crate) fn keep_nothing(&mut self, materials: usize) {
         self.moments.ends = vec![0.0; 2 * self.cells.len() * materials * MOMENTS_PER_MATERIAL];
