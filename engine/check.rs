@@ -9,7 +9,7 @@ use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::Extent;
-use crate::trace::Lattice;
+use crate::sampling::Lattice;
 use crate::{Error, Result};
 use serde::Serialize;
 

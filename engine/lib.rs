@@ -23,6 +23,7 @@ pub mod memory;
 mod parallel;
 pub mod retrieve;
 mod run;
+pub mod sampling;
 pub mod scene;
 mod simulation;
 pub mod spectrum;

@@ -7,7 +7,7 @@ use crate::detector::LightGrid;
 use crate::geometry::{self, ObjectSummary};
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
-use crate::trace::Lattice;
+use crate::sampling::Lattice;
 use crate::{Error, Result};
 use serde::Serialize;
 

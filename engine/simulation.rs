@@ -20,9 +20,8 @@ use crate::memory::{self, MemoryEstimate};
 use crate::run::{Backend, Control, RunRecord, Tally};
 use crate::scene::{Scene, Scheme};
 use crate::stack::{self, RunStart, Sink};
-use crate::trace::{
-    self, DeviceSample, Lattice, Law, Media, Moments, Ray, Shadow, Strips, TraceKernels, Tracer,
-};
+use crate::sampling::{self, ErrorBudget, Lattice, Response, Shadow, Strips};
+use crate::trace::{DeviceSample, Law, Media, Moments, Ray, TraceKernels, Tracer};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -61,7 +60,11 @@ pub struct Simulation<'e> {
     /// For a spectrum or kept moments, by cells.
     spectral: Option<Spectral>,
     /// For what moments of the rays that bound cells are kept.
-    keep: Option<trace::Keep>,
+    keep: Option<sampling::Keep>,
+    /// What changes of a cell do to recorded values.
+    response: Response,
+    /// What sampling may leave in them.
+    budget: ErrorBudget,
     /// Moments that another run kept, in place of rays.
     kept: Option<KeptSource<'e>>,
     memory: MemoryEstimate,
@@ -146,10 +149,12 @@ impl<'e> Simulation<'e> {
         }
         let keep = parts.spectral.as_ref().map(|spectral| {
             let severe = spectral.severe(options.keep_moments);
-            trace::Keep::new(&parts.media, &parts.media.mean(), severe, parts.stronger)
+            sampling::Keep::new(&parts.media, &parts.media.mean(), severe, parts.stronger)
         });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let Parts { detection, media, lattice, spectral, kept, stronger } = parts;
+        let response = Response::new(detection.lit(), &lattice, options.keep_moments);
+        let budget = error_budget(scene, detection.lit());
         let on_device =
             Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query, stronger)?);
         let mut simulation = Self {
@@ -169,6 +174,8 @@ impl<'e> Simulation<'e> {
             media,
             lattice,
             spectral,
+            response,
+            budget,
             keep,
             kept,
             memory,
@@ -266,7 +273,9 @@ impl<'e> Simulation<'e> {
         };
         let (x, rows) = (span(|s| s.x), span(|s| s.rows));
         let at = |share: f64, range: [f64; 2]| range[0] + (range[1] - range[0]) * share;
-        let places = trace::first_places(self.lattice.period as f32, self.lattice.cells);
+        let places: Vec<f64> = (0..=2 * self.lattice.cells)
+            .map(|i| self.lattice.period * (f64::from(i) / f64::from(2 * self.lattice.cells) - 0.5))
+            .collect();
         let lines = CALIBRATION_RAYS / places.len() / CALIBRATION_PATCHES + 1;
         let mut rays = Vec::with_capacity(CALIBRATION_PATCHES * lines * places.len());
         for patch in 0..CALIBRATION_PATCHES {
@@ -276,7 +285,7 @@ impl<'e> Simulation<'e> {
             let row = at((share * 1.618 * CALIBRATION_PATCHES as f64).fract(), rows);
             for line in 0..lines {
                 let row = row + 0.5 * line as f64;
-                rays.extend(places.iter().map(|&x| self.lattice.ray(beamlet, x.into(), row, 0)));
+                rays.extend(places.iter().map(|&x| self.lattice.ray(beamlet, x, row, 0)));
             }
         }
         rays
@@ -284,7 +293,7 @@ impl<'e> Simulation<'e> {
 
     fn shadows(&self, view: u32) -> Vec<Shadow> {
         let angle = self.scene.scan.angles[view as usize];
-        trace::shadows(&self.sample, &self.lattice, &self.scene.view_at(angle))
+        sampling::shadows(&self.sample, &self.lattice, &self.scene.view_at(angle))
     }
 
     /// Traces rays and returns their laws at the scene's energy (for a spectrum at the constants
@@ -339,7 +348,7 @@ impl<'e> Simulation<'e> {
         let view = self.view(view, &shadows);
         let mut parts = Vec::new();
         let at_once = self.memory.rays_at_once as usize;
-        trace::trace_strips(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {
+        sampling::sample_rows(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {
             parts.push(part.clone());
             Ok(())
         })?;
@@ -351,13 +360,15 @@ impl<'e> Simulation<'e> {
         self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL
     }
 
-    fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> trace::View<'a> {
-        trace::View {
+    fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> sampling::View<'a> {
+        sampling::View {
             scene: self.detection.lit(),
             lattice: &self.lattice,
             index,
             shadows,
             keep: self.keep.as_ref(),
+            response: &self.response,
+            budget: self.budget,
         }
     }
 
@@ -457,4 +468,22 @@ fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
 pub(crate) struct Kernels {
     pub(crate) trace: Arc<TraceKernels>,
     pub(crate) illuminate: Arc<illuminate::CellKernels>,
+}
+
+/// What sampling may leave in a value of the grid that is traced, `lit`, so that pixels of the
+/// detector hold the tolerance.
+fn error_budget(scene: &Scene, lit: &Scene) -> ErrorBudget {
+    let sampling = &scene.sampling;
+    let pixel = |scene: &Scene| scene.detector.pitch[0] * scene.detector.pitch[1];
+    let parts = pixel(scene) / pixel(lit);
+    let angles = scene.sample_mask.is_some();
+    ErrorBudget {
+        light: sampling.tolerance * parts.sqrt(),
+        displacement: if angles {
+            sampling.angle_tolerance * scene.lever_arm()
+        } else {
+            f64::INFINITY
+        },
+        max_rays: sampling.max_rays,
+    }
 }

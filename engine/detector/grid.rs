@@ -11,7 +11,7 @@
 use super::kernel::{Measured, Spread};
 use crate::Result;
 use crate::scene::{Blur, Scatter, Scene};
-use crate::trace::deviation;
+use crate::sampling::deviation;
 use serde::Serialize;
 use std::ops::Range;
 

@@ -12,6 +12,7 @@
 )]
 
 mod bars;
+mod integrals;
 mod join;
 mod ordered;
 mod sums;
@@ -22,7 +23,8 @@ use crate::gpu::Device;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::material::Constants;
 use crate::scene::Scene;
-use crate::trace::{CellMoments, DEPTH_TOLERANCE, FULL_SHARE, Lattice, Media, Strips, Tracer};
+use crate::sampling::{CellMoments, Lattice, Strips};
+use crate::trace::{Media, Tracer};
 use bars::{Bars, passing};
 use join::Joining;
 use ordered::{Repeated, severe};
@@ -40,6 +42,13 @@ const NEGLIGIBLE: f64 = 1e-9;
 /// The displacement may spread over this share of the blur: the third moment that is left out
 /// then moves less than 2e-4 of the light at an edge.
 const SPREAD_SHARE: f64 = 0.15;
+/// Part of the tolerance of displacements that gathering energies may take.
+const DISPLACEMENT_SHARE: f64 = 1.0 / 6.0;
+/// Bend of the logarithm of light over a whole beamlet that parts energies.
+const DEPTH_TOLERANCE: f64 = 2e-5;
+/// A cell of this share of the period may deviate by the tolerances; narrower ones by more, in
+/// proportion, since they carry less light.
+const FULL_SHARE: f64 = 1.0 / 40.0;
 /// Strips gathered one after the other by a thread.
 const STRIPS_AT_ONCE: usize = 1 << 6;
 
@@ -64,6 +73,7 @@ pub struct Spectral {
     lattice: Lattice,
     /// dx/dy of the centre ray of each beamlet.
     slopes: Vec<f64>,
+    /// Of displacements on the analyser, m.
     tolerance: f64,
     gap: f64,
     ratio: f64,
@@ -164,7 +174,7 @@ impl Spectral {
             groups: Vec::new(),
             slopes: lattice.columns(scene).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
-            tolerance: scene.sampling.tolerance,
+            tolerance: DISPLACEMENT_SHARE * scene.sampling.angle_tolerance * scene.lever_arm(),
             gap: scene.detector.distance - analyser,
             ratio: analyser / scene.detector.distance,
             row_pitch: scene.detector.pitch[1],
@@ -429,7 +439,7 @@ impl Spectral {
                     continue;
                 }
                 let part = light[1] / all;
-                let agrees = part * sums.bend() <= f64::from(DEPTH_TOLERANCE) * room
+                let agrees = part * sums.bend() <= DEPTH_TOLERANCE * room
                     && part * sums.drift() <= self.tolerance * room;
                 if let (true, Some(limits)) = (agrees && band == *all_nodes, &bars.joined[group]) {
                     if !scratch.joining[group].takes(x, &sums, limits) {
@@ -458,7 +468,7 @@ impl Spectral {
     /// How much more than the widest cell of full accuracy a cell may err: it has less light.
     fn room(&self, x: [f32; 2]) -> f64 {
         let width = f64::from(x[1] - x[0]);
-        (self.lattice.period * f64::from(FULL_SHARE) / width).max(1.0)
+        (self.lattice.period * FULL_SHARE / width).max(1.0)
     }
 
     fn gathered(&self, strip: &Strip, x: [f32; 2], sums: &Sums) -> Cell {

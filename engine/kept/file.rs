@@ -6,7 +6,7 @@
 
 use crate::gpu::interface::{Cell, Law, Strip};
 use crate::illuminate::NARROW;
-use crate::trace::{CellMoments, ExactCell, Strips};
+use crate::sampling::{CellMoments, ExactCell, Strips};
 use crate::{Error, Result};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};

@@ -10,7 +10,7 @@
 
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::scene::Scene;
-use crate::trace::{
+use crate::sampling::{
     CellMoments, ExactCell, Lattice, Strips, blank_strips, empty_cell, empty_strip,
 };
 use crate::{Error, Result};

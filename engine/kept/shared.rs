@@ -3,7 +3,7 @@
 use super::relattice::{Covered, Relattice};
 use crate::gpu::interface::{Cell, Strip};
 use crate::illuminate::Spectral;
-use crate::trace::Strips;
+use crate::sampling::Strips;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -9,6 +9,8 @@ pub(super) const BIT_DEPTH: u32 = 24;
 pub(super) const BLUR: f64 = 100.0;
 /// Rays or cells per pixel and direction.
 pub(super) const RAYS: u32 = 1_000_000;
+/// Error that sampling may leave in a recorded value, share of open beam.
+pub(super) const TOLERANCE: std::ops::RangeInclusive<f64> = 1e-6..=1e-2;
 /// Gaussians, or points, of a focal spot.
 pub(super) const SPOT_PARTS: u32 = 4096;
 /// Energy nodes of a spectrum.

@@ -94,8 +94,13 @@ pub struct Sampling {
     pub cells: Option<u32>,
     /// Cells: traced rows per pixel in z before refinement. >= 1.
     pub rows: u32,
-    /// Cells: displacement error at the detector that splits a cell, m. > 0.
+    /// Cells: error that sampling may leave in a recorded value, share of open beam. 1e-6 to 1e-2.
     pub tolerance: f64,
+    /// Cells, with a sample mask: error of the mean refraction angle of the light that a mask step
+    /// lets through, where no silhouette crosses the pixel, rad. > 0.
+    pub angle_tolerance: f64,
+    /// Cells: most rays of a pixel in a view. >= 1.
+    pub max_rays: u32,
     /// Random: rays per pixel in x and z. >= 1 each.
     pub rays: [u32; 2],
     /// Order of the transport.
@@ -110,7 +115,9 @@ impl Default for Sampling {
             scheme: Scheme::Cells,
             cells: None,
             rows: 1,
-            tolerance: 1e-9,
+            tolerance: 1e-4,
+            angle_tolerance: 10e-9,
+            max_rays: 200_000,
             rays: [5000, 1],
             transport: Transport::Auto,
             seed: 1,

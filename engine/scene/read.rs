@@ -134,7 +134,11 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
         scheme: get("scheme").map_or(Ok(default.scheme), |item| item.choice(&schemes))?,
         cells: get("cells").map(|item| item.integer(count.clone())).transpose()?,
         rows: get("rows").map_or(Ok(default.rows), |item| item.integer(count.clone()))?,
-        tolerance: table.optional_quantity("tolerance", Length)?.unwrap_or(default.tolerance),
+        tolerance: get("tolerance").map_or(Ok(default.tolerance), |item| read_tolerance(&item))?,
+        angle_tolerance: table
+            .optional_quantity("angle_tolerance", Angle)?
+            .unwrap_or(default.angle_tolerance),
+        max_rays: get("max_rays").map_or(Ok(default.max_rays), |item| item.integer(count.clone()))?,
         rays: get("rays").map_or(Ok(default.rays), |item| {
             item.array(rays, |item| item.integer(count.clone()))
         })?,
@@ -142,6 +146,17 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
             .map_or(Ok(default.transport), |item| item.choice(&transports))?,
         seed: get("seed").map_or(Ok(default.seed), |item| item.integer(0..=u64::MAX))?,
     })
+}
+
+/// The tolerance as a share of open beam. Up to version 0.1 it was a length.
+fn read_tolerance(item: &Item<'_>) -> Result<f64> {
+    if item.text("").is_ok_and(|text| Length.parse(text).is_ok()) {
+        return Err(item.mismatch(
+            "a share of open beam from 1e-6 to 1e-2, such as 1e-4 (a length until version 0.1; \
+             `angle_tolerance` bounds displacements)",
+        ));
+    }
+    item.number()
 }
 
 fn read_scan(top: &Table<'_>) -> Result<Scan> {

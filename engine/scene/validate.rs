@@ -90,7 +90,15 @@ impl Scene {
             count("sampling.cells", cells, 1, limits::RAYS)?;
         }
         count("sampling.rows", sampling.rows, 1, limits::RAYS)?;
-        positive("sampling.tolerance", sampling.tolerance, Length)?;
+        if !limits::TOLERANCE.contains(&sampling.tolerance) {
+            return Err(Error::scene(
+                "sampling.tolerance",
+                format!("{:?}", sampling.tolerance),
+                "a share of open beam from 1e-6 to 1e-2",
+            ));
+        }
+        positive("sampling.angle_tolerance", sampling.angle_tolerance, Angle)?;
+        count("sampling.max_rays", sampling.max_rays, 1, limits::RAYS)?;
         sampling.rays.iter().try_for_each(|rays| count("sampling.rays", *rays, 1, limits::RAYS))
     }
 

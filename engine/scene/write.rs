@@ -156,7 +156,9 @@ fn write_sampling(out: &mut Text, scene: &Scene) {
         None => out.comment("cells: from the geometry"),
     }
     out.raw("rows", sampling.rows);
-    out.quantity("tolerance", sampling.tolerance, Length);
+    out.raw("tolerance", format!("{:?}", sampling.tolerance));
+    out.quantity("angle_tolerance", sampling.angle_tolerance, Angle);
+    out.raw("max_rays", sampling.max_rays);
     out.raw("rays", format!("{:?}", sampling.rays));
     out.text("transport", transport);
     out.raw("seed", sampling.seed);

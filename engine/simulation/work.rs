@@ -18,7 +18,8 @@ use crate::illuminate::{
 use crate::run::{Control, Progress, Tally};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
-use crate::trace::{self, Shadow, Strips, Tracer};
+use crate::sampling::{self, SamplingEstimate, Shadow, Strips};
+use crate::trace::Tracer;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -49,6 +50,7 @@ pub(super) struct Work<'s> {
     band: u32,
     pixel_columns: Range<i64>,
     tally: Tally,
+    pub(super) estimate: SamplingEstimate,
     pub(super) seconds: Seconds,
     rows_done: u64,
     rows_total: u64,
@@ -95,6 +97,7 @@ impl<'s> Work<'s> {
             band,
             pixel_columns,
             tally: Tally::default(),
+            estimate: SamplingEstimate::default(),
             seconds: Seconds::default(),
             rows_done: 0,
             rows_total: (lit_views
@@ -245,7 +248,7 @@ impl<'s> Work<'s> {
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
-        let Self { cells, bars, lights, sums, tally, tracer, simulation, .. } = self;
+        let Self { cells, bars, lights, sums, tally, estimate, tracer, simulation, .. } = self;
         let cancel = control.cancel;
         let illuminating = std::cell::Cell::new(0.0);
         let words = simulation.moment_words();
@@ -270,6 +273,7 @@ impl<'s> Work<'s> {
             if own {
                 tally.split += strips.splits;
                 tally.landed_off += strips.landed_off;
+                estimate.join(&strips.estimate);
             }
             if let (true, stack::View::Sample(index), Some(keep)) = (kept, view, keep.as_mut()) {
                 keep.write(index, words, strips)?;
@@ -287,11 +291,11 @@ impl<'s> Work<'s> {
             (stack::View::Sample(index), ..) if !shadows.is_empty() => {
                 let view = simulation.view(index, shadows);
                 let at_once = simulation.memory.rays_at_once as usize;
-                trace::trace_strips(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
+                sampling::sample_rows(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
-                let mut strips = trace::empty_strips(&simulation.lattice, rows);
+                let mut strips = sampling::empty_strips(&simulation.lattice, rows);
                 if simulation.spectral.is_some() {
                     strips.keep_nothing(tracer.materials());
                 }

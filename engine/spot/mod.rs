@@ -5,7 +5,7 @@ mod fit;
 mod picture;
 mod profile;
 
-use crate::trace::deviation;
+use crate::sampling::deviation;
 use serde::Serialize;
 
 /// One Gaussian of a focal spot.

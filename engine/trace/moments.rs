@@ -3,7 +3,7 @@
 use crate::gpu::interface::{FLAG_SHARE_SHIFT, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
 
 /// Least cosine of incidence of a ray over that below which rays are walked in order.
-pub(super) fn grazing(law: &Law) -> f64 {
+pub(crate) fn grazing(law: &Law) -> f64 {
     f64::from(law.flags >> FLAG_SHARE_SHIFT) / 255.0
 }
 

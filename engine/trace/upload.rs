@@ -146,7 +146,7 @@ fn surface(
 }
 
 /// Mixes an object's index into 32 bits (splitmix64), so that sums of few of them differ.
-pub(super) fn hash(object: u32) -> u32 {
+pub(crate) fn hash(object: u32) -> u32 {
     let mut z = (u64::from(object) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -36,7 +36,7 @@ fn scene(place: &Path) -> Scene {
         ..Counts::of_photons(500.0)
     });
     scene.scan.angles = vec![0.0, 0.7, 1.4];
-    scene.sampling.tolerance = 100e-9;
+    scene.sampling.tolerance = 1e-3;
     scene
 }
 

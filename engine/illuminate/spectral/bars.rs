@@ -12,7 +12,7 @@ use super::join::Limits;
 use super::{NEGLIGIBLE, Spectral};
 use crate::gpu::interface::Strip;
 use crate::illuminate::light::MaskShape;
-use crate::trace::Strips;
+use crate::sampling::Strips;
 use rayon::prelude::*;
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
 //! Neighbouring cells of faint light joined to fewer.
 
 use super::sums::Sums;
-use crate::trace::Integrals;
+use super::integrals::Integrals;
 
 /// How far cells are joined.
 #[derive(Debug, Clone, Copy)]

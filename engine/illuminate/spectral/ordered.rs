@@ -5,7 +5,8 @@ use crate::Result;
 use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
 use crate::material::Constants;
 use crate::scene::{Scene, Transport};
-use crate::trace::{ExactCell, Media, Strips, Tracer};
+use crate::sampling::{ExactCell, Strips};
+use crate::trace::{Media, Tracer};
 use rayon::prelude::*;
 
 /// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes

@@ -8,8 +8,8 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::occupancy::Shadow;
-use super::rows::RowSpread;
+use super::projected_bounds::Shadow;
+use super::row_spread::RowSpread;
 use crate::gpu::interface::{Column, Ray};
 use crate::scene::{MaskSpec, Scene};
 use std::ops::Range;

@@ -2,17 +2,17 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
 
-use super::Span;
-use super::refiner::Refiner;
+use super::View;
+use super::emission::Rectangle;
+use super::error_estimate::Slopes;
+use super::patch::Patch;
 use crate::Result;
 use crate::gpu::interface::{
     FLAG_EXACT, FLAG_NOT_FINITE, FLAG_UNBALANCED, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray,
 };
 use crate::material::Constants;
 use crate::parallel;
-use crate::trace::line::{Line, Numbers, numbers};
-use crate::trace::tracer::Tracer;
-use crate::trace::{Media, upload};
+use crate::trace::{Media, Tracer, object_hash};
 use rayon::prelude::*;
 
 /// Of constants on both sides of a surface, by which a law tells moments.
@@ -44,7 +44,7 @@ impl Keep {
             .filter(|(_, reference)| reference.delta != 0.0)
             .map(|(node, reference)| (node.delta / reference.delta).abs())
             .fold(1.0, f64::max);
-        let twice = |object| upload::hash(object).wrapping_mul(2);
+        let twice = |object| object_hash(object).wrapping_mul(2);
         let bodies = (0..).zip(&media.of_object);
         let mut alone: Vec<_> =
             bodies.map(|(object, material)| (twice(object), *material)).collect();
@@ -101,72 +101,103 @@ impl Keep {
             moments[first + i] = -moment;
         }
     }
-}
 
-impl Refiner<'_> {
-    /// Moments at both ends of the segments of spans with these middle lines,
-    /// `[segment][end][material][moment]` for each span; nothing where they are not kept. Rays whose
-    /// laws do not tell them, few of a line, are traced once more.
-    pub(super) fn end_moments(
+    /// Moments of the rectangles of patches at both ends of x,
+    /// `[rectangle][end][material][moment]` for each patch. Rays whose laws do not tell them, few of
+    /// a patch, are traced once more.
+    pub(super) fn record(
         &self,
         tracer: &mut Tracer,
-        spans: &[Span],
-        lines: &[Line],
+        view: &View<'_>,
+        patches: &[&Patch],
+        rectangles: &[Vec<Rectangle>],
     ) -> Result<Vec<Vec<f32>>> {
-        let Some(keep) = self.view.keep else { return Ok(vec![Vec::new(); spans.len()]) };
-        let asked = |(span, line): (&Span, &Line)| -> Vec<Ray> {
-            let (mut last, mut rays) = (None, Vec::new());
-            for end in line.segments.iter().flat_map(|segment| [&segment.low, &segment.high]) {
-                // Neighbours share a ray.
-                if last.replace(end.ray) != Some(end.ray) && keep.told_by(&end.law).is_none() {
-                    rays.push(self.ray(&span.key(), line.rays.places[end.ray as usize]));
-                }
-            }
-            rays
+        let unknown = |(patch, rectangles): (&&Patch, &Vec<Rectangle>)| -> Vec<Ray> {
+            let unknown = rectangles.iter().filter(|r| self.told_by(&r.ends.law).is_none());
+            unknown.map(|r| { let [x, z] = patch.place(r.centre()); view.ray(patch.beamlet, patch.row, x, z) }).collect()
         };
-        let asked: Vec<Vec<Ray>> = spans.par_iter().zip(lines).map(asked).collect();
-        let words = tracer.materials() * MOMENTS_PER_MATERIAL;
-        let stride = MOMENTS_HEAD + words;
-        let all = parallel::concat(&asked);
-        let traced = tracer.trace_moments(&all)?;
+        let rays: Vec<Vec<Ray>> = patches.par_iter().zip(rectangles).map(unknown).collect();
+        let stride = MOMENTS_HEAD + tracer.materials() * MOMENTS_PER_MATERIAL;
+        let traced = tracer.trace_moments(&parallel::concat(&rays))?;
         let mut rest = &traced[..];
-        let of_spans: Vec<&[u32]> = asked
+        let of_patches: Vec<&[u32]> = rays
             .iter()
             .map(|rays| {
-                let (of_span, after) = rest.split_at(rays.len() * stride);
+                let (of_patch, after) = rest.split_at(rays.len() * stride);
                 rest = after;
-                of_span
+                of_patch
             })
             .collect();
-        let by_segment = |(line, traced): (&Line, &[u32])| {
+        let by_rectangle = |(rectangles, traced): (&Vec<Rectangle>, &[u32])| {
             let mut traced = traced.chunks_exact(stride);
-            let mut moments = Vec::with_capacity(2 * line.segments.len() * words);
-            let (mut last, mut of_ray) = (None, &[][..]);
-            for segment in &line.segments {
-                for (index, end) in [&segment.low, &segment.high].into_iter().enumerate() {
+            let mut moments = Vec::new();
+            let mut of_ray = Vec::new();
+            for rectangle in rectangles {
+                let ends = &rectangle.ends;
+                of_ray.clear();
+                if let Some(material) = self.told_by(&ends.law) {
+                    self.push_told(&ends.law, material, &mut of_ray);
+                } else {
+                    let words = traced.next().and_then(|words| words.get(MOMENTS_HEAD..));
+                    of_ray.extend(words.unwrap_or_default().iter().map(|word| f32::from_bits(*word)));
+                }
+                for end in 0..2 {
                     let first = moments.len();
-                    let new = last.replace(end.ray) != Some(end.ray);
-                    match keep.told_by(&end.law) {
-                        Some(material) => keep.push_told(&end.law, material, &mut moments),
-                        None => {
-                            if new {
-                                of_ray = traced.next().unwrap_or_default();
-                            }
-                            let words = of_ray.get(MOMENTS_HEAD..).unwrap_or_default().iter();
-                            moments.extend(words.map(|&word| f32::from_bits(word)));
-                        }
-                    }
-                    if let Some(fit) = &segment.fit {
-                        let law = numbers(&end.law);
-                        let by = std::array::from_fn(|i| fit.ends[index][i] - law[i]);
-                        move_law(&mut moments[first..], by, &keep.reference);
-                    }
+                    moments.extend_from_slice(&of_ray);
+                    let mut by = Numbers::default();
+                    by[0] = f64::from(ends.depth[end]) - f64::from(ends.law.optical_depth);
+                    by[1] = f64::from(ends.displacement[end]) - f64::from(ends.law.displacement_x);
+                    move_law(&mut moments[first..], by, &self.reference);
                 }
             }
             moments
         };
-        Ok(lines.par_iter().zip(of_spans).map(by_segment).collect())
+        Ok(rectangles.par_iter().zip(of_patches).map(by_rectangle).collect())
     }
+}
+
+/// The linear law of a rectangle: that of its ray, and optical depth and displacement at both ends
+/// of x.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LawEnds {
+    pub(super) law: Law,
+    pub(super) depth: [f32; 2],
+    pub(super) displacement: [f32; 2],
+}
+
+impl LawEnds {
+    /// With these slopes over a width, m. Matter attenuates at either end.
+    pub(super) fn new(law: &Law, width: f32, slopes: &Slopes) -> Self {
+        let spread = |value: f32, slope: f32| {
+            let change = 0.5 * width * slope;
+            [value - change, value + change]
+        };
+        let depth = law.optical_depth;
+        let steepest = 2.0 * depth.max(0.0) / width;
+        Self {
+            law: *law,
+            depth: spread(depth, slopes.depth[0].clamp(-steepest, steepest)),
+            displacement: spread(law.displacement_x, slopes.displacement[0]),
+        }
+    }
+
+    /// As laws.
+    pub(super) fn laws(&self) -> [Law; 2] {
+        [0, 1].map(|end| Law {
+            optical_depth: self.depth[end],
+            displacement_x: self.displacement[end],
+            ..self.law
+        })
+    }
+}
+
+/// Numbers of a law that light goes by: optical depth, displacement and slope along x and z.
+type Numbers = [f64; 5];
+
+/// Numbers of a law, in the order of a ray's moments.
+fn numbers(law: &Law) -> Numbers {
+    [law.optical_depth, law.displacement_x, law.displacement_z, law.slope_x, law.slope_z]
+        .map(f64::from)
 }
 
 /// Moves the law that moments make with these constants, by the material that has the largest part

@@ -1,7 +1,7 @@
 //! Moments kept with cells, for other energies, masks or steps than those they were traced for.
 
 use crate::gpu::interface::{Law, Ray};
-use crate::trace::moments::grazing;
+use crate::trace::grazing;
 
 /// Moments of the rays that bound cells.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,0 +1,162 @@
+//! The rays at fixed places that every patch begins with, of some rows and one ring around them.
+//! What they find depends on no band of rows, so that refinement may look at neighbours.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
+use super::View;
+use super::patch::part;
+use crate::Result;
+use crate::gpu::interface::{Law, Ray};
+use crate::trace::Tracer;
+use std::ops::Range;
+
+/// Rows whose rays go to the device side by side: cells are narrow and rows high, so that rays at
+/// one x of a few rows are closer than those of one row.
+pub(super) const ROWS_TOGETHER: i64 = 4;
+
+/// Laws of the base rays of some rows and beamlets.
+#[derive(Debug)]
+pub(super) struct BaseLattice {
+    rows: Range<i64>,
+    beamlets: Range<i64>,
+    /// Rectangles of a patch in x and z.
+    pub(super) base: [u32; 2],
+    period: f32,
+    /// Place of the laws of a patch, by row and beamlet; none where no shadow falls.
+    places: Vec<Option<u32>>,
+    laws: Vec<Law>,
+    /// Of rays that meet nothing.
+    empty: Law,
+}
+
+/// A law found beside a rectangle, with the centre that it holds for.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Found {
+    pub(super) law: Law,
+    /// From the centre of the patch's own beamlet, and from its own row.
+    pub(super) x: f32,
+    pub(super) z: f32,
+}
+
+impl BaseLattice {
+    /// Traces the base rays of the patches of `rows`, and of those around them, that a shadow
+    /// touches.
+    pub(super) fn trace(view: &View<'_>, tracer: &mut Tracer, rows: &Range<i64>) -> Result<Self> {
+        let rows = rows.start - 1..rows.end + 1;
+        let beamlets = view.lattice.beamlets.clone();
+        let width = (beamlets.end - beamlets.start) as usize;
+        let mut places = vec![None; width * (rows.end - rows.start) as usize];
+        mark_occupied(view, &rows, &mut places);
+        let base = [view.lattice.cells, view.scene.sampling.rows];
+        let size = base[0] * base[1];
+        let mut count = 0;
+        for place in places.iter_mut().flatten() {
+            *place = count;
+            count += size;
+        }
+        let mut lattice = Self {
+            rows,
+            beamlets,
+            base,
+            period: view.lattice.period as f32,
+            places,
+            laws: Vec::new(),
+            empty: bytemuck::Zeroable::zeroed(),
+        };
+        let (order, rays) = lattice.rays(view);
+        let traced = tracer.trace(&rays)?;
+        lattice.laws = bytemuck::zeroed_vec(count as usize);
+        for (at, law) in order.iter().zip(traced) {
+            lattice.laws[*at as usize] = law;
+        }
+        Ok(lattice)
+    }
+
+    fn index(&self, beamlet: i64, row: i64) -> Option<usize> {
+        let width = self.beamlets.end - self.beamlets.start;
+        let inside = self.rows.contains(&row) && self.beamlets.contains(&beamlet);
+        inside.then(|| {
+            ((row - self.rows.start) * width + beamlet - self.beamlets.start) as usize
+        })
+    }
+
+    /// Laws of a patch by z, then x; nothing where no shadow falls.
+    pub(super) fn patch(&self, beamlet: i64, row: i64) -> Option<&[Law]> {
+        let first = self.places[self.index(beamlet, row)?]? as usize;
+        Some(&self.laws[first..first + (self.base[0] * self.base[1]) as usize])
+    }
+
+    /// Centre of a base rectangle.
+    fn centre(&self, column: u32, line: u32) -> [f32; 2] {
+        let half = 0.5 * self.period;
+        let middle = |[low, high]: [f32; 2]| 0.5 * (low + high);
+        [middle(part([-half, half], column, self.base[0])), middle(part([0.0, 1.0], line, self.base[1]))]
+    }
+
+    /// Width of a base rectangle, m.
+    pub(super) fn width(&self) -> f32 {
+        self.period / self.base[0] as f32
+    }
+
+    /// What the base ray nearest to a place, given from the patch `beamlet` and `row`, found;
+    /// nothing beyond the lattice.
+    pub(super) fn at(&self, beamlet: i64, row: i64, [x, z]: [f32; 2]) -> Option<Found> {
+        let side = (x / self.period + 0.5).floor() as i64;
+        let level = z.floor() as i64;
+        let [shift_x, shift_z] = [side as f32 * self.period, level as f32];
+        let index = self.index(beamlet + side, row + level)?;
+        let cell = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
+        let column = cell((x - shift_x) / self.period + 0.5, self.base[0]);
+        let line = cell(z - shift_z, self.base[1]);
+        let law = self.places[index].map_or(self.empty, |first| {
+            self.laws[(first + line * self.base[0] + column) as usize]
+        });
+        let [x, z] = self.centre(column, line);
+        Some(Found { law, x: x + shift_x, z: z + shift_z })
+    }
+
+    /// The rays in an order that keeps neighbours together, and the place of each in the laws.
+    fn rays(&self, view: &View<'_>) -> (Vec<u32>, Vec<Ray>) {
+        let (mut order, mut rays) = (Vec::new(), Vec::new());
+        let mut first = self.rows.start;
+        while first < self.rows.end {
+            let together = first..(first + ROWS_TOGETHER).min(self.rows.end);
+            for beamlet in self.beamlets.clone() {
+                for column in 0..self.base[0] {
+                    for row in together.clone() {
+                        let index = self.index(beamlet, row);
+                        let Some(first) = index.and_then(|index| self.places[index]) else { continue };
+                        for line in 0..self.base[1] {
+                            let [x, z] = self.centre(column, line);
+                            order.push(first + line * self.base[0] + column);
+                            rays.push(view.ray(beamlet, row, x, z));
+                        }
+                    }
+                }
+            }
+            first = together.end;
+        }
+        (order, rays)
+    }
+}
+
+/// Marks the patches of rows that a shadow touches.
+fn mark_occupied(view: &View<'_>, rows: &Range<i64>, places: &mut [Option<u32>]) {
+    let beamlets = &view.lattice.beamlets;
+    let width = (beamlets.end - beamlets.start) as usize;
+    for shadow in view.shadows {
+        let [top, bottom] = shadow.rows.map(|row| row.floor() as i64);
+        let columns = view.lattice.beamlets_of(shadow.x);
+        for row in top.max(rows.start)..(bottom + 1).min(rows.end) {
+            let from = (row - rows.start) as usize * width;
+            for beamlet in columns.clone() {
+                places[from + (beamlet - beamlets.start) as usize] = Some(0);
+            }
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Cells in batches, as they go to the illumination: strips of cells side by side in x, each of
+//! one interval of z of a row.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
+use super::error_estimate::SamplingEstimate;
+use super::cell_moments::CellMoments;
+use super::lattice::Lattice;
+use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::parallel;
+use bytemuck::Pod;
+use std::ops::Range;
+
+/// Cells narrower than this may bend light by any amount, m.
+const NARROW: f32 = 2.5e-7;
+
+/// Strips and cells, ready to be illuminated.
+#[derive(Debug, Clone, Default)]
+pub struct Strips {
+    /// Strips.
+    pub strips: Vec<Strip>,
+    /// Their cells.
+    pub cells: Vec<Cell>,
+    /// Moments of the rays that bound the cells, where they are kept.
+    pub moments: CellMoments,
+    /// Cells that refinement cut.
+    pub splits: u64,
+    /// Cells whose light lands too far off to follow, or outside the detector.
+    pub landed_off: u64,
+    /// Cells left out because a law is not finite.
+    pub not_finite: u64,
+    /// Estimated errors of the patches that they are of.
+    pub estimate: SamplingEstimate,
+}
+
+impl Strips {
+    /// Appends a strip with its cells and their moments.
+    pub(crate) fn push(&mut self, strip: Strip, cells: &[Cell], moments: &CellMoments) {
+        if cells.is_empty() {
+            return;
+        }
+        let (first, count) = (self.cells.len() as u32, cells.len() as u32);
+        self.strips.push(Strip { first, count, ..reach_of(strip, cells) });
+        self.cells.extend_from_slice(cells);
+        self.moments.append(moments, first);
+    }
+
+    /// Gives cells without a sample their moments, which are zero.
+    pub(crate) fn keep_nothing(&mut self, materials: usize) {
+        self.moments.ends = vec![0.0; 2 * self.cells.len() * materials * MOMENTS_PER_MATERIAL];
+    }
+
+    /// Strips of several parts in their order, with their counts.
+    pub(crate) fn concat(mut parts: Vec<Self>) -> Self {
+        let mut all = Self::default();
+        let mut first = 0;
+        for part in &mut parts {
+            part.strips.iter_mut().for_each(|strip| strip.first += first);
+            for exact in &mut part.moments.exact {
+                exact.cell += first;
+            }
+            all.moments.exact.append(&mut part.moments.exact);
+            first += part.cells.len() as u32;
+            all.splits += part.splits;
+            all.landed_off += part.landed_off;
+            all.not_finite += part.not_finite;
+            all.estimate.join(&part.estimate);
+        }
+        all.strips = join(&mut parts, |part| &mut part.strips);
+        all.cells = join(&mut parts, |part| &mut part.cells);
+        all.moments.ends = join(&mut parts, |part| &mut part.moments.ends);
+        all
+    }
+
+    /// Strips of about equal size side by side: invocations of a subgroup wait for one another.
+    pub(crate) fn balance(&mut self) {
+        self.strips.sort_by_key(|s| std::cmp::Reverse(s.count));
+    }
+}
+
+/// What all parts have of something, which is gone from them.
+fn join<T: Pod + Send + Sync>(parts: &mut [Strips], of: fn(&mut Strips) -> &mut Vec<T>) -> Vec<T> {
+    let own: Vec<Vec<T>> = parts.iter_mut().map(|part| std::mem::take(of(part))).collect();
+    match <[Vec<T>; 1]>::try_from(own) {
+        Ok([only]) => only,
+        Err(own) => parallel::concat(&own),
+    }
+}
+
+/// A strip with what its cells let through and how far their light lands.
+fn reach_of(strip: Strip, cells: &[Cell]) -> Strip {
+    let mut strip = Strip {
+        light: 0.0,
+        low_landing: f32::INFINITY,
+        high_landing: f32::NEG_INFINITY,
+        spread: 0.0,
+        bend: 0.0,
+        ..strip
+    };
+    for cell in cells {
+        let lean = cell.depth_high - cell.depth_low;
+        let middle = 0.5 * (cell.depth_low + cell.depth_high);
+        let width = cell.x_high - cell.x_low;
+        strip.light += width * (-middle).exp() * (1.0 + lean * lean / 24.0);
+        let (low, high) = (cell.displacement_low, cell.displacement_high);
+        strip.low_landing = strip.low_landing.min(low.min(high) - cell.pixel_shift);
+        strip.high_landing = strip.high_landing.max(low.max(high) - cell.pixel_shift);
+        // The shadow of a thick bar blurs a cell by the bend times its width, and by no more than
+        // the light of the cell is wide (piece_of in illuminate.comp).
+        let lands = 0.5 * (high - low).abs() + 4.0 * width; // magnified eightfold at most
+        if width > NARROW {
+            strip.bend = strip.bend.max((high - low).abs() / width);
+            strip.spread = strip.spread.max(cell.spread);
+        } else {
+            strip.spread = strip.spread.max(cell.spread + lands * lands / 3.0);
+        }
+    }
+    strip
+}
+
+/// Strips of all beamlets without a sample: one cell each.
+#[must_use]
+pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
+    let mut out = Strips::default();
+    let cell = empty_cell(lattice);
+    let first = lattice.beamlets.start;
+    let places = rows.flat_map(|row| lattice.direct.clone().map(move |k| (k - first, row)));
+    for strip in blank_strips(lattice, places.collect()) {
+        out.push(strip, &[cell], &CellMoments::default());
+    }
+    out
+}
+
+/// Strips of whole rows without a sample at places (column, row), one for rows that follow one
+/// another in a block.
+pub(crate) fn blank_strips(lattice: &Lattice, mut places: Vec<(i64, i64)>) -> Vec<Strip> {
+    places.sort_unstable();
+    let block = |row: i64| row.div_euclid(i64::from(lattice.alike_rows));
+    let alike =
+        |a: &(i64, i64), b: &(i64, i64)| a.0 == b.0 && a.1 + 1 == b.1 && block(a.1) == block(b.1);
+    let strip =
+        |run: &[(i64, i64)]| Strip { rows: run.len() as u32, ..empty_strip(run[0].0, run[0].1) };
+    places.chunk_by(alike).map(strip).collect()
+}
+
+pub(crate) fn empty_strip(column: i64, row: i64) -> Strip {
+    Strip {
+        first: 0,
+        count: 0,
+        column: column as u32,
+        row: row as i32,
+        top: 0.0,
+        bottom: 1.0,
+        rows: 1,
+        ..bytemuck::Zeroable::zeroed()
+    }
+}
+
+pub(crate) fn empty_cell(lattice: &Lattice) -> Cell {
+    let half = (lattice.period / 2.0) as f32;
+    let [above, below] = lattice.row_shares(0.0, 1.0, 0.0);
+    Cell { x_low: -half, x_high: half, above, below, ..bytemuck::Zeroable::zeroed() }
+}

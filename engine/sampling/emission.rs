@@ -1,0 +1,241 @@
+//! Cells from refined patches: rectangles that stand side by side at the same heights are a strip.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
+use super::View;
+use super::cell_batch::{Strips, empty_strip};
+use super::cell_moments::{CellMoments, ExactCell};
+use super::error_estimate::Estimator;
+use super::moment_recording::LawEnds;
+use super::patch::{Patch, part};
+use crate::Result;
+use crate::gpu::interface::{Cell, FLAG_EXACT, FLAG_NOT_FINITE, MOMENTS_PER_MATERIAL, Strip};
+use crate::trace::Tracer;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Slanting rectangles become strips that x moves over by this at most, m,
+const SLANT_OF_A_STRIP: f32 = 0.5e-6;
+/// and as many at most.
+const MOST_HEIGHTS: f32 = 64.0;
+
+/// Makes cells.
+pub(super) struct Emitter<'a> {
+    view: &'a View<'a>,
+    estimator: &'a Estimator<'a>,
+    lit: &'a Range<i64>,
+    /// Distance from analyser to detector, m, and analyser over detector distance.
+    gap: f32,
+    ratio: f32,
+    row_pitch: f32,
+}
+
+/// A rectangle as a cell: its law at both ends of x.
+pub(super) struct Rectangle {
+    x: [f32; 2],
+    z: [f32; 2],
+    pub(super) ends: LawEnds,
+}
+
+impl Rectangle {
+    /// Centre (x, z).
+    pub(super) fn centre(&self) -> [f32; 2] {
+        [0.5 * (self.x[0] + self.x[1]), 0.5 * (self.z[0] + self.z[1])]
+    }
+}
+
+impl<'a> Emitter<'a> {
+    pub(super) fn new(view: &'a View<'a>, estimator: &'a Estimator<'a>, lit: &'a Range<i64>) -> Self {
+        let scene = view.scene;
+        let analyser = scene.analyser_distance();
+        Self {
+            view,
+            estimator,
+            lit,
+            gap: (scene.detector.distance - analyser) as f32,
+            ratio: (analyser / scene.detector.distance) as f32,
+            row_pitch: scene.detector.pitch[1] as f32,
+        }
+    }
+
+    /// The cells of patches, and the places (column, row) of those that no ray of meets the sample.
+    pub(super) fn cells(
+        &self,
+        tracer: &mut Tracer,
+        patches: &[&Patch],
+    ) -> Result<(Strips, Vec<(i64, i64)>)> {
+        let rectangles: Vec<Vec<Rectangle>> =
+            patches.par_iter().map(|patch| self.rectangles(patch)).collect();
+        let moments = match self.view.keep {
+            Some(keep) => keep.record(tracer, self.view, patches, &rectangles)?,
+            None => vec![Vec::new(); patches.len()],
+        };
+        let mut empty = Vec::new();
+        let first = self.view.lattice.beamlets.start;
+        for (patch, rectangles) in patches.iter().zip(&rectangles) {
+            if rectangles.is_empty() {
+                empty.push((patch.beamlet - first, patch.row));
+            }
+        }
+        let words = tracer.materials() * MOMENTS_PER_MATERIAL;
+        let parts: Vec<Strips> = (patches, rectangles, moments)
+            .into_par_iter()
+            .map(|(patch, rectangles, moments)| self.strips(patch, &rectangles, &moments, words))
+            .collect();
+        Ok((Strips::concat(parts), empty))
+    }
+
+    /// The leaves by height, then x, empty neighbours as one; none where all are empty.
+    fn rectangles(&self, patch: &Patch) -> Vec<Rectangle> {
+        let mut leaves: Vec<u32> = patch.leaves().collect();
+        if leaves.iter().all(|leaf| patch.nodes[*leaf as usize].law.crossings == 0) {
+            return Vec::new();
+        }
+        let key = |leaf: u32| {
+            let node = &patch.nodes[leaf as usize];
+            (node.z[0], node.z[1], node.x[0])
+        };
+        leaves.sort_unstable_by(|a, b| {
+            let (a, b) = (key(*a), key(*b));
+            a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.total_cmp(&b.2))
+        });
+        let mut rectangles: Vec<Rectangle> = Vec::with_capacity(leaves.len());
+        for leaf in leaves {
+            let node = &patch.nodes[leaf as usize];
+            if node.law.crossings == 0
+                && let Some(last) = rectangles.last_mut()
+                && last.ends.law.crossings == 0
+                && last.x[1].to_bits() == node.x[0].to_bits()
+                && last.z.map(f32::to_bits) == node.z.map(f32::to_bits)
+            {
+                last.x[1] = node.x[1];
+                continue;
+            }
+            let neighbours = self.estimator.neighbours(patch, node);
+            let slopes = self.estimator.slopes(node, &neighbours);
+            rectangles.push(Rectangle {
+                x: node.x,
+                z: node.z,
+                ends: LawEnds::new(&node.law, node.width(), &slopes),
+            });
+        }
+        rectangles
+    }
+
+    /// The strips of a patch; `moments`: `[rectangle][end][material][moment]`, where they are kept.
+    fn strips(
+        &self,
+        patch: &Patch,
+        rectangles: &[Rectangle],
+        moments: &[f32],
+        words: usize,
+    ) -> Strips {
+        let mut out = Strips::default();
+        let words = if moments.is_empty() { 0 } else { 2 * words };
+        let mut begin = 0;
+        while begin < rectangles.len() {
+            let first = &rectangles[begin];
+            let runs_on = |pair: &[Rectangle]| {
+                pair[0].x[1].to_bits() == pair[1].x[0].to_bits()
+                    && pair[1].z.map(f32::to_bits) == first.z.map(f32::to_bits)
+            };
+            let more = rectangles[begin..].windows(2).take_while(|pair| runs_on(pair)).count();
+            let run = begin..begin + more + 1;
+            let z = first.z;
+            let slant = (patch.shear * (z[1] - z[0])).abs();
+            let heights = (slant / SLANT_OF_A_STRIP).ceil().clamp(1.0, MOST_HEIGHTS) as u32;
+            for height in 0..heights {
+                let z = part(z, height, heights);
+                let shift = patch.shear * (0.5 * (z[0] + z[1]) - 0.5);
+                let moments = &moments[words * run.start..words * run.end];
+                self.push_strip(&mut out, patch, &rectangles[run.clone()], z, shift, moments);
+            }
+            begin = run.end;
+        }
+        out
+    }
+
+    #[allow(clippy::too_many_arguments, reason = "all describe one strip")]
+    /// A strip of rectangles, moved along x by a shift and cut to the period.
+    fn push_strip(
+        &self,
+        out: &mut Strips,
+        patch: &Patch,
+        rectangles: &[Rectangle],
+        z: [f32; 2],
+        shift: f32,
+        moments: &[f32],
+    ) {
+        let lattice = self.view.lattice;
+        let half = (0.5 * lattice.period) as f32;
+        let words = moments.len() / rectangles.len();
+        let column = patch.beamlet - lattice.beamlets.start;
+        let [top, bottom] = z.map(f64::from);
+        let mut lands = 0..1_i64;
+        let mut cells = Vec::with_capacity(rectangles.len());
+        let mut kept = CellMoments::default();
+        for (index, rectangle) in rectangles.iter().enumerate() {
+            let LawEnds { law, depth, displacement } = &rectangle.ends;
+            let whole = rectangle.x.map(|x| x + shift);
+            let x = whole.map(|x| x.clamp(-half, half));
+            if x[1] <= x[0] {
+                continue;
+            }
+            if law.flags & FLAG_NOT_FINITE != 0 {
+                out.not_finite += 1;
+                continue;
+            }
+            let share = x.map(|x| (x - whole[0]) / (whole[1] - whole[0]));
+            let between = |[low, high]: [f32; 2]| share.map(|share| low + (high - low) * share);
+            let (depth, displacement) = (between(*depth), between(*displacement));
+            let displacement_z = law.displacement_z + law.slope_z * self.gap;
+            if displacement_z.abs() > lattice.halo as f32 * self.row_pitch {
+                out.landed_off += 1;
+            }
+            let pixel_shift =
+                law.displacement_x * (1.0 - self.ratio) - law.slope_x * self.gap * self.ratio;
+            let down = -f64::from(displacement_z / self.row_pitch);
+            let farthest = down * self.view.stronger();
+            lands.start = lands.start.min(farthest.floor() as i64);
+            lands.end = lands.end.max(farthest.ceil() as i64 + 1);
+            let [above, below] = lattice.row_shares(top, bottom, down);
+            if law.flags & FLAG_EXACT != 0 && self.view.keep.is_some() {
+                let [x, z] = patch.place(rectangle.centre());
+                kept.exact.push(ExactCell {
+                    cell: cells.len() as u32,
+                    ends: [self.view.ray(patch.beamlet, patch.row, x, z); 2],
+                    laws: rectangle.ends.laws(),
+                    range: share,
+                });
+            }
+            let of_cell = &moments[words * index..words * (index + 1)];
+            let (low, high) = of_cell.split_at(words / 2);
+            for share in share {
+                let ends = low.iter().zip(high);
+                kept.ends.extend(ends.map(|(low, high)| low + (high - low) * share));
+            }
+            cells.push(Cell {
+                x_low: x[0],
+                x_high: x[1],
+                depth_low: depth[0],
+                depth_high: depth[1],
+                displacement_low: displacement[0],
+                displacement_high: displacement[1],
+                displacement_z,
+                above,
+                below,
+                pixel_shift,
+                ..bytemuck::Zeroable::zeroed()
+            });
+        }
+        if patch.row + lands.end > self.lit.start && patch.row + lands.start < self.lit.end {
+            let strip = Strip { top: z[0], bottom: z[1], ..empty_strip(column, patch.row) };
+            out.push(strip, &cells, &kept);
+        }
+    }
+}

@@ -1,0 +1,27 @@
+//! Sampling: which rays are traced, and the cells that are made of them (docs/physics.md,
+//! "Refinement"). A beamlet and detector row is a patch; each patch is an adaptive quadrature of
+//! the recorded values over (x, z), refined until its error budget holds.
+
+mod alignment;
+mod base_lattice;
+mod cell_batch;
+mod cell_moments;
+mod emission;
+mod error_estimate;
+mod lattice;
+mod moment_recording;
+mod patch;
+mod projected_bounds;
+mod refinement;
+mod response;
+mod row_spread;
+
+pub use cell_batch::{Strips, empty_strips};
+pub(crate) use cell_batch::{blank_strips, empty_cell, empty_strip};
+pub use cell_moments::{CellMoments, ExactCell};
+pub use error_estimate::{ErrorBudget, SamplingEstimate};
+pub use lattice::{Lattice, column, deviation};
+pub use moment_recording::Keep;
+pub use projected_bounds::{Shadow, shadows};
+pub use refinement::{Take, View, sample_rows};
+pub use response::Response;

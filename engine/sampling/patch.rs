@@ -1,0 +1,216 @@
+//! A patch: one beamlet and detector row, cut into rectangles with one ray each at the centre.
+//! Rectangles are split in three, so that the middle one keeps the ray. Their coordinates are
+//! (x - shear (z - 1/2), z): a silhouette that slants by `shear` stands upright in them.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts are bounded by max_rays; rounding to f32 is meant"
+)]
+
+use crate::gpu::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
+
+/// Parts of a rectangle that is split.
+pub(super) const PARTS: u32 = 3;
+
+/// The axis along which a rectangle is split.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Axis {
+    X,
+    Z,
+}
+
+/// A rectangle and the law of the ray through its centre.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Node {
+    /// From the beamlet's centre in the cell plane at the middle of the row, m.
+    pub(super) x: [f32; 2],
+    /// Share of the row, downwards.
+    pub(super) z: [f32; 2],
+    pub(super) law: Law,
+    split: Option<(Axis, u32)>,
+}
+
+impl Node {
+    pub(super) fn new(x: [f32; 2], z: [f32; 2], law: Law) -> Self {
+        Self { x, z, law, split: None }
+    }
+
+    /// Centre (x, z).
+    pub(super) fn centre(&self) -> [f32; 2] {
+        [0.5 * (self.x[0] + self.x[1]), 0.5 * (self.z[0] + self.z[1])]
+    }
+
+    pub(super) fn width(&self) -> f32 {
+        self.x[1] - self.x[0]
+    }
+
+    pub(super) fn height(&self) -> f32 {
+        self.z[1] - self.z[0]
+    }
+
+    pub(super) fn is_leaf(&self) -> bool {
+        self.split.is_none()
+    }
+}
+
+/// Whether two rays crossed the same objects in the same way, so that what lies between may be
+/// interpolated.
+pub(super) fn alike(a: &Law, b: &Law) -> bool {
+    a.signature == b.signature
+        && (a.flags ^ b.flags) & FLAG_REFLECTED == 0
+        && (a.flags | b.flags) & FLAG_NOT_FINITE == 0
+}
+
+/// One beamlet and detector row.
+#[derive(Debug, Clone)]
+pub(super) struct Patch {
+    pub(super) beamlet: i64,
+    pub(super) row: i64,
+    /// Rectangles before refinement in x and z.
+    base: [u32; 2],
+    /// Half the width of all of them, m: more than half a period where they slant.
+    half_width: f32,
+    /// How far x moves over the row, m.
+    pub(super) shear: f32,
+    /// The base rectangles, by z, then x; then the parts of those that were split.
+    pub(super) nodes: Vec<Node>,
+    pub(super) splits: u32,
+}
+
+/// Borders of `count` equal parts of an interval.
+pub(super) fn part(range: [f32; 2], index: u32, count: u32) -> [f32; 2] {
+    let at = |i: u32| {
+        if i == count {
+            range[1]
+        } else {
+            range[0] + (range[1] - range[0]) * (i as f32 / count as f32)
+        }
+    };
+    [at(index), at(index + 1)]
+}
+
+impl Patch {
+    /// A patch of base rectangles that cover the period, with these laws, by z, then x.
+    pub(super) fn new(beamlet: i64, row: i64, period: f32, base: [u32; 2], laws: &[Law]) -> Self {
+        let mut patch = Self::sheared(beamlet, row, 0.5 * period, 0.0, base);
+        for (node, law) in patch.nodes.iter_mut().zip(laws) {
+            node.law = *law;
+        }
+        patch
+    }
+
+    /// A patch of base rectangles whose laws are to be set.
+    pub(super) fn sheared(
+        beamlet: i64,
+        row: i64,
+        half_width: f32,
+        shear: f32,
+        base: [u32; 2],
+    ) -> Self {
+        let node = |index: u32| {
+            let x = part([-half_width, half_width], index % base[0], base[0]);
+            let z = part([0.0, 1.0], index / base[0], base[1]);
+            Node::new(x, z, bytemuck::Zeroable::zeroed())
+        };
+        let nodes = (0..base[0] * base[1]).map(node).collect();
+        Self { beamlet, row, base, half_width, shear, nodes, splits: 0 }
+    }
+
+    /// Place (m from the beamlet's centre, share of the row) of coordinates of rectangles.
+    pub(super) fn place(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+        [x + self.shear * (z - 0.5), z]
+    }
+
+    /// Coordinates of a place.
+    pub(super) fn coordinates(&self, [x, z]: [f32; 2]) -> [f32; 2] {
+        [x - self.shear * (z - 0.5), z]
+    }
+
+    /// Whether coordinates lie in a rectangle.
+    pub(super) fn holds(&self, [x, z]: [f32; 2]) -> bool {
+        x >= -self.half_width && x < self.half_width && (0.0..1.0).contains(&z)
+    }
+
+    /// The leaf that holds these coordinates.
+    pub(super) fn leaf_at(&self, x: f32, z: f32) -> u32 {
+        let index = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
+        let column = index(x / (2.0 * self.half_width) + 0.5, self.base[0]);
+        let mut leaf = index(z, self.base[1]) * self.base[0] + column;
+        while let Some((axis, first)) = self.nodes[leaf as usize].split {
+            let beyond = |part: u32| {
+                let node = &self.nodes[(first + part) as usize];
+                match axis {
+                    Axis::X => x >= node.x[1],
+                    Axis::Z => z >= node.z[1],
+                }
+            };
+            leaf = first + u32::from(beyond(0)) + u32::from(beyond(0) && beyond(1));
+        }
+        leaf
+    }
+
+    /// Whether a rectangle can be split along an axis in f32.
+    pub(super) fn can_split(&self, node: u32, axis: Axis, least: [f32; 2]) -> bool {
+        let node = &self.nodes[node as usize];
+        match axis {
+            Axis::X => node.width() > PARTS as f32 * least[0],
+            Axis::Z => node.height() > PARTS as f32 * least[1],
+        }
+    }
+
+    /// Splits a leaf; the places of the two new rays, whose laws [`Self::set_laws`] takes.
+    pub(super) fn split(&mut self, index: u32, axis: Axis) -> [[f32; 2]; 2] {
+        let parent = self.nodes[index as usize];
+        let first = self.nodes.len() as u32;
+        self.nodes[index as usize].split = Some((axis, first));
+        for i in 0..PARTS {
+            let (x, z) = match axis {
+                Axis::X => (part(parent.x, i, PARTS), parent.z),
+                Axis::Z => (parent.x, part(parent.z, i, PARTS)),
+            };
+            self.nodes.push(Node::new(x, z, parent.law));
+        }
+        self.splits += 1;
+        [first, first + 2].map(|node| self.place(self.nodes[node as usize].centre()))
+    }
+
+    /// Takes the laws of the new rays of splits, from node `first` on, two of each.
+    pub(super) fn set_laws(&mut self, first: usize, laws: &[Law]) {
+        for (parts, laws) in self.nodes[first..].chunks_mut(PARTS as usize).zip(laws.chunks(2)) {
+            parts[0].law = laws[0];
+            parts[2].law = laws[1];
+        }
+    }
+
+    /// Indices of the leaves.
+    pub(super) fn leaves(&self) -> impl Iterator<Item = u32> {
+        (0..self.nodes.len() as u32).filter(|node| self.nodes[*node as usize].is_leaf())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_place_lies_in_the_leaf_that_is_found_for_it() {
+        let laws = vec![<Law as bytemuck::Zeroable>::zeroed(); 6];
+        let mut patch = Patch::new(0, 0, 100e-6, [3, 2], &laws);
+        let mut next = 7_u32;
+        for _ in 0..200 {
+            next = next.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let leaves: Vec<u32> = patch.leaves().collect();
+            let leaf = leaves[(next >> 8) as usize % leaves.len()];
+            patch.split(leaf, if next & 64 == 0 { Axis::X } else { Axis::Z });
+        }
+        let mut area = 0.0;
+        for leaf in patch.leaves() {
+            let node = patch.nodes[leaf as usize];
+            let [x, z] = node.centre();
+            assert_eq!(patch.leaf_at(x, z), leaf);
+            area += f64::from(node.width()) * f64::from(node.height());
+        }
+        assert!((area - 100e-6).abs() < 1e-11, "{area}");
+    }
+}

@@ -1,0 +1,231 @@
+//! How a change of a cell's law changes what pixels record: the openings of the sample mask by
+//! mask step, and the blurred windows of the analyser.
+
+#![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+
+use super::lattice::Lattice;
+use crate::scene::Scene;
+
+/// Points of the table of a window per period of the windows.
+const POINTS_PER_PERIOD: usize = 512;
+/// Half width of the table, periods.
+const REACH: usize = 2;
+/// An opening is seen this many standard deviations beyond its edges.
+const SOFT_EDGE: f64 = 2.0;
+
+/// Light that a cell sends through the masks, per mask step and window.
+#[derive(Debug, Clone)]
+pub struct Response {
+    /// Integral of the light through one window over the landing point, m, at points from
+    /// -REACH periods on.
+    window: Vec<f32>,
+    /// Period of the windows on the analyser, m.
+    pub(super) period: f32,
+    /// Standard deviation of the blur on the analyser, m.
+    blur: f32,
+    /// From the cell plane to the analyser.
+    pub(super) magnification: f32,
+    /// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the
+    /// nearest window, m, by beamlet of the lattice.
+    landing: Vec<f32>,
+    /// Opening by mask step in the cell plane, from the nearest period of the sample mask, m; none
+    /// without a sample mask.
+    openings: Vec<[f32; 2]>,
+    /// Period of the sample mask in the cell plane, m.
+    mask_period: f32,
+    /// Beamlet's centre from the centre of the nearest period of the sample mask, m.
+    mask_offset: Vec<f32>,
+    /// Half a period of the lattice, m.
+    half_period: f32,
+    /// Recorded value per metre of open cell plane.
+    pub(super) weight: f32,
+    /// Cells serve any mask, step and detector: stored moments.
+    pub(super) any_masks: bool,
+}
+
+/// An interval of x of a beamlet that a mask step opens.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Opening {
+    pub(super) step: usize,
+    pub(super) x: [f32; 2],
+}
+
+impl Response {
+    /// For the scene that is traced; `any_masks`: for moments that are stored, whose masks and
+    /// steps are not known yet.
+    #[must_use]
+    pub fn new(scene: &Scene, lattice: &Lattice, any_masks: bool) -> Self {
+        let analyser = scene.analyser_distance();
+        let detector = &scene.detector;
+        let pixel = detector.pitch[0] * analyser / detector.distance;
+        let (period, width) = match &scene.detector_mask {
+            Some(mask) => {
+                let scale = analyser / mask.distance;
+                (mask.period * scale, mask.aperture * scale)
+            }
+            None => (pixel, pixel),
+        };
+        let columns = lattice.columns(scene);
+        let masked = scene.detector_mask.is_some();
+        let landing = |c: &crate::gpu::interface::Column| {
+            if masked { c.aperture_offset } else { c.pixel_offset }
+        };
+        let blur = lattice.edge_blur.max(1e-4 * period);
+        let (openings, mask_period) = match &scene.sample_mask {
+            Some(mask) if !any_masks => {
+                let soft = SOFT_EDGE * scene.source.spot.narrowest(0) * (scene.source.distance
+                    - lattice.plane).abs() / scene.source.distance;
+                let scale = lattice.plane / mask.distance;
+                let half = 0.5 * mask.aperture * scale + soft;
+                let opening = |f: &f64| [(f - half) as f32, (f + half) as f32];
+                (scene.scan.mask_offsets.iter().map(opening).collect(), mask.period * scale)
+            }
+            Some(mask) => {
+                // Steps that cover the period once.
+                let count = (mask.period / mask.aperture).ceil().clamp(1.0, 64.0);
+                let width = lattice.period / count;
+                #[allow(clippy::cast_sign_loss, reason = "at least 1")]
+                let steps = 0..count as u32;
+                let opening = |step: u32| {
+                    let low = f64::from(step) * width - 0.5 * lattice.period;
+                    [low as f32, (low + width) as f32]
+                };
+                (steps.map(opening).collect(), lattice.period)
+            }
+            None => (Vec::new(), lattice.period),
+        };
+        Self {
+            window: window_integral(period, width, blur),
+            period: period as f32,
+            blur: blur as f32,
+            magnification: (analyser / lattice.plane) as f32,
+            landing: columns.iter().map(landing).collect(),
+            openings,
+            mask_period: mask_period as f32,
+            mask_offset: if any_masks {
+                vec![0.0; columns.len()]
+            } else {
+                columns.iter().map(|c| c.sample_offset).collect()
+            },
+            half_period: (0.5 * lattice.period) as f32,
+            weight: (detector.distance / (lattice.plane * detector.pitch[0])) as f32,
+            any_masks,
+        }
+    }
+
+    /// Mask steps that are told apart.
+    pub(super) fn steps(&self) -> usize {
+        self.openings.len().max(1)
+    }
+
+    /// Whether a sample mask lets light through in part.
+    pub(super) fn has_sample_mask(&self) -> bool {
+        !self.openings.is_empty()
+    }
+
+    /// Openings of the beamlet at `column` of the lattice, inside its period.
+    pub(super) fn openings(&self, column: usize) -> Vec<Opening> {
+        let half = self.half_period;
+        if self.openings.is_empty() {
+            return vec![Opening { step: 0, x: [-half, half] }];
+        }
+        let mut all = Vec::new();
+        for (step, [low, high]) in self.openings.iter().enumerate() {
+            let [low, high] = [low, high].map(|x| x - self.mask_offset[column]);
+            let mut k = ((-half - high) / self.mask_period).ceil();
+            while low + k * self.mask_period < half {
+                let shift = k * self.mask_period;
+                let x = [(low + shift).max(-half), (high + shift).min(half)];
+                if x[1] > x[0] {
+                    all.push(Opening { step, x });
+                }
+                k += 1.0;
+            }
+        }
+        all
+    }
+
+    /// Landing point of light of a beamlet displaced by `displacement`, from the centre of a
+    /// window, m.
+    pub(super) fn landing(&self, column: usize, x: f32, displacement: f32) -> f32 {
+        self.magnification * x + displacement + self.landing[column]
+    }
+
+    /// Integral of the light through the window at 0 over the landing point.
+    fn integral(&self, at: f32) -> f32 {
+        #[allow(clippy::cast_precision_loss, reason = "a small number")]
+        let points = POINTS_PER_PERIOD as f32;
+        let place = (at / self.period + REACH as f32) * points;
+        #[allow(clippy::cast_sign_loss, reason = "checked")]
+        if place <= 0.0 {
+            self.window[0]
+        } else if place >= (self.window.len() - 1) as f32 {
+            self.window[self.window.len() - 1]
+        } else {
+            let index = place as usize;
+            let (a, b) = (self.window[index], self.window[index + 1]);
+            a + (b - a) * (place - index as f32)
+        }
+    }
+
+    /// Share of light spread evenly over [at - half, at + half] that passes the window at 0.
+    fn share(&self, at: f32, half: f32) -> f32 {
+        (self.integral(at + half) - self.integral(at - half)) / (2.0 * half)
+    }
+
+    /// Largest change of the light in any window between two laws: light that passes the sample
+    /// and landing point of each, spread over 2 `half`.
+    pub(super) fn change(&self, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
+        if self.any_masks {
+            let slope = 0.4 / self.blur;
+            return (a[0] - b[0]).abs() + a[0].max(b[0]) * ((a[1] - b[1]).abs() * slope).min(1.0);
+        }
+        // Narrower light is told from a point by nobody, and keeps the digits of the quotient.
+        let half = half.max(2.0 * self.period / POINTS_PER_PERIOD as f32);
+        let [home_a, home_b] = [a[1], b[1]].map(|at| (at / self.period).round());
+        let mut most: f32 = 0.0;
+        let mut at_window = |window: f32| {
+            let shift = window * self.period;
+            let [a, b] = [a, b].map(|[light, at]| light * self.share(at - shift, half));
+            most = most.max((a - b).abs());
+        };
+        let near = [-1.0, 0.0, 1.0];
+        near.iter().for_each(|k| at_window(home_a + k));
+        if (home_a - home_b).abs() > 0.5 {
+            near.iter().for_each(|k| at_window(home_b + k));
+        }
+        most
+    }
+}
+
+/// Integral of a box of this width blurred by a Gaussian, at the points of the table.
+fn window_integral(period: f64, width: f64, blur: f64) -> Vec<f32> {
+    let last = 2 * REACH * POINTS_PER_PERIOD;
+    // Second antiderivative of the Gaussian.
+    let ramp = |x: f64| {
+        let t = x / blur;
+        if t.abs() > 8.0 {
+            return x.max(0.0);
+        }
+        let density = libm::exp(-0.5 * t * t) / (2.0 * std::f64::consts::PI).sqrt();
+        x * 0.5 * libm::erfc(-t * std::f64::consts::FRAC_1_SQRT_2) + blur * density
+    };
+    let at = |point: usize| {
+        let x = (point as f64 / POINTS_PER_PERIOD as f64 - REACH as f64) * period;
+        (ramp(x + 0.5 * width) - ramp(x - 0.5 * width)) as f32
+    };
+    (0..=last).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_integral_of_a_window_rises_by_its_width() {
+        let table = window_integral(150e-6, 30e-6, 6e-6);
+        let rise = f64::from(table[table.len() - 1] - table[0]);
+        assert!((rise - 30e-6).abs() < 1e-10, "{rise}");
+        assert!(table.is_sorted());
+    }
+}
