@@ -147,9 +147,8 @@ impl<'e> Simulation<'e> {
                 "use the backend bvh, or a driver with ray query",
             ));
         }
-        let keep = parts.spectral.as_ref().map(|spectral| {
-            let severe = spectral.severe(options.keep_moments);
-            sampling::Keep::new(&parts.media, &parts.media.mean(), severe, parts.stronger)
+        let keep = parts.spectral.as_ref().map(|_| {
+            sampling::Keep::new(&parts.media, &parts.media.mean(), parts.stronger)
         });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let Parts { detection, media, lattice, spectral, kept, stronger } = parts;

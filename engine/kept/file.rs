@@ -59,13 +59,14 @@ impl KeptWriter {
         Self { run: run.into(), open: None }
     }
 
-    /// Appends the strips of some rows of a view that see the sample.
+    /// Appends the strips of some rows of a view, but for whole rows of a beamlet that nothing
+    /// lies before.
     ///
     /// # Errors
     /// [`Error::Output`].
     pub(crate) fn write(&mut self, view: u32, words: usize, strips: &Strips) -> Result<()> {
         let seeing: Vec<&Strip> =
-            strips.strips.iter().filter(|s| sees_the_sample(strips, s, words)).collect();
+            strips.strips.iter().filter(|s| !is_blank(strips, s, words)).collect();
         if self.open.as_ref().is_none_or(|open| open.view != view) {
             self.begin(view, words)?;
         }
@@ -198,9 +199,16 @@ pub(crate) fn remove(run: &Path) -> Result<()> {
     Ok(())
 }
 
-fn sees_the_sample(strips: &Strips, strip: &Strip, words: usize) -> bool {
+/// Whether a strip is one cell over a whole row and period, without a sample.
+fn is_blank(strips: &Strips, strip: &Strip, words: usize) -> bool {
     let cells = strip.first as usize..(strip.first + strip.count) as usize;
-    strips.moments.ends[2 * words * cells.start..2 * words * cells.end].iter().any(|m| *m != 0.0)
+    let cell = &strips.cells[cells.start];
+    let whole = strip.count == 1
+        && strip.top <= 0.0
+        && strip.bottom >= 1.0
+        && cell.x_low.to_bits() == (-cell.x_high).to_bits();
+    let mut moments = strips.moments.ends[2 * words * cells.start..2 * words * cells.end].iter();
+    whole && moments.all(|moment| moment.abs() <= 0.0)
 }
 
 /// An ordered cell as words: cell, and for both ends ray and law.

@@ -264,7 +264,9 @@ impl Relattice {
                 let whole_beamlet = |p: &[f64; 4]| {
                     p[0] <= SLIVER && p[1] >= 1.0 - SLIVER && p[2] <= -ends && p[3] >= ends
                 };
-                if parts.iter().any(whole_beamlet) {
+                // Most patches are covered whole, by one cell or by many.
+                let area: f64 = parts.iter().map(|p| (p[1] - p[0]) * (p[3] - p[2])).sum();
+                if parts.iter().any(whole_beamlet) || area >= (1.0 - SLIVER) * self.new.period {
                     continue;
                 }
                 let mut edges: Vec<f64> = parts.iter().flat_map(|p| [p[0], p[1]]).collect();

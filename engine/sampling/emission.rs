@@ -12,17 +12,33 @@ use super::cell_batch::{Strips, empty_strip};
 use super::cell_moments::{CellMoments, ExactCell};
 use super::error_estimate::Estimator;
 use super::moment_recording::LawEnds;
-use super::patch::{Patch, part};
+use super::patch::{Patch, alike, part};
 use crate::Result;
-use crate::gpu::interface::{Cell, FLAG_EXACT, FLAG_NOT_FINITE, MOMENTS_PER_MATERIAL, Strip};
+use crate::gpu::interface::{
+    Cell, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law, MOMENTS_PER_MATERIAL,
+    Strip,
+};
 use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::ops::Range;
 
 /// Slanting rectangles become strips that x moves over by this at most, m,
-const SLANT_OF_A_STRIP: f32 = 0.5e-6;
+const SLANT_OF_A_STRIP: f32 = 0.7e-6;
 /// and as many at most.
 const MOST_HEIGHTS: f32 = 64.0;
+
+/// Rectangles are joined up to this share of the period,
+const WIDEST_JOINED: f32 = 1.0 / 20.0;
+/// and up to this change of optical depth: light is linear in a cell.
+const STEEPEST_JOINED: f32 = 0.02;
+/// Optical depth may leave the straight line of a joined cell by this over a whole beamlet,
+const DEPTH_JOINED: f32 = 2e-5;
+/// displacement by this share of what the budget allows,
+const DISPLACEMENT_JOINED: f64 = 0.1;
+/// and narrower cells than this share of the period by more, in proportion.
+const FULL_SHARE: f32 = 1.0 / 40.0;
+/// Displacement of the budget without a bound on angles, m.
+const UNBOUNDED: f64 = 10e-9;
 
 /// Makes cells.
 pub(super) struct Emitter<'a> {
@@ -33,20 +49,21 @@ pub(super) struct Emitter<'a> {
     gap: f32,
     ratio: f32,
     row_pitch: f32,
+    /// Deviation of the displacement from a straight line that joined cells may have, m.
+    joined: f32,
 }
 
+/// Flags that rays of joined rectangles share.
+const KIND: u32 = FLAG_EXACT | FLAG_GRAZING | FLAG_REFLECTED;
+
 /// A rectangle as a cell: its law at both ends of x.
+#[derive(Clone, Copy)]
 pub(super) struct Rectangle {
     x: [f32; 2],
     z: [f32; 2],
+    /// Coordinates of its ray.
+    pub(super) ray: [f32; 2],
     pub(super) ends: LawEnds,
-}
-
-impl Rectangle {
-    /// Centre (x, z).
-    pub(super) fn centre(&self) -> [f32; 2] {
-        [0.5 * (self.x[0] + self.x[1]), 0.5 * (self.z[0] + self.z[1])]
-    }
 }
 
 impl<'a> Emitter<'a> {
@@ -60,6 +77,12 @@ impl<'a> Emitter<'a> {
             gap: (scene.detector.distance - analyser) as f32,
             ratio: (analyser / scene.detector.distance) as f32,
             row_pitch: scene.detector.pitch[1] as f32,
+            joined: (DISPLACEMENT_JOINED
+                * if view.budget.displacement.is_finite() {
+                    view.budget.displacement
+                } else {
+                    UNBOUNDED
+                }) as f32,
         }
     }
 
@@ -121,10 +144,75 @@ impl<'a> Emitter<'a> {
             rectangles.push(Rectangle {
                 x: node.x,
                 z: node.z,
+                ray: node.centre(),
                 ends: LawEnds::new(&node.law, node.width(), &slopes),
             });
         }
-        rectangles
+        self.join(rectangles)
+    }
+
+    /// Neighbours that are one straight law as one: splits towards a jump leave chains of them.
+    fn join(&self, rectangles: Vec<Rectangle>) -> Vec<Rectangle> {
+        let mut joined: Vec<Rectangle> = Vec::with_capacity(rectangles.len());
+        let mut rest = &rectangles[..];
+        while let Some(first) = rest.first() {
+            let mut count = 1;
+            while count < rest.len() && self.is_one(&rest[..=count]) {
+                count += 1;
+            }
+            let (group, after) = rest.split_at(count);
+            rest = after;
+            if count == 1 {
+                joined.push(*first);
+                continue;
+            }
+            let last = group[count - 1];
+            let width = |r: &&Rectangle| r.x[1] - r.x[0];
+            let widest = group.iter().max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(first);
+            let x = [first.x[0], last.x[1]];
+            let line = |of: fn(&LawEnds) -> [f32; 2]| {
+                let middle = |r: &Rectangle| 0.5 * (of(&r.ends)[0] + of(&r.ends)[1]);
+                let slope = (middle(&last) - middle(first)) / (last.ray[0] - first.ray[0]);
+                x.map(|x| middle(first) + slope * (x - first.ray[0]))
+            };
+            let ends =
+                LawEnds { law: widest.ends.law, depth: line(|e| e.depth), displacement: line(|e| e.displacement) };
+            joined.push(Rectangle { x, ends, ..*widest });
+        }
+        joined
+    }
+
+    /// Whether rectangles that follow one another are one straight law at all of their rays.
+    fn is_one(&self, group: &[Rectangle]) -> bool {
+        let (first, last) = (&group[0], &group[group.len() - 1]);
+        let before = &group[group.len() - 2];
+        let width = last.x[1] - first.x[0];
+        let period = self.view.lattice.period as f32;
+        let (a, b) = (&first.ends.law, &last.ends.law);
+        let stands = last.x[0].to_bits() == before.x[1].to_bits()
+            && last.z.map(f32::to_bits) == first.z.map(f32::to_bits)
+            && last.ray[1].to_bits() == first.ray[1].to_bits();
+        if !stands
+            || !alike(a, b)
+            || (a.flags ^ b.flags) & KIND != 0
+            || a.flags & FLAG_EXACT != 0
+            || width > WIDEST_JOINED * period
+            || (a.optical_depth - b.optical_depth).abs() > STEEPEST_JOINED
+        {
+            return false;
+        }
+        let room = (FULL_SHARE * period / width).max(1.0);
+        let apart = last.ray[0] - first.ray[0];
+        let straight = |of: fn(&Law) -> f32, limit: f32| {
+            let slope = (of(b) - of(a)) / apart;
+            group.iter().all(|r| {
+                let line = of(a) + slope * (r.ray[0] - first.ray[0]);
+                (of(&r.ends.law) - line).abs() <= limit * room
+            })
+        };
+        straight(|law| law.displacement_x, self.joined)
+            && straight(|law| law.displacement_z, 100.0 * self.joined)
+            && straight(|law| law.optical_depth, DEPTH_JOINED)
     }
 
     /// The strips of a patch; `moments`: `[rectangle][end][material][moment]`, where they are kept.
@@ -205,7 +293,7 @@ impl<'a> Emitter<'a> {
             lands.end = lands.end.max(farthest.ceil() as i64 + 1);
             let [above, below] = lattice.row_shares(top, bottom, down);
             if law.flags & FLAG_EXACT != 0 && self.view.keep.is_some() {
-                let [x, z] = patch.place(rectangle.centre());
+                let [x, z] = patch.place(rectangle.ray);
                 kept.exact.push(ExactCell {
                     cell: cells.len() as u32,
                     ends: [self.view.ray(patch.beamlet, patch.row, x, z); 2],

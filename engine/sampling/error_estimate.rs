@@ -210,7 +210,7 @@ impl Estimator<'_> {
             }
             last = Some(found);
             // A much wider neighbour is compared with this rectangle from its own side.
-            let near = if patch.shear.abs() <= 0.0 {
+            let near = if !patch.straight {
                 true
             } else if index < 6 {
                 (found.z - z).abs() <= height || !alike(&found.law, &node.law)

@@ -25,20 +25,15 @@ pub struct Keep {
     reference: Vec<Constants>,
     /// How much more strongly the sample may refract than at these constants, 1 or more.
     pub(super) stronger: f64,
-    /// Share of the grazing incidence of ordered walks below which they are repeated at other
-    /// energies, so that their cells stand by themselves.
-    pub(super) severe: f64,
     /// Signature of a ray that goes into a body and out of it, and meets no other, with the
     /// body's material; sorted.
     alone: Vec<(u32, u32)>,
 }
 
 impl Keep {
-    /// For media walked at constants of `reference`; `severe` is the share of the grazing
-    /// incidence of ordered walks below which they are repeated at other energies; `in_hand`: how
-    /// much more strongly than at its energies the media may refract in another scene.
+    /// For media walked at constants of `reference`; `in_hand`: how much more strongly than at its energies the media may refract in another scene.
     #[must_use]
-    pub fn new(media: &Media, reference: &[Constants], severe: f64, in_hand: f64) -> Self {
+    pub fn new(media: &Media, reference: &[Constants], in_hand: f64) -> Self {
         let of_node = media.constants.iter().flat_map(|node| node.iter().zip(reference));
         let stronger = of_node
             .filter(|(_, reference)| reference.delta != 0.0)
@@ -56,7 +51,7 @@ impl Keep {
             .flatten()
             .copied()
             .collect();
-        Self { reference: reference.to_vec(), stronger: in_hand * stronger, severe, alone }
+        Self { reference: reference.to_vec(), stronger: in_hand * stronger, alone }
     }
 
     /// Whether a law tells the moments of its ray, and then of which material they are: those of a
@@ -114,7 +109,7 @@ impl Keep {
     ) -> Result<Vec<Vec<f32>>> {
         let unknown = |(patch, rectangles): (&&Patch, &Vec<Rectangle>)| -> Vec<Ray> {
             let unknown = rectangles.iter().filter(|r| self.told_by(&r.ends.law).is_none());
-            unknown.map(|r| { let [x, z] = patch.place(r.centre()); view.ray(patch.beamlet, patch.row, x, z) }).collect()
+            unknown.map(|r| { let [x, z] = patch.place(r.ray); view.ray(patch.beamlet, patch.row, x, z) }).collect()
         };
         let rays: Vec<Vec<Ray>> = patches.par_iter().zip(rectangles).map(unknown).collect();
         let stride = MOMENTS_HEAD + tracer.materials() * MOMENTS_PER_MATERIAL;

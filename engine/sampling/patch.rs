@@ -73,6 +73,8 @@ pub(super) struct Patch {
     half_width: f32,
     /// How far x moves over the row, m.
     pub(super) shear: f32,
+    /// Its silhouettes are straight and slant by the shear.
+    pub(super) straight: bool,
     /// The base rectangles, by z, then x; then the parts of those that were split.
     pub(super) nodes: Vec<Node>,
     pub(super) splits: u32,
@@ -114,7 +116,7 @@ impl Patch {
             Node::new(x, z, bytemuck::Zeroable::zeroed())
         };
         let nodes = (0..base[0] * base[1]).map(node).collect();
-        Self { beamlet, row, base, half_width, shear, nodes, splits: 0 }
+        Self { beamlet, row, base, half_width, shear, straight: false, nodes, splits: 0 }
     }
 
     /// Place (m from the beamlet's centre, share of the row) of coordinates of rectangles.

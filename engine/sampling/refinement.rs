@@ -11,7 +11,7 @@
 use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
 use super::cell_batch::{Strips, blank_strips, empty_cell};
 use super::cell_moments::CellMoments;
-use super::alignment::{Scanlines, Slant};
+use super::alignment::Scanlines;
 use super::emission::Emitter;
 use super::error_estimate::{CellError, ErrorBudget, Estimator, Narrow};
 use super::lattice::Lattice;
@@ -216,7 +216,9 @@ impl<'a> Refiner<'a> {
             row_height: (row_pitch * view.lattice.plane / scene.detector.distance) as f32,
             row_pitch: row_pitch as f32,
             gap: (scene.detector.distance - scene.analyser_distance()) as f32,
-            lit: lit.clone(),
+            // Of the whole detector, so that cells do not depend on bands.
+            lit: -view.lattice.blur_rows
+                ..i64::from(scene.detector.pixels[1]) + view.lattice.blur_rows,
         };
         Self { view, estimator, narrow, lit }
     }
@@ -294,20 +296,20 @@ impl<'a> Refiner<'a> {
                 work.rays += own.len() as u32;
             }
         }
-        // Rectangles that slant serve straight silhouettes; others are cut in z as well.
-        slanting.retain_mut(|(work, lines)| {
-            let slant = lines.slant().filter(|slant| {
-                slant.straight && slant.shear.abs() <= MOST_SHEAR * period
-            });
-            let Some(Slant { shear, .. }) = slant else { return false };
+        // Rectangles that slant serve straight silhouettes. Others are seen on three lines as well,
+        // for narrow rectangles learn nothing from rows above and below.
+        for (work, lines) in &mut slanting {
+            let most = MOST_SHEAR * period;
+            let slant = lines.slant().filter(|slant| slant.shear.abs() <= most);
+            let shear = slant.map_or(0.0, |slant| slant.shear);
             let width = period + shear.abs();
             let columns = (width * base[0] as f32 / period).ceil() as u32;
             let base = [columns, LINES * base[1]];
             let Patch { beamlet, row, .. } = work.patch;
             work.errors.clear();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
-            true
-        });
+            work.patch.straight = slant.is_some_and(|slant| slant.straight);
+        }
         let centres = |patch: &Patch| -> Vec<[f32; 2]> {
             patch.nodes.iter().map(|node| patch.place(node.centre())).collect()
         };

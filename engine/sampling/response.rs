@@ -118,11 +118,6 @@ impl Response {
         self.openings.len().max(1)
     }
 
-    /// Whether a sample mask lets light through in part.
-    pub(super) fn has_sample_mask(&self) -> bool {
-        !self.openings.is_empty()
-    }
-
     /// Openings of the beamlet at `column` of the lattice, inside its period.
     pub(super) fn openings(&self, column: usize) -> Vec<Opening> {
         let half = self.half_period;

@@ -5,7 +5,7 @@ use super::stack::Setup;
 use super::surfaces::Body;
 use beamlet::scene::{
     Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan,
-    Scene, Scheme, ShapeOrMesh, Source, Transport,
+    Scene, ShapeOrMesh, Source,
 };
 use std::collections::BTreeMap;
 

@@ -50,13 +50,6 @@ impl Repeated {
 }
 
 impl Spectral {
-    /// Share of the grazing incidence that rays were flagged by, below which ordered walks are
-    /// repeated at some node; `others`: at nodes of other spectra, or with other constants, too.
-    pub fn severe(&self, others: bool) -> f64 {
-        let least = if others { SEVERE } else { 0.0 };
-        self.severe.iter().copied().fold(least, f64::max)
-    }
-
     /// Repeats ordered walks at the nodes where they cannot be told from the one made.
     pub(super) fn repeat(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Repeated> {
         let exact = &strips.moments.exact;
