@@ -5,11 +5,11 @@ use crate::detector::{Detection, LightGrid};
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
 use crate::memory::{self, MemoryEstimate};
+use crate::sampling::Lattice;
 use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::Extent;
-use crate::sampling::Lattice;
 use crate::{Error, Result};
 use serde::Serialize;
 

@@ -5,9 +5,9 @@
 
 use crate::detector::LightGrid;
 use crate::geometry::{self, ObjectSummary};
+use crate::sampling::Lattice;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
-use crate::sampling::Lattice;
 use crate::{Error, Result};
 use serde::Serialize;
 

@@ -18,9 +18,9 @@ use crate::illuminate::{self, Spectral};
 use crate::kept::{self, Kept, KeptSource};
 use crate::memory::{self, MemoryEstimate};
 use crate::run::{Backend, Control, RunRecord, Tally};
+use crate::sampling::{self, ErrorBudget, Lattice, Response, Shadow, Strips};
 use crate::scene::{Scene, Scheme};
 use crate::stack::{self, RunStart, Sink};
-use crate::sampling::{self, ErrorBudget, Lattice, Response, Shadow, Strips};
 use crate::trace::{DeviceSample, Law, Media, Moments, Ray, TraceKernels, Tracer};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -147,9 +147,10 @@ impl<'e> Simulation<'e> {
                 "use the backend bvh, or a driver with ray query",
             ));
         }
-        let keep = parts.spectral.as_ref().map(|_| {
-            sampling::Keep::new(&parts.media, &parts.media.mean(), parts.stronger)
-        });
+        let keep = parts
+            .spectral
+            .as_ref()
+            .map(|_| sampling::Keep::new(&parts.media, &parts.media.mean(), parts.stronger));
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let Parts { detection, media, lattice, spectral, kept, stronger } = parts;
         let response = Response::new(detection.lit(), &lattice, options.keep_moments);

@@ -9,9 +9,9 @@
 
 use crate::gpu::interface::{Address, Aperture, Column, Light, Mask, SpotPart};
 use crate::gpu::{Buffer, Device};
+use crate::sampling::{Lattice, column};
 use crate::scene::{MaskBody, MaskSpec, Scene};
 use crate::spot::PlacedPart;
-use crate::sampling::{Lattice, column};
 use crate::trace::Media;
 use crate::{Result, material};
 use std::ops::Range;

@@ -15,8 +15,8 @@ pub use file::KeptWriter;
 
 use crate::detector::Detection;
 use crate::illuminate::Spectral;
-use crate::scene::Scene;
 use crate::sampling::{Lattice, Strips};
+use crate::scene::Scene;
 use crate::trace::Media;
 use crate::{Error, Result};
 use file::KeptFile;

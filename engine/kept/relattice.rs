@@ -9,16 +9,20 @@
 )]
 
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
-use crate::scene::Scene;
 use crate::sampling::{
     CellMoments, ExactCell, Lattice, Strips, blank_strips, empty_cell, empty_strip,
 };
+use crate::scene::Scene;
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::ops::Range;
 
 /// Pieces thinner than this share of a period or row come from rounding.
 const SLIVER: f64 = 1e-6;
+
+/// A beamlet and row is covered where strips take this share of it: slanting ones leave gaps and
+/// overlaps of the same size.
+const COVERED: f64 = 0.999;
 
 /// From the lattice of one scene to that of another with the same sample.
 #[derive(Debug, Clone)]
@@ -266,7 +270,7 @@ impl Relattice {
                 };
                 // Most patches are covered whole, by one cell or by many.
                 let area: f64 = parts.iter().map(|p| (p[1] - p[0]) * (p[3] - p[2])).sum();
-                if parts.iter().any(whole_beamlet) || area >= (1.0 - SLIVER) * self.new.period {
+                if parts.iter().any(whole_beamlet) || area >= COVERED * self.new.period {
                     continue;
                 }
                 let mut edges: Vec<f64> = parts.iter().flat_map(|p| [p[0], p[1]]).collect();

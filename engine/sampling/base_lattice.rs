@@ -80,9 +80,7 @@ impl BaseLattice {
     fn index(&self, beamlet: i64, row: i64) -> Option<usize> {
         let width = self.beamlets.end - self.beamlets.start;
         let inside = self.rows.contains(&row) && self.beamlets.contains(&beamlet);
-        inside.then(|| {
-            ((row - self.rows.start) * width + beamlet - self.beamlets.start) as usize
-        })
+        inside.then(|| ((row - self.rows.start) * width + beamlet - self.beamlets.start) as usize)
     }
 
     /// Laws of a patch by z, then x; nothing where no shadow falls.
@@ -95,7 +93,10 @@ impl BaseLattice {
     fn centre(&self, column: u32, line: u32) -> [f32; 2] {
         let half = 0.5 * self.period;
         let middle = |[low, high]: [f32; 2]| 0.5 * (low + high);
-        [middle(part([-half, half], column, self.base[0])), middle(part([0.0, 1.0], line, self.base[1]))]
+        [
+            middle(part([-half, half], column, self.base[0])),
+            middle(part([0.0, 1.0], line, self.base[1])),
+        ]
     }
 
     /// Width of a base rectangle, m.
@@ -113,9 +114,8 @@ impl BaseLattice {
         let cell = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
         let column = cell((x - shift_x) / self.period + 0.5, self.base[0]);
         let line = cell(z - shift_z, self.base[1]);
-        let law = self.places[index].map_or(self.empty, |first| {
-            self.laws[(first + line * self.base[0] + column) as usize]
-        });
+        let law = self.places[index]
+            .map_or(self.empty, |first| self.laws[(first + line * self.base[0] + column) as usize]);
         let [x, z] = self.centre(column, line);
         Some(Found { law, x: x + shift_x, z: z + shift_z })
     }
@@ -130,7 +130,9 @@ impl BaseLattice {
                 for column in 0..self.base[0] {
                     for row in together.clone() {
                         let index = self.index(beamlet, row);
-                        let Some(first) = index.and_then(|index| self.places[index]) else { continue };
+                        let Some(first) = index.and_then(|index| self.places[index]) else {
+                            continue;
+                        };
                         for line in 0..self.base[1] {
                             let [x, z] = self.centre(column, line);
                             order.push(first + line * self.base[0] + column);

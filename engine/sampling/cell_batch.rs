@@ -8,8 +8,8 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::error_estimate::SamplingEstimate;
 use super::cell_moments::CellMoments;
+use super::error_estimate::SamplingEstimate;
 use super::lattice::Lattice;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::parallel;

@@ -67,7 +67,11 @@ pub(super) struct Rectangle {
 }
 
 impl<'a> Emitter<'a> {
-    pub(super) fn new(view: &'a View<'a>, estimator: &'a Estimator<'a>, lit: &'a Range<i64>) -> Self {
+    pub(super) fn new(
+        view: &'a View<'a>,
+        estimator: &'a Estimator<'a>,
+        lit: &'a Range<i64>,
+    ) -> Self {
         let scene = view.scene;
         let analyser = scene.analyser_distance();
         Self {
@@ -175,8 +179,11 @@ impl<'a> Emitter<'a> {
                 let slope = (middle(&last) - middle(first)) / (last.ray[0] - first.ray[0]);
                 x.map(|x| middle(first) + slope * (x - first.ray[0]))
             };
-            let ends =
-                LawEnds { law: widest.ends.law, depth: line(|e| e.depth), displacement: line(|e| e.displacement) };
+            let ends = LawEnds {
+                law: widest.ends.law,
+                depth: line(|e| e.depth),
+                displacement: line(|e| e.displacement),
+            };
             joined.push(Rectangle { x, ends, ..*widest });
         }
         joined

@@ -204,7 +204,9 @@ impl Estimator<'_> {
             let (index, at) = places.next()?;
             let found = self.find(patch, &node.law, at)?;
             // One neighbour along the whole side is taken once.
-            let same = |last: &Found| [last.x, last.z].map(f32::to_bits) == [found.x, found.z].map(f32::to_bits);
+            let same = |last: &Found| {
+                [last.x, last.z].map(f32::to_bits) == [found.x, found.z].map(f32::to_bits)
+            };
             if index % 3 != 0 && last.as_ref().is_some_and(same) {
                 return None;
             }
@@ -254,7 +256,10 @@ impl Estimator<'_> {
             }
             slopes
         };
-        Slopes { depth: slope(|law| law.optical_depth), displacement: slope(|law| law.displacement_x) }
+        Slopes {
+            depth: slope(|law| law.optical_depth),
+            displacement: slope(|law| law.displacement_x),
+        }
     }
 
     fn cell_error(&self, patch: &Patch, index: u32) -> CellError {
@@ -268,7 +273,8 @@ impl Estimator<'_> {
         let passed = (-own.optical_depth).exp();
         let x = patch.place(centre)[0];
         let at = self.response.landing(column, x, own.displacement_x);
-        let half = 0.5 * (self.response.magnification + slopes.displacement[0]).abs() * node.width();
+        let half =
+            0.5 * (self.response.magnification + slopes.displacement[0]).abs() * node.width();
         let landing_z = |law: &Law| law.displacement_z + self.gap * law.slope_z;
         let at_border = node.z[0] <= 0.0 || node.z[1] >= 1.0;
         // From a row beside the recorded ones, only light that lands there counts.
@@ -338,9 +344,8 @@ impl Estimator<'_> {
     ) -> PatchError {
         let steps = self.response.steps();
         known.resize(patch.nodes.len(), None);
-        let error = |leaf: u32| {
-            *known[leaf as usize].get_or_insert_with(|| self.cell_error(patch, leaf))
-        };
+        let error =
+            |leaf: u32| *known[leaf as usize].get_or_insert_with(|| self.cell_error(patch, leaf));
         let errors: Vec<CellError> = patch.leaves().map(error).collect();
         let silhouette = errors.iter().any(|error| error.silhouette);
         // Share of each rectangle that each opening shows.
@@ -375,7 +380,8 @@ impl Estimator<'_> {
         let allowed = (SAFETY * self.budget.light).powi(2);
         let bounded = self.budget.displacement.is_finite() && !silhouette;
         // In shares of the budget, by step.
-        let of_light = |step: usize, value: f64| value / allowed * f64::from(u8::from(light[step] > allowed));
+        let of_light =
+            |step: usize, value: f64| value / allowed * f64::from(u8::from(light[step] > allowed));
         let of_moment = |step: usize, value: f64| {
             let allowed = (SAFETY * self.budget.displacement * through[step]).powi(2);
             if bounded && moment[step] > allowed { value / allowed } else { 0.0 }
@@ -404,8 +410,8 @@ impl Estimator<'_> {
             let error = &errors[number];
             for (step, share) in shares(error) {
                 let square = |value: f32| (share * f64::from(value)).powi(2);
-                let part = of_light(step, square(error.light))
-                    .max(of_moment(step, square(error.moment)));
+                let part =
+                    of_light(step, square(error.light)).max(of_moment(step, square(error.moment)));
                 excess[step] -= (1.0 - 1.0 / 9.0) * part;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
@@ -418,7 +424,13 @@ impl Estimator<'_> {
     }
 
     /// The axis along which a component may hide in a rectangle that some step sees.
-    fn may_hide(&self, patch: &Patch, error: &CellError, narrow: &[Narrow], seen: bool) -> Option<Axis> {
+    fn may_hide(
+        &self,
+        patch: &Patch,
+        error: &CellError,
+        narrow: &[Narrow],
+        seen: bool,
+    ) -> Option<Axis> {
         let node = &patch.nodes[error.node as usize];
         let worth = f64::from(SPREAD * error.through) > SAFETY * self.budget.light;
         if !seen || !worth {
@@ -426,16 +438,15 @@ impl Estimator<'_> {
         }
         let slant = patch.shear.abs();
         let overlaps = |n: &&Narrow| {
-            n.x[0] < node.x[1] + slant && n.x[1] > node.x[0] - slant && n.z[0] < node.z[1] && n.z[1] > node.z[0]
+            n.x[0] < node.x[1] + slant
+                && n.x[1] > node.x[0] - slant
+                && n.z[0] < node.z[1]
+                && n.z[1] > node.z[0]
         };
         narrow.iter().filter(overlaps).find_map(|n| {
             let wide = node.width() > n.width && patch.can_split(error.node, Axis::X, self.least);
             let high = node.height() > n.height && patch.can_split(error.node, Axis::Z, self.least);
-            if wide {
-                Some(Axis::X)
-            } else {
-                high.then_some(Axis::Z)
-            }
+            if wide { Some(Axis::X) } else { high.then_some(Axis::Z) }
         })
     }
 }

@@ -109,7 +109,12 @@ impl Keep {
     ) -> Result<Vec<Vec<f32>>> {
         let unknown = |(patch, rectangles): (&&Patch, &Vec<Rectangle>)| -> Vec<Ray> {
             let unknown = rectangles.iter().filter(|r| self.told_by(&r.ends.law).is_none());
-            unknown.map(|r| { let [x, z] = patch.place(r.ray); view.ray(patch.beamlet, patch.row, x, z) }).collect()
+            unknown
+                .map(|r| {
+                    let [x, z] = patch.place(r.ray);
+                    view.ray(patch.beamlet, patch.row, x, z)
+                })
+                .collect()
         };
         let rays: Vec<Vec<Ray>> = patches.par_iter().zip(rectangles).map(unknown).collect();
         let stride = MOMENTS_HEAD + tracer.materials() * MOMENTS_PER_MATERIAL;
@@ -134,7 +139,8 @@ impl Keep {
                     self.push_told(&ends.law, material, &mut of_ray);
                 } else {
                     let words = traced.next().and_then(|words| words.get(MOMENTS_HEAD..));
-                    of_ray.extend(words.unwrap_or_default().iter().map(|word| f32::from_bits(*word)));
+                    of_ray
+                        .extend(words.unwrap_or_default().iter().map(|word| f32::from_bits(*word)));
                 }
                 for end in 0..2 {
                     let first = moments.len();

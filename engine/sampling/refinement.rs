@@ -8,10 +8,10 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+use super::alignment::Scanlines;
 use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
 use super::cell_batch::{Strips, blank_strips, empty_cell};
 use super::cell_moments::CellMoments;
-use super::alignment::Scanlines;
 use super::emission::Emitter;
 use super::error_estimate::{CellError, ErrorBudget, Estimator, Narrow};
 use super::lattice::Lattice;
@@ -259,9 +259,10 @@ impl<'a> Refiner<'a> {
             let neighbours = self.estimator.neighbours(patch, node);
             neighbours.iter().flatten().all(|found| alike(&found.law, first))
         });
-        let reach = patch.nodes.iter().map(|node| {
-            (node.law.displacement_z + node.law.slope_z * self.estimator.gap).abs()
-        });
+        let reach = patch
+            .nodes
+            .iter()
+            .map(|node| (node.law.displacement_z + node.law.slope_z * self.estimator.gap).abs());
         let rows = f64::from(2.0 * reach.fold(0.0, f32::max) / self.estimator.row_pitch);
         let rows = (rows * self.view.stronger()).ceil() as i64;
         smooth && (row + rows < self.lit.start || row - rows >= self.lit.end)
@@ -355,8 +356,7 @@ impl<'a> Refiner<'a> {
             places.iter().map(ray).collect()
         };
         let patches: Vec<&Patch> = patches.collect();
-        let rays: Vec<Vec<Ray>> =
-            patches.into_par_iter().zip(places).map(ray).collect();
+        let rays: Vec<Vec<Ray>> = patches.into_par_iter().zip(places).map(ray).collect();
         crate::parallel::concat(&rays)
     }
 

@@ -73,8 +73,10 @@ impl Response {
         let blur = lattice.edge_blur.max(1e-4 * period);
         let (openings, mask_period) = match &scene.sample_mask {
             Some(mask) if !any_masks => {
-                let soft = SOFT_EDGE * scene.source.spot.narrowest(0) * (scene.source.distance
-                    - lattice.plane).abs() / scene.source.distance;
+                let soft = SOFT_EDGE
+                    * scene.source.spot.narrowest(0)
+                    * (scene.source.distance - lattice.plane).abs()
+                    / scene.source.distance;
                 let scale = lattice.plane / mask.distance;
                 let half = 0.5 * mask.aperture * scale + soft;
                 let opening = |f: &f64| [(f - half) as f32, (f + half) as f32];

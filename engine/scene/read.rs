@@ -138,7 +138,8 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
         angle_tolerance: table
             .optional_quantity("angle_tolerance", Angle)?
             .unwrap_or(default.angle_tolerance),
-        max_rays: get("max_rays").map_or(Ok(default.max_rays), |item| item.integer(count.clone()))?,
+        max_rays: get("max_rays")
+            .map_or(Ok(default.max_rays), |item| item.integer(count.clone()))?,
         rays: get("rays").map_or(Ok(default.rays), |item| {
             item.array(rays, |item| item.integer(count.clone()))
         })?,

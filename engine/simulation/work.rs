@@ -16,9 +16,9 @@ use crate::illuminate::{
     Cast, CellIlluminator, KnownBars, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
 };
 use crate::run::{Control, Progress, Tally};
+use crate::sampling::{self, SamplingEstimate, Shadow, Strips};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
-use crate::sampling::{self, SamplingEstimate, Shadow, Strips};
 use crate::trace::Tracer;
 use std::ops::Range;
 use std::sync::Arc;

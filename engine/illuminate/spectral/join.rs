@@ -1,7 +1,7 @@
 //! Neighbouring cells of faint light joined to fewer.
 
-use super::sums::Sums;
 use super::integrals::Integrals;
+use super::sums::Sums;
 
 /// How far cells are joined.
 #[derive(Debug, Clone, Copy)]

@@ -4,8 +4,8 @@ use super::{NodeLaw, Spectral};
 use crate::Result;
 use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
 use crate::material::Constants;
-use crate::scene::{Scene, Transport};
 use crate::sampling::{ExactCell, Strips};
+use crate::scene::{Scene, Transport};
 use crate::trace::{Media, Tracer};
 use rayon::prelude::*;
 
