@@ -167,7 +167,7 @@ void main() {
         }
         // A crossing was lost between two bends: the first order is the better answer.
         flags |= FLAG_UNBALANCED;
-        atomicAdd(push.tally.at[TALLY_UNBALANCED], 1u);
+        atomicAdd(push.tally.at[TALLY_UNORDERED], 1u);
         first_order.flags |= flags;
         push.laws.at[index] = first_order;
         return;

@@ -116,6 +116,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sam
 #define TALLY_DROPPED 1u
 #define TALLY_REFLECTED 2u
 #define TALLY_NOT_FINITE 3u
+#define TALLY_UNORDERED 4u // not followed in order: the first order counts
 
 #define FLAG_GRAZING 1u    // the first order is not enough at some surface
 #define FLAG_EXACT 2u      // traced in order

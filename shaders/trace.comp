@@ -18,12 +18,13 @@ layout(local_size_x = 64) in;
 
 // A candidate of the search: everything after "which primitive" is here, for both backends.
 void visit(Beam beam, Stretch stretch, Leaf leaf, inout Sums sums, inout Run run) {
-    float y;
-    bool entering;
-    if (!crosses(beam, leaf.a, leaf.b, leaf.c, y, entering)) return;
+    Facet facet = facet_of(beam, leaf);
+    if (!facet.crossed) return;
     Surface surface = sample_.surfaces.at[leaf.surface & 0x0fffffffu];
     if (run_ends_at(run, surface)) run_flush(sums, run);
-    run_cross(run, beam, stretch, surface, beam_from_world(beam, leaf.normal), y, entering);
+    vec3 normal_ = beam_from_world(beam, leaf.normal);
+    run_cross(run, beam, stretch, surface, normal_, place_of(beam, facet, normal_),
+              facet.entering);
 }
 
 #ifdef BACKEND_RAY_QUERY

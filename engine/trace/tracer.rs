@@ -19,6 +19,8 @@ use std::time::Duration;
 
 /// Invocations per workgroup of all kernels here.
 const GROUP: u32 = 64;
+/// Counters of the device.
+const TALLY: usize = 5;
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
 const FIRST_BATCH: u32 = 1 << 16;
 /// Most rays of a batch.
@@ -67,7 +69,7 @@ struct Counts {
     rays: AtomicU64,
     exact: AtomicU64,
     retraced: AtomicU64,
-    device: [AtomicU64; 4],
+    device: [AtomicU64; TALLY],
 }
 
 impl Tracer {
@@ -96,7 +98,7 @@ impl Tracer {
             transport,
             node: None,
             batch: Batch::new(device, capacity, sample.materials)?,
-            tally: device.upload("tally", &[0_u32; 4])?,
+            tally: device.upload("tally", &[0_u32; TALLY])?,
             fixed_batch,
             most,
             counts: Counts::default(),
@@ -453,9 +455,9 @@ impl Tracer {
     /// [`crate::Error::Device`].
     pub fn tally(&self) -> Result<Tally> {
         // Device counters are 32 bits wide: move them to the host before they could overflow.
-        let device: Vec<u32> = self.tally.read(0, 4)?;
-        self.tally.write(0, &[0_u32; 4])?;
-        let mut sums = [0_u64; 4];
+        let device: Vec<u32> = self.tally.read(0, TALLY)?;
+        self.tally.write(0, &[0_u32; TALLY])?;
+        let mut sums = [0_u64; TALLY];
         for ((sum, kept), new) in sums.iter_mut().zip(&self.counts.device).zip(device) {
             *sum = kept.fetch_add(new.into(), Ordering::Relaxed) + u64::from(new);
         }
@@ -467,6 +469,7 @@ impl Tracer {
             dropped: sums[1],
             reflected: sums[2],
             not_finite: sums[3],
+            unordered: sums[4],
             ..Tally::default()
         })
     }

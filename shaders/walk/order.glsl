@@ -21,12 +21,12 @@ float order_slack(float y) {
 // Keeps the candidate if it is the earliest after (y, id).
 void offer(Beam beam, uint primitive, uint instance, float y, uint id, inout Crossing best) {
     Leaf leaf = sample_.leaves.at[primitive];
-    float at;
-    bool entering;
-    if (!crosses(beam, leaf.a, leaf.b, leaf.c, at, entering)) return;
+    Facet facet = facet_of(beam, leaf);
+    if (!facet.crossed) return;
+    vec3 normal = beam_from_world(beam, leaf.normal);
+    float at = place_of(beam, facet, normal);
     bool later = at > y || (at == y && primitive > id);
     bool earlier = at < best.y || (at == best.y && primitive < best.id);
     if (!later || !earlier) return;
-    best = Crossing(true, at, primitive, entering, leaf.surface & 0x0fffffffu,
-                    beam_from_world(beam, leaf.normal));
+    best = Crossing(true, at, primitive, facet.entering, leaf.surface & 0x0fffffffu, normal);
 }

@@ -86,18 +86,21 @@ Facet facet_of(Beam beam, vec3 a, vec3 b, vec3 c) {
     return Facet(p, q, r, v, w, area, su == sv && sv == sw && area != 0.0, su);
 }
 
-// Where the ray crosses the facet, y.
-float place_of(Facet f) {
-    // Offsets from the first vertex keep the digits of y; the weights are in [0, 1].
-    precise float y = f.p.y + (f.v * (f.q.y - f.p.y) + f.w * (f.r.y - f.p.y)) / f.area;
-    return y;
+// Where the ray crosses the facet's plane, y. `normal` from f64: weights of the edge functions are
+// far less exact on long facets that lean towards the beam. Measured from the nearest vertex,
+// since the error of the normal grows with the distance; a rounded plane does not leave the
+// facet's own interval of y.
+float place_of(Beam beam, Facet f, vec3 normal) {
+    vec3 near = abs(f.q.x) + abs(f.q.z) < abs(f.p.x) + abs(f.p.z) ? f.q : f.p;
+    near = abs(f.r.x) + abs(f.r.z) < abs(near.x) + abs(near.z) ? f.r : near;
+    precise float along = normal.x * beam.slope_x + normal.y + normal.z * beam.slope_z;
+    precise float across = normal.x * near.x + normal.z * near.z;
+    precise float y = near.y + (along == 0.0 ? 0.0 : across / along);
+    return clamp(y, min(min(f.p.y, f.q.y), f.r.y), max(max(f.p.y, f.q.y), f.r.y));
 }
 
-// True where the ray crosses the triangle (world); `y` is where.
-bool crosses(Beam beam, vec3 a, vec3 b, vec3 c, out float y, out bool entering) {
-    Facet facet = facet_of(beam, beam_from_world(beam, a), beam_from_world(beam, b),
-                           beam_from_world(beam, c));
-    y = facet.crossed ? place_of(facet) : 0.0;
-    entering = facet.entering;
-    return facet.crossed;
+// A triangle of the world as a ray sees it.
+Facet facet_of(Beam beam, Leaf leaf) {
+    return facet_of(beam, beam_from_world(beam, leaf.a), beam_from_world(beam, leaf.b),
+                    beam_from_world(beam, leaf.c));
 }
