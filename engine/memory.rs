@@ -19,8 +19,8 @@ const READ: u64 = 120;
 const BUILD: u64 = 272;
 /// Bytes on the host per triangle that stay: vertices, indices, components.
 const KEPT: u64 = 28;
-/// Bytes on the device per triangle: leaves and nodes of the software tree.
-const TREE: u64 = 80;
+/// Bytes on the device per triangle: leaves with their neighbours, and nodes of the software tree.
+const TREE: u64 = 92;
 /// Bytes on the device per triangle of the driver's structure.
 const STRUCTURE: u64 = 60;
 /// Bytes on the device per triangle while that is built: boxes and scratch.
@@ -33,7 +33,9 @@ const KEPT_MOMENTS: u64 = 40;
 /// Bytes on the host per ray under a spectrum: cells by their way through the masks.
 const GATHERED: u64 = 160;
 /// Bytes on the device of a ray besides its moments, and of the cells made from it.
-const RAY: u64 = 128;
+const RAY: u64 = 140;
+/// Bytes on the device of lists of crossings.
+const LISTS: u64 = 16 << 20;
 /// Copies of a frame while it is encoded: values, and raw or compressed blocks.
 const FRAME_COPIES: u64 = 2;
 
@@ -239,7 +241,8 @@ impl Needs {
         let refined = if self.cells { self.ray_host * rays } else { 0 };
         let host =
             PROGRAM + KEPT * self.triangles + refined + 64 * self.views + FRAME_COPIES * self.frame;
-        let device = (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
+        let device =
+            LISTS + (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
         Bytes {
             host: host.saturating_add(band.saturating_mul(self.row.host)),
             device: device.saturating_add(band.saturating_mul(self.row.device)),

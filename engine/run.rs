@@ -71,6 +71,9 @@ pub struct Tally {
     pub split: u64,
     /// Rays that entered and left some object unequally often after all re-tracing.
     pub unbalanced: u64,
+    /// Rays that could not be followed in order after all re-tracing; they count with their first
+    /// order.
+    pub unordered: u64,
     /// Ray-query rays traced again with the software BVH.
     pub retraced: u64,
     /// Cells or crossings dropped at a limit.

@@ -12,18 +12,39 @@ layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform CrossingsPush {
     SampleRef sample_ref;
     Rays rays;
-    MetSurfaces met; // [ray][most]
+    MetSurfaces met; // [ray][capacity]
     Words counts;    // [ray]
+    Crossings lists; // [group][capacity][stride]
     uint count;
     uint first;
-    uint most;
+    uint capacity; // at least 1
+    uint stride;
 } push;
 
 #define sample_ push.sample_ref.at[0]
 
 #include "walk/triangle.glsl"
-#include "physics/refraction.glsl"
-#include "walk/order.glsl"
+#include "walk/list.glsl"
+
+// A candidate of the search: the list holds the first crossings so far, sorted.
+void visit(Beam beam, uint primitive, inout Gathered list) {
+    Crossing crossing;
+    if (!crosses(beam, primitive, list, crossing)) return;
+    if (list.count == push.capacity) {
+        if (!later(list_at(list, list.count - 1u), crossing)) return;
+        list.count -= 1u;
+    }
+    uint j = list.count;
+    while (j > 0u) {
+        Crossing before = list_at(list, j - 1u);
+        if (!later(before, crossing)) break;
+        list_set(list, j, before);
+        j -= 1u;
+    }
+    list_set(list, j, crossing);
+    list.count += 1u;
+}
+
 #include "walk/bvh.glsl"
 
 void main() {
@@ -31,17 +52,15 @@ void main() {
     if (index >= push.count) return;
     Ray ray = push.rays.at[index];
     Beam beam = beam_of(ray, sample_.views.at[ray.view]);
-    float y = -1e30;
-    uint id = 0xffffffffu;
-    uint found = 0u;
-    Crossing crossing;
-    while (found < push.most && next(beam, y, id, crossing)) {
-        y = crossing.y;
-        id = crossing.id;
-        uint object = sample_.surfaces.at[crossing.surface].object;
-        push.met.at[index * push.most + found] =
-            MetSurface(y, object, crossing.entering ? 1u : 0u, crossing.normal);
-        found += 1u;
+    Gathered list = list_begin(-1e30, NO_LEAF);
+    traverse(beam, -1e30, list);
+    for (uint i = 0u; i < list.count; i++) {
+        Crossing crossing = list_at(list, i);
+        vec3 normal = sample_.leaves.at[crossing.facet & FACET_LEAF].normal;
+        push.met.at[index * push.capacity + i] =
+            MetSurface(crossing.y, object_of(crossing),
+                       (crossing.facet & FACET_ENTERED) != 0u ? 1u : 0u,
+                       beam_from_world(beam, normal));
     }
-    push.counts.at[index] = found;
+    push.counts.at[index] = list.count;
 }

@@ -70,6 +70,15 @@ struct Law {
     uint crossings;
 };
 
+// A crossing of a straight ray, on its list.
+struct Crossing {
+    float y;
+    uint facet; // leaf, and FACET_*
+};
+#define FACET_ENTERED 0x80000000u // the ray goes into the object
+#define FACET_MISSED 0x40000000u  // the bent ray does not cross here
+#define FACET_LEAF 0x3fffffffu
+
 // A crossing of a ray, as the host reads it.
 struct MetSurface {
     float y;       // beam frame, m
@@ -86,6 +95,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Nod
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Surfaces { Surface at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ConstantsTable { Constants at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ObjectMaterials { uint at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Neighbours { uint at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Crossings { Crossing at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Floats { float at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Laws { Law at[]; };
@@ -100,7 +111,9 @@ struct Sample {
     ObjectMaterials object_materials;
     uvec2 acceleration; // address of the top-level acceleration structure
     Views views;
+    Neighbours neighbours; // [leaf][edge opposite to a, b, c]: leaf, NO_LEAF at an open edge
 };
+#define NO_LEAF 0xffffffffu
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer SampleRef { Sample at[]; };
 
 // Moments of a ray, version 1: the head (signature: order-free hash of crossing counts per
@@ -116,6 +129,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Sam
 #define TALLY_DROPPED 1u
 #define TALLY_REFLECTED 2u
 #define TALLY_NOT_FINITE 3u
+#define TALLY_UNORDERED 4u // not followed in order: the first order counts
 
 #define FLAG_GRAZING 1u    // the first order is not enough at some surface
 #define FLAG_EXACT 2u      // traced in order

@@ -13,17 +13,25 @@
 
 layout(local_size_x = 64) in;
 
-#define ORDER_FREE
 #include "walk/first_order.glsl"
 
+// What a ray gathers.
+struct Gathered {
+    Stretch stretch;
+    Run run;
+    Sums sums;
+};
+
 // A candidate of the search: everything after "which primitive" is here, for both backends.
-void visit(Beam beam, Stretch stretch, Leaf leaf, inout Sums sums, inout Run run) {
-    float y;
-    bool entering;
-    if (!crosses(beam, leaf.a, leaf.b, leaf.c, y, entering)) return;
+void visit(Beam beam, uint primitive, inout Gathered all) {
+    Leaf leaf = sample_.leaves.at[primitive];
+    Facet facet = facet_of(beam, leaf);
+    if (!facet.crossed) return;
     Surface surface = sample_.surfaces.at[leaf.surface & 0x0fffffffu];
-    if (run_ends_at(run, surface)) run_flush(sums, run);
-    run_cross(run, beam, stretch, surface, beam_from_world(beam, leaf.normal), y, entering);
+    if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
+    vec3 normal_ = beam_from_world(beam, leaf.normal);
+    run_cross(all.run, beam, all.stretch, surface, normal_,
+              place_of(slope_of(beam), facet, normal_), facet.entering);
 }
 
 #ifdef BACKEND_RAY_QUERY
@@ -38,8 +46,7 @@ void main() {
     if (push.listed != 0u) index = push.list.at[1u + index];
     Ray ray = ray_at(index);
     Beam beam = beam_of(ray, sample_.views.at[ray.view]);
-    Run run = run_begin();
-    Sums sums = sums_begin(index, true);
-    walk_all(beam, sums, run);
-    finish(index, sums, run);
+    Gathered all = Gathered(stretch_of(beam), run_begin(), sums_begin(index, true));
+    traverse(beam, -1e30, all);
+    finish(index, all.sums, all.run);
 }

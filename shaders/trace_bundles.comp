@@ -151,7 +151,8 @@ void walk_together(inout Member rays[RAYS], View view) {
                     EACH_RAY {
                         if (facets[k].crossed) {
                             run_cross(rays[k].run, rays[k].beam, rays[k].stretch, surface,
-                                      normal_, place_of(facets[k]), facets[k].entering);
+                                      normal_, place_of(slope_of(rays[k].beam), facets[k], normal_),
+                                      facets[k].entering);
                         }
                     }
                 } while (leaves != 0u);

@@ -1,12 +1,18 @@
 //! Crossings of single rays in order, which pictures of the sample are made of.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![expect(clippy::cast_possible_truncation, reason = "rays are rounded to f32 as the engine's are")]
 
+mod reference;
 mod support;
 
 use beamlet::Backend;
 use beamlet::scene::Scene;
 use beamlet::trace::{MetSurface, Ray};
+use reference::rays::{Order, Sample};
+use reference::scenes;
+use reference::stack::Setup;
+use reference::surfaces::{Mesh, Random, body, prism};
 
 const BOXES: &str = r#"
 source = { distance = "1 m", spot = "0 um", energy = "30 keV" }
@@ -80,5 +86,57 @@ fn no_more_crossings_are_given_than_asked_for_and_many_rays_go_in_batches() {
     for (i, met) in found.iter().enumerate() {
         assert_eq!(met, &found[i % 100], "ray {i}");
         assert_eq!(met.len(), 3, "ray {i}: of four crossings the first three");
+    }
+}
+
+/// The mesh with the corners of every triangle named from another one of them on.
+fn renamed(mut mesh: Mesh, by: usize) -> Mesh {
+    mesh.triangles.iter_mut().for_each(|t| t.rotate_left(by));
+    mesh
+}
+
+#[test]
+fn y_is_that_of_the_plane_on_long_facets_that_lean_towards_the_beam() {
+    const SOURCE: f64 = 1.21;
+    // f32 holds coordinates of 10 mm to 5e-10 m, and a normal times 10 mm as well.
+    let mut worst = support::Worst::new("y of a crossing times the cosine of incidence, m", 4e-9);
+    let engine = support::engine(Backend::Bvh);
+    let mut random = Random::new(21);
+    for tilt in 0..40 {
+        // 1,000 facets 25 um wide and 20 mm long.
+        let turned = |by: usize| {
+            let angles = [0.035 * f64::from(tilt), 0.5 * f64::from(tilt)];
+            let mesh = renamed(prism(4e-3, 20e-3, 1000, 0.3), by);
+            mesh.turned([1.0, 0.0, 0.0], angles[0]).turned([0.0, 1.0, 0.0], angles[1]).rounded()
+        };
+        let rays: Vec<Ray> = (0..400)
+            .map(|_| {
+                let mut at = || random.between(-5e-3, 5e-3);
+                let (x, z) = (at(), at());
+                let slope = [x / SOURCE, z / SOURCE].map(|s| s as f32);
+                Ray { x: x as f32, z: z as f32, slope_x: slope[0], slope_z: slope[1], view: 0 }
+            })
+            .collect();
+        for by in [0, 1] {
+            let bodies = [body(turned(by), 50.0, 4.6e-7)];
+            let truth = Sample::new(&bodies, SOURCE, 0.0);
+            let mut setup = Setup::paper([16, 16]);
+            (setup.sample_mask, setup.detector_mask) = (None, None);
+            let simulation = engine.prepare(&scenes::scene(&setup, &bodies, &[0.0])).unwrap();
+            let compare = |ray: usize, met: &[MetSurface]| {
+                let Ray { x, z, slope_x, slope_z, .. } = rays[ray];
+                let slope = [slope_x, slope_z].map(f64::from);
+                let from =
+                    [f64::from(x) - SOURCE * slope[0], -SOURCE, f64::from(z) - SOURCE * slope[1]];
+                let want = truth.trace(from, [slope[0], 1.0, slope[1]], 0.59, Order::First);
+                assert_eq!(met.len(), want.crossings, "tilt {tilt}, {:?}", rays[ray]);
+                for (met, (_, y)) in met.iter().zip(&want.met) {
+                    let normal = met.normal.map(f64::from);
+                    let along = normal[0] * slope[0] + normal[1] + normal[2] * slope[1];
+                    worst.take((f64::from(met.y) - y) * along, || format!("tilt {tilt}, {met:?}"));
+                }
+            };
+            simulation.crossings(&rays, 8, compare).unwrap();
+        }
     }
 }

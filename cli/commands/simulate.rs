@@ -115,11 +115,12 @@ fn tell(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
 }
 
 /// Counts of a tally that are worth a line where they are not zero.
-fn counts(tally: &Tally) -> [(u64, &'static str); 10] {
+fn counts(tally: &Tally) -> [(u64, &'static str); 11] {
     [
         (tally.exact, "rays traced in order"),
         (tally.split, "cells split by refinement"),
         (tally.unbalanced, "rays unbalanced after re-tracing"),
+        (tally.unordered, "rays not followed in order, their first order counts"),
         (tally.retraced, "rays traced again with the software BVH"),
         (tally.dropped, "cells or crossings dropped at a limit"),
         (tally.reflected, "rays totally reflected"),

@@ -34,6 +34,8 @@ pub struct Bvh {
     pub leaves: Vec<Leaf>,
     /// Padded boxes of the leaves, low and high corner.
     pub boxes: Vec<[[f32; 3]; 2]>,
+    /// For each leaf those across its edges opposite to a, b, c; `u32::MAX` at an open edge.
+    pub neighbours: Vec<[u32; 3]>,
 }
 
 impl Bvh {
@@ -89,8 +91,48 @@ impl Bvh {
             })
             .collect();
         let boxes = bvh.primitive_indices.par_iter().map(leaf_box).collect();
-        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes })
+        let neighbours = neighbours(sample, &bvh.primitive_indices);
+        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes, neighbours })
     }
+}
+
+/// Leaves across the edges of each leaf: those that run along them the other way.
+fn neighbours(sample: &Sample, order: &[u32]) -> Vec<[u32; 3]> {
+    let edge = |slot: u32| {
+        let corners = sample.triangles[order[slot as usize / 3] as usize];
+        [corners[(slot as usize + 1) % 3], corners[(slot as usize + 2) % 3]].map(|v| v as usize)
+    };
+    let slots = 0..3 * u32::try_from(order.len()).unwrap_or(u32::MAX);
+    // Edges by the vertex that they leave: those of v end before ends[v].
+    let mut ends = vec![0_u32; sample.vertices.len() + 1];
+    slots.clone().for_each(|slot| ends[edge(slot)[0] + 1] += 1);
+    for v in 1..ends.len() {
+        ends[v] += ends[v - 1];
+    }
+    let mut leaving = vec![0_u32; slots.len()];
+    for slot in slots.clone() {
+        let end = &mut ends[edge(slot)[0]];
+        leaving[*end as usize] = slot;
+        *end += 1;
+    }
+    let of =
+        |v: usize| &leaving[v.checked_sub(1).map_or(0, |v| ends[v] as usize)..ends[v] as usize];
+    let mut all = vec![[u32::MAX; 3]; order.len()];
+    for slot in slots {
+        let [from, to] = edge(slot);
+        // From the end of fewer edges: a fan has thousands at its apex.
+        let side = [slot as usize / 3, slot as usize % 3];
+        if all[side[0]][side[1]] != u32::MAX || of(to).len() > of(from).len() {
+            continue;
+        }
+        let free =
+            |s: &&u32| edge(**s)[1] == from && all[**s as usize / 3][**s as usize % 3] == u32::MAX;
+        if let Some(&other) = of(to).iter().find(free) {
+            all[side[0]][side[1]] = other / 3;
+            all[other as usize / 3][other as usize % 3] = slot / 3;
+        }
+    }
+    all
 }
 
 /// A BVH that halves its triangles at every level. Costs more to search than one built by
@@ -167,6 +209,33 @@ fn depth(nodes: &[CwBvhNode]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const SHAPES: &str = r#"
+source = { distance = "1 m", spot = "0 um", energy = "30 keV" }
+detector = { distance = "2 m", pixels = [8, 8], pitch = "1 mm" }
+object = [
+    { name = "a", material = "water", shape = { box = { size = ["4 mm", "6 mm", "4 mm"] } } },
+    { name = "b", material = "gold", shape = { cylinder = { radius = "1.3 mm", height = "3 mm", sides = 3000 } } },
+    { name = "c", material = "gold", shape = { sphere = { radius = "1 mm", sides = 64 } } },
+]
+"#;
+
+    #[test]
+    fn neighbours_share_the_edge_that_they_are_named_for() {
+        let scene = crate::scene::Scene::from_toml(SHAPES, ".").expect("a scene");
+        let sample = crate::geometry::load(&scene).expect("a sample");
+        let bvh = Bvh::build(&sample).expect("a tree");
+        for (leaf, around) in bvh.leaves.iter().zip(&bvh.neighbours) {
+            let corners = [leaf.a, leaf.b, leaf.c];
+            for (edge, &other) in around.iter().enumerate() {
+                let there = bvh.leaves[other as usize];
+                let there = [there.a, there.b, there.c];
+                let shared = [corners[(edge + 1) % 3], corners[(edge + 2) % 3]];
+                assert!(shared.iter().all(|c| there.contains(c)), "{corners:?} and {there:?}");
+                assert!(!there.contains(&corners[edge]));
+            }
+        }
+    }
 
     #[test]
     fn chain_of_nested_boxes_is_halved() {

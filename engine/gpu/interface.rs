@@ -125,6 +125,12 @@ shared_structs! {
         pub crossings: u32,
     }
 
+    /// A crossing of a straight ray, on its list.
+    pub struct Crossing {
+        pub y: f32,
+        pub facet: u32,
+    }
+
     /// A crossing of a ray with a surface of the sample.
     pub struct MetSurface {
         /// Along the optical axis in the beam frame, m.
@@ -146,6 +152,7 @@ shared_structs! {
         pub object_materials: Address,
         pub acceleration: Address,
         pub views: Address,
+        pub neighbours: Address,
     }
 
     /// An open interval of a mask.
@@ -288,12 +295,18 @@ shared_structs! {
         pub laws: Address,
         pub list: Address,
         pub unbalanced: Address,
+        pub longer: Address,
+        pub lists: Address,
+        pub nodes: Address,
         pub tally: Address,
         pub count: u32,
         pub all: u32,
+        pub runs: u32,
         pub first: u32,
         pub last: u32,
         pub nudge: f32,
+        pub capacity: u32,
+        pub stride: u32,
     }
 
     /// Push constants of `crossings.comp`.
@@ -302,9 +315,11 @@ shared_structs! {
         pub rays: Address,
         pub met: Address,
         pub counts: Address,
+        pub lists: Address,
         pub count: u32,
         pub first: u32,
-        pub most: u32,
+        pub capacity: u32,
+        pub stride: u32,
     }
 
     /// Push constants of `illuminate.comp`.

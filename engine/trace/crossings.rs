@@ -3,7 +3,7 @@
 use super::tracer::push_bytes;
 use super::upload::DeviceSample;
 use crate::Result;
-use crate::gpu::interface::{CrossingsPush, MetSurface, Ray};
+use crate::gpu::interface::{Crossing, CrossingsPush, MetSurface, Ray};
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
 use std::sync::Arc;
 use std::time::Duration;
@@ -25,6 +25,7 @@ pub struct CrossingFinder {
     rays: Buffer,
     met: Buffer,
     counts: Buffer,
+    lists: Buffer,
 }
 
 impl CrossingFinder {
@@ -35,7 +36,7 @@ impl CrossingFinder {
     pub fn new(device: &Arc<Device>, sample: &Arc<DeviceSample>, most: u32) -> Result<Self> {
         let push = push_bytes::<CrossingsPush>();
         let most = most.max(1);
-        let bytes = u64::from(RAYS) * u64::from(most) * size_of::<MetSurface>() as u64;
+        let of_all = |each: usize| u64::from(RAYS) * u64::from(most) * each as u64;
         let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
         Ok(Self {
             device: device.clone(),
@@ -43,7 +44,8 @@ impl CrossingFinder {
             kernel: device.kernel("crossings", shaders::CROSSINGS, push, None)?,
             most,
             rays: make("rays", u64::from(RAYS) * size_of::<Ray>() as u64)?,
-            met: make("crossings", bytes)?,
+            met: make("crossings", of_all(size_of::<MetSurface>()))?,
+            lists: make("lists of crossings", of_all(size_of::<Crossing>()))?,
             counts: make("counts of crossings", u64::from(RAYS) * 4)?,
         })
     }
@@ -69,7 +71,9 @@ impl CrossingFinder {
                     counts: self.counts.address(),
                     count: count.min(first + size),
                     first,
-                    most: self.most,
+                    lists: self.lists.address(),
+                    capacity: self.most,
+                    stride: GROUP,
                 };
                 let groups = (push.count - first).div_ceil(GROUP);
                 let took = self.device.run(|r| {

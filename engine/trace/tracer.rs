@@ -2,31 +2,32 @@
 
 mod batch;
 mod kernels;
+mod ordered;
 
 use super::upload::DeviceSample;
 use crate::Result;
-use crate::gpu::interface::{ExactPush, Law, MATERIALS_IN_REGISTERS, Ray, TracePush};
-use crate::gpu::{Buffer, Device, Kernel, LazyKernel};
+use crate::gpu::interface::{Crossing, Law, MATERIALS_IN_REGISTERS, Ray, TracePush};
+use crate::gpu::{Buffer, Device, LazyKernel, Memory};
 use crate::run::{Backend, Tally};
 use crate::scene::Transport;
 use batch::{Batch, stride};
 use kernels::OrderFree;
 pub use kernels::TraceKernels;
-use std::ops::Range;
+use ordered::{LISTED, Ordered};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Invocations per workgroup of all kernels here.
 const GROUP: u32 = 64;
+/// Counters of the device.
+const TALLY: usize = 5;
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
 const FIRST_BATCH: u32 = 1 << 16;
 /// Most rays of a batch.
 const LARGEST_BATCH: u32 = 1 << 19;
 /// Dispatches longer than this are cut, well short of a desktop driver's time-out.
 const LONG: Duration = Duration::from_millis(100);
-/// Ordered walks at nodes of the spectrum that go together at most.
-const WALKS: u32 = 1 << 14;
 /// Unbalanced rays are tried again this far to the side, m: far below any accuracy wanted, far
 /// above the rounding of coordinates that made an edge ambiguous.
 const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
@@ -49,6 +50,8 @@ pub struct Tracer {
     node: Option<usize>,
     batch: Batch,
     tally: Buffer,
+    /// Crossings of the rays that are traced in order.
+    lists: Buffer,
     fixed_batch: Option<u32>,
     most: u32,
     counts: Counts,
@@ -67,7 +70,7 @@ struct Counts {
     rays: AtomicU64,
     exact: AtomicU64,
     retraced: AtomicU64,
-    device: [AtomicU64; 4],
+    device: [AtomicU64; TALLY],
 }
 
 impl Tracer {
@@ -96,7 +99,12 @@ impl Tracer {
             transport,
             node: None,
             batch: Batch::new(device, capacity, sample.materials)?,
-            tally: device.upload("tally", &[0_u32; 4])?,
+            tally: device.upload("tally", &[0_u32; TALLY])?,
+            lists: device.buffer(
+                "crossings in order",
+                u64::from(LISTED) * size_of::<Crossing>() as u64,
+                Memory::Device,
+            )?,
             fixed_batch,
             most,
             counts: Counts::default(),
@@ -181,84 +189,6 @@ impl Tracer {
         self.read_moments(rays, &mut [], Wanted::Moments)
     }
 
-    /// Walks rays in order at each node of the spectrum, `[node][ray]`. Walks at many nodes go
-    /// together.
-    ///
-    /// # Errors
-    /// As [`Tracer::trace`].
-    pub fn walk_at_nodes(&mut self, rays: &[Vec<Ray>]) -> Result<Vec<Vec<Law>>> {
-        let all: Vec<(usize, Ray)> = rays
-            .iter()
-            .enumerate()
-            .flat_map(|(node, of_node)| of_node.iter().map(move |ray| (node, *ray)))
-            .collect();
-        let mut laws: Vec<Vec<Law>> = rays.iter().map(|of| Vec::with_capacity(of.len())).collect();
-        for some in all.chunks(WALKS.min(self.capacity()) as usize) {
-            let walked = self.walk_together(some)?;
-            for ((node, _), law) in some.iter().zip(walked) {
-                laws[*node].push(law);
-            }
-        }
-        Ok(laws)
-    }
-
-    /// Walks rays in order, each at its node; nodes ascend.
-    fn walk_together(&mut self, rays: &[(usize, Ray)]) -> Result<Vec<Law>> {
-        let (trace, exact) = self.kernels.of(self.backend);
-        let exact = exact.get()?;
-        let n = u32::try_from(rays.len()).unwrap_or(u32::MAX);
-        self.batch.rays.write(0, &rays.iter().map(|(_, ray)| *ray).collect::<Vec<_>>())?;
-        // The first order is the answer for walks that stay lost.
-        self.pass(trace, false, n, false, 0.0, false)?;
-        self.batch.unbalanced.write(0, &[0_u32])?;
-        let mut first = 0;
-        let dispatches: Vec<ExactPush> = rays
-            .chunk_by(|a, b| a.0 == b.0)
-            .map(|of_node| {
-                let begin = first;
-                first += u32::try_from(of_node.len()).unwrap_or(u32::MAX);
-                let push = self.exact_push(&self.batch.exact, true, begin..first);
-                ExactPush { sample_ref: self.sample.record(Some(of_node[0].0)), ..push }
-            })
-            .collect();
-        self.device.run(|r| {
-            for push in &dispatches {
-                let groups = [(push.count - push.first).div_ceil(GROUP), 1, 1];
-                r.dispatch(exact, bytemuck::bytes_of(push), groups);
-            }
-        })?;
-        self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
-        self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
-        let lost = self.batch.unbalanced.read::<u32>(0, 1)?[0];
-        let mut lost = self.batch.unbalanced.read::<u32>(4, lost as usize)?;
-        lost.sort_unstable();
-        for of_node in lost.chunk_by(|a, b| rays[*a as usize].0 == rays[*b as usize].0) {
-            let count = u32::try_from(of_node.len()).unwrap_or(u32::MAX);
-            self.batch.unbalanced.write(0, &[&[count], of_node].concat())?;
-            self.node = Some(rays[of_node[0] as usize].0);
-            let again = self.exact_again();
-            self.node = None;
-            again?;
-        }
-        self.batch.laws.read(0, rays.len())
-    }
-
-    fn exact_push(&self, list: &Buffer, all: bool, rays: Range<u32>) -> ExactPush {
-        ExactPush {
-            sample_ref: self.sample.record(self.node),
-            rays: self.batch.rays.address(),
-            laws: self.batch.laws.address(),
-            list: list.address(),
-            unbalanced: self.batch.unbalanced.address(),
-            tally: self.tally.address(),
-            count: rays.end,
-            all: all.into(),
-            first: rays.start,
-            last: 0,
-            nudge: 0.0,
-        }
-    }
-
     fn read_moments(&mut self, rays: &[Ray], laws: &mut [Law], wanted: Wanted) -> Result<Vec<u32>> {
         let words = stride(self.sample.materials);
         let mut moments = vec![0_u32; rays.len() * words];
@@ -340,8 +270,10 @@ impl Tracer {
         let ordered = wanted != Wanted::Moments && self.transport != Transport::FirstOrder;
         if flagged > 0 && ordered {
             self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
-            time += self.exact_pass(exact.get()?, flagged, &self.batch.exact, all, 0.0, false)?;
-            time += self.exact_again()?;
+            let list = &self.batch.exact;
+            let ordered = Ordered { list, rays: flagged, all, runs: false };
+            time += self.exact_pass(exact.get()?, ordered, false, 0.0, false)?;
+            time += self.exact_again(false)?;
         }
         Ok(time)
     }
@@ -387,60 +319,6 @@ impl Tracer {
         })
     }
 
-    /// Tries again the ordered walks that lost a crossing: a bend at an edge can move the ray
-    /// past the facet it would leave by.
-    fn exact_again(&self) -> Result<Duration> {
-        let b = &self.batch;
-        let mut time = Duration::ZERO;
-        for (i, nudge) in NUDGES.into_iter().enumerate() {
-            let lost = b.unbalanced.read::<u32>(0, 1)?[0];
-            if lost == 0 {
-                break;
-            }
-            if i == 0 && self.backend == Backend::Bvh {
-                continue;
-            }
-            self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
-            self.device.run(|r| r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(lost) + 1) * 4))?;
-            let kernel = self.kernels.exact_bvh.get()?;
-            let last = i + 1 == NUDGES.len();
-            time += self.exact_pass(kernel, lost, &b.list, false, nudge, last)?;
-        }
-        Ok(time)
-    }
-
-    /// Ordered walks search once per crossing: they go in small dispatches.
-    fn exact_pass(
-        &self,
-        kernel: &Kernel,
-        n: u32,
-        list: &Buffer,
-        all: bool,
-        nudge: f32,
-        last: bool,
-    ) -> Result<Duration> {
-        let mut time = Duration::ZERO;
-        self.batch.unbalanced.write(0, &[0_u32])?;
-        let mut first = 0;
-        let mut size = 4096;
-        while first < n {
-            let rays = first..n.min(first + size);
-            let push = ExactPush { last: last.into(), nudge, ..self.exact_push(list, all, rays) };
-            let groups = (push.count - first).div_ceil(GROUP);
-            let took = self.device.run(|r| {
-                r.dispatch(kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
-            })?;
-            first += size;
-            time += took;
-            if took > LONG {
-                size = (size / 2).max(GROUP);
-            } else if took < LONG / 4 {
-                size = (size * 2).min(LARGEST_BATCH);
-            }
-        }
-        Ok(time)
-    }
-
     /// Rays traced so far.
     #[must_use]
     pub fn rays_traced(&self) -> u64 {
@@ -453,9 +331,9 @@ impl Tracer {
     /// [`crate::Error::Device`].
     pub fn tally(&self) -> Result<Tally> {
         // Device counters are 32 bits wide: move them to the host before they could overflow.
-        let device: Vec<u32> = self.tally.read(0, 4)?;
-        self.tally.write(0, &[0_u32; 4])?;
-        let mut sums = [0_u64; 4];
+        let device: Vec<u32> = self.tally.read(0, TALLY)?;
+        self.tally.write(0, &[0_u32; TALLY])?;
+        let mut sums = [0_u64; TALLY];
         for ((sum, kept), new) in sums.iter_mut().zip(&self.counts.device).zip(device) {
             *sum = kept.fetch_add(new.into(), Ordering::Relaxed) + u64::from(new);
         }
@@ -467,6 +345,7 @@ impl Tracer {
             dropped: sums[1],
             reflected: sums[2],
             not_finite: sums[3],
+            unordered: sums[4],
             ..Tally::default()
         })
     }

@@ -47,7 +47,7 @@ impl DeviceSample {
         ray_query: bool,
         stronger: f64,
     ) -> Result<Self> {
-        let Bvh { nodes, leaves, boxes } = Bvh::build(sample)?;
+        let Bvh { nodes, leaves, boxes, neighbours } = Bvh::build(sample)?;
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
         let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
@@ -65,9 +65,10 @@ impl DeviceSample {
             device.upload("constants", &constants)?,
             upload(device, "materials of objects", &media.of_object)?,
             device.upload("views", &views)?,
+            upload(device, "neighbours of leaves", &neighbours)?,
         ];
         // The host's copies go before the driver asks for memory to build in.
-        drop((nodes, leaves));
+        drop((nodes, leaves, neighbours));
         let acceleration = if ray_query && !boxes.is_empty() {
             let on_device = device.upload("boxes of the acceleration structure", &boxes)?;
             let number = count(boxes.len());
@@ -84,6 +85,7 @@ impl DeviceSample {
             constants: kept[3].address() + table_index * table,
             object_materials: kept[4].address(),
             views: kept[5].address(),
+            neighbours: kept[6].address(),
             acceleration: acceleration.as_ref().map_or(0, AccelerationStructure::address),
         };
         let records: Vec<_> = (0..=media.weights.len() as u64).map(record).collect();

@@ -1,4 +1,4 @@
-// Software backend: compressed wide BVH, one traversal per walk, no order among children.
+// Software backend: compressed wide BVH, one traversal, no order among children.
 
 #include "walk/node.glsl"
 
@@ -33,52 +33,34 @@ vec3 line_direction(Beam beam) {
     return mix(d, vec3(1e-12), lessThan(abs(d), vec3(1e-12)));
 }
 
+// Hands every candidate of the line from `near`, y, on to visit().
 // Loops test at their end: CPU devices run a body once more, idle, for a test at its beginning.
-#define TRAVERSE(origin, inverse, NEAR, FAR, VISIT)                                              \
-    uvec2 stack[STACK];                                                                          \
-    uint height = 0u;                                                                            \
-    uvec2 group = uvec2(0u, 0x80000000u);                                                        \
-    do {                                                                                         \
-        if (group.y < 0x01000000u) {                                                             \
-            height -= 1u;                                                                        \
-            group = stack[height];                                                               \
-        }                                                                                        \
-        uint index = pop_child(group);                                                           \
-        if (group.y >= 0x01000000u) {                                                            \
-            stack[height] = group;                                                               \
-            height += 1u;                                                                        \
-        }                                                                                        \
-        Node node = sample_.nodes.at[index];                                                     \
-        uint met = children_met(node, origin, inverse, NEAR, FAR);                               \
-        group = uvec2(node.child_base, (met & 0xff000000u) | (node.exponents >> 24));            \
-        uint leaves = met & 0x00ffffffu;                                                         \
-        if (leaves != 0u) {                                                                      \
-            do {                                                                                 \
-                uint bit = uint(findLSB(leaves));                                                \
-                leaves &= leaves - 1u;                                                           \
-                uint primitive = node.leaf_base + bit;                                           \
-                VISIT;                                                                           \
-            } while (leaves != 0u);                                                              \
-        }                                                                                        \
+void traverse(Beam beam, float near, inout Gathered all) {
+    vec3 origin = world_from_beam(beam, vec3(beam.x, 0.0, beam.z));
+    vec3 inverse = 1.0 / line_direction(beam);
+    uvec2 stack[STACK];
+    uint height = 0u;
+    uvec2 group = uvec2(0u, 0x80000000u);
+    do {
+        if (group.y < 0x01000000u) {
+            height -= 1u;
+            group = stack[height];
+        }
+        uint index = pop_child(group);
+        if (group.y >= 0x01000000u) {
+            stack[height] = group;
+            height += 1u;
+        }
+        Node node = sample_.nodes.at[index];
+        uint met = children_met(node, origin, inverse, near, 1e30);
+        group = uvec2(node.child_base, (met & 0xff000000u) | (node.exponents >> 24));
+        uint leaves = met & 0x00ffffffu;
+        if (leaves != 0u) {
+            do {
+                uint bit = uint(findLSB(leaves));
+                leaves &= leaves - 1u;
+                visit(beam, node.leaf_base + bit, all);
+            } while (leaves != 0u);
+        }
     } while (group.y >= 0x01000000u || height > 0u);
-
-#ifdef ORDER_FREE
-// Hands every candidate of the whole line to visit().
-void walk_all(Beam beam, inout Sums sums, inout Run run) {
-    vec3 origin = world_from_beam(beam, vec3(beam.x, 0.0, beam.z));
-    vec3 inverse = 1.0 / line_direction(beam);
-    Stretch stretch = stretch_of(beam);
-    TRAVERSE(origin, inverse, -1e30, 1e30,
-             visit(beam, stretch, sample_.leaves.at[primitive], sums, run))
 }
-#else
-// The next crossing after (y, id) in the order (y, primitive).
-bool next(Beam beam, float y, uint id, out Crossing crossing) {
-    crossing = no_crossing();
-    vec3 origin = world_from_beam(beam, vec3(beam.x, 0.0, beam.z));
-    vec3 inverse = 1.0 / line_direction(beam);
-    TRAVERSE(origin, inverse, y - order_slack(y), crossing.y + order_slack(crossing.y),
-             offer(beam, primitive, 0u, y, id, crossing))
-    return crossing.found;
-}
-#endif

@@ -64,18 +64,15 @@ struct Facet {
     vec3 p; // sheared vertices
     vec3 q;
     vec3 r;
-    float v; // edge functions
-    float w;
+    vec3 edges;  // edge functions, of the edges opposite to p, q, r
+    bvec3 sides; // which side of those edges the ray is on
     float area;
     bool crossed;
     bool entering; // against the normal
 };
 
-// `a`, `b`, `c` in the beam frame.
-Facet facet_of(Beam beam, vec3 a, vec3 b, vec3 c) {
-    precise vec3 p = sheared(beam, a);
-    precise vec3 q = sheared(beam, b);
-    precise vec3 r = sheared(beam, c);
+// From sheared vertices.
+Facet facet_of(vec3 p, vec3 q, vec3 r) {
     precise float u = edge(q, r);
     precise float v = edge(r, p);
     precise float w = edge(p, q);
@@ -83,21 +80,37 @@ Facet facet_of(Beam beam, vec3 a, vec3 b, vec3 c) {
     bool sv = side(v, r, p);
     bool sw = side(w, p, q);
     precise float area = u + v + w;
-    return Facet(p, q, r, v, w, area, su == sv && sv == sw && area != 0.0, su);
+    return Facet(p, q, r, vec3(u, v, w), bvec3(su, sv, sw), area,
+                 su == sv && sv == sw && area != 0.0, su);
 }
 
-// Where the ray crosses the facet, y.
-float place_of(Facet f) {
-    // Offsets from the first vertex keep the digits of y; the weights are in [0, 1].
-    precise float y = f.p.y + (f.v * (f.q.y - f.p.y) + f.w * (f.r.y - f.p.y)) / f.area;
-    return y;
+// `a`, `b`, `c` in the beam frame.
+Facet facet_of(Beam beam, vec3 a, vec3 b, vec3 c) {
+    precise vec3 p = sheared(beam, a);
+    precise vec3 q = sheared(beam, b);
+    precise vec3 r = sheared(beam, c);
+    return facet_of(p, q, r);
 }
 
-// True where the ray crosses the triangle (world); `y` is where.
-bool crosses(Beam beam, vec3 a, vec3 b, vec3 c, out float y, out bool entering) {
-    Facet facet = facet_of(beam, beam_from_world(beam, a), beam_from_world(beam, b),
-                           beam_from_world(beam, c));
-    y = facet.crossed ? place_of(facet) : 0.0;
-    entering = facet.entering;
-    return facet.crossed;
+// Where a ray of this slope crosses the facet's plane, y. `normal` from f64: weights of the edge
+// functions are far less exact on long facets that lean towards the beam. Measured from the
+// nearest vertex, since the error of the normal grows with the distance; a rounded plane does not
+// leave the facet's own interval of y.
+float place_of(vec2 slope, Facet f, vec3 normal) {
+    vec3 near = abs(f.q.x) + abs(f.q.z) < abs(f.p.x) + abs(f.p.z) ? f.q : f.p;
+    near = abs(f.r.x) + abs(f.r.z) < abs(near.x) + abs(near.z) ? f.r : near;
+    precise float along = normal.x * slope.x + normal.y + normal.z * slope.y;
+    precise float across = normal.x * near.x + normal.z * near.z;
+    precise float y = near.y + (along == 0.0 ? 0.0 : across / along);
+    return clamp(y, min(min(f.p.y, f.q.y), f.r.y), max(max(f.p.y, f.q.y), f.r.y));
+}
+
+// A triangle of the world as a ray sees it.
+Facet facet_of(Beam beam, Leaf leaf) {
+    return facet_of(beam, beam_from_world(beam, leaf.a), beam_from_world(beam, leaf.b),
+                    beam_from_world(beam, leaf.c));
+}
+
+vec2 slope_of(Beam beam) {
+    return vec2(beam.slope_x, beam.slope_z);
 }

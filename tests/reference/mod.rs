@@ -21,6 +21,7 @@ pub(crate) mod masks;
 pub(crate) mod normal;
 pub(crate) mod rays;
 pub(crate) mod scenes;
+pub(crate) mod silhouettes;
 pub(crate) mod stack;
 pub(crate) mod surfaces;
 pub(crate) mod vector;

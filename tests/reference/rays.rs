@@ -30,6 +30,8 @@ pub(crate) struct Trace {
     pub(crate) reflected: bool,
     /// Surfaces met.
     pub(crate) crossings: usize,
+    /// Their triangles, in the order of bodies and meshes, and where each was met, y.
+    pub(crate) met: Vec<(usize, f64)>,
     /// Least cosine between ray and normal over all surfaces that change the medium.
     pub(crate) grazing: f64,
     /// Entered and left every body equally often.
@@ -244,6 +246,7 @@ impl Sample {
             self.go(&mut out, self.medium(&depth), hit.t - last);
             last = hit.t;
             out.crossings += 1;
+            out.met.push((hit.triangle, source[1] + hit.t * d[1]));
             let media = self.cross(&mut depth, triangle.body, facing < 0.0);
             let [before, after] = media.map(|m| self.constants(m));
             let difference = after[1] - before[1];
@@ -294,6 +297,7 @@ impl Sample {
             here.push(hit.triangle);
             o = add(o, scaled(d, t));
             out.crossings += 1;
+            out.met.push((hit.triangle, o[1]));
             assert!(out.crossings < 1_000_000, "a ray does not get out");
             let triangle = &self.triangles[hit.triangle];
             let leaving = dot(triangle.normal, d) > 0.0;

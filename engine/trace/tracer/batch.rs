@@ -15,6 +15,9 @@ pub(super) struct Batch {
     pub(super) exact: Buffer,
     pub(super) unbalanced: Buffer,
     pub(super) list: Buffer,
+    pub(super) longer: Buffer,
+    pub(super) long_list: Buffer,
+    pub(super) nodes: Buffer,
 }
 
 impl Batch {
@@ -27,9 +30,12 @@ impl Batch {
             rays: make("rays", n * size_of::<Ray>() as u64)?,
             moments: make("moments", n * words * 4)?,
             laws: make("laws", n * size_of::<Law>() as u64)?,
-            exact: make("rays to trace in order", (n + 1) * 4)?,
+            exact: make("rays to trace in order", (n + 2) * 4)?,
             unbalanced: make("unbalanced rays", (n + 1) * 4)?,
             list: make("rays to trace again", (n + 1) * 4)?,
+            longer: make("rays of many crossings", (n + 1) * 4)?,
+            long_list: make("rays of many crossings to trace", (n + 1) * 4)?,
+            nodes: make("energies of rays", n * 4)?,
         })
     }
 }

@@ -1,0 +1,183 @@
+//! Rays in order: several attempts, and lists of crossings as long as each ray needs.
+
+use super::{GROUP, LONG, NUDGES, Tracer};
+use crate::Result;
+use crate::gpu::interface::{ExactPush, Law, Ray};
+use crate::gpu::{Buffer, Kernel};
+use crate::run::Backend;
+use rayon::prelude::*;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+/// Rays at nodes of the spectrum that are traced in order together at most.
+const AT_NODES: u32 = 1 << 15;
+/// Crossings that lists of rays in order hold at first, and at most, as in exact.comp.
+const SHORT_LIST: u32 = 64;
+const LONGEST_LIST: u32 = 1 << 20;
+/// Crossings that all lists hold together.
+pub(super) const LISTED: u32 = 1 << 21;
+
+/// Rays of the batch that are traced in order.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ordered<'a> {
+    pub(super) list: &'a Buffer,
+    pub(super) rays: u32,
+    pub(super) all: bool,
+    /// The list names the first of each run of equal rays.
+    pub(super) runs: bool,
+}
+
+impl Tracer {
+    /// Traces rays in order at each node of the spectrum, `[node][ray]`. A ray that is given at
+    /// several nodes is searched for its crossings once.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub fn walk_at_nodes(&mut self, rays: &[Vec<Ray>]) -> Result<Vec<Vec<Law>>> {
+        let each = |(node, of_node): (usize, &Vec<Ray>)| {
+            (0..of_node.len()).map(move |place| (node, place)).collect::<Vec<_>>()
+        };
+        let mut all: Vec<(usize, usize)> = rays.iter().enumerate().flat_map(each).collect();
+        let ray = |(node, place): (usize, usize)| rays[node][place];
+        // Equal rays side by side, neighbours in x near one another.
+        let order = |r: Ray| (r.view, r.z.to_bits(), r.x.to_bits(), r.slope_x.to_bits());
+        all.par_sort_by_key(|&at| (order(ray(at)), at));
+        let mut laws: Vec<Vec<Law>> =
+            rays.iter().map(|of| bytemuck::zeroed_vec(of.len())).collect();
+        for some in all.chunks(AT_NODES.min(self.capacity()) as usize) {
+            let listed: Vec<(usize, Ray)> = some.iter().map(|&at| (at.0, ray(at))).collect();
+            for (&(node, place), law) in some.iter().zip(self.trace_at_nodes(&listed)?) {
+                laws[node][place] = law;
+            }
+        }
+        Ok(laws)
+    }
+
+    /// Traces rays in order, each at its node; equal rays stand side by side.
+    fn trace_at_nodes(&self, rays: &[(usize, Ray)]) -> Result<Vec<Law>> {
+        let (trace, exact) = self.kernels.of(self.backend);
+        let n = count(rays.len());
+        let constants = |node: usize| count((node + 1) * self.sample.materials as usize);
+        self.batch.rays.write(0, &rays.iter().map(|(_, ray)| *ray).collect::<Vec<_>>())?;
+        self.batch.nodes.write(0, &rays.iter().map(|(n, _)| constants(*n)).collect::<Vec<_>>())?;
+        // The first order is the answer for rays that cannot be followed.
+        self.pass(trace, false, n, false, 0.0, false)?;
+        let mut list = vec![0];
+        let mut end = 0;
+        for run in rays.chunk_by(|a, b| a.1 == b.1) {
+            list.push(end);
+            end += count(run.len());
+        }
+        let runs = count(list.len() - 1);
+        list[0] = runs;
+        list.push(end);
+        self.batch.exact.write(0, &list)?;
+        let ordered = Ordered { list: &self.batch.exact, rays: runs, all: false, runs: true };
+        self.exact_pass(exact.get()?, ordered, true, 0.0, false)?;
+        self.exact_again(true)?;
+        self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
+        self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
+        self.batch.laws.read(0, rays.len())
+    }
+
+    /// Tries again the rays that could not be followed in order: a bend at an edge, or a new
+    /// search there, can lose a crossing.
+    pub(super) fn exact_again(&self, at_nodes: bool) -> Result<Duration> {
+        let b = &self.batch;
+        let mut time = Duration::ZERO;
+        for (i, nudge) in NUDGES.into_iter().enumerate() {
+            let lost = b.unbalanced.read::<u32>(0, 1)?[0];
+            if lost == 0 {
+                break;
+            }
+            if i == 0 && self.backend == Backend::Bvh {
+                continue;
+            }
+            self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
+            self.device.run(|r| r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(lost) + 1) * 4))?;
+            let kernel = self.kernels.exact_bvh.get()?;
+            let last = i + 1 == NUDGES.len();
+            let ordered = Ordered { list: &b.list, rays: lost, all: false, runs: false };
+            time += self.exact_pass(kernel, ordered, at_nodes, nudge, last)?;
+        }
+        Ok(time)
+    }
+
+    /// Traces rays in order: first all with short lists of crossings, then those that have more
+    /// with longer and longer ones, so many at a time as their memory takes.
+    pub(super) fn exact_pass(
+        &self,
+        kernel: &Kernel,
+        ordered: Ordered<'_>,
+        at_nodes: bool,
+        nudge: f32,
+        last: bool,
+    ) -> Result<Duration> {
+        let b = &self.batch;
+        let mut push = ExactPush {
+            sample_ref: self.sample.record(self.node),
+            rays: b.rays.address(),
+            laws: b.laws.address(),
+            list: ordered.list.address(),
+            unbalanced: b.unbalanced.address(),
+            longer: b.longer.address(),
+            lists: self.lists.address(),
+            nodes: if at_nodes { b.nodes.address() } else { 0 },
+            tally: self.tally.address(),
+            count: ordered.rays,
+            all: ordered.all.into(),
+            runs: ordered.runs.into(),
+            first: 0,
+            last: last.into(),
+            nudge,
+            capacity: SHORT_LIST,
+            stride: GROUP,
+        };
+        b.unbalanced.write(0, &[0_u32])?;
+        let mut time = Duration::ZERO;
+        while push.count > 0 {
+            b.longer.write(0, &[0_u32])?;
+            time += self.exact_dispatches(kernel, push)?;
+            let longer = b.longer.read::<u32>(0, 1)?[0];
+            if longer == 0 {
+                break;
+            }
+            self.device
+                .run(|r| r.copy(&b.longer, 0, &b.long_list, 0, (u64::from(longer) + 1) * 4))?;
+            push.list = b.long_list.address();
+            push.count = longer;
+            (push.all, push.runs) = (0, 0);
+            push.capacity = (push.capacity * 8).min(LONGEST_LIST);
+        }
+        Ok(time)
+    }
+
+    /// Dispatches of the rays of a push, short ones.
+    fn exact_dispatches(&self, kernel: &Kernel, push: ExactPush) -> Result<Duration> {
+        let room = LISTED / push.capacity;
+        let most = if room < GROUP { room } else { room / GROUP * GROUP };
+        let stride = most.min(GROUP);
+        let mut time = Duration::ZERO;
+        let mut size = most.min(4096);
+        let mut first = 0;
+        while first < push.count {
+            let count = push.count.min(first + size);
+            let push = ExactPush { first, count, stride, ..push };
+            let groups = [(count - first).div_ceil(GROUP), 1, 1];
+            let took =
+                self.device.run(|r| r.dispatch(kernel, bytemuck::bytes_of(&push), groups))?;
+            first = count;
+            time += took;
+            if took > LONG {
+                size = (size / 2).max(stride);
+            } else if took < LONG / 4 {
+                size = (size * 2).min(most);
+            }
+        }
+        Ok(time)
+    }
+}
+
+fn count(n: usize) -> u32 {
+    u32::try_from(n).unwrap_or(u32::MAX)
+}

@@ -1,0 +1,96 @@
+// A ray as bent so far, beside the straight line that its list of crossings was gathered on, and
+// where it meets the surfaces of that list.
+
+struct Bent {
+    Beam line;     // the straight line
+    vec2 slope;    // change of slope against it
+    vec2 moved;    // against it, at y = 0
+    vec2 before;   // change of slope of the line itself, against the ray as it set out
+    vec2 displacement; // at the analyser, against the ray as it set out
+};
+
+vec2 slope_of(Bent ray) {
+    return slope_of(ray.line) + ray.slope;
+}
+
+// The line goes on as the bent ray does.
+void straighten(inout Bent ray) {
+    ray.line.x += ray.moved.x;
+    ray.line.z += ray.moved.y;
+    ray.line.slope_x += ray.slope.x;
+    ray.line.slope_z += ray.slope.y;
+    ray.before += ray.slope;
+    ray.slope = ray.moved = vec2(0.0);
+}
+
+void bend_at(inout Bent ray, float y, vec2 bend) {
+    ray.slope += bend;
+    ray.displacement += bend * (ray.line.analyser - y);
+    ray.moved -= bend * y;
+}
+
+vec3 sheared(Bent ray, vec3 v) {
+    precise vec3 straight = sheared(ray.line, v);
+    precise vec2 off = ray.moved + ray.slope * v.y;
+    return vec3(straight.x - off.x, straight.y, straight.z - off.y);
+}
+
+Facet facet_of(Bent ray, Leaf leaf) {
+    precise vec3 p = sheared(ray, beam_from_world(ray.line, leaf.a));
+    precise vec3 q = sheared(ray, beam_from_world(ray.line, leaf.b));
+    precise vec3 r = sheared(ray, beam_from_world(ray.line, leaf.c));
+    return facet_of(p, q, r);
+}
+
+// The edge that the ray is farthest beyond.
+uint edge_beyond(Facet f, bool entering) {
+    vec3 p = f.q - f.r;
+    vec3 q = f.r - f.p;
+    vec3 r = f.p - f.q;
+    vec3 squares = vec3(dot(p.xz, p.xz), dot(q.xz, q.xz), dot(r.xz, r.xz));
+    vec3 beyond = (entering ? -1.0 : 1.0) * f.edges * inversesqrt(max(squares, 1e-36));
+    // Edges decided by the rule for ties are beyond by nothing.
+    beyond = mix(vec3(-1.0), max(beyond, 0.0), notEqual(f.sides, bvec3(entering)));
+    if (beyond.x >= beyond.y && beyond.x >= beyond.z) return 0u;
+    return beyond.y >= beyond.z ? 1u : 2u;
+}
+
+// Where a ray meets a surface.
+struct Meeting {
+    uint outcome;
+    uint leaf;
+    float y;
+    vec3 normal; // beam frame
+};
+const uint MEETS = 0u;
+const uint MISSES = 1u; // the surface turns away before it
+const uint FAR = 2u;    // too many facets away, or at an open edge
+
+const uint STEPS = 8u; // across edges
+
+// Where the ray crosses the surface that the straight line crosses at a leaf: from facet to facet
+// across the edges that it is beyond.
+Meeting meet(Bent ray, uint leaf_index, bool entering) {
+    Meeting meeting = Meeting(FAR, leaf_index, 0.0, vec3(0.0));
+    vec2 slope = slope_of(ray);
+    for (uint steps = 0u; steps <= STEPS && leaf_index != NO_LEAF; steps++) {
+        Leaf leaf = sample_.leaves.at[leaf_index];
+        Facet facet = facet_of(ray, leaf);
+        meeting.normal = beam_from_world(ray.line, leaf.normal);
+        float along = dot(meeting.normal, vec3(slope.x, 1.0, slope.y));
+        bool faces = along == 0.0 || (along < 0.0) == entering;
+        // Slivers may be turned over by rounding: normals tell better.
+        if (!faces && (facet.area > 0.0) != entering) {
+            meeting.outcome = MISSES;
+            return meeting;
+        }
+        if (facet.crossed) {
+            meeting.outcome = MEETS;
+            meeting.leaf = leaf_index;
+            meeting.y = place_of(slope, facet, meeting.normal);
+            return meeting;
+        }
+        leaf_index = sample_.neighbours.at[3u * leaf_index + edge_beyond(facet, entering)];
+    }
+    return meeting;
+}

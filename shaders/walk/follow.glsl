@@ -1,0 +1,167 @@
+// Follows a ray through the sample, crossing by crossing of its list.
+
+const uint CROSSINGS = 1u << 20;  // of one list
+const uint SEARCHES = 1u << 12;   // of one ray
+const float SAME_PLACE = 2e-9;    // m; what rounding leaves of a place across a facet
+const uint REFLECTION_HASH = 0x9e3779b9u;
+
+// A ray on its way through the sample.
+struct Walk {
+    Bent ray;
+    Media media;
+    uint constants; // of material 0
+    uint material;
+    float entered; // y where the material began
+    float depth;   // beyond that of the surroundings
+    uint signature;
+    uint flags;
+    uint crossings;
+    uint searches;
+    // The last crossing.
+    float y;
+    float room; // what rounding leaves of y
+    uint leaf;
+};
+
+const uint THROUGH = 0u;    // behind the last crossing of the list
+const uint SEARCHING = 1u;  // no longer on the list
+const uint LOST = 2u;       // an object is left that was not entered, or a limit is met
+
+// The first crossing behind entry i into the object, or out of it; the count if there is none.
+uint next_of(Gathered list, uint i, uint object, uint entered) {
+    for (uint j = i + 1u; j < list.count; j++) {
+        Crossing crossing = list_at(list, j);
+        if ((crossing.facet & FACET_MISSED) != 0u) continue;
+        if ((crossing.facet & FACET_ENTERED) == entered && object_of(crossing) == object) return j;
+    }
+    return list.count;
+}
+
+// Takes an entry and the exit behind it off the list. False where there is no such exit, or it
+// belongs to another entry.
+bool miss(Gathered list, uint i, uint object) {
+    uint exit = next_of(list, i, object, 0u);
+    if (exit == list.count || next_of(list, i, object, FACET_ENTERED) < exit) return false;
+    Crossing crossing = list_at(list, exit);
+    crossing.facet |= FACET_MISSED;
+    list_set(list, exit, crossing);
+    return true;
+}
+
+// Refraction or total reflection into `material`; true on reflection.
+bool pass_into(inout Walk walk, Meeting at, uint material) {
+    vec2 slope = slope_of(walk.ray);
+    Constants from = sample_.constants.at[walk.constants + walk.material];
+    Constants to = sample_.constants.at[walk.constants + material];
+    float mu = from.mu - sample_.constants.at[walk.constants].mu;
+    walk.depth += mu * (at.y - walk.entered) * sqrt(1.0 + dot(slope, slope));
+    walk.entered = at.y;
+    bool reflected;
+    vec2 bend = refract_slope(slope, at.normal, from.delta, to.delta, reflected);
+    bend_at(walk.ray, at.y, bend);
+    if (reflected) {
+        walk.flags |= FLAG_REFLECTED;
+        walk.signature += REFLECTION_HASH;
+    } else {
+        walk.material = material;
+    }
+    return reflected;
+}
+
+// Takes the crossing at i of the list.
+uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
+    uint leaf = crossing.facet & FACET_LEAF;
+    bool entering = (crossing.facet & FACET_ENTERED) != 0u;
+    Surface surface = sample_.surfaces.at[surface_at(leaf)];
+    uint place = place_of(walk.media, surface.object);
+    // A new search begins at a crossing, which neighbours of the facet may bring up once more.
+    bool known = walk.searches > 1u && crossing.y - list.after <= walk.room;
+    if (known && entering == (place < DEPTH)) return THROUGH;
+    if (!entering && place == DEPTH) {
+        // Its entry stands behind it by rounding: they change places.
+        uint entry = next_of(list, i, surface.object, FACET_ENTERED);
+        if (entry == list.count) return LOST;
+        list_set(list, i, list_at(list, entry));
+        list_set(list, entry, crossing);
+        crossing = list_at(list, i);
+        leaf = crossing.facet & FACET_LEAF;
+        entering = true;
+    }
+    if (entering && walk.media.count == DEPTH) {
+        walk.flags |= FLAG_DROPPED;
+        return LOST;
+    }
+    uint material = material_after(walk.media, surface.object, entering, place);
+    bool reflected = false;
+    float y = crossing.y;
+    float along = 1e-2;
+    if (material != walk.material) {
+        Meeting at = meet(walk.ray, leaf, entering);
+        if (at.outcome == MISSES && entering && miss(list, i, surface.object)) return THROUGH;
+        if (at.outcome != MEETS) return SEARCHING;
+        reflected = pass_into(walk, at, material);
+        y = at.y;
+        along = dot(at.normal, vec3(slope_of(walk.ray.line), 1.0).xzy);
+        leaf = at.leaf;
+    }
+    walk.crossings += 1u;
+    walk.signature += surface.hash;
+    walk.y = y;
+    walk.room = SAME_PLACE / max(abs(along), 1e-5);
+    walk.leaf = leaf;
+    if (reflected) return SEARCHING;
+    media_change(walk.media, surface.object, entering, place);
+    return THROUGH;
+}
+
+// Crossings that were missed at another energy count again.
+void list_renew(Gathered list) {
+    for (uint i = 0u; i < list.count; i++) {
+        Crossing crossing = list_at(list, i);
+        crossing.facet &= ~FACET_MISSED;
+        list_set(list, i, crossing);
+    }
+}
+
+// Follows a ray until it is behind the sample; SEARCHING where a list does not hold its crossings.
+// `known`: the list is that of the ray as it sets out.
+uint follow(inout Walk walk, inout Gathered list, inout bool known) {
+    uint outcome;
+    do {
+        if (known) {
+            list_renew(list);
+        } else {
+            list = list_begin(walk.y, walk.leaf);
+            traverse(walk.ray.line, walk.y - walk.room, list);
+            if (list.count > push.capacity) return SEARCHING;
+            list_sort(list);
+        }
+        walk.searches += 1u;
+        outcome = THROUGH;
+        for (uint i = 0u; i < list.count && outcome == THROUGH; i++) {
+            Crossing crossing = list_at(list, i);
+            if ((crossing.facet & FACET_MISSED) == 0u) outcome = take(walk, list, i, crossing);
+        }
+        straighten(walk.ray);
+        known = outcome != SEARCHING && walk.searches == 1u;
+    } while (outcome == SEARCHING && walk.searches < SEARCHES);
+    return outcome == THROUGH && walk.media.count == 0u ? THROUGH : LOST;
+}
+
+Walk walk_begin(Beam line, uint flags, uint constants) {
+    Walk walk;
+    walk.ray = Bent(line, vec2(0.0), vec2(0.0), vec2(0.0), vec2(0.0));
+    walk.media.count = 0u;
+    walk.constants = constants;
+    walk.material = 0u;
+    walk.entered = 0.0;
+    walk.depth = 0.0;
+    walk.signature = 0u;
+    walk.flags = FLAG_EXACT | (flags & (FLAG_GRAZING | (255u << FLAG_SHARE_SHIFT)));
+    walk.crossings = 0u;
+    walk.searches = 0u;
+    walk.y = -1e30;
+    walk.room = 0.0;
+    walk.leaf = NO_LEAF;
+    return walk;
+}

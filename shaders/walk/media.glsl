@@ -1,0 +1,36 @@
+// The objects that a ray is inside of, each as often as it is; the one listed last wins.
+
+const uint DEPTH = 16u; // objects that a point may be inside of at once
+
+struct Media {
+    uint objects[DEPTH];
+    uint count;
+};
+
+// Where the object stands in the set; DEPTH: nowhere.
+uint place_of(Media media, uint object) {
+    for (uint i = 0u; i < media.count; i++) {
+        if (media.objects[i] == object) return i;
+    }
+    return DEPTH;
+}
+
+// The material once the object has been entered, or left.
+uint material_after(Media media, uint object, bool entering, uint place) {
+    uint winner = entering ? object + 1u : 0u; // object index + 1
+    for (uint i = 0u; i < media.count; i++) {
+        if (entering || i != place) winner = max(winner, media.objects[i] + 1u);
+    }
+    return winner == 0u ? 0u : sample_.object_materials.at[winner - 1u];
+}
+
+// Enters the object, or leaves it from its place.
+void media_change(inout Media media, uint object, bool entering, uint place) {
+    if (entering) {
+        media.objects[media.count] = object;
+        media.count += 1u;
+    } else {
+        media.count -= 1u;
+        media.objects[place] = media.objects[media.count];
+    }
+}
