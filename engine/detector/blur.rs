@@ -2,16 +2,15 @@
 
 use super::grid::LightGrid;
 use super::kernel::{Measured, Spread};
+use super::spread::Window;
 use crate::Result;
 use crate::scene::{Blur, Scene};
 use ndarray::{Array2, Array3, ArrayView3};
-use rayon::prelude::*;
 
-/// Weights of the grid around a pixel, `[sub-row][sub-column]`; they sum to 1.
+/// Weights of the grid around a pixel, which sum to 1.
 #[derive(Debug, Clone)]
 pub(super) struct BlurStage {
-    weights: Array2<f64>,
-    parts: [usize; 2],
+    window: Window,
 }
 
 impl BlurStage {
@@ -35,48 +34,12 @@ impl BlurStage {
                 measured.weights(grid.margin, grid.parts)
             }
         };
-        Ok(Some(Self { weights, parts: grid.parts.map(|n| n as usize) }))
+        let parts = grid.parts.map(|n| n as usize);
+        Ok(Some(Self { window: Window::new(weights, parts, grid.pixels[0] as usize) }))
     }
 
     /// Intensities `[step][row][column]` of `rows` of pixels, from the grid's rows that they need.
     pub(super) fn pixels(&self, lit: ArrayView3<'_, f32>, rows: usize) -> Array3<f32> {
-        let [_, window] = [self.weights.nrows(), self.weights.ncols()];
-        let columns = (lit.dim().2 + self.parts[0] - window) / self.parts[0];
-        gather(lit, &self.weights, self.parts, [rows, columns])
+        self.window.gather(lit, [rows, self.window.columns(lit.dim().2)])
     }
-}
-
-/// Sums `weights` over the window of each pixel, which moves by `parts` from pixel to pixel; in a
-/// fixed order, in f64.
-pub(super) fn gather(
-    lit: ArrayView3<'_, f32>,
-    weights: &Array2<f64>,
-    parts: [usize; 2],
-    [rows, columns]: [usize; 2],
-) -> Array3<f32> {
-    let (steps, lit_rows, lit_columns) = lit.dim();
-    let mut out = Array3::zeros((steps, rows, columns));
-    let lit = lit.as_standard_layout();
-    let light = lit.as_slice().unwrap_or_default();
-    let Some(values) = out.as_slice_mut() else { return out };
-    values.par_chunks_mut(columns).enumerate().for_each(|(index, line)| {
-        let (step, row) = (index / rows, index % rows);
-        let mut sums = vec![0.0_f64; columns];
-        for (j, weights) in weights.outer_iter().enumerate() {
-            let start = (step * lit_rows + row * parts[1] + j) * lit_columns;
-            let light = &light[start..start + lit_columns];
-            for (i, weight) in weights.iter().enumerate() {
-                for (sum, light) in sums.iter_mut().zip(light[i..].iter().step_by(parts[0])) {
-                    *sum += weight * f64::from(*light);
-                }
-            }
-        }
-        for (value, sum) in line.iter_mut().zip(sums) {
-            #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-            {
-                *value = sum as f32;
-            }
-        }
-    });
-    out
 }

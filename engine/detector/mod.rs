@@ -9,6 +9,7 @@ mod kernel;
 mod noise;
 mod response;
 mod scatter;
+mod spread;
 
 pub use detection::Detection;
 pub use excess::excess_noise;

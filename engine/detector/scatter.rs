@@ -1,7 +1,7 @@
 //! Scattered light that the scene adds: an image, or the light itself spread by a kernel.
 
-use super::blur::gather;
 use super::kernel::Measured;
+use super::spread::Window;
 use crate::scene::{Scatter, Scene};
 use crate::stack::View;
 use crate::{Error, Result, image};
@@ -13,8 +13,8 @@ use std::ops::Range;
 pub(super) enum ScatterStage {
     /// An image in open beam, with the sample.
     Image(Array2<f32>),
-    /// Weights `[row][column]` of the pixels around a pixel, which sum to the fraction.
-    Kernel { weights: Array2<f64>, margin: [usize; 2] },
+    /// Weights of the pixels around a pixel, which sum to the fraction.
+    Kernel { window: Window, margin: [usize; 2] },
 }
 
 impl ScatterStage {
@@ -49,7 +49,8 @@ impl ScatterStage {
                 )]
                 let margin = [0, 1].map(|axis| measured.profile(axis).reach().ceil() as u32);
                 let weights = measured.weights(margin, [1; 2]) * *fraction;
-                Ok(Some(Self::Kernel { weights, margin: margin.map(|n| n as usize) }))
+                let window = Window::new(weights, [1; 2], scene.detector.pixels[0] as usize);
+                Ok(Some(Self::Kernel { window, margin: margin.map(|n| n as usize) }))
             }
         }
     }
@@ -71,7 +72,7 @@ impl ScatterStage {
                     out.axis_iter_mut(Axis(0)).for_each(|mut frame| frame += &rows);
                 }
             }
-            Self::Kernel { weights, margin: [across, down] } => {
+            Self::Kernel { window, margin: [across, down] } => {
                 // Light on the detector's pixels alone scatters: beyond its edges there is none.
                 let (steps, rows, columns) = light.dim();
                 let shape = (steps, band.len() + 2 * down, columns + 2 * across);
@@ -83,7 +84,7 @@ impl ScatterStage {
                 framed
                     .slice_mut(s![.., skip..skip + rows, *across..across + columns])
                     .assign(&light.slice(s![.., take..take + rows, ..]));
-                out += &gather(framed.view(), weights, [1; 2], [band.len(), columns]);
+                out += &window.gather(framed.view(), [band.len(), columns]);
             }
         }
         out

@@ -7,6 +7,7 @@ use super::Component;
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Defect, Surface, bounds_of, encloses, in_mm};
 use super::topology::{self, Edge};
+use super::tree::Tree;
 
 /// A surface, its components turned so that material lies behind every triangle.
 #[derive(Debug)]
@@ -15,11 +16,19 @@ pub(super) struct Body {
     pub(super) triangle_component: Vec<u32>,
     pub(super) components: Vec<Component>,
     pub(super) warnings: Vec<String>,
+    /// Over its triangles, if it was needed already.
+    pub(super) search: Option<Search>,
 }
 
 impl Body {
-    /// Orients a welded surface of the object number `object`, whose edges are `edges`.
-    pub(super) fn new(mut surface: Surface, edges: &[Edge], object: u32) -> Result<Self, Defect> {
+    /// Orients a welded surface of the object number `object`, whose edges are `edges`. `search`:
+    /// over its triangles, if there is one already.
+    pub(super) fn new(
+        mut surface: Surface,
+        edges: &[Edge],
+        mut search: Option<Search>,
+        object: u32,
+    ) -> Result<Self, Defect> {
         if surface.triangles.is_empty() {
             return Err(Defect::new("there are no triangles", ""));
         }
@@ -28,12 +37,13 @@ impl Body {
         let mut components = measure(&surface, &triangle_component, count, object);
         let flat = drop_flat(&mut surface, &mut triangle_component, &mut components);
         if flat > 0 {
+            search = None;
             warnings.push(format!("{flat} parts without volume were left out"));
         }
         if components.is_empty() {
             return Err(Defect::new("the surface encloses no volume", ""));
         }
-        let depths = depths(&surface, &triangle_component, &components);
+        let depths = depths(&surface, &mut search, &triangle_component, &components);
         let turned: Vec<bool> = components
             .iter()
             .zip(&depths)
@@ -58,7 +68,7 @@ impl Body {
                 in_mm(low.midpoint(high))
             ));
         }
-        Ok(Self { surface, triangle_component, components, warnings })
+        Ok(Self { surface, triangle_component, components, warnings, search })
     }
 
     /// Bounding box of all components.
@@ -121,14 +131,29 @@ fn drop_flat(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Comp
 }
 
 /// How many other components of the object each component lies in.
-fn depths(surface: &Surface, of: &[u32], components: &[Component]) -> Vec<usize> {
-    let around: Vec<Vec<usize>> = components
+fn depths(
+    surface: &Surface,
+    search: &mut Option<Search>,
+    of: &[u32],
+    components: &[Component],
+) -> Vec<usize> {
+    if components.len() == 1 {
+        return vec![0];
+    }
+    let boxes: Vec<[DVec3; 2]> = components.iter().map(|component| component.bounds).collect();
+    let tree = Tree::of_boxes(&boxes);
+    let around: Vec<Vec<u32>> = components
         .par_iter()
         .map(|inner| {
-            let contains = |outer: &Component| {
-                outer.volume.abs() > inner.volume.abs() && encloses(outer.bounds, inner.bounds)
-            };
-            (0..components.len()).filter(|outer| contains(&components[*outer])).collect()
+            let mut around = Vec::new();
+            tree.around(inner.bounds, |outer| {
+                let Component { volume, bounds, .. } = &components[outer as usize];
+                if volume.abs() > inner.volume.abs() && encloses(*bounds, inner.bounds) {
+                    around.push(outer);
+                }
+            });
+            around.sort_unstable();
+            around
         })
         .collect();
     if around.iter().all(Vec::is_empty) {
@@ -138,22 +163,34 @@ fn depths(surface: &Surface, of: &[u32], components: &[Component]) -> Vec<usize>
     for (triangle, component) in of.iter().enumerate() {
         members[*component as usize].push(triangle);
     }
-    let search = Search::new(surface);
-    let inside = |point: DVec3, outer: usize| match search.crossings(point) {
-        Some(hits) => hits.iter().filter(|(t, _)| of[*t] as usize == outer).count() % 2 == 1,
-        None => {
-            let shell = members[outer].iter().copied();
-            winding_by_solid_angle(surface, shell, point).abs() > 0.5
-        }
-    };
+    let search = search.get_or_insert_with(|| Search::new(surface));
     // Several points must agree, or a part that pokes into another would count as a void.
-    let contained = |inner: usize, outer: usize| {
+    let contained = |inner: usize| {
+        let mut outers = around[inner].clone();
         let triangles = &members[inner];
-        let stride = triangles.len().div_ceil(8);
-        triangles.iter().step_by(stride).all(|t| inside(surface.corners(*t)[0], outer))
+        for triangle in triangles.iter().step_by(triangles.len().div_ceil(8)) {
+            if outers.is_empty() {
+                break;
+            }
+            let point = surface.corners(*triangle)[0];
+            match search.crossings(surface, point) {
+                Some(hits) => {
+                    let mut met: Vec<u32> =
+                        hits.iter().map(|(triangle, _)| of[*triangle]).collect();
+                    met.sort_unstable();
+                    let odd = |outer: &u32| {
+                        let first = met.partition_point(|it| it < outer);
+                        met[first..].iter().take_while(|it| *it == outer).count() % 2 == 1
+                    };
+                    outers.retain(odd);
+                }
+                None => outers.retain(|outer| {
+                    let shell = members[*outer as usize].iter().copied();
+                    winding_by_solid_angle(surface, shell, point).abs() > 0.5
+                }),
+            }
+        }
+        outers.len()
     };
-    (0..components.len())
-        .into_par_iter()
-        .map(|inner| around[inner].iter().filter(|outer| contained(inner, **outer)).count())
-        .collect()
+    (0..components.len()).into_par_iter().map(contained).collect()
 }

@@ -1,12 +1,14 @@
 //! From the objects of a scene to a sample.
 
 use std::path::Path;
+use std::time::Instant;
 
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::body::Body;
 use super::defects::{self, Defects};
+use super::search::Search;
 use super::surface::{Defect, Surface};
 use super::topology::{self, Edge};
 use super::{ObjectSummary, Sample, nesting, obj, placement, shapes, stl};
@@ -53,9 +55,9 @@ pub fn examine(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
     let failed =
         |defect: Defect| Error::mesh(path.display().to_string(), defect.problem, defect.place);
     let surface = parse(path, bytes).map_err(failed)?;
-    let Prepared { surface, edges, defects } =
+    let Prepared { surface, edges, search, defects } =
         prepare(surface, unit, &Placement::default(), true).map_err(failed)?;
-    Body::new(surface, &edges, 0).map_err(failed)?;
+    Body::new(surface, &edges, search, 0).map_err(failed)?;
     Ok(defects)
 }
 
@@ -85,7 +87,9 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>) -> Result<Sample> {
         bodies.push(object.body);
         notes.push((object.hash, object.defects));
     }
+    let begin = Instant::now();
     nesting::nest(&mut bodies, &names)?;
+    log::info!("what stands in what: found in {:.1} s", begin.elapsed().as_secs_f64());
     assemble(bodies, names, notes)
 }
 
@@ -119,6 +123,7 @@ fn hash(bytes: &[u8]) -> String {
 }
 
 fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
+    let begin = Instant::now();
     let label = match &object.geometry {
         ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
             format!("\"{}\" ({})", object.name, path.display())
@@ -130,7 +135,8 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
         ShapeOrMesh::Shape(shape) => (shapes::surface(shape).map_err(failed)?, 1.0, String::new()),
         ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
             let bytes = read(&scene.directory.join(path))?;
-            (parse(path, &bytes).map_err(failed)?, *unit, hash(&bytes))
+            let (surface, hash) = rayon::join(|| parse(path, &bytes), || hash(&bytes));
+            (surface.map_err(failed)?, *unit, hash)
         }
         ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }) => {
             let surface = arrays(vertices, triangles).map_err(failed)?;
@@ -147,7 +153,9 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
         ));
     }
     let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));
-    let Prepared { surface, edges, defects } =
+    let (triangles, read) = (surface.triangles.len(), begin.elapsed().as_secs_f64());
+    log::info!("{label}: {triangles} triangles read in {read:.1} s; looking for defects");
+    let Prepared { surface, edges, search, defects } =
         prepare(surface, unit, &object.placement, is_mesh).map_err(failed)?;
     let not_finite = defects.not_finite.count;
     let refusal = if not_finite > 0 {
@@ -158,7 +166,7 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
     } else {
         None
     };
-    let mut body = match Body::new(surface, &edges, number) {
+    let mut body = match Body::new(surface, &edges, search, number) {
         Ok(body) => body,
         // What is refused may leave nothing to tell of.
         Err(defect) => return Err(refusal.unwrap_or_else(|| failed(defect))),
@@ -176,6 +184,8 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
         ));
     }
     body.warnings = warnings;
+    let (parts, seconds) = (body.components.len(), begin.elapsed().as_secs_f64());
+    log::info!("{label}: {parts} parts, read and checked in {seconds:.1} s");
     Ok(Loaded { body, hash, defects, refusal })
 }
 
@@ -183,6 +193,8 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
 struct Prepared {
     surface: Surface,
     edges: Vec<Edge>,
+    /// Where it was examined for crossing itself.
+    search: Option<Search>,
     defects: Defects,
 }
 
@@ -204,9 +216,10 @@ fn prepare(
     }
     // What f32 resolves, of the file and of the world.
     let resolved = f64::from(f32::EPSILON) * in_file.max(reach(&surface));
-    let edges = topology::edges(&surface);
-    let defects = defects::find(&surface, &edges, &welded, resolved, crossings);
-    Ok(Prepared { surface, edges, defects })
+    let (edges, search) =
+        rayon::join(|| topology::edges(&surface), || crossings.then(|| Search::new(&surface)));
+    let defects = defects::find(&surface, &edges, &welded, resolved, search.as_ref());
+    Ok(Prepared { surface, edges, search, defects })
 }
 
 /// By the extension; without a known one, by what the bytes look like.

@@ -19,6 +19,7 @@ mod stl;
 mod surface;
 mod swept;
 mod topology;
+mod tree;
 
 use glam::DVec3;
 

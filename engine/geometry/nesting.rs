@@ -7,6 +7,7 @@ use super::body::Body;
 use super::distance::meet;
 use super::search::Search;
 use super::surface::{bounds_of, in_mm, near};
+use super::tree::Query;
 use crate::error::{Error, Result};
 
 /// Fills in `outside` of every component: the latest object that contains it.
@@ -24,10 +25,13 @@ pub(super) fn nest(bodies: &mut [Body], names: &[String]) -> Result<()> {
         neighbours[*a].push(*b);
         neighbours[*b].push(*a);
     }
-    let searches: Vec<Option<Search<'_>>> = bodies
-        .par_iter()
+    let searches: Vec<Option<Search>> = bodies
+        .par_iter_mut()
         .zip(&neighbours)
-        .map(|(body, near)| (!near.is_empty()).then(|| Search::new(&body.surface)))
+        .map(|(body, near)| {
+            let known = body.search.take();
+            (!near.is_empty()).then(|| known.unwrap_or_else(|| Search::new(&body.surface)))
+        })
         .collect();
 
     for (a, b) in &pairs {
@@ -54,7 +58,9 @@ pub(super) fn nest(bodies: &mut [Body], names: &[String]) -> Result<()> {
             .map(|point| {
                 let around = |other: &&usize| {
                     near([*point; 2], bounds[**other], 0.0)
-                        && searches[**other].as_ref().is_some_and(|other| other.contains(*point))
+                        && searches[**other]
+                            .as_ref()
+                            .is_some_and(|search| search.contains(&bodies[**other].surface, *point))
                 };
                 neighbours[object].iter().filter(around).max().copied()
             })
@@ -95,7 +101,7 @@ fn tolerance(a: [DVec3; 2], b: [DVec3; 2]) -> f64 {
 fn touch(
     (a, b): (&Body, &Body),
     (number_a, number_b): (usize, usize),
-    searches: &[Option<Search<'_>>],
+    searches: &[Option<Search>],
     limit: f64,
 ) -> Option<DVec3> {
     // Fewer triangles ask, more are asked.
@@ -111,7 +117,7 @@ fn touch(
         let bounds = bounds_of(corners.into_iter());
         let mut place = None;
         if near(bounds, all, limit) {
-            search.near(bounds, limit, |other| {
+            search.near(&Query::new(corners, None, limit), |other| {
                 place = meet(corners, many.surface.corners(other), limit);
                 place.is_none()
             });

@@ -32,10 +32,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
             rest = others;
             let line = faces.next().unwrap_or_default();
             let corners: Vec<DVec3> = face.iter().map(position).collect();
-            for [a, b, c] in polygon::triangles(&corners) {
-                surface
-                    .push_triangle([corners[a], corners[b], corners[c]])
-                    .map_err(|problem| Defect::new(problem, format!("line {line}")))?;
+            let failed = |problem| Defect::new(problem, format!("line {line}"));
+            for [a, b, c] in polygon::triangles(&corners).map_err(failed)? {
+                surface.push_triangle([corners[a], corners[b], corners[c]]).map_err(failed)?;
             }
         }
     }

@@ -1,44 +1,125 @@
 //! Triangles of a polygon.
 
+use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
-/// Concave polygons with more corners are cut into fans: looking for ears takes the square of
-/// their number, and more for a hostile one.
+/// Polygons that `earcut` does not cut whole, those that cross themselves above all, are cut ear by
+/// ear up to this many corners: that takes the square of their number.
 const MOST_CORNERS: usize = 1000;
+/// Share of the area that rounding may change.
+const ROUNDING: f64 = 1e-9;
 
-/// Cuts a polygon into triangles that wind as it does: a fan where it is convex, or else ears.
-/// Returns indices of its corners; one that crosses itself, or is not flat, is cut all the same.
-pub(super) fn triangles(corners: &[DVec3]) -> Vec<[usize; 3]> {
-    let fan = |ring: &[usize]| -> Vec<[usize; 3]> {
-        (2..ring.len()).map(|k| [ring[0], ring[k - 1], ring[k]]).collect()
-    };
-    let mut ring: Vec<usize> = (0..corners.len()).collect();
-    if ring.len() <= 3 || ring.len() > MOST_CORNERS {
-        return fan(&ring);
-    }
+/// Cuts a polygon into triangles that wind as it does, two less than it has corners. Returns
+/// indices of its corners. A small one that crosses itself, or is not flat, is cut all the same.
+///
+/// # Errors
+/// A large polygon that crosses itself: what it covers is not told by its corners.
+pub(super) fn triangles(corners: &[DVec3]) -> Result<Vec<[usize; 3]>, String> {
+    let n = corners.len();
+    let all: Vec<usize> = (0..n).collect();
     // Newell's normal: that of the whole polygon, whatever its corners.
-    let origin = corners[0];
-    let sum: DVec3 =
-        (1..corners.len() - 1).map(|k| (corners[k] - origin).cross(corners[k + 1] - origin)).sum();
-    let Some(normal) = sum.try_normalize() else { return fan(&ring) };
+    let origin = corners.first().copied().unwrap_or_default();
+    let sum: DVec3 = corners.windows(2).map(|it| (it[0] - origin).cross(it[1] - origin)).sum();
+    let normal = if n > 3 { sum.try_normalize() } else { None };
+    let Some(normal) = normal else { return Ok(fan(&all)) };
     let x = normal.any_orthonormal_vector();
     let y = normal.cross(x);
     let flat: Vec<DVec2> = corners
         .iter()
         .map(|corner| DVec2::new(x.dot(*corner - origin), y.dot(*corner - origin)))
         .collect();
-    let turn = |[a, b, c]: [usize; 3]| (flat[b] - flat[a]).perp_dot(flat[c] - flat[b]);
-    let n = ring.len();
-    if (0..n).all(|k| turn([k, (k + 1) % n, (k + 2) % n]) >= 0.0) {
-        return fan(&ring);
+    if n == 4 && (0..n).all(|k| turn(&flat, [k, (k + 1) % n, (k + 2) % n]) >= 0.0) {
+        return Ok(fan(&all));
     }
-    let mut found = Vec::with_capacity(n - 2);
+    match cut(&flat) {
+        Some(found) => Ok(found),
+        None if n <= MOST_CORNERS => Ok(by_ears(&flat)),
+        None => Err(format!(
+            "a polygon of {n} corners that crosses itself; cut it into triangles, or leave no more \
+             than {MOST_CORNERS} corners"
+        )),
+    }
+}
+
+fn fan(ring: &[usize]) -> Vec<[usize; 3]> {
+    (2..ring.len()).map(|k| [ring[0], ring[k - 1], ring[k]]).collect()
+}
+
+/// Twice the area of a triangle, if it winds as the polygon does.
+fn turn(flat: &[DVec2], [a, b, c]: [usize; 3]) -> f64 {
+    (flat[b] - flat[a]).perp_dot(flat[c] - flat[b])
+}
+
+/// `earcut`, where its triangles are as many as they must be and cover what the polygon does.
+fn cut(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
+    let mut indices: Vec<u32> = Vec::new();
+    Earcut::new().earcut(flat.iter().map(|point| point.to_array()), &[], &mut indices);
+    let mut found: Vec<[usize; 3]> =
+        indices.as_chunks::<3>().0.iter().map(|it| it.map(|corner| corner as usize)).collect();
+    // All wind one way round, whatever the way of the polygon.
+    if found.iter().map(|it| turn(flat, *it)).sum::<f64>() < 0.0 {
+        found.iter_mut().for_each(|it| it.swap(1, 2));
+    }
+    if found.len() != flat.len() - 2 {
+        put_back(&mut found, flat.len());
+    }
+    let around: f64 =
+        fan(&(0..flat.len()).collect::<Vec<_>>()).iter().map(|it| turn(flat, *it)).sum();
+    let (signed, whole) = found
+        .iter()
+        .map(|it| turn(flat, *it))
+        .fold((0.0, 0.0), |(signed, whole), area| (signed + area, whole + f64::abs(area)));
+    let covers = (signed - around).abs().max(whole - signed) <= ROUNDING * around.abs();
+    (covers && found.len() == flat.len() - 2).then_some(found)
+}
+
+/// Puts corners back that `earcut` left out for lying on the line between their neighbours: the
+/// triangle at that line is cut at each of them, or edges would be open there.
+fn put_back(found: &mut Vec<[usize; 3]>, count: usize) {
+    let mut used = vec![false; count];
+    found.as_flattened().iter().for_each(|corner| used[*corner] = true);
+    for at in 0..found.len() {
+        // Cut at the corners of one edge; of another one, the last piece is cut on.
+        let mut triangle = found[at];
+        for k in 0..3 {
+            let [from, to, across] = [triangle[k], triangle[(k + 1) % 3], triangle[(k + 2) % 3]];
+            let mut last = from;
+            loop {
+                let next = (last + 1) % count;
+                if next == to || used[next] {
+                    break;
+                }
+                last = next;
+            }
+            // Only where all corners from one end to the other were left out.
+            if (last + 1) % count != to {
+                continue;
+            }
+            let mut last = from;
+            while (last + 1) % count != to {
+                let next = (last + 1) % count;
+                found.push([last, next, across]);
+                last = next;
+            }
+            if last != from {
+                triangle = [last, to, across];
+                triangle.rotate_right(k);
+            }
+        }
+        found[at] = triangle;
+    }
+}
+
+/// Ears, one after the other, and a fan of what is left.
+fn by_ears(flat: &[DVec2]) -> Vec<[usize; 3]> {
+    let mut ring: Vec<usize> = (0..flat.len()).collect();
+    let mut found = Vec::with_capacity(ring.len() - 2);
     while ring.len() > 3 {
         let n = ring.len();
         let of = |k: usize| [ring[(k + n - 1) % n], ring[k], ring[(k + 1) % n]];
         let ear = |k: &usize| {
             let [a, b, c] = of(*k);
-            turn([a, b, c]) > 0.0
+            turn(flat, [a, b, c]) > 0.0
                 && ring.iter().filter(|it| ![a, b, c].contains(*it)).all(|other| {
                     let point = flat[*other];
                     let inside = [(a, b), (b, c), (c, a)].iter().all(|(from, to)| {
@@ -89,7 +170,7 @@ mod tests {
         ]);
         for start in 0..comb.len() {
             let turned: Vec<DVec3> = comb[start..].iter().chain(&comb[..start]).copied().collect();
-            let cut = triangles(&turned);
+            let cut = triangles(&turned).unwrap();
             assert_eq!(cut.len(), comb.len() - 2);
             let (signed, whole) = area(&turned, &cut);
             assert!((signed - 11.0).abs() < 1e-12 && (whole - 11.0).abs() < 1e-12, "{cut:?}");
@@ -102,7 +183,75 @@ mod tests {
         let line = flat(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (1.0, 0.0)]);
         let nan = vec![DVec3::NAN; 5];
         for polygon in [bow, line, nan] {
-            assert_eq!(triangles(&polygon).len(), polygon.len() - 2);
+            assert_eq!(triangles(&polygon).unwrap().len(), polygon.len() - 2);
         }
+    }
+
+    #[test]
+    fn corners_on_straight_edges_are_kept() {
+        // A square with corners on its edges, exactly and but for rounding, and a notch.
+        for tilt in [0.0, 0.1] {
+            let mut points = Vec::new();
+            for (from, to) in [
+                ((0.0, 0.0), (9.0, 0.0)),
+                ((9.0, 0.0), (9.0, 9.0)),
+                ((9.0, 9.0), (5.0, 1.0)),
+                ((5.0, 1.0), (0.0, 9.0)),
+                ((0.0, 9.0), (0.0, 0.0)),
+            ] {
+                for k in 0..40 {
+                    let t = f64::from(k) / 40.0;
+                    let (x, y) = (from.0 + (to.0 - from.0) * t, from.1 + (to.1 - from.1) * t);
+                    points.push((
+                        x * f64::cos(tilt) - y * f64::sin(tilt),
+                        x * f64::sin(tilt) + y * f64::cos(tilt),
+                    ));
+                }
+            }
+            let corners = flat(&points);
+            let cut = triangles(&corners).unwrap();
+            assert_eq!(cut.len(), corners.len() - 2);
+            let (signed, whole) = area(&corners, &cut);
+            assert!((signed - whole).abs() < 1e-9, "{signed} {whole}");
+            // Every edge of the polygon bounds one triangle, once.
+            let mut edges: Vec<[usize; 2]> =
+                cut.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]).collect();
+            edges.sort_unstable();
+            for k in 0..corners.len() {
+                assert!(edges.binary_search(&[k, (k + 1) % corners.len()]).is_ok(), "{k}");
+            }
+        }
+    }
+
+    #[test]
+    fn many_corners_of_a_wave_and_a_spiral_are_cut_without_turning_over() {
+        let wave: Vec<(f64, f64)> = (0..65_000)
+            .map(|k| {
+                let angle = std::f64::consts::TAU * f64::from(k) / 65_000.0;
+                let radius = 1.0 + 0.3 * f64::cos(40.0 * angle);
+                (radius * angle.cos(), radius * angle.sin())
+            })
+            .collect();
+        let arm = |radius: f64, k: i32| {
+            let angle = f64::from(k) * 0.02;
+            ((radius + 0.1 * angle) * angle.cos(), (radius + 0.1 * angle) * angle.sin())
+        };
+        let spiral: Vec<(f64, f64)> =
+            (0..2000).map(|k| arm(1.3, k)).chain((0..2000).rev().map(|k| arm(1.0, k))).collect();
+        for points in [wave, spiral] {
+            let corners = flat(&points);
+            let cut = triangles(&corners).unwrap();
+            assert_eq!(cut.len(), corners.len() - 2);
+            let (signed, whole) = area(&corners, &cut);
+            assert!(signed > 0.0 && whole - signed < 1e-9 * whole, "{signed} {whole}");
+        }
+    }
+
+    #[test]
+    fn large_polygon_that_crosses_itself_is_refused() {
+        let star: Vec<(f64, f64)> = (0..2001)
+            .map(|k| (std::f64::consts::TAU * f64::from(k * 700 % 2001) / 2001.0).sin_cos())
+            .collect();
+        assert!(triangles(&flat(&star)).unwrap_err().contains("2001 corners"));
     }
 }

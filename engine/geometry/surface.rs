@@ -1,8 +1,7 @@
 //! A triangle surface before it is part of a sample, and what can be wrong with it.
 
-use std::collections::HashMap;
-
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// What is wrong with a surface, and where.
 #[derive(Debug)]
@@ -74,21 +73,41 @@ impl Surface {
     /// Merges vertices that are equal in f32, the precision of STL files and of the device;
     /// drops the triangles that this makes degenerate, and unused vertices.
     pub(super) fn weld(&mut self) -> Welded {
-        let mut welded: HashMap<[u32; 3], u32> = HashMap::with_capacity(self.triangles.len() / 2);
+        // Corners that are equal stand together, the first of each first.
+        let mut sorted: Vec<u128> = self
+            .triangles
+            .as_flattened()
+            .par_iter()
+            .zip(0..u32::MAX)
+            .map(|(vertex, corner)| {
+                let [x, y, z] = self.vertices[*vertex as usize].as_vec3().to_array().map(bits);
+                u128::from(x) << 96 | u128::from(y) << 64 | u128::from(z) << 32 | u128::from(corner)
+            })
+            .collect();
+        sorted.par_sort_unstable();
+        // Of each corner the first that is equal, then its vertex.
+        let mut vertex_of = vec![0_u32; sorted.len()];
+        for equal in sorted.chunk_by(|a, b| a >> 32 == b >> 32) {
+            #[allow(clippy::cast_possible_truncation, reason = "the corner is the lowest 32 bits")]
+            let corner = |it: u128| it as u32;
+            equal.iter().for_each(|it| vertex_of[corner(*it) as usize] = corner(equal[0]));
+        }
+        drop(sorted);
         let mut vertices = Vec::with_capacity(self.triangles.len() / 2 + 2);
+        for (corner, vertex) in self.triangles.as_flattened().iter().enumerate() {
+            let first = vertex_of[corner] as usize;
+            vertex_of[corner] = if first == corner {
+                vertices.push(self.vertices[*vertex as usize]);
+                u32::try_from(vertices.len() - 1).unwrap_or(u32::MAX)
+            } else {
+                vertex_of[first]
+            };
+        }
         let mut triangles = Vec::with_capacity(self.triangles.len());
         let mut numbers = Vec::with_capacity(self.triangles.len());
         let mut dropped = Vec::new();
-        for (triangle, index) in self.triangles.iter().zip(0..) {
-            let corners = triangle.map(|corner| {
-                let position = self.vertices[corner as usize];
-                // + 0.0 makes the negative zero positive.
-                let key = position.as_vec3().to_array().map(|x| (x + 0.0).to_bits());
-                *welded.entry(key).or_insert_with(|| {
-                    vertices.push(position);
-                    u32::try_from(vertices.len() - 1).unwrap_or(u32::MAX)
-                })
-            });
+        for (corners, index) in vertex_of.as_chunks::<3>().0.iter().zip(0..) {
+            let corners = *corners;
             let [a, b, c] = corners;
             if a != b && b != c && c != a {
                 triangles.push(corners);
@@ -138,6 +157,11 @@ impl Surface {
     pub(super) fn bounds(&self) -> [DVec3; 2] {
         bounds_of(self.vertices.iter().copied())
     }
+}
+
+/// Equal for equal numbers: -0 is 0.
+fn bits(x: f32) -> u32 {
+    (x + 0.0).to_bits()
 }
 
 /// Bounding box of points; empty (min above max) for none.

@@ -24,15 +24,18 @@ impl Edge {
 
 /// All edges of all triangles; those between the same vertices stand together.
 pub(super) fn edges(surface: &Surface) -> Vec<Edge> {
-    let mut edges: Vec<Edge> = (0_u32..)
-        .zip(&surface.triangles)
-        .flat_map(|(triangle, [a, b, c])| {
+    let each: Vec<[Edge; 3]> = surface
+        .triangles
+        .par_iter()
+        .zip(0_u32..u32::try_from(surface.triangles.len()).unwrap_or(u32::MAX))
+        .map(|([a, b, c], triangle)| {
             [(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| {
                 let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));
                 Edge { key, triangle, upwards: from < to }
             })
         })
         .collect();
+    let mut edges = each.into_flattened();
     edges.par_sort_unstable();
     edges
 }

@@ -2,73 +2,130 @@
 
 use std::collections::HashMap;
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Found;
 use super::overlap::{Contact, contact};
-use super::triangles::width;
-use crate::geometry::search::Search;
-use crate::geometry::surface::{Surface, bounds_of};
+use crate::geometry::surface::Surface;
+use crate::geometry::tree::Tree;
 
-/// Triangles tried between two looks at the count: a soup of triangles would take for ever.
+/// Leaves tried between two looks at the count: a soup of triangles would take for ever.
 const CHUNK: usize = 1024;
 /// Pairs after which counting ends.
 const ENOUGH: usize = 100_000;
-/// Pairs of one triangle after which it is left alone.
+/// Pairs of one leaf after which it is left alone.
 const ENOUGH_OF_ONE: usize = 1000;
 
-/// A pair of triangles and how they meet.
+/// A pair of triangles, in their order, and how they meet.
 type Met = (u32, u32, Contact);
 
 /// Pairs that pass through, or lie on, each other deeper than `resolved`.
-pub(super) fn find(surface: &Surface, resolved: f64) -> Found {
-    let search = Search::new(surface);
-    let all: Vec<u32> = (0..).take(surface.triangles.len()).collect();
+pub(super) fn find(surface: &Surface, tree: &Tree, resolved: f64) -> Found {
+    let mut met: Vec<Met> = Vec::new();
+    let mut passed = 0;
+    for chunk in tree.leaves().chunks(CHUNK) {
+        let partners = |leaf: &u32| partners(surface, tree, *leaf, resolved);
+        let chunk: Vec<Met> = chunk.par_iter().flat_map_iter(partners).collect();
+        passed += chunk.iter().filter(|it| matches!(it.2, Contact::Crossing(_))).count();
+        met.extend(chunk);
+        // Some pairs are found twice.
+        if passed >= 2 * ENOUGH {
+            break;
+        }
+    }
+    met.sort_by_key(|(first, second, _)| (*first, *second));
+    met.dedup_by_key(|(first, second, _)| (*first, *second));
     let mut found = Found::default();
     let mut grazes = HashMap::new();
-    for chunk in all.chunks(CHUNK) {
-        let met: Vec<Vec<Met>> =
-            chunk.par_iter().map(|first| partners(surface, &search, *first, resolved)).collect();
-        for (first, second, contact) in met.into_iter().flatten() {
-            let place = match contact {
-                Contact::Crossing(place) => Some(place),
-                Contact::Graze { edge, through, side, place } => {
-                    // Alone it is a touch; with the triangle beyond the edge, a crossing.
-                    let sides = grazes.entry((edge, through)).or_insert([false; 2]);
-                    sides[usize::from(side)] = true;
-                    (*sides == [true; 2]).then_some(place)
-                }
-            };
-            if let Some(place) = place {
-                found.add(&[first, second].map(|it| surface.number(it)), || Some(place));
+    for (first, second, contact) in met {
+        let place = match contact {
+            Contact::Crossing(place) => Some(place),
+            Contact::Graze { edge, through, side, place } => {
+                // Alone it is a touch; with the triangle beyond the edge, a crossing.
+                let sides = grazes.entry((edge, through)).or_insert([false; 2]);
+                sides[usize::from(side)] = true;
+                (*sides == [true; 2]).then_some(place)
             }
-        }
-        if found.count >= ENOUGH {
-            break;
+        };
+        if let Some(place) = place {
+            found.add(&[first, second].map(|it| surface.number(it)), || Some(place));
         }
     }
     found
 }
 
-/// The later triangles that `first` meets, in their order.
-fn partners(surface: &Surface, search: &Search<'_>, first: u32, resolved: f64) -> Vec<Met> {
-    let corners = surface.corners(first as usize);
+/// Pairs of triangles of a leaf and others, in their order.
+fn partners(surface: &Surface, tree: &Tree, leaf: u32, resolved: f64) -> Vec<Met> {
     let mut met = Vec::new();
-    // A sliver is a line to the device; whatever crosses it crosses its neighbours as well.
-    if width(corners) <= resolved {
-        return met;
-    }
-    let bounds: [DVec3; 2] = bounds_of(corners.into_iter());
-    search.near(bounds, resolved, |second| {
-        let second = u32::try_from(second).unwrap_or(u32::MAX);
-        if second > first
-            && let Some(contact) = contact(surface, first, second, resolved)
-        {
+    tree.pairs(surface, leaf, 2.0 * resolved, |one, other| {
+        let (first, second) = (one.min(other), one.max(other));
+        if let Some(contact) = contact(surface, first, second, resolved) {
             met.push((first, second, contact));
         }
         met.len() < ENOUGH_OF_ONE
     });
-    met.sort_by_key(|(_, second, _)| *second);
     met
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::tree::Tree;
+    use glam::{DMat3, DVec3};
+
+    /// Triangles from one vertex to points around it; `mixed` of them change their places.
+    fn fan(count: u32, mixed: usize, tilt: f64) -> Surface {
+        let turn = DMat3::from_rotation_y(tilt) * DMat3::from_rotation_x(0.7 * tilt);
+        let mut vertices = vec![DVec3::ZERO];
+        for k in 0..count {
+            let (sine, cosine) = (3.0 * f64::from(k) / f64::from(count)).sin_cos();
+            // Not all in one plane, so that some pass through and some lie on one another.
+            let height = if k % 5 == 0 { 0.01 } else { 0.0 };
+            vertices.push(turn * DVec3::new(cosine, sine, height));
+        }
+        for k in 0..mixed {
+            let length = vertices.len() - 1;
+            vertices.swap(1 + 37 * k % length, 1 + 101 * (k + 1) % length);
+        }
+        Surface::new(vertices, (1..count).map(|k| [0, k, k + 1]).collect())
+    }
+
+    #[test]
+    fn pairs_of_a_fan_are_those_that_all_pairs_give() {
+        for (mixed, tilt) in [(0, 0.0), (0, 0.5), (3, 0.5), (20, 0.0), (40, 1.1)] {
+            // A second sheet stands across the fan and has no vertex in common with it.
+            let mut surface = fan(300, mixed, tilt);
+            let first = u32::try_from(surface.vertices.len()).unwrap();
+            let corners = [[0.2, 0.1, -1.0], [0.3, 0.4, -1.0], [0.25, 0.2, 1.0]];
+            surface.vertices.extend(corners.map(DVec3::from_array));
+            surface.triangles.push([first, first + 1, first + 2]);
+            let resolved = 1e-9;
+            let found = find(&surface, &Tree::of_triangles(&surface), resolved);
+            let count = u32::try_from(surface.triangles.len()).unwrap();
+            let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
+            let met = |&(a, b): &(u32, u32)| {
+                matches!(contact(&surface, a, b, resolved), Some(Contact::Crossing(_)))
+            };
+            let want: Vec<_> = all.filter(met).take(100_000).collect();
+            assert_eq!(found.count, want.len(), "{mixed} {tilt}");
+            assert!(want.len() > mixed * mixed / 20, "{mixed} {tilt}: {}", want.len());
+            for (spot, (a, b)) in found.places.iter().zip(&want) {
+                assert_eq!(spot.triangles, [a + 1, b + 1]);
+            }
+        }
+    }
+
+    #[test]
+    fn pairs_that_are_looked_at_grow_with_the_triangles_of_a_fan() {
+        let surface = fan(20_000, 0, 0.5);
+        let tree = Tree::of_triangles(&surface);
+        let mut looked_at = 0;
+        for leaf in tree.leaves() {
+            tree.pairs(&surface, leaf, 1e-9, |_, _| {
+                looked_at += 1;
+                true
+            });
+        }
+        assert!(looked_at < 40 * 20_000, "{looked_at}");
+    }
 }

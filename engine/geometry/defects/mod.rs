@@ -14,6 +14,7 @@ mod words;
 use glam::DVec3;
 use serde::Serialize;
 
+use super::search::Search;
 use super::surface::{Surface, Welded};
 use super::topology::Edge;
 
@@ -84,26 +85,28 @@ impl Defects {
 }
 
 /// Examines a welded surface in the world. `resolved` is the length that f32 resolves of it, m;
-/// `crossings`: whether to look for triangles that pass through each other.
+/// with `search` also for triangles that pass through each other.
 pub(super) fn find(
     surface: &Surface,
     edges: &[Edge],
     welded: &Welded,
     resolved: f64,
-    crossings: bool,
+    search: Option<&Search>,
 ) -> Defects {
+    let ((non_manifold_vertices, duplicate_triangles), self_intersections) = rayon::join(
+        || rayon::join(|| vertices::pinched(surface, edges), || triangles::duplicate(surface)),
+        || search.map(|search| crossings::find(surface, &search.tree, resolved)),
+    );
     let mut defects = Defects {
-        non_manifold_vertices: vertices::pinched(surface, edges),
+        non_manifold_vertices,
+        duplicate_triangles,
+        self_intersections: self_intersections.unwrap_or_default(),
         degenerate_triangles: triangles::degenerate(surface, welded, resolved),
-        duplicate_triangles: triangles::duplicate(surface),
         ..Defects::default()
     };
     edges::sort(surface, edges, &mut defects);
     for number in &surface.not_finite {
         defects.not_finite.add(&[*number], || None);
-    }
-    if crossings {
-        defects.self_intersections = crossings::find(surface, resolved);
     }
     defects
 }

@@ -26,7 +26,8 @@ pub(super) enum Contact {
     },
 }
 
-/// A triangle with its unit normal, and the heights of its corners above the other's plane.
+/// A triangle with its normal, of unit length where planes meet, and the heights of its corners
+/// above the other's plane.
 struct Side {
     number: u32,
     vertices: [u32; 3],
@@ -38,15 +39,18 @@ struct Side {
 impl Side {
     fn new(surface: &Surface, number: u32) -> Self {
         let corners @ [a, b, c] = surface.corners(number as usize);
-        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let normal = (b - a).cross(c - a);
         let vertices = surface.triangles[number as usize];
         Self { number, vertices, corners, normal, heights: [0.0; 3] }
     }
 
     /// Measures the corners above the plane of `other`.
     fn measure(&mut self, other: &Self, resolved: f64) {
+        // Triangles without area have no plane: all heights are 0.
+        let per_metre = other.normal.length_recip();
+        let per_metre = if per_metre.is_finite() { per_metre } else { 0.0 };
         for (k, vertex) in self.vertices.iter().enumerate() {
-            let height = other.normal.dot(self.corners[k] - other.corners[0]);
+            let height = other.normal.dot(self.corners[k] - other.corners[0]) * per_metre;
             let shared = other.vertices.contains(vertex);
             self.heights[k] = if shared || height.abs() <= resolved { 0.0 } else { height };
         }
@@ -114,8 +118,12 @@ pub(super) fn contact(surface: &Surface, a: u32, b: u32, resolved: f64) -> Optio
         return None;
     }
     a.measure(&b, resolved);
-    if a.one_sided() || width(b.corners) <= resolved {
+    // A sliver is a line to the device; whatever crosses it crosses its neighbours as well.
+    if a.one_sided() || width(a.corners) <= resolved || width(b.corners) <= resolved {
         return None;
+    }
+    for side in [&mut a, &mut b] {
+        side.normal = side.normal.normalize_or_zero();
     }
     if a.level() || b.level() {
         let plane = if a.level() { b.normal } else { a.normal };

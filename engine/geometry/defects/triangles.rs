@@ -8,15 +8,15 @@ use crate::geometry::surface::{Surface, Welded, bounds_of};
 /// Triangles that welding left out, and those that are no wider than `resolved`.
 pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> Found {
     let thin = |triangle: &u32| width(surface.corners(*triangle as usize)) <= resolved;
-    let mut all: Vec<_> = (0..)
-        .take(surface.triangles.len())
+    let mut all: Vec<_> = (0..u32::try_from(surface.triangles.len()).unwrap_or(u32::MAX))
+        .into_par_iter()
         .filter(thin)
         .map(|triangle| {
             let [low, high] = bounds_of(surface.corners(triangle as usize).into_iter());
             (surface.number(triangle), low.midpoint(high))
         })
-        .chain(welded.dropped.iter().copied())
         .collect();
+    all.extend(&welded.dropped);
     all.sort_by_key(|(number, _)| *number);
     let mut found = Found::default();
     for (number, place) in all {
@@ -35,8 +35,8 @@ pub(super) fn width([a, b, c]: [glam::DVec3; 3]) -> f64 {
 pub(super) fn duplicate(surface: &Surface) -> Found {
     let mut sorted: Vec<([u32; 3], u32)> = surface
         .triangles
-        .iter()
-        .zip(0..)
+        .par_iter()
+        .zip(0..u32::try_from(surface.triangles.len()).unwrap_or(u32::MAX))
         .map(|(corners, triangle)| {
             let mut corners = *corners;
             corners.sort_unstable();

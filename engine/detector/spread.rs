@@ -1,0 +1,290 @@
+//! Light summed over the window of each pixel: directly, or by Fourier transforms along the rows
+//! where windows are wide.
+
+use ndarray::{Array2, Array3, ArrayView3};
+use rayon::prelude::*;
+use rustfft::num_complex::Complex;
+use rustfft::{Fft, FftPlannerScalar};
+use std::fmt;
+use std::sync::Arc;
+
+/// Windows from so many pixels on are summed by Fourier transforms along x.
+const WIDE: usize = 24;
+/// Bytes that the transforms of the weights may take; beyond them windows are summed directly.
+const WEIGHTS: usize = 256 << 20;
+/// Bytes of the transforms of light that are held at a time.
+const LIGHT: usize = 32 << 20;
+
+/// Weights of the light around a pixel.
+#[derive(Debug, Clone)]
+pub(super) struct Window {
+    /// `[sub-row][sub-column]`.
+    weights: Array2<f64>,
+    /// Parts of a pixel along x and z.
+    parts: [usize; 2],
+    transformed: Option<Transformed>,
+}
+
+impl Window {
+    /// Weights `[sub-row][sub-column]` that serve rows of so many pixels.
+    pub(super) fn new(weights: Array2<f64>, parts: [usize; 2], columns: usize) -> Self {
+        let wide = weights.ncols() / parts[0] >= WIDE && weights.nrows() > parts[1];
+        let transformed = if wide { Transformed::of(&weights, parts[0], columns) } else { None };
+        Self { weights, parts, transformed }
+    }
+
+    /// Pixels of the detector in a row of the grid.
+    pub(super) fn columns(&self, of_grid: usize) -> usize {
+        (of_grid + self.parts[0] - self.weights.ncols()) / self.parts[0]
+    }
+
+    /// Sums the weights over the window of each pixel, which moves by the parts of a pixel from
+    /// pixel to pixel; in f64. The bits of a row depend on the light in its window alone.
+    pub(super) fn gather(
+        &self,
+        lit: ArrayView3<'_, f32>,
+        [rows, columns]: [usize; 2],
+    ) -> Array3<f32> {
+        match &self.transformed {
+            Some(transformed) => transformed.gather(lit, self.parts, [rows, columns]),
+            None => direct(lit, &self.weights, self.parts, [rows, columns]),
+        }
+    }
+}
+
+fn direct(
+    lit: ArrayView3<'_, f32>,
+    weights: &Array2<f64>,
+    parts: [usize; 2],
+    [rows, columns]: [usize; 2],
+) -> Array3<f32> {
+    let (steps, lit_rows, lit_columns) = lit.dim();
+    let mut out = Array3::zeros((steps, rows, columns));
+    let lit = lit.as_standard_layout();
+    let light = lit.as_slice().unwrap_or_default();
+    let Some(values) = out.as_slice_mut() else { return out };
+    values.par_chunks_mut(columns).enumerate().for_each(|(index, line)| {
+        let (step, row) = (index / rows, index % rows);
+        let mut sums = vec![0.0_f64; columns];
+        for (j, weights) in weights.outer_iter().enumerate() {
+            let start = (step * lit_rows + row * parts[1] + j) * lit_columns;
+            let light = &light[start..start + lit_columns];
+            for (i, weight) in weights.iter().enumerate() {
+                for (sum, light) in sums.iter_mut().zip(light[i..].iter().step_by(parts[0])) {
+                    *sum += weight * f64::from(*light);
+                }
+            }
+        }
+        store(line, &sums);
+    });
+    out
+}
+
+#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+fn store(line: &mut [f32], sums: &[f64]) {
+    line.iter_mut().zip(sums).for_each(|(value, sum)| *value = *sum as f32);
+}
+
+/// Real and imaginary parts of half a spectrum; the other half mirrors it.
+type Half = [Vec<f64>; 2];
+
+/// Rows of weights as spectra. Every row of light is transformed by itself and rows are summed in
+/// their order, so that no bit depends on what else a band holds; along x by overlap-save, in
+/// blocks from column 0 on.
+#[derive(Clone)]
+struct Transformed {
+    /// Points of a transform.
+    length: usize,
+    /// Pixels that one transform gives.
+    block: usize,
+    /// `[sub-row][sub-column of a pixel]`.
+    weights: Vec<Half>,
+    forward: Arc<dyn Fft<f64>>,
+    inverse: Arc<dyn Fft<f64>>,
+}
+
+impl fmt::Debug for Transformed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Transformed").field("length", &self.length).finish_non_exhaustive()
+    }
+}
+
+impl Transformed {
+    /// `None` where they would take too much memory.
+    fn of(weights: &Array2<f64>, parts: usize, columns: usize) -> Option<Self> {
+        let taps = weights.ncols() / parts;
+        // The length that takes the fewest points for a whole row.
+        let most = (columns + taps).next_power_of_two();
+        let points = |length: usize| columns.div_ceil(length + 1 - taps) * length;
+        let length = (0..usize::BITS)
+            .map(|k| (2 * taps).next_power_of_two() << k)
+            .take_while(|length| *length <= most)
+            .min_by_key(|length| points(*length))
+            .unwrap_or(most);
+        let half_bytes = (length / 2 + 1) * size_of::<Complex<f64>>();
+        if weights.nrows() * parts * half_bytes > WEIGHTS {
+            return None;
+        }
+        let mut planner = FftPlannerScalar::new();
+        let (forward, inverse) =
+            (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+        let scale = (length as f64).recip();
+        let spectra = weights
+            .outer_iter()
+            .flat_map(|row| {
+                let row = row.to_vec();
+                (0..parts).map(move |part| {
+                    row[part..].iter().step_by(parts).map(|it| it * scale).collect::<Vec<f64>>()
+                })
+            })
+            .map(|row| half(&*forward, row.into_iter()))
+            .collect();
+        Some(Self { length, block: length + 1 - taps, weights: spectra, forward, inverse })
+    }
+
+    fn gather(
+        &self,
+        lit: ArrayView3<'_, f32>,
+        [across, down]: [usize; 2],
+        [rows, columns]: [usize; 2],
+    ) -> Array3<f32> {
+        let (steps, lit_rows, lit_columns) = lit.dim();
+        let mut out = Array3::zeros((steps, rows, columns));
+        let lit = lit.as_standard_layout();
+        let light = lit.as_slice().unwrap_or_default();
+        let Some(values) = out.as_slice_mut() else { return out };
+        let window = self.weights.len() / across;
+        let row_bytes = across * (self.length / 2 + 1) * size_of::<Complex<f64>>();
+        let group = ((LIGHT / row_bytes).saturating_sub(window) / down).max(1);
+        for (step, frame) in values.chunks_mut((rows * columns).max(1)).enumerate() {
+            for first in (0..columns).step_by(self.block) {
+                for (start, lines) in
+                    (0..rows).step_by(group).zip(frame.chunks_mut(group * columns))
+                {
+                    let count = (lines.len() / columns - 1) * down + window;
+                    let spectra: Vec<Half> = (0..count * across)
+                        .into_par_iter()
+                        .map(|index| {
+                            let row = step * lit_rows + start * down + index / across;
+                            let part = first * across + index % across;
+                            let row = &light[row * lit_columns..][..lit_columns];
+                            let light = row[part.min(row.len())..].iter().step_by(across);
+                            half(&*self.forward, light.map(|it| f64::from(*it)))
+                        })
+                        .collect();
+                    lines.par_chunks_mut(columns).enumerate().for_each(|(row, line)| {
+                        let light = &spectra[row * down * across..];
+                        let last = columns.min(first + self.block);
+                        store(&mut line[first..last], &self.sums(light));
+                    });
+                }
+            }
+        }
+        out
+    }
+
+    /// Sums of one row, from the spectra of the light in its window.
+    fn sums(&self, light: &[Half]) -> Vec<f64> {
+        let half = self.length / 2 + 1;
+        let mut sum = [vec![0.0; half], vec![0.0; half]];
+        for ([weight, weight_i], [light, light_i]) in self.weights.iter().zip(light) {
+            let [sum, sum_i] = &mut sum;
+            for k in 0..half {
+                // The weight conjugated: a correlation.
+                sum[k] += weight[k] * light[k] + weight_i[k] * light_i[k];
+                sum_i[k] += weight[k] * light_i[k] - weight_i[k] * light[k];
+            }
+        }
+        let [real, imaginary] = sum;
+        let at = |k: usize| Complex::new(real[k], imaginary[k]);
+        let mut values: Vec<Complex<f64>> = (0..self.length)
+            .map(|k| if k < half { at(k) } else { at(self.length - k).conj() })
+            .collect();
+        self.inverse.process(&mut values);
+        // No light is less than none; rounding may say so.
+        values.iter().map(|value| value.re.max(0.0)).collect()
+    }
+}
+
+/// Half the spectrum of real numbers, with zeros behind them, or of as many as it takes.
+fn half(forward: &dyn Fft<f64>, numbers: impl Iterator<Item = f64>) -> Half {
+    let mut values: Vec<Complex<f64>> =
+        numbers.take(forward.len()).map(|it| Complex::new(it, 0.0)).collect();
+    values.resize(forward.len(), Complex::new(0.0, 0.0));
+    forward.process(&mut values);
+    let half = &values[..forward.len() / 2 + 1];
+    [half.iter().map(|it| it.re).collect(), half.iter().map(|it| it.im).collect()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers without pattern in 0..1.
+    fn mixed(index: usize) -> f64 {
+        let bits = (index as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        (bits ^ bits >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) as f64 / u64::MAX as f64
+    }
+
+    fn case(parts: [usize; 2], taps: [usize; 2], size: [usize; 2]) -> (Array2<f64>, Array3<f32>) {
+        let [columns, rows] = [0, 1].map(|axis| taps[axis] * parts[axis]);
+        let mut weights = Array2::from_shape_fn((rows, columns), |(j, i)| mixed(j * columns + i));
+        weights /= weights.sum();
+        let [width, height] = [0, 1].map(|axis| (size[axis] + taps[axis] - 1) * parts[axis]);
+        let lit = Array3::from_shape_fn((2, height, width), |(step, row, column)| {
+            let light = mixed((step * height + row) * width + column + 77);
+            // Sharp edges, and darkness.
+            if light < 0.3 { 0.0 } else { light as f32 }
+        });
+        (weights, lit)
+    }
+
+    #[test]
+    fn wide_windows_give_the_direct_sums() {
+        for (parts, taps, size) in [
+            ([1, 1], [24, 2], [300, 5]),
+            ([1, 1], [61, 61], [50, 40]),
+            ([3, 2], [25, 7], [90, 11]),
+            ([2, 1], [301, 3], [700, 4]),
+        ] {
+            let (weights, lit) = case(parts, taps, size);
+            let window = Window::new(weights.clone(), parts, size[0]);
+            assert!(window.transformed.is_some());
+            assert_eq!(window.columns(lit.dim().2), size[0]);
+            let got = window.gather(lit.view(), [size[1], size[0]]);
+            for ((step, row, column), got) in got.indexed_iter() {
+                let want: f64 = weights
+                    .indexed_iter()
+                    .map(|((j, i), weight)| {
+                        let place = [step, row * parts[1] + j, column * parts[0] + i];
+                        weight * f64::from(lit[place])
+                    })
+                    .sum();
+                // Rounding to f32 alone: half a bit.
+                assert!((f64::from(*got) - want).abs() < 6.1e-8 * want + 1e-14, "{got} {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn rows_have_the_same_bits_alone_and_in_bands() {
+        let (parts, taps, size) = ([2, 3], [30, 5], [100, 13]);
+        let (weights, lit) = case(parts, taps, size);
+        let window = Window::new(weights, parts, size[0]);
+        let all = window.gather(lit.view(), [size[1], size[0]]);
+        for (start, count) in [(0, 1), (3, 4), (7, 6), (12, 1)] {
+            let rows = start * parts[1]..(start + count + taps[1] - 1) * parts[1];
+            let band = lit.slice(ndarray::s![1.., rows, ..]);
+            let some = window.gather(band, [count, size[0]]);
+            assert_eq!(some, all.slice(ndarray::s![1.., start..start + count, ..]));
+        }
+    }
+
+    #[test]
+    fn narrow_windows_are_summed_directly() {
+        let narrow = |taps| Window::new(case([2, 1], taps, [50, 5]).0, [2, 1], 50);
+        assert!(narrow([23, 23]).transformed.is_none());
+        assert!(narrow([40, 1]).transformed.is_none());
+        assert!(narrow([24, 23]).transformed.is_some());
+    }
+}
