@@ -26,6 +26,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let mut sink = directory(arguments, &scene)?;
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
+        && sink.problems().is_empty()
         && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
         writeln!(out, "{} is complete already", sink.path().display())?;
@@ -71,6 +72,10 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
     let format = arguments.format.map(Format::from);
     let sink = if arguments.resume {
         let sink = RunDirectory::resume(&arguments.output, scene)?;
+        // Also under --quiet: data was lost.
+        for problem in sink.problems() {
+            let _ = writeln!(std::io::stderr(), "warning: {problem}");
+        }
         if let Some(format) = format.filter(|format| *format != sink.format()) {
             return Err(Failure::Usage(format!(
                 "the run was begun with --format {}; it cannot go on with --format {format}",

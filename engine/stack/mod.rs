@@ -14,6 +14,7 @@ mod read;
 mod run_directory;
 mod run_file;
 mod scene_file;
+mod verify;
 
 pub use array::ArraySink;
 pub use callback::CallbackSink;
@@ -204,6 +205,11 @@ impl Extent {
             Some(_) => 2 * self.total_bytes() + self.view_bytes(),
             None => self.total_bytes(),
         }
+    }
+
+    /// Whether a view lies within.
+    fn has(&self, view: View) -> bool {
+        !matches!(view, View::Sample(index) if index >= self.views)
     }
 
     /// Every view with light: the flat, then the angles in order.

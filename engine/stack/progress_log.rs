@@ -117,7 +117,7 @@ fn parse(line: &str) -> Option<(View, Entry, bool)> {
 }
 
 /// The view's name in the log.
-fn name(view: View) -> String {
+pub(super) fn name(view: View) -> String {
     match view {
         View::Flat => "flat".into(),
         View::Dark => "dark".into(),

@@ -8,7 +8,7 @@ use super::exr_frames::{self, ExrFrames, PARTIAL, Values};
 use super::npy::{self, NpyFrames};
 use super::progress_log::{self, Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
-use super::{Extent, RunStart, Sink, View, scene_file};
+use super::{Extent, RunStart, Sink, View, scene_file, verify};
 use crate::scene::Scene;
 use crate::{Error, Result, RunRecord};
 use ndarray::ArrayView3;
@@ -22,7 +22,7 @@ pub(super) const SCENE: &str = "scene.toml";
 pub(super) const RUN: &str = "run.json";
 pub(super) const LOG: &str = "progress.log";
 /// Directory of the stacks of detector numbers.
-const COUNTS: &str = "counts";
+pub(super) const COUNTS: &str = "counts";
 
 /// File format of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -62,6 +62,8 @@ pub struct RunDirectory {
 struct Resumed {
     file: RunFile,
     committed: Vec<View>,
+    /// What is not as it was committed.
+    problems: Vec<String>,
 }
 
 /// State between `begin` and `finish`.
@@ -158,27 +160,16 @@ impl RunDirectory {
         let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
         refuse_other_scene(&path, &differences)?;
         let extent = Extent::of(scene)?;
-        let mut committed = Vec::new();
-        for (view, entry) in progress_log::read(&path.join(LOG))? {
-            let checksum = |root: &Path| match file.format {
-                Format::Exr => exr_frames::checksum(root, extent, view),
-                Format::Npy => npy::checksum(root, extent, view),
-            };
-            let same = checksum(&path).and_then(|found| {
-                let counts = entry.counts.as_ref().map(|_| checksum(&path.join(COUNTS)));
-                Ok(found == entry.sha256 && counts.transpose()? == entry.counts)
-            });
-            match same {
-                Ok(true) => committed.push(view),
-                Ok(_) => log::warn!(
-                    "{}: {view:?} is not what was committed; it is simulated again",
-                    path.display()
-                ),
-                Err(error) => log::warn!("{error}; {view:?} is simulated again"),
-            }
-        }
+        let entries = progress_log::read(&path.join(LOG))?;
+        let counts = scene.detector.counts.is_some();
+        let found = verify::frames(&path, file.format, extent, counts, &entries);
+        let problems = found.problems.into_iter().map(|(view, problem)| match view {
+            Some(_) => format!("{problem}; it is made again"),
+            None => format!("{problem}; it is mended, and what it lost is made again"),
+        });
         let format = file.format;
-        let resumed = Some(Resumed { file, committed });
+        let problems = problems.collect();
+        let resumed = Some(Resumed { file, committed: found.whole, problems });
         Ok(Self {
             path,
             format,
@@ -221,6 +212,13 @@ impl RunDirectory {
     #[must_use]
     pub fn committed(&self) -> &[View] {
         self.resumed.as_ref().map_or(&[], |resumed| &resumed.committed)
+    }
+
+    /// What of the run that is resumed is not as it was committed, one message each: the views
+    /// concerned are not among [`RunDirectory::committed`].
+    #[must_use]
+    pub fn problems(&self) -> &[String] {
+        self.resumed.as_ref().map_or(&[], |resumed| &resumed.problems)
     }
 
     /// run.json of the run that is resumed.
