@@ -130,6 +130,9 @@ pub(crate) struct Simulate {
     /// With --resume: accept another device, driver, backend or version than the run began with
     #[arg(long, requires = "resume")]
     pub(crate) allow_mixed: bool,
+    /// With --resume: go on where the run recorded no hashes of the files that its scene names
+    #[arg(long, requires = "resume")]
+    pub(crate) allow_unhashed: bool,
     /// Replace an earlier run; files that are not of a run stay
     #[arg(long)]
     pub(crate) overwrite: bool,

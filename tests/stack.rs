@@ -42,6 +42,7 @@ fn scene() -> Scene {
         scan: Scan { mask_offsets: vec![-1e-5, 0.0, 1e-5], angles: vec![0.0, 1.0] },
         materials: BTreeMap::new(),
         surroundings: "vacuum".into(),
+        files: BTreeMap::new(),
         objects: vec![Object {
             name: "rod".into(),
             geometry: ShapeOrMesh::Shape(Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: 64 }),

@@ -149,14 +149,19 @@ impl KeptWriter {
             .map_err(|error| Error::output(&path, "cannot be written", Some(error)))?;
         crate::stack::sync_directory(&directory)
     }
+}
 
-    /// Whether the moments of a view stand, whole and of this run.
-    #[must_use]
-    pub fn has(&self, view: u32) -> bool {
-        seal(&self.run)
-            .and_then(|seal| KeptFile::open(&self.run.join(DIRECTORY), view, &seal))
-            .is_ok()
-    }
+/// Checks that the moments of a view stand, whole and of this run.
+///
+/// # Errors
+/// [`Error::Output`].
+pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
+    KeptFile::open(&run.join(DIRECTORY), view, &seal(run)?).map(|_| ())
+}
+
+/// Whether the run has a folder for moments.
+pub(crate) fn is_there(run: &Path) -> bool {
+    run.join(DIRECTORY).is_dir()
 }
 
 impl Drop for KeptWriter {

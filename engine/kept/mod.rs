@@ -49,6 +49,13 @@ impl Kept {
             return Err(Error::output(run, "is not a run directory: it has no scene.toml", None));
         }
         let scene = Scene::load(&scene_path)?;
+        for path in scene.files_without_hash() {
+            log::warn!(
+                "{}: has no hash of {}: whether it is what the run was made with cannot be told",
+                scene_path.display(),
+                path.display()
+            );
+        }
         let directory = run.join(file::DIRECTORY);
         if !directory.is_dir() {
             let problem = "has no moments: simulate with --keep-moments";

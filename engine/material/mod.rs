@@ -170,7 +170,7 @@ impl<'a> Law<'a> {
                 Ok(Self::Formula { formula, density: *density })
             }
             MaterialSpec::Table { path } => {
-                Ok(Self::Table(table::Table::read(&scene.directory.join(path))?))
+                Ok(Self::Table(table::Table::read(&scene.checked(path)?)?))
             }
         }
     }

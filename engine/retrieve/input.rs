@@ -75,13 +75,16 @@ impl Input {
     /// The dark is averaged over its frames and subtracted from both.
     ///
     /// # Errors
-    /// [`Error::Output`] where shapes do not agree, naming both files.
+    /// [`Error::Output`] where shapes do not agree, naming both files; where a file that the scene
+    /// refers to does not have the hash that the scene has of it.
     pub fn measured(
         scene: &Scene,
         flat: StackFile,
         sample: StackFile,
         dark: Option<&StackFile>,
     ) -> Result<Self> {
+        scene.check_files()?;
+        let scene = scene.with_file_hashes()?;
         let [views, _, rows, columns] = flat.shape();
         if views != 1 {
             let problem = format!("has {views} views; a flat has one");
@@ -99,15 +102,7 @@ impl Input {
             }
         }
         let dark = dark.map(mean).transpose()?;
-        Ok(Self {
-            scene: scene.clone(),
-            flat,
-            sample,
-            dark,
-            saturation: None,
-            noise: None,
-            counts: true,
-        })
+        Ok(Self { scene, flat, sample, dark, saturation: None, noise: None, counts: true })
     }
 
     /// Leaves out values from here on, as they are in the files: before the dark is subtracted.

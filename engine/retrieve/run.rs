@@ -120,6 +120,11 @@ fn begun(
         gain: options.gain,
         read_noise: options.read_noise,
         sources: input.sources(),
+        files: scene
+            .files
+            .iter()
+            .map(|(path, hash)| (path.display().to_string(), hash.clone()))
+            .collect(),
         offsets: scene.scan.mask_offsets.clone(),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 mod beam;
 mod derived;
 mod detector;
+mod files;
 mod keys;
 mod limits;
 mod model;

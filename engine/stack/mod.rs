@@ -99,6 +99,14 @@ pub trait Sink {
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()>;
 
+    /// What was counted while the view was made; comes before its `commit`.
+    ///
+    /// # Errors
+    /// Where the counts cannot be kept.
+    fn tally(&mut self, _view: View, _tally: &crate::Tally) -> Result<()> {
+        Ok(())
+    }
+
     /// Every row of the view has been written, its counts too: keep it whole.
     ///
     /// # Errors

@@ -6,9 +6,10 @@
 //! `[step][row][column]`: the same for every file format, and in Python
 //! `hashlib.sha256(sample[v].tobytes()).hexdigest()`. Where there are counts, a line of theirs
 //! (`counts/sample/0`) stands before the line of the view, and the view counts with both.
+//! A fourth word, `tally:` and JSON, has the counts of the view's rays that are not zero.
 
 use super::View;
-use crate::{Error, Result};
+use crate::{Error, Result, Tally};
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Seek, SeekFrom, Write};
@@ -16,6 +17,8 @@ use std::path::{Path, PathBuf};
 
 /// What lines of counts begin with.
 const COUNTS: &str = "counts/";
+/// What the word of a view's tally begins with.
+const TALLY: &str = "tally:";
 
 /// A committed view as the log knows it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,6 +29,8 @@ pub(super) struct Entry {
     pub(super) sha256: String,
     /// SHA-256 of the counts, where the view has them beside its intensities.
     pub(super) counts: Option<String>,
+    /// Counts of its rays; logs of earlier versions have none.
+    pub(super) tally: Option<Tally>,
 }
 
 /// The open log. It is locked while it is open: one writer per run directory.
@@ -66,7 +71,8 @@ impl ProgressLog {
         if let Some(counts) = &entry.counts {
             lines = format!("{COUNTS}{name} {bytes} sha256:{counts}\n");
         }
-        lines.push_str(&format!("{name} {bytes} sha256:{}\n", entry.sha256));
+        let tally = entry.tally.as_ref().map(tally_word).unwrap_or_default();
+        lines.push_str(&format!("{name} {bytes} sha256:{}{tally}\n", entry.sha256));
         self.file
             .write_all(lines.as_bytes())
             .and_then(|()| self.file.sync_data())
@@ -86,8 +92,10 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<View, Entry>> {
     for (index, line) in text.split_inclusive('\n').enumerate() {
         let Some(line) = line.strip_suffix('\n') else { break };
         let (view, mut entry, of_counts) = parse(line).ok_or_else(|| {
-            let problem =
-                format!("line {} is not \"view bytes sha256:checksum\": found {line:?}", index + 1);
+            let problem = format!(
+                "line {} is not \"view bytes sha256:checksum [tally:{{…}}]\": found {line:?}",
+                index + 1
+            );
             Error::output(path, problem, None)
         })?;
         if of_counts {
@@ -112,8 +120,23 @@ fn parse(line: &str) -> Option<(View, Entry, bool)> {
     };
     let bytes = words.next()?.parse().ok()?;
     let sha256 = words.next()?.strip_prefix("sha256:")?.to_owned();
+    let tally = match words.next() {
+        Some(word) => Some(serde_json::from_str(word.strip_prefix(TALLY)?).ok()?),
+        None => None,
+    };
     let whole = sha256.len() == 64 && words.next().is_none();
-    whole.then_some((view, Entry { bytes, sha256, counts: None }, of_counts))
+    whole.then_some((view, Entry { bytes, sha256, counts: None, tally }, of_counts))
+}
+
+/// The counts that are not zero, as the word that ends a line.
+fn tally_word(tally: &Tally) -> String {
+    let counts = serde_json::to_value(tally).unwrap_or_default();
+    let counts = counts.as_object().into_iter().flatten();
+    let told: serde_json::Map<_, _> = counts
+        .filter(|(_, count)| count.as_u64() != Some(0))
+        .map(|(name, count)| (name.clone(), count.clone()))
+        .collect();
+    format!(" {TALLY}{}", serde_json::Value::Object(told))
 }
 
 /// The view's name in the log.
@@ -130,7 +153,7 @@ mod tests {
     use super::*;
 
     fn entry(digit: char) -> Entry {
-        Entry { bytes: 44, sha256: digit.to_string().repeat(64), counts: None }
+        Entry { bytes: 44, sha256: digit.to_string().repeat(64), counts: None, tally: None }
     }
 
     #[test]
@@ -158,9 +181,14 @@ mod tests {
         let mut log = ProgressLog::open(&path).unwrap();
         log.append(View::Flat, &entry('a')).unwrap();
         log.append(View::Sample(12345), &entry('b')).unwrap();
+        let counted = Entry { tally: Some(Tally { rays: 7, ..Tally::default() }), ..entry('d') };
+        log.append(View::Sample(0), &counted).unwrap();
         log.append(View::Flat, &entry('c')).unwrap();
         let read = read(&path).unwrap();
-        assert_eq!(read.len(), 2);
+        assert_eq!(read.len(), 3);
+        assert_eq!(read[&View::Sample(0)], counted);
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.contains(" tally:{\"rays\":7}\n"), "{text}");
         assert_eq!(read[&View::Flat], entry('c'));
         assert_eq!(read[&View::Sample(12345)], entry('b'));
     }

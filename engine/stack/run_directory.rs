@@ -10,7 +10,7 @@ use super::progress_log::{self, Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
 use super::{Extent, RunStart, Sink, View, scene_file, verify};
 use crate::scene::Scene;
-use crate::{Error, Result, RunRecord};
+use crate::{Error, Result, RunRecord, Tally, kept};
 use ndarray::ArrayView3;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
@@ -51,6 +51,8 @@ pub struct RunDirectory {
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
+    allow_unhashed: bool,
+    keep_moments: bool,
     /// `key=value` that the scene was loaded with, for scene.toml.
     overrides: Vec<String>,
     resumed: Option<Resumed>,
@@ -62,8 +64,13 @@ pub struct RunDirectory {
 struct Resumed {
     file: RunFile,
     committed: Vec<View>,
+    /// Views whose frames are whole, even where their moments are not.
+    intact: Vec<View>,
     /// What is not as it was committed.
     problems: Vec<String>,
+    /// Counts of the committed views, and the number of those without.
+    counted: Tally,
+    uncounted: u32,
 }
 
 /// State between `begin` and `finish`.
@@ -74,6 +81,8 @@ struct Open {
     frames: Frames,
     /// Detector numbers, where the scene asks for noise.
     counts: Option<Frames>,
+    /// Counts of the view in work.
+    tally: Option<Tally>,
     /// First row that the view in work still lacks.
     next_row: u32,
     /// The same of its counts.
@@ -143,6 +152,8 @@ impl RunDirectory {
             format,
             overwrite,
             allow_mixed: false,
+            allow_unhashed: false,
+            keep_moments: false,
             overrides: Vec::new(),
             resumed: None,
             open: None,
@@ -157,24 +168,47 @@ impl RunDirectory {
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
         let file = RunFile::read(&path.join(RUN))?;
+        let scene = &scene.with_file_hashes()?;
         let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
-        refuse_other_scene(&path, &differences)?;
+        refuse_other_scene(&path, &differences.found)?;
         let extent = Extent::of(scene)?;
         let entries = progress_log::read(&path.join(LOG))?;
         let counts = scene.detector.counts.is_some();
         let found = verify::frames(&path, file.format, extent, counts, &entries);
-        let problems = found.problems.into_iter().map(|(view, problem)| match view {
-            Some(_) => format!("{problem}; it is made again"),
-            None => format!("{problem}; it is mended, and what it lost is made again"),
-        });
+        let mut problems: Vec<String> = found
+            .problems
+            .into_iter()
+            .map(|(view, problem)| match view {
+                Some(_) => format!("{problem}; it is made again"),
+                None => format!("{problem}; it is mended, and what it lost is made again"),
+            })
+            .collect();
+        let mut committed = found.whole.clone();
+        let keep_moments = file.keep_moments.unwrap_or_else(|| kept::file::is_there(&path));
+        if keep_moments {
+            for (view, problem) in verify::moments(&path, &found.whole) {
+                committed.retain(|other| *other != view);
+                problems.push(format!("{problem}; it is made again"));
+            }
+        }
+        let counted = committed.iter().filter_map(|view| entries[view].tally);
+        let (uncounted, counted) = (committed.len() - counted.clone().count(), counted.sum());
         let format = file.format;
-        let problems = problems.collect();
-        let resumed = Some(Resumed { file, committed: found.whole, problems });
+        let resumed = Some(Resumed {
+            file,
+            committed,
+            intact: found.whole,
+            problems,
+            counted,
+            uncounted: u32::try_from(uncounted).unwrap_or(u32::MAX),
+        });
         Ok(Self {
             path,
             format,
             overwrite: false,
             allow_mixed: false,
+            allow_unhashed: false,
+            keep_moments,
             overrides: Vec::new(),
             resumed,
             open: None,
@@ -186,6 +220,14 @@ impl RunDirectory {
     #[must_use]
     pub fn allow_mixed(mut self, allow: bool) -> Self {
         self.allow_mixed = allow;
+        self
+    }
+
+    /// Lets a run be resumed whose scene.toml has no hashes of some files that the scene refers
+    /// to: whether they are what it began with cannot be told.
+    #[must_use]
+    pub fn allow_unhashed(mut self, allow: bool) -> Self {
+        self.allow_unhashed = allow;
         self
     }
 
@@ -221,10 +263,45 @@ impl RunDirectory {
         self.resumed.as_ref().map_or(&[], |resumed| &resumed.problems)
     }
 
+    /// Counts of the views that are committed already, for [`crate::Control::counted`].
+    #[must_use]
+    pub fn counted(&self) -> Tally {
+        self.resumed.as_ref().map_or_else(Tally::default, |resumed| resumed.counted)
+    }
+
+    /// Records in run.json whether moments of the rays are kept beside the frames
+    /// ([`crate::Control::keep`]). A run is resumed as it was begun.
+    #[must_use]
+    pub fn keep_moments(mut self, keep: bool) -> Self {
+        self.keep_moments = keep;
+        self
+    }
+
+    /// Whether the run that is resumed keeps moments, where that can be told: runs of earlier
+    /// versions do not record it, and may have been interrupted before they kept any.
+    #[must_use]
+    pub fn keeps_moments(&self) -> Option<bool> {
+        let recorded = self.resumed.as_ref().and_then(|resumed| resumed.file.keep_moments);
+        recorded.or_else(|| kept::file::is_there(&self.path).then_some(true))
+    }
+
     /// run.json of the run that is resumed.
     #[must_use]
     pub fn recorded(&self) -> Option<&RunFile> {
         self.resumed.as_ref().map(|resumed| &resumed.file)
+    }
+
+    /// Refuses files that the run began without the hashes of.
+    fn refuse_unhashed(&self, files: &[String]) -> Result<()> {
+        if files.is_empty() || self.allow_unhashed {
+            return Ok(());
+        }
+        let problem = format!(
+            "was begun without a hash of {}: whether that is what the run began with cannot be \
+             told; start anew, or allow it (--allow-unhashed)",
+            files.join(", ")
+        );
+        Err(Error::output(&self.path, problem, None))
     }
 
     /// Refuses a device, driver, backend or version other than those that began the run.
@@ -254,7 +331,7 @@ impl RunDirectory {
     /// Removes what an earlier run, or an interrupted view, left; never a file of others.
     fn clear(&self, extent: Extent) -> Result<()> {
         let partial = self.path.join(PARTIAL);
-        let keep = self.committed();
+        let keep = self.resumed.as_ref().map_or(&[][..], |resumed| &resumed.intact);
         let earlier = match &self.resumed {
             Some(_) => extent,
             None => match RunFile::read(&self.path.join(RUN)) {
@@ -263,7 +340,7 @@ impl RunDirectory {
             },
         };
         if self.resumed.is_none() {
-            crate::kept::file::remove(&self.path)?;
+            kept::file::remove(&self.path)?;
             // The log first: without it nothing that is left counts as committed.
             for name in [LOG, RUN, SCENE, npy::FLAT, npy::SAMPLE, npy::DARK] {
                 remove_file(&self.path.join(name))?;
@@ -290,15 +367,20 @@ impl RunDirectory {
 impl Sink for RunDirectory {
     fn begin(&mut self, scene: &Scene, start: &RunStart) -> Result<()> {
         let extent = Extent::of(scene)?;
+        let scene = &scene.with_file_hashes()?;
         let mut file = RunFile::begin(self.format, extent, scene.sampling.seed, start);
+        file.keep_moments = Some(self.keep_moments);
         let scene_path = self.path.join(SCENE);
         let resolved =
             scene_file::resolved(&self.path, scene, &start.mesh_hashes, &self.overrides)?;
         if let Some(resumed) = &self.resumed {
             let hashes = Some(&start.mesh_hashes);
-            refuse_other_scene(&self.path, &scene_file::differences(&scene_path, scene, hashes)?)?;
+            let differences = scene_file::differences(&scene_path, scene, hashes)?;
+            refuse_other_scene(&self.path, &differences.found)?;
+            self.refuse_unhashed(&differences.unhashed)?;
             self.refuse_mixed(&resumed.file.record, &file.record)?;
             file.resumed_views = u32::try_from(resumed.committed.len()).unwrap_or(u32::MAX);
+            file.uncounted_views = resumed.uncounted;
         } else {
             // Somebody else may have come here since `create` looked.
             let _ = Self::create(&self.path, self.format, self.overwrite)?;
@@ -331,7 +413,8 @@ impl Sink for RunDirectory {
             false => None,
         };
         let frames = frames(&self.path, Values::Intensities, noisy)?;
-        self.open = Some(Open { file, log, frames, counts, next_row: 0, next_counts: 0 });
+        let tally = None;
+        self.open = Some(Open { file, log, frames, counts, tally, next_row: 0, next_counts: 0 });
         Ok(())
     }
 
@@ -360,6 +443,11 @@ impl Sink for RunDirectory {
         frames.ok_or_else(missing)?.write(view, &rows, numbers)
     }
 
+    fn tally(&mut self, _view: View, tally: &Tally) -> Result<()> {
+        opened(&mut self.open, &self.path)?.tally = Some(*tally);
+        Ok(())
+    }
+
     fn commit(&mut self, view: View) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
         let extent = open.file.extent;
@@ -378,7 +466,8 @@ impl Sink for RunDirectory {
             _ => None,
         };
         let sha256 = open.frames.commit(view)?;
-        open.log.append(view, &Entry { bytes: extent.view_bytes(), sha256, counts })
+        let tally = open.tally.take();
+        open.log.append(view, &Entry { bytes: extent.view_bytes(), sha256, counts, tally })
     }
 
     fn finish(&mut self, record: &RunRecord) -> Result<()> {

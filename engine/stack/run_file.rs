@@ -24,12 +24,24 @@ pub struct RunFile {
     pub format: Format,
     /// Extent of the stacks.
     pub extent: Extent,
-    /// Views that stood already when the run was resumed; tally and times leave them out.
+    /// Views that stood already when the run was resumed; times leave them out.
     #[serde(default)]
     pub resumed_views: u32,
+    /// Those of them that the tally leaves out, for progress.log has no counts of theirs (runs of
+    /// earlier versions).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub uncounted_views: u32,
+    /// Whether moments of the rays are kept; `None` in runs of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_moments: Option<bool>,
     /// Provenance; tally and times are zero until the run is done.
     #[serde(flatten)]
     pub record: RunRecord,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+const fn is_zero(count: &u32) -> bool {
+    *count == 0
 }
 
 impl RunFile {
@@ -40,6 +52,8 @@ impl RunFile {
             format,
             extent,
             resumed_views: 0,
+            uncounted_views: 0,
+            keep_moments: None,
             record: RunRecord {
                 version: env!("CARGO_PKG_VERSION").into(),
                 device: start.device.clone(),

@@ -48,6 +48,18 @@ pub(super) fn frames(
     found
 }
 
+/// Views among `views` whose kept moments are missing or damaged, with what is wrong.
+pub(super) fn moments(path: &Path, views: &[View]) -> Vec<(View, String)> {
+    let of_view = |view: &View| match view {
+        View::Sample(index) => {
+            let error = crate::kept::file::check(path, *index).err()?;
+            Some((*view, format!("{error} ({})", progress_log::name(*view))))
+        }
+        View::Flat | View::Dark => None,
+    };
+    views.par_iter().filter_map(of_view).collect()
+}
+
 /// What is wrong with a view, where anything is.
 fn problem_of_view(
     path: &Path,

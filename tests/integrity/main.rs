@@ -3,7 +3,10 @@
 #![cfg(feature = "cli")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+mod moments;
 mod npy;
+mod referenced;
+mod tally;
 
 use std::fs;
 use std::path::{Path, PathBuf};

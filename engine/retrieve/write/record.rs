@@ -23,6 +23,9 @@ pub struct Record {
     pub read_noise: f64,
     /// What was read: flat and sample.
     pub sources: Vec<String>,
+    /// SHA-256 of the files that the scene of the geometry refers to, by their paths.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
     /// Offsets of the sample mask, m.
     pub offsets: Vec<f64>,
     /// Mask magnification M.
