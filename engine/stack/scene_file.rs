@@ -18,7 +18,7 @@ pub(super) fn resolved(
 }
 
 /// How a scene differs from a stored one.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Differences {
     /// Keys and files that differ, with both values.
     pub(super) found: Vec<String>,
@@ -45,8 +45,8 @@ pub(super) fn differences(
     if mesh_hashes.is_none() {
         found.retain(|(key, _)| !key.ends_with(".sha256"));
     }
-    let mut differences = Differences::default();
-    differences.found = found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect();
+    let found = found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect();
+    let mut differences = Differences { found, unhashed: Vec::new() };
     for (file, hash) in &files {
         match stored_files.get(file) {
             Some(stored) if stored == hash => {}
