@@ -59,7 +59,7 @@ pub(crate) enum Verb {
     Retrieve(Box<Retrieve>),
     /// Tell how two stacks, runs or retrievals differ
     Compare(Compare),
-    /// Tell what a scene amounts to, without simulating it
+    /// Tell what a scene amounts to, without simulating it, or whether a run is whole
     Check(Check),
     /// Draw a scene (set-up and sample) or a run (frames, retrieved images, curves) as PNG files
     View(View),
@@ -299,7 +299,10 @@ pub(crate) struct Compare {
 #[command(after_help = "Examples:\n  \
     beamlet check scene.toml\n  \
     beamlet check scene.toml --set 'detector.pixels=[512, 512]'\n  \
-    beamlet check scene.toml --json")]
+    beamlet check scene.toml --json\n  \
+    beamlet check run\n\n\
+    Of a run every view, and the moments that it keeps, are compared with their checksums; the \
+    exit code is 1 where it is not whole.")]
 pub(crate) struct Check {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,

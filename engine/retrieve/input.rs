@@ -83,7 +83,9 @@ impl Input {
         sample: StackFile,
         dark: Option<&StackFile>,
     ) -> Result<Self> {
-        scene.check_files()?;
+        if let Some(error) = scene.changed_files().into_iter().next() {
+            return Err(error);
+        }
         let scene = scene.with_file_hashes()?;
         let [views, _, rows, columns] = flat.shape();
         if views != 1 {

@@ -64,24 +64,20 @@ impl Scene {
         paths
     }
 
-    /// Compares every file whose hash the scene has, meshes too, with what it holds now; files
-    /// that are not there are left out.
-    ///
-    /// # Errors
-    /// As [`Self::with_file_hashes`].
-    pub fn check_files(&self) -> Result<()> {
-        for path in self.files.keys().filter(|path| self.resolve(path).exists()) {
-            self.hash_of(path)?;
-        }
-        for object in &self.objects {
-            if let ShapeOrMesh::Mesh(Mesh::File { path, .. }) = &object.geometry
-                && let Some(recorded) = &object.sha256
-                && self.resolve(path).exists()
-            {
-                self.compare(path, recorded)?;
-            }
-        }
-        Ok(())
+    /// Files, meshes too, that do not have the hash that the scene has of them, or cannot be
+    /// read: an error each. Files that are not there are left out.
+    #[must_use]
+    pub fn changed_files(&self) -> Vec<Error> {
+        let meshes = self.objects.iter().filter_map(|object| match &object.geometry {
+            ShapeOrMesh::Mesh(Mesh::File { path, .. }) => Some((path, object.sha256.as_ref()?)),
+            _ => None,
+        });
+        self.files
+            .iter()
+            .chain(meshes)
+            .filter(|(path, _)| self.resolve(path).exists())
+            .filter_map(|(path, recorded)| self.compare(path, recorded).err())
+            .collect()
     }
 
     /// A file that the scene refers to, from where the program runs; it has the hash that the

@@ -23,6 +23,7 @@ pub use read::{Maps, OpenRun, StackFile};
 pub(crate) use run_directory::sync_directory;
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
+pub use verify::{RunCheck, check_run};
 
 use crate::run::Backend;
 use crate::scene::Scene;

@@ -5,6 +5,7 @@
 
 mod moments;
 mod npy;
+mod reading;
 mod referenced;
 mod tally;
 
