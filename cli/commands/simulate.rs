@@ -28,7 +28,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         && recorded.state == RunState::Done
         && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
-        writeln!(out, "{} is complete already", sink.path().display())?;
+        writeln!(out, "{} is complete already", beamlet::printed::path(sink.path()))?;
         return Ok(());
     }
     let recorded_backend = sink.recorded().map(|file| file.record.backend);
@@ -79,7 +79,13 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
         }
         sink.allow_mixed(arguments.allow_mixed)
     } else {
-        RunDirectory::create(&arguments.output, format.unwrap_or_default(), arguments.overwrite)?
+        let output = &arguments.output;
+        if arguments.overwrite {
+            let mut read = scene.files();
+            read.push(arguments.scene.scene.clone());
+            RunDirectory::reading(output, &read)?;
+        }
+        RunDirectory::create(output, format.unwrap_or_default(), arguments.overwrite)?
     };
     Ok(sink.overrides(&arguments.scene.sets))
 }
@@ -94,7 +100,7 @@ pub(super) fn summary(
 ) -> Result<(), Failure> {
     let Extent { views, steps, rows, columns } = extent;
     let rate = record.tally.rays as f64 / 1e6 / seconds.max(1e-9);
-    writeln!(out, "run      {} ({})", sink.path().display(), sink.format())?;
+    writeln!(out, "run      {} ({})", beamlet::printed::path(sink.path()), sink.format())?;
     writeln!(out, "views    {views} x {steps} steps of {columns} x {rows} pixels, and the flat")?;
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
     if record.tally.rays == 0 {

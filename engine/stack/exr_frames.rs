@@ -169,8 +169,8 @@ impl ExrFrames {
         } else {
             fs::rename(partial, &target).map_err(failed(&target, "cannot be renamed to"))?;
         }
-        super::run_directory::sync_directory(&target)?;
-        super::run_directory::sync_directory(&parent)
+        super::whole_file::sync_directory(&target)?;
+        super::whole_file::sync_directory(&parent)
     }
 
     fn is_small(&self) -> bool {
@@ -183,7 +183,7 @@ impl ExrFrames {
     }
 
     fn spool_path(&self) -> PathBuf {
-        self.root.join(PARTIAL).join("spool.f32")
+        self.root.join(PARTIAL).join(super::own_files::SPOOL)
     }
 
     fn step_name(&self, step: u32) -> String {

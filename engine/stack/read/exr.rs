@@ -1,7 +1,7 @@
 //! EXR frames: the channel `Y`, or the only channel, of the first layer.
 
 use super::{refuse_hollow, refuse_shape};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::meta::attribute::SampleType;
@@ -80,8 +80,8 @@ fn copy(line: LineRef<'_>, kind: SampleType, to: &mut [f32]) -> exr::error::Unit
 }
 
 fn open(path: &Path) -> Result<FrameReader> {
-    let file =
-        File::open(path).map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    let file = input_file::open(path)
+        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
     Reader::read_from_buffered(BufReader::new(file), true).map_err(|error| failed(path, error))
 }
 
