@@ -4,8 +4,9 @@ use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-/// Most bytes of a text: scenes, tables, lists.
-pub(crate) const TEXT: u64 = 64 << 20;
+/// Most bytes of a text: scenes, tables, lists. The longest that is of use is the resolved scene of
+/// ten million angles.
+pub(crate) const TEXT: u64 = 512 << 20;
 
 /// Opens a regular file. Others are refused by their kind before they are opened: a pipe waits
 /// for its writer, and a device may have no end.

@@ -106,7 +106,8 @@ fn a_sparse_file_of_20_gb_is_refused_by_its_length_or_its_first_bytes() {
         let path = place.path().join(name);
         File::create(&path).unwrap().set_len(20_000_000_000).unwrap();
         let message = ends(place.path(), &words, &[1, 2]);
-        assert!(message.contains(name), "{name}: {message}");
+        // Refused, not tried until memory ends.
+        assert!(message.contains(name) && !message.contains("memory"), "{name}: {message}");
         fs::remove_file(&path).unwrap();
     }
 }
@@ -114,12 +115,12 @@ fn a_sparse_file_of_20_gb_is_refused_by_its_length_or_its_first_bytes() {
 #[test]
 fn frames_larger_than_memory_are_compared_in_bands() {
     let place = workplace();
-    let header = "{'descr': '|u1', 'fortran_order': False, 'shape': (40000, 40000), }";
+    let header = "{'descr': '|u1', 'fortran_order': False, 'shape': (24000, 24000), }";
     let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
     bytes.extend(format!("{header:<117}\n").bytes());
     let path = place.path().join("a.npy");
     fs::write(&path, bytes).unwrap();
-    File::options().write(true).open(&path).unwrap().set_len(128 + 40_000 * 40_000).unwrap();
+    File::options().write(true).open(&path).unwrap().set_len(128 + 24_000 * 24_000).unwrap();
     ends(place.path(), &["compare", "a.npy", "a.npy"], &[0]);
 }
 
@@ -162,7 +163,7 @@ fn a_spectrum_of_a_million_rows_is_read_and_of_one_more_refused() {
 #[test]
 fn a_spot_wider_than_the_field_of_view_is_refused_with_that_width() {
     let place = workplace();
-    for spot in ["\"1 m\"", "[\"0 m\", \"1.3 mm\"]", "{ fwhm = \"1 m\", points = 64 }"] {
+    for spot in ["\"1 m\"", "[\"0 m\", \"1.3 mm\"]", "{ fwhm = \"1 m\", points = [8, 1] }"] {
         let set = format!("source.spot={spot}");
         let message = ends(place.path(), &["check", "scene.toml", "--set", &set], &[1]);
         assert!(message.contains("source.spot") && message.contains("1.2 mm"), "{message}");

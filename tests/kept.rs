@@ -241,6 +241,23 @@ fn what_moments_cannot_follow_is_refused_by_its_key() {
 }
 
 #[test]
+fn a_run_whose_moments_are_read_is_not_overwritten_meanwhile() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run");
+    run(&path, None);
+    let kept = Kept::open(&path).unwrap();
+    let again = Kept::open(&path).unwrap();
+    let error = RunDirectory::create(&path, Format::Npy, true).unwrap_err().to_string();
+    assert!(error.contains("another beamlet is using this run"), "{error}");
+    drop((kept, again));
+    let writer = RunDirectory::create(&path, Format::Npy, true).unwrap();
+    let error = Kept::open(&path).unwrap_err().to_string();
+    assert!(error.contains("another beamlet is writing this run"), "{error}");
+    drop(writer);
+    Kept::open(&path).unwrap();
+}
+
+#[test]
 fn damaged_moments_are_named_and_not_used() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run");

@@ -53,7 +53,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         let extent = Extent::of(&scene)?;
         let format = arguments.format.map(Into::into).unwrap_or_default();
         // What is read is not replaced: the run with the moments, scenes and their files.
-        let mut read = scene.files();
+        let mut read = scene.input_files();
         read.push(arguments.run.clone());
         read.extend(arguments.scene.iter().cloned());
         let sink = RunDirectory::reading(&output, &read)

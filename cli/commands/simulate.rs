@@ -81,7 +81,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
     } else {
         let output = &arguments.output;
         if arguments.overwrite {
-            let mut read = scene.files();
+            let mut read = scene.input_files();
             read.push(arguments.scene.scene.clone());
             RunDirectory::reading(output, &read)?;
         }

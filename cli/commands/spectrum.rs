@@ -70,7 +70,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     };
     if let Some(path) = &arguments.plot {
         let drawing = draw(&report.source, &report.before.spectrum, &report.after.spectrum);
-        let mut read = scene.files();
+        let mut read = scene.input_files();
         read.extend(arguments.input.clone());
         refuse_read(std::slice::from_ref(path), &read)?;
         save(&drawing, path, arguments.overwrite)?;

@@ -54,7 +54,7 @@ fn scene(arguments: &View) -> Result<(Pictures, Vec<PathBuf>), Failure> {
         let drawing = sample::draw(&scene, &geometry, camera, device.as_deref()).map_err(failed)?;
         pictures.add("sample.png", &drawing)?;
     }
-    let mut read = scene.files();
+    let mut read = scene.input_files();
     read.push(arguments.what.clone());
     Ok((pictures, read))
 }

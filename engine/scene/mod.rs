@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 mod beam;
 mod derived;
 mod detector;
-mod files;
+mod input_files;
 mod keys;
 pub(crate) mod limits;
 mod model;

@@ -8,7 +8,7 @@ impl Scene {
     /// of materials, kernels, image of scatter, image or profile of the focal spot. The scene file
     /// itself is not among them.
     #[must_use]
-    pub fn files(&self) -> Vec<PathBuf> {
+    pub fn input_files(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();
         for object in &self.objects {
             if let ShapeOrMesh::Mesh(Mesh::File { path, .. }) = &object.geometry {
