@@ -301,6 +301,9 @@ fn another_scene_or_device_does_not_resume_a_run() {
     let mut sink = RunDirectory::resume(temporary.path(), &scene()).unwrap();
     let message = sink.begin(&scene(), &elsewhere).unwrap_err().to_string();
     assert!(message.contains("another device") && message.contains("tested device"), "{message}");
+    // It holds the lock of the run as long as it lives.
+    assert!(RunDirectory::resume(temporary.path(), &scene()).is_err());
+    drop(sink);
     let mixed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
     mixed.allow_mixed(true).begin(&scene(), &elsewhere).unwrap();
 }

@@ -37,7 +37,7 @@ fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure>
     if arguments.json {
         super::write_json(&found, out)?;
     } else {
-        writeln!(out, "run      {} ({})", path.display(), found.format)?;
+        writeln!(out, "run      {} ({})", beamlet::printed::path(path), found.format)?;
         writeln!(out, "views    {} of {} as they were committed", found.whole, found.views)?;
         if let Some(moments) = found.moments {
             writeln!(out, "moments  of {moments} views as they were kept")?;

@@ -31,7 +31,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         && sink.problems().is_empty()
         && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
-        writeln!(out, "{} is complete already", sink.path().display())?;
+        writeln!(out, "{} is complete already", beamlet::printed::path(sink.path()))?;
         return Ok(());
     }
     let recorded_backend = sink.recorded().map(|file| file.record.backend);
@@ -72,7 +72,7 @@ fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failu
     if !arguments.resume {
         return Ok(wanted);
     }
-    let path = sink.path().display();
+    let path = beamlet::printed::path(sink.path());
     match sink.keeps_moments() {
         Some(false) if wanted => Err(Failure::Usage(format!(
             "{path} was begun without --keep-moments (run.json: \"keep_moments\": false); it cannot \
@@ -93,7 +93,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
         let sink = RunDirectory::resume(&arguments.output, scene)?;
         // Also under --quiet: data was lost.
         for problem in sink.problems() {
-            let _ = writeln!(std::io::stderr(), "warning: {problem}");
+            let _ = writeln!(std::io::stderr(), "warning: {}", beamlet::printed::line(problem));
         }
         if let Some(format) = format.filter(|format| *format != sink.format()) {
             return Err(Failure::Usage(format!(
@@ -103,7 +103,13 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
         }
         sink.allow_mixed(arguments.allow_mixed).allow_unhashed(arguments.allow_unhashed)
     } else {
-        RunDirectory::create(&arguments.output, format.unwrap_or_default(), arguments.overwrite)?
+        let output = &arguments.output;
+        if arguments.overwrite {
+            let mut read = scene.input_files();
+            read.push(arguments.scene.scene.clone());
+            RunDirectory::reading(output, &read)?;
+        }
+        RunDirectory::create(output, format.unwrap_or_default(), arguments.overwrite)?
     };
     Ok(sink.overrides(&arguments.scene.sets))
 }
@@ -120,7 +126,7 @@ pub(super) fn summary(
     // Of a resumed run the tally covers all views, and the time this part.
     let rays = record.tally.rays.saturating_sub(sink.counted().rays);
     let rate = rays as f64 / 1e6 / seconds.max(1e-9);
-    writeln!(out, "run      {} ({})", sink.path().display(), sink.format())?;
+    writeln!(out, "run      {} ({})", beamlet::printed::path(sink.path()), sink.format())?;
     writeln!(out, "views    {views} x {steps} steps of {columns} x {rows} pixels, and the flat")?;
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
     if record.tally.rays == 0 {

@@ -4,10 +4,10 @@ use super::retriever::Retriever;
 use crate::detector::Detection;
 use crate::scene::Scene;
 use crate::stack::{OpenRun, StackFile};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use ndarray::{Array2, Array3, Zip};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Stands for a value that is left out: finite, and above every saturation.
 const LEFT_OUT: f32 = f32::MAX;
@@ -143,6 +143,11 @@ impl Input {
         [&self.flat, &self.sample].map(|stack| stack.path().display().to_string()).to_vec()
     }
 
+    /// Files and folders of the stacks.
+    pub(super) fn paths(&self) -> Vec<PathBuf> {
+        [&self.flat, &self.sample].map(|stack| stack.path().to_path_buf()).to_vec()
+    }
+
     /// Views of the sample.
     #[must_use]
     pub const fn views(&self) -> usize {
@@ -251,7 +256,7 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
 pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
     let path = Path::new(list_or_file);
     let text = if path.is_file() {
-        std::fs::read_to_string(path)
+        input_file::text(path)
             .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
     } else {
         list_or_file.to_owned()

@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::{Beam, KernelFile};
 use super::{Blur, MaterialSpec, Mesh, Scatter, Scene, ShapeOrMesh, SpectrumOrigin};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 
 impl Scene {
     /// Paths of the files that the scene reads, as it names them: spectrum, kernels, scatter and
@@ -38,6 +38,23 @@ impl Scene {
         });
         paths.extend(tables);
         paths
+    }
+
+    /// Every file that the scene refers to, from where the program runs: those of
+    /// [`Scene::referenced_files`], meshes, and the image or profile of the focal spot. The scene
+    /// file itself is not among them.
+    #[must_use]
+    pub fn input_files(&self) -> Vec<PathBuf> {
+        let meshes = self.objects.iter().filter_map(|object| match &object.geometry {
+            ShapeOrMesh::Mesh(Mesh::File { path, .. }) => Some(path.as_path()),
+            _ => None,
+        });
+        let files = self.referenced_files().into_iter().chain(meshes);
+        let mut files: Vec<PathBuf> = files.map(|path| self.resolve(path)).collect();
+        // The spot is read with the scene: its path needs no directory.
+        let spot = self.source.spot.fit().map(|fit| PathBuf::from(&fit.file));
+        files.extend(spot.filter(|file| !file.as_os_str().is_empty()));
+        files
     }
 
     /// The scene with the hash of every file that it refers to: those it has are compared with
@@ -114,7 +131,7 @@ impl Scene {
 /// SHA-256 of a file, hexadecimal.
 pub(super) fn hash(path: &Path) -> Result<String> {
     let read = || {
-        let mut file = std::fs::File::open(path)?;
+        let mut file = input_file::open(path)?;
         let mut hasher = Sha256::new();
         let mut block = vec![0_u8; 1 << 16];
         loop {

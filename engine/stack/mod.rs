@@ -5,28 +5,33 @@
 //! The engine knows only [`Sink`]; where the frames end up (a run directory, arrays, a callback)
 //! is decided here.
 
+mod apart;
 mod array;
 mod callback;
 mod exr_frames;
 mod npy;
+mod own_files;
 mod progress_log;
 mod read;
 mod run_directory;
 mod run_file;
 mod scene_file;
 mod verify;
+mod whole_file;
 
+pub use apart::{is_of_run, is_same_place, refuse_overlap};
 pub use array::ArraySink;
 pub use callback::CallbackSink;
 pub(crate) use npy::npy_header;
 pub use read::{Maps, OpenRun, StackFile};
-pub(crate) use run_directory::sync_directory;
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
 pub use verify::{RunCheck, check_run};
+pub use whole_file::write_file;
+pub(crate) use whole_file::{refuse_link, sibling, sync_directory, sync_path};
 
 use crate::run::Backend;
-use crate::scene::Scene;
+use crate::scene::{Scene, limits};
 use crate::{Error, Result};
 use ndarray::{Array3, Array4, ArrayView3};
 use serde::{Deserialize, Serialize};
@@ -186,6 +191,20 @@ impl Extent {
             ));
         }
         Ok(extent)
+    }
+
+    /// Whether a scene may have this extent; what is allowed, where not.
+    pub(super) fn check(self) -> std::result::Result<(), String> {
+        let sides = [
+            ("views", self.views, limits::ANGLES),
+            ("steps", self.steps, limits::MASK_OFFSETS),
+            ("rows", self.rows, limits::PIXELS),
+            ("columns", self.columns, limits::PIXELS),
+        ];
+        match sides.into_iter().find(|(_, found, most)| !(1..=*most).contains(found)) {
+            Some((side, found, most)) => Err(format!("{found} {side}; allowed: 1 to {most}")),
+            None => Ok(()),
+        }
     }
 
     /// Bytes of one frame.

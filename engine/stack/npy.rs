@@ -5,7 +5,7 @@
 //! that are not committed read as zero or as a part; progress.log tells which count.
 
 use super::{Extent, View};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use ndarray::ArrayView3;
 use sha2::{Digest, Sha256};
 use std::fs::{File, OpenOptions};
@@ -139,7 +139,7 @@ pub(super) fn header_problems(root: &Path, extent: Extent, dark: bool) -> Vec<St
         let path = root.join(name);
         let len = header.len() as u64 + bytes;
         let read = || {
-            let mut file = File::open(&path)?;
+            let mut file = input_file::open(&path)?;
             let mut found = vec![0_u8; header.len()];
             let found_len = file.metadata()?.len();
             file.read_exact(&mut found).map(|()| (found_len, found == *header))
@@ -165,7 +165,7 @@ pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String
     };
     let path = root.join(name);
     let read = || {
-        let mut file = File::open(&path)?;
+        let mut file = input_file::open(&path)?;
         let mut hasher = Sha256::new();
         let mut block = vec![0_u8; BLOCK];
         let mut left = extent.view_bytes();

@@ -4,17 +4,18 @@
 //! all its steps or it is not, and progress.log says which. Nothing is written before the run
 //! begins, and nothing that beamlet did not write is ever removed.
 
-use super::exr_frames::{self, ExrFrames, PARTIAL, Values};
+use super::exr_frames::{ExrFrames, PARTIAL, Values};
 use super::npy::{self, NpyFrames};
+use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::progress_log::{self, Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
+use super::whole_file::{sync_directory, write_whole};
 use super::{Extent, RunStart, Sink, View, scene_file, verify};
 use crate::scene::Scene;
 use crate::{Error, Result, RunRecord, Tally, kept};
 use ndarray::ArrayView3;
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -44,7 +45,8 @@ impl std::fmt::Display for Format {
     }
 }
 
-/// Sink that keeps a run in a directory.
+/// Sink that keeps a run in a directory. One that may overwrite or resume a run holds its lock
+/// from the first look on, as long as it lives.
 #[derive(Debug)]
 pub struct RunDirectory {
     path: PathBuf,
@@ -56,6 +58,8 @@ pub struct RunDirectory {
     /// `key=value` that the scene was loaded with, for scene.toml.
     overrides: Vec<String>,
     resumed: Option<Resumed>,
+    /// Lock of the run that stands here: from the first look at it to the end.
+    log: Option<ProgressLog>,
     open: Option<Open>,
 }
 
@@ -120,33 +124,11 @@ impl RunDirectory {
     /// others are left; it is still an error where a file of others has the name of one of ours.
     pub fn create(path: impl Into<PathBuf>, format: Format, overwrite: bool) -> Result<Self> {
         let path = path.into();
-        match fs::read_dir(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => {
-                return Err(Error::output(path, "cannot hold a run", Some(error)));
-            }
-            Ok(entries) => {
-                let empty = entries.count() == 0 || has_only_begun(&path);
-                let is_run = RunFile::read(&path.join(RUN)).is_ok();
-                if !empty && !overwrite {
-                    let problem = if is_run {
-                        "holds a run already; resume it, overwrite it or choose another directory"
-                    } else {
-                        "is not empty; choose another directory (or overwrite: files that are \
-                         not of a run stay)"
-                    };
-                    return Err(Error::output(path, problem, None));
-                }
-                if !is_run
-                    && !has_only_begun(&path)
-                    && let Some(name) = first_of_our_names(&path)
-                {
-                    let problem = "was not written by beamlet and would be replaced; choose \
-                                   another directory";
-                    return Err(Error::output(path.join(name), problem, None));
-                }
-            }
+        let mut log = None;
+        if overwrite || own_files::has_only_begun(&path) {
+            log = ProgressLog::lock_if_there(&path.join(LOG))?;
         }
+        own_files::look(&path, overwrite)?;
         Ok(Self {
             path,
             format,
@@ -156,6 +138,7 @@ impl RunDirectory {
             keep_moments: false,
             overrides: Vec::new(),
             resumed: None,
+            log,
             open: None,
         })
     }
@@ -167,6 +150,8 @@ impl RunDirectory {
     /// [`Error::Output`] where there is no run, or one of another scene (says what differs).
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
+        let log = ProgressLog::lock_if_there(&path.join(LOG))?;
+        own_files::refuse_links(&path)?;
         let file = RunFile::read(&path.join(RUN))?;
         let scene = &scene.with_file_hashes()?;
         let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
@@ -211,6 +196,7 @@ impl RunDirectory {
             keep_moments,
             overrides: Vec::new(),
             resumed,
+            log,
             open: None,
         })
     }
@@ -328,38 +314,55 @@ impl RunDirectory {
         Ok(())
     }
 
+    /// Locks the run; it is nobody else's from here to the end.
+    fn lock(&mut self) -> Result<ProgressLog> {
+        if let Some(log) = self.log.take() {
+            return Ok(log);
+        }
+        fs::create_dir_all(&self.path)
+            .map_err(|error| Error::output(&self.path, "cannot be created", Some(error)))?;
+        let path = self.path.join(LOG);
+        let fresh = fs::symlink_metadata(&path).is_err();
+        let log = ProgressLog::lock(&path)?;
+        // Somebody else may have come here since `create` looked.
+        if self.resumed.is_none()
+            && let Err(error) = own_files::look(&self.path, self.overwrite)
+        {
+            if fresh {
+                let _ = fs::remove_file(&path);
+            }
+            return Err(error);
+        }
+        Ok(log)
+    }
+
     /// Removes what an earlier run, or an interrupted view, left; never a file of others.
-    fn clear(&self, extent: Extent) -> Result<()> {
-        let partial = self.path.join(PARTIAL);
+    fn clear(&self, extent: Extent, log: &mut ProgressLog) -> Result<()> {
         let keep = self.resumed.as_ref().map_or(&[][..], |resumed| &resumed.intact);
         let earlier = match &self.resumed {
             Some(_) => extent,
             None => match RunFile::read(&self.path.join(RUN)) {
                 Ok(file) => file.extent,
-                Err(_) => return remove_frames(&partial, extent),
+                Err(_) => return remove_frames(&self.path.join(PARTIAL), extent),
             },
         };
+        let counts = self.path.join(COUNTS);
         if self.resumed.is_none() {
-            kept::file::remove(&self.path)?;
-            // The log first: without it nothing that is left counts as committed.
-            for name in [LOG, RUN, SCENE, npy::FLAT, npy::SAMPLE, npy::DARK] {
+            // The log first: without its lines nothing that is left counts as committed. It
+            // stays, since it is the lock; run.json stays until the new one takes its place, so
+            // that what a crash leaves is still known for a run.
+            log.clear()?;
+            kept::file::remove(&self.path, earlier.views)?;
+            for name in [npy::FLAT, npy::SAMPLE, npy::DARK] {
                 remove_file(&self.path.join(name))?;
             }
             for name in [npy::FLAT, npy::SAMPLE] {
-                remove_file(&self.path.join(COUNTS).join(name))?;
+                remove_file(&counts.join(name))?;
             }
         }
-        let dark = std::iter::once(View::Dark).filter(|view| !keep.contains(view));
-        for view in earlier.all_views().filter(|view| !keep.contains(view)).chain(dark) {
-            remove_frames(&self.path.join(exr_frames::view_directory(earlier, view)), earlier)?;
-            let counts = self.path.join(COUNTS);
-            remove_frames(&counts.join(exr_frames::view_directory(earlier, view)), earlier)?;
-        }
-        for root in [self.path.join(COUNTS), self.path.clone()] {
-            remove_frames(&root.join(PARTIAL), earlier)?;
-            let _ = fs::remove_dir(root.join("sample"));
-        }
-        let _ = fs::remove_dir(self.path.join(COUNTS));
+        remove_stacks(&counts, earlier, keep)?;
+        remove_stacks(&self.path, earlier, keep)?;
+        let _ = fs::remove_dir(counts);
         Ok(())
     }
 }
@@ -381,17 +384,12 @@ impl Sink for RunDirectory {
             self.refuse_mixed(&resumed.file.record, &file.record)?;
             file.resumed_views = u32::try_from(resumed.committed.len()).unwrap_or(u32::MAX);
             file.uncounted_views = resumed.uncounted;
-        } else {
-            // Somebody else may have come here since `create` looked.
-            let _ = Self::create(&self.path, self.format, self.overwrite)?;
         }
-        fs::create_dir_all(&self.path)
-            .map_err(|error| Error::output(&self.path, "cannot be created", Some(error)))?;
         // Locked before anything is removed: another process may be writing this run.
-        let log_path = self.path.join(LOG);
-        drop(ProgressLog::open(&log_path)?);
-        self.clear(extent)?;
-        let log = ProgressLog::open(&log_path)?;
+        let mut log = self.lock()?;
+        own_files::refuse_links(&self.path)?;
+        log.mend()?;
+        self.clear(extent, &mut log)?;
         if self.resumed.is_none() {
             write_whole(&scene_path, resolved.as_bytes())?;
         }
@@ -413,6 +411,8 @@ impl Sink for RunDirectory {
             false => None,
         };
         let frames = frames(&self.path, Values::Intensities, noisy)?;
+        // Files that were made here last from now on.
+        sync_directory(&self.path)?;
         let tally = None;
         self.open = Some(Open { file, log, frames, counts, tally, next_row: 0, next_counts: 0 });
         Ok(())
@@ -475,10 +475,10 @@ impl Sink for RunDirectory {
         open.file.state = RunState::Done;
         open.file.record = record.clone();
         open.file.write(&self.path.join(RUN))?;
-        self.open = None;
         for root in [self.path.join(COUNTS), self.path.clone()] {
             let _ = fs::remove_dir(root.join(PARTIAL));
         }
+        self.open = None;
         Ok(())
     }
 }
@@ -522,79 +522,4 @@ fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {
     }
     let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
     Err(Error::output(path, problem, None))
-}
-
-/// Whether a run was ended here before its run.json stood: its log is there and empty, and
-/// beside it at most what a run begins with.
-fn has_only_begun(path: &Path) -> bool {
-    let first = [LOG, SCENE, "scene.toml.new", "run.json.new"];
-    let is_first = |entry: std::io::Result<fs::DirEntry>| {
-        entry.is_ok_and(|entry| first.iter().any(|name| entry.file_name() == *name))
-    };
-    fs::metadata(path.join(LOG)).is_ok_and(|log| log.is_file() && log.len() == 0)
-        && fs::read_dir(path).is_ok_and(|mut entries| entries.all(is_first))
-}
-
-/// The first name of ours that stands in `path`.
-fn first_of_our_names(path: &Path) -> Option<&'static str> {
-    let names = [
-        SCENE,
-        RUN,
-        LOG,
-        npy::FLAT,
-        npy::SAMPLE,
-        npy::DARK,
-        "flat",
-        "sample",
-        "dark",
-        COUNTS,
-        PARTIAL,
-    ];
-    names.into_iter().find(|name| path.join(name).exists())
-}
-
-fn remove_file(path: &Path) -> Result<()> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(Error::output(path, "cannot be removed", Some(error)))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Removes the frames (and the spool) in a directory, and the directory if nothing else is in it.
-fn remove_frames(directory: &Path, extent: Extent) -> Result<()> {
-    if !directory.exists() {
-        return Ok(());
-    }
-    remove_file(&directory.join("spool.f32"))?;
-    for step in 0..extent.steps {
-        remove_file(&directory.join(exr_frames::step_file(extent, step)))?;
-    }
-    let _ = fs::remove_dir(directory);
-    Ok(())
-}
-
-/// Writes a small file under another name, syncs it and renames it into place.
-pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(".new");
-    let new = path.with_file_name(name);
-    let write = || {
-        let mut file = File::create(&new)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&new, path)
-    };
-    write().map_err(|error| Error::output(path, "cannot be written", Some(error)))
-}
-
-/// Makes renames in a directory last; systems without that notion do without.
-pub(crate) fn sync_directory(path: &Path) -> Result<()> {
-    if cfg!(not(unix)) {
-        return Ok(());
-    }
-    File::open(path)
-        .and_then(|directory| directory.sync_all())
-        .map_err(|error| Error::output(path, "cannot be synced", Some(error)))
 }

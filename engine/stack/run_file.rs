@@ -1,6 +1,7 @@
 //! run.json: the provenance of a run, written when it begins and again when it ends.
 
 use super::{Extent, Format, RunStart};
+use crate::input_file;
 use crate::{Error, Result, RunRecord, Tally};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -73,11 +74,14 @@ impl RunFile {
     /// # Errors
     /// [`Error::Output`] where it is missing or was not written by beamlet.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
+        let text = input_file::text(path)
             .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
-        serde_json::from_str(&text).map_err(|error| {
-            Error::output(path, format!("is not the record of a beamlet run: {error}"), None)
-        })
+        let refused = |problem: String| {
+            Error::output(path, format!("is not the record of a beamlet run: {problem}"), None)
+        };
+        let file: Self = serde_json::from_str(&text).map_err(|error| refused(error.to_string()))?;
+        file.extent.check().map_err(|found| refused(format!("it claims {found}")))?;
+        Ok(file)
     }
 
     /// Writes it whole or not at all.
@@ -85,6 +89,6 @@ impl RunFile {
         let mut text = serde_json::to_string_pretty(self)
             .map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))?;
         text.push('\n');
-        super::run_directory::write_whole(path, text.as_bytes())
+        super::whole_file::write_whole(path, text.as_bytes())
     }
 }

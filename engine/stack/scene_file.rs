@@ -1,7 +1,7 @@
 //! scene.toml of a run: the resolved scene, and how another one differs from it.
 
 use crate::scene::Scene;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Value;
@@ -33,7 +33,7 @@ pub(super) fn differences(
     scene: &Scene,
     mesh_hashes: Option<&BTreeMap<String, String>>,
 ) -> Result<Differences> {
-    let text = std::fs::read_to_string(path)
+    let text = input_file::text(path)
         .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
     let mut stored = parse(path, &text)?;
     let directory = path.parent().unwrap_or(path);

@@ -11,6 +11,7 @@ mod npy;
 mod run;
 mod tiff;
 
+pub(super) use exr::read as read_exr;
 pub use maps::Maps;
 pub use run::OpenRun;
 pub(super) use run::read_scene;
@@ -270,14 +271,18 @@ fn extension(path: &Path) -> String {
     path.extension().map(|text| text.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
-/// Refuses frames that claim more pixels than their file can hold, before memory is taken for
-/// them: no compression of these formats makes 4096 bytes out of one.
+/// Bytes of a frame that any file may claim.
+const LEAST: u64 = 1 << 30;
+
+/// Refuses frames that claim more than their file holds, before memory is taken for them: more
+/// pixels than any compression makes of it, or more than 1 GiB of 64 times its length.
 fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
     let found = std::fs::metadata(path)
         .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
         .len();
     let claimed = rows as f64 * columns as f64;
-    if claimed <= 4096.0 * found as f64 {
+    let most = (64 * found.min(1 << 56)).max(LEAST) as f64;
+    if claimed <= 4096.0 * found as f64 && 4.0 * claimed <= most {
         return Ok(());
     }
     let problem =

@@ -5,7 +5,7 @@ use super::checksums::{Checksums, Compared};
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, Entry};
 use crate::stack::run_directory::{COUNTS, LOG, RUN, SCENE};
-use crate::stack::{Format, RunFile, View};
+use crate::stack::{Extent, Format, RunFile, View};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -40,9 +40,16 @@ impl OpenRun {
         let file = RunFile::read(&path.join(RUN))?;
         let scene = read_scene(&path.join(SCENE))?;
         let committed = progress_log::read(&path.join(LOG))?;
+        let of_scene = Extent::of(&scene)?;
+        if of_scene != file.extent {
+            let problem = format!("claims {:?}; {SCENE} has {of_scene:?}", file.extent);
+            return Err(Error::output(path.join(RUN), problem, None));
+        }
         let is_there = |view: &u32| committed.contains_key(&View::Sample(*view));
         let views = (0..file.extent.views).take_while(is_there).count();
-        let count = (0..file.extent.views).filter(is_there).count();
+        let is_sample =
+            |view: &&View| matches!(view, View::Sample(index) if *index < file.extent.views);
+        let count = committed.keys().filter(is_sample).count();
         if count != views {
             let problem =
                 format!("view {views} is not committed and later ones are; resume the run");
@@ -193,7 +200,7 @@ pub(in crate::stack) fn read_scene(path: &Path) -> Result<Scene> {
         Err(error) => error,
     };
     let without_objects = || {
-        let text = std::fs::read_to_string(path).ok()?;
+        let text = crate::input_file::text(path).ok()?;
         let mut table: toml::Table = toml::from_str(&text).ok()?;
         table.remove("object")?;
         Scene::from_toml(&toml::to_string(&table).ok()?, path.parent()?).ok()
