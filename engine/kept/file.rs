@@ -37,7 +37,8 @@ pub(super) fn seal(run: &Path) -> Result<[u8; 32]> {
     Ok(Sha256::digest(text).into())
 }
 
-fn path_of(directory: &Path, view: u32) -> PathBuf {
+/// The file of a view.
+pub(crate) fn path_of(directory: &Path, view: u32) -> PathBuf {
     directory.join(format!("view_{view:04}.bin"))
 }
 

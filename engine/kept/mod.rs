@@ -18,7 +18,7 @@ use crate::detector::Detection;
 use crate::illuminate::Spectral;
 use crate::scene::Scene;
 use crate::trace::{Lattice, Media, Strips};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use content::Bounds;
 use file::KeptFile;
 use relattice::{Covered, Relattice};
@@ -130,7 +130,7 @@ impl Kept {
 /// Locks a run for readers, where it has a log to lock.
 fn lock(run: &Path) -> Result<Option<File>> {
     let path = run.join("progress.log");
-    let Ok(file) = File::open(&path) else { return Ok(None) };
+    let Ok(file) = input_file::open(&path) else { return Ok(None) };
     match file.try_lock_shared() {
         Err(TryLockError::WouldBlock) => {
             Err(Error::output(path, "another beamlet is writing this run", None))

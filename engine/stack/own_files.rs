@@ -92,9 +92,9 @@ fn refuse_links_in(folder: &Path) -> Result<()> {
         }
         let kind = entry.file_type().map_err(unread(folder))?;
         match () {
-            () if kind.is_symlink() => refuse_link(&entry.path()),
             () if kind.is_dir() => refuse_links_in(&entry.path()),
-            () => Ok(()),
+            () if kind.is_file() => Ok(()),
+            () => refuse_link(&entry.path()),
         }
     })
 }

@@ -221,6 +221,14 @@ impl RunDirectory {
                 remove_file(&counts.join(name))?;
             }
         }
+        // Moments that were committed are beamlet's, however little their beginning shows it.
+        let recorded = self.resumed.as_ref().filter(|run| run.file.keep_moments == Some(true));
+        for view in recorded.map_or(&[][..], |resumed| &resumed.again) {
+            if let View::Sample(index) = view {
+                let directory = self.path.join(kept::file::DIRECTORY);
+                remove_file(&kept::file::path_of(&directory, *index))?;
+            }
+        }
         remove_stacks(&counts, earlier, keep)?;
         remove_stacks(&self.path, earlier, keep)?;
         let _ = fs::remove_dir(counts);

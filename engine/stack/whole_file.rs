@@ -62,13 +62,17 @@ pub(crate) fn sibling(path: &Path, ending: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
-/// Refuses a symbolic link in place of a file or folder that beamlet writes: what it leads to
-/// may be of others.
+/// Refuses a symbolic link in place of a file or folder that beamlet writes, since what it leads
+/// to may be of others, and pipes and devices, which are waited for.
 pub(crate) fn refuse_link(path: &Path) -> Result<()> {
     match fs::symlink_metadata(path) {
         Ok(found) if found.is_symlink() => {
             let problem = "is a link in place of what beamlet writes, and links inside a run are \
                            not followed; only the run directory itself may be one";
+            Err(Error::output(path, problem, None))
+        }
+        Ok(found) if !found.is_file() && !found.is_dir() => {
+            let problem = "is neither a file nor a folder, in place of what beamlet writes";
             Err(Error::output(path, problem, None))
         }
         Err(error) if error.kind() != ErrorKind::NotFound => {

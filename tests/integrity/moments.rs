@@ -70,6 +70,20 @@ fn moments_that_a_complete_run_lost_are_made_again_and_named() {
 }
 
 #[test]
+fn moments_of_which_not_even_the_beginning_is_left_are_made_again() {
+    let place = Place::new(SCENE);
+    said(&place.simulate(&["--keep-moments"]), 0);
+    let whole = contents(&place);
+    place.write("moments/view_0001.bin", &[0; 4096]);
+    // The frames of this view are lost with them.
+    place.write("moments/view_0002.bin", b"lost");
+    place.write("sample/view_0002/step_000.exr", b"lost");
+    let message = said(&place.simulate(&["--resume"]), 0);
+    assert_says(&message, &["view_0001.bin", "sample/1", "sample/2"]);
+    assert_eq!(contents(&place), whole);
+}
+
+#[test]
 fn frames_stay_where_their_moments_alone_are_lost_until_they_are_made_again() {
     let place = Place::new(SCENE);
     interrupted(&place, &["--keep-moments"], &[]);

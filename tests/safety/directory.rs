@@ -85,6 +85,44 @@ fn links_inside_a_run_are_named_and_not_followed() {
 }
 
 #[test]
+fn pipes_in_place_of_files_of_a_run_are_named_and_not_waited_for() {
+    for (format, names) in [
+        (
+            "exr",
+            [
+                "progress.log",
+                "flat/step_000.exr",
+                "sample/view_0001/step_002.exr",
+                "scene.toml.new",
+            ],
+        ),
+        ("npy", ["flat.npy", "sample.npy", "moments/view_0001.bin", "scene.toml"]),
+    ] {
+        let place = workplace();
+        simulate(place.path(), &format!("--keep-moments --format {format}"));
+        for name in names {
+            let path = place.path().join("run").join(name);
+            let before = fs::read(&path).ok();
+            let _ = fs::remove_file(&path);
+            assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+            for how in ["--overwrite", "--resume"] {
+                let line = format!("simulate scene.toml -q --backend bvh -o run {how}");
+                let message = ends(place.path(), &line, 1);
+                assert!(message.contains(&format!("run/{name}: is neither")), "{how}: {message}");
+            }
+            // What a crash left in the making is nothing of the run.
+            if !name.ends_with(".new") {
+                let message = ends(place.path(), "check run", 1);
+                assert!(message.contains(&format!("run/{name}")), "check: {message}");
+            }
+            fs::remove_file(&path).unwrap();
+            before.map_or(Ok(()), |bytes| fs::write(&path, bytes)).unwrap();
+        }
+        ends(place.path(), "check run", 0);
+    }
+}
+
+#[test]
 fn a_run_may_itself_be_a_link_and_files_of_others_in_it_stay() {
     let place = workplace();
     let at = |name: &str| place.path().join(name);

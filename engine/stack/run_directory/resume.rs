@@ -14,6 +14,8 @@ pub(super) struct Resumed {
     pub(super) committed: Vec<View>,
     /// Views whose frames are whole, even where their moments are not.
     pub(super) intact: Vec<View>,
+    /// Views of the log that are made again.
+    pub(super) again: Vec<View>,
     /// What is not as it was committed.
     pub(super) problems: Vec<String>,
     /// Counts of the committed views, and the number of those without.
@@ -57,11 +59,13 @@ impl RunDirectory {
         }
         let counted = committed.iter().filter_map(|view| entries[view].tally);
         let (uncounted, counted) = (committed.len() - counted.clone().count(), counted.sum());
+        let again = entries.into_keys().filter(|view| !committed.contains(view)).collect();
         let format = file.format;
         let resumed = Some(Resumed {
             file,
             committed,
             intact: found.whole,
+            again,
             problems,
             counted,
             uncounted: u32::try_from(uncounted).unwrap_or(u32::MAX),
