@@ -59,7 +59,7 @@ pub(crate) enum Verb {
     Retrieve(Box<Retrieve>),
     /// Tell how two stacks, runs or retrievals differ
     Compare(Compare),
-    /// Tell what a scene amounts to, without simulating it
+    /// Tell what a scene amounts to, without simulating it, or whether a run is whole
     Check(Check),
     /// Draw a scene (set-up and sample) or a run (frames, retrieved images, curves) as PNG files
     View(View),
@@ -130,6 +130,9 @@ pub(crate) struct Simulate {
     /// With --resume: accept another device, driver, backend or version than the run began with
     #[arg(long, requires = "resume")]
     pub(crate) allow_mixed: bool,
+    /// With --resume: go on where the run recorded no hashes of the files that its scene names
+    #[arg(long, requires = "resume")]
+    pub(crate) allow_unhashed: bool,
     /// Replace an earlier run; files that are not of a run stay
     #[arg(long)]
     pub(crate) overwrite: bool,
@@ -234,15 +237,15 @@ pub(crate) struct Retrieve {
     pub(crate) counts: bool,
     /// Detector number of one photon, for the uncertainties of counts [default: that of a run's
     /// scene, else 1]
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "NUMBER", value_parser = above_zero, allow_negative_numbers = true)]
     pub(crate) gain: Option<f64>,
     /// Standard deviation of a number without light, for --weights poisson [default: that of a
     /// run's scene, else 0]
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "NUMBER", value_parser = from_zero, allow_negative_numbers = true)]
     pub(crate) read_noise: Option<f64>,
     /// Leave out values from here on, as they are in the files [default: the largest number of
     /// a run's detector]
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "NUMBER", value_parser = single, allow_negative_numbers = true)]
     pub(crate) saturation: Option<f32>,
     /// Two-step: steps of the sample, counted from 0 [default: those nearest to the slopes]
     #[arg(long, value_name = "I,J", value_parser = two_steps)]
@@ -279,13 +282,13 @@ pub(crate) struct Compare {
     /// What is compared with it, of the same kind
     pub(crate) b: PathBuf,
     /// Largest difference of a pixel that counts as none
-    #[arg(long, value_name = "NUMBER", default_value_t = 0.0)]
+    #[arg(long, value_name = "NUMBER", default_value_t = 0.0, value_parser = from_zero, allow_negative_numbers = true)]
     pub(crate) tolerance: f64,
     /// Write images of B - A into a new directory
     #[arg(long, value_name = "DIR")]
     pub(crate) difference: Option<PathBuf>,
     /// File format of the images of differences
-    #[arg(long, value_enum, default_value_t = ImageFormatName::Exr)]
+    #[arg(long, value_enum, default_value_t = ImageFormatName::Exr, requires = "difference")]
     pub(crate) format: ImageFormatName,
     /// Print JSON
     #[arg(long)]
@@ -296,7 +299,10 @@ pub(crate) struct Compare {
 #[command(after_help = "Examples:\n  \
     beamlet check scene.toml\n  \
     beamlet check scene.toml --set 'detector.pixels=[512, 512]'\n  \
-    beamlet check scene.toml --json")]
+    beamlet check scene.toml --json\n  \
+    beamlet check run\n\n\
+    Of a run every view, and the moments that it keeps, are compared with their checksums; the \
+    exit code is 1 where it is not whole.")]
 pub(crate) struct Check {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
@@ -552,8 +558,33 @@ impl BackendName {
 }
 
 fn two_steps(text: &str) -> Result<[usize; 2], String> {
-    let steps: Vec<usize> = text.split(',').filter_map(|word| word.trim().parse().ok()).collect();
-    steps.try_into().map_err(|_| "write two steps, as in 3,7".into())
+    let steps: Option<Vec<usize>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    match steps.as_deref() {
+        Some(&[first, second]) if first != second => Ok([first, second]),
+        _ => Err("write two steps that differ, as in 3,7; they count from 0".into()),
+    }
+}
+
+fn number(text: &str, allowed: &str, is_allowed: impl Fn(f64) -> bool) -> Result<f64, String> {
+    let found = text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    found.filter(|value| is_allowed(*value)).ok_or_else(|| format!("allowed: {allowed}"))
+}
+
+fn above_zero(text: &str) -> Result<f64, String> {
+    number(text, "a finite number above 0", |value| value > 0.0)
+}
+
+fn from_zero(text: &str) -> Result<f64, String> {
+    number(text, "a finite number from 0 on", |value| value >= 0.0)
+}
+
+/// A value of frames, which are of 32 bits.
+fn single(text: &str) -> Result<f32, String> {
+    let most = f64::from(f32::MAX);
+    let value = number(text, "a number above 0, up to 3.4e38", |v| v > 0.0 && v <= most)?;
+    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
+    let value = value as f32;
+    Ok(value)
 }
 
 fn memory_size(text: &str) -> Result<u64, String> {

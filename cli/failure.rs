@@ -1,5 +1,6 @@
 //! How a command fails, and the exit code that tells it.
 
+use beamlet::printed;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -10,7 +11,7 @@ pub(crate) enum Failure {
     Engine(beamlet::Error),
     /// A file that the command itself reads or writes.
     File { path: PathBuf, problem: String },
-    /// Meshes that a run would refuse, each with its reason.
+    /// Meshes that a run would refuse, or what of a run is not whole, each with its reason.
     Refused(Vec<String>),
     /// Arguments that do not go together, found after parsing.
     Usage(String),
@@ -44,7 +45,9 @@ impl fmt::Display for Failure {
         match self {
             Self::Engine(error) | Self::Trouble(error) => write!(f, "error: {error}"),
             Self::Differs(what) => write!(f, "they differ: {what}"),
-            Self::File { path, problem } => write!(f, "error: {}: {problem}", path.display()),
+            Self::File { path, problem } => {
+                write!(f, "error: {}: {problem}", printed::path(path))
+            }
             Self::Refused(reasons) => write!(f, "error: {}", reasons.join("\nerror: ")),
             Self::Usage(problem) => write!(f, "error: {problem}\n\nFor more, try '--help'."),
             Self::Interrupted { advice } => write!(f, "interrupted\n{advice}"),

@@ -2,20 +2,42 @@
 
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
 
 /// Exit code of an interrupted run: 128 + SIGINT, as shells have it.
 pub(crate) const EXIT_CODE: u8 = 130;
 
+/// Time to end cleanly. Whatever does not look at [`CANCELLED`] by then (a driver, a disk, a
+/// mesh of millions of triangles) is ended as by a second signal: a run is whole at any moment.
+const GRACE: Duration = Duration::from_secs(10);
+
 /// Set by Ctrl-C (and by a termination signal); the engine looks at it between dispatches.
 pub(crate) static CANCELLED: AtomicBool = AtomicBool::new(false);
+
+/// Ends the process. Libraries tidy up as it exits, and may wait for what hangs: a second later
+/// it ends without that.
+fn end() -> ! {
+    thread::spawn(|| {
+        thread::sleep(Duration::from_secs(1));
+        std::process::abort();
+    });
+    std::process::exit(EXIT_CODE.into())
+}
 
 /// Starts to listen. Where that is impossible Ctrl-C ends the process as it always does.
 pub(crate) fn listen() {
     let listening = ctrlc::set_handler(|| {
         if CANCELLED.swap(true, Ordering::SeqCst) {
-            std::process::exit(EXIT_CODE.into());
+            end();
         }
         let _ = writeln!(std::io::stderr(), "\nstopping; press Ctrl-C again to stop at once");
+        thread::spawn(|| {
+            thread::sleep(GRACE);
+            let seconds = GRACE.as_secs();
+            let _ = writeln!(std::io::stderr(), "interrupted: no answer within {seconds} s");
+            end();
+        });
     });
     if let Err(error) = listening {
         log::warn!("Ctrl-C will not end the run cleanly: {error}");

@@ -9,12 +9,14 @@ mod commands;
 mod failure;
 mod interrupt;
 mod picture;
+mod printed;
 mod progress;
 mod report;
 mod run_reader;
 
 use clap::Parser;
 use failure::Failure;
+use printed::Printed;
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -23,22 +25,30 @@ fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => {
             // Help and version come this way too, with code 0; a closed pipe is no failure.
-            let _ = error.print();
+            print(&error);
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
         }
     };
     log_to_stderr(arguments.verbosity());
     let stdout = std::io::stdout();
-    let mut out = stdout.lock();
+    let mut out = Printed::new(stdout.lock());
     let done = commands::run(arguments, &mut out).and_then(|()| out.flush().map_err(Failure::from));
     match done {
         // Whoever read our results has read enough.
         Ok(()) | Err(Failure::ClosedPipe) => ExitCode::SUCCESS,
         Err(failure) => {
-            let _ = writeln!(std::io::stderr(), "{failure}");
+            let _ = writeln!(Printed::new(std::io::stderr()), "{failure}");
             ExitCode::from(failure.exit_code())
         }
     }
+}
+
+/// Help in colour where there is a terminal; what the user typed, escaped.
+fn print(error: &clap::Error) {
+    let _ = match error.use_stderr() {
+        false => error.print(),
+        true => write!(Printed::new(std::io::stderr()), "{}", error.render()),
+    };
 }
 
 /// Sends log messages of the engine to stderr. `RUST_LOG`, where set, has the last word.
@@ -50,7 +60,8 @@ fn log_to_stderr(verbosity: args::Verbosity) {
     };
     env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(level))
         .format(|out, record| {
-            writeln!(out, "{}: {}", record.level().as_str().to_lowercase(), record.args())
+            let level = record.level().as_str().to_lowercase();
+            writeln!(Printed::new(out), "{level}: {}", record.args())
         })
         .init();
 }

@@ -111,7 +111,10 @@ impl RunReader {
         let problem = match &self.record {
             Some(_) => "holds images of beamlets, which are not drawn on pixels".to_owned(),
             None => {
-                format!("is not there; `beamlet retrieve {}` makes it", self.run.path().display())
+                format!(
+                    "is not there; `beamlet retrieve {}` makes it",
+                    beamlet::printed::path(self.run.path())
+                )
             }
         };
         Failure::File { path: self.run.path().join(RETRIEVED), problem }

@@ -78,6 +78,7 @@ fn scene() -> Scene {
             MaterialSpec::Formula { formula: "C".into(), density: 2.0 },
         )]),
         surroundings: "vacuum".into(),
+        files: BTreeMap::new(),
         objects: vec![Object {
             name: "rod".into(),
             geometry: ShapeOrMesh::Shape(Shape::Cylinder {

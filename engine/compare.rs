@@ -1,7 +1,7 @@
 //! Differences of two stacks, runs or retrievals, simulated or measured, image by image.
 
 use crate::retrieve::{ImageDirectory, ImageFormat};
-use crate::stack::{Maps, OpenRun, StackFile};
+use crate::stack::{Maps, OpenRun, StackFile, refuse_overlap};
 use crate::{Error, Result};
 use ndarray::{Array2, Zip};
 use serde::Serialize;
@@ -72,13 +72,16 @@ pub fn compare(a: &Path, b: &Path, to: Option<DifferencesTo<'_>>) -> Result<Vec<
     }
     let mut images = match to {
         Some(to) => {
-            if std::fs::read_dir(to.path).is_ok_and(|mut entries| entries.next().is_some()) {
-                return Err(Error::output(to.path, "is not empty", None));
-            }
+            let mut read: Vec<_> =
+                pairs.iter().flat_map(|(_, pair)| pair).map(|s| s.path().to_path_buf()).collect();
+            // Other files may stand in a run, not among images.
+            let whole = [a, b].into_iter().filter(|path| !matches!(kind(path), Kind::Run));
+            read.extend(whole.map(Path::to_path_buf));
+            refuse_overlap(to.path, &read)?;
             let about = serde_json::json!({
                 "difference": "b - a", "a": a.display().to_string(), "b": b.display().to_string(),
             });
-            Some(ImageDirectory::begin(to.path, to.format, about)?)
+            Some(ImageDirectory::begin(to.path, to.format, false, about)?)
         }
         None => None,
     };
@@ -177,6 +180,9 @@ fn kind(path: &Path) -> Kind {
     }
 }
 
+/// Pixels of a frame that are compared at a time.
+const BAND: usize = 1 << 24;
+
 /// Sums over pixels.
 #[derive(Default)]
 struct Sums {
@@ -195,18 +201,24 @@ fn difference(
     [a, b]: &[StackFile; 2],
     mut to: Option<&mut ImageDirectory>,
 ) -> Result<Difference> {
-    let [views, steps, rows, _] = a.shape();
-    let all = 0..u32::try_from(rows).unwrap_or(u32::MAX);
+    let [views, steps, rows, columns] = a.shape();
+    let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+    // Images are written whole; without them frames may be larger than memory.
+    let band = u32::try_from((BAND / columns.max(1)).max(1)).unwrap_or(u32::MAX);
+    let band = if to.is_some() { rows } else { band };
     let mut sums = Sums::default();
     for view in 0..views {
         for step in 0..steps {
-            let (of_a, of_b) =
-                (a.frame(view, step, all.clone())?, b.frame(view, step, all.clone())?);
-            sums.take(&of_a, &of_b, [view, step]);
-            if let Some(to) = &mut to {
-                let mut image = of_b;
-                image -= &of_a;
-                to.put(&name.replace('/', "_"), "that of a and b", views * steps, image.view())?;
+            for first in (0..rows).step_by(band as usize) {
+                let range = first..rows.min(first.saturating_add(band));
+                let of_a = a.frame(view, step, range.clone())?;
+                let of_b = b.frame(view, step, range)?;
+                sums.take(&of_a, &of_b, [view, step, first as usize]);
+                if let Some(to) = &mut to {
+                    let (name, mut image) = (name.replace('/', "_"), of_b);
+                    image -= &of_a;
+                    to.put(&name, "that of a and b", views * steps, image.view())?;
+                }
             }
         }
     }
@@ -229,8 +241,9 @@ fn difference(
 }
 
 impl Sums {
-    fn take(&mut self, a: &Array2<f32>, b: &Array2<f32>, [view, step]: [usize; 2]) {
+    fn take(&mut self, a: &Array2<f32>, b: &Array2<f32>, [view, step, first]: [usize; 3]) {
         Zip::indexed(a).and(b).for_each(|(row, column), a, b| {
+            let row = first + row;
             if !(a.is_finite() && b.is_finite()) {
                 let like = (a.is_nan() && b.is_nan()) || a.to_bits() == b.to_bits();
                 self.unlike += u64::from(!like);

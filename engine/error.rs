@@ -1,5 +1,6 @@
 //! One error type, by who can act on it (design: scene, mesh, device, memory, output).
 
+use crate::printed;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +29,7 @@ impl Place {
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match &self.file {
-            Some(file) => write!(f, "{}", file.display())?,
+            Some(file) => write!(f, "{}", printed::path(file))?,
             None => write!(f, "scene")?,
         }
         if let Some((line, column)) = self.line_column {
@@ -173,7 +174,7 @@ impl fmt::Display for Error {
                 Ok(())
             }
             Self::Mesh { object, problem, place } => {
-                write!(f, "{object}: {problem}")?;
+                write!(f, "{}: {problem}", printed::line(object))?;
                 match place {
                     place if place.is_empty() => Ok(()),
                     place if place.starts_with('\n') => write!(f, "{place}"),
@@ -195,7 +196,7 @@ impl fmt::Display for Error {
                 write!(f, "; {remedy}")
             }
             Self::Output { path, problem, source } => {
-                write!(f, "{}: {problem}", path.display())?;
+                write!(f, "{}: {problem}", printed::path(path))?;
                 match source {
                     Some(source) => write!(f, ": {source}"),
                     None => Ok(()),

@@ -1,7 +1,7 @@
 //! Images of one channel from files, as a detector, a kernel or a focal spot was measured:
 //! NPY, TIFF or PNG by the extension.
 
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use ndarray::Array2;
 use npyz::{DType, NpyFile, Order, TypeChar};
 use std::fs::File;
@@ -21,7 +21,7 @@ const PIXELS: u64 = 1 << 26;
 pub fn read(path: &Path) -> Result<Array2<f64>> {
     let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
     let file = || {
-        let opened = File::open(path);
+        let opened = input_file::open(path);
         opened.map(BufReader::new).map_err(|e| Error::output(path, "cannot be read", Some(e)))
     };
     match extension.as_deref() {

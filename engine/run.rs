@@ -34,6 +34,9 @@ pub struct Control<'a> {
     pub cancel: Option<&'a AtomicBool>,
     /// Views that are committed already and are not computed again.
     pub skip: Vec<View>,
+    /// What was counted while those were made ([`crate::stack::RunDirectory::counted`]); it is
+    /// added to the run's own tally.
+    pub counted: Tally,
     /// Keeps the moments of the rays, for [`crate::Engine::reilluminate`]; the engine must have
     /// been opened with [`crate::EngineOptions::keep_moments`]. Cells only; refused where the scene
     /// is itself made from kept moments.
@@ -89,6 +92,45 @@ pub struct Tally {
     pub defective_objects: u64,
     /// Detector numbers that the bit depth clipped at its upper end.
     pub saturated: u64,
+}
+
+impl Tally {
+    /// Every count of the two put together by `f`, but for the objects, which are the same.
+    fn with(self, other: Self, f: impl Fn(u64, u64) -> u64) -> Self {
+        Self {
+            rays: f(self.rays, other.rays),
+            exact: f(self.exact, other.exact),
+            split: f(self.split, other.split),
+            unbalanced: f(self.unbalanced, other.unbalanced),
+            unordered: f(self.unordered, other.unordered),
+            retraced: f(self.retraced, other.retraced),
+            dropped: f(self.dropped, other.dropped),
+            reflected: f(self.reflected, other.reflected),
+            not_finite: f(self.not_finite, other.not_finite),
+            landed_off: f(self.landed_off, other.landed_off),
+            saturated: f(self.saturated, other.saturated),
+            defective_objects: self.defective_objects.max(other.defective_objects),
+        }
+    }
+
+    /// What was counted since `earlier`.
+    pub(crate) fn since(self, earlier: Self) -> Self {
+        self.with(earlier, u64::saturating_sub)
+    }
+}
+
+impl std::ops::Add for Tally {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        self.with(other, u64::saturating_add)
+    }
+}
+
+impl std::iter::Sum for Tally {
+    fn sum<I: Iterator<Item = Self>>(tallies: I) -> Self {
+        tallies.fold(Self::default(), |a, b| a + b)
+    }
 }
 
 /// Provenance of a run, stored as run.json.

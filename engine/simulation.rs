@@ -75,6 +75,8 @@ pub struct Simulation<'e> {
 impl<'e> Simulation<'e> {
     pub(crate) fn new(engine: &'e Engine, scene: &Scene) -> Result<Self> {
         scene.validate()?;
+        // From here on every reader of a file compares it with its hash.
+        let scene = &scene.with_file_hashes()?;
         let detection = Detection::of(scene)?;
         let lit = detection.lit();
         let media = Media::of(scene)?;
@@ -99,6 +101,7 @@ impl<'e> Simulation<'e> {
         if scene.sampling.scheme != Scheme::Cells {
             return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
         }
+        let scene = &scene.with_file_hashes()?;
         let detection = Detection::of(scene)?;
         let lit = detection.lit();
         let own = Media::of(scene)?;
@@ -399,8 +402,12 @@ impl<'e> Simulation<'e> {
         let mut work = Work::new(self, &views)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
+        let mut before = Tally::default();
         for view in views {
             work.view(view, sink, &mut control)?;
+            let tally = work.tally()?;
+            sink.tally(view, &tally.since(before))?;
+            before = tally;
             if let (stack::View::Sample(index), Some(keep)) = (view, control.keep.as_mut()) {
                 keep.commit(index, self.moment_words())?;
             }
@@ -408,7 +415,7 @@ impl<'e> Simulation<'e> {
         }
         let defective =
             self.sample.objects.iter().filter(|object| object.defects.refused()).count();
-        let tally = Tally { defective_objects: defective as u64, ..work.tally()? };
+        let tally = Tally { defective_objects: defective as u64, ..before + control.counted };
         let record = RunRecord {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             device: self.start.device.clone(),

@@ -1,13 +1,16 @@
 //! The real program, ended at random moments or with a full disk: every view that
 //! progress.log names is whole, nothing else counts, and `--resume` ends with the same bits.
+//! `BEAMLET_KILLS` in the environment is the number of kills of each kind of run (docs/reliability.md).
 #![cfg(all(feature = "cli", unix))]
+#![allow(clippy::print_stdout, reason = "measured figures are printed")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use beamlet::scene::Scene;
 use beamlet::stack::{RunDirectory, View};
+use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -57,9 +60,11 @@ fn assert_code(output: &Output, code: i32) {
     assert_eq!(output.status.code(), Some(code), "{message}");
 }
 
-/// Whole lines of progress.log.
+/// Views whose lines in progress.log are whole.
 fn committed_lines(run: &Path) -> usize {
-    fs::read_to_string(run.join("progress.log")).map_or(0, |text| text.matches('\n').count())
+    let Ok(text) = fs::read_to_string(run.join("progress.log")) else { return 0 };
+    let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+    whole.filter(|line| !line.starts_with("counts/")).count()
 }
 
 /// Asserts that every view in progress.log has its checksum; tells which.
@@ -80,13 +85,46 @@ fn assert_whole(place: &Path, run: &str) -> Vec<View> {
     resumed.committed().to_vec()
 }
 
-/// What a run holds: the committed lines, sorted, with their checksums; all views have to verify.
-fn contents(place: &Path, run: &str) -> Vec<String> {
-    assert_eq!(assert_whole(place, run).len(), VIEWS);
-    let text = fs::read_to_string(place.join(run).join("progress.log")).unwrap();
-    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-    lines.sort();
-    lines
+/// What a run holds, by name: every file byte by byte, but for the order of lines of progress.log
+/// and for times and rates in run.json. All of its `views` have to verify.
+fn contents(place: &Path, run: &str, views: usize) -> BTreeMap<PathBuf, Vec<u8>> {
+    assert_eq!(assert_whole(place, run).len(), views);
+    let root = place.join(run);
+    let mut found = BTreeMap::new();
+    let mut folders = vec![root.clone()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+                continue;
+            }
+            let name = path.strip_prefix(&root).unwrap().to_path_buf();
+            let mut bytes = fs::read(&path).unwrap();
+            if name == Path::new("progress.log") {
+                let mut lines: Vec<_> = bytes.split(|byte| *byte == b'\n').collect();
+                lines.sort();
+                bytes = lines.join(&b'\n');
+            } else if name == Path::new("run.json") {
+                let mut record: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+                for key in ["seconds", "calibration", "resumed_views"] {
+                    record.as_object_mut().unwrap().remove(key);
+                }
+                bytes = record.to_string().into_bytes();
+            }
+            found.insert(name, bytes);
+        }
+    }
+    found
+}
+
+#[track_caller]
+fn assert_same(place: &Path, views: usize) {
+    let [run, whole] = ["run", "whole"].map(|run| contents(place, run, views));
+    assert!(run.keys().eq(whole.keys()), "{:?}\n{:?}", run.keys(), whole.keys());
+    for (name, bytes) in &run {
+        assert!(*bytes == whole[name], "{} differs", name.display());
+    }
 }
 
 /// Random numbers that are the same on every machine (splitmix64).
@@ -121,48 +159,76 @@ fn end(mut child: Child, log: &Path, views: usize, milliseconds: u64, signal: &s
     child.wait_with_output().unwrap()
 }
 
-/// Ends one run ten times and resumes it each time.
-fn end_again_and_again(format: &str, seed: u64) {
+/// Kills of each kind of run.
+fn kills() -> u32 {
+    std::env::var("BEAMLET_KILLS").map_or(5, |text| text.parse().unwrap())
+}
+
+/// Ends runs at random moments and resumes them, until enough were killed.
+fn end_again_and_again(scene: &str, arguments: &[&str], views: usize, seed: u64) {
     let place = workplace();
-    let format = ["--format", format];
-    assert_code(&simulate(place.path(), "whole", &format).output().unwrap(), 0);
+    fs::write(place.path().join("scene.toml"), scene).unwrap();
+    assert_code(&simulate(place.path(), "whole", arguments).output().unwrap(), 0);
     let run = place.path().join("run");
+    // Nothing but --resume: format and moments follow the run.
+    let go_on = || match run.join("run.json").exists() {
+        true => simulate(place.path(), "run", &["--resume"]),
+        false => simulate(place.path(), "run", arguments),
+    };
     let mut dice = Dice(seed);
-    for round in 0..10 {
-        let resume: &[&str] = if run.join("run.json").exists() { &["--resume"] } else { &format };
-        let child = simulate(place.path(), "run", resume).spawn().unwrap();
-        let signal = if round % 2 == 0 { "-KILL" } else { "-INT" };
+    let (mut killed, mut whole) = (0, 0);
+    while killed < kills() {
+        let signal = if dice.below(4) == 0 { "-INT" } else { "-KILL" };
         // Half of them while the program starts, the rest while it writes.
-        let (views, milliseconds) = match dice.below(2) {
+        let (views_more, milliseconds) = match dice.below(2) {
             0 => (0, dice.below(400)),
             _ => (1 + usize::try_from(dice.below(4)).unwrap(), dice.below(20)),
         };
-        let output = end(child, &run, views, milliseconds, signal);
-        let ended = match (output.status.code(), output.status.signal()) {
-            // Before it listens, an interrupt ends the program as it does any other.
-            (Some(130) | None, _) if signal == "-INT" => true,
-            (None, Some(9)) => true,
-            (Some(0), _) => true,
-            _ => false,
-        };
+        let output = end(go_on().spawn().unwrap(), &run, views_more, milliseconds, signal);
         let message = String::from_utf8_lossy(&output.stderr);
-        assert!(ended, "{signal} in round {round}: {:?}: {message}", output.status);
-        assert_whole(place.path(), "run");
+        match (output.status.code(), output.status.signal()) {
+            (None, Some(9)) => killed += 1,
+            (Some(0), _) => {
+                assert_same(place.path(), views);
+                fs::remove_dir_all(&run).unwrap();
+                whole += 1;
+            }
+            // Before it listens, an interrupt ends the program as it does any other.
+            (Some(130) | None, _) if signal == "-INT" => {}
+            _ => panic!("{signal} after {killed} kills: {:?}: {message}", output.status),
+        }
+        let _ = assert_whole(place.path(), "run");
     }
-    let rest: &[&str] = if run.join("run.json").exists() { &["--resume"] } else { &format };
-    assert_code(&simulate(place.path(), "run", rest).output().unwrap(), 0);
-    assert_eq!(contents(place.path(), "run"), contents(place.path(), "whole"));
+    assert_code(&go_on().output().unwrap(), 0);
+    assert_same(place.path(), views);
     assert!(!run.join("partial").exists());
+    whole += 1;
+    println!("measured {killed} kills of {arguments:?}: {whole} runs with the same bytes");
+}
+
+/// The scene with counts.
+fn with_counts() -> String {
+    SCENE.replace("pitch = \"150 um\"\n", "pitch = \"150 um\"\nphotons = 1000\n")
 }
 
 #[test]
-fn a_run_of_exr_frames_that_is_ended_at_random_moments_goes_on_to_the_same_bits() {
-    end_again_and_again("exr", 11);
+fn a_run_of_exr_frames_that_is_ended_at_random_moments_goes_on_to_the_same_bytes() {
+    end_again_and_again(SCENE, &["--format", "exr"], VIEWS, 11);
 }
 
 #[test]
-fn a_run_of_npy_arrays_that_is_ended_at_random_moments_goes_on_to_the_same_bits() {
-    end_again_and_again("npy", 12);
+fn a_run_of_npy_arrays_that_is_ended_at_random_moments_goes_on_to_the_same_bytes() {
+    end_again_and_again(SCENE, &["--format", "npy"], VIEWS, 12);
+}
+
+#[test]
+fn a_run_with_counts_that_is_ended_at_random_moments_goes_on_to_the_same_bytes() {
+    end_again_and_again(&with_counts(), &["--format", "npy"], VIEWS + 1, 13);
+}
+
+#[test]
+fn a_run_that_keeps_moments_and_is_ended_at_random_moments_goes_on_to_the_same_bytes() {
+    end_again_and_again(&with_counts(), &["--format", "exr", "--keep-moments"], VIEWS + 1, 14);
 }
 
 /// Most of a file on the full disk, in KiB: enough for what a CPU device keeps in files of its
@@ -208,7 +274,7 @@ fn a_disk_that_fills_up_is_named_and_leaves_committed_views() {
     assert!((before + 1..VIEWS).contains(&committed), "{committed} of {before} views: {message}");
     assert_code(&simulate(place.path(), "run", &["--resume"]).output().unwrap(), 0);
     assert_code(&simulate(place.path(), "whole", &npy).output().unwrap(), 0);
-    assert_eq!(contents(place.path(), "run"), contents(place.path(), "whole"));
+    assert_same(place.path(), VIEWS);
 }
 
 #[test]

@@ -9,6 +9,7 @@ use beamlet::kept::{Kept, KeptWriter};
 use beamlet::scene::Scene;
 use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
 use beamlet::{Backend, Control, EngineOptions, Error};
+use sha2::Digest;
 use std::path::Path;
 use support::{Checked, Worst, engine, engine_with};
 
@@ -240,6 +241,23 @@ fn what_moments_cannot_follow_is_refused_by_its_key() {
 }
 
 #[test]
+fn a_run_whose_moments_are_read_is_not_overwritten_meanwhile() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run");
+    run(&path, None);
+    let kept = Kept::open(&path).unwrap();
+    let again = Kept::open(&path).unwrap();
+    let error = RunDirectory::create(&path, Format::Npy, true).unwrap_err().to_string();
+    assert!(error.contains("another beamlet is using this run"), "{error}");
+    drop((kept, again));
+    let writer = RunDirectory::create(&path, Format::Npy, true).unwrap();
+    let error = Kept::open(&path).unwrap_err().to_string();
+    assert!(error.contains("another beamlet is writing this run"), "{error}");
+    drop(writer);
+    Kept::open(&path).unwrap();
+}
+
+#[test]
 fn damaged_moments_are_named_and_not_used() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run");
@@ -269,4 +287,94 @@ fn damaged_moments_are_named_and_not_used() {
     std::fs::remove_dir_all(path.join("moments")).unwrap();
     assert!(open().contains("--keep-moments"));
     assert!(Kept::open(directory.path()).unwrap_err().to_string().contains("scene.toml"));
+}
+
+/// Random numbers that are the same on every machine (splitmix64).
+struct Dice(u64);
+
+impl Dice {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, limit: usize) -> usize {
+        usize::try_from(self.next() % limit as u64).unwrap()
+    }
+}
+
+/// Seals a file of moments: what stands in it counts as written.
+fn with_hash(mut bytes: Vec<u8>) -> Vec<u8> {
+    let end = bytes.len() - 32;
+    let hash = sha2::Sha256::digest(&bytes[..end]);
+    bytes[end..].copy_from_slice(&hash);
+    bytes
+}
+
+#[test]
+fn moments_with_a_good_hash_and_a_bad_content_are_refused_by_name_or_end_in_stacks() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run");
+    run(&path, None);
+    let view = path.join("moments/view_0001.bin");
+    let good = std::fs::read(&view).unwrap();
+    let rounds = std::env::var("BEAMLET_ROUNDS").map_or(40, |text| text.parse().unwrap());
+    let seed = std::env::var("BEAMLET_SEED").map_or(1, |text| text.parse().unwrap());
+    let values = [
+        0,
+        1,
+        2,
+        7,
+        0x7fff_ffff,
+        0xffff_ffff,
+        0x8000_0000,
+        0x0001_0000,
+        f32::INFINITY.to_bits(),
+        f32::NAN.to_bits(),
+        f32::MAX.to_bits(),
+        (-1.0_f32).to_bits(),
+        1e9_f32.to_bits(),
+        1e-30_f32.to_bits(),
+        1.0_f32.to_bits(),
+        1e4_f32.to_bits(),
+    ];
+    let scenes = [
+        scene(&[]),
+        scene(&["sample_mask.distance=1.15 m", "scan.mask_offsets=[\"-7 um\", \"11 um\"]"]),
+        scene(&["source.energy=24 keV", "detector.pixels=[30, 5]"]),
+    ];
+    let engine = engine(Backend::Bvh);
+    let mut dice = Dice(seed);
+    let mut refused = 0;
+    for round in 0..rounds {
+        let mut bytes = good.clone();
+        for _ in 0..1 + dice.below(3) {
+            // Often among the heads, where counts are; else anywhere.
+            let words = if dice.below(2) == 0 { 400 } else { bytes.len() / 4 - 8 };
+            let at = 4 * (5 + dice.below(words - 5));
+            // The seal of the scene stays, or nothing behind it is read.
+            if (24..56).contains(&at) {
+                continue;
+            }
+            let value = values.get(dice.below(values.len() + 4)).copied();
+            let value = value.unwrap_or_else(|| u32::try_from(dice.next() >> 32).unwrap());
+            bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        }
+        std::fs::write(&view, with_hash(bytes)).unwrap();
+        let began = std::time::Instant::now();
+        let done = Kept::open(&path)
+            .and_then(|kept| scenes.iter().try_for_each(|s| again(&engine, &kept, s).map(drop)));
+        if let Err(error) = done {
+            refused += 1;
+            assert!(error.to_string().contains("view_0001.bin"), "round {round}: {error}");
+        }
+        let seconds = began.elapsed().as_secs_f64();
+        assert!(seconds < 60.0, "round {round} took {seconds} s");
+    }
+    assert!(refused > rounds / 3, "{refused} of {rounds} were refused");
+    std::fs::write(&view, with_hash(good)).unwrap();
+    again(&engine, &Kept::open(&path).unwrap(), &scenes[1]).unwrap();
 }

@@ -21,6 +21,7 @@ fn scene(energy: f64) -> Scene {
         scan: Scan { mask_offsets: vec![0.0], angles: vec![0.0] },
         materials: BTreeMap::new(),
         surroundings: "vacuum".into(),
+        files: BTreeMap::new(),
         objects: Vec::new(),
     }
 }

@@ -11,6 +11,9 @@
 
 mod reference;
 
+#[path = "support/log.rs"]
+mod log;
+
 use beamlet::retrieve::{
     ImageFormat, ImagesTo, Input, Record, RetrieveControl, RetrieveOptions, retrieve,
 };
@@ -319,6 +322,7 @@ fn detector_numbers_of_a_run_give_uncertainties_that_hold() {
     write_npy(run.join("counts/flat.npy"), &flat.mapv(&mut counts)).unwrap();
     write_npy(run.join("counts/sample.npy"), &sample.mapv(&mut counts)).unwrap();
     write_npy(run.join("dark.npy"), &Array3::from_elem((2, 4, 64), 50.0_f32)).unwrap();
+    log::commit(&run);
     good(place, &["retrieve", "run", "--format", "npy", "-o", "clean"]);
     let words = ["retrieve", "run", "--counts", "--gain", "2", "--weights", "poisson"];
     good(place, &[words.as_slice(), &["-o", "noisy"]].concat());
@@ -355,6 +359,7 @@ fn comparisons_tell_what_differs_and_by_how_much() {
     let mut sample: Array4<f32> = read_npy(other.join("sample.npy")).unwrap();
     sample[[1, 3, 2, 40]] += 0.01;
     write_npy(other.join("sample.npy"), &sample).unwrap();
+    log::commit(&other);
     bad(place, &["compare", "run", "other"], 1, "sample");
     good(place, &["compare", "run", "other", "--tolerance", "0.011"]);
     let words = ["compare", "run", "other", "--json", "--difference", "gone", "--format", "tiff"];

@@ -42,6 +42,7 @@ fn scene() -> Scene {
         scan: Scan { mask_offsets: vec![-1e-5, 0.0, 1e-5], angles: vec![0.0, 1.0] },
         materials: BTreeMap::new(),
         surroundings: "vacuum".into(),
+        files: BTreeMap::new(),
         objects: vec![Object {
             name: "rod".into(),
             geometry: ShapeOrMesh::Shape(Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: 64 }),
@@ -300,6 +301,9 @@ fn another_scene_or_device_does_not_resume_a_run() {
     let mut sink = RunDirectory::resume(temporary.path(), &scene()).unwrap();
     let message = sink.begin(&scene(), &elsewhere).unwrap_err().to_string();
     assert!(message.contains("another device") && message.contains("tested device"), "{message}");
+    // It holds the lock of the run as long as it lives.
+    assert!(RunDirectory::resume(temporary.path(), &scene()).is_err());
+    drop(sink);
     let mixed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
     mixed.allow_mixed(true).begin(&scene(), &elsewhere).unwrap();
 }

@@ -3,6 +3,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+#[path = "support/log.rs"]
+mod log;
+
 use beamlet::retrieve::Record;
 use ndarray::{Array3, Array4};
 use ndarray_npy::write_npy;
@@ -207,6 +210,7 @@ fn the_curve_shows_the_intensities_of_the_pixel_at_their_places() {
     flat[[2, 1, 6]] = 0.1;
     write_npy(place.path().join("run/flat.npy"), &flat).unwrap();
     write_npy(place.path().join("run/sample.npy"), &Array4::<f32>::zeros((2, 5, 4, 16))).unwrap();
+    log::commit(&place.path().join("run"));
     done(place.path(), "view run -o pictures --show curve --pixel 6,1");
     let curve = picture(&place.path().join("pictures/curve_view_0000_column_0006_row_0001.png"));
     let down = |value: f64| 48.0 + 330.0 * (1.0 - (value + 0.005) / 0.11);
@@ -229,6 +233,7 @@ fn curves_of_counts_are_drawn_less_their_dark() {
     write_npy(run.join("counts/sample.npy"), &Array4::<f32>::from_elem((2, 5, 4, 16), 100.0))
         .unwrap();
     write_npy(run.join("dark.npy"), &Array3::<f32>::from_elem((3, 4, 16), 100.0)).unwrap();
+    log::commit(&run);
     let record = Record { method: "moments".into(), counts: true, ..Record::default() };
     let text = serde_json::to_string(&record).unwrap();
     fs::write(run.join("retrieved/retrieved.json"), text).unwrap();

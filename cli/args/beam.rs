@@ -57,6 +57,7 @@ pub(crate) struct Spectrum {
 pub(crate) struct Material {
     /// Name of a built-in material or of the scene's, or a chemical formula; without it the
     /// built-in names are listed
+    #[arg(value_parser = material)]
     pub(crate) name: Option<String>,
     /// Density, such as "1.2 g/cm3"; needed for a formula
     #[arg(long, value_parser = density, requires = "name")]
@@ -73,6 +74,11 @@ pub(crate) struct Material {
     /// Print JSON (SI units, energies in keV, densities in g/cm3)
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// A name, or a formula that a substance may have.
+fn material(text: &str) -> Result<String, String> {
+    beamlet::material::check_formula(text).map(|()| text.to_owned())
 }
 
 fn anode(text: &str) -> Result<Anode, String> {
@@ -105,7 +111,12 @@ fn energy(text: &str) -> Result<f64, String> {
 }
 
 fn density(text: &str) -> Result<f64, String> {
-    positive(Dimension::Density, text)
+    match positive(Dimension::Density, text)? {
+        value if value <= 100.0 => Ok(value),
+        value => {
+            Err(format!("found {}; allowed: up to 100 g/cm3", Dimension::Density.format(value)))
+        }
+    }
 }
 
 fn voltage(text: &str) -> Result<f64, String> {

@@ -1,11 +1,10 @@
 //! `beamlet example`: scenes that come inside the program, so that the first simulation needs
 //! nothing but the program.
 
+use super::pictures::refuse_existing;
 use crate::args::Example;
 use crate::failure::Failure;
-use std::fs;
 use std::io::Write;
-use std::path::Path;
 
 /// A shipped scene.
 struct Shipped {
@@ -55,20 +54,11 @@ pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failu
         let names: Vec<&str> = SHIPPED.iter().map(|shipped| shipped.name).collect();
         Failure::Usage(format!("there is no example '{name}'; there are: {}", names.join(", ")))
     })?;
-    let failed = |path: &Path, problem: String| Failure::File { path: path.into(), problem };
-    for (file, _) in shipped.files {
-        let path = directory.join(file);
-        if path.exists() && !arguments.overwrite {
-            return Err(failed(&path, "is there already; --overwrite replaces it".into()));
-        }
-    }
-    for (file, contents) in shipped.files {
-        let path = directory.join(file);
-        path.parent()
-            .map_or(Ok(()), fs::create_dir_all)
-            .and_then(|()| fs::write(&path, contents))
-            .map_err(|error| failed(&path, format!("cannot be written: {error}")))?;
-        writeln!(out, "{}", path.display())?;
+    let paths: Vec<_> = shipped.files.iter().map(|(file, _)| directory.join(file)).collect();
+    refuse_existing(&paths, arguments.overwrite)?;
+    for (path, (_, contents)) in paths.iter().zip(shipped.files) {
+        beamlet::stack::write_file(path, contents)?;
+        writeln!(out, "{}", beamlet::printed::path(path))?;
     }
     Ok(())
 }

@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::kept::Kept;
 use beamlet::scene::Scene;
-use beamlet::stack::{Extent, Format, RunDirectory};
+use beamlet::stack::{Extent, Format, RunDirectory, is_same_place};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -52,7 +52,12 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         let scene = Scene::load_with(path, &arguments.sets)?;
         let extent = Extent::of(&scene)?;
         let format = arguments.format.map(Into::into).unwrap_or_default();
-        let sink = RunDirectory::create(&output, format, arguments.overwrite)?;
+        // What is read is not replaced: the run with the moments, scenes and their files.
+        let mut read = scene.input_files();
+        read.push(arguments.run.clone());
+        read.extend(arguments.scene.iter().cloned());
+        let sink = RunDirectory::reading(&output, &read)
+            .and_then(|()| RunDirectory::create(&output, format, arguments.overwrite))?;
         let sink = sink.overrides(&arguments.sets);
         jobs.push(Job { path: path.clone(), output, scene, extent, sink });
     }
@@ -175,8 +180,8 @@ fn outputs(arguments: &Illuminate) -> Result<Vec<PathBuf>, Failure> {
     let mut outputs: Vec<PathBuf> = Vec::new();
     for path in &arguments.scene {
         let output = arguments.output.join(path.file_stem().unwrap_or_default());
-        if outputs.contains(&output) {
-            let name = output.display();
+        if outputs.iter().any(|other| is_same_place(other, &output)) {
+            let name = beamlet::printed::path(&output);
             return Err(Failure::Usage(format!("two scenes would be written to {name}")));
         }
         outputs.push(output);

@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     };
     let range = material::range(&scene, name)?;
     let table = match scene.materials.get(name) {
-        Some(MaterialSpec::Table { path }) => Some(path.display().to_string()),
+        Some(MaterialSpec::Table { path }) => Some(beamlet::printed::path(path)),
         _ => None,
     };
     let report = Report {

@@ -2,6 +2,7 @@
 
 use crate::failure::Failure;
 use crate::picture::drawing::Drawing;
+use beamlet::stack::{is_of_run, is_same_place};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -29,19 +30,21 @@ impl Pictures {
         Ok(())
     }
 
-    /// Writes all of them and prints their paths.
+    /// Writes all of them and prints their paths. `read`: files or runs they were made from.
     pub(super) fn write(
         self,
         directory: &Path,
         overwrite: bool,
+        read: &[PathBuf],
         out: &mut impl Write,
     ) -> Result<(), Failure> {
         let paths = self.files.iter().map(|(name, _)| directory.join(name));
         let paths: Vec<PathBuf> = paths.collect();
+        refuse_read(&paths, read)?;
         refuse_existing(&paths, overwrite)?;
         for (path, (_, bytes)) in paths.iter().zip(&self.files) {
-            write_file(path, bytes)?;
-            writeln!(out, "{}", path.display())?;
+            beamlet::stack::write_file(path, bytes)?;
+            writeln!(out, "{}", beamlet::printed::path(path))?;
         }
         Ok(())
     }
@@ -49,7 +52,7 @@ impl Pictures {
 
 /// Refuses to write where something is, unless it may be replaced.
 pub(super) fn refuse_existing(paths: &[PathBuf], overwrite: bool) -> Result<(), Failure> {
-    match paths.iter().find(|path| path.exists() && !overwrite) {
+    match paths.iter().find(|path| fs::symlink_metadata(path).is_ok() && !overwrite) {
         Some(path) => Err(Failure::File {
             path: path.clone(),
             problem: "is there already; --overwrite replaces it".into(),
@@ -58,9 +61,19 @@ pub(super) fn refuse_existing(paths: &[PathBuf], overwrite: bool) -> Result<(), 
     }
 }
 
-/// Writes a file whole, with the directories it is in.
-pub(super) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    path.parent().map_or(Ok(()), fs::create_dir_all).and_then(|()| fs::write(path, bytes)).map_err(
-        |error| Failure::File { path: path.into(), problem: format!("cannot be written: {error}") },
-    )
+/// Refuses to write files over what is read: a file, or anything that belongs to a run.
+pub(super) fn refuse_read(paths: &[PathBuf], read: &[PathBuf]) -> Result<(), Failure> {
+    let is_read = |path: &PathBuf| {
+        read.iter().find(|read| is_same_place(path, read) || is_of_run(read, path))
+    };
+    match paths.iter().find_map(|path| is_read(path).map(|read| (path, read))) {
+        Some((path, read)) => Err(Failure::File {
+            path: path.clone(),
+            problem: format!(
+                "is, or is part of, {}, which this command reads",
+                beamlet::printed::path(read)
+            ),
+        }),
+        None => Ok(()),
+    }
 }

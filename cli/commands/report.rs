@@ -1,6 +1,6 @@
 //! `beamlet report`: a run as one page for a browser.
 
-use super::pictures::{refuse_existing, write_file};
+use super::pictures::{refuse_existing, refuse_read};
 use crate::args::Report;
 use crate::failure::Failure;
 use crate::report;
@@ -15,9 +15,10 @@ pub(super) fn run(arguments: &Report, out: &mut impl Write) -> Result<(), Failur
         Some(path) => path.clone(),
         None => arguments.run.join("report.html"),
     };
+    refuse_read(std::slice::from_ref(&path), std::slice::from_ref(&arguments.run))?;
     refuse_existing(std::slice::from_ref(&path), arguments.overwrite)?;
     let run = RunReader::open(&arguments.run)?;
     let page = report::page(&run, arguments.most.unwrap_or(MOST))?;
-    write_file(&path, page.as_bytes())?;
-    Ok(writeln!(out, "{}", path.display())?)
+    beamlet::stack::write_file(&path, page.as_bytes())?;
+    Ok(writeln!(out, "{}", beamlet::printed::path(&path))?)
 }

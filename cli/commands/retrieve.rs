@@ -5,10 +5,10 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::retrieve::{
-    ImagesTo, Input, Record, RetrieveControl, RetrieveOptions, Weights, offsets, retrieve,
+    ImagesTo, Input, Method, Record, RetrieveControl, RetrieveOptions, Weights, offsets, retrieve,
 };
 use beamlet::scene::Scene;
-use beamlet::stack::{OpenRun, StackFile};
+use beamlet::stack::{OpenRun, StackFile, refuse_overlap};
 use beamlet::{Engine, EngineOptions, Error};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -21,6 +21,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         None => measured(arguments)?,
     };
     let path = arguments.output.clone().unwrap_or(path);
+    refuse_overlap(&path, &read(arguments))?;
     let input = input.saturated_at(arguments.saturation);
     let of_scene = input.noise();
     let options = RetrieveOptions {
@@ -46,6 +47,16 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     if arguments.read_noise.is_some() && options.weights == Weights::None {
         return Err(Failure::Usage("--read-noise belongs to --weights poisson".into()));
     }
+    let two_step = options.method == Method::TwoStep;
+    for (key, given) in [
+        ("--steps", options.steps.is_some()),
+        ("--sample-offsets", options.sample_offsets.is_some()),
+    ] {
+        if given && !two_step {
+            let problem = format!("{key} belongs to --method two-step, not to {}", options.method);
+            return Err(Failure::Usage(problem));
+        }
+    }
     interrupt::listen();
     let mut reporter = Reporter::new(arguments.quiet, false);
     let engine = Engine::open(&EngineOptions {
@@ -67,6 +78,15 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         }
         Err(error) => Err(error.into()),
     }
+}
+
+/// Files that are read beside the stacks of flat and sample.
+fn read(arguments: &Retrieve) -> Vec<PathBuf> {
+    let lists = [&arguments.offsets, &arguments.sample_offsets];
+    let lists = lists.into_iter().flatten().map(PathBuf::from).filter(|path| path.is_file());
+    let scene = arguments.run.as_ref().map(|run| run.join("scene.toml"));
+    let files = [arguments.geometry.clone(), arguments.dark.clone(), scene];
+    files.into_iter().flatten().chain(lists).collect()
 }
 
 fn of_run(arguments: &Retrieve, run: &Path) -> Result<Input, Failure> {
@@ -100,7 +120,7 @@ fn summary(
     out: &mut impl Write,
 ) -> Result<(), Failure> {
     let [views, rows, columns] = record.shape;
-    writeln!(out, "images   {}", path.display())?;
+    writeln!(out, "images   {}", beamlet::printed::path(path))?;
     writeln!(out, "method   {}, weights {}", record.method, record.weights)?;
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     let pixels = views * rows * columns;

@@ -6,7 +6,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::kept::KeptWriter;
 use beamlet::scene::{Scene, Scheme};
-use beamlet::stack::{self, Extent, Format, RunDirectory, RunState, View};
+use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, Tally};
 use std::io::Write;
 use std::time::Instant;
@@ -23,12 +23,15 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
             "cells, with --keep-moments",
         )));
     }
-    let mut sink = directory(arguments, &scene)?;
+    let sink = directory(arguments, &scene)?;
+    let keep_moments = keep_moments(arguments, &sink)?;
+    let mut sink = sink.keep_moments(keep_moments);
     if let Some(recorded) = sink.recorded()
         && recorded.state == RunState::Done
+        && sink.problems().is_empty()
         && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
-        writeln!(out, "{} is complete already", sink.path().display())?;
+        writeln!(out, "{} is complete already", beamlet::printed::path(sink.path()))?;
         return Ok(());
     }
     let recorded_backend = sink.recorded().map(|file| file.record.backend);
@@ -39,16 +42,11 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         // A resumed run goes on with the backend that began it, or its bits would change.
         backend: arguments.backend.choice().or(recorded_backend),
         memory_limit: arguments.memory_limit,
-        keep_moments: arguments.keep_moments,
+        keep_moments,
         ..EngineOptions::default()
     })?;
-    let mut keep = arguments.keep_moments.then(|| KeptWriter::new(&arguments.output));
-    // A view without its moments is traced again.
-    let kept = |view: &View| match (view, &keep) {
-        (View::Sample(index), Some(keep)) => keep.has(*index),
-        _ => true,
-    };
-    let skip = sink.committed().iter().copied().filter(kept).collect();
+    let mut keep = keep_moments.then(|| KeptWriter::new(&arguments.output));
+    let (skip, counted) = (sink.committed().to_vec(), sink.counted());
     let done = engine.run(
         &scene,
         &mut sink,
@@ -56,6 +54,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
             progress: Some(&mut |progress| reporter.update(progress)),
             cancel: Some(&interrupt::CANCELLED),
             skip,
+            counted,
             keep: keep.as_mut(),
         },
     );
@@ -67,19 +66,50 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     }
 }
 
+/// Whether moments are kept: a run goes on as it began.
+fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failure> {
+    let wanted = arguments.keep_moments;
+    if !arguments.resume {
+        return Ok(wanted);
+    }
+    let path = beamlet::printed::path(sink.path());
+    match sink.keeps_moments() {
+        Some(false) if wanted => Err(Failure::Usage(format!(
+            "{path} was begun without --keep-moments (run.json: \"keep_moments\": false); it cannot \
+             go on with --keep-moments"
+        ))),
+        Some(keeps) => Ok(keeps),
+        None if wanted && !sink.committed().is_empty() => Err(Failure::Usage(format!(
+            "{path} has no moments, and its run.json, of an earlier version, does not tell of \
+             --keep-moments; it cannot go on with --keep-moments"
+        ))),
+        None => Ok(wanted),
+    }
+}
+
 fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failure> {
     let format = arguments.format.map(Format::from);
     let sink = if arguments.resume {
         let sink = RunDirectory::resume(&arguments.output, scene)?;
+        // Also under --quiet: data was lost.
+        for problem in sink.problems() {
+            let _ = writeln!(std::io::stderr(), "warning: {}", beamlet::printed::line(problem));
+        }
         if let Some(format) = format.filter(|format| *format != sink.format()) {
             return Err(Failure::Usage(format!(
                 "the run was begun with --format {}; it cannot go on with --format {format}",
                 sink.format()
             )));
         }
-        sink.allow_mixed(arguments.allow_mixed)
+        sink.allow_mixed(arguments.allow_mixed).allow_unhashed(arguments.allow_unhashed)
     } else {
-        RunDirectory::create(&arguments.output, format.unwrap_or_default(), arguments.overwrite)?
+        let output = &arguments.output;
+        if arguments.overwrite {
+            let mut read = scene.input_files();
+            read.push(arguments.scene.scene.clone());
+            RunDirectory::reading(output, &read)?;
+        }
+        RunDirectory::create(output, format.unwrap_or_default(), arguments.overwrite)?
     };
     Ok(sink.overrides(&arguments.scene.sets))
 }
@@ -93,8 +123,10 @@ pub(super) fn summary(
     out: &mut impl Write,
 ) -> Result<(), Failure> {
     let Extent { views, steps, rows, columns } = extent;
-    let rate = record.tally.rays as f64 / 1e6 / seconds.max(1e-9);
-    writeln!(out, "run      {} ({})", sink.path().display(), sink.format())?;
+    // Of a resumed run the tally covers all views, and the time this part.
+    let rays = record.tally.rays.saturating_sub(sink.counted().rays);
+    let rate = rays as f64 / 1e6 / seconds.max(1e-9);
+    writeln!(out, "run      {} ({})", beamlet::printed::path(sink.path()), sink.format())?;
     writeln!(out, "views    {views} x {steps} steps of {columns} x {rows} pixels, and the flat")?;
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
     if record.tally.rays == 0 {
@@ -102,7 +134,11 @@ pub(super) fn summary(
         return tell(&record.tally, out);
     }
     writeln!(out, "backend  {}: {}", record.backend, record.backend_reason)?;
-    writeln!(out, "rays     {} in {seconds:.1} s ({rate:.2} million a second)", record.tally.rays)?;
+    let part = match sink.committed().len() {
+        0 => String::new(),
+        views => format!(" (and {} before, of {views} views)", record.tally.rays - rays),
+    };
+    writeln!(out, "rays     {rays} in {seconds:.1} s ({rate:.2} million a second){part}")?;
     tell(&record.tally, out)
 }
 
@@ -154,6 +190,9 @@ fn advice(arguments: &Simulate) -> String {
     }
     if arguments.allow_mixed {
         command.push("--allow-mixed".into());
+    }
+    if arguments.allow_unhashed {
+        command.push("--allow-unhashed".into());
     }
     if !began {
         return format!("nothing was written; to start again: {}", command.join(" "));

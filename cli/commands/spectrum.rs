@@ -1,6 +1,6 @@
 //! `beamlet spectrum`: what a source emits, before and after its filters.
 
-use super::pictures::{refuse_existing, write_file};
+use super::pictures::{refuse_existing, refuse_read};
 use super::{beam, number};
 use crate::args::Spectrum as Arguments;
 use crate::failure::Failure;
@@ -70,6 +70,9 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     };
     if let Some(path) = &arguments.plot {
         let drawing = draw(&report.source, &report.before.spectrum, &report.after.spectrum);
+        let mut read = scene.input_files();
+        read.extend(arguments.input.clone());
+        refuse_read(std::slice::from_ref(path), &read)?;
         save(&drawing, path, arguments.overwrite)?;
     }
     match arguments.json {
@@ -109,7 +112,7 @@ fn resolve(arguments: &Arguments) -> Result<(Scene, SpectrumSpec), Failure> {
 
 fn source(spec: &SpectrumSpec) -> String {
     match &spec.origin {
-        SpectrumOrigin::File { path } => path.display().to_string(),
+        SpectrumOrigin::File { path } => beamlet::printed::path(path),
         SpectrumOrigin::Tube { anode, kvp, anode_angle, .. } => {
             format!("{} anode, {kvp} kV, {}", anode.name(), Angle.format(*anode_angle))
         }
@@ -131,12 +134,15 @@ fn save(drawing: &Drawing, path: &Path, overwrite: bool) -> Result<(), Failure> 
             .to_png(1.5)
             .map_err(|problem| Failure::File { path: path.to_owned(), problem })?,
         _ => {
-            let problem = format!("--plot {}: the name has to end in .svg or .png", path.display());
+            let problem = format!(
+                "--plot {}: the name has to end in .svg or .png",
+                beamlet::printed::path(path)
+            );
             return Err(Failure::Usage(problem));
         }
     };
     refuse_existing(&[path.to_owned()], overwrite)?;
-    write_file(path, &bytes)
+    Ok(beamlet::stack::write_file(path, &bytes)?)
 }
 
 fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {

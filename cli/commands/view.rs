@@ -9,6 +9,7 @@ use crate::picture::sample::{self, Camera};
 use crate::picture::set_up;
 use beamlet::scene::Scene;
 use std::io::Write;
+use std::path::PathBuf;
 
 /// Where the sample is looked at from, degrees.
 const CAMERA: [f64; 2] = [35.0, 24.0];
@@ -16,13 +17,13 @@ const CAMERA: [f64; 2] = [35.0, 24.0];
 pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure> {
     let of_scene = &arguments.of_scene;
     let camera = of_scene.azimuth.is_some() || of_scene.elevation.is_some();
-    let pictures = if arguments.what.is_dir() {
+    let (pictures, read) = if arguments.what.is_dir() {
         if !of_scene.sets.is_empty() || of_scene.device.is_some() || camera {
             let problem =
                 "--set, --azimuth, --elevation and --device are for scenes; this is a run";
             return Err(Failure::Usage(problem.into()));
         }
-        run_pictures::of(&arguments.what, &arguments.of_run)?
+        (run_pictures::of(&arguments.what, &arguments.of_run)?, vec![arguments.what.clone()])
     } else {
         let ViewOfRun { show, maps, view, step, row, pixel } = &arguments.of_run;
         let numbers = [view, step, row].iter().any(|number| number.is_some());
@@ -33,11 +34,11 @@ pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure>
         }
         scene(arguments)?
     };
-    pictures.write(&arguments.output, arguments.overwrite, out)
+    pictures.write(&arguments.output, arguments.overwrite, &read, out)
 }
 
-/// Set-up and sample.
-fn scene(arguments: &View) -> Result<Pictures, Failure> {
+/// Set-up and sample, and the files that they are of.
+fn scene(arguments: &View) -> Result<(Pictures, Vec<PathBuf>), Failure> {
     let ViewOfScene { sets, azimuth, elevation, device } = &arguments.of_scene;
     let failed = |error| Failure::from(Scene::locate(&arguments.what, sets, error));
     let scene = Scene::load_with(&arguments.what, sets)?;
@@ -53,5 +54,7 @@ fn scene(arguments: &View) -> Result<Pictures, Failure> {
         let drawing = sample::draw(&scene, &geometry, camera, device.as_deref()).map_err(failed)?;
         pictures.add("sample.png", &drawing)?;
     }
-    Ok(pictures)
+    let mut read = scene.input_files();
+    read.push(arguments.what.clone());
+    Ok((pictures, read))
 }

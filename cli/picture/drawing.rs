@@ -2,6 +2,7 @@
 
 use super::colour::Rgb;
 use super::font;
+use beamlet::printed;
 
 /// Black of lines and words.
 pub(crate) const INK: Rgb = [34, 34, 40];
@@ -126,13 +127,13 @@ impl Drawing {
         colour: Rgb,
         anchor: Anchor,
     ) {
-        let text = text.into();
+        let text = printed::line(&text.into());
         self.items.push(Item::Text { at, text, size, colour, anchor, upwards: false });
     }
 
     /// Words that run upwards, centred.
     pub(crate) fn text_upwards(&mut self, at: [f64; 2], text: impl Into<String>, size: f64) {
-        let (text, anchor) = (text.into(), Anchor::Middle);
+        let (text, anchor) = (printed::line(&text.into()), Anchor::Middle);
         self.items.push(Item::Text { at, text, size, colour: INK, anchor, upwards: true });
     }
 

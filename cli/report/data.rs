@@ -203,7 +203,7 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
     } else if contrasts.is_empty() {
         notes.push(format!(
             "No retrieved images: `beamlet retrieve {}` makes them; then write the report again.",
-            run.run().path().display()
+            beamlet::printed::path(run.run().path())
         ));
     }
     Ok(Data { meta, arrays, notes })

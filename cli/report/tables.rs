@@ -50,7 +50,7 @@ pub(super) fn provenance(run: &RunReader) -> String {
     let record = &file.record;
     let state = serde_json::to_value(file.state).unwrap_or(Value::Null);
     let mut rows = vec![
-        ("directory", run.run().path().display().to_string()),
+        ("directory", beamlet::printed::path(run.run().path())),
         ("state", state.as_str().unwrap_or_default().to_owned()),
         ("version", record.version.clone()),
         ("device", record.device.clone()),

@@ -116,7 +116,7 @@ pub(super) struct Measured {
 impl Measured {
     /// Reads the kernel of `table`, a key of the scene.
     pub(super) fn read(scene: &Scene, kernel: &KernelFile, table: &str) -> Result<Self> {
-        let path = scene.resolve(&kernel.path);
+        let path = scene.checked(&kernel.path)?;
         let samples = image::read(&path)?;
         let key = format!("{table}.kernel");
         let refuse = |found: String, allowed: &str| {

@@ -22,7 +22,7 @@ impl ScatterStage {
         match &scene.detector.scatter {
             None => Ok(None),
             Some(Scatter::Image(path)) => {
-                let path = scene.resolve(path);
+                let path = scene.checked(path)?;
                 let image = image::read(&path)?;
                 let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
                 let key = "detector.scatter.image";

@@ -13,6 +13,7 @@ use super::surface::{Defect, Surface};
 use super::topology::{self, Edge};
 use super::{ObjectSummary, Sample, nesting, obj, placement, shapes, stl};
 use crate::error::{Error, Result};
+use crate::input_file;
 use crate::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
 
 /// Reads, checks and places every object of the scene.
@@ -114,8 +115,14 @@ pub fn file_hash(path: &Path) -> Result<String> {
     Ok(hash(&read(path)?))
 }
 
+/// Most bytes of a mesh in text, and of a file that is none.
+const TEXT: u64 = 2 << 30;
+
 fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Error::output(path, "cannot read the mesh", Some(e)))
+    let failed = |e| Error::output(path, "cannot read the mesh", Some(e));
+    // Only what says how long it is may be longer than texts are.
+    let most = if stl::triangles_in(path).is_some() { u64::MAX - 1 } else { TEXT };
+    input_file::read(path, most).map_err(failed)
 }
 
 fn hash(bytes: &[u8]) -> String {

@@ -1,12 +1,12 @@
 //! STL files, binary and ASCII.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use glam::DVec3;
 
 use super::surface::{Defect, Surface};
+use crate::input_file;
 
 const HEADER: usize = 84;
 const RECORD: usize = 50;
@@ -41,7 +41,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
 /// Triangles that a binary STL file has, from its first bytes and its length; `None` for other
 /// files and for those that cannot be read.
 pub(super) fn triangles_in(path: &Path) -> Option<u64> {
-    let mut file = File::open(path).ok()?;
+    let mut file = input_file::open(path).ok()?;
     let length = file.metadata().ok()?.len();
     let mut header = [0; HEADER];
     file.read_exact(&mut header).ok()?;

@@ -4,23 +4,27 @@
 //! little-endian words of 32 bits; docs/kept.md says what they are. A file is written
 //! under another name and renamed when its view is committed.
 
-use crate::gpu::interface::{Cell, Law, Strip};
+use super::content::Bounds;
+use crate::gpu::interface::{Cell, Law, MOMENTS_PER_MATERIAL, Strip};
 use crate::illuminate::NARROW;
 use crate::sampling::{CellMoments, ExactCell, Strips};
-use crate::{Error, Result};
+use crate::stack::refuse_link;
+use crate::{Error, Result, input_file};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
-use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{BufReader, BufWriter, ErrorKind, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// Folder in the run directory.
-pub(super) const DIRECTORY: &str = "moments";
+pub(crate) const DIRECTORY: &str = "moments";
 const MAGIC: [u8; 16] = *b"beamlet moments\0";
 const VERSION: u32 = 2;
 /// Magic, version, words of a ray's moments, hash of the run's scene.
 const HEADER: usize = 16 + 8 + 32;
 const HASH: usize = 32;
+/// Most words of a ray's moments: those of 10,000 materials.
+const WORDS: usize = 10_000 * MOMENTS_PER_MATERIAL;
 /// Words of a block's header: strips, cells, wide cells walked in order, all of those, first and
 /// last row.
 const BLOCK: usize = 6;
@@ -28,12 +32,13 @@ const BLOCK: usize = 6;
 /// What ties moments to their run: the hash of its scene.toml.
 pub(super) fn seal(run: &Path) -> Result<[u8; 32]> {
     let path = run.join("scene.toml");
-    let text =
-        fs::read(&path).map_err(|error| Error::output(&path, "cannot be read", Some(error)))?;
+    let text = input_file::read(&path, input_file::TEXT)
+        .map_err(|error| Error::output(&path, "cannot be read", Some(error)))?;
     Ok(Sha256::digest(text).into())
 }
 
-fn path_of(directory: &Path, view: u32) -> PathBuf {
+/// The file of a view.
+pub(crate) fn path_of(directory: &Path, view: u32) -> PathBuf {
     directory.join(format!("view_{view:04}.bin"))
 }
 
@@ -117,7 +122,15 @@ impl KeptWriter {
         self.open = None;
         let directory = self.run.join(DIRECTORY);
         let seal = seal(&self.run)?;
-        let partial = directory.join(format!("view_{view:04}.partial"));
+        let path = path_of(&directory, view);
+        let partial = path.with_extension("partial");
+        [&directory, &path, &partial].into_iter().try_for_each(|path| refuse_link(path))?;
+        for path in [&path, &partial] {
+            if !is_of_beamlet(path)? {
+                let problem = "was not written by beamlet and would be replaced";
+                return Err(Error::output(path, problem, None));
+            }
+        }
         let file = fs::create_dir_all(&directory)
             .and_then(|()| File::create(&partial))
             .map_err(|error| Error::output(&partial, "cannot be written", Some(error)))?;
@@ -150,14 +163,19 @@ impl KeptWriter {
             .map_err(|error| Error::output(&path, "cannot be written", Some(error)))?;
         crate::stack::sync_directory(&directory)
     }
+}
 
-    /// Whether the moments of a view stand, whole and of this run.
-    #[must_use]
-    pub fn has(&self, view: u32) -> bool {
-        seal(&self.run)
-            .and_then(|seal| KeptFile::open(&self.run.join(DIRECTORY), view, &seal))
-            .is_ok()
-    }
+/// Checks that the moments of a view stand, whole and of this run.
+///
+/// # Errors
+/// [`Error::Output`].
+pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
+    KeptFile::open(&run.join(DIRECTORY), view, &seal(run)?).map(|_| ())
+}
+
+/// Whether the run has a folder for moments.
+pub(crate) fn is_there(run: &Path) -> bool {
+    run.join(DIRECTORY).is_dir()
 }
 
 impl Drop for KeptWriter {
@@ -178,25 +196,47 @@ impl Open {
     }
 }
 
-/// Removes the moments of an earlier run from its directory.
+/// Removes the moments of an earlier run of so many views from its directory. Files of others
+/// stay, whatever their names.
 ///
 /// # Errors
 /// [`Error::Output`].
-pub(crate) fn remove(run: &Path) -> Result<()> {
+pub(crate) fn remove(run: &Path, views: u32) -> Result<()> {
     let directory = run.join(DIRECTORY);
     let Ok(entries) = fs::read_dir(&directory) else { return Ok(()) };
     for entry in entries.flatten() {
-        let path = entry.path();
-        let ours = path.file_name().and_then(|name| name.to_str()).is_some_and(|name| {
-            name.starts_with("view_") && (name.ends_with(".bin") || name.ends_with(".partial"))
+        let name = entry.file_name();
+        let view = name.to_str().and_then(|name| {
+            let (stem, ending) = name.strip_prefix("view_")?.rsplit_once('.')?;
+            let view = stem.parse().ok().filter(|view| *view < views)?;
+            let whole = path_of(&directory, view);
+            let ours = match ending {
+                "bin" => whole,
+                _ => whole.with_extension("partial"),
+            };
+            (ours == entry.path()).then_some(ours)
         });
-        if ours {
+        if let Some(path) = view {
+            refuse_link(&path)?;
+            if !is_of_beamlet(&path)? {
+                continue;
+            }
             fs::remove_file(&path)
                 .map_err(|error| Error::output(&path, "cannot be removed", Some(error)))?;
         }
     }
     let _ = fs::remove_dir(&directory);
     Ok(())
+}
+
+/// Whether a file begins as moments do, as far as it goes: one in the making may be empty.
+fn is_of_beamlet(path: &Path) -> Result<bool> {
+    let mut head = Vec::new();
+    match File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut head)) {
+        Ok(_) => Ok(MAGIC.starts_with(&head)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(true),
+        Err(error) => Err(Error::output(path, "cannot be read", Some(error))),
+    }
 }
 
 /// Whether a strip is one cell over a whole row and period, without a sample.
@@ -250,6 +290,7 @@ impl Block {
         self.head[4].cast_signed() as i64..self.head[5].cast_signed() as i64 + 1
     }
 
+    /// `words` is at most [`WORDS`]: the sum stays below 2^63.
     const fn bytes(&self, words: usize) -> u64 {
         let [strips, cells, _, ordered, ..] = self.head;
         strips as u64 * size_of::<Strip>() as u64
@@ -264,7 +305,7 @@ impl KeptFile {
         let path = path_of(directory, view);
         let failed = |error| Error::output(&path, "cannot be read", Some(error));
         let damaged = |what: &str| Error::output(&path, format!("{what}: simulate again"), None);
-        let file = File::open(&path).map_err(failed)?;
+        let file = input_file::open(&path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
         if bytes < (HEADER + HASH) as u64 {
             return Err(damaged("is cut off"));
@@ -287,14 +328,24 @@ impl KeptFile {
             return Err(damaged("belongs to another scene than the run's scene.toml"));
         }
         let words = word(20) as usize;
+        if words > WORDS {
+            return Err(damaged(&format!("claims {words} words of moments a ray")));
+        }
         let mut blocks = Vec::new();
         let mut at = HEADER as u64;
-        while at < bytes - HASH as u64 {
+        let end = bytes - HASH as u64;
+        while at < end {
+            if end - at < 4 * BLOCK as u64 {
+                return Err(damaged("ends within a block"));
+            }
             let mut words_of_head = [0_u8; 4 * BLOCK];
             file.seek(SeekFrom::Start(at)).map_err(failed)?;
             file.read_exact(&mut words_of_head).map_err(failed)?;
             let head: [u32; BLOCK] = bytemuck::pod_read_unaligned(&words_of_head);
             let block = Block { at: at + 4 * BLOCK as u64, head };
+            if block.bytes(words) > end - block.at {
+                return Err(damaged("claims a block that is longer than the file"));
+            }
             at = block.at + block.bytes(words);
             blocks.push(block);
         }
@@ -314,6 +365,7 @@ impl KeptFile {
         &self,
         rows: &Range<i64>,
         words: usize,
+        bounds: Bounds,
         mut take: impl FnMut(Strips) -> Result<()>,
     ) -> Result<()> {
         let failed = |error| Error::output(&self.path, "cannot be read", Some(error));
@@ -331,7 +383,12 @@ impl KeptFile {
                 continue;
             }
             file.seek(SeekFrom::Start(block.at)).map_err(failed)?;
-            take(unpack(block, words, &mut file).map_err(failed)?)?;
+            let strips = unpack(block, words, &mut file).map_err(failed)?;
+            bounds.check(&strips, &there).map_err(|problem| {
+                let problem = format!("holds {problem}: simulate again");
+                Error::output(&self.path, problem, None)
+            })?;
+            take(strips)?;
         }
         Ok(())
     }

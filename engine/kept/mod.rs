@@ -6,6 +6,7 @@
 //! other scene (`illuminate::Spectral`). Rays that no sum of moments can describe are traced
 //! again, which needs the meshes.
 
+mod content;
 pub(crate) mod file;
 mod relattice;
 mod same;
@@ -18,10 +19,12 @@ use crate::illuminate::Spectral;
 use crate::sampling::{Lattice, Strips};
 use crate::scene::Scene;
 use crate::trace::Media;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
+use content::Bounds;
 use file::KeptFile;
 use relattice::{Covered, Relattice};
 use shared::{Part, Shared};
+use std::fs::{File, TryLockError};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -36,6 +39,8 @@ pub struct Kept {
     scene: Scene,
     views: Vec<KeptFile>,
     shared: Shared,
+    /// Shared lock of the run: nobody replaces it while its moments are read.
+    _lock: Option<File>,
 }
 
 impl Kept {
@@ -50,16 +55,24 @@ impl Kept {
             return Err(Error::output(run, "is not a run directory: it has no scene.toml", None));
         }
         let scene = Scene::load(&scene_path)?;
+        for path in scene.files_without_hash() {
+            log::warn!(
+                "{}: has no hash of {}: whether it is what the run was made with cannot be told",
+                scene_path.display(),
+                path.display()
+            );
+        }
         let directory = run.join(file::DIRECTORY);
         if !directory.is_dir() {
             let problem = "has no moments: simulate with --keep-moments";
             return Err(Error::output(run, problem, None));
         }
+        let lock = lock(run)?;
         let seal = file::seal(run)?;
         let views = (0..scene.scan.angles.len())
             .map(|view| KeptFile::open(&directory, u32::try_from(view).unwrap_or(u32::MAX), &seal))
             .collect::<Result<_>>()?;
-        Ok(Self { directory, scene, views, shared: Shared::default() })
+        Ok(Self { directory, scene, views, shared: Shared::default(), _lock: lock })
     }
 
     /// Keeps up to so many bytes of the cells that the first scene makes, for the next ones that
@@ -115,6 +128,18 @@ impl Kept {
     }
 }
 
+/// Locks a run for readers, where it has a log to lock.
+fn lock(run: &Path) -> Result<Option<File>> {
+    let path = run.join("progress.log");
+    let Ok(file) = input_file::open(&path) else { return Ok(None) };
+    match file.try_lock_shared() {
+        Err(TryLockError::WouldBlock) => {
+            Err(Error::output(path, "another beamlet is writing this run", None))
+        }
+        _ => Ok(Some(file)),
+    }
+}
+
 /// Kept moments as the strips of another scene.
 #[derive(Debug)]
 pub(crate) struct KeptSource<'k> {
@@ -159,7 +184,9 @@ impl KeptSource<'_> {
         let mut keeps = shared.takes(&self.relattice, spectral, 0);
         let mut part = Part::default();
         let words = self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL;
-        self.kept.views[view as usize].read(&self.relattice.old_rows(rows), words, |block| {
+        let bounds = Bounds::of(self.relattice.old(), view);
+        let old_rows = self.relattice.old_rows(rows);
+        self.kept.views[view as usize].read(&old_rows, words, bounds, |block| {
             let strips = self.relattice.map(block, rows, &mut part.covered);
             let lists = gather(&strips)?;
             take(&lists)?;

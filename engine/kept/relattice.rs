@@ -88,6 +88,11 @@ impl Relattice {
         })
     }
 
+    /// The lattice of the strips.
+    pub(super) const fn old(&self) -> &Lattice {
+        &self.old
+    }
+
     /// Whether the cells that `other` makes of strips of the same run are the same.
     pub(super) fn maps_like(&self, other: &Self) -> bool {
         let numbers =

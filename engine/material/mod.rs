@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Beam, MaskBody, MaskSpec, MaterialSpec, Scene};
 
 pub use builtin::{Builtin, builtin, builtin_names, builtins};
+pub use formula::check_formula;
 
 /// Optical constants of a material at one energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -170,7 +171,7 @@ impl<'a> Law<'a> {
                 Ok(Self::Formula { formula, density: *density })
             }
             MaterialSpec::Table { path } => {
-                Ok(Self::Table(table::Table::read(&scene.directory.join(path))?))
+                Ok(Self::Table(table::Table::read(&scene.checked(path)?)?))
             }
         }
     }

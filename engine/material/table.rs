@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::Constants;
 use crate::error::{Error, Place, Result};
+use crate::input_file;
 
 const COLUMNS: [&str; 3] = ["energy_keV", "mu_per_cm", "delta"];
 
@@ -15,7 +16,7 @@ pub(super) struct Table {
 
 impl Table {
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
+        let text = input_file::text(path)
             .map_err(|e| Error::output(path, "cannot read the material table", Some(e)))?;
         let mut rows: Vec<[f64; 3]> = Vec::new();
         let mut order = None;

@@ -4,10 +4,10 @@ use super::retriever::Retriever;
 use crate::detector::Detection;
 use crate::scene::Scene;
 use crate::stack::{OpenRun, StackFile};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use ndarray::{Array2, Array3, Zip};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Stands for a value that is left out: finite, and above every saturation.
 const LEFT_OUT: f32 = f32::MAX;
@@ -75,13 +75,18 @@ impl Input {
     /// The dark is averaged over its frames and subtracted from both.
     ///
     /// # Errors
-    /// [`Error::Output`] where shapes do not agree, naming both files.
+    /// [`Error::Output`] where shapes do not agree, naming both files; where a file that the scene
+    /// refers to does not have the hash that the scene has of it.
     pub fn measured(
         scene: &Scene,
         flat: StackFile,
         sample: StackFile,
         dark: Option<&StackFile>,
     ) -> Result<Self> {
+        if let Some(error) = scene.changed_files().into_iter().next() {
+            return Err(error);
+        }
+        let scene = scene.with_file_hashes()?;
         let [views, _, rows, columns] = flat.shape();
         if views != 1 {
             let problem = format!("has {views} views; a flat has one");
@@ -99,15 +104,7 @@ impl Input {
             }
         }
         let dark = dark.map(mean).transpose()?;
-        Ok(Self {
-            scene: scene.clone(),
-            flat,
-            sample,
-            dark,
-            saturation: None,
-            noise: None,
-            counts: true,
-        })
+        Ok(Self { scene, flat, sample, dark, saturation: None, noise: None, counts: true })
     }
 
     /// Leaves out values from here on, as they are in the files: before the dark is subtracted.
@@ -144,6 +141,11 @@ impl Input {
     #[must_use]
     pub fn sources(&self) -> Vec<String> {
         [&self.flat, &self.sample].map(|stack| stack.path().display().to_string()).to_vec()
+    }
+
+    /// Files and folders of the stacks.
+    pub(super) fn paths(&self) -> Vec<PathBuf> {
+        [&self.flat, &self.sample].map(|stack| stack.path().to_path_buf()).to_vec()
     }
 
     /// Views of the sample.
@@ -254,7 +256,7 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
 pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
     let path = Path::new(list_or_file);
     let text = if path.is_file() {
-        std::fs::read_to_string(path)
+        input_file::text(path)
             .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
     } else {
         list_or_file.to_owned()

@@ -63,6 +63,17 @@ impl Retriever {
         if options.gain.is_some_and(|gain| !(gain.is_finite() && gain > 0.0)) {
             return Err(Error::scene("gain", format!("{:?}", options.gain), "above zero"));
         }
+        if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
+            let found = format!("{}", options.read_noise);
+            return Err(Error::scene("read noise", found, "a finite number from 0 on"));
+        }
+        if let Some(value) = options.saturation.filter(|value| !(value.is_finite() && *value > 0.0))
+        {
+            return Err(Error::scene("saturation", format!("{value}"), "a finite number above 0"));
+        }
+        if options.steps.is_some() && method != Method::TwoStep {
+            return Err(Error::scene("steps", format!("steps with {method}"), "only for two-step"));
+        }
         let sample_offsets = match (&options.sample_offsets, method) {
             (None, _) => offsets.clone(),
             (Some(other), Method::TwoStep) if other.len() >= 2 => other.clone(),

@@ -6,6 +6,7 @@ use super::options::{RetrieveControl, RetrieveOptions};
 use super::retriever::Retriever;
 use super::write::{ImageDirectory, ImageFormat, Record};
 use super::{Curves, Weights, flags};
+use crate::stack::refuse_overlap;
 use crate::{Engine, Error, Result};
 use ndarray::ArrayView2;
 use std::collections::BTreeMap;
@@ -34,6 +35,7 @@ pub fn retrieve(
     to: ImagesTo<'_>,
     control: &mut RetrieveControl<'_>,
 ) -> Result<Record> {
+    refuse_overlap(to.path, &input.paths())?;
     ImageDirectory::check(to.path, to.overwrite)?;
     let saturation = input.saturation().or(options.saturation);
     let options = RetrieveOptions { saturation, ..options.clone() };
@@ -63,7 +65,7 @@ pub fn retrieve(
     for name in names.iter().copied().chain(OF_FLAT) {
         record.units.insert(name.to_owned(), unit(name, value).to_owned());
     }
-    let mut images = ImageDirectory::begin(to.path, to.format, about(&record))?;
+    let mut images = ImageDirectory::begin(to.path, to.format, to.overwrite, about(&record))?;
     for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
         let image = ArrayView2::from_shape((rows, across), values)
             .map_err(|error| Error::output(to.path, error.to_string(), None))?;
@@ -120,6 +122,11 @@ fn begun(
         gain: options.gain,
         read_noise: options.read_noise,
         sources: input.sources(),
+        files: scene
+            .files
+            .iter()
+            .map(|(path, hash)| (path.display().to_string(), hash.clone()))
+            .collect(),
         offsets: scene.scan.mask_offsets.clone(),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),

@@ -25,6 +25,7 @@ const KNOWN: &[(&str, &[&str])] = &[
             "materials",
             "surroundings",
             "object",
+            "files",
         ],
     ),
     ("source", &["distance", "spot", "energy", "spectrum"]),

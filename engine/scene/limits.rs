@@ -2,7 +2,7 @@
 //! error and not an allocation.
 
 /// Pixels per side of the detector.
-pub(super) const PIXELS: u32 = 65_536;
+pub(crate) const PIXELS: u32 = 65_536;
 /// Bits of a detector's numbers: f32 holds whole numbers of 24 bits.
 pub(super) const BIT_DEPTH: u32 = 24;
 /// Standard deviation of a detector's blur, pixels.
@@ -16,10 +16,14 @@ pub(super) const SPOT_PARTS: u32 = 4096;
 /// Energy nodes of a spectrum.
 pub(super) const NODES: u32 = 256;
 /// Mask offsets of a scan.
-pub(super) const MASK_OFFSETS: u32 = 100_000;
+pub(crate) const MASK_OFFSETS: u32 = 100_000;
 /// Angles of a scan.
-pub(super) const ANGLES: u32 = 10_000_000;
+pub(crate) const ANGLES: u32 = 10_000_000;
 /// Facets around a cylinder or prism.
 pub(super) const SIDES: u32 = 1_000_000;
 /// Facets around the equator of a sphere, which has about half their square.
 pub(super) const SPHERE_SIDES: u32 = 16_384;
+/// Density of a material, g/cm3: more than four times that of osmium.
+pub(super) const DENSITY: f64 = 100.0;
+/// FWHM of a spot before small detectors, m; otherwise the detector's larger side counts.
+pub(super) const SPOT: f64 = 1e-3;

@@ -10,8 +10,9 @@ use std::path::{Path, PathBuf};
 mod beam;
 mod derived;
 mod detector;
+mod files;
 mod keys;
-mod limits;
+pub(crate) mod limits;
 mod model;
 mod parse;
 pub(crate) mod path;
@@ -41,7 +42,7 @@ pub use model::{
 pub(crate) use validate_detector::validate_thresholds;
 pub use view::{Pose, View};
 
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use tree::Document;
 
 impl Scene {
@@ -89,7 +90,7 @@ impl Scene {
                 return Err(Error::output(path, problem, None));
             }
         };
-        let text = std::fs::read_to_string(path)
+        let text = input_file::text(path)
             .map_err(|source| Error::output(path, "cannot read the scene", Some(source)))?;
         let mut document = parse(&text, file)?;
         for set in sets {

@@ -30,6 +30,10 @@ pub struct Scene {
     pub surroundings: String,
     /// Objects of the sample. Where they overlap the one listed later wins.
     pub objects: Vec<Object>,
+    /// SHA-256, 64 lower-case hexadecimal digits, of files that the scene refers to, by their
+    /// paths; those of meshes stand on their objects. A file that does not have its hash is
+    /// refused when it is read.
+    pub files: BTreeMap<PathBuf, String>,
 }
 
 /// X-ray source on the optical axis at (0, -distance, 0).

@@ -1,13 +1,15 @@
 //! The scene model from the tree: kinds of values, defaults and alternatives. Ranges that
 //! concern several keys, and those of quantities, are checked by [`Scene::validate`].
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
+use super::files::hash;
 use super::limits;
 use super::read_beam::read_beam;
 use super::read_detector::read_detector;
-use super::read_sample::{read_materials, read_objects};
-use super::read_spot::read_spot;
+use super::read_sample::{read_hash, read_materials, read_objects};
+use super::read_spot::{read_spot, spot_file};
 use super::table::{Item, Table};
 use super::tree::Document;
 use super::{Detector, MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
@@ -18,7 +20,8 @@ use crate::units::Dimension::{self, Angle, Length};
 pub(super) fn read_scene(document: &Document, directory: &Path) -> Result<Scene> {
     let top = Item::root(document).table("")?;
     let source = top.require("source", "a table [source]")?.table("source")?;
-    let source = read_source(&source, directory)?;
+    let mut files = read_files(&top)?;
+    let source = read_source(&source, directory, &mut files)?;
     let detector =
         read_detector(&top.require("detector", "a table [detector]")?.table("detector")?)?;
     let mask = |key: &str| {
@@ -42,18 +45,42 @@ pub(super) fn read_scene(document: &Document, directory: &Path) -> Result<Scene>
         materials: read_materials(&top)?,
         surroundings,
         objects: read_objects(&top)?,
+        files,
         source,
         detector,
     })
 }
 
-fn read_source(table: &Table<'_>, directory: &Path) -> Result<Source> {
+/// Hashes of files by path.
+fn read_files(top: &Table<'_>) -> Result<BTreeMap<PathBuf, String>> {
+    let Some(item) = top.get("files") else { return Ok(BTreeMap::new()) };
+    let named = item.named()?;
+    named.iter().map(|(path, item)| Ok((PathBuf::from(path), read_hash(item)?))).collect()
+}
+
+/// The source; the hash of the file of its spot, which is read now, is added to `files`.
+fn read_source(
+    table: &Table<'_>,
+    directory: &Path,
+    files: &mut BTreeMap<PathBuf, String>,
+) -> Result<Source> {
     let spot = table.require("spot", pair_allowed(Length))?;
-    Ok(Source {
+    let source = Source {
         distance: table.quantity("distance", Length)?,
         spot: read_spot(&spot, directory)?,
         beam: read_beam(table)?,
-    })
+    };
+    if let Some(path) = spot_file(&spot)? {
+        let found = hash(&directory.join(&path))?;
+        match files.get(&path) {
+            Some(recorded) if *recorded != found => {
+                let found = format!("{}: sha256 {found}", path.display());
+                return Err(spot.error(found, format!("sha256 {recorded}, as in [files]")));
+            }
+            _ => files.insert(path, found),
+        };
+    }
+    Ok(source)
 }
 
 pub(super) fn pair_allowed(dimension: Dimension) -> String {

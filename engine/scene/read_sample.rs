@@ -76,8 +76,8 @@ fn read_geometry(table: &Table<'_>) -> Result<ShapeOrMesh> {
     Ok(ShapeOrMesh::Mesh(Mesh::File { path, unit }))
 }
 
-fn read_hash(item: &Item<'_>) -> Result<String> {
-    let allowed = "the SHA-256 of the mesh file, 64 hexadecimal digits";
+pub(super) fn read_hash(item: &Item<'_>) -> Result<String> {
+    let allowed = "the SHA-256 of the file, 64 hexadecimal digits";
     let text = item.text(allowed)?;
     if text.len() != 64 || !text.bytes().all(|byte| byte.is_ascii_hexdigit()) {
         return Err(item.mismatch(allowed));

@@ -1,7 +1,7 @@
 //! The focal spot from the tree: a size, or a table that tells another shape. Files are read at
 //! once: a scene holds the Gaussians that were made of them.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::limits;
 use super::read::{pair_allowed, read_pair};
@@ -51,6 +51,16 @@ pub(super) fn read_spot(item: &Item<'_>, directory: &Path) -> Result<Spot> {
         return Err(points.mismatch(format!("up to {most} points in all")));
     }
     Ok(Spot::points(fwhm, count))
+}
+
+/// The file of a spot, as the scene names it.
+pub(super) fn spot_file(item: &Item<'_>) -> Result<Option<PathBuf>> {
+    if !item.is_table() {
+        return Ok(None);
+    }
+    let table = item.table("source.spot")?;
+    let file = table.get("image").or_else(|| table.get("profile"));
+    file.map(|file| Ok(PathBuf::from(file.text("path of a file")?))).transpose()
 }
 
 fn read_gaussian(item: &Item<'_>) -> Result<SpotPart> {

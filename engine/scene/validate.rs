@@ -6,9 +6,10 @@ use super::derived::AT_DETECTOR;
 use super::validate_beam::validate_beam;
 use super::validate_detector::validate_detector;
 use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
+use crate::material::check_formula;
 use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
-use crate::{Error, Result};
+use crate::{Error, Result, printed};
 
 impl Scene {
     /// Checks every range, and the order of what stands along the optical axis. That meshes
@@ -41,6 +42,7 @@ impl Scene {
         let (source, detector) = (&self.source, &self.detector);
         positive("source.distance", source.distance, Length)?;
         validate_spot(&source.spot)?;
+        spot_in_view(&source.spot, detector.pitch, detector.pixels)?;
         validate_beam(&source.beam)?;
         validate_detector(self)?;
         ordered(
@@ -175,6 +177,21 @@ fn validate_spot(spot: &Spot) -> Result<()> {
     plain("source.spot.gaussians", sum, sum > 0.0, "weights with a finite sum > 0")
 }
 
+/// Wider spots blur all pixels into one another, and take time without end.
+fn spot_in_view(spot: &Spot, pitch: [f64; 2], pixels: [u32; 2]) -> Result<()> {
+    let sides = [0, 1].map(|axis| pitch[axis] * f64::from(pixels[axis]));
+    let most = sides.into_iter().fold(limits::SPOT, f64::max);
+    let sizes = spot.parts().iter().flat_map(|part| part.fwhm.into_iter().chain(part.offset));
+    match sizes.into_iter().find(|size| size.abs() > most) {
+        None => Ok(()),
+        Some(size) => Err(Error::scene(
+            "source.spot",
+            Length.format(size),
+            format!("up to {}, the field of view", Length.format(most)),
+        )),
+    }
+}
+
 fn validate_mask(table: &str, mask: &MaskSpec) -> Result<()> {
     let key = |key: &str| format!("{table}.{key}");
     positive(&key("distance"), mask.distance, Length)?;
@@ -207,7 +224,10 @@ fn validate_material(name: &str, spec: &MaterialSpec) -> Result<()> {
     match spec {
         MaterialSpec::Formula { formula, density } => {
             named(&key("formula"), formula)?;
-            positive(&key("density"), *density, Density)
+            check_formula(formula)
+                .map_err(|allowed| Error::scene(key("formula"), format!("{formula:?}"), allowed))?;
+            positive(&key("density"), *density, Density)?;
+            light_enough(&key("density"), *density)
         }
         MaterialSpec::Constants { mu, delta } => {
             not_negative(&key("mu"), *mu, Attenuation)?;
@@ -219,6 +239,14 @@ fn validate_material(name: &str, spec: &MaterialSpec) -> Result<()> {
         }
         MaterialSpec::Table { .. } => Ok(()),
     }
+}
+
+fn light_enough(key: &str, density: f64) -> Result<()> {
+    if density <= limits::DENSITY {
+        return Ok(());
+    }
+    let allowed = format!("up to {}", Density.format(limits::DENSITY));
+    Err(Error::scene(key, Density.format(density), allowed))
 }
 
 fn validate_shape(key: &str, shape: &Shape) -> Result<()> {
@@ -283,10 +311,14 @@ pub(super) fn count(key: &str, value: u32, least: u32, most: u32) -> Result<()> 
 }
 
 pub(super) fn named(key: &str, name: &str) -> Result<()> {
-    if !name.trim().is_empty() {
-        return Ok(());
+    if name.trim().is_empty() {
+        return Err(Error::scene(key, format!("{name:?}"), "a name"));
     }
-    Err(Error::scene(key, format!("{name:?}"), "a name"))
+    if name.chars().any(printed::is_unsafe) {
+        let found = format!("\"{}\"", printed::line(name));
+        return Err(Error::scene(key, found, "a name without control or bidirectional characters"));
+    }
+    Ok(())
 }
 
 fn ordered(key: &str, value: f64, fulfilled: bool, allowed: String) -> Result<()> {

@@ -89,6 +89,12 @@ pub(super) fn to_toml(
         let hash = hashes.get(&object.name).or(object.sha256.as_ref());
         write_object(&mut out, object, hash, scene, directory)?;
     }
+    if !scene.files.is_empty() {
+        out.table("[files]");
+    }
+    for (path, hash) in &scene.files {
+        out.text(&quoted(&file(path, scene, directory)?), hash);
+    }
     Ok(out.0)
 }
 

@@ -10,11 +10,16 @@ use std::path::Path;
 
 use super::Spectrum;
 use crate::error::{Error, Place, Result};
+use crate::input_file;
 
+/// Most rows of a file.
+const ROWS: usize = 1_000_000;
+/// Most rows of a spectrum: 4 eV each for one up to 60 keV.
+const JOINED: usize = 16_384;
 const COLUMNS: [&str; 2] = ["energy_keV", "weight"];
 
 pub(super) fn read(path: &Path) -> Result<Spectrum> {
-    let text = std::fs::read_to_string(path)
+    let text = input_file::text(path)
         .map_err(|error| Error::output(path, "cannot read the spectrum", Some(error)))?;
     let mut spectrum = Spectrum { energies_kev: Vec::new(), weights: Vec::new() };
     let mut order = None;
@@ -40,6 +45,10 @@ pub(super) fn read(path: &Path) -> Result<Spectrum> {
         if spectrum.energies_kev.last().is_some_and(|last| *last >= energy) {
             return Err(row.error(COLUMNS[0], fields[0], "energies in ascending order"));
         }
+        if spectrum.weights.len() == ROWS {
+            let found = format!("more than {ROWS} rows");
+            return Err(row.error("spectrum", &found, "up to a million rows"));
+        }
         spectrum.energies_kev.push(energy);
         spectrum.weights.push(weight);
     }
@@ -52,7 +61,25 @@ pub(super) fn read(path: &Path) -> Result<Spectrum> {
         let found = format!("weights that sum to {total:?}");
         return Err(end.error(COLUMNS[1], &found, "a finite sum above 0"));
     }
-    Ok(spectrum)
+    Ok(joined(spectrum))
+}
+
+/// Neighbouring rows of a long table as one, of their photons at their mean energy: constants
+/// change less over some electronvolts than tables tell.
+fn joined(spectrum: Spectrum) -> Spectrum {
+    let group = spectrum.weights.len().div_ceil(JOINED);
+    if group <= 1 {
+        return spectrum;
+    }
+    let groups = spectrum.energies_kev.chunks(group).zip(spectrum.weights.chunks(group));
+    let join = |(energies, weights): (&[f64], &[f64])| {
+        let sum: f64 = weights.iter().sum();
+        let mean = energies.iter().zip(weights).map(|(e, w)| e * (w / sum)).sum();
+        let middle = energies[energies.len() / 2];
+        (if sum > 0.0 { mean } else { middle }, sum)
+    };
+    let (energies_kev, weights) = groups.map(join).unzip();
+    Spectrum { energies_kev, weights }
 }
 
 /// A line of the file.

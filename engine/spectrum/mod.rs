@@ -60,7 +60,7 @@ impl Spectrum {
     /// As [`Self::read`], [`Self::of_tube`] and [`Self::filtered`].
     pub fn before_filters(scene: &Scene, spec: &SpectrumSpec) -> Result<Self> {
         match &spec.origin {
-            SpectrumOrigin::File { path } => Self::read(scene.resolve(path)),
+            SpectrumOrigin::File { path } => Self::read(scene.checked(path)?),
             SpectrumOrigin::Tube { anode, kvp, anode_angle, inherent_filters } => Self::of_tube(
                 *anode,
                 *kvp,

@@ -6,6 +6,7 @@
 //! with `#` and empty lines are comments.
 
 use super::Spot;
+use crate::input_file;
 use crate::{Error, Place, Result};
 use ndarray::Array2;
 use std::path::Path;
@@ -22,7 +23,7 @@ impl Spot {
     /// [`Error::Output`] where the file cannot be read; [`Error::Scene`] with the line for other
     /// columns, positions that do not ascend from 0 or above, values below 0, or none above.
     pub fn read_profile(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
+        let text = input_file::text(path)
             .map_err(|error| Error::output(path, "cannot read the profile", Some(error)))?;
         let profile = Profile::parse(path, &text)?;
         let mut spot = profile.spot()?;

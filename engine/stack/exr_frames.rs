@@ -5,6 +5,7 @@
 //! spooled to a raw file first, because an EXR file is written once from top to bottom.
 
 use super::npy::{hex, le_bytes};
+use super::read::read_exr;
 use super::{Extent, View};
 use crate::scene::Scene;
 use crate::{Error, Result};
@@ -169,8 +170,8 @@ impl ExrFrames {
         } else {
             fs::rename(partial, &target).map_err(failed(&target, "cannot be renamed to"))?;
         }
-        super::run_directory::sync_directory(&target)?;
-        super::run_directory::sync_directory(&parent)
+        super::whole_file::sync_directory(&target)?;
+        super::whole_file::sync_directory(&parent)
     }
 
     fn is_small(&self) -> bool {
@@ -183,7 +184,7 @@ impl ExrFrames {
     }
 
     fn spool_path(&self) -> PathBuf {
-        self.root.join(PARTIAL).join("spool.f32")
+        self.root.join(PARTIAL).join(super::own_files::SPOOL)
     }
 
     fn step_name(&self, step: u32) -> String {
@@ -229,14 +230,10 @@ fn digits(count: u32) -> usize {
 pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String> {
     let directory = root.join(view_directory(extent, view));
     let mut hasher = Sha256::new();
+    let shape = [extent.rows as usize, extent.columns as usize];
     for step in 0..extent.steps {
         let path = directory.join(step_file(extent, step));
-        let image = read_first_flat_layer_from_file(&path)
-            .map_err(|error| Error::output(&path, format!("cannot be read: {error}"), None))?;
-        match image.layer_data.channel_data.list.first().map(|channel| &channel.sample_data) {
-            Some(FlatSamples::F32(values)) => hasher.update(le_bytes(values.iter().copied())),
-            _ => return Err(Error::output(&path, "has no 32-bit float channel", None)),
-        }
+        hasher.update(le_bytes(read_exr(&path, shape, 0..shape[0])?.into_iter()));
     }
     Ok(hex(&hasher.finalize()))
 }

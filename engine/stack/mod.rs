@@ -5,26 +5,33 @@
 //! The engine knows only [`Sink`]; where the frames end up (a run directory, arrays, a callback)
 //! is decided here.
 
+mod apart;
 mod array;
 mod callback;
 mod exr_frames;
 mod npy;
+mod own_files;
 mod progress_log;
 mod read;
 mod run_directory;
 mod run_file;
 mod scene_file;
+mod verify;
+mod whole_file;
 
+pub use apart::{is_of_run, is_same_place, refuse_overlap};
 pub use array::ArraySink;
 pub use callback::CallbackSink;
 pub(crate) use npy::npy_header;
 pub use read::{Maps, OpenRun, StackFile};
-pub(crate) use run_directory::sync_directory;
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
+pub use verify::{RunCheck, check_run};
+pub use whole_file::write_file;
+pub(crate) use whole_file::{refuse_link, sibling, sync_directory, sync_path};
 
 use crate::run::Backend;
-use crate::scene::Scene;
+use crate::scene::{Scene, limits};
 use crate::{Error, Result};
 use ndarray::{Array3, Array4, ArrayView3};
 use serde::{Deserialize, Serialize};
@@ -97,6 +104,14 @@ pub trait Sink {
         rows: Range<u32>,
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()>;
+
+    /// What was counted while the view was made; comes before its `commit`.
+    ///
+    /// # Errors
+    /// Where the counts cannot be kept.
+    fn tally(&mut self, _view: View, _tally: &crate::Tally) -> Result<()> {
+        Ok(())
+    }
 
     /// Every row of the view has been written, its counts too: keep it whole.
     ///
@@ -178,6 +193,20 @@ impl Extent {
         Ok(extent)
     }
 
+    /// Whether a scene may have this extent; what is allowed, where not.
+    pub(super) fn check(self) -> std::result::Result<(), String> {
+        let sides = [
+            ("views", self.views, limits::ANGLES),
+            ("steps", self.steps, limits::MASK_OFFSETS),
+            ("rows", self.rows, limits::PIXELS),
+            ("columns", self.columns, limits::PIXELS),
+        ];
+        match sides.into_iter().find(|(_, found, most)| !(1..=*most).contains(found)) {
+            Some((side, found, most)) => Err(format!("{found} {side}; allowed: 1 to {most}")),
+            None => Ok(()),
+        }
+    }
+
     /// Bytes of one frame.
     #[must_use]
     pub fn frame_bytes(&self) -> u64 {
@@ -204,6 +233,11 @@ impl Extent {
             Some(_) => 2 * self.total_bytes() + self.view_bytes(),
             None => self.total_bytes(),
         }
+    }
+
+    /// Whether a view lies within.
+    fn has(&self, view: View) -> bool {
+        !matches!(view, View::Sample(index) if index >= self.views)
     }
 
     /// Every view with light: the flat, then the angles in order.

@@ -5,7 +5,7 @@
 //! that are not committed read as zero or as a part; progress.log tells which count.
 
 use super::{Extent, View};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use ndarray::ArrayView3;
 use sha2::{Digest, Sha256};
 use std::fs::{File, OpenOptions};
@@ -112,8 +112,8 @@ impl Array {
         let create = || {
             let mut options = OpenOptions::new();
             let mut file = options.create(true).truncate(false).write(true).open(&path)?;
+            // Of a file that is longer or shorter the views stay that are whole.
             if file.metadata()?.len() != len {
-                file.set_len(0)?;
                 file.set_len(len)?;
             }
             file.write_all(header)?;
@@ -123,6 +123,36 @@ impl Array {
             create().map_err(|error| Error::output(&path, "cannot be created", Some(error)))?;
         Ok(Self { file, path, header: header.len() as u64 })
     }
+}
+
+/// Files under `root` that do not have the header and the length that they were made with, one
+/// message each; with the file of dark frames where there is one.
+pub(super) fn header_problems(root: &Path, extent: Extent, dark: bool) -> Vec<String> {
+    let [flat, sample] = headers(extent);
+    let flat_bytes = extent.view_bytes();
+    let mut files =
+        vec![(FLAT, &flat, flat_bytes), (SAMPLE, &sample, flat_bytes * u64::from(extent.views))];
+    if dark {
+        files.push((DARK, &flat, flat_bytes));
+    }
+    let problem = |(name, header, bytes): (&str, &Vec<u8>, u64)| {
+        let path = root.join(name);
+        let len = header.len() as u64 + bytes;
+        let read = || {
+            let mut file = input_file::open(&path)?;
+            let mut found = vec![0_u8; header.len()];
+            let found_len = file.metadata()?.len();
+            file.read_exact(&mut found).map(|()| (found_len, found == *header))
+        };
+        match read() {
+            Ok((found, true)) if found == len => None,
+            Ok((found, true)) => Some(format!("has {found} bytes; {len} were written")),
+            Ok((_, false)) => Some("has another header than was written".to_owned()),
+            Err(error) => Some(format!("cannot be read: {error}")),
+        }
+        .map(|problem| format!("{}: {problem}", path.display()))
+    };
+    files.into_iter().filter_map(problem).collect()
 }
 
 /// SHA-256 of a view as it stands in the files under `root`.
@@ -135,7 +165,7 @@ pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String
     };
     let path = root.join(name);
     let read = || {
-        let mut file = File::open(&path)?;
+        let mut file = input_file::open(&path)?;
         let mut hasher = Sha256::new();
         let mut block = vec![0_u8; BLOCK];
         let mut left = extent.view_bytes();

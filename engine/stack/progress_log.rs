@@ -6,16 +6,22 @@
 //! `[step][row][column]`: the same for every file format, and in Python
 //! `hashlib.sha256(sample[v].tobytes()).hexdigest()`. Where there are counts, a line of theirs
 //! (`counts/sample/0`) stands before the line of the view, and the view counts with both.
+//! A fourth word, `tally:` and JSON, has the counts of the view's rays that are not zero.
 
 use super::View;
-use crate::{Error, Result};
+use super::whole_file::refuse_link;
+use crate::{Error, Result, Tally, input_file};
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+/// Most bytes of a log: two lines for each of the most views that a scene may have.
+const MOST: u64 = 4 << 30;
 /// What lines of counts begin with.
 const COUNTS: &str = "counts/";
+/// What the word of a view's tally begins with.
+const TALLY: &str = "tally:";
 
 /// A committed view as the log knows it.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -26,6 +32,8 @@ pub(super) struct Entry {
     pub(super) sha256: String,
     /// SHA-256 of the counts, where the view has them beside its intensities.
     pub(super) counts: Option<String>,
+    /// Counts of its rays; logs of earlier versions have none.
+    pub(super) tally: Option<Tally>,
 }
 
 /// The open log. It is locked while it is open: one writer per run directory.
@@ -36,27 +44,72 @@ pub(super) struct ProgressLog {
 }
 
 impl ProgressLog {
-    /// Opens the log for appending, without what a crash left of a last line.
-    pub(super) fn open(path: &Path) -> Result<Self> {
-        let fail = |what: &str, error| Error::output(path, what, Some(error));
-        let mut file = OpenOptions::new()
-            .create(true)
+    /// Opens and locks the log, which is made where it is missing.
+    pub(super) fn lock(path: &Path) -> Result<Self> {
+        Self::locked(path, true)
+    }
+
+    /// As [`ProgressLog::lock`]; `None` where there is no log, or none that may be written.
+    pub(super) fn lock_if_there(path: &Path) -> Result<Option<Self>> {
+        match Self::locked(path, false) {
+            Ok(log) => Ok(Some(log)),
+            Err(Error::Output { source: Some(source), .. })
+                if matches!(
+                    source.kind(),
+                    ErrorKind::NotFound
+                        | ErrorKind::NotADirectory
+                        | ErrorKind::PermissionDenied
+                        | ErrorKind::ReadOnlyFilesystem
+                ) =>
+            {
+                Ok(None)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn locked(path: &Path, create: bool) -> Result<Self> {
+        refuse_link(path)?;
+        let mut options = OpenOptions::new();
+        let file = options
+            .create(create)
             .truncate(false)
             .read(true)
             .write(true)
             .open(path)
-            .map_err(|error| fail("cannot be opened", error))?;
-        if let Err(std::fs::TryLockError::WouldBlock) = file.try_lock() {
-            return Err(Error::output(path, "another beamlet is writing this run", None));
+            .map_err(|error| Error::output(path, "cannot be opened", Some(error)))?;
+        let held = matches!(file.try_lock(), Err(std::fs::TryLockError::WouldBlock));
+        if held || !is_at(&file, path) {
+            return Err(Error::output(path, "another beamlet is using this run", None));
         }
+        Ok(Self { file, path: path.to_path_buf() })
+    }
+
+    /// Cuts off what a crash left of a last line, and goes on behind the lines that are whole.
+    pub(super) fn mend(&mut self) -> Result<()> {
+        let fail = |what: &str, error| Error::output(&self.path, what, Some(error));
         let mut text = Vec::new();
-        file.read_to_end(&mut text).map_err(|error| fail("cannot be read", error))?;
+        self.file
+            .seek(SeekFrom::Start(0))
+            .and_then(|_| self.file.read_to_end(&mut text))
+            .map_err(|error| fail("cannot be read", error))?;
         let whole = text.iter().rposition(|&byte| byte == b'\n').map_or(0, |at| at as u64 + 1);
         if whole < text.len() as u64 {
-            file.set_len(whole).map_err(|error| fail("cannot be mended", error))?;
+            self.file.set_len(whole).map_err(|error| fail("cannot be mended", error))?;
         }
-        file.seek(SeekFrom::Start(whole)).map_err(|error| fail("cannot be opened", error))?;
-        Ok(Self { file, path: path.to_path_buf() })
+        self.file
+            .seek(SeekFrom::Start(whole))
+            .map(drop)
+            .map_err(|error| fail("cannot be opened", error))
+    }
+
+    /// Removes every line: nothing is committed then. The lock stays.
+    pub(super) fn clear(&mut self) -> Result<()> {
+        self.file
+            .set_len(0)
+            .and_then(|()| self.file.seek(SeekFrom::Start(0)))
+            .and_then(|_| self.file.sync_all())
+            .map_err(|error| Error::output(&self.path, "cannot be cleared", Some(error)))
     }
 
     /// Appends a line and syncs it.
@@ -66,7 +119,8 @@ impl ProgressLog {
         if let Some(counts) = &entry.counts {
             lines = format!("{COUNTS}{name} {bytes} sha256:{counts}\n");
         }
-        lines.push_str(&format!("{name} {bytes} sha256:{}\n", entry.sha256));
+        let tally = entry.tally.as_ref().map(tally_word).unwrap_or_default();
+        lines.push_str(&format!("{name} {bytes} sha256:{}{tally}\n", entry.sha256));
         self.file
             .write_all(lines.as_bytes())
             .and_then(|()| self.file.sync_data())
@@ -74,11 +128,27 @@ impl ProgressLog {
     }
 }
 
+/// Whether the open file is still the one at `path`: it may have been replaced before its lock
+/// was taken.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::fs::Metadata;
+    use std::os::unix::fs::MetadataExt;
+    let same = |a: &Metadata, b: &Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
+    matches!((file.metadata(), std::fs::symlink_metadata(path)), (Ok(a), Ok(b)) if same(&a, &b))
+}
+
+#[cfg(not(unix))]
+const fn is_at(_: &File, _: &Path) -> bool {
+    true
+}
+
 /// Reads a log; the last line of a view counts. A missing log is an empty one.
 pub(super) fn read(path: &Path) -> Result<BTreeMap<View, Entry>> {
-    let text = match std::fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(BTreeMap::new()),
+    let text = match input_file::read(path, MOST) {
+        // What is no text is no line, and named below.
+        Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(BTreeMap::new()),
         Err(error) => return Err(Error::output(path, "cannot be read", Some(error))),
     };
     let mut entries = BTreeMap::new();
@@ -86,8 +156,10 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<View, Entry>> {
     for (index, line) in text.split_inclusive('\n').enumerate() {
         let Some(line) = line.strip_suffix('\n') else { break };
         let (view, mut entry, of_counts) = parse(line).ok_or_else(|| {
-            let problem =
-                format!("line {} is not \"view bytes sha256:checksum\": found {line:?}", index + 1);
+            let problem = format!(
+                "line {} is not \"view bytes sha256:checksum [tally:{{…}}]\": found {line:?}",
+                index + 1
+            );
             Error::output(path, problem, None)
         })?;
         if of_counts {
@@ -112,12 +184,27 @@ fn parse(line: &str) -> Option<(View, Entry, bool)> {
     };
     let bytes = words.next()?.parse().ok()?;
     let sha256 = words.next()?.strip_prefix("sha256:")?.to_owned();
+    let tally = match words.next() {
+        Some(word) => Some(serde_json::from_str(word.strip_prefix(TALLY)?).ok()?),
+        None => None,
+    };
     let whole = sha256.len() == 64 && words.next().is_none();
-    whole.then_some((view, Entry { bytes, sha256, counts: None }, of_counts))
+    whole.then_some((view, Entry { bytes, sha256, counts: None, tally }, of_counts))
+}
+
+/// The counts that are not zero, as the word that ends a line.
+fn tally_word(tally: &Tally) -> String {
+    let counts = serde_json::to_value(tally).unwrap_or_default();
+    let counts = counts.as_object().into_iter().flatten();
+    let told: serde_json::Map<_, _> = counts
+        .filter(|(_, count)| count.as_u64() != Some(0))
+        .map(|(name, count)| (name.clone(), count.clone()))
+        .collect();
+    format!(" {TALLY}{}", serde_json::Value::Object(told))
 }
 
 /// The view's name in the log.
-fn name(view: View) -> String {
+pub(super) fn name(view: View) -> String {
     match view {
         View::Flat => "flat".into(),
         View::Dark => "dark".into(),
@@ -129,8 +216,14 @@ fn name(view: View) -> String {
 mod tests {
     use super::*;
 
+    fn open(path: &Path) -> ProgressLog {
+        let mut log = ProgressLog::lock(path).unwrap();
+        log.mend().unwrap();
+        log
+    }
+
     fn entry(digit: char) -> Entry {
-        Entry { bytes: 44, sha256: digit.to_string().repeat(64), counts: None }
+        Entry { bytes: 44, sha256: digit.to_string().repeat(64), counts: None, tally: None }
     }
 
     #[test]
@@ -138,7 +231,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("progress.log");
         let whole = Entry { counts: Some("d".repeat(64)), ..entry('a') };
-        let mut log = ProgressLog::open(&path).unwrap();
+        let mut log = open(&path);
         log.append(View::Sample(3), &whole).unwrap();
         log.append(View::Dark, &entry('b')).unwrap();
         let there = read(&path).unwrap();
@@ -155,12 +248,17 @@ mod tests {
     fn what_is_appended_is_read_back_and_the_last_line_of_a_view_counts() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("progress.log");
-        let mut log = ProgressLog::open(&path).unwrap();
+        let mut log = open(&path);
         log.append(View::Flat, &entry('a')).unwrap();
         log.append(View::Sample(12345), &entry('b')).unwrap();
+        let counted = Entry { tally: Some(Tally { rays: 7, ..Tally::default() }), ..entry('d') };
+        log.append(View::Sample(0), &counted).unwrap();
         log.append(View::Flat, &entry('c')).unwrap();
         let read = read(&path).unwrap();
-        assert_eq!(read.len(), 2);
+        assert_eq!(read.len(), 3);
+        assert_eq!(read[&View::Sample(0)], counted);
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.contains(" tally:{\"rays\":7}\n"), "{text}");
         assert_eq!(read[&View::Flat], entry('c'));
         assert_eq!(read[&View::Sample(12345)], entry('b'));
     }
@@ -169,12 +267,12 @@ mod tests {
     fn a_line_cut_short_does_not_count_and_is_not_appended_to() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("progress.log");
-        ProgressLog::open(&path).unwrap().append(View::Flat, &entry('a')).unwrap();
+        open(&path).append(View::Flat, &entry('a')).unwrap();
         let mut text = std::fs::read_to_string(&path).unwrap();
         text.push_str("sample/0 44 sha256:bbbb");
         std::fs::write(&path, &text).unwrap();
         assert_eq!(read(&path).unwrap().len(), 1);
-        ProgressLog::open(&path).unwrap().append(View::Sample(1), &entry('c')).unwrap();
+        open(&path).append(View::Sample(1), &entry('c')).unwrap();
         let views: Vec<View> = read(&path).unwrap().into_keys().collect();
         assert_eq!(views, [View::Flat, View::Sample(1)]);
     }
@@ -192,7 +290,7 @@ mod tests {
     fn a_second_writer_is_refused() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("progress.log");
-        let _first = ProgressLog::open(&path).unwrap();
-        assert!(ProgressLog::open(&path).is_err());
+        let _first = open(&path);
+        assert!(ProgressLog::lock(&path).is_err());
     }
 }

@@ -4,17 +4,21 @@
 //! all its steps or it is not, and progress.log says which. Nothing is written before the run
 //! begins, and nothing that beamlet did not write is ever removed.
 
-use super::exr_frames::{self, ExrFrames, PARTIAL, Values};
+mod resume;
+
+use super::exr_frames::{ExrFrames, PARTIAL, Values};
 use super::npy::{self, NpyFrames};
-use super::progress_log::{self, Entry, ProgressLog};
+use super::own_files::{self, remove_file, remove_frames, remove_stacks};
+use super::progress_log::{Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
+use super::whole_file::{sync_directory, write_whole};
 use super::{Extent, RunStart, Sink, View, scene_file};
 use crate::scene::Scene;
-use crate::{Error, Result, RunRecord};
+use crate::{Error, Result, RunRecord, Tally, kept};
 use ndarray::ArrayView3;
+use resume::{Resumed, refuse_other_scene};
 use serde::{Deserialize, Serialize};
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +26,7 @@ pub(super) const SCENE: &str = "scene.toml";
 pub(super) const RUN: &str = "run.json";
 pub(super) const LOG: &str = "progress.log";
 /// Directory of the stacks of detector numbers.
-const COUNTS: &str = "counts";
+pub(super) const COUNTS: &str = "counts";
 
 /// File format of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -44,24 +48,22 @@ impl std::fmt::Display for Format {
     }
 }
 
-/// Sink that keeps a run in a directory.
+/// Sink that keeps a run in a directory. One that may overwrite or resume a run holds its lock
+/// from the first look on, as long as it lives.
 #[derive(Debug)]
 pub struct RunDirectory {
     path: PathBuf,
     format: Format,
     overwrite: bool,
     allow_mixed: bool,
+    allow_unhashed: bool,
+    keep_moments: bool,
     /// `key=value` that the scene was loaded with, for scene.toml.
     overrides: Vec<String>,
     resumed: Option<Resumed>,
+    /// Lock of the run that stands here: from the first look at it to the end.
+    log: Option<ProgressLog>,
     open: Option<Open>,
-}
-
-/// What stood in the directory when the run was resumed.
-#[derive(Debug)]
-struct Resumed {
-    file: RunFile,
-    committed: Vec<View>,
 }
 
 /// State between `begin` and `finish`.
@@ -72,6 +74,8 @@ struct Open {
     frames: Frames,
     /// Detector numbers, where the scene asks for noise.
     counts: Option<Frames>,
+    /// Counts of the view in work.
+    tally: Option<Tally>,
     /// First row that the view in work still lacks.
     next_row: u32,
     /// The same of its counts.
@@ -109,83 +113,21 @@ impl RunDirectory {
     /// others are left; it is still an error where a file of others has the name of one of ours.
     pub fn create(path: impl Into<PathBuf>, format: Format, overwrite: bool) -> Result<Self> {
         let path = path.into();
-        match fs::read_dir(&path) {
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => {
-                return Err(Error::output(path, "cannot hold a run", Some(error)));
-            }
-            Ok(entries) => {
-                let empty = entries.count() == 0 || has_only_begun(&path);
-                let is_run = RunFile::read(&path.join(RUN)).is_ok();
-                if !empty && !overwrite {
-                    let problem = if is_run {
-                        "holds a run already; resume it, overwrite it or choose another directory"
-                    } else {
-                        "is not empty; choose another directory (or overwrite: files that are \
-                         not of a run stay)"
-                    };
-                    return Err(Error::output(path, problem, None));
-                }
-                if !is_run
-                    && !has_only_begun(&path)
-                    && let Some(name) = first_of_our_names(&path)
-                {
-                    let problem = "was not written by beamlet and would be replaced; choose \
-                                   another directory";
-                    return Err(Error::output(path.join(name), problem, None));
-                }
-            }
+        let mut log = None;
+        if overwrite || own_files::has_only_begun(&path) {
+            log = ProgressLog::lock_if_there(&path.join(LOG))?;
         }
+        own_files::look(&path, overwrite)?;
         Ok(Self {
             path,
             format,
             overwrite,
             allow_mixed: false,
+            allow_unhashed: false,
+            keep_moments: false,
             overrides: Vec::new(),
             resumed: None,
-            open: None,
-        })
-    }
-
-    /// The directory of an interrupted run of `scene`. Only looks; what is committed, and still
-    /// has its checksum, is told by [`RunDirectory::committed`].
-    ///
-    /// # Errors
-    /// [`Error::Output`] where there is no run, or one of another scene (says what differs).
-    pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
-        let path = path.into();
-        let file = RunFile::read(&path.join(RUN))?;
-        let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
-        refuse_other_scene(&path, &differences)?;
-        let extent = Extent::of(scene)?;
-        let mut committed = Vec::new();
-        for (view, entry) in progress_log::read(&path.join(LOG))? {
-            let checksum = |root: &Path| match file.format {
-                Format::Exr => exr_frames::checksum(root, extent, view),
-                Format::Npy => npy::checksum(root, extent, view),
-            };
-            let same = checksum(&path).and_then(|found| {
-                let counts = entry.counts.as_ref().map(|_| checksum(&path.join(COUNTS)));
-                Ok(found == entry.sha256 && counts.transpose()? == entry.counts)
-            });
-            match same {
-                Ok(true) => committed.push(view),
-                Ok(_) => log::warn!(
-                    "{}: {view:?} is not what was committed; it is simulated again",
-                    path.display()
-                ),
-                Err(error) => log::warn!("{error}; {view:?} is simulated again"),
-            }
-        }
-        let format = file.format;
-        let resumed = Some(Resumed { file, committed });
-        Ok(Self {
-            path,
-            format,
-            overwrite: false,
-            allow_mixed: false,
-            overrides: Vec::new(),
-            resumed,
+            log,
             open: None,
         })
     }
@@ -195,6 +137,14 @@ impl RunDirectory {
     #[must_use]
     pub fn allow_mixed(mut self, allow: bool) -> Self {
         self.allow_mixed = allow;
+        self
+    }
+
+    /// Lets a run be resumed whose scene.toml has no hashes of some files that the scene refers
+    /// to: whether they are what it began with cannot be told.
+    #[must_use]
+    pub fn allow_unhashed(mut self, allow: bool) -> Self {
+        self.allow_unhashed = allow;
         self
     }
 
@@ -217,74 +167,71 @@ impl RunDirectory {
         self.format
     }
 
-    /// Views that are committed already, for [`crate::Control::skip`].
+    /// Records in run.json whether moments of the rays are kept beside the frames
+    /// ([`crate::Control::keep`]). A run is resumed as it was begun.
     #[must_use]
-    pub fn committed(&self) -> &[View] {
-        self.resumed.as_ref().map_or(&[], |resumed| &resumed.committed)
+    pub fn keep_moments(mut self, keep: bool) -> Self {
+        self.keep_moments = keep;
+        self
     }
 
-    /// run.json of the run that is resumed.
-    #[must_use]
-    pub fn recorded(&self) -> Option<&RunFile> {
-        self.resumed.as_ref().map(|resumed| &resumed.file)
-    }
-
-    /// Refuses a device, driver, backend or version other than those that began the run.
-    fn refuse_mixed(&self, recorded: &RunRecord, now: &RunRecord) -> Result<()> {
-        let pairs = [
-            ("version", recorded.version.clone(), now.version.clone()),
-            ("device", recorded.device.clone(), now.device.clone()),
-            ("driver", recorded.driver.clone(), now.driver.clone()),
-            ("backend", recorded.backend.to_string(), now.backend.to_string()),
-        ];
-        for (what, before, now) in pairs {
-            if before == now {
-                continue;
-            }
-            if !self.allow_mixed {
-                let problem = format!(
-                    "was begun with {what} {before}, this is {now}; results may differ in the \
-                     last digits: go back to the first, start anew, or allow a mixed run"
-                );
-                return Err(Error::output(&self.path, problem, None));
-            }
-            log::warn!("{}: {what} changes from {before} to {now}", self.path.display());
+    /// Locks the run; it is nobody else's from here to the end.
+    fn lock(&mut self) -> Result<ProgressLog> {
+        if let Some(log) = self.log.take() {
+            return Ok(log);
         }
-        Ok(())
+        fs::create_dir_all(&self.path)
+            .map_err(|error| Error::output(&self.path, "cannot be created", Some(error)))?;
+        let path = self.path.join(LOG);
+        let fresh = fs::symlink_metadata(&path).is_err();
+        let log = ProgressLog::lock(&path)?;
+        // Somebody else may have come here since `create` looked.
+        if self.resumed.is_none()
+            && let Err(error) = own_files::look(&self.path, self.overwrite)
+        {
+            if fresh {
+                let _ = fs::remove_file(&path);
+            }
+            return Err(error);
+        }
+        Ok(log)
     }
 
     /// Removes what an earlier run, or an interrupted view, left; never a file of others.
-    fn clear(&self, extent: Extent) -> Result<()> {
-        let partial = self.path.join(PARTIAL);
-        let keep = self.committed();
+    fn clear(&self, extent: Extent, log: &mut ProgressLog) -> Result<()> {
+        let keep = self.resumed.as_ref().map_or(&[][..], |resumed| &resumed.intact);
         let earlier = match &self.resumed {
             Some(_) => extent,
             None => match RunFile::read(&self.path.join(RUN)) {
                 Ok(file) => file.extent,
-                Err(_) => return remove_frames(&partial, extent),
+                Err(_) => return remove_frames(&self.path.join(PARTIAL), extent),
             },
         };
+        let counts = self.path.join(COUNTS);
         if self.resumed.is_none() {
-            crate::kept::file::remove(&self.path)?;
-            // The log first: without it nothing that is left counts as committed.
-            for name in [LOG, RUN, SCENE, npy::FLAT, npy::SAMPLE, npy::DARK] {
+            // The log first: without its lines nothing that is left counts as committed. It
+            // stays, since it is the lock; run.json stays until the new one takes its place, so
+            // that what a crash leaves is still known for a run.
+            log.clear()?;
+            kept::file::remove(&self.path, earlier.views)?;
+            for name in [npy::FLAT, npy::SAMPLE, npy::DARK] {
                 remove_file(&self.path.join(name))?;
             }
             for name in [npy::FLAT, npy::SAMPLE] {
-                remove_file(&self.path.join(COUNTS).join(name))?;
+                remove_file(&counts.join(name))?;
             }
         }
-        let dark = std::iter::once(View::Dark).filter(|view| !keep.contains(view));
-        for view in earlier.all_views().filter(|view| !keep.contains(view)).chain(dark) {
-            remove_frames(&self.path.join(exr_frames::view_directory(earlier, view)), earlier)?;
-            let counts = self.path.join(COUNTS);
-            remove_frames(&counts.join(exr_frames::view_directory(earlier, view)), earlier)?;
+        // Moments that were committed are beamlet's, however little their beginning shows it.
+        let recorded = self.resumed.as_ref().filter(|run| run.file.keep_moments == Some(true));
+        for view in recorded.map_or(&[][..], |resumed| &resumed.again) {
+            if let View::Sample(index) = view {
+                let directory = self.path.join(kept::file::DIRECTORY);
+                remove_file(&kept::file::path_of(&directory, *index))?;
+            }
         }
-        for root in [self.path.join(COUNTS), self.path.clone()] {
-            remove_frames(&root.join(PARTIAL), earlier)?;
-            let _ = fs::remove_dir(root.join("sample"));
-        }
-        let _ = fs::remove_dir(self.path.join(COUNTS));
+        remove_stacks(&counts, earlier, keep)?;
+        remove_stacks(&self.path, earlier, keep)?;
+        let _ = fs::remove_dir(counts);
         Ok(())
     }
 }
@@ -292,26 +239,26 @@ impl RunDirectory {
 impl Sink for RunDirectory {
     fn begin(&mut self, scene: &Scene, start: &RunStart) -> Result<()> {
         let extent = Extent::of(scene)?;
+        let scene = &scene.with_file_hashes()?;
         let mut file = RunFile::begin(self.format, extent, scene.sampling.seed, start);
+        file.keep_moments = Some(self.keep_moments);
         let scene_path = self.path.join(SCENE);
         let resolved =
             scene_file::resolved(&self.path, scene, &start.mesh_hashes, &self.overrides)?;
         if let Some(resumed) = &self.resumed {
             let hashes = Some(&start.mesh_hashes);
-            refuse_other_scene(&self.path, &scene_file::differences(&scene_path, scene, hashes)?)?;
+            let differences = scene_file::differences(&scene_path, scene, hashes)?;
+            refuse_other_scene(&self.path, &differences.found)?;
+            self.refuse_unhashed(&differences.unhashed)?;
             self.refuse_mixed(&resumed.file.record, &file.record)?;
             file.resumed_views = u32::try_from(resumed.committed.len()).unwrap_or(u32::MAX);
-        } else {
-            // Somebody else may have come here since `create` looked.
-            let _ = Self::create(&self.path, self.format, self.overwrite)?;
+            file.uncounted_views = resumed.uncounted;
         }
-        fs::create_dir_all(&self.path)
-            .map_err(|error| Error::output(&self.path, "cannot be created", Some(error)))?;
         // Locked before anything is removed: another process may be writing this run.
-        let log_path = self.path.join(LOG);
-        drop(ProgressLog::open(&log_path)?);
-        self.clear(extent)?;
-        let log = ProgressLog::open(&log_path)?;
+        let mut log = self.lock()?;
+        own_files::refuse_links(&self.path)?;
+        log.mend()?;
+        self.clear(extent, &mut log)?;
         if self.resumed.is_none() {
             write_whole(&scene_path, resolved.as_bytes())?;
         }
@@ -333,7 +280,10 @@ impl Sink for RunDirectory {
             false => None,
         };
         let frames = frames(&self.path, Values::Intensities, noisy)?;
-        self.open = Some(Open { file, log, frames, counts, next_row: 0, next_counts: 0 });
+        // Files that were made here last from now on.
+        sync_directory(&self.path)?;
+        let tally = None;
+        self.open = Some(Open { file, log, frames, counts, tally, next_row: 0, next_counts: 0 });
         Ok(())
     }
 
@@ -362,6 +312,11 @@ impl Sink for RunDirectory {
         frames.ok_or_else(missing)?.write(view, &rows, numbers)
     }
 
+    fn tally(&mut self, _view: View, tally: &Tally) -> Result<()> {
+        opened(&mut self.open, &self.path)?.tally = Some(*tally);
+        Ok(())
+    }
+
     fn commit(&mut self, view: View) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
         let extent = open.file.extent;
@@ -380,7 +335,8 @@ impl Sink for RunDirectory {
             _ => None,
         };
         let sha256 = open.frames.commit(view)?;
-        open.log.append(view, &Entry { bytes: extent.view_bytes(), sha256, counts })
+        let tally = open.tally.take();
+        open.log.append(view, &Entry { bytes: extent.view_bytes(), sha256, counts, tally })
     }
 
     fn finish(&mut self, record: &RunRecord) -> Result<()> {
@@ -388,10 +344,10 @@ impl Sink for RunDirectory {
         open.file.state = RunState::Done;
         open.file.record = record.clone();
         open.file.write(&self.path.join(RUN))?;
-        self.open = None;
         for root in [self.path.join(COUNTS), self.path.clone()] {
             let _ = fs::remove_dir(root.join(PARTIAL));
         }
+        self.open = None;
         Ok(())
     }
 }
@@ -427,87 +383,4 @@ fn follows(
     let problem =
         format!("rows {rows:?} of {view:?} as {found:?} do not follow row {next} as {shape:?}");
     Err(Error::output(path, problem, None))
-}
-
-fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {
-    if differences.is_empty() {
-        return Ok(());
-    }
-    let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
-    Err(Error::output(path, problem, None))
-}
-
-/// Whether a run was ended here before its run.json stood: its log is there and empty, and
-/// beside it at most what a run begins with.
-fn has_only_begun(path: &Path) -> bool {
-    let first = [LOG, SCENE, "scene.toml.new", "run.json.new"];
-    let is_first = |entry: std::io::Result<fs::DirEntry>| {
-        entry.is_ok_and(|entry| first.iter().any(|name| entry.file_name() == *name))
-    };
-    fs::metadata(path.join(LOG)).is_ok_and(|log| log.is_file() && log.len() == 0)
-        && fs::read_dir(path).is_ok_and(|mut entries| entries.all(is_first))
-}
-
-/// The first name of ours that stands in `path`.
-fn first_of_our_names(path: &Path) -> Option<&'static str> {
-    let names = [
-        SCENE,
-        RUN,
-        LOG,
-        npy::FLAT,
-        npy::SAMPLE,
-        npy::DARK,
-        "flat",
-        "sample",
-        "dark",
-        COUNTS,
-        PARTIAL,
-    ];
-    names.into_iter().find(|name| path.join(name).exists())
-}
-
-fn remove_file(path: &Path) -> Result<()> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(Error::output(path, "cannot be removed", Some(error)))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Removes the frames (and the spool) in a directory, and the directory if nothing else is in it.
-fn remove_frames(directory: &Path, extent: Extent) -> Result<()> {
-    if !directory.exists() {
-        return Ok(());
-    }
-    remove_file(&directory.join("spool.f32"))?;
-    for step in 0..extent.steps {
-        remove_file(&directory.join(exr_frames::step_file(extent, step)))?;
-    }
-    let _ = fs::remove_dir(directory);
-    Ok(())
-}
-
-/// Writes a small file under another name, syncs it and renames it into place.
-pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(".new");
-    let new = path.with_file_name(name);
-    let write = || {
-        let mut file = File::create(&new)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&new, path)
-    };
-    write().map_err(|error| Error::output(path, "cannot be written", Some(error)))
-}
-
-/// Makes renames in a directory last; systems without that notion do without.
-pub(crate) fn sync_directory(path: &Path) -> Result<()> {
-    if cfg!(not(unix)) {
-        return Ok(());
-    }
-    File::open(path)
-        .and_then(|directory| directory.sync_all())
-        .map_err(|error| Error::output(path, "cannot be synced", Some(error)))
 }

@@ -1,6 +1,7 @@
 //! run.json: the provenance of a run, written when it begins and again when it ends.
 
 use super::{Extent, Format, RunStart};
+use crate::input_file;
 use crate::{Error, Result, RunRecord, Tally};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -24,12 +25,24 @@ pub struct RunFile {
     pub format: Format,
     /// Extent of the stacks.
     pub extent: Extent,
-    /// Views that stood already when the run was resumed; tally and times leave them out.
+    /// Views that stood already when the run was resumed; times leave them out.
     #[serde(default)]
     pub resumed_views: u32,
+    /// Those of them that the tally leaves out, for progress.log has no counts of theirs (runs of
+    /// earlier versions).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub uncounted_views: u32,
+    /// Whether moments of the rays are kept; `None` in runs of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_moments: Option<bool>,
     /// Provenance; tally and times are zero until the run is done.
     #[serde(flatten)]
     pub record: RunRecord,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+const fn is_zero(count: &u32) -> bool {
+    *count == 0
 }
 
 impl RunFile {
@@ -40,6 +53,8 @@ impl RunFile {
             format,
             extent,
             resumed_views: 0,
+            uncounted_views: 0,
+            keep_moments: None,
             record: RunRecord {
                 version: env!("CARGO_PKG_VERSION").into(),
                 device: start.device.clone(),
@@ -59,11 +74,14 @@ impl RunFile {
     /// # Errors
     /// [`Error::Output`] where it is missing or was not written by beamlet.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
+        let text = input_file::text(path)
             .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
-        serde_json::from_str(&text).map_err(|error| {
-            Error::output(path, format!("is not the record of a beamlet run: {error}"), None)
-        })
+        let refused = |problem: String| {
+            Error::output(path, format!("is not the record of a beamlet run: {problem}"), None)
+        };
+        let file: Self = serde_json::from_str(&text).map_err(|error| refused(error.to_string()))?;
+        file.extent.check().map_err(|found| refused(format!("it claims {found}")))?;
+        Ok(file)
     }
 
     /// Writes it whole or not at all.
@@ -71,6 +89,6 @@ impl RunFile {
         let mut text = serde_json::to_string_pretty(self)
             .map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))?;
         text.push('\n');
-        super::run_directory::write_whole(path, text.as_bytes())
+        super::whole_file::write_whole(path, text.as_bytes())
     }
 }

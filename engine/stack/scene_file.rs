@@ -1,7 +1,7 @@
 //! scene.toml of a run: the resolved scene, and how another one differs from it.
 
 use crate::scene::Scene;
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Value;
@@ -17,25 +17,56 @@ pub(super) fn resolved(
     scene.to_toml(directory, mesh_hashes, overrides)
 }
 
-/// Keys in which `scene` differs from the scene stored at `path`, with both values.
+/// How a scene differs from a stored one.
+#[derive(Debug)]
+pub(super) struct Differences {
+    /// Keys and files that differ, with both values.
+    pub(super) found: Vec<String>,
+    /// Files that the stored scene has no hash of.
+    pub(super) unhashed: Vec<String>,
+}
+
+/// How `scene`, with the hashes of its files, differs from the scene stored at `path`.
 /// `mesh_hashes`: `None` leaves the meshes' hashes out.
 pub(super) fn differences(
     path: &Path,
     scene: &Scene,
     mesh_hashes: Option<&BTreeMap<String, String>>,
-) -> Result<Vec<String>> {
-    let text = std::fs::read_to_string(path)
+) -> Result<Differences> {
+    let text = input_file::text(path)
         .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
-    let stored = parse(path, &text)?;
+    let mut stored = parse(path, &text)?;
     let directory = path.parent().unwrap_or(path);
     let none = BTreeMap::new();
-    let now = parse(path, &resolved(directory, scene, mesh_hashes.unwrap_or(&none), &[])?)?;
+    let mut now = parse(path, &resolved(directory, scene, mesh_hashes.unwrap_or(&none), &[])?)?;
+    let [stored_files, files] = [&mut stored, &mut now].map(take_files);
     let mut found = Vec::new();
     compare("", Some(&stored), Some(&now), &mut found);
     if mesh_hashes.is_none() {
         found.retain(|(key, _)| !key.ends_with(".sha256"));
     }
-    Ok(found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect())
+    let found = found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect();
+    let mut differences = Differences { found, unhashed: Vec::new() };
+    for (file, hash) in &files {
+        match stored_files.get(file) {
+            Some(stored) if stored == hash => {}
+            Some(stored) => {
+                let values =
+                    format!("sha256 there {}, here {}", word(Some(stored)), word(Some(hash)));
+                differences.found.push(format!("{file}: {values}"));
+            }
+            None => differences.unhashed.push(file.clone()),
+        }
+    }
+    Ok(differences)
+}
+
+/// The table of hashes, which is compared by file.
+fn take_files(scene: &mut Value) -> toml::Table {
+    match scene.as_table_mut().and_then(|table| table.remove("files")) {
+        Some(Value::Table(files)) => files,
+        _ => toml::Table::new(),
+    }
 }
 
 fn parse(path: &Path, text: &str) -> Result<Value> {

@@ -132,6 +132,7 @@ pub(crate) fn scene((vertices, triangles): Soup) -> Scene {
         materials: [("matter".to_owned(), MaterialSpec::Constants { mu: 50.0, delta: 4.6e-7 })]
             .into(),
         surroundings: "vacuum".into(),
+        files: std::collections::BTreeMap::new(),
         objects: vec![Object {
             name: "sample".into(),
             geometry: ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }),

@@ -24,6 +24,7 @@ pub(crate) fn scene(objects: Vec<Object>) -> Scene {
         scan: Scan { mask_offsets: vec![0.0], angles: vec![0.0] },
         materials: BTreeMap::new(),
         surroundings: "vacuum".into(),
+        files: BTreeMap::new(),
         objects,
     }
 }

@@ -60,6 +60,7 @@ pub(crate) fn scene(setup: &Setup, bodies: &[Body], offsets: &[f64]) -> Scene {
         scan: Scan { mask_offsets: offsets.to_vec(), angles: vec![0.0] },
         materials,
         surroundings: "vacuum".to_owned(),
+        files: BTreeMap::new(),
         objects,
     }
 }

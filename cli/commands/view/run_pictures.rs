@@ -11,6 +11,7 @@ use crate::picture::quantity::Quantity;
 use crate::picture::text::short;
 use crate::run_reader::RunReader;
 use beamlet::stack::StackFile;
+use clap::ValueEnum;
 use ndarray::Array2;
 use std::path::Path;
 
@@ -19,6 +20,7 @@ const CONTRASTS: [&str; 3] = ["transmission", "refraction", "dark_field"];
 
 /// Draws what is asked of a run.
 pub(super) fn of(path: &Path, asked: &ViewOfRun) -> Result<Pictures, Failure> {
+    refuse_ignored(asked)?;
     let run = RunReader::open(path)?;
     let chosen = Chosen::of(&run, asked)?;
     let wants = |what: Show| asked.show.is_empty() || asked.show.contains(&what);
@@ -48,6 +50,32 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun) -> Result<Pictures, Failure> {
         return Err(Failure::Usage("--show sinograms: the run has one view".into()));
     }
     Ok(pictures)
+}
+
+/// Refuses options that none of the pictures to be drawn takes.
+fn refuse_ignored(asked: &ViewOfRun) -> Result<(), Failure> {
+    use Show::{Curve, Frames, Profiles, Retrieved, Sinograms};
+    let options: [(&str, bool, &[Show]); 4] = [
+        ("--view", asked.view.is_some(), &[Frames, Retrieved, Profiles, Curve]),
+        ("--step", asked.step.is_some(), &[Frames, Profiles, Sinograms]),
+        ("--row", asked.row.is_some(), &[Profiles, Curve, Sinograms]),
+        ("--pixel", asked.pixel.is_some(), &[Profiles, Curve, Sinograms]),
+    ];
+    for (option, given, takers) in options {
+        // Maps that are named are drawn beside what is shown.
+        let drawn = |show: &Show| {
+            asked.show.contains(show) || (matches!(show, Retrieved) && !asked.maps.is_empty())
+        };
+        if given && !asked.show.is_empty() && !takers.iter().any(drawn) {
+            let names: Vec<String> = takers
+                .iter()
+                .filter_map(|show| Some(show.to_possible_value()?.get_name().to_owned()))
+                .collect();
+            let problem = format!("{option} belongs to --show {}", names.join(", "));
+            return Err(Failure::Usage(problem));
+        }
+    }
+    Ok(())
 }
 
 /// A run, and which of its views, steps, rows and pixels are drawn.

@@ -6,16 +6,24 @@ mod sheet;
 
 pub use record::Record;
 
+use crate::stack::{refuse_link, sibling, sync_directory};
 use crate::{Error, Result};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use sheet::Sheet;
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
 /// The file that tells what the images are.
 pub(super) const RECORD: &str = "retrieved.json";
+const OF_OTHERS: &str = "is not of the retrieval and would be lost; choose another directory";
+/// Ending of the folder in the making.
+const PARTIAL: &str = ".partial";
+/// Ending of the folder that is replaced.
+const REPLACED: &str = ".replaced";
+/// File that says that a folder in the making is of beamlet.
+const MARK: &str = ".beamlet-partial";
 
 /// File format of retrieved images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -39,14 +47,17 @@ pub(crate) struct ImageDirectory {
     /// Stands in the images' own metadata.
     about: serde_json::Value,
     sheets: BTreeMap<String, Sheet>,
+    overwrite: bool,
     finished: bool,
+    /// Holds the lock of the folder in the making.
+    _mark: File,
 }
 
 impl ImageDirectory {
     /// Refuses a place that is taken, before any work is done.
     pub(super) fn check(path: &Path, overwrite: bool) -> Result<()> {
         let Ok(mut entries) = fs::read_dir(path) else {
-            return match path.exists() {
+            return match fs::symlink_metadata(path).is_ok() {
                 true => Err(Error::output(path, "is not a directory", None)),
                 false => Ok(()),
             };
@@ -63,40 +74,43 @@ impl ImageDirectory {
                            directory";
             return Err(Error::output(path, problem, None));
         }
-        let ours = Record::names(&path.join(RECORD))?;
-        for entry in fs::read_dir(path).into_iter().flatten().flatten() {
-            let stem = entry.path().file_stem().map(|s| s.to_string_lossy().into_owned());
-            if entry.file_name() != RECORD && stem.is_none_or(|stem| !ours.contains(&stem)) {
-                let problem = "is not of the retrieval and would be lost; choose another directory";
-                return Err(Error::output(entry.path(), problem, None));
-            }
-        }
-        Ok(())
+        let names = Record::names(&path.join(RECORD))?;
+        refuse_others(path, &|name| names.contains(name))
     }
 
-    /// Begins beside `path`.
+    /// Begins beside `path`; where that is a link, beside what it leads to.
     pub(crate) fn begin(
         path: &Path,
         format: ImageFormat,
+        overwrite: bool,
         about: serde_json::Value,
     ) -> Result<Self> {
-        let Some(name) = path.file_name() else {
-            return Err(Error::output(path, "has no name of its own: name a directory", None));
+        let place = match fs::symlink_metadata(path) {
+            Ok(found) if found.is_symlink() => {
+                path.canonicalize().map_err(failed(path, "leads nowhere"))?
+            }
+            _ => path.to_path_buf(),
         };
-        let mut name = name.to_os_string();
-        name.push(".partial");
-        let partial = path.with_file_name(name);
-        if partial.exists() {
-            fs::remove_dir_all(&partial).map_err(failed(&partial, "cannot be removed"))?;
+        Self::check(&place, overwrite)?;
+        if place.file_name().is_none() {
+            return Err(Error::output(path, "has no name of its own: name a directory", None));
         }
-        fs::create_dir_all(&partial).map_err(failed(&partial, "cannot be created"))?;
+        let replaced = sibling(&place, REPLACED);
+        if fs::symlink_metadata(&replaced).is_ok() {
+            // What a crash left; anything else there is of others.
+            Self::check(&replaced, true)?;
+        }
+        let partial = sibling(&place, PARTIAL);
+        let mark = claim(&partial)?;
         Ok(Self {
-            path: path.to_path_buf(),
+            path: place,
             partial,
             format,
+            overwrite,
             about,
             sheets: BTreeMap::new(),
             finished: false,
+            _mark: mark,
         })
     }
 
@@ -132,19 +146,22 @@ impl ImageDirectory {
         if let Some(record) = record {
             record.write(&self.partial.join(RECORD))?;
         }
-        let mut name = self.path.file_name().unwrap_or_default().to_os_string();
-        name.push(".replaced");
-        let replaced = self.path.with_file_name(name);
-        if self.path.exists() {
+        sync_directory(&self.partial)?;
+        // Somebody may have put files there since the beginning.
+        Self::check(&self.path, self.overwrite)?;
+        let replaced = sibling(&self.path, REPLACED);
+        remove_images(&replaced)?;
+        if fs::remove_dir(&self.path).is_err() && self.path.exists() {
             fs::rename(&self.path, &replaced).map_err(failed(&self.path, "cannot be moved"))?;
         }
         fs::rename(&self.partial, &self.path)
             .map_err(failed(&self.path, "cannot be put in place"))?;
         self.finished = true;
-        if replaced.exists() {
-            fs::remove_dir_all(&replaced).map_err(failed(&replaced, "cannot be removed"))?;
-        }
-        Ok(())
+        let mark = self.path.join(MARK);
+        fs::remove_file(&mark).map_err(failed(&mark, "cannot be removed"))?;
+        sync_directory(&self.path)?;
+        sync_directory(self.path.parent().unwrap_or(&self.path))?;
+        remove_images(&replaced)
     }
 }
 
@@ -152,9 +169,99 @@ impl Drop for ImageDirectory {
     fn drop(&mut self) {
         if !self.finished {
             self.sheets.clear();
-            let _ = fs::remove_dir_all(&self.partial);
+            let _ = sweep(&self.partial);
+            let _ = fs::remove_file(self.partial.join(MARK));
+            let _ = fs::remove_dir(&self.partial);
         }
     }
+}
+
+/// Makes the folder of images in the making ours: marks and locks it, and removes what a crash
+/// left in it.
+fn claim(partial: &Path) -> Result<File> {
+    refuse_link(partial)?;
+    fs::create_dir_all(partial).map_err(failed(partial, "cannot be created"))?;
+    let mark = partial.join(MARK);
+    let empty = fs::read_dir(partial).is_ok_and(|mut entries| entries.next().is_none());
+    if !empty && !mark.is_file() {
+        let problem = "is not of beamlet, and its name is needed for images in the making; move \
+                       it, or choose another directory for the images";
+        return Err(Error::output(partial, problem, None));
+    }
+    refuse_link(&mark)?;
+    let file = File::create(&mark).map_err(failed(&mark, "cannot be created"))?;
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+        return Err(Error::output(partial, "another beamlet is making images here", None));
+    }
+    sweep(partial)?;
+    Ok(file)
+}
+
+/// Removes images from a folder of images in the making; it is an error where anything else is
+/// in it.
+fn sweep(partial: &Path) -> Result<()> {
+    refuse_others(partial, &|_| true)?;
+    for entry in fs::read_dir(partial).map_err(failed(partial, "cannot be read"))?.flatten() {
+        let path = entry.path();
+        let done = match path.is_dir() {
+            true => fs::remove_dir_all(&path),
+            false if entry.file_name() == MARK => Ok(()),
+            false => fs::remove_file(&path),
+        };
+        done.map_err(failed(&path, "cannot be removed"))?;
+    }
+    Ok(())
+}
+
+/// Removes a folder of retrieved images, where there is one with nothing else in it.
+fn remove_images(path: &Path) -> Result<()> {
+    if fs::symlink_metadata(path).is_err() {
+        return Ok(());
+    }
+    ImageDirectory::check(path, true)?;
+    fs::remove_dir_all(path).map_err(failed(path, "cannot be removed"))
+}
+
+/// Refuses what is not an image with one of these names, the record or the mark.
+fn refuse_others(path: &Path, is_name: &dyn Fn(&str) -> bool) -> Result<()> {
+    let unread = failed(path, "cannot be read");
+    for entry in fs::read_dir(path).map_err(&unread)? {
+        let entry = entry.map_err(&unread)?;
+        let (place, kind) = (entry.path(), entry.file_type().map_err(&unread)?);
+        let name = entry.file_name();
+        let name = name.to_str().unwrap_or_default();
+        let ours = match name.rsplit_once('.') {
+            _ if kind.is_dir() && is_name(name) => {
+                refuse_beside_views(&place)?;
+                true
+            }
+            _ if !kind.is_file() => false,
+            _ if name == RECORD || name == MARK => true,
+            Some((stem, "npy" | "tif")) => is_name(stem),
+            _ => false,
+        };
+        if !ours {
+            return Err(Error::output(place, OF_OTHERS, None));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses what is not the EXR image of a view.
+fn refuse_beside_views(folder: &Path) -> Result<()> {
+    let unread = failed(folder, "cannot be read");
+    for entry in fs::read_dir(folder).map_err(&unread)? {
+        let entry = entry.map_err(&unread)?;
+        let name = entry.file_name();
+        let is_view = name
+            .to_str()
+            .and_then(|name| name.strip_prefix("view_")?.strip_suffix(".exr"))
+            .is_some_and(|digits| digits.bytes().all(|digit| digit.is_ascii_digit()));
+        if !is_view || !entry.file_type().map_err(&unread)?.is_file() {
+            return Err(Error::output(entry.path(), OF_OTHERS, None));
+        }
+    }
+    Ok(())
 }
 
 fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Error + 'a {

@@ -1,6 +1,7 @@
 //! retrieved.json: what the images are, in which units, and what their flags say.
 
-use crate::{Error, Result};
+use crate::stack::write_file;
+use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -23,6 +24,9 @@ pub struct Record {
     pub read_noise: f64,
     /// What was read: flat and sample.
     pub sources: Vec<String>,
+    /// SHA-256 of the files that the scene of the geometry refers to, by their paths.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub files: BTreeMap<String, String>,
     /// Offsets of the sample mask, m.
     pub offsets: Vec<f64>,
     /// Mask magnification M.
@@ -54,7 +58,7 @@ impl Record {
     /// # Errors
     /// [`Error::Output`] where it is missing or was not written by beamlet.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
+        let text = input_file::text(path)
             .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
         serde_json::from_str(&text).map_err(|error| {
             Error::output(path, format!("is not the record of a retrieval: {error}"), None)
@@ -65,7 +69,6 @@ impl Record {
         let mut text = serde_json::to_string_pretty(self)
             .map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))?;
         text.push('\n');
-        std::fs::write(path, text)
-            .map_err(|error| Error::output(path, "cannot be written", Some(error)))
+        write_file(path, text.as_bytes())
     }
 }

@@ -1,13 +1,16 @@
 //! The images of one name, view after view, in one of the formats.
 
 use super::ImageFormat;
+use crate::stack::{sync_directory, sync_path};
 use crate::{Error, Result};
 use exr::prelude::*;
 use ndarray::{ArrayBase, ArrayView2, Data, Ix2};
+use rayon::prelude::*;
 use std::fmt;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tiff::encoder::colortype::Gray32Float;
 use tiff::encoder::{TiffEncoder, TiffKind};
 use tiff::tags::Tag;
@@ -15,7 +18,44 @@ use tiff::tags::Tag;
 /// Files above this many bytes are `BigTIFF`.
 const CLASSIC: u64 = 4_000_000_000;
 
-type Out = BufWriter<File>;
+/// A file that encoders write to and that is flushed and synced behind their backs: they give no
+/// writer back, and a buffer that is dropped keeps its last error to itself.
+#[derive(Clone)]
+struct Out(Arc<Mutex<BufWriter<File>>>);
+
+impl Out {
+    fn create(path: &Path) -> Result<Self> {
+        let file = File::create(path).map_err(|error| written(path, error))?;
+        Ok(Self(Arc::new(Mutex::new(BufWriter::new(file)))))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BufWriter<File>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Everything is on disk.
+    fn sync(&self) -> std::io::Result<()> {
+        let mut file = self.lock();
+        file.flush()?;
+        file.get_ref().sync_all()
+    }
+}
+
+impl Write for Out {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.lock().write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.lock().flush()
+    }
+}
+
+impl Seek for Out {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.lock().seek(to)
+    }
+}
 
 /// Images in the making.
 pub(crate) struct Sheet {
@@ -24,6 +64,8 @@ pub(crate) struct Sheet {
     views: usize,
     next: usize,
     file: Kind,
+    /// The file of all views, but for EXR, which has one for each.
+    out: Option<Out>,
 }
 
 enum Kind {
@@ -55,28 +97,28 @@ impl Sheet {
             ImageFormat::Tiff => folder.join(format!("{name}.tif")),
         };
         let bytes = 4 * (views * rows * columns) as u64;
+        if format == ImageFormat::Exr {
+            std::fs::create_dir_all(&path).map_err(|error| written(&path, error))?;
+            return Ok(Self { path, about, views, next: 0, file: Kind::Exr, out: None });
+        }
+        let out = Out::create(&path)?;
+        let mut file = out.clone();
         let file = match format {
-            ImageFormat::Exr => {
-                std::fs::create_dir_all(&path).map_err(|error| written(&path, error))?;
-                Kind::Exr
+            ImageFormat::Tiff if bytes < CLASSIC => {
+                let encoder = TiffEncoder::new(file).map_err(|e| refused(&path, e))?;
+                Kind::Tiff(Box::new(encoder))
             }
-            ImageFormat::Npy => {
-                let mut file = create(&path)?;
+            ImageFormat::Tiff => {
+                let encoder = TiffEncoder::new_big(file).map_err(|e| refused(&path, e))?;
+                Kind::BigTiff(Box::new(encoder))
+            }
+            _ => {
                 let header = crate::stack::npy_header(&[views, rows, columns]);
                 file.write_all(&header).map_err(|error| written(&path, error))?;
                 Kind::Npy(file)
             }
-            ImageFormat::Tiff if bytes < CLASSIC => {
-                let encoder = TiffEncoder::new(create(&path)?).map_err(|e| refused(&path, e))?;
-                Kind::Tiff(Box::new(encoder))
-            }
-            ImageFormat::Tiff => {
-                let encoder =
-                    TiffEncoder::new_big(create(&path)?).map_err(|e| refused(&path, e))?;
-                Kind::BigTiff(Box::new(encoder))
-            }
         };
-        Ok(Self { path, about, views, next: 0, file })
+        Ok(Self { path, about, views, next: 0, file, out: Some(out) })
     }
 
     /// The next view, in C order.
@@ -90,9 +132,7 @@ impl Sheet {
         }
         match &mut self.file {
             Kind::Exr => {
-                let width = self.views.saturating_sub(1).max(1).ilog10().max(3) as usize + 1;
-                let path = self.path.join(format!("view_{:0width$}.exr", self.next));
-                write_exr(&path, image, &about)?;
+                write_exr(&self.view_path(self.next), image, &about)?;
             }
             Kind::Npy(file) => {
                 let bytes: Vec<u8> = image.iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -105,13 +145,23 @@ impl Sheet {
         Ok(())
     }
 
-    /// The last view was put.
-    pub(crate) fn finish(self) -> Result<()> {
-        match self.file {
-            Kind::Npy(mut file) => file.flush().map_err(|error| written(&self.path, error)),
-            // Encoders write through; the buffer below them is flushed as they are dropped.
-            _ => Ok(()),
-        }
+    /// EXR: the file of a view.
+    fn view_path(&self, view: usize) -> PathBuf {
+        let width = self.views.saturating_sub(1).max(1).ilog10().max(3) as usize + 1;
+        self.path.join(format!("view_{view:0width$}.exr"))
+    }
+
+    /// The last view was put: everything is on disk.
+    pub(crate) fn finish(mut self) -> Result<()> {
+        let Some(out) = self.out.take() else {
+            let paths: Vec<PathBuf> = (0..self.next).map(|view| self.view_path(view)).collect();
+            // Journalling file systems settle syncs that wait at the same time together.
+            paths.par_iter().try_for_each(|path| sync_path(path))?;
+            return sync_directory(&self.path);
+        };
+        // What the encoder writes as it goes.
+        self.file = Kind::Exr;
+        out.sync().map_err(|error| written(&self.path, error))
     }
 }
 
@@ -145,12 +195,8 @@ fn write_exr(path: &Path, image: ArrayView2<'_, f32>, about: &serde_json::Value)
     };
     let channels = AnyChannels::sort([channel].into_iter().collect());
     let layer = Layer::new((image.ncols(), image.nrows()), attributes, encoding, channels);
-    let done = Image::from_layer(layer).write().to_buffered(create(path)?);
+    let done = Image::from_layer(layer).write().to_buffered(Out::create(path)?);
     done.map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))
-}
-
-fn create(path: &Path) -> Result<Out> {
-    File::create(path).map(BufWriter::new).map_err(|error| written(path, error))
 }
 
 fn written(path: &Path, error: std::io::Error) -> Error {

@@ -1,7 +1,7 @@
 //! EXR frames: the channel `Y`, or the only channel, of the first layer.
 
 use super::{refuse_hollow, refuse_shape};
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::meta::attribute::SampleType;
@@ -25,7 +25,11 @@ pub(super) fn frame_shape(path: &Path) -> Result<[usize; 2]> {
 }
 
 /// Some rows of a frame that has this shape.
-pub(super) fn read(path: &Path, shape: [usize; 2], rows: Range<usize>) -> Result<Vec<f32>> {
+pub(in crate::stack) fn read(
+    path: &Path,
+    shape: [usize; 2],
+    rows: Range<usize>,
+) -> Result<Vec<f32>> {
     let reader = open(path)?;
     let header = first(path, reader.headers())?;
     refuse_shape(path, [header.layer_size.height(), header.layer_size.width()], shape)?;
@@ -80,8 +84,8 @@ fn copy(line: LineRef<'_>, kind: SampleType, to: &mut [f32]) -> exr::error::Unit
 }
 
 fn open(path: &Path) -> Result<FrameReader> {
-    let file =
-        File::open(path).map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    let file = input_file::open(path)
+        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
     Reader::read_from_buffered(BufReader::new(file), true).map_err(|error| failed(path, error))
 }
 

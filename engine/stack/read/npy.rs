@@ -1,6 +1,6 @@
 //! NPY files: any of the sample types, either byte order, C order.
 
-use crate::{Error, Result};
+use crate::{Error, Result, input_file};
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -41,7 +41,7 @@ impl Sample {
 impl NpyFile {
     pub(super) fn open(path: &Path) -> Result<Self> {
         let unread = |error| Error::output(path, "cannot be read", Some(error));
-        let mut file = BufReader::new(File::open(path).map_err(unread)?);
+        let mut file = BufReader::new(input_file::open(path).map_err(unread)?);
         let header = NpyHeader::from_reader(&mut file).map_err(|error| {
             // A parser's message may hold the whole of what it did not understand.
             let error: String = error.to_string().chars().take(120).collect();

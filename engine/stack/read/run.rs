@@ -1,19 +1,25 @@
 //! Reading a run directory: its scene, its record, and the views that are committed.
 
 use super::StackFile;
+use super::checksums::{Checksums, Compared};
 use crate::scene::Scene;
-use crate::stack::run_directory::{LOG, RUN, SCENE};
-use crate::stack::{Format, RunFile, View, progress_log};
+use crate::stack::progress_log::{self, Entry};
+use crate::stack::run_directory::{COUNTS, LOG, RUN, SCENE};
+use crate::stack::{Extent, Format, RunFile, View};
 use crate::{Error, Result};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// A run directory, opened to be read.
+/// A run directory, opened to be read. Every view is compared with its checksum when it is first
+/// read.
 #[derive(Debug)]
 pub struct OpenRun {
     path: PathBuf,
     scene: Scene,
     file: RunFile,
-    flat_committed: bool,
+    /// progress.log.
+    committed: BTreeMap<View, Entry>,
+    compared: Compared,
     /// Views from the first on that are committed.
     views: usize,
 }
@@ -34,16 +40,23 @@ impl OpenRun {
         let file = RunFile::read(&path.join(RUN))?;
         let scene = read_scene(&path.join(SCENE))?;
         let committed = progress_log::read(&path.join(LOG))?;
+        let of_scene = Extent::of(&scene)?;
+        if of_scene != file.extent {
+            let problem = format!("claims {:?}; {SCENE} has {of_scene:?}", file.extent);
+            return Err(Error::output(path.join(RUN), problem, None));
+        }
         let is_there = |view: &u32| committed.contains_key(&View::Sample(*view));
         let views = (0..file.extent.views).take_while(is_there).count();
-        let count = (0..file.extent.views).filter(is_there).count();
+        let is_sample =
+            |view: &&View| matches!(view, View::Sample(index) if *index < file.extent.views);
+        let count = committed.keys().filter(is_sample).count();
         if count != views {
             let problem =
                 format!("view {views} is not committed and later ones are; resume the run");
             return Err(Error::output(path, problem, None));
         }
-        let flat_committed = committed.contains_key(&View::Flat);
-        Ok(Self { path: path.to_path_buf(), scene, file, flat_committed, views })
+        let path = path.to_path_buf();
+        Ok(Self { path, scene, file, committed, compared: Compared::default(), views })
     }
 
     /// The directory.
@@ -75,7 +88,7 @@ impl OpenRun {
     /// # Errors
     /// [`Error::Output`] where it is not committed or does not have the shape of run.json.
     pub fn flat(&self) -> Result<StackFile> {
-        if !self.flat_committed {
+        if !self.is_committed(View::Flat) {
             return Err(Error::output(
                 &self.path,
                 "the flat is not committed: resume the run",
@@ -101,7 +114,7 @@ impl OpenRun {
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn counts_flat(&self) -> Result<Option<StackFile>> {
-        self.optional("counts/flat", 1, self.flat_committed)
+        self.optional("counts/flat", 1, self.is_committed(View::Flat))
     }
 
     /// Detector numbers with the sample, where the scene asks for noise.
@@ -117,7 +130,32 @@ impl OpenRun {
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn dark(&self) -> Result<Option<StackFile>> {
-        self.optional("dark", 1, true)
+        self.optional("dark", 1, self.is_committed(View::Dark))
+    }
+
+    fn is_committed(&self, view: View) -> bool {
+        self.committed.contains_key(&view)
+    }
+
+    /// What progress.log says of the views of a stack.
+    fn checksums(&self, name: &str, views: usize, steps: usize) -> Result<Checksums> {
+        let of_view = |index: usize| {
+            let view = match name {
+                "flat" | "counts/flat" => View::Flat,
+                "dark" => View::Dark,
+                _ => View::Sample(u32::try_from(index).unwrap_or(u32::MAX)),
+            };
+            let entry = self.committed.get(&view);
+            let counts = name.starts_with(COUNTS);
+            let found =
+                entry.and_then(|e| if counts { e.counts.as_ref() } else { Some(&e.sha256) });
+            found.cloned().ok_or_else(|| {
+                let problem = format!("has no checksum of view {index} of {name}: resume the run");
+                Error::output(self.path.join(LOG), problem, None)
+            })
+        };
+        let views = (0..views).map(of_view).collect::<Result<_>>()?;
+        Ok(Checksums::new(name, views, steps, &self.compared))
     }
 
     fn optional(&self, name: &str, views: usize, committed: bool) -> Result<Option<StackFile>> {
@@ -150,18 +188,19 @@ impl OpenRun {
             );
             return Err(Error::output(path, problem, None));
         }
-        Ok(stack)
+        let checksums = self.checksums(name, views, stack.shape()[1])?;
+        Ok(stack.with_checksums(checksums))
     }
 }
 
 /// The resolved scene; one whose meshes were arrays does not load, and is read without objects.
-fn read_scene(path: &Path) -> Result<Scene> {
+pub(in crate::stack) fn read_scene(path: &Path) -> Result<Scene> {
     let error = match Scene::load(path) {
         Ok(scene) => return Ok(scene),
         Err(error) => error,
     };
     let without_objects = || {
-        let text = std::fs::read_to_string(path).ok()?;
+        let text = crate::input_file::text(path).ok()?;
         let mut table: toml::Table = toml::from_str(&text).ok()?;
         table.remove("object")?;
         Scene::from_toml(&toml::to_string(&table).ok()?, path.parent()?).ok()

@@ -1,7 +1,7 @@
 //! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`.
 
-use super::{refuse_hollow, refuse_shape};
-use crate::{Error, Result};
+use super::{LEAST, refuse_hollow, refuse_shape};
+use crate::{Error, Result, input_file};
 use std::fmt;
 use std::fs::File;
 use std::io::BufReader;
@@ -36,11 +36,12 @@ impl fmt::Debug for TiffPages {
 impl TiffPages {
     pub(super) fn open(path: &Path) -> Result<Self> {
         let unread = |error| failed(path, error);
-        let file =
-            File::open(path).map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+        let file = input_file::open(path)
+            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
         let mut limits = Limits::default();
-        // Frames of 4 GiB in one strip do exist; the values are bounded by the frame's shape.
-        limits.decoding_buffer_size = 1 << 32;
+        // Frames of 4 GiB in one strip do exist; a small file that claims one does not hold it.
+        let most = 64 * file.metadata().map_or(0, |found| found.len()).max(LEAST >> 6);
+        limits.decoding_buffer_size = usize::try_from(most.min(1 << 32)).unwrap_or(usize::MAX);
         let mut pages = Decoder::new(BufReader::new(file)).map_err(unread)?.with_limits(limits);
         let frame = frame_of(path, &mut pages)?;
         refuse_hollow(path, frame)?;

@@ -1,0 +1,53 @@
+//! What goes to terminals and pipes: text whose control and bidirectional characters, which come
+//! from names of files and scenes, are escaped.
+
+use beamlet::printed;
+use std::io::{self, Write};
+
+/// A writer that escapes what terminals obey, as `\u001b`; line breaks and tabs stay.
+#[derive(Debug)]
+pub(crate) struct Printed<W> {
+    inner: W,
+    /// Bytes of a character that is not whole yet.
+    rest: Vec<u8>,
+}
+
+impl<W: Write> Printed<W> {
+    pub(crate) const fn new(inner: W) -> Self {
+        Self { inner, rest: Vec::new() }
+    }
+}
+
+impl<W: Write> Write for Printed<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.rest.extend_from_slice(bytes);
+        let whole = match std::str::from_utf8(&self.rest) {
+            Err(error) if error.error_len().is_none() => error.valid_up_to(),
+            _ => self.rest.len(),
+        };
+        let text = String::from_utf8_lossy(&self.rest[..whole]).into_owned();
+        self.rest.drain(..whole);
+        self.inner.write_all(printed::lines(&text).as_bytes())?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.inner.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn characters_that_come_in_parts_are_whole_and_those_of_terminals_are_escaped() {
+        let mut out = Printed::new(Vec::new());
+        for byte in "σ² \u{1b}[2J\u{202e}ok\n".bytes() {
+            out.write_all(&[byte]).unwrap();
+        }
+        out.write_all(b"\xff.\n").unwrap();
+        let text = String::from_utf8(out.inner).unwrap();
+        assert_eq!(text, "σ² \\u001b[2J\\u202eok\n\u{fffd}.\n");
+    }
+}

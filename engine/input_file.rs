@@ -1,0 +1,65 @@
+//! Files that are read: regular ones, and no longer than memory bears.
+
+use std::fs::{File, Metadata};
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+/// Most bytes of a text: scenes, tables, lists. The longest that is of use is the resolved scene of
+/// ten million angles.
+pub(crate) const TEXT: u64 = 512 << 20;
+
+/// Opens a regular file. Others are refused by their kind before they are opened: a pipe waits
+/// for its writer, and a device may have no end.
+pub(crate) fn open(path: &Path) -> Result<File> {
+    let found = std::fs::metadata(path)?;
+    if found.is_file() {
+        return File::open(path);
+    }
+    let problem = format!("it is {}; allowed: a regular file", kind(&found));
+    Err(Error::new(ErrorKind::InvalidInput, problem))
+}
+
+/// A regular file as a whole.
+pub(crate) fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let file = open(path)?;
+    let length = file.metadata()?.len();
+    let refused = |length: u64| {
+        let problem = format!("it has {length} bytes; allowed: up to {most}");
+        Err(Error::new(ErrorKind::FileTooLarge, problem))
+    };
+    if length > most {
+        return refused(length);
+    }
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
+    // It may grow while it is read.
+    match file.take(most + 1).read_to_end(&mut bytes)? as u64 {
+        length if length > most => refused(length),
+        _ => Ok(bytes),
+    }
+}
+
+/// A regular file of UTF-8.
+pub(crate) fn text(path: &Path) -> Result<String> {
+    let problem = "stream did not contain valid UTF-8";
+    String::from_utf8(read(path, TEXT)?).map_err(|_| Error::new(ErrorKind::InvalidData, problem))
+}
+
+#[cfg(unix)]
+fn kind(found: &Metadata) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    let kind = found.file_type();
+    match () {
+        () if kind.is_dir() => "a directory",
+        () if kind.is_fifo() => "a pipe",
+        () if kind.is_char_device() => "a character device",
+        () if kind.is_block_device() => "a block device",
+        () if kind.is_socket() => "a socket",
+        () => "no file",
+    }
+}
+
+#[cfg(not(unix))]
+fn kind(found: &Metadata) -> &'static str {
+    if found.is_dir() { "a directory" } else { "no file" }
+}

@@ -1,0 +1,100 @@
+//! Whether moments that were read can be those of their run: a file may have a good hash and
+//! come from a broken program or hand. What follows indexes and loops by these numbers.
+
+use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
+use crate::sampling::{ExactCell, Lattice, Strips};
+use std::ops::Range;
+
+/// Rounding of places in a row or period.
+const SLACK: f32 = 1e-3;
+/// Largest moment, sum of a path (m) or of tangents of incidence.
+const MOMENT: f32 = 1e9;
+/// Largest displacement (m), slope (rad) or optical depth of a walked ray.
+const WALKED: f32 = 1e4;
+
+/// What the moments of a view have to fit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Bounds {
+    /// Beamlets of the run's lattice.
+    columns: u32,
+    /// Half a period, m.
+    half: f32,
+    view: u32,
+}
+
+impl Bounds {
+    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+    pub(super) fn of(lattice: &Lattice, view: u32) -> Self {
+        let columns = lattice.beamlets.end - lattice.beamlets.start;
+        Self {
+            columns: u32::try_from(columns).unwrap_or(0),
+            half: (0.5 * lattice.period) as f32 * (1.0 + SLACK),
+            view,
+        }
+    }
+
+    /// What is wrong with the strips of a block of these rows.
+    pub(super) fn check(self, strips: &Strips, rows: &Range<i64>) -> Result<(), &'static str> {
+        let mut next = 0_u32;
+        for strip in &strips.strips {
+            if strip.first != next || strip.count == 0 {
+                return Err("strips that do not follow one another");
+            }
+            next = next.checked_add(strip.count).ok_or("more cells than can be counted")?;
+            self.strip(strip, rows)?;
+        }
+        if next as usize != strips.cells.len() {
+            return Err("cells of no strip");
+        }
+        let good = |cell: &Cell| {
+            let floats: &[f32] = bytemuck::cast_slice(std::slice::from_ref(cell));
+            floats.iter().all(|value| value.is_finite())
+                && -self.half <= cell.x_low
+                && cell.x_low <= cell.x_high
+                && cell.x_high <= self.half
+        };
+        if !strips.cells.iter().all(good) {
+            return Err("cells outside their beamlet, or values that are not finite");
+        }
+        // Also false for what is not a number.
+        if !strips.moments.ends.iter().all(|value| value.abs() <= MOMENT) {
+            return Err("moments of no ray");
+        }
+        let exact = &strips.moments.exact;
+        let ascend = exact.windows(2).all(|pair| pair[0].cell < pair[1].cell);
+        if !ascend || exact.last().is_some_and(|last| last.cell >= next) {
+            return Err("ordered cells that are not there");
+        }
+        match exact.iter().all(|cell| self.ordered(cell)) {
+            true => Ok(()),
+            false => Err("ordered rays that no walk has"),
+        }
+    }
+
+    fn strip(self, strip: &Strip, rows: &Range<i64>) -> Result<(), &'static str> {
+        let last = i64::from(strip.row) + i64::from(strip.rows) - 1;
+        let inside = rows.contains(&i64::from(strip.row)) && rows.contains(&last);
+        if !inside || strip.column >= self.columns {
+            return Err("strips outside their rows or columns");
+        }
+        let floats = [strip.light, strip.low_landing, strip.high_landing, strip.spread, strip.bend];
+        let in_row = -SLACK <= strip.top && strip.top < strip.bottom && strip.bottom <= 1.0 + SLACK;
+        match in_row && floats.iter().all(|value| value.is_finite()) {
+            true => Ok(()),
+            false => Err("strips outside their row, or values that are not finite"),
+        }
+    }
+
+    fn ordered(self, cell: &ExactCell) -> bool {
+        let ray = |ray: &Ray| {
+            let floats = [ray.x, ray.z, ray.slope_x, ray.slope_z];
+            ray.view == self.view && floats.iter().all(|value| value.abs() <= WALKED)
+        };
+        let law = |law: &Law| {
+            let Law { optical_depth, displacement_x, displacement_z, slope_x, slope_z, .. } = *law;
+            let floats = [optical_depth, displacement_x, displacement_z, slope_x, slope_z];
+            law.flags & FLAG_NOT_FINITE != 0 || floats.iter().all(|value| value.abs() <= WALKED)
+        };
+        cell.ends.iter().all(ray) && cell.laws.iter().all(law)
+    }
+}

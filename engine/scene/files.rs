@@ -1,0 +1,146 @@
+//! The files that a scene refers to, by the SHA-256 of what they hold. Meshes carry their hash
+//! on their object.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use sha2::{Digest, Sha256};
+
+use super::{Beam, KernelFile};
+use super::{Blur, MaterialSpec, Mesh, Scatter, Scene, ShapeOrMesh, SpectrumOrigin};
+use crate::{Error, Result, input_file};
+
+impl Scene {
+    /// Paths of the files that the scene reads, as it names them: spectrum, kernels, scatter and
+    /// material tables. Spots are read with the scene, meshes carry their own hash.
+    #[must_use]
+    pub fn referenced_files(&self) -> Vec<&Path> {
+        let mut paths: Vec<&Path> = Vec::new();
+        if let Beam::Spectrum(spec) = &self.source.beam
+            && let SpectrumOrigin::File { path } = &spec.origin
+        {
+            paths.push(path);
+        }
+        if let Some(Blur::Kernel(KernelFile { path, .. })) = &self.detector.blur {
+            paths.push(path);
+        }
+        match &self.detector.scatter {
+            Some(
+                Scatter::Image(path) | Scatter::Kernel { kernel: KernelFile { path, .. }, .. },
+            ) => {
+                paths.push(path);
+            }
+            None => {}
+        }
+        let tables = self.materials.values().filter_map(|spec| match spec {
+            MaterialSpec::Table { path } => Some(path.as_path()),
+            _ => None,
+        });
+        paths.extend(tables);
+        paths
+    }
+
+    /// Every file that the scene refers to, from where the program runs: those of
+    /// [`Scene::referenced_files`], meshes, and the image or profile of the focal spot. The scene
+    /// file itself is not among them.
+    #[must_use]
+    pub fn input_files(&self) -> Vec<PathBuf> {
+        let meshes = self.objects.iter().filter_map(|object| match &object.geometry {
+            ShapeOrMesh::Mesh(Mesh::File { path, .. }) => Some(path.as_path()),
+            _ => None,
+        });
+        let files = self.referenced_files().into_iter().chain(meshes);
+        let mut files: Vec<PathBuf> = files.map(|path| self.resolve(path)).collect();
+        // The spot is read with the scene: its path needs no directory.
+        let spot = self.source.spot.fit().map(|fit| PathBuf::from(&fit.file));
+        files.extend(spot.filter(|file| !file.as_os_str().is_empty()));
+        files
+    }
+
+    /// The scene with the hash of every file that it refers to: those it has are compared with
+    /// what the files hold now, the others are added. A file that is not there gets none.
+    ///
+    /// # Errors
+    /// [`Error::Output`] for a file that does not have the hash of the scene, or cannot be read.
+    pub fn with_file_hashes(&self) -> Result<Self> {
+        let mut scene = self.clone();
+        for path in self.referenced_files() {
+            if self.resolve(path).exists() {
+                let found = self.hash_of(path)?;
+                scene.files.insert(path.to_owned(), found);
+            }
+        }
+        Ok(scene)
+    }
+
+    /// Files that the scene refers to and has no hash of.
+    #[must_use]
+    pub fn files_without_hash(&self) -> Vec<&Path> {
+        let mut paths = self.referenced_files();
+        paths.retain(|path| !self.files.contains_key(*path));
+        paths
+    }
+
+    /// Files, meshes too, that do not have the hash that the scene has of them, or cannot be
+    /// read: an error each. Files that are not there are left out.
+    #[must_use]
+    pub fn changed_files(&self) -> Vec<Error> {
+        let meshes = self.objects.iter().filter_map(|object| match &object.geometry {
+            ShapeOrMesh::Mesh(Mesh::File { path, .. }) => Some((path, object.sha256.as_ref()?)),
+            _ => None,
+        });
+        self.files
+            .iter()
+            .chain(meshes)
+            .filter(|(path, _)| self.resolve(path).exists())
+            .filter_map(|(path, recorded)| self.compare(path, recorded).err())
+            .collect()
+    }
+
+    /// A file that the scene refers to, from where the program runs; it has the hash that the
+    /// scene has of it, if any.
+    pub(crate) fn checked(&self, path: &Path) -> Result<PathBuf> {
+        if self.files.contains_key(path) {
+            self.hash_of(path)?;
+        }
+        Ok(self.resolve(path))
+    }
+
+    /// The hash of a file, which is that of the scene where it has one.
+    fn hash_of(&self, path: &Path) -> Result<String> {
+        match self.files.get(path) {
+            Some(recorded) => self.compare(path, recorded),
+            None => hash(&self.resolve(path)),
+        }
+    }
+
+    fn compare(&self, path: &Path, recorded: &str) -> Result<String> {
+        let path = self.resolve(path);
+        let found = hash(&path)?;
+        if found == recorded {
+            return Ok(found);
+        }
+        let problem = format!(
+            "is not the file that the scene was made with: sha256 {found}, the scene records \
+             {recorded}"
+        );
+        Err(Error::output(path, problem, None))
+    }
+}
+
+/// SHA-256 of a file, hexadecimal.
+pub(super) fn hash(path: &Path) -> Result<String> {
+    let read = || {
+        let mut file = input_file::open(path)?;
+        let mut hasher = Sha256::new();
+        let mut block = vec![0_u8; 1 << 16];
+        loop {
+            match file.read(&mut block)? {
+                0 => break Ok(hasher.finalize()),
+                len => hasher.update(&block[..len]),
+            }
+        }
+    };
+    let digest = read().map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+}

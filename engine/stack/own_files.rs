@@ -1,0 +1,186 @@
+//! The files of a run directory by their names: only what beamlet wrote is removed or changed,
+//! and no link is followed.
+
+use super::run_directory::{COUNTS, LOG, RUN, SCENE};
+use super::whole_file::refuse_link;
+use super::{Extent, RunFile, View, exr_frames, npy};
+use crate::{Error, Result};
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+
+/// Spool of a view in the making, in the folder of partial frames.
+pub(super) const SPOOL: &str = "spool.f32";
+/// What a crash leaves of a file that was being written.
+const NEW: [&str; 2] = ["scene.toml.new", "run.json.new"];
+/// Folders of a run.
+const FOLDERS: [&str; 6] =
+    ["flat", "sample", "dark", COUNTS, exr_frames::PARTIAL, crate::kept::file::DIRECTORY];
+
+/// Names that stand in a run directory.
+pub(super) fn owned_names() -> impl Iterator<Item = &'static str> {
+    [RUN, SCENE, LOG, npy::FLAT, npy::SAMPLE, npy::DARK].into_iter().chain(NEW).chain(FOLDERS)
+}
+
+/// Whether a run can begin in `path`.
+///
+/// # Errors
+/// As [`super::RunDirectory::create`].
+pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
+    let entries = match fs::read_dir(path) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(Error::output(path, "cannot hold a run", Some(error))),
+    };
+    let empty = entries.count() == 0 || has_only_begun(path);
+    let is_run = RunFile::read(&path.join(RUN)).is_ok();
+    if !empty && !overwrite {
+        let problem = if is_run {
+            "holds a run already; resume it, overwrite it or choose another directory"
+        } else {
+            "is not empty; choose another directory (or overwrite: files that are not of a run \
+             stay)"
+        };
+        return Err(Error::output(path, problem, None));
+    }
+    if !is_run
+        && !has_only_begun(path)
+        && let Some(name) = first_of_our_names(path)
+    {
+        let problem = "was not written by beamlet and would be replaced; choose another directory";
+        return Err(Error::output(path.join(name), problem, None));
+    }
+    refuse_links(path)
+}
+
+/// Whether a run was ended here before its run.json stood: its log is there and empty, and
+/// beside it at most what a run begins with.
+pub(super) fn has_only_begun(path: &Path) -> bool {
+    let is_first = |entry: std::io::Result<fs::DirEntry>| {
+        entry.is_ok_and(|entry| {
+            let name = entry.file_name();
+            [LOG, SCENE].iter().chain(&NEW).any(|first| name == *first)
+        })
+    };
+    is_empty_log(path) && fs::read_dir(path).is_ok_and(|mut entries| entries.all(is_first))
+}
+
+/// Whether the log is there and commits nothing.
+fn is_empty_log(path: &Path) -> bool {
+    fs::symlink_metadata(path.join(LOG)).is_ok_and(|log| log.is_file() && log.len() == 0)
+}
+
+/// The first name of ours that stands in `path`. An empty log does not count: a run begins with
+/// one, and there is nothing in it to lose.
+fn first_of_our_names(path: &Path) -> Option<&'static str> {
+    let empty_log = is_empty_log(path);
+    owned_names()
+        .filter(|name| !(empty_log && *name == LOG))
+        .find(|name| fs::symlink_metadata(path.join(name)).is_ok())
+}
+
+/// Refuses links in place of files and folders of a run.
+pub(super) fn refuse_links(path: &Path) -> Result<()> {
+    owned_names().try_for_each(|name| refuse_link(&path.join(name)))?;
+    FOLDERS.iter().try_for_each(|folder| refuse_links_in(&path.join(folder)))
+}
+
+fn refuse_links_in(folder: &Path) -> Result<()> {
+    each_entry(folder, |name, entry| {
+        if !is_of_folder(name) {
+            return Ok(());
+        }
+        let kind = entry.file_type().map_err(unread(folder))?;
+        match () {
+            () if kind.is_dir() => refuse_links_in(&entry.path()),
+            () if kind.is_file() => Ok(()),
+            () => refuse_link(&entry.path()),
+        }
+    })
+}
+
+/// Whether beamlet gives this name to anything in a folder of a run.
+fn is_of_folder(name: &str) -> bool {
+    let stacks = ["flat", "sample", npy::FLAT, npy::SAMPLE, exr_frames::PARTIAL, SPOOL];
+    let numbered = [("step_", ".exr"), ("view_", ""), ("view_", ".bin"), ("view_", ".partial")];
+    stacks.contains(&name) || numbered.iter().any(|ends| number(name, *ends).is_some())
+}
+
+/// The number between two ends of a name.
+fn number(name: &str, (start, end): (&str, &str)) -> Option<u32> {
+    let digits = name.strip_prefix(start)?.strip_suffix(end)?;
+    let plain = !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
+    if plain { digits.parse().ok() } else { None }
+}
+
+/// Removes the stacks under `root` of a run with this extent, but for the views in `keep`.
+pub(super) fn remove_stacks(root: &Path, extent: Extent, keep: &[View]) -> Result<()> {
+    for view in [View::Flat, View::Dark] {
+        if !keep.contains(&view) {
+            remove_frames(&root.join(exr_frames::view_directory(extent, view)), extent)?;
+        }
+    }
+    let sample = root.join("sample");
+    each_entry(&sample, |name, entry| {
+        let Some(index) = number(name, ("view_", "")).filter(|index| *index < extent.views) else {
+            return Ok(());
+        };
+        let view = View::Sample(index);
+        let directory = root.join(exr_frames::view_directory(extent, view));
+        match directory == entry.path() && !keep.contains(&view) {
+            true => remove_frames(&directory, extent),
+            false => Ok(()),
+        }
+    })?;
+    remove_frames(&root.join(exr_frames::PARTIAL), extent)?;
+    let _ = fs::remove_dir(sample);
+    Ok(())
+}
+
+/// Removes the frames (and the spool) in a directory, and the directory if nothing else is in it.
+pub(super) fn remove_frames(directory: &Path, extent: Extent) -> Result<()> {
+    refuse_link(directory)?;
+    each_entry(directory, |name, entry| {
+        let step = number(name, ("step_", ".exr")).filter(|step| *step < extent.steps);
+        let is_frame = step.is_some_and(|step| exr_frames::step_file(extent, step) == name);
+        if is_frame || name == SPOOL { remove_file(&entry.path()) } else { Ok(()) }
+    })?;
+    let _ = fs::remove_dir(directory);
+    Ok(())
+}
+
+/// Removes a file; a link in its place is an error.
+pub(super) fn remove_file(path: &Path) -> Result<()> {
+    refuse_link(path)?;
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(Error::output(path, "cannot be removed", Some(error)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Visits what stands in a folder under a name in Unicode; a folder that is not there is empty.
+fn each_entry(
+    folder: &Path,
+    mut visit: impl FnMut(&str, &fs::DirEntry) -> Result<()>,
+) -> Result<()> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(());
+        }
+        Err(error) => return Err(unread(folder)(error)),
+    };
+    for entry in entries {
+        let entry = entry.map_err(unread(folder))?;
+        if let Some(name) = entry.file_name().to_str() {
+            visit(name, &entry)?;
+        }
+    }
+    Ok(())
+}
+
+fn unread(folder: &Path) -> impl Fn(std::io::Error) -> Error + '_ {
+    move |error| Error::output(folder, "cannot be read", Some(error))
+}

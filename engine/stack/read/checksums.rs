@@ -1,0 +1,114 @@
+//! Checksums of the views of a run, compared when the views are read.
+
+use crate::{Error, Result};
+use ndarray::Array3;
+use rayon::prelude::*;
+use sha2::{Digest, Sha256};
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Views of up to this many bytes are kept while their rows are read one after another.
+const KEPT: usize = 256 << 20;
+/// Frames that are decoded side by side.
+const AT_ONCE: usize = 8;
+
+/// Views that were compared already, by stack and number.
+pub(super) type Compared = Arc<Mutex<BTreeSet<(String, usize)>>>;
+
+/// What the views of a stack were committed with.
+#[derive(Debug)]
+pub(super) struct Checksums {
+    /// Name of the stack: `flat`, `counts/sample`, ….
+    stack: String,
+    /// SHA-256 of each view.
+    views: Vec<String>,
+    /// Frames of a view.
+    steps: usize,
+    /// Shared by the stacks of a run, so that each view is compared once.
+    compared: Compared,
+    /// The view that was compared last, where it is not too large.
+    last: Mutex<Option<(usize, Arc<Array3<f32>>)>>,
+}
+
+impl Checksums {
+    pub(super) fn new(stack: &str, views: Vec<String>, steps: usize, compared: &Compared) -> Self {
+        let compared = Arc::clone(compared);
+        Self { stack: stack.to_owned(), views, steps, compared, last: Mutex::default() }
+    }
+
+    /// The view that a frame belongs to, if it still has its checksum; whole where it was read
+    /// for that and is kept. `read` gives a frame by its number over all views, `shape` is that
+    /// of a frame.
+    pub(super) fn of_frame(
+        &self,
+        path: &Path,
+        frame: usize,
+        shape: [usize; 2],
+        read: impl Fn(usize) -> Result<Vec<f32>> + Sync,
+    ) -> Result<Option<Arc<Array3<f32>>>> {
+        let view = frame / self.steps.max(1);
+        // No lock is held while frames are read: a thread that waits for others may take up work
+        // that asks for the same view. At worst two of them compare it.
+        let last = lock(&self.last).clone().filter(|(number, _)| *number == view);
+        if let Some((_, values)) = last {
+            return Ok(Some(values));
+        }
+        let key = (self.stack.clone(), view);
+        if lock(&self.compared).contains(&key) {
+            return Ok(None);
+        }
+        let [rows, columns] = shape;
+        let keeps = 4 * self.steps * rows * columns <= KEPT;
+        let mut values = Vec::with_capacity(if keeps { self.steps * rows * columns } else { 0 });
+        let mut hasher = Sha256::new();
+        let numbers: Vec<usize> = (view * self.steps..(view + 1) * self.steps).collect();
+        for some in numbers.chunks(AT_ONCE) {
+            let frames: Vec<Vec<f32>> = some.par_iter().map(|n| read(*n)).collect::<Result<_>>()?;
+            for frame in frames {
+                update(&mut hasher, &frame);
+                if keeps {
+                    values.extend_from_slice(&frame);
+                }
+            }
+        }
+        self.compare(path, view, &crate::stack::npy::hex(&hasher.finalize()))?;
+        lock(&self.compared).insert(key);
+        if !keeps {
+            return Ok(None);
+        }
+        let whole = Array3::from_shape_vec((self.steps, rows, columns), values)
+            .map_err(|error| Error::output(path, format!("cannot be read: {error}"), None))?;
+        let whole = Arc::new(whole);
+        *lock(&self.last) = Some((view, Arc::clone(&whole)));
+        Ok(Some(whole))
+    }
+
+    fn compare(&self, path: &Path, view: usize, found: &str) -> Result<()> {
+        if self.views.get(view).is_some_and(|recorded| recorded == found) {
+            return Ok(());
+        }
+        let problem = format!(
+            "{} is not what was committed: its values do not have the checksum of progress.log; \
+             resume the run to make it again",
+            match self.stack.as_str() {
+                stack if stack.ends_with("sample") => format!("{stack}/{view}"),
+                stack => stack.to_owned(),
+            }
+        );
+        Err(Error::output(path, problem, None))
+    }
+}
+
+/// Adds values as little-endian bytes.
+fn update(hasher: &mut Sha256, values: &[f32]) {
+    if cfg!(target_endian = "little") {
+        hasher.update(bytemuck::cast_slice::<f32, u8>(values));
+    } else {
+        values.iter().for_each(|value| hasher.update(value.to_le_bytes()));
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

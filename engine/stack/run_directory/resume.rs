@@ -1,0 +1,164 @@
+//! Going on with a run: what of it is as it was committed, and whether it may go on.
+
+use super::{LOG, RUN, RunDirectory, SCENE};
+use crate::scene::Scene;
+use crate::stack::progress_log::{self, ProgressLog};
+use crate::stack::{Extent, RunFile, View, own_files, scene_file, verify};
+use crate::{Error, Result, RunRecord, Tally, kept};
+use std::path::{Path, PathBuf};
+
+/// What stood in the directory when the run was resumed.
+#[derive(Debug)]
+pub(super) struct Resumed {
+    pub(super) file: RunFile,
+    pub(super) committed: Vec<View>,
+    /// Views whose frames are whole, even where their moments are not.
+    pub(super) intact: Vec<View>,
+    /// Views of the log that are made again.
+    pub(super) again: Vec<View>,
+    /// What is not as it was committed.
+    pub(super) problems: Vec<String>,
+    /// Counts of the committed views, and the number of those without.
+    pub(super) counted: Tally,
+    pub(super) uncounted: u32,
+}
+
+impl RunDirectory {
+    /// The directory of an interrupted run of `scene`. Only looks; what is committed, and still
+    /// has its checksum, is told by [`RunDirectory::committed`].
+    ///
+    /// # Errors
+    /// [`Error::Output`] where there is no run, or one of another scene (says what differs).
+    pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
+        let path = path.into();
+        let log = ProgressLog::lock_if_there(&path.join(LOG))?;
+        own_files::refuse_links(&path)?;
+        let file = RunFile::read(&path.join(RUN))?;
+        let scene = &scene.with_file_hashes()?;
+        let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
+        refuse_other_scene(&path, &differences.found)?;
+        let extent = Extent::of(scene)?;
+        let entries = progress_log::read(&path.join(LOG))?;
+        let counts = scene.detector.counts.is_some();
+        let found = verify::frames(&path, file.format, extent, counts, &entries);
+        let mut problems: Vec<String> = found
+            .problems
+            .into_iter()
+            .map(|(view, problem)| match view {
+                Some(_) => format!("{problem}; it is made again"),
+                None => format!("{problem}; it is mended, and what it lost is made again"),
+            })
+            .collect();
+        let mut committed = found.whole.clone();
+        let keep_moments = file.keep_moments.unwrap_or_else(|| kept::file::is_there(&path));
+        if keep_moments {
+            for (view, problem) in verify::moments(&path, &found.whole) {
+                committed.retain(|other| *other != view);
+                problems.push(format!("{problem}; it is made again"));
+            }
+        }
+        let counted = committed.iter().filter_map(|view| entries[view].tally);
+        let (uncounted, counted) = (committed.len() - counted.clone().count(), counted.sum());
+        let again = entries.into_keys().filter(|view| !committed.contains(view)).collect();
+        let format = file.format;
+        let resumed = Some(Resumed {
+            file,
+            committed,
+            intact: found.whole,
+            again,
+            problems,
+            counted,
+            uncounted: u32::try_from(uncounted).unwrap_or(u32::MAX),
+        });
+        Ok(Self {
+            path,
+            format,
+            overwrite: false,
+            allow_mixed: false,
+            allow_unhashed: false,
+            keep_moments,
+            overrides: Vec::new(),
+            resumed,
+            log,
+            open: None,
+        })
+    }
+
+    /// Views that are committed already, for [`crate::Control::skip`].
+    #[must_use]
+    pub fn committed(&self) -> &[View] {
+        self.resumed.as_ref().map_or(&[], |resumed| &resumed.committed)
+    }
+
+    /// What of the run that is resumed is not as it was committed, one message each: the views
+    /// concerned are not among [`RunDirectory::committed`].
+    #[must_use]
+    pub fn problems(&self) -> &[String] {
+        self.resumed.as_ref().map_or(&[], |resumed| &resumed.problems)
+    }
+
+    /// Counts of the views that are committed already, for [`crate::Control::counted`].
+    #[must_use]
+    pub fn counted(&self) -> Tally {
+        self.resumed.as_ref().map_or_else(Tally::default, |resumed| resumed.counted)
+    }
+
+    /// Whether the run that is resumed keeps moments, where that can be told: runs of earlier
+    /// versions do not record it, and may have been interrupted before they kept any.
+    #[must_use]
+    pub fn keeps_moments(&self) -> Option<bool> {
+        let recorded = self.resumed.as_ref().and_then(|resumed| resumed.file.keep_moments);
+        recorded.or_else(|| kept::file::is_there(&self.path).then_some(true))
+    }
+
+    /// run.json of the run that is resumed.
+    #[must_use]
+    pub fn recorded(&self) -> Option<&RunFile> {
+        self.resumed.as_ref().map(|resumed| &resumed.file)
+    }
+
+    /// Refuses files that the run began without the hashes of.
+    pub(super) fn refuse_unhashed(&self, files: &[String]) -> Result<()> {
+        if files.is_empty() || self.allow_unhashed {
+            return Ok(());
+        }
+        let problem = format!(
+            "was begun without a hash of {}: whether that is what the run began with cannot be \
+             told; start anew, or allow it (--allow-unhashed)",
+            files.join(", ")
+        );
+        Err(Error::output(&self.path, problem, None))
+    }
+
+    /// Refuses a device, driver, backend or version other than those that began the run.
+    pub(super) fn refuse_mixed(&self, recorded: &RunRecord, now: &RunRecord) -> Result<()> {
+        let pairs = [
+            ("version", recorded.version.clone(), now.version.clone()),
+            ("device", recorded.device.clone(), now.device.clone()),
+            ("driver", recorded.driver.clone(), now.driver.clone()),
+            ("backend", recorded.backend.to_string(), now.backend.to_string()),
+        ];
+        for (what, before, now) in pairs {
+            if before == now {
+                continue;
+            }
+            if !self.allow_mixed {
+                let problem = format!(
+                    "was begun with {what} {before}, this is {now}; results may differ in the \
+                     last digits: go back to the first, start anew, or allow a mixed run"
+                );
+                return Err(Error::output(&self.path, problem, None));
+            }
+            log::warn!("{}: {what} changes from {before} to {now}", self.path.display());
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {
+    if differences.is_empty() {
+        return Ok(());
+    }
+    let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
+    Err(Error::output(path, problem, None))
+}

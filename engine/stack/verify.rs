@@ -1,0 +1,154 @@
+//! Whether what a run directory holds is still what was committed.
+
+use super::progress_log::{self, Entry};
+use super::read::read_scene;
+use super::run_directory::{COUNTS, LOG, RUN, SCENE};
+use super::{Extent, Format, RunFile, RunState, View, exr_frames, npy};
+use crate::{Result, kept};
+use rayon::prelude::*;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What [`check_run`] found.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct RunCheck {
+    /// Format of the frames.
+    pub format: Format,
+    /// Views of the run: the angles, the flat, and the dark frames where there are counts.
+    pub views: usize,
+    /// Those whose frames, and counts where there are some, are what was committed.
+    pub whole: usize,
+    /// Views whose kept moments are whole, where the run keeps moments.
+    pub moments: Option<usize>,
+    /// Why the run is not whole, one message each; none where it is.
+    pub problems: Vec<String>,
+    /// Files that the scene refers to and that have changed since. The run is whole without them.
+    pub changed_files: Vec<String>,
+}
+
+/// Reads all of a run and compares it with its checksums.
+///
+/// # Errors
+/// [`crate::Error::Output`] where there is no run, or its record or log cannot be read;
+/// [`crate::Error::Scene`] where its scene cannot.
+pub fn check_run(path: &Path) -> Result<RunCheck> {
+    let file = RunFile::read(&path.join(RUN))?;
+    let scene = read_scene(&path.join(SCENE))?;
+    let entries = progress_log::read(&path.join(LOG))?;
+    let extent = Extent::of(&scene)?;
+    let place = path.display();
+    let mut problems = Vec::new();
+    if extent != file.extent {
+        let found = file.extent;
+        problems.push(format!("{place}: run.json tells of {found:?}; its scene has {extent:?}"));
+    }
+    let found = frames(path, file.format, extent, scene.detector.counts.is_some(), &entries);
+    problems.extend(found.problems.into_iter().map(|(_, problem)| problem));
+    let all: Vec<View> = super::views(&scene)?.collect();
+    let missing: Vec<&View> = all.iter().filter(|view| !entries.contains_key(view)).collect();
+    if let Some(first) = missing.first() {
+        let (count, first) = (missing.len(), progress_log::name(**first));
+        let of = all.len();
+        problems.push(format!("{place}: {count} of {of} views are not committed, first {first}"));
+    } else if file.state != RunState::Done {
+        problems.push(format!("{place}: every view is committed, but the run has not ended"));
+    }
+    let keeps = file.keep_moments.unwrap_or_else(|| kept::file::is_there(path));
+    let lost = if keeps { moments(path, &found.whole) } else { Vec::new() };
+    let of_sample = found.whole.iter().filter(|view| matches!(view, View::Sample(_))).count();
+    let kept = keeps.then_some(of_sample - lost.len());
+    problems.extend(lost.into_iter().map(|(_, problem)| problem));
+    let changed = scene.changed_files();
+    Ok(RunCheck {
+        format: file.format,
+        views: all.len(),
+        whole: found.whole.len(),
+        moments: kept,
+        problems,
+        changed_files: changed.into_iter().map(|error| error.to_string()).collect(),
+    })
+}
+
+/// The frames of a run, compared with progress.log.
+#[derive(Debug, Default)]
+pub(super) struct Verified {
+    /// Views whose frames, and counts where there are some, have the checksums of the log.
+    pub(super) whole: Vec<View>,
+    /// What is wrong with the others, and with headers: one message each.
+    pub(super) problems: Vec<(Option<View>, String)>,
+}
+
+/// Compares the frames under `path` with the `entries` of its log. `counts`: views have detector
+/// numbers beside their intensities.
+pub(super) fn frames(
+    path: &Path,
+    format: Format,
+    extent: Extent,
+    counts: bool,
+    entries: &BTreeMap<View, Entry>,
+) -> Verified {
+    let mut found = Verified::default();
+    if format == Format::Npy && !entries.is_empty() {
+        let mut problems = npy::header_problems(path, extent, counts);
+        if counts {
+            problems.extend(npy::header_problems(&path.join(COUNTS), extent, false));
+        }
+        found.problems = problems.into_iter().map(|problem| (None, problem)).collect();
+    }
+    let of_view = |(view, entry): (&View, &Entry)| {
+        let counts = counts && *view != View::Dark;
+        (*view, problem_of_view(path, format, extent, counts, *view, entry))
+    };
+    let views: Vec<_> = entries.par_iter().map(of_view).collect();
+    for (view, problem) in views {
+        match problem {
+            None => found.whole.push(view),
+            Some(problem) => found.problems.push((Some(view), problem)),
+        }
+    }
+    found
+}
+
+/// Views among `views` whose kept moments are missing or damaged, with what is wrong.
+pub(super) fn moments(path: &Path, views: &[View]) -> Vec<(View, String)> {
+    let of_view = |view: &View| match view {
+        View::Sample(index) => {
+            let error = kept::file::check(path, *index).err()?;
+            Some((*view, format!("{error} ({})", progress_log::name(*view))))
+        }
+        View::Flat | View::Dark => None,
+    };
+    views.par_iter().filter_map(of_view).collect()
+}
+
+/// What is wrong with a view, where anything is.
+fn problem_of_view(
+    path: &Path,
+    format: Format,
+    extent: Extent,
+    counts: bool,
+    view: View,
+    entry: &Entry,
+) -> Option<String> {
+    let name = progress_log::name(view);
+    if !extent.has(view) {
+        return Some(format!("{}: {name} is no view of this run", path.display()));
+    }
+    let checksum = |root: &Path| match format {
+        Format::Exr => exr_frames::checksum(root, extent, view),
+        Format::Npy => npy::checksum(root, extent, view),
+    };
+    let is_whole = || -> Result<bool> {
+        let numbers = if counts { Some(checksum(&path.join(COUNTS))?) } else { None };
+        Ok(entry.bytes == extent.view_bytes()
+            && numbers == entry.counts
+            && checksum(path)? == entry.sha256)
+    };
+    match is_whole() {
+        Ok(true) => None,
+        Ok(false) => Some(format!("{}: {name} is not what was committed", path.display())),
+        Err(error) => Some(format!("{error} ({name})")),
+    }
+}

@@ -1,0 +1,104 @@
+//! Files that are written whole or not at all.
+//!
+//! The bytes go to a file of another name, which is flushed and synced and then renamed into
+//! place: a full disk or a crash leaves the file that was there before.
+
+use crate::{Error, Result};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+/// Writes a file with the directories it is in, and syncs it, before it takes the place of one
+/// that is there, or that a link there leads to. A device or pipe is written to.
+///
+/// # Errors
+/// [`Error::Output`] where it cannot be written; what was there is unchanged then.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let failed = |error| Error::output(path, "cannot be written", Some(error));
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => return Err(Error::output(path, "is a directory", None)),
+        Ok(found) if !found.is_file() => {
+            let mut open = OpenOptions::new().write(true).open(path).map_err(failed)?;
+            return open.write_all(bytes).and_then(|()| open.flush()).map_err(failed);
+        }
+        _ => {}
+    }
+    // Links such as /dev/stdout are not replaced.
+    let real = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+    fs::create_dir_all(real.parent().unwrap_or(path)).map_err(failed)?;
+    // A name of its own: files of others are not written over.
+    let new = sibling(&real, &format!(".new-{}", std::process::id()));
+    let file = OpenOptions::new().write(true).create_new(true).open(&new).map_err(failed)?;
+    replace(&real, &new, file, bytes).map_err(failed)
+}
+
+/// As [`write_file`] for a file of a run directory, under the name with `.new`, which a crash
+/// may leave and the next write replaces.
+pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let new = sibling(path, ".new");
+    refuse_link(&new)?;
+    refuse_link(path)?;
+    File::create(&new)
+        .and_then(|file| replace(path, &new, file, bytes))
+        .map_err(|error| Error::output(path, "cannot be written", Some(error)))
+}
+
+fn replace(path: &Path, new: &Path, mut file: File, bytes: &[u8]) -> io::Result<()> {
+    let done = file
+        .write_all(bytes)
+        .and_then(|()| file.sync_all())
+        .and_then(|()| fs::rename(new, path))
+        .and_then(|()| sync(path.parent().unwrap_or(path)));
+    if done.is_err() {
+        let _ = fs::remove_file(new);
+    }
+    done
+}
+
+/// The path with an ending more.
+pub(crate) fn sibling(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_os_string();
+    name.push(ending);
+    path.with_file_name(name)
+}
+
+/// Refuses a symbolic link in place of a file or folder that beamlet writes, since what it leads
+/// to may be of others, and pipes and devices, which are waited for.
+pub(crate) fn refuse_link(path: &Path) -> Result<()> {
+    match fs::symlink_metadata(path) {
+        Ok(found) if found.is_symlink() => {
+            let problem = "is a link in place of what beamlet writes, and links inside a run are \
+                           not followed; only the run directory itself may be one";
+            Err(Error::output(path, problem, None))
+        }
+        Ok(found) if !found.is_file() && !found.is_dir() => {
+            let problem = "is neither a file nor a folder, in place of what beamlet writes";
+            Err(Error::output(path, problem, None))
+        }
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(Error::output(path, "cannot be looked at", Some(error)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Syncs a file or folder that stands.
+pub(crate) fn sync_path(path: &Path) -> Result<()> {
+    File::open(path)
+        .and_then(|file| file.sync_all())
+        .map_err(|error| Error::output(path, "cannot be synced", Some(error)))
+}
+
+/// Makes renames in a directory last; systems without that notion do without.
+pub(crate) fn sync_directory(path: &Path) -> Result<()> {
+    sync(path).map_err(|error| Error::output(path, "cannot be synced", Some(error)))
+}
+
+fn sync(directory: &Path) -> io::Result<()> {
+    if cfg!(not(unix)) {
+        return Ok(());
+    }
+    let here = Path::new(".");
+    let directory = if directory.as_os_str().is_empty() { here } else { directory };
+    File::open(directory)?.sync_all()
+}

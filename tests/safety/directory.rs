@@ -1,0 +1,224 @@
+//! A run directory: one writer, no links, no files of others, no claims without end.
+
+use super::{beamlet, contents, ends, simulate, workplace};
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::os::unix::process::ExitStatusExt;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+#[test]
+fn of_two_that_overwrite_one_run_at_once_only_one_does() {
+    let place = workplace();
+    simulate(place.path(), "--keep-moments");
+    // Others may keep files there; and who removes them takes long to clear the run.
+    for view in 100..20_100 {
+        fs::write(place.path().join(format!("run/moments/view_{view:05}.bin")), "").unwrap();
+    }
+    let line = "simulate scene.toml -q --backend bvh -o run --overwrite";
+    let children: Vec<_> = (0..2)
+        .map(|_| {
+            let mut command = beamlet(place.path(), line);
+            command.stdout(Stdio::null()).stderr(Stdio::piped());
+            command.spawn().unwrap()
+        })
+        .collect();
+    let outputs: Vec<Output> =
+        children.into_iter().map(|child| child.wait_with_output().unwrap()).collect();
+    let done = outputs.iter().filter(|output| output.status.success()).count();
+    let messages: Vec<_> = outputs.iter().map(|o| String::from_utf8_lossy(&o.stderr)).collect();
+    assert_eq!(done, 1, "{messages:?}");
+    assert!(messages.concat().contains("another beamlet is using this run"), "{messages:?}");
+    assert_eq!(fs::read_dir(place.path().join("run/moments")).unwrap().count(), 20_000);
+    ends(place.path(), "simulate scene.toml -q -o run --resume", 0);
+    ends(place.path(), "report run", 0);
+}
+
+#[test]
+fn links_inside_a_run_are_named_and_not_followed() {
+    for (format, names) in [
+        (
+            "exr",
+            [
+                "progress.log",
+                "run.json",
+                "flat",
+                "sample",
+                "sample/view_0001",
+                "sample/view_0001/step_002.exr",
+                "moments",
+                "moments/view_0001.bin",
+                "scene.toml.new",
+                "run.json.new",
+                "partial",
+            ]
+            .as_slice(),
+        ),
+        ("npy", &["flat.npy", "sample.npy"]),
+    ] {
+        let place = workplace();
+        simulate(place.path(), &format!("--keep-moments --format {format}"));
+        let at = |name: &str| place.path().join(name);
+        for name in names {
+            let path = at("run").join(name);
+            if !path.exists() {
+                fs::write(&path, "precious").unwrap();
+            }
+            fs::rename(&path, at("elsewhere")).unwrap();
+            symlink(at("elsewhere"), &path).unwrap();
+            let before = contents(place.path());
+            for how in ["--overwrite", "--resume", "--overwrite --keep-moments"] {
+                let line = format!("simulate scene.toml -q --backend bvh -o run {how}");
+                let message = ends(place.path(), &line, 1);
+                let named = message.contains(&format!("run/{name}: is a link"));
+                assert!(named, "{how}: {name}: {message}");
+                assert_eq!(contents(place.path()), before, "{how}: {name}");
+            }
+            fs::remove_file(&path).unwrap();
+            fs::rename(at("elsewhere"), &path).unwrap();
+            if name.ends_with(".new") || *name == "partial" {
+                fs::remove_file(&path).unwrap();
+            }
+        }
+        ends(place.path(), "simulate scene.toml -q -o run --resume", 0);
+    }
+}
+
+#[test]
+fn pipes_in_place_of_files_of_a_run_are_named_and_not_waited_for() {
+    for (format, names) in [
+        (
+            "exr",
+            [
+                "progress.log",
+                "flat/step_000.exr",
+                "sample/view_0001/step_002.exr",
+                "scene.toml.new",
+            ],
+        ),
+        ("npy", ["flat.npy", "sample.npy", "moments/view_0001.bin", "scene.toml"]),
+    ] {
+        let place = workplace();
+        simulate(place.path(), &format!("--keep-moments --format {format}"));
+        for name in names {
+            let path = place.path().join("run").join(name);
+            let before = fs::read(&path).ok();
+            let _ = fs::remove_file(&path);
+            assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+            for how in ["--overwrite", "--resume"] {
+                let line = format!("simulate scene.toml -q --backend bvh -o run {how}");
+                let message = ends(place.path(), &line, 1);
+                assert!(message.contains(&format!("run/{name}: is neither")), "{how}: {message}");
+            }
+            // What a crash left in the making is nothing of the run.
+            if !name.ends_with(".new") {
+                let message = ends(place.path(), "check run", 1);
+                assert!(message.contains(&format!("run/{name}")), "check: {message}");
+            }
+            fs::remove_file(&path).unwrap();
+            before.map_or(Ok(()), |bytes| fs::write(&path, bytes)).unwrap();
+        }
+        ends(place.path(), "check run", 0);
+    }
+}
+
+#[test]
+fn a_run_may_itself_be_a_link_and_files_of_others_in_it_stay() {
+    let place = workplace();
+    let at = |name: &str| place.path().join(name);
+    fs::create_dir(at("scratch")).unwrap();
+    symlink("scratch", at("run")).unwrap();
+    simulate(place.path(), "--keep-moments");
+    let others = [
+        "run/moments/view_of_the_lab.bin",
+        "run/moments/view_0007.bin",
+        "run/moments/view_00001.bin",
+        "run/sample/view_0001/notes.txt",
+        "run/sample/view_0009/step_000.exr",
+        "run/flat/step_0001.exr",
+        "run/scene.txt",
+    ];
+    for other in others {
+        fs::create_dir_all(at(other).parent().unwrap()).unwrap();
+        fs::write(at(other), "mine").unwrap();
+    }
+    simulate(place.path(), "--overwrite");
+    for other in others {
+        assert_eq!(fs::read_to_string(at(other)).unwrap(), "mine", "{other}");
+    }
+    assert!(at("run").is_symlink() && at("scratch/run.json").exists());
+    assert!(!at("run/moments/view_0001.bin").exists());
+    // What bears a name of ours and is not ours: left, or named where it would be replaced.
+    fs::write(at("run/moments/view_0001.bin"), "also mine").unwrap();
+    simulate(place.path(), "--overwrite");
+    let line = "simulate scene.toml -q --backend bvh -o run --overwrite --keep-moments";
+    assert!(ends(place.path(), line, 1).contains("view_0001.bin: was not written by beamlet"));
+    assert_eq!(fs::read_to_string(at("run/moments/view_0001.bin")).unwrap(), "also mine");
+}
+
+#[test]
+fn a_run_that_claims_more_than_a_scene_may_ask_for_is_refused_at_once() {
+    let place = workplace();
+    simulate(place.path(), "--keep-moments");
+    let path = place.path().join("run/run.json");
+    let text = fs::read_to_string(&path).unwrap();
+    for (claim, problem) in [
+        ("\"views\": 4000000000", "4000000000 views; allowed: 1 to 10000000"),
+        ("\"views\": 0", "0 views; allowed: 1"),
+        ("\"views\": 9999999", "claims Extent"),
+    ] {
+        fs::write(&path, text.replace("\"views\": 3", claim)).unwrap();
+        let before = contents(place.path());
+        for (line, code) in [
+            ("retrieve run -q", 1),
+            ("report run", 1),
+            ("view run -o pictures", 1),
+            ("compare run run", 2),
+            ("simulate scene.toml -q -o run --overwrite", 1),
+        ] {
+            let overwrites = line.ends_with("--overwrite");
+            // A run that may be is replaced, whatever it claims.
+            if overwrites && problem.starts_with("claims") {
+                continue;
+            }
+            let began = Instant::now();
+            let message = ends(place.path(), line, code);
+            assert!(message.contains("run/run.json: "), "{line}: {message}");
+            assert!(overwrites || message.contains(problem), "{line}: {message}");
+            assert!(began.elapsed() < Duration::from_secs(10), "{line}: {:?}", began.elapsed());
+            assert_eq!(contents(place.path()), before, "{line}");
+        }
+    }
+    ends(place.path(), "simulate scene.toml -q -o run --overwrite", 0);
+    assert!(!place.path().join("run/moments").exists());
+}
+
+#[test]
+fn a_termination_signal_ends_the_program_whatever_hangs() {
+    let place = workplace();
+    // The loader of drivers waits for a manifest that never comes.
+    let pipe = place.path().join("driver.json");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let mut command = beamlet(place.path(), "simulate scene.toml -o run");
+    command.env("VK_DRIVER_FILES", &pipe).env("VK_ICD_FILENAMES", &pipe);
+    let mut child = command.stderr(Stdio::null()).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(child.try_wait().unwrap().is_none(), "it does not hang");
+    let kill = format!("kill -TERM {}", child.id());
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    let began = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if began.elapsed() > Duration::from_secs(30) {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            panic!("still there after 30 s");
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    // Where libraries hang as the process exits it is aborted.
+    let ended = status.code() == Some(130) || status.signal() == Some(6);
+    assert!(ended, "{status:?}");
+}

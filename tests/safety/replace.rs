@@ -1,0 +1,103 @@
+//! No command replaces what it reads, nor files of others.
+
+use super::{contents, ends, simulate, workplace};
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::Path;
+
+#[test]
+fn illuminate_never_replaces_the_run_or_the_scene_that_it_reads() {
+    let place = workplace();
+    simulate(place.path(), "--keep-moments");
+    symlink("run", place.path().join("link")).unwrap();
+    for name in ["run.toml", "other.toml"] {
+        fs::copy(place.path().join("scene.toml"), place.path().join(name)).unwrap();
+    }
+    let before = contents(place.path());
+    let one = "--scene scene.toml --overwrite -o";
+    for line in [
+        &format!("run {one} run"),
+        &format!("run {one} run/."),
+        &format!("run {one} link"),
+        &format!("link {one} run"),
+        &format!("run {one} none/../run"),
+        &format!("run {one} run/moments"),
+        "run --scene other.toml --scene run.toml --overwrite -o .",
+    ] {
+        let message = ends(place.path(), &format!("illuminate {line}"), 1);
+        assert!(message.contains("which this command reads"), "{line}: {message}");
+        assert_eq!(contents(place.path()), before, "{line}");
+    }
+    let message = ends(place.path(), "simulate run/scene.toml -o run --overwrite", 1);
+    assert!(message.contains("which this command reads"), "{message}");
+    assert_eq!(contents(place.path()), before);
+    // Two names of one directory are one directory.
+    ends(place.path(), "illuminate run --scene scene.toml --scene other.toml -o out", 0);
+    fs::remove_dir_all(place.path().join("out/other")).unwrap();
+    symlink("scene", place.path().join("out/other")).unwrap();
+    let line = "illuminate run --scene scene.toml --scene other.toml -o out --overwrite";
+    assert!(ends(place.path(), line, 2).contains("two scenes"));
+    // Beside the run's own files there is room.
+    ends(place.path(), "illuminate run --scene scene.toml -o run/again", 0);
+}
+
+#[test]
+fn pictures_pages_and_images_never_replace_what_they_are_made_of() {
+    let place = workplace();
+    simulate(place.path(), "");
+    let at = |name: &str| place.path().join(name);
+    ends(place.path(), "example cylinders -o given", 0);
+    ends(place.path(), "spectrum --anode W --kvp 60kV --plot tube.svg", 0);
+    fs::write(at("table.svg"), "10,1\n20,3\n30,1\n").unwrap();
+    fs::create_dir(at("d.partial")).unwrap();
+    fs::create_dir(at("images")).unwrap();
+    for step in 0..4 {
+        let name = format!("step_{step:03}.exr");
+        fs::copy(at("run/flat").join(&name), at("d.partial").join(&name)).unwrap();
+    }
+    let before = contents(place.path());
+    for (line, code) in [
+        ("report run -o run/run.json --overwrite", 1),
+        ("report run -o run/./progress.log --overwrite", 1),
+        ("view run -o run/flat --overwrite", 1),
+        ("spectrum table.svg --plot ./table.svg --overwrite", 1),
+        ("retrieve run -o run --overwrite", 1),
+        ("retrieve run -o run/sample/images", 1),
+        ("compare d.partial run/flat --difference d", 2),
+        ("compare run/flat run/flat --difference run/flat/d", 2),
+    ] {
+        ends(place.path(), line, code);
+        assert_eq!(contents(place.path()), before, "{line}");
+    }
+    ends(place.path(), "compare run/flat run/flat --difference images", 0);
+    assert!(at("images/stack").is_dir() && !at("images.partial").exists());
+    assert_eq!(contents(&at("images")).len(), 4);
+}
+
+#[test]
+fn retrieved_images_are_replaced_without_the_files_of_others() {
+    let place = workplace();
+    simulate(place.path(), "");
+    let at = |name: &str| place.path().join(name);
+    ends(place.path(), "retrieve run -o images -q", 0);
+    // In a folder of images, and under the names that are needed beside them.
+    for file in ["images/refraction/notes.txt", "images.replaced/thesis.tex"] {
+        fs::create_dir_all(at(file).parent().unwrap()).unwrap();
+        fs::write(at(file), "mine").unwrap();
+        let before = contents(place.path());
+        let name = Path::new(file).file_name().unwrap().to_str().unwrap();
+        let message = ends(place.path(), "retrieve run -o images -q --overwrite", 1);
+        assert!(message.contains(name) || message.contains("images.replaced"), "{message}");
+        assert_eq!(contents(place.path()), before, "{file}");
+        fs::remove_file(at(file)).unwrap();
+    }
+    fs::remove_dir(at("images.replaced")).unwrap();
+    // A link to a scratch disk stays one.
+    fs::create_dir(at("scratch")).unwrap();
+    fs::rename(at("images"), at("scratch/images")).unwrap();
+    symlink("scratch/images", at("images")).unwrap();
+    ends(place.path(), "retrieve run -o images -q --overwrite --format npy", 0);
+    assert!(at("images").is_symlink());
+    assert!(at("scratch/images/refraction.npy").exists());
+    assert_eq!(fs::read_dir(at("scratch")).unwrap().count(), 1);
+}
