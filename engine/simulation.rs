@@ -413,6 +413,7 @@ impl<'e> Simulation<'e> {
             }
             sink.commit(view)?;
         }
+        work.estimate.log(self.budget.light);
         let defective =
             self.sample.objects.iter().filter(|object| object.defects.refused()).count();
         let tally = Tally { defective_objects: defective as u64, ..before + control.counted };

@@ -113,6 +113,7 @@ const ANGLES: &[(&str, Scale)] = &[
     ("urad", Ten(-6)),
     ("\u{b5}rad", Ten(-6)),
     ("\u{3bc}rad", Ten(-6)),
+    ("nrad", Ten(-9)),
 ];
 const VOLTAGES: &[(&str, Scale)] = &[("V", Ten(-3)), ("kV", Ten(0)), ("MV", Ten(3))];
 const ATTENUATIONS: &[(&str, Scale)] = &[

@@ -233,9 +233,9 @@ fn a_run_that_keeps_moments_and_is_ended_at_random_moments_goes_on_to_the_same_b
 
 /// Most of a file on the full disk, in KiB: enough for what a CPU device keeps in files of its
 /// own (its memory is one), too little for sample.npy of [`LARGE`].
-const FULL: u32 = 24 << 10;
-/// Detector of a scene with 30 MiB of stacks.
-const LARGE: &str = "pixels = [256, 256]";
+const FULL: u32 = 56 << 10;
+/// Detector of a scene with 60 MiB of stacks.
+const LARGE: &str = "pixels = [256, 512]";
 
 /// Runs as on a disk that is full once a file has [`FULL`] KiB: further writes fail.
 fn with_full_disk(place: &Path, more: &str) -> Output {

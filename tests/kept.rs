@@ -182,7 +182,7 @@ fn scenes_that_make_the_same_cells_make_them_once() {
             others.into_iter().map(|change| [&first[..], &[change]].concat()).collect();
         let wanted = |changes: &Vec<&str>| again(&engine, &alone, &scene(changes)).unwrap();
         let want: Vec<Stacks> = alike.iter().chain(&others).map(wanted).collect();
-        let sharing = Kept::open(&path).unwrap().sharing(64 << 20);
+        let sharing = Kept::open(&path).unwrap().sharing(256 << 20);
         let too_little = Kept::open(&path).unwrap().sharing(1 << 10);
         for kept in [&sharing, &too_little] {
             for (changes, want) in alike.iter().chain(&others).zip(&want) {

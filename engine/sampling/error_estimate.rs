@@ -67,6 +67,29 @@ impl SamplingEstimate {
         });
     }
 
+    /// Logs rays and errors; values that may miss the tolerance as a warning.
+    pub(crate) fn log(&self, tolerance: f64) {
+        if self.patches == 0 {
+            return;
+        }
+        let patches = self.patches as f64;
+        log::info!(
+            "sampling: {:.1} rays per beamlet and row, at most {}; estimated error {:.1e} of open \
+             beam (rms), {:.1e} (worst)",
+            self.rays as f64 / patches,
+            self.most_rays,
+            (self.square / patches).sqrt(),
+            self.worst
+        );
+        if self.beyond > 0 {
+            log::warn!(
+                "{} of {} beamlets and rows may miss the tolerance of {tolerance:.1e} of open beam",
+                self.beyond,
+                self.patches
+            );
+        }
+    }
+
     /// Adds those of other patches.
     pub fn join(&mut self, other: &Self) {
         self.patches += other.patches;

@@ -70,7 +70,14 @@ impl Response {
         let landing = |c: &crate::gpu::interface::Column| {
             if masked { c.aperture_offset } else { c.pixel_offset }
         };
-        let blur = lattice.edge_blur.max(1e-4 * period);
+        // Of the whole spot: recorded values are sums over its parts.
+        let spot = |part: &crate::spot::PlacedPart| {
+            part.share * (part.offset[0].powi(2) + part.deviation[0].powi(2))
+        };
+        let spot = scene.source.spot.placed().iter().map(spot).sum::<f64>().sqrt();
+        let edge = if masked { analyser } else { detector.distance };
+        let magnified = spot * (edge / scene.source.distance - 1.0) * analyser / edge;
+        let blur = magnified.max(1e-4 * period);
         let (openings, mask_period) = match &scene.sample_mask {
             Some(mask) if !any_masks => {
                 let soft = SOFT_EDGE
