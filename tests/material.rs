@@ -6,9 +6,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use beamlet::material::{builtin, builtin_names, constants};
-use beamlet::scene::{
-    Beam, Detector, MaterialSpec, Sampling, Scan, Scene, Scheme, Source, Transport,
-};
+use beamlet::scene::{Beam, Detector, MaterialSpec, Sampling, Scan, Scene, Source};
 
 fn scene(energy: f64) -> Scene {
     Scene {

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use beamlet::geometry::{Sample, load};
 use beamlet::scene::{
-    Beam, Detector, MaskBody, MaskSpec, Mesh, Object, Placement, Sampling, Scan, Scene, Scheme,
-    Shape, ShapeOrMesh, Source, Transport,
+    Beam, Detector, MaskBody, MaskSpec, Mesh, Object, Placement, Sampling, Scan, Scene, Shape,
+    ShapeOrMesh, Source,
 };
 
 pub(crate) fn mask(distance: f64) -> MaskSpec {
