@@ -17,6 +17,8 @@ const THROWN: f32 = 0.05;
 /// Neighbours are compared with a rectangle where their centres stand no farther aside than this
 /// part of its size: as far as those of rectangles three times as large do.
 const NEAR: f32 = 1.05;
+/// Rectangles that would hold this part of the budget, were all like them, are not split.
+const NEGLIGIBLE: f64 = 0.01;
 /// Standard deviation of a place spread evenly over an interval, share of the interval.
 const SPREAD: f32 = 0.288_675_13;
 /// Part of the budget that refinement aims at.
@@ -177,13 +179,8 @@ fn limited(slopes: [Option<f32>; 2]) -> f32 {
 }
 
 impl Estimator<'_> {
-    /// The law that holds at coordinates of a patch: that of its leaf, or of a base ray around it.
-    fn find(&self, patch: &Patch, own: &Law, [x, z]: [f32; 2]) -> Option<Found> {
-        if patch.holds([x, z]) {
-            let leaf = &patch.nodes[patch.leaf_at(x, z) as usize];
-            let [x, z] = leaf.centre();
-            return Some(Found { law: leaf.law, x, z });
-        }
+    /// The law of a base ray around a patch, at coordinates of the patch.
+    fn around(&self, patch: &Patch, own: &Law, [x, z]: [f32; 2]) -> Option<Found> {
         let place = patch.place([x, z]);
         let at = |shift: f32| {
             let place = [place[0] + shift, place[1]];
@@ -221,19 +218,29 @@ impl Estimator<'_> {
     pub(super) fn neighbours(&self, patch: &Patch, node: &Node) -> [Option<Found>; 12] {
         let [x, z] = node.centre();
         let [width, height] = [NEAR * node.width(), NEAR * node.height()];
-        let mut places = self.beside(node).into_iter().enumerate();
-        let mut last: Option<Found> = None;
-        std::array::from_fn(|_| {
-            let (index, at) = places.next()?;
-            let found = self.find(patch, &node.law, at)?;
-            // One neighbour along the whole side is taken once.
-            let same = |last: &Found| {
-                [last.x, last.z].map(f32::to_bits) == [found.x, found.z].map(f32::to_bits)
-            };
-            if index % 3 != 0 && last.as_ref().is_some_and(same) {
+        let places = self.beside(node);
+        let mut last = None;
+        std::array::from_fn(|index| {
+            // Along straight silhouettes rectangles are narrow and their neighbours many.
+            if !patch.straight && index % 3 != 1 {
                 return None;
             }
-            last = Some(found);
+            let at = places[index];
+            // One neighbour along the whole side is taken once.
+            let found = if patch.holds(at) {
+                if last.is_some_and(|last: u32| patch.nodes[last as usize].holds(at)) {
+                    return None;
+                }
+                let leaf = patch.leaf_at(at[0], at[1]);
+                last = Some(leaf);
+                let leaf = &patch.nodes[leaf as usize];
+                let [x, z] = leaf.centre();
+                Found { law: leaf.law, x, z }
+            } else if index % 3 == 1 {
+                self.around(patch, &node.law, at)?
+            } else {
+                return None;
+            };
             // A much wider neighbour is compared with this rectangle from its own side.
             let near = if !patch.straight {
                 true
@@ -252,8 +259,15 @@ impl Estimator<'_> {
         patch: &'p Patch,
         node: &Node,
     ) -> impl Iterator<Item = u32> + 'p {
-        let inside = move |at: &[f32; 2]| patch.holds(*at);
-        self.beside(node).into_iter().filter(inside).map(|[x, z]| patch.leaf_at(x, z))
+        let mut last = None;
+        self.beside(node).into_iter().filter_map(move |at| {
+            let known = last.is_some_and(|last: u32| patch.nodes[last as usize].holds(at));
+            if known || !patch.holds(at) {
+                return None;
+            }
+            last = Some(patch.leaf_at(at[0], at[1]));
+            last
+        })
     }
 
     /// Slopes of the law of a rectangle, from neighbours that crossed the same objects.
@@ -413,6 +427,12 @@ impl Estimator<'_> {
             (0..steps).map(|s| of_light(s, light[s]).max(of_moment(s, moment[s]))).collect();
         let mut scored: Vec<(f64, usize)> = Vec::new();
         for (number, error) in errors.iter().enumerate() {
+            // Most rectangles err by next to nothing.
+            let bound = f64::from(error.light).powi(2) / allowed;
+            let may_move = bounded && error.moment > 0.0;
+            if bound * (errors.len() as f64) < NEGLIGIBLE && !may_move && narrow.is_empty() {
+                continue;
+            }
             let score = shares(error).map(|(step, share)| {
                 let square = |value: f32| (share * f64::from(value)).powi(2);
                 of_light(step, square(error.light)).max(of_moment(step, square(error.moment)))

@@ -49,6 +49,11 @@ impl Node {
         self.z[1] - self.z[0]
     }
 
+    /// Whether coordinates lie in it.
+    pub(super) fn holds(&self, [x, z]: [f32; 2]) -> bool {
+        x >= self.x[0] && x < self.x[1] && z >= self.z[0] && z < self.z[1]
+    }
+
     pub(super) fn is_leaf(&self) -> bool {
         self.split.is_none()
     }
