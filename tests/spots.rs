@@ -404,7 +404,8 @@ fn spectrum_of_a_lopsided_spot_is_the_sum_over_its_energies() {
         let want = 0.6 * f64::from(low.flat[place]) + 0.4 * f64::from(high.flat[place]);
         flat.take(f64::from(*got) - want, || format!("{place:?}"));
     }
-    let mut sample = Worst::new("spots, sample of two energies", 2e-5);
+    // At silhouettes rectangles as narrow as f32 allows (2 nm) leave 2e-5 in either stack.
+    let mut sample = Worst::new("spots, sample of two energies", 4e-5);
     for (place, got) in both.sample.indexed_iter() {
         let want = 0.6 * f64::from(low.sample[place]) + 0.4 * f64::from(high.sample[place]);
         sample.take(f64::from(*got) - want, || format!("{place:?}"));
