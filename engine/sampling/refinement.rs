@@ -16,11 +16,11 @@ use super::emission::Emitter;
 use super::error_estimate::{CellError, ErrorBudget, Estimator, Narrow};
 use super::lattice::Lattice;
 use super::moment_recording::Keep;
-use super::patch::{Axis, Patch, alike};
+use super::patch::{Patch, alike};
 use super::projected_bounds::Shadow;
 use super::response::{Opening, Response};
 use crate::Result;
-use crate::gpu::interface::{MOMENTS_PER_MATERIAL, Ray};
+use crate::gpu::interface::{Law, MOMENTS_PER_MATERIAL, Ray};
 use crate::scene::Scene;
 use crate::trace::Tracer;
 use rayon::prelude::*;
@@ -284,21 +284,18 @@ impl<'a> Refiner<'a> {
         loop {
             let places: Vec<Vec<[f32; 2]>> =
                 slanting.par_iter().map(|(_, lines)| lines.pending()).collect();
-            let rays = self.rays(slanting.iter().map(|(work, _)| &work.patch), &places);
-            if rays.is_empty() {
+            if places.iter().all(Vec::is_empty) {
                 break;
             }
-            let laws = tracer.trace(&rays)?;
-            let mut rest = &laws[..];
-            for ((work, lines), places) in slanting.iter_mut().zip(&places) {
-                let (own, after) = rest.split_at(places.len());
-                rest = after;
+            let patches = slanting.iter().map(|(work, _)| &work.patch).collect();
+            let laws = self.trace(tracer, patches, &places)?;
+            for ((work, lines), own) in slanting.iter_mut().zip(&laws) {
                 lines.accept(own);
                 work.rays += own.len() as u32;
             }
         }
-        // Rectangles that slant serve straight silhouettes. Others are seen on three lines as well,
-        // for narrow rectangles learn nothing from rows above and below.
+        // Patches with silhouettes begin on three lines whether these slant or not: narrow
+        // rectangles learn nothing from the rows above and below.
         for (work, lines) in &mut slanting {
             let most = MOST_SHEAR * period;
             let slant = lines.slant().filter(|slant| slant.shear.abs() <= most);
@@ -316,12 +313,9 @@ impl<'a> Refiner<'a> {
         };
         let places: Vec<Vec<[f32; 2]>> =
             slanting.par_iter().map(|(work, _)| centres(&work.patch)).collect();
-        let rays = self.rays(slanting.iter().map(|(work, _)| &work.patch), &places);
-        let laws = tracer.trace(&rays)?;
-        let mut rest = &laws[..];
-        for (work, _) in &mut slanting {
-            let (own, after) = rest.split_at(work.patch.nodes.len());
-            rest = after;
+        let patches = slanting.iter().map(|(work, _)| &work.patch).collect();
+        let laws = self.trace(tracer, patches, &places)?;
+        for ((work, _), own) in slanting.iter_mut().zip(&laws) {
             work.rays += own.len() as u32;
             for (node, law) in work.patch.nodes.iter_mut().zip(own) {
                 node.law = *law;
@@ -345,19 +339,26 @@ impl<'a> Refiner<'a> {
         count
     }
 
-    /// Rays through places of patches, one patch after another.
-    fn rays<'p>(
+    /// Laws of the rays through places of patches, by patch. All go to the device together.
+    fn trace(
         &self,
-        patches: impl Iterator<Item = &'p Patch>,
+        tracer: &mut Tracer,
+        patches: Vec<&Patch>,
         places: &[Vec<[f32; 2]>],
-    ) -> Vec<Ray> {
-        let ray = |(patch, places): (&'p Patch, &Vec<[f32; 2]>)| -> Vec<Ray> {
+    ) -> Result<Vec<Vec<Law>>> {
+        let rays = |(patch, places): (&Patch, &Vec<[f32; 2]>)| -> Vec<Ray> {
             let ray = |[x, z]: &[f32; 2]| self.view.ray(patch.beamlet, patch.row, *x, *z);
             places.iter().map(ray).collect()
         };
-        let patches: Vec<&Patch> = patches.collect();
-        let rays: Vec<Vec<Ray>> = patches.into_par_iter().zip(places).map(ray).collect();
-        crate::parallel::concat(&rays)
+        let rays: Vec<Vec<Ray>> = patches.into_par_iter().zip(places).map(rays).collect();
+        let laws = tracer.trace(&crate::parallel::concat(&rays))?;
+        let mut rest = &laws[..];
+        let of_patch = |rays: &Vec<Ray>| {
+            let (own, after) = rest.split_at(rays.len());
+            rest = after;
+            own.to_vec()
+        };
+        Ok(rays.iter().map(of_patch).collect())
     }
 
     fn refine(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
@@ -365,15 +366,12 @@ impl<'a> Refiner<'a> {
             work.par_iter_mut().filter(|work| !work.done).for_each(|work| self.judge(work));
             let places: Vec<Vec<[f32; 2]>> =
                 work.iter_mut().map(|work| std::mem::take(&mut work.places)).collect();
-            let rays = self.rays(work.iter().map(|work| &work.patch), &places);
-            if rays.is_empty() {
+            if places.iter().all(Vec::is_empty) {
                 return Ok(());
             }
-            let laws = tracer.trace(&rays)?;
-            let mut rest = &laws[..];
-            for (work, places) in work.iter_mut().zip(&places) {
-                let (own, after) = rest.split_at(places.len());
-                rest = after;
+            let patches = work.iter().map(|work| &work.patch).collect();
+            let laws = self.trace(tracer, patches, &places)?;
+            for (work, own) in work.iter_mut().zip(&laws) {
                 work.patch.set_laws(work.first_new, own);
                 work.rays += own.len() as u32;
             }
@@ -405,7 +403,6 @@ impl<'a> Refiner<'a> {
         let place = |node: u32| work.patch.nodes[node as usize].x[0];
         splits.sort_unstable_by(|a, b| place(a.0).total_cmp(&place(b.0)).then(a.0.cmp(&b.0)));
         for (node, axis) in splits {
-            let axis: Axis = axis;
             work.places.extend(work.patch.split(node, axis));
         }
     }
