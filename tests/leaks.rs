@@ -55,7 +55,16 @@ impl Watch {
         let media = Media::of(&scene).expect("media");
         let query = backend == Backend::RayQuery;
         let sample = Arc::new(
-            DeviceSample::upload(&device, &scene, &sample, &media, query, 1.0).expect("room"),
+            DeviceSample::upload(
+                &device,
+                &scene,
+                &sample,
+                &beamlet::geometry::across_edges(&sample),
+                &media,
+                query,
+                1.0,
+            )
+            .expect("room"),
         );
         let kernels = Arc::new(TraceKernels::new(&device));
         let transport = Transport::FirstOrder;

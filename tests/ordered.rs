@@ -78,7 +78,15 @@ impl Bench {
         let media = Media::of(&scene).expect("media");
         let query = backend == Backend::RayQuery;
         let sample = sample_of(bodies);
-        let sample = DeviceSample::upload(&self.device, &scene, &sample, &media, query, 1.0);
+        let sample = DeviceSample::upload(
+            &self.device,
+            &scene,
+            &sample,
+            &geometry::across_edges(&sample),
+            &media,
+            query,
+            1.0,
+        );
         let sample = Arc::new(sample.expect("room"));
         Tracer::new(&self.device, &self.kernels, &sample, backend, transport, None, u32::MAX)
             .expect("a tracer")

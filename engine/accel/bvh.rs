@@ -39,12 +39,13 @@ pub struct Bvh {
 }
 
 impl Bvh {
-    /// Builds the BVH of a sample; the surface of a leaf is its component.
+    /// Builds the BVH of a sample; the surface of a leaf is its component. `across`: the triangles
+    /// across the edges of each, as [`crate::geometry::across_edges`] finds them.
     ///
     /// # Errors
     /// [`Error::Mesh`] where the tree would be deeper than the shaders' stack, or there are
     /// more surfaces than a leaf can name.
-    pub fn build(sample: &Sample) -> Result<Self> {
+    pub fn build(sample: &Sample, across: &[[u32; 3]]) -> Result<Self> {
         if sample.triangles.is_empty() {
             return Ok(Self::default());
         }
@@ -91,48 +92,15 @@ impl Bvh {
             })
             .collect();
         let boxes = bvh.primitive_indices.par_iter().map(leaf_box).collect();
-        let neighbours = neighbours(sample, &bvh.primitive_indices);
+        let mut place = vec![u32::MAX; across.len()];
+        for (leaf, triangle) in (0..).zip(&bvh.primitive_indices) {
+            place[*triangle as usize] = leaf;
+        }
+        let leaf_of = |triangle: u32| place.get(triangle as usize).copied().unwrap_or(u32::MAX);
+        let neighbours =
+            bvh.primitive_indices.iter().map(|i| across[*i as usize].map(leaf_of)).collect();
         Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes, neighbours })
     }
-}
-
-/// Leaves across the edges of each leaf: those that run along them the other way.
-fn neighbours(sample: &Sample, order: &[u32]) -> Vec<[u32; 3]> {
-    let edge = |slot: u32| {
-        let corners = sample.triangles[order[slot as usize / 3] as usize];
-        [corners[(slot as usize + 1) % 3], corners[(slot as usize + 2) % 3]].map(|v| v as usize)
-    };
-    let slots = 0..3 * u32::try_from(order.len()).unwrap_or(u32::MAX);
-    // Edges by the vertex that they leave: those of v end before ends[v].
-    let mut ends = vec![0_u32; sample.vertices.len() + 1];
-    slots.clone().for_each(|slot| ends[edge(slot)[0] + 1] += 1);
-    for v in 1..ends.len() {
-        ends[v] += ends[v - 1];
-    }
-    let mut leaving = vec![0_u32; slots.len()];
-    for slot in slots.clone() {
-        let end = &mut ends[edge(slot)[0]];
-        leaving[*end as usize] = slot;
-        *end += 1;
-    }
-    let of =
-        |v: usize| &leaving[v.checked_sub(1).map_or(0, |v| ends[v] as usize)..ends[v] as usize];
-    let mut all = vec![[u32::MAX; 3]; order.len()];
-    for slot in slots {
-        let [from, to] = edge(slot);
-        // From the end of fewer edges: a fan has thousands at its apex.
-        let side = [slot as usize / 3, slot as usize % 3];
-        if all[side[0]][side[1]] != u32::MAX || of(to).len() > of(from).len() {
-            continue;
-        }
-        let free =
-            |s: &&u32| edge(**s)[1] == from && all[**s as usize / 3][**s as usize % 3] == u32::MAX;
-        if let Some(&other) = of(to).iter().find(free) {
-            all[side[0]][side[1]] = other / 3;
-            all[other as usize / 3][other as usize % 3] = slot / 3;
-        }
-    }
-    all
 }
 
 /// A BVH that halves its triangles at every level. Costs more to search than one built by
@@ -224,7 +192,7 @@ object = [
     fn neighbours_share_the_edge_that_they_are_named_for() {
         let scene = crate::scene::Scene::from_toml(SHAPES, ".").expect("a scene");
         let sample = crate::geometry::load(&scene).expect("a sample");
-        let bvh = Bvh::build(&sample).expect("a tree");
+        let bvh = Bvh::build(&sample, &crate::geometry::across_edges(&sample)).expect("a tree");
         for (leaf, around) in bvh.leaves.iter().zip(&bvh.neighbours) {
             let corners = [leaf.a, leaf.b, leaf.c];
             for (edge, &other) in around.iter().enumerate() {

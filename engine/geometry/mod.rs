@@ -5,6 +5,7 @@
 //! and finds which object surrounds which (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
 //! the sample sweeps over the views with the set-up.
 
+mod adjacency;
 mod body;
 mod defects;
 mod distance;
@@ -23,6 +24,7 @@ mod tree;
 
 use glam::DVec3;
 
+pub use adjacency::across_edges;
 pub use defects::{Defects, Found, PLACES, Spot};
 pub use load::{examine, file_hash, inspect, load, triangles_in_files};
 pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};

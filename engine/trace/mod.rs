@@ -13,4 +13,4 @@ pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};
 pub use tracer::{TraceKernels, Tracer, push_bytes};
 pub use upload::DeviceSample;
-pub(crate) use upload::hash as object_hash;
+pub(crate) use upload::{FIRST_ORDER_ERROR, hash as object_hash, least_cosine};

@@ -17,7 +17,7 @@ use crate::scene::{self, Scene, Transport};
 use std::sync::Arc;
 
 /// Error of the slope, rad, above which the first order is not enough at a surface.
-const FIRST_ORDER_ERROR: f64 = 1e-9;
+pub(crate) const FIRST_ORDER_ERROR: f64 = 1e-9;
 
 /// The sample on the device, for both backends.
 #[derive(Debug)]
@@ -35,7 +35,7 @@ pub struct DeviceSample {
 
 impl DeviceSample {
     /// Uploads geometry, materials and views; builds acceleration structures if `ray_query`.
-    /// Rays are flagged for steps of delta that are `stronger` times the scene's.
+    /// `across`: [`geometry::across_edges`] of the sample. Rays are flagged for steps of delta that are `stronger` times the scene's.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Device`], [`crate::Error::Mesh`].
@@ -43,11 +43,12 @@ impl DeviceSample {
         device: &Arc<Device>,
         scene: &Scene,
         sample: &geometry::Sample,
+        across: &[[u32; 3]],
         media: &Media,
         ray_query: bool,
         stronger: f64,
     ) -> Result<Self> {
-        let Bvh { nodes, leaves, boxes, neighbours } = Bvh::build(sample)?;
+        let Bvh { nodes, leaves, boxes, neighbours } = Bvh::build(sample, across)?;
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
         let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
@@ -135,8 +136,7 @@ fn surface(
     let jump = stronger * media.step(inside, outside);
     let grazing = match scene.sampling.transport {
         Transport::FirstOrder => 0.0,
-        // The slope error of the first order is jump^2 / (2 c^3).
-        Transport::Auto | Transport::Exact => libm::cbrt(jump * jump / (2.0 * FIRST_ORDER_ERROR)),
+        Transport::Auto | Transport::Exact => least_cosine(jump),
     };
     Surface {
         object: component.object,
@@ -145,6 +145,12 @@ fn surface(
         hash: hash(component.object),
         grazing: single(grazing),
     }
+}
+
+/// Cosine of incidence below which the first order is not enough at a step of delta: the error of
+/// the slope is jump^2 / (2 c^3).
+pub(crate) fn least_cosine(jump: f64) -> f64 {
+    libm::cbrt(jump * jump / (2.0 * FIRST_ORDER_ERROR))
 }
 
 /// Mixes an object's index into 32 bits (splitmix64), so that sums of few of them differ.

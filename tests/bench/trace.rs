@@ -78,7 +78,16 @@ fn tracer(scene: &Scene, backend: Backend) -> Option<Tracer> {
     }
     let sample = geometry::load(scene).unwrap();
     let media = Media::of(scene).unwrap();
-    let sample = DeviceSample::upload(&device, scene, &sample, &media, query, 1.0).unwrap();
+    let sample = DeviceSample::upload(
+        &device,
+        scene,
+        &sample,
+        &geometry::across_edges(&sample),
+        &media,
+        query,
+        1.0,
+    )
+    .unwrap();
     let kernels = Arc::new(TraceKernels::new(&device));
     let transport = Transport::FirstOrder;
     Tracer::new(&device, &kernels, &Arc::new(sample), backend, transport, None, u32::MAX).ok()

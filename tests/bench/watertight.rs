@@ -168,7 +168,16 @@ fn tracer(device: &Arc<Device>, backend: Backend, scene: &Scene) -> Tracer {
     let sample = geometry::load(scene).expect("a sample");
     let media = Media::of(scene).expect("media");
     let query = backend == Backend::RayQuery;
-    let sample = DeviceSample::upload(device, scene, &sample, &media, query, 1.0).expect("room");
+    let sample = DeviceSample::upload(
+        device,
+        scene,
+        &sample,
+        &geometry::across_edges(&sample),
+        &media,
+        query,
+        1.0,
+    )
+    .expect("room");
     let kernels = Arc::new(TraceKernels::new(device));
     let transport = Transport::FirstOrder;
     Tracer::new(device, &kernels, &Arc::new(sample), backend, transport, None, u32::MAX)
