@@ -152,6 +152,30 @@ pub struct RunRecord {
     pub seed: u64,
     /// Counts.
     pub tally: Tally,
+    /// Rays and errors of the patches that the sample touches, of the views that this part of the
+    /// run sampled; `None` where cells were not sampled.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sampling: Option<SamplingSummary>,
     /// Seconds by stage.
     pub seconds: std::collections::BTreeMap<String, f64>,
+}
+
+/// How finely patches (beamlet and detector row) were sampled, and what that is estimated to have
+/// left in recorded values: of each patch the error of the mask step that has the largest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SamplingSummary {
+    /// Patches that the sample touches.
+    pub patches: u64,
+    /// Rays of a patch, mean.
+    pub mean_rays: f64,
+    /// Rays of the patch that has the most.
+    pub most_rays: u32,
+    /// Estimated error, root mean square over the patches, share of open beam.
+    pub rms_error: f64,
+    /// Largest estimated error, share of open beam.
+    pub worst_error: f64,
+    /// Error that was allowed, share of open beam.
+    pub tolerance: f64,
+    /// Patches that may exceed it.
+    pub beyond_tolerance: u64,
 }

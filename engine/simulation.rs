@@ -55,6 +55,8 @@ pub struct Simulation<'e> {
     detection: Detection,
     sample: Sample,
     on_device: Arc<DeviceSample>,
+    /// Surfaces of the sample, for means over facets.
+    facets: Option<sampling::SampleFacets>,
     media: Media,
     lattice: Lattice,
     /// For a spectrum or kept moments, by cells.
@@ -158,8 +160,11 @@ impl<'e> Simulation<'e> {
         let Parts { detection, media, lattice, spectral, kept, stronger } = parts;
         let response = Response::new(detection.lit(), &lattice, options.keep_moments);
         let budget = error_budget(scene, detection.lit());
+        let across = geometry::across_edges(&sample);
         let on_device =
-            Arc::new(DeviceSample::upload(device, scene, &sample, &media, ray_query, stronger)?);
+            DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, stronger)?;
+        let facets =
+            sampling::SampleFacets::new(detection.lit(), &sample, &media, stronger, across);
         let mut simulation = Self {
             engine,
             scene: scene.clone(),
@@ -173,7 +178,8 @@ impl<'e> Simulation<'e> {
                 mesh_hashes: mesh_hashes(scene, &sample),
             },
             sample,
-            on_device,
+            on_device: Arc::new(on_device),
+            facets,
             media,
             lattice,
             spectral,
@@ -366,6 +372,8 @@ impl<'e> Simulation<'e> {
     fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> sampling::View<'a> {
         sampling::View {
             scene: self.detection.lit(),
+            sample: &self.sample,
+            facets: self.facets.as_ref(),
             lattice: &self.lattice,
             index,
             shadows,
@@ -413,7 +421,6 @@ impl<'e> Simulation<'e> {
             }
             sink.commit(view)?;
         }
-        work.estimate.log(self.budget.light);
         let defective =
             self.sample.objects.iter().filter(|object| object.defects.refused()).count();
         let tally = Tally { defective_objects: defective as u64, ..before + control.counted };
@@ -426,6 +433,7 @@ impl<'e> Simulation<'e> {
             calibration: self.start.calibration.clone(),
             seed: self.scene.sampling.seed,
             tally,
+            sampling: work.estimate.summary(self.budget.light),
             seconds: [
                 ("prepare", self.prepared_in),
                 ("trace", work.seconds.trace),

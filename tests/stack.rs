@@ -76,6 +76,7 @@ fn record() -> RunRecord {
         calibration: start.calibration,
         seed: 1,
         tally: Tally { rays: 1234, ..Tally::default() },
+        sampling: None,
         seconds: BTreeMap::new(),
     }
 }

@@ -7,7 +7,7 @@ use crate::progress::Reporter;
 use beamlet::kept::KeptWriter;
 use beamlet::scene::{Scene, Scheme};
 use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
-use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, Tally};
+use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
 
@@ -139,7 +139,29 @@ pub(super) fn summary(
         views => format!(" (and {} before, of {views} views)", record.tally.rays - rays),
     };
     writeln!(out, "rays     {rays} in {seconds:.1} s ({rate:.2} million a second){part}")?;
+    if let Some(sampling) = &record.sampling {
+        tell_sampling(sampling, out)?;
+    }
     tell(&record.tally, out)
+}
+
+/// How finely the sample was sampled, and what that may have left.
+fn tell_sampling(sampling: &SamplingSummary, out: &mut impl Write) -> Result<(), Failure> {
+    let SamplingSummary { patches, mean_rays, most_rays, rms_error, worst_error, .. } = sampling;
+    writeln!(
+        out,
+        "sampling {mean_rays:.1} rays per beamlet and row with sample, at most {most_rays}; \
+         estimated error {rms_error:.1e} of open beam (rms), {worst_error:.1e} (worst)"
+    )?;
+    if sampling.beyond_tolerance > 0 {
+        let (beyond, tolerance) = (sampling.beyond_tolerance, sampling.tolerance);
+        writeln!(
+            out,
+            "         {beyond} of {patches} beamlets and rows may miss the tolerance of \
+             {tolerance:.1e}"
+        )?;
+    }
+    Ok(())
 }
 
 /// What is worth a line of a tally.

@@ -9,7 +9,7 @@
 )]
 
 use super::cell_moments::CellMoments;
-use super::error_estimate::SamplingEstimate;
+use super::error_budget::SamplingEstimate;
 use super::lattice::Lattice;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::parallel;

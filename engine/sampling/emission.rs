@@ -12,7 +12,9 @@ use super::cell_batch::{Strips, empty_strip};
 use super::cell_moments::{CellMoments, ExactCell};
 use super::error_estimate::Estimator;
 use super::moment_recording::LawEnds;
-use super::patch::{Patch, alike, part};
+use super::neighbours::Slopes;
+use super::patch::{Known, Patch, alike, part};
+use super::rectangle::{Rectangle, parts};
 use crate::Result;
 use crate::gpu::interface::{
     Cell, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law, MOMENTS_PER_MATERIAL,
@@ -55,16 +57,6 @@ pub(super) struct Emitter<'a> {
 
 /// Flags that rays of joined rectangles share.
 const KIND: u32 = FLAG_EXACT | FLAG_GRAZING | FLAG_REFLECTED;
-
-/// A rectangle as a cell: its law at both ends of x.
-#[derive(Clone, Copy)]
-pub(super) struct Rectangle {
-    x: [f32; 2],
-    z: [f32; 2],
-    /// Coordinates of its ray.
-    pub(super) ray: [f32; 2],
-    pub(super) ends: LawEnds,
-}
 
 impl<'a> Emitter<'a> {
     pub(super) fn new(
@@ -120,7 +112,7 @@ impl<'a> Emitter<'a> {
     /// The leaves by height, then x, empty neighbours as one; none where all are empty.
     fn rectangles(&self, patch: &Patch) -> Vec<Rectangle> {
         let mut leaves: Vec<u32> = patch.leaves().collect();
-        if leaves.iter().all(|leaf| patch.nodes[*leaf as usize].law.crossings == 0) {
+        if leaves.iter().all(|leaf| patch.nodes[*leaf as usize].is_empty()) {
             return Vec::new();
         }
         let key = |leaf: u32| {
@@ -134,7 +126,7 @@ impl<'a> Emitter<'a> {
         let mut rectangles: Vec<Rectangle> = Vec::with_capacity(leaves.len());
         for leaf in leaves {
             let node = &patch.nodes[leaf as usize];
-            if node.law.crossings == 0
+            if node.is_empty()
                 && let Some(last) = rectangles.last_mut()
                 && last.ends.law.crossings == 0
                 && last.x[1].to_bits() == node.x[0].to_bits()
@@ -143,13 +135,33 @@ impl<'a> Emitter<'a> {
                 last.x[1] = node.x[1];
                 continue;
             }
-            let neighbours = self.estimator.neighbours(patch, node);
-            let slopes = self.estimator.slopes(node, &neighbours);
+            let slopes = match node.known {
+                Known::Mean(fit) => {
+                    Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] }
+                }
+                // A part is narrow.
+                Known::Parts(_) => Slopes::default(),
+                Known::Ray => {
+                    let neighbours = self.estimator.neighbours(patch, node);
+                    self.estimator.slopes(node, &neighbours)
+                }
+            };
+            if let Some(covered) = patch.covered(node) {
+                rectangles.extend(parts(node, covered, self.gap));
+                continue;
+            }
+            let at_ray = [node.law.displacement_z + self.gap * node.law.slope_z; 2];
+            let (spread, ends_z) = match node.known {
+                Known::Mean(fit) => (fit.displacement.powi(2), fit.ends_z),
+                _ => (0.0, at_ray),
+            };
             rectangles.push(Rectangle {
                 x: node.x,
                 z: node.z,
                 ray: node.centre(),
                 ends: LawEnds::new(&node.law, node.width(), &slopes),
+                spread,
+                ends_z,
             });
         }
         self.join(rectangles)
@@ -298,7 +310,18 @@ impl<'a> Emitter<'a> {
             let farthest = down * self.view.stronger();
             lands.start = lands.start.min(farthest.floor() as i64);
             lands.end = lands.end.max(farthest.ceil() as i64 + 1);
-            let [above, below] = lattice.row_shares(top, bottom, down);
+            // Its upper end may land otherwise than its lower one.
+            let own = rectangle.z.map(f64::from);
+            let at = |z: f64| {
+                let [up, low] = rectangle.ends_z.map(f64::from);
+                -(up + (low - up) * (z - own[0]) / (own[1] - own[0])) / f64::from(self.row_pitch)
+            };
+            let landing = [top + at(top), bottom + at(bottom)];
+            let [above, below] = if landing[1] - landing[0] > 0.2 * (bottom - top) {
+                lattice.row_shares(landing[0], landing[1], 0.0)
+            } else {
+                lattice.row_shares(top, bottom, down)
+            };
             if law.flags & FLAG_EXACT != 0 && self.view.keep.is_some() {
                 let [x, z] = patch.place(rectangle.ray);
                 kept.exact.push(ExactCell {
@@ -325,6 +348,7 @@ impl<'a> Emitter<'a> {
                 above,
                 below,
                 pixel_shift,
+                spread: rectangle.spread,
                 ..bytemuck::Zeroable::zeroed()
             });
         }

@@ -150,12 +150,24 @@ impl Lattice {
         (beamlet as f64 + 0.5 - self.pixels[0] / 2.0) * self.period + self.offset
     }
 
+    /// Slopes along x and z of the ray of [`Self::ray`].
+    pub(super) fn slopes(&self, beamlet: i64, x: f64, row: f64) -> [f64; 2] {
+        [
+            (self.centre(beamlet) + x) / self.plane,
+            (self.pixels[1] / 2.0 - row) * self.pitch[1] / self.detector,
+        ]
+    }
+
+    /// Their changes per m of x, and per row.
+    pub(super) fn slope_steps(&self) -> [f64; 2] {
+        [1.0 / self.plane, -self.pitch[1] / self.detector]
+    }
+
     /// The ray from the source centre through `x` of a beamlet (m, from its centre, in the cell
     /// plane) that reaches the detector at row coordinate `row` (downwards, 0 on top).
     #[must_use]
     pub fn ray(&self, beamlet: i64, x: f64, row: f64, view: u32) -> Ray {
-        let slope_x = (self.centre(beamlet) + x) / self.plane;
-        let slope_z = (self.pixels[1] / 2.0 - row) * self.pitch[1] / self.detector;
+        let [slope_x, slope_z] = self.slopes(beamlet, x, row);
         Ray {
             x: (slope_x * self.rotation) as f32,
             z: (slope_z * self.rotation) as f32,

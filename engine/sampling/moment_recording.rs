@@ -3,9 +3,9 @@
 #![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
 
 use super::View;
-use super::emission::Rectangle;
-use super::error_estimate::Slopes;
+use super::neighbours::Slopes;
 use super::patch::Patch;
+use super::rectangle::Rectangle;
 use crate::Result;
 use crate::gpu::interface::{
     FLAG_EXACT, FLAG_NOT_FINITE, FLAG_UNBALANCED, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray,
@@ -57,7 +57,7 @@ impl Keep {
     /// Whether a law tells the moments of its ray, and then of which material they are: those of a
     /// ray through one body alone are its numbers over the constants. Nothing is told by ordered
     /// walks, or where the constants do not differ from those of the surroundings.
-    fn told_by(&self, law: &Law) -> Option<usize> {
+    pub(super) fn told_by(&self, law: &Law) -> Option<usize> {
         if law.crossings == 0 {
             return Some(0);
         }

@@ -8,7 +8,10 @@
     reason = "counts are bounded by max_rays; rounding to f32 is meant"
 )]
 
+use super::facet_lists::{Overlap, PatchFacet};
+use super::facet_means::{Covered, Mean};
 use crate::gpu::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
+use std::ops::Range;
 
 /// Parts of a rectangle that is split.
 pub(super) const PARTS: u32 = 3;
@@ -20,7 +23,33 @@ pub(super) enum Axis {
     Z,
 }
 
-/// A rectangle and the law of the ray through its centre.
+/// What the linear law that fits a rectangle best leaves of what its facets do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Residuals {
+    /// Slopes along x which the fit has, of displacement and optical depth.
+    pub(super) slope: f32,
+    pub(super) slope_depth: f32,
+    /// Displacement on the detector along z at both ends of z, m.
+    pub(super) ends_z: [f32; 2],
+    /// Standard deviations from the fit: of the optical depth, and of the displacement along x
+    /// and z, m.
+    pub(super) depth: f32,
+    pub(super) displacement: f32,
+    pub(super) displacement_z: f32,
+}
+
+/// How the law of a rectangle is known.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Known {
+    /// By the ray through its centre.
+    Ray,
+    /// As the linear law that fits it best.
+    Mean(Residuals),
+    /// As two laws, its own and that of the part that a body covers: the number of that part.
+    Parts(u32),
+}
+
+/// A rectangle and its law.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
     /// From the beamlet's centre in the cell plane at the middle of the row, m.
@@ -28,12 +57,17 @@ pub(super) struct Node {
     /// Share of the row, downwards.
     pub(super) z: [f32; 2],
     pub(super) law: Law,
+    pub(super) known: Known,
+    /// Mean number of crossings of all its rays, where a silhouette crosses it and it is known.
+    crossings: Option<f32>,
+    /// Place of its facets in the list of the patch.
+    facets: [u32; 2],
     split: Option<(Axis, u32)>,
 }
 
 impl Node {
     pub(super) fn new(x: [f32; 2], z: [f32; 2], law: Law) -> Self {
-        Self { x, z, law, split: None }
+        Self { x, z, law, known: Known::Ray, crossings: None, facets: [0; 2], split: None }
     }
 
     /// Centre (x, z).
@@ -52,6 +86,17 @@ impl Node {
     /// Whether coordinates lie in it.
     pub(super) fn holds(&self, [x, z]: [f32; 2]) -> bool {
         x >= self.x[0] && x < self.x[1] && z >= self.z[0] && z < self.z[1]
+    }
+
+    /// Share of its rays that cross other surfaces than its own ray, at least.
+    pub(super) fn hidden(&self) -> f32 {
+        let off = |mean: f32| (0.5 * (mean - self.law.crossings as f32).abs()).min(1.0);
+        self.crossings.map_or(0.0, off)
+    }
+
+    /// Whether no ray of it meets the sample.
+    pub(super) fn is_empty(&self) -> bool {
+        self.law.crossings == 0 && !matches!(self.known, Known::Parts(_))
     }
 
     pub(super) fn is_leaf(&self) -> bool {
@@ -83,6 +128,18 @@ pub(super) struct Patch {
     /// The base rectangles, by z, then x; then the parts of those that were split.
     pub(super) nodes: Vec<Node>,
     pub(super) splits: u32,
+    /// Facets that it may meet, where they are known.
+    pub(super) facets: Option<Vec<PatchFacet>>,
+    /// Indices of facets, by rectangle.
+    list: Vec<u32>,
+    /// Covered parts of rectangles.
+    covered: Vec<Covered>,
+}
+
+/// Centre and half size of a rectangle.
+pub(super) fn middle(x: [f32; 2], z: [f32; 2]) -> [[f64; 2]; 2] {
+    let (x, z) = (x.map(f64::from), z.map(f64::from));
+    [[0.5 * (x[0] + x[1]), 0.5 * (z[0] + z[1])], [0.5 * (x[1] - x[0]), 0.5 * (z[1] - z[0])]]
 }
 
 /// Borders of `count` equal parts of an interval.
@@ -121,7 +178,19 @@ impl Patch {
             Node::new(x, z, bytemuck::Zeroable::zeroed())
         };
         let nodes = (0..base[0] * base[1]).map(node).collect();
-        Self { beamlet, row, base, half_width, shear, straight: false, nodes, splits: 0 }
+        Self {
+            beamlet,
+            row,
+            base,
+            half_width,
+            shear,
+            straight: false,
+            nodes,
+            splits: 0,
+            facets: None,
+            list: Vec::new(),
+            covered: Vec::new(),
+        }
     }
 
     /// Place (m from the beamlet's centre, share of the row) of coordinates of rectangles.
@@ -166,27 +235,100 @@ impl Patch {
         }
     }
 
-    /// Splits a leaf; the places of the two new rays, whose laws [`Self::set_laws`] takes.
-    pub(super) fn split(&mut self, index: u32, axis: Axis) -> [[f32; 2]; 2] {
+    /// Takes facets in coordinates of a patch that does not slant.
+    pub(super) fn set_facets(&mut self, mut facets: Vec<PatchFacet>) {
+        if self.shear != 0.0 {
+            facets.iter_mut().for_each(|facet| facet.slant(f64::from(self.shear)));
+        }
+        let all: Vec<u32> = (0..facets.len() as u32).collect();
+        self.facets = Some(facets);
+        for node in 0..self.nodes.len() {
+            self.list_facets(node, &all);
+        }
+    }
+
+    /// Lists those of some facets that touch a rectangle.
+    fn list_facets(&mut self, node: usize, some: &[u32]) {
+        let Some(facets) = &self.facets else { return };
+        let node = &mut self.nodes[node];
+        let first = self.list.len() as u32;
+        let [centre, half] = middle(node.x, node.z);
+        let touches =
+            |index: &&u32| facets[**index as usize].overlap(centre, half) != Overlap::None;
+        self.list.extend(some.iter().filter(touches));
+        node.facets = [first, self.list.len() as u32];
+    }
+
+    /// Facets that may touch a rectangle.
+    pub(super) fn facets_of(&self, node: u32) -> &[u32] {
+        let [first, end] = self.nodes[node as usize].facets;
+        &self.list[first as usize..end as usize]
+    }
+
+    /// Splits a leaf; its parts begin with its law.
+    pub(super) fn split(&mut self, index: u32, axis: Axis) -> Range<u32> {
         let parent = self.nodes[index as usize];
         let first = self.nodes.len() as u32;
         self.nodes[index as usize].split = Some((axis, first));
+        let some = self.facets_of(index).to_vec();
         for i in 0..PARTS {
             let (x, z) = match axis {
                 Axis::X => (part(parent.x, i, PARTS), parent.z),
                 Axis::Z => (parent.x, part(parent.z, i, PARTS)),
             };
-            self.nodes.push(Node::new(x, z, parent.law));
+            self.nodes.push(Node { known: parent.known, ..Node::new(x, z, parent.law) });
+            self.list_facets(self.nodes.len() - 1, &some);
         }
         self.splits += 1;
-        [first, first + 2].map(|node| self.place(self.nodes[node as usize].centre()))
+        first..first + PARTS
     }
 
-    /// Takes the laws of the new rays of splits, from node `first` on, two of each.
-    pub(super) fn set_laws(&mut self, first: usize, laws: &[Law]) {
-        for (parts, laws) in self.nodes[first..].chunks_mut(PARTS as usize).zip(laws.chunks(2)) {
-            parts[0].law = laws[0];
-            parts[2].law = laws[1];
+    /// The place of the ray through the centre of a rectangle.
+    pub(super) fn ray(&self, node: u32) -> [f32; 2] {
+        self.place(self.nodes[node as usize].centre())
+    }
+
+    /// Sets the law of a rectangle to that of its ray.
+    pub(super) fn set_law(&mut self, node: u32, law: &Law) {
+        let node = &mut self.nodes[node as usize];
+        (node.law, node.known) = (*law, Known::Ray);
+    }
+
+    /// The parts of a rectangle that a silhouette crosses.
+    pub(super) fn covered(&self, node: &Node) -> Option<&Covered> {
+        let Known::Parts(number) = node.known else { return None };
+        self.covered.get(number as usize)
+    }
+
+    /// Takes what the facets say of a rectangle; whether that is all that is to be known.
+    /// `told`: whether moments of a law can be kept.
+    pub(super) fn set_mean(
+        &mut self,
+        index: u32,
+        mean: &Mean,
+        told: impl Fn(&Law) -> bool,
+    ) -> bool {
+        let node = &mut self.nodes[index as usize];
+        match mean {
+            Mean::Fit(law, residuals) => {
+                (node.law, node.known, node.crossings) = (*law, Known::Mean(*residuals), None);
+                true
+            }
+            Mean::Silhouette { crossings, covered } => {
+                node.crossings = Some(*crossings);
+                node.known = Known::Ray;
+                let Some(covered) = covered.filter(|c| told(&c.law) && told(&c.rest)) else {
+                    return false;
+                };
+                node.law = covered.rest;
+                node.known = Known::Parts(self.covered.len() as u32);
+                self.covered.push(covered);
+                true
+            }
+            Mean::Unknown => {
+                node.known = Known::Ray;
+                false
+            }
         }
     }
 

@@ -1,4 +1,4 @@
-//! Adaptive refinement of the patches of some rows: trace, judge, split where the error is, until
+//! Adaptive refinement of patches: judge, split where the error is, trace or sum over facets, until
 //! every budget holds. All patches ask for their rays together, so that the device gets many.
 
 #![allow(
@@ -8,20 +8,17 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+use super::View;
 use super::alignment::Scanlines;
-use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
-use super::cell_batch::{Strips, blank_strips, empty_cell};
-use super::cell_moments::CellMoments;
-use super::emission::Emitter;
-use super::error_estimate::{CellError, ErrorBudget, Estimator, Narrow};
-use super::lattice::Lattice;
-use super::moment_recording::Keep;
-use super::patch::{Patch, alike};
-use super::projected_bounds::Shadow;
-use super::response::{Opening, Response};
+use super::base_lattice::BaseLattice;
+use super::error_estimate::Estimator;
+use super::facet_lists::FacetLists;
+use super::facet_means::FacetMeans;
+use super::judgement::{Judged, Narrow};
+use super::patch::{Known, Node, Patch, alike};
+use super::response::Opening;
 use crate::Result;
-use crate::gpu::interface::{Law, MOMENTS_PER_MATERIAL, Ray};
-use crate::scene::Scene;
+use crate::gpu::interface::{Law, Ray};
 use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -37,171 +34,37 @@ const MOST_ALIGNED: u32 = 8;
 const MOST_SHEAR: f32 = 2.0;
 /// Lines of rectangles that a patch with silhouettes begins with.
 const LINES: u32 = 3;
-/// Leaves of a patch that memory is reckoned for.
-const LEAVES_OF_A_PATCH: usize = 256;
-/// Strips without a sample that are handed over at once.
-const BLANK_AT_ONCE: usize = 1 << 12;
-
-/// What the cells of a view are made from.
-#[derive(Debug)]
-pub struct View<'a> {
-    /// The scene that is traced.
-    pub scene: &'a Scene,
-    /// Its lattice.
-    pub lattice: &'a Lattice,
-    /// Index of the view.
-    pub index: u32,
-    /// Projected bounds of the components.
-    pub shadows: &'a [Shadow],
-    /// Keep the moments of the rays, for other energies or masks.
-    pub keep: Option<&'a Keep>,
-    /// What changes of a law do to recorded values.
-    pub response: &'a Response,
-    /// What sampling may leave.
-    pub budget: ErrorBudget,
-}
-
-impl View<'_> {
-    /// The ray through a place of a beamlet (m from its centre) and row (share of it).
-    pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
-        self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)
-    }
-
-    /// How much farther than its law says light may land, at another energy.
-    pub(super) fn stronger(&self) -> f64 {
-        self.keep.map_or(1.0, |keep| keep.stronger)
-    }
-}
-
-/// Takes strips as they are ready; may trace with the tracer that it is lent.
-pub type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &Strips) -> Result<()>;
-
 /// A patch in refinement.
 #[derive(Debug)]
-struct Work {
-    patch: Patch,
+pub(super) struct Work {
+    pub(super) patch: Patch,
     openings: Vec<Opening>,
     narrow: Vec<Narrow>,
-    rays: u32,
+    pub(super) rays: u32,
     /// Estimated error of the recorded value that has the largest.
-    light: f64,
-    /// Splits to be traced, and the first node that they make.
-    first_new: usize,
-    places: Vec<[f32; 2]>,
-    errors: Vec<Option<CellError>>,
+    pub(super) light: f64,
+    /// Nodes that were made last, which others are compared with.
+    changed: Vec<u32>,
+    /// Nodes that wait for the rays through their centres.
+    pending: Vec<u32>,
+    judged: Judged,
     done: bool,
 }
 
-/// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
-/// which undeflected light matters; what neither stands nor lands there is left out. About
-/// `rays_at_once` rays are in memory at a time. The cells, but not their order, are the same
-/// whatever `rows` and `rays_at_once` are.
-///
-/// # Errors
-/// As [`Tracer::trace`]; those of `take`.
-pub fn sample_rows(
-    view: &View<'_>,
-    tracer: &mut Tracer,
-    rows: Range<i64>,
-    lit: &Range<i64>,
-    rays_at_once: usize,
-    take: Take<'_>,
-) -> Result<()> {
-    let base = BaseLattice::trace(view, tracer, &rows)?;
-    let narrow = narrow_components(view, &rows, base.base);
-    let mut blank = Vec::new();
-    let mut waiting = Vec::new();
-    let first_beamlet = view.lattice.beamlets.start;
-    for block in blocks(&rows) {
-        for beamlet in view.lattice.beamlets.clone() {
-            for row in block.clone() {
-                let direct = lit.contains(&row) && view.lattice.direct.contains(&beamlet);
-                match base.patch(beamlet, row) {
-                    Some(_) => waiting.push((beamlet, row)),
-                    None if direct => blank.push((beamlet - first_beamlet, row)),
-                    None => {}
-                }
-            }
-        }
-    }
-    let refiner = Refiner::new(view, &base, narrow, lit);
-    for chunk in waiting.chunks((rays_at_once / LEAVES_OF_A_PATCH).max(1)) {
-        let mut work: Vec<Work> = chunk.par_iter().filter_map(|at| refiner.begin(*at)).collect();
-        refiner.align(tracer, &mut work)?;
-        refiner.refine(tracer, &mut work)?;
-        let emitter = Emitter::new(view, &refiner.estimator, lit);
-        let patches: Vec<&Patch> = work.iter().map(|work| &work.patch).collect();
-        let (mut strips, empty) = emitter.cells(tracer, &patches)?;
-        blank.extend(empty.into_iter().filter(|(column, row)| {
-            lit.contains(row) && view.lattice.direct.contains(&(column + first_beamlet))
-        }));
-        for work in &work {
-            strips.splits += u64::from(work.patch.splits);
-            strips.estimate.add(work.light, work.rays, view.budget.light);
-        }
-        strips.balance();
-        take(tracer, &strips)?;
-    }
-    let cell = empty_cell(view.lattice);
-    let words = if view.keep.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
-    let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
-    for strips in blank_strips(view.lattice, blank).chunks(BLANK_AT_ONCE) {
-        let mut part = Strips::default();
-        strips.iter().for_each(|strip| part.push(*strip, &[cell], &none));
-        take(tracer, &part)?;
-    }
-    Ok(())
-}
-
-/// Rows whose rays go side by side.
-fn blocks(rows: &Range<i64>) -> impl Iterator<Item = Range<i64>> {
-    let end = rows.end;
-    rows.clone()
-        .step_by(ROWS_TOGETHER as usize)
-        .map(move |first| first..(first + ROWS_TOGETHER).min(end))
-}
-
-/// By beamlet and row the components that may hide between base rays, in coordinates of the patch.
-fn narrow_components(
-    view: &View<'_>,
-    rows: &Range<i64>,
-    base: [u32; 2],
-) -> HashMap<(i64, i64), Vec<Narrow>> {
-    let lattice = view.lattice;
-    let cell = [lattice.period / f64::from(base[0]), 1.0 / f64::from(base[1])];
-    let mut all: HashMap<(i64, i64), Vec<Narrow>> = HashMap::new();
-    for shadow in view.shadows {
-        if shadow.width >= cell[0] && shadow.height >= cell[1] {
-            continue;
-        }
-        let [top, bottom] = shadow.rows.map(|row| row.floor() as i64);
-        for row in top.max(rows.start)..(bottom + 1).min(rows.end) {
-            for beamlet in lattice.beamlets_of(shadow.x) {
-                let centre = lattice.centre(beamlet);
-                all.entry((beamlet, row)).or_default().push(Narrow {
-                    x: shadow.x.map(|x| (x - centre) as f32),
-                    z: shadow.rows.map(|z| (z - row as f64) as f32),
-                    width: shadow.width as f32,
-                    height: shadow.height as f32,
-                });
-            }
-        }
-    }
-    all
-}
-
 /// Refines patches.
-struct Refiner<'a> {
+pub(super) struct Refiner<'a> {
     view: &'a View<'a>,
-    estimator: Estimator<'a>,
+    pub(super) estimator: Estimator<'a>,
+    facets: Option<(FacetLists<'a>, FacetMeans<'a>)>,
     narrow: HashMap<(i64, i64), Vec<Narrow>>,
     lit: &'a Range<i64>,
 }
 
 impl<'a> Refiner<'a> {
-    fn new(
+    pub(super) fn new(
         view: &'a View<'a>,
         base: &'a BaseLattice,
+        rows: &Range<i64>,
         narrow: HashMap<(i64, i64), Vec<Narrow>>,
         lit: &'a Range<i64>,
     ) -> Self {
@@ -215,16 +78,19 @@ impl<'a> Refiner<'a> {
             least: [LEAST_WIDTH, LEAST_HEIGHT],
             row_height: (row_pitch * view.lattice.plane / scene.detector.distance) as f32,
             row_pitch: row_pitch as f32,
+            row_blur: view.lattice.row_spread.blur as f32,
             gap: (scene.detector.distance - scene.analyser_distance()) as f32,
             // Of the whole detector, so that cells do not depend on bands.
             lit: -view.lattice.blur_rows
                 ..i64::from(scene.detector.pixels[1]) + view.lattice.blur_rows,
         };
-        Self { view, estimator, narrow, lit }
+        let facets = view.facets.zip(FacetLists::new(view, rows));
+        let facets = facets.map(|(all, lists)| (lists, FacetMeans::new(view, &all.steps)));
+        Self { view, estimator, facets, narrow, lit }
     }
 
     /// A patch with its base rays; nothing where no light of it can reach the lit rows.
-    fn begin(&self, (beamlet, row): (i64, i64)) -> Option<Work> {
+    pub(super) fn begin(&self, (beamlet, row): (i64, i64)) -> Option<Work> {
         let base = self.estimator.base;
         let laws = base.patch(beamlet, row)?;
         let period = self.view.lattice.period as f32;
@@ -234,17 +100,53 @@ impl<'a> Refiner<'a> {
             return None;
         }
         let column = (beamlet - self.estimator.first_beamlet) as usize;
-        Some(Work {
+        let mut work = Work {
             openings: self.view.response.openings(column),
             narrow,
             rays: laws.len() as u32,
             light: 0.0,
-            first_new: 0,
-            places: Vec::new(),
-            errors: Vec::new(),
+            changed: Vec::new(),
+            pending: Vec::new(),
+            judged: Judged::default(),
             done: false,
             patch,
-        })
+        };
+        self.take_facets(&mut work);
+        Some(work)
+    }
+
+    /// Lets means over facets take the place of rays in a patch that has not been split, unless
+    /// its rays are enough.
+    fn take_facets(&self, work: &mut Work) {
+        let Some((lists, _)) = &self.facets else { return };
+        let Patch { beamlet, row, .. } = work.patch;
+        if !lists.has_silhouette(beamlet, row) {
+            work.narrow.clear();
+            let error = self.estimator.judge(&work.patch, &work.openings, &[], &mut work.judged);
+            if error.splits.is_empty() {
+                (work.light, work.done) = (error.light, true);
+                return;
+            }
+        }
+        let Some(facets) = lists.facets(beamlet, row) else { return };
+        work.narrow.clear();
+        work.judged = Judged::default();
+        work.patch.set_facets(facets);
+        for node in 0..work.patch.nodes.len() as u32 {
+            self.take_mean(&mut work.patch, node);
+        }
+    }
+
+    /// Sets the law of a rectangle to the mean over its facets, where there is one.
+    fn take_mean(&self, patch: &mut Patch, node: u32) -> bool {
+        let Some((_, means)) = &self.facets else { return false };
+        if patch.facets.is_none() {
+            return false;
+        }
+        let Node { x, z, .. } = patch.nodes[node as usize];
+        let mean = means.over(patch, patch.facets_of(node), x, z);
+        let keep = self.view.keep;
+        patch.set_mean(node, &mean, |law| keep.is_none_or(|keep| keep.told_by(law).is_some()))
     }
 
     /// Whether a patch outside the lit rows is seen to throw no light into them: no silhouette
@@ -269,7 +171,7 @@ impl<'a> Refiner<'a> {
     }
 
     /// Lets the rectangles of patches with silhouettes slant as these do.
-    fn align(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
+    pub(super) fn align(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
         let period = self.view.lattice.period as f32;
         let base = self.estimator.base.base;
         let slants = |work: &&mut Work| {
@@ -304,22 +206,35 @@ impl<'a> Refiner<'a> {
             let columns = (width * base[0] as f32 / period).ceil() as u32;
             let base = [columns, LINES * base[1]];
             let Patch { beamlet, row, .. } = work.patch;
-            work.errors.clear();
+            let facets = work.patch.facets.take();
+            work.judged = Judged::default();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
             work.patch.straight = slant.is_some_and(|slant| slant.straight);
-        }
-        let centres = |patch: &Patch| -> Vec<[f32; 2]> {
-            patch.nodes.iter().map(|node| patch.place(node.centre())).collect()
-        };
-        let places: Vec<Vec<[f32; 2]>> =
-            slanting.par_iter().map(|(work, _)| centres(&work.patch)).collect();
-        let patches = slanting.iter().map(|(work, _)| &work.patch).collect();
-        let laws = self.trace(tracer, patches, &places)?;
-        for ((work, _), own) in slanting.iter_mut().zip(&laws) {
-            work.rays += own.len() as u32;
-            for (node, law) in work.patch.nodes.iter_mut().zip(own) {
-                node.law = *law;
+            if let Some(facets) = facets {
+                work.patch.set_facets(facets);
             }
+            for node in 0..work.patch.nodes.len() as u32 {
+                if !self.take_mean(&mut work.patch, node) {
+                    work.pending.push(node);
+                }
+            }
+        }
+        self.trace_pending(tracer, work)
+    }
+
+    /// Traces the rays that patches wait for.
+    fn trace_pending(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
+        let places = |work: &Work| -> Vec<[f32; 2]> {
+            work.pending.iter().map(|node| work.patch.ray(*node)).collect()
+        };
+        let places: Vec<Vec<[f32; 2]>> = work.par_iter().map(places).collect();
+        let patches = work.iter().map(|work| &work.patch).collect();
+        let laws = self.trace(tracer, patches, &places)?;
+        for (work, own) in work.iter_mut().zip(&laws) {
+            for (node, law) in std::mem::take(&mut work.pending).into_iter().zip(own) {
+                work.patch.set_law(node, law);
+            }
+            work.rays += own.len() as u32;
         }
         Ok(())
     }
@@ -361,38 +276,34 @@ impl<'a> Refiner<'a> {
         Ok(rays.iter().map(of_patch).collect())
     }
 
-    fn refine(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
+    pub(super) fn refine(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
         loop {
             work.par_iter_mut().filter(|work| !work.done).for_each(|work| self.judge(work));
-            let places: Vec<Vec<[f32; 2]>> =
-                work.iter_mut().map(|work| std::mem::take(&mut work.places)).collect();
-            if places.iter().all(Vec::is_empty) {
+            if work.iter().all(|work| work.done) {
                 return Ok(());
             }
-            let patches = work.iter().map(|work| &work.patch).collect();
-            let laws = self.trace(tracer, patches, &places)?;
-            for (work, own) in work.iter_mut().zip(&laws) {
-                work.patch.set_laws(work.first_new, own);
-                work.rays += own.len() as u32;
-            }
+            self.trace_pending(tracer, work)?;
         }
     }
 
-    /// Judges a patch and splits the rectangles that it is wrong in.
+    /// Judges a patch and splits the rectangles that it is wrong in, until it needs rays.
     fn judge(&self, work: &mut Work) {
-        let Work { patch, openings, narrow, errors, .. } = work;
-        // Neighbours of new rectangles are judged anew.
-        for node in &patch.nodes[work.first_new..] {
-            for leaf in self.estimator.leaves_beside(patch, node) {
-                if let Some(error) = errors.get_mut(leaf as usize) {
-                    *error = None;
-                }
-            }
+        while work.pending.is_empty() && !work.done {
+            self.split_once(work);
         }
-        let error = self.estimator.judge(patch, openings, narrow, errors);
+    }
+
+    fn split_once(&self, work: &mut Work) {
+        let Work { patch, openings, narrow, judged, .. } = work;
+        // Neighbours of new rectangles are judged anew.
+        for node in std::mem::take(&mut work.changed) {
+            let node = &patch.nodes[node as usize];
+            self.estimator.leaves_beside(patch, node).for_each(|leaf| judged.forget(leaf));
+        }
+        let error = self.estimator.judge(patch, openings, narrow, judged);
         work.light = error.light;
-        work.first_new = work.patch.nodes.len();
-        let left = self.view.budget.max_rays.saturating_sub(work.rays) / 2;
+        let most = self.view.budget.max_rays;
+        let left = most.saturating_sub(work.rays.max(2 * work.patch.splits)) / 2;
         if error.splits.is_empty() || left == 0 {
             work.done = true;
             return;
@@ -403,7 +314,19 @@ impl<'a> Refiner<'a> {
         let place = |node: u32| work.patch.nodes[node as usize].x[0];
         splits.sort_unstable_by(|a, b| place(a.0).total_cmp(&place(b.0)).then(a.0.cmp(&b.0)));
         for (node, axis) in splits {
-            work.places.extend(work.patch.split(node, axis));
+            let parent = work.patch.nodes[node as usize].known;
+            for (number, part) in work.patch.split(node, axis).enumerate() {
+                let known = self.take_mean(&mut work.patch, part);
+                // The middle part keeps the ray.
+                let keeps = number == 1 && parent == Known::Ray;
+                if !known && !keeps {
+                    work.pending.push(part);
+                }
+                // Parts of a mean say little that it did not.
+                if !matches!(parent, Known::Mean(_)) {
+                    work.changed.push(part);
+                }
+            }
         }
     }
 }

@@ -122,6 +122,23 @@ impl Response {
         }
     }
 
+    /// Largest change of the share of light that passes a window, per displacement, 1/m.
+    pub(super) fn steepest(&self) -> f64 {
+        0.4 / f64::from(self.blur)
+    }
+
+    /// Part of a change of light within a rectangle of this width, m, that windows tell although
+    /// its mean and slope are right: they are nearly straight over less than the blur.
+    pub(super) fn bend(&self, width: f32) -> f32 {
+        (0.1 * (self.magnification * width / self.blur).powi(2)).min(1.0)
+    }
+
+    /// Part of the change that a displacement of this standard deviation, m, makes if its mean is
+    /// moved by as much, where it blurs light that is known to be blurred by it.
+    pub(super) fn skew(&self, residual: f32) -> f32 {
+        (0.1 * (residual / self.blur).powi(2)).min(1.0)
+    }
+
     /// Mask steps that are told apart.
     pub(super) fn steps(&self) -> usize {
         self.openings.len().max(1)

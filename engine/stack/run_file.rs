@@ -64,6 +64,7 @@ impl RunFile {
                 calibration: start.calibration.clone(),
                 seed,
                 tally: Tally::default(),
+                sampling: None,
                 seconds: std::collections::BTreeMap::new(),
             },
         }

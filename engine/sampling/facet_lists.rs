@@ -1,0 +1,368 @@
+//! Facets of the sample by patch: those that its rays can meet, and whether a silhouette crosses it.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
+use super::View;
+use super::lattice::Lattice;
+use crate::geometry::Sample;
+use crate::scene::{Scene, Transport};
+use crate::trace::{Media, least_cosine, object_hash};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+/// Patches with more facets than this are sampled by rays alone: their facets are finer than any
+/// rectangle, and sums over them take longer than rays.
+const MOST_FACETS: u32 = 1024;
+/// Triangles that one task takes.
+const TRIANGLES_OF_A_TASK: usize = 1 << 12;
+
+/// What a surface does to rays: constants inside less those outside.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SurfaceStep {
+    /// Of its object, as in signatures of rays.
+    pub(super) hash: u32,
+    /// Attenuation, 1/m.
+    pub(super) mu: f64,
+    /// Refraction.
+    pub(super) delta: f64,
+    /// Cosine of incidence below which the first order is not enough.
+    pub(super) least_cosine: f64,
+}
+
+/// Surfaces of a sample, for means over facets.
+#[derive(Debug)]
+pub struct SampleFacets {
+    /// By component.
+    pub(super) steps: Vec<SurfaceStep>,
+    /// Triangles across the edges of each.
+    across: Vec<[u32; 3]>,
+}
+
+impl SampleFacets {
+    /// At the mean constants of the media; rays are flagged for steps of delta that are `stronger`
+    /// times as large. Nothing where all rays are traced in order. `across`:
+    /// [`crate::geometry::across_edges`] of the sample.
+    #[must_use]
+    pub fn new(
+        scene: &Scene,
+        sample: &Sample,
+        media: &Media,
+        stronger: f64,
+        across: Vec<[u32; 3]>,
+    ) -> Option<Self> {
+        if scene.sampling.transport == Transport::Exact {
+            return None;
+        }
+        let mean = media.mean();
+        let step = |component: &crate::geometry::Component| {
+            let [inside, outside] = media.sides(component.object, component.outside);
+            let (a, b) = (&mean[inside as usize], &mean[outside as usize]);
+            SurfaceStep {
+                hash: object_hash(component.object),
+                mu: a.mu - b.mu,
+                delta: a.delta - b.delta,
+                least_cosine: match scene.sampling.transport {
+                    Transport::FirstOrder => 0.0,
+                    _ => least_cosine(stronger * media.step(inside, outside)),
+                },
+            }
+        };
+        Some(Self { steps: sample.components.iter().map(step).collect(), across })
+    }
+}
+
+/// A facet as a patch sees it.
+#[derive(Debug, Clone)]
+pub(super) struct PatchFacet {
+    /// Coordinates of its corners in the patch.
+    pub(super) corners: [[f64; 2]; 3],
+    /// Its edges opposite to each corner: a x + b z + c, positive inside.
+    edges: [[f64; 3]; 3],
+    /// Unit normal in the beam frame, and the plane's distance from its origin along it, m.
+    pub(super) normal: DVec3,
+    pub(super) plane: f64,
+    /// Least and largest y, m.
+    pub(super) depth: [f64; 2],
+    pub(super) component: u32,
+    /// Rays enter its object.
+    pub(super) front: bool,
+    /// Whether its edges, opposite to each corner, are silhouettes.
+    pub(super) silhouette: [bool; 3],
+}
+
+/// How a facet lies to a rectangle.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Overlap {
+    None,
+    Part,
+    /// The facet fills the rectangle.
+    All,
+}
+
+impl PatchFacet {
+    /// Moves corners to a patch that slants by `shear`.
+    pub(super) fn slant(&mut self, shear: f64) {
+        for corner in &mut self.corners {
+            corner[0] -= shear * (corner[1] - 0.5);
+        }
+        let [p, q, r] = self.corners;
+        let twice = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+        let sign = twice.signum();
+        self.edges = [[q, r], [r, p], [p, q]].map(|[from, to]| {
+            let [a, b] = [sign * (from[1] - to[1]), sign * (to[0] - from[0])];
+            [a, b, -(a * from[0] + b * from[1])]
+        });
+    }
+
+    /// How it lies to a rectangle of this centre and half size.
+    pub(super) fn overlap(&self, centre: [f64; 2], half: [f64; 2]) -> Overlap {
+        for axis in 0..2 {
+            let [a, b, c] = self.corners.map(|corner| corner[axis] - centre[axis]);
+            if a.min(b).min(c) > half[axis] || a.max(b).max(c) < -half[axis] {
+                return Overlap::None;
+            }
+        }
+        let mut overlap = Overlap::All;
+        for [a, b, c] in self.edges {
+            let middle = a * centre[0] + b * centre[1] + c;
+            let reach = a.abs() * half[0] + b.abs() * half[1];
+            if middle + reach < 0.0 {
+                return Overlap::None;
+            }
+            if middle - reach < 0.0 {
+                overlap = Overlap::Part;
+            }
+        }
+        overlap
+    }
+}
+
+/// Triangles of a view in the beam frame.
+#[derive(Clone, Copy)]
+struct Triangles<'a> {
+    sample: &'a Sample,
+    facets: &'a SampleFacets,
+    lattice: &'a Lattice,
+    turn: [f64; 2],
+    source: DVec3,
+}
+
+impl Triangles<'_> {
+    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        let [cos, sin] = self.turn;
+        self.sample.triangles[triangle].map(|v| {
+            let v = self.sample.vertices[v as usize];
+            DVec3::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin, v.z)
+        })
+    }
+
+    fn is_front(&self, corners: &[DVec3; 3]) -> bool {
+        let [a, b, c] = *corners;
+        (b - a).cross(c - a).dot(a - self.source) < 0.0
+    }
+
+    /// Whether the edges are silhouettes: the facet across faces the other way.
+    fn silhouettes(&self, triangle: usize, front: bool) -> [bool; 3] {
+        self.facets.across[triangle]
+            .map(|other| other == u32::MAX || self.is_front(&self.corners(other as usize)) != front)
+    }
+
+    /// x in the cell plane and row coordinate.
+    fn project(&self, corners: &[DVec3; 3]) -> [[f64; 2]; 3] {
+        corners.map(|p| self.lattice.project(p.x, p.y, p.z))
+    }
+}
+
+/// Takes a triangle: its number, its corners in the beam frame, and where they project to.
+type Visit<'v> = dyn Fn(usize, &[DVec3; 3], &[[f64; 2]; 3]) + Sync + 'v;
+
+/// Facets of the patches of some rows.
+pub(super) struct FacetLists<'a> {
+    triangles: Triangles<'a>,
+    rows: Range<i64>,
+    beamlets: Range<i64>,
+    /// End of the list of each patch, by row and beamlet; lists follow one another.
+    ends: Vec<u32>,
+    /// Patches with more facets than lists hold.
+    crowded: Vec<bool>,
+    silhouettes: Vec<bool>,
+    list: Vec<u32>,
+}
+
+impl<'a> FacetLists<'a> {
+    /// Of a view; nothing where the sample keeps no facets.
+    pub(super) fn new(view: &View<'a>, rows: &Range<i64>) -> Option<Self> {
+        let facets = view.facets?;
+        let lattice = view.lattice;
+        let angle = view.scene.scan.angles[view.index as usize];
+        let triangles = Triangles {
+            sample: view.sample,
+            facets,
+            lattice,
+            turn: view.scene.view_at(angle).turn(),
+            source: DVec3::new(0.0, -view.scene.source.distance, 0.0),
+        };
+        let beamlets = lattice.beamlets.clone();
+        let width = (beamlets.end - beamlets.start) as usize;
+        let patches = width * (rows.end - rows.start) as usize;
+        let index = |row: i64, beamlet: i64| {
+            (row - rows.start) as usize * width + (beamlet - beamlets.start) as usize
+        };
+        let counts: Vec<AtomicU32> = (0..patches).map(|_| AtomicU32::new(0)).collect();
+        let silhouettes: Vec<AtomicBool> = (0..patches).map(|_| AtomicBool::new(false)).collect();
+        let each = |visit: &Visit<'_>| {
+            let tasks = view.sample.triangles.len().div_ceil(TRIANGLES_OF_A_TASK);
+            (0..tasks).into_par_iter().for_each(|task| {
+                let first = task * TRIANGLES_OF_A_TASK;
+                let end = (first + TRIANGLES_OF_A_TASK).min(view.sample.triangles.len());
+                for triangle in first..end {
+                    let corners = triangles.corners(triangle);
+                    visit(triangle, &corners, &triangles.project(&corners));
+                }
+            });
+        };
+        each(&|triangle, corners, places| {
+            let mut met = false;
+            touched(lattice, rows, places, |row, beamlets| {
+                met = true;
+                for beamlet in beamlets {
+                    counts[index(row, beamlet)].fetch_add(1, Ordering::Relaxed);
+                }
+            });
+            if !met {
+                return;
+            }
+            let edges = triangles.silhouettes(triangle, triangles.is_front(corners));
+            for (edge, _) in edges.iter().enumerate().filter(|(_, is)| **is) {
+                let ends = [places[(edge + 1) % 3], places[(edge + 2) % 3]];
+                touched(lattice, rows, &ends, |row, beamlets| {
+                    for beamlet in beamlets {
+                        silhouettes[index(row, beamlet)].store(true, Ordering::Relaxed);
+                    }
+                });
+            }
+        });
+        let crowded: Vec<bool> =
+            counts.iter().map(|count| count.load(Ordering::Relaxed) > MOST_FACETS).collect();
+        let mut total = 0_u32;
+        for (count, crowded) in counts.iter().zip(&crowded) {
+            let own = if *crowded { 0 } else { count.load(Ordering::Relaxed) };
+            count.store(total, Ordering::Relaxed);
+            total = total.checked_add(own)?;
+        }
+        let list: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
+        each(&|triangle, _, places| {
+            touched(lattice, rows, places, |row, beamlets| {
+                for beamlet in beamlets {
+                    let patch = index(row, beamlet);
+                    if !crowded[patch] {
+                        let place = counts[patch].fetch_add(1, Ordering::Relaxed);
+                        list[place as usize].store(triangle as u32, Ordering::Relaxed);
+                    }
+                }
+            });
+        });
+        Some(Self {
+            triangles,
+            rows: rows.clone(),
+            beamlets,
+            ends: counts.into_iter().map(AtomicU32::into_inner).collect(),
+            crowded,
+            silhouettes: silhouettes.into_iter().map(AtomicBool::into_inner).collect(),
+            list: list.into_iter().map(AtomicU32::into_inner).collect(),
+        })
+    }
+
+    fn index(&self, beamlet: i64, row: i64) -> Option<usize> {
+        let width = self.beamlets.end - self.beamlets.start;
+        let inside = self.rows.contains(&row) && self.beamlets.contains(&beamlet);
+        inside.then(|| ((row - self.rows.start) * width + beamlet - self.beamlets.start) as usize)
+    }
+
+    /// Whether a silhouette crosses a patch.
+    pub(super) fn has_silhouette(&self, beamlet: i64, row: i64) -> bool {
+        self.index(beamlet, row).is_none_or(|index| self.silhouettes[index])
+    }
+
+    fn range(&self, index: usize) -> Range<usize> {
+        let begin = index.checked_sub(1).map_or(0, |before| self.ends[before]);
+        begin as usize..self.ends[index] as usize
+    }
+
+    /// The facets of a patch in the order of the mesh; nothing where they are too many.
+    pub(super) fn facets(&self, beamlet: i64, row: i64) -> Option<Vec<PatchFacet>> {
+        let index = self.index(beamlet, row)?;
+        if self.crowded[index] {
+            return None;
+        }
+        let mut list = self.list[self.range(index)].to_vec();
+        list.sort_unstable();
+        let centre = self.triangles.lattice.centre(beamlet);
+        let facet = |triangle: &u32| {
+            let triangle = *triangle as usize;
+            let corners = self.triangles.corners(triangle);
+            let [a, b, c] = corners;
+            let normal = (b - a).cross(c - a).normalize_or_zero();
+            let front = self.triangles.is_front(&corners);
+            let y = corners.map(|corner| corner.y);
+            let mut facet = PatchFacet {
+                edges: [[0.0; 3]; 3],
+                corners: self
+                    .triangles
+                    .project(&corners)
+                    .map(|[x, z]| [x - centre, z - row as f64]),
+                normal,
+                plane: normal.dot(a),
+                depth: [
+                    y.into_iter().fold(f64::INFINITY, f64::min),
+                    y.into_iter().fold(f64::NEG_INFINITY, f64::max),
+                ],
+                component: self.triangles.sample.triangle_component[triangle],
+                front,
+                silhouette: self.triangles.silhouettes(triangle, front),
+            };
+            facet.slant(0.0);
+            facet
+        };
+        Some(list.iter().map(facet).collect())
+    }
+}
+
+/// Calls `visit` with the rows that a segment or triangle touches, and the beamlets in each.
+/// `corners`: x in the cell plane and row coordinate.
+fn touched(
+    lattice: &Lattice,
+    rows: &Range<i64>,
+    corners: &[[f64; 2]],
+    mut visit: impl FnMut(i64, Range<i64>),
+) {
+    let z = corners.iter().map(|corner| corner[1]);
+    let top = (z.clone().fold(f64::INFINITY, f64::min).floor() as i64).max(rows.start);
+    let bottom = (z.fold(f64::NEG_INFINITY, f64::max).floor() as i64 + 1).min(rows.end);
+    for row in top..bottom {
+        let (low, high) = (row as f64, (row + 1) as f64);
+        let mut x = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut take = |at: f64| x = [x[0].min(at), x[1].max(at)];
+        for (i, a) in corners.iter().enumerate() {
+            if a[1] >= low && a[1] <= high {
+                take(a[0]);
+            }
+            let b = corners[(i + 1) % corners.len()];
+            for border in [low, high] {
+                if (a[1] < border) != (b[1] < border) {
+                    take(a[0] + (b[0] - a[0]) * (border - a[1]) / (b[1] - a[1]));
+                }
+            }
+        }
+        if x[0] <= x[1] {
+            visit(row, lattice.beamlets_of(x));
+        }
+    }
+}

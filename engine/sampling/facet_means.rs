@@ -1,0 +1,352 @@
+//! Exact means of the first order over rectangles: sums over facets of what each adds, times the
+//! area that it has in the rectangle. They need no ray, and no facet is missed between rays.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "rounding to f32 is meant; counts of layers are small"
+)]
+
+use super::View;
+use super::facet_lists::{Overlap, PatchFacet, SurfaceStep};
+use super::lattice::Lattice;
+use super::patch::{Patch, Residuals, middle};
+use super::polygon::{Area, Corner, crosses};
+use super::sheets::Sums;
+use crate::gpu::interface::Law;
+use crate::trace::FIRST_ORDER_ERROR;
+
+/// Sheets cover a rectangle a whole number of times to this.
+const WHOLE: f64 = 1e-4;
+/// Share of the budget that the first order may leave in a mean.
+const FIRST_ORDER_SHARE: f64 = 0.05;
+/// Standard deviation of a parabola of curvature 1 from its chord's mean, over a width of 1,
+const BOW: f64 = 0.037;
+/// and of a line with random kinks, per standard deviation of its slope.
+const KINKS: f64 = 0.2;
+/// Where no displacement is bounded, that of a mean is right to this all the same, m.
+const UNBOUNDED: f64 = 10e-9;
+
+/// What the facets say of a rectangle.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Mean {
+    /// The linear law that fits it best, to first order: means over all its rays.
+    Fit(Law, Residuals),
+    /// A silhouette crosses it. Mean number of crossings of its rays, and what it covers where
+    /// that can be told.
+    Silhouette { crossings: f32, covered: Option<Covered> },
+    /// The first order is not enough, or the facets are not sound.
+    Unknown,
+}
+
+/// A rectangle in two parts: one that a body covers, whose silhouette crosses it, and the rest.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Covered {
+    /// Share of the rectangle that is covered.
+    pub(super) share: f32,
+    /// Centroid of the covered part from that of the rectangle, in widths and heights.
+    pub(super) centroid: [f32; 2],
+    /// Mean law of the covered part.
+    pub(super) law: Law,
+    /// Mean law of what the body is in front of, or behind.
+    pub(super) rest: Law,
+    /// Standard deviation of the displacement in the covered part, m.
+    pub(super) residual: f32,
+    /// The same along z.
+    pub(super) residual_z: f32,
+}
+
+/// A law of these numbers: optical depth, displacement and slope along x and z.
+fn law_of(numbers: [f64; 5], signature: u32, flags: u32, crossings: u32) -> Law {
+    let [optical_depth, displacement_x, displacement_z, slope_x, slope_z] =
+        numbers.map(|number| number as f32);
+    Law {
+        optical_depth,
+        displacement_x,
+        displacement_z,
+        slope_x,
+        slope_z,
+        signature,
+        flags,
+        crossings,
+    }
+}
+
+/// Takes means over rectangles of a view.
+#[derive(Debug)]
+pub(super) struct FacetMeans<'a> {
+    steps: &'a [SurfaceStep],
+    lattice: &'a Lattice,
+    /// From source and from analyser to the rotation centre, m.
+    rotation: f64,
+    analyser: f64,
+    /// Error of the displacement that a mean may have, m; and of its light where that is less
+    /// than a share of the budget, share of open beam.
+    displacement: f64,
+    light: f64,
+    /// Change of light per displacement, at most, 1/m.
+    steepest: f64,
+    /// Recorded value per metre of open cell plane.
+    weight: f64,
+    /// Distance from analyser to detector, m.
+    gap: f32,
+    /// No ray of a mean may need more than the first order.
+    strict: bool,
+}
+
+impl<'a> FacetMeans<'a> {
+    pub(super) fn new(view: &View<'a>, steps: &'a [SurfaceStep]) -> Self {
+        let scene = view.scene;
+        Self {
+            steps,
+            lattice: view.lattice,
+            rotation: scene.source.distance,
+            analyser: scene.lever_arm(),
+            displacement: FIRST_ORDER_SHARE * view.budget.displacement.min(UNBOUNDED),
+            light: FIRST_ORDER_SHARE * view.budget.light,
+            steepest: view.response.steepest(),
+            weight: f64::from(view.response.weight),
+            gap: (scene.detector.distance - scene.analyser_distance()) as f32,
+            strict: view.keep.is_some(),
+        }
+    }
+
+    /// The mean over a rectangle, `list` being the facets that may touch it.
+    pub(super) fn over(&self, patch: &Patch, list: &[u32], x: [f32; 2], z: [f32; 2]) -> Mean {
+        let Some(all) = &patch.facets else { return Mean::Unknown };
+        let [centre, half] = middle(x, z);
+        let (x, z) = (x.map(f64::from), z.map(f64::from));
+        let facets = || list.iter().map(|index| &all[*index as usize]);
+        let is_silhouette = |facet: &PatchFacet| {
+            (0..3).any(|edge| {
+                let ends = [facet.corners[(edge + 1) % 3], facet.corners[(edge + 2) % 3]];
+                facet.silhouette[edge] && crosses(ends, x, z)
+            })
+        };
+        let silhouette = facets().any(is_silhouette);
+        let sums = self.sums(patch, facets(), centre, half);
+        let size = half.map(|half| 2.0 * half);
+        if silhouette {
+            let covered = if sums.sound { self.covered(&sums, size) } else { None };
+            return Mean::Silhouette { crossings: (sums.all / sums.area) as f32, covered };
+        }
+        let fit = if sums.sound { self.fit(&sums, size) } else { None };
+        fit.map_or(Mean::Unknown, |(law, residuals)| Mean::Fit(law, residuals))
+    }
+
+    /// Integrals over a rectangle.
+    fn sums<'f>(
+        &self,
+        patch: &Patch,
+        facets: impl Iterator<Item = &'f PatchFacet>,
+        centre: Corner,
+        half: [f64; 2],
+    ) -> Sums {
+        let whole = Area::of_rectangle(centre, half);
+        let mut sums = Sums::new(centre, whole.area);
+        for facet in facets {
+            let part = match facet.overlap(centre, half) {
+                Overlap::None => continue,
+                Overlap::All => whole,
+                Overlap::Part => Area::within(&facet.corners, centre, half),
+            };
+            sums.all += part.area;
+            if part.area > 0.0 && sums.sound {
+                sums.sound = self.add(patch, facet, &part, &mut sums).is_some();
+            }
+        }
+        sums
+    }
+
+    /// What is covered of a rectangle that a silhouette crosses; nothing where more than one sheet
+    /// of either side covers a part of it, or the first order is not enough.
+    fn covered(&self, sums: &Sums, [width, height]: [f64; 2]) -> Option<Covered> {
+        let area = sums.area;
+        let mut partial: Option<(u32, f64)> = None;
+        let (mut crossings, mut signature) = (sums.crossings, sums.signature);
+        let (mut variance, mut variance_z, mut centroid) = (0.0, 0.0, [0.0; 2]);
+        let mut own = [0.0; 5];
+        for sheet in &sums.sheets[..sums.count] {
+            let layers = sheet.area / area;
+            let whole = (layers + WHOLE).floor();
+            let step = &self.steps[sheet.component as usize];
+            if layers - whole < WHOLE {
+                crossings += whole as u32;
+                signature = signature.wrapping_add(step.hash.wrapping_mul(whole as u32));
+                continue;
+            }
+            let other = partial.replace((sheet.component, layers));
+            let matches = |(component, share): (u32, f64)| {
+                component == sheet.component && (share - layers).abs() < WHOLE
+            };
+            if whole > 0.0 || !other.is_none_or(matches) {
+                return None;
+            }
+            for (sum, number) in own.iter_mut().zip(sheet.law) {
+                *sum += number;
+            }
+            let square = |sum: f64, square: f64| {
+                let mean = sum / sheet.area;
+                step.delta * step.delta * (square / sheet.area - mean * mean).max(0.0)
+            };
+            variance += square(sheet.moved, sheet.square);
+            variance_z += square(sheet.moved_z, sheet.square_z);
+            if sheet.front {
+                centroid = [sheet.x / width, sheet.z / height].map(|sum| (sum / sheet.area) as f32);
+            }
+        }
+        let (component, share) = partial?;
+        if sums.first_order * self.weight * self.steepest > self.light {
+            return None;
+        }
+        let mut rest = sums.law;
+        for (sum, own) in rest.iter_mut().zip(own) {
+            *sum = (*sum - own) / area;
+        }
+        let mut numbers = own.map(|sum| sum / (share * area));
+        for (number, rest) in numbers.iter_mut().zip(rest) {
+            *number += rest;
+        }
+        let flags = sums.flags();
+        let both = self.steps[component as usize].hash.wrapping_mul(2);
+        Some(Covered {
+            share: share as f32,
+            centroid,
+            law: law_of(numbers, signature.wrapping_add(both), flags, crossings + 2),
+            rest: law_of(rest, signature, flags, crossings),
+            residual: variance.sqrt() as f32,
+            residual_z: variance_z.sqrt() as f32,
+        })
+    }
+
+    /// Adds what a facet does over a part of the rectangle; nothing where the first order is not
+    /// enough, or there are too many sheets.
+    fn add(&self, patch: &Patch, facet: &PatchFacet, part: &Area, sums: &mut Sums) -> Option<()> {
+        let Area { area, centroid, moments } = *part;
+        let step = &self.steps[facet.component as usize];
+        let place_x = centroid[0] + f64::from(patch.shear) * (centroid[1] - 0.5);
+        let slope = self.lattice.slopes(patch.beamlet, place_x, patch.row as f64 + centroid[1]);
+        let normal = facet.normal;
+        let across = normal.x * slope[0] + normal.z * slope[1];
+        let along = across + normal.y;
+        let y = (facet.plane - self.rotation * across) / along;
+        let y = y.clamp(facet.depth[0], facet.depth[1]);
+        let norm2 = 1.0 + slope[0] * slope[0] + slope[1] * slope[1];
+        let length = norm2.sqrt();
+        let sign = if facet.front { 1.0 } else { -1.0 };
+        let bend = -sign * norm2 / along;
+        let per_delta =
+            [bend * (normal.x - normal.y * slope[0]), bend * (normal.z - normal.y * slope[1])];
+        let slopes = per_delta.map(|slope| step.delta * slope);
+        let lever = self.analyser - y;
+        let share = along.abs() / length / step.least_cosine.max(1e-30);
+        if share < 1.0 {
+            if self.strict {
+                return None;
+            }
+            sums.first_order += area * FIRST_ORDER_ERROR * lever / (share * share * share);
+        }
+        sums.share = sums.share.min(share);
+        let values = [
+            -sign * step.mu * y * length,
+            slopes[0] * lever,
+            slopes[1] * lever,
+            slopes[0],
+            slopes[1],
+        ];
+        // Over the part the depth is linear.
+        let centre = sums.centre;
+        let [by_x, by_z] = self.lattice.slope_steps();
+        let farther = -(self.rotation + y) / along;
+        let rise_x = farther * normal.x * by_x;
+        let rise_z = farther * normal.z * by_z + rise_x * f64::from(patch.shear);
+        let within = rise_x * moments[0] + rise_z * moments[1];
+        sums.depth_by_x +=
+            area * values[0] * (centroid[0] - centre[0]) - sign * step.mu * length * within;
+        let values = values.map(|value| area * value);
+        for (sum, value) in sums.law.iter_mut().zip(values) {
+            *sum += value;
+        }
+        if area >= (1.0 - WHOLE) * sums.area {
+            // Nothing changes over the rectangle, whatever other sheets of the component do.
+            sums.crossings += 1;
+            sums.signature = sums.signature.wrapping_add(step.hash);
+            return Some(());
+        }
+        let sheet = sums.sheet(facet.component, facet.front)?;
+        let [moved, moved_z] = per_delta.map(|slope| slope * lever);
+        for (sum, value) in sheet.law.iter_mut().zip(values) {
+            *sum += value;
+        }
+        sheet.area += area;
+        sheet.x += area * (centroid[0] - centre[0]);
+        sheet.z += area * (centroid[1] - centre[1]);
+        sheet.moved += area * moved;
+        sheet.by_x += area * moved * (centroid[0] - centre[0]);
+        sheet.by_z += area * moved * (centroid[1] - centre[1]);
+        sheet.square += area * moved * moved;
+        sheet.moved_z += area * moved_z;
+        sheet.z_by_x += area * moved_z * (centroid[0] - centre[0]);
+        sheet.z_by_z += area * moved_z * (centroid[1] - centre[1]);
+        sheet.square_z += area * moved_z * moved_z;
+        Some(())
+    }
+
+    fn fit(&self, sums: &Sums, [width, height]: [f64; 2]) -> Option<(Law, Residuals)> {
+        if !sums.sound {
+            return None;
+        }
+        let area = sums.area;
+        let [x2, z2] = [width * width / 12.0, height * height / 12.0];
+        let (mut crossings, mut signature) = (sums.crossings, sums.signature);
+        let (mut slope, mut slope_z, mut depth) = (0.0, 0.0, 0.0_f64);
+        let (mut variance, mut variance_z) = (0.0, 0.0);
+        for sheet in &sums.sheets[..sums.count] {
+            let layers = (sheet.area / area).round();
+            if (sheet.area / area - layers).abs() > WHOLE || layers > f64::from(u16::MAX) {
+                return None;
+            }
+            if layers == 0.0 {
+                continue;
+            }
+            let count = layers as u32;
+            let step = &self.steps[sheet.component as usize];
+            crossings += count;
+            signature = signature.wrapping_add(step.hash.wrapping_mul(count));
+            // Least squares over the rectangle.
+            let [by_x, by_z] = [sheet.by_x / area / x2, sheet.by_z / area / z2];
+            let mean = sheet.moved / area;
+            let all = sheet.square / area - mean * mean / layers;
+            let own = (all - by_x * by_x * x2 - by_z * by_z * z2).max(0.0);
+            let mean_z = sheet.moved_z / area;
+            let [z_by_x, z_by_z] = [sheet.z_by_x / area / x2, sheet.z_by_z / area / z2];
+            let all_z = sheet.square_z / area - mean_z * mean_z / layers;
+            let own_z = (all_z - z_by_x * z_by_x * x2 - z_by_z * z_by_z * z2).max(0.0);
+            slope += step.delta * by_x;
+            slope_z += step.delta * z_by_z;
+            variance += step.delta * step.delta * own;
+            variance_z += step.delta * step.delta * own_z;
+            // Depth is the integral of what moves light: a bow where that rises, kinks where it
+            // jumps.
+            let bow = BOW * by_x.abs() * width * width + KINKS * own.sqrt() * width;
+            depth += (step.mu * bow / self.analyser).powi(2);
+        }
+        let error = sums.first_order / area;
+        let law = law_of(sums.law.map(|sum| sum / area), signature, sums.flags(), crossings);
+        let passed = (-f64::from(law.optical_depth)).exp();
+        let light = area * self.weight * passed * error * self.steepest;
+        if error > self.displacement && light > self.light {
+            return None;
+        }
+        let landing_z = law.displacement_z + self.gap * law.slope_z;
+        let residuals = Residuals {
+            slope: slope as f32,
+            slope_depth: (sums.depth_by_x / area / x2) as f32,
+            ends_z: [-0.5, 0.5].map(|end| landing_z + (end * height * slope_z) as f32),
+            depth: depth.sqrt() as f32,
+            displacement: variance.sqrt() as f32,
+            displacement_z: variance_z.sqrt() as f32,
+        };
+        Some((law, residuals))
+    }
+}

@@ -1,0 +1,244 @@
+//! Error of a patch: the errors of its rectangles at every mask step, and which of them to split.
+
+use super::error_estimate::{CellError, Estimator, SPREAD};
+use super::patch::{Axis, Known, Patch};
+use super::response::Opening;
+
+/// Rectangles that would hold this part of the budget, were all like them, are not split.
+const NEGLIGIBLE: f64 = 0.01;
+/// Part of the budget that refinement aims at.
+pub(super) const SAFETY: f64 = 0.5;
+/// Part of its square that the error of a rectangle keeps when it is split.
+const LEFT: f64 = 1.0 / 9.0;
+
+/// Error of a patch, and where to split it.
+#[derive(Debug, Default)]
+pub(super) struct PatchError {
+    /// Leaves to split, with the axis.
+    pub(super) splits: Vec<(u32, Axis)>,
+    /// Estimated error of the recorded value that has the largest, share of open beam.
+    pub(super) light: f64,
+}
+
+/// Rectangles of a patch that must be split whatever their neighbours say: a component may hide
+/// in wider or higher ones.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Narrow {
+    pub(super) x: [f32; 2],
+    pub(super) z: [f32; 2],
+    pub(super) width: f32,
+    pub(super) height: f32,
+}
+
+/// What is known of the rectangles of a patch, by node.
+#[derive(Debug, Default)]
+pub(super) struct Judged {
+    errors: Vec<Option<CellError>>,
+    /// Places of their shares in `shares`.
+    seen: Vec<Option<[u32; 2]>>,
+    /// Mask steps that see a rectangle, each with the share of it that is open.
+    shares: Vec<(usize, f32)>,
+}
+
+impl Judged {
+    /// Forgets the error of a node: a neighbour has changed.
+    pub(super) fn forget(&mut self, node: u32) {
+        if let Some(error) = self.errors.get_mut(node as usize) {
+            *error = None;
+        }
+    }
+
+    /// The error of a leaf, and its shares.
+    fn of(&self, node: u32) -> Option<(&CellError, &[(usize, f32)])> {
+        let [first, end] = self.seen[node as usize]?;
+        Some((self.errors[node as usize].as_ref()?, &self.shares[first as usize..end as usize]))
+    }
+}
+
+/// Squared errors of the recorded value of a mask step.
+#[derive(Debug, Clone, Copy, Default)]
+struct StepError {
+    light: f64,
+    moment: f64,
+    through: f64,
+}
+
+impl StepError {
+    /// Of a rectangle that is open to a share.
+    fn of(error: &CellError, known: &Known, share: f32) -> Self {
+        // The mean over all of a rectangle is exact; over a part of it as a sample is.
+        let (light, moment) = match known {
+            Known::Ray => (share, share),
+            Known::Mean(_) | Known::Parts(_) => {
+                let part = (share * (1.0 - share)).max(0.0).sqrt();
+                (part.max(share * error.whole), part)
+            }
+        };
+        Self {
+            light: f64::from(light * error.light).powi(2),
+            moment: f64::from(moment * error.moment).powi(2),
+            through: f64::from(share * error.through),
+        }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.light += other.light;
+        self.moment += other.moment;
+        self.through += other.through;
+    }
+}
+
+impl Estimator<'_> {
+    /// Finds what is not known of the leaves of a patch. `openings`: of its beamlet.
+    fn complete(&self, patch: &Patch, openings: &[Opening], judged: &mut Judged) {
+        judged.errors.resize(patch.nodes.len(), None);
+        judged.seen.resize(patch.nodes.len(), None);
+        for leaf in patch.leaves() {
+            let index = leaf as usize;
+            if judged.errors[index].is_none() {
+                judged.errors[index] = Some(self.cell_error(patch, leaf));
+            }
+            if judged.seen[index].is_none() {
+                let first = judged.shares.len();
+                shares(patch, leaf, openings, &mut judged.shares);
+                let range = [first, judged.shares.len()];
+                judged.seen[index] = Some(range.map(|n| u32::try_from(n).unwrap_or(u32::MAX)));
+            }
+        }
+    }
+
+    /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide.
+    /// `judged`: what is known of its nodes; the rest is found.
+    pub(super) fn judge(
+        &self,
+        patch: &Patch,
+        openings: &[Opening],
+        narrow: &[Narrow],
+        judged: &mut Judged,
+    ) -> PatchError {
+        self.complete(patch, openings, judged);
+        let leaves = || {
+            patch.leaves().filter_map(|leaf| {
+                let (error, shares) = judged.of(leaf)?;
+                Some((error, &patch.nodes[leaf as usize].known, shares))
+            })
+        };
+        let mut steps = vec![StepError::default(); self.response.steps()];
+        let (mut silhouette, mut count) = (false, 0_u32);
+        for (error, known, shares) in leaves() {
+            silhouette |= error.silhouette;
+            count += 1;
+            for (step, share) in shares {
+                steps[*step].add(&StepError::of(error, known, *share));
+            }
+        }
+        let worst = steps.iter().map(|step| step.light).fold(0.0, f64::max).sqrt();
+        let mut result = PatchError { splits: Vec::new(), light: worst };
+        let light = (SAFETY * self.budget.light).powi(2);
+        let bounded = self.budget.displacement.is_finite() && !silhouette;
+        // In shares of the budget of a step; nothing of one that holds it.
+        let excess = |step: usize, error: &StepError| {
+            let all = &steps[step];
+            let moment = (SAFETY * self.budget.displacement * all.through).powi(2);
+            let of_light = if all.light > light { error.light / light } else { 0.0 };
+            if bounded && all.moment > moment {
+                of_light.max(error.moment / moment)
+            } else {
+                of_light
+            }
+        };
+        let mut left: Vec<f64> =
+            steps.iter().enumerate().map(|(step, all)| excess(step, all)).collect();
+        let exceeded = left.iter().any(|excess| *excess > 1.0);
+        if !exceeded && narrow.is_empty() {
+            return result;
+        }
+        let mut scored = Vec::new();
+        for (error, known, shares) in leaves() {
+            let may_move = bounded && error.moment > 0.0;
+            let bound = f64::from(error.light).powi(2) / light * f64::from(count);
+            if bound < NEGLIGIBLE && !may_move && narrow.is_empty() {
+                continue;
+            }
+            if let Some(axis) = self.may_hide(patch, error, narrow, !shares.is_empty()) {
+                result.splits.push((error.node, axis));
+                continue;
+            }
+            let of =
+                |(step, share): &(usize, f32)| excess(*step, &StepError::of(error, known, *share));
+            let score = shares.iter().map(of).fold(0.0, f64::max);
+            if score > 0.0 {
+                scored.push((score, error, known, shares));
+            }
+        }
+        scored.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.node.cmp(&b.1.node)));
+        for (_, error, known, shares) in scored {
+            if left.iter().all(|excess| *excess <= 1.0) {
+                break;
+            }
+            for (step, share) in shares {
+                let own = excess(*step, &StepError::of(error, known, *share));
+                left[*step] -= (1.0 - LEFT) * own;
+            }
+            let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
+            let possible = |axis: &Axis| patch.can_split(error.node, *axis, self.least);
+            if let Some(axis) = [error.axis, other].into_iter().find(possible) {
+                result.splits.push((error.node, axis));
+            }
+        }
+        result
+    }
+
+    /// The axis along which a component may hide in a rectangle that some step sees.
+    fn may_hide(
+        &self,
+        patch: &Patch,
+        error: &CellError,
+        narrow: &[Narrow],
+        seen: bool,
+    ) -> Option<Axis> {
+        let node = &patch.nodes[error.node as usize];
+        let worth = f64::from(SPREAD * error.through) > SAFETY * self.budget.light;
+        if !seen || !worth {
+            return None;
+        }
+        let slant = patch.shear.abs();
+        let overlaps = |n: &&Narrow| {
+            n.x[0] < node.x[1] + slant
+                && n.x[1] > node.x[0] - slant
+                && n.z[0] < node.z[1]
+                && n.z[1] > node.z[0]
+        };
+        narrow.iter().filter(overlaps).find_map(|n| {
+            let wide = node.width() > n.width && patch.can_split(error.node, Axis::X, self.least);
+            let high = node.height() > n.height && patch.can_split(error.node, Axis::Z, self.least);
+            if wide { Some(Axis::X) } else { high.then_some(Axis::Z) }
+        })
+    }
+}
+
+/// Appends the share of a rectangle that each opening shows, of those that show any.
+fn shares(patch: &Patch, leaf: u32, openings: &[Opening], out: &mut Vec<(usize, f32)>) {
+    let node = &patch.nodes[leaf as usize];
+    let width = node.width();
+    let middle = patch.shear * (node.centre()[1] - 0.5);
+    let slant = patch.shear * node.height();
+    let heights: &[f32] =
+        if slant.abs() > 0.1 * width { &[-1.0 / 3.0, 0.0, 1.0 / 3.0] } else { &[0.0] };
+    let first = out.len();
+    for opening in openings {
+        let at = |height: &f32| {
+            let x = node.x.map(|x| x + middle + slant * height);
+            (x[1].min(opening.x[1]) - x[0].max(opening.x[0])).max(0.0)
+        };
+        #[allow(clippy::cast_precision_loss, reason = "three at most")]
+        let share = heights.iter().map(at).sum::<f32>() / (heights.len() as f32 * width);
+        if share > 0.0 {
+            // Both ends of an opening that leaves the period at one side belong to one step.
+            match out[first..].iter_mut().find(|(step, _)| *step == opening.step) {
+                Some((_, known)) => *known += share,
+                None => out.push((opening.step, share)),
+            }
+        }
+    }
+}

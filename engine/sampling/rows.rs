@@ -1,0 +1,171 @@
+//! Cells of some rows of a view: base rays, refinement of each patch, and what that makes.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_possible_wrap,
+    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
+)]
+
+use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
+use super::cell_batch::{Strips, blank_strips, empty_cell};
+use super::cell_moments::CellMoments;
+use super::emission::Emitter;
+use super::error_budget::ErrorBudget;
+use super::facet_lists::SampleFacets;
+use super::judgement::Narrow;
+use super::lattice::Lattice;
+use super::moment_recording::Keep;
+use super::patch::Patch;
+use super::projected_bounds::Shadow;
+use super::refinement::{Refiner, Work};
+use super::response::Response;
+use crate::Result;
+use crate::geometry::Sample;
+use crate::gpu::interface::{MOMENTS_PER_MATERIAL, Ray};
+use crate::scene::Scene;
+use crate::trace::Tracer;
+use rayon::prelude::*;
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// Leaves of a patch that memory is reckoned for.
+const LEAVES_OF_A_PATCH: usize = 256;
+/// Strips without a sample that are handed over at once.
+const BLANK_AT_ONCE: usize = 1 << 12;
+
+/// What the cells of a view are made from.
+#[derive(Debug)]
+pub struct View<'a> {
+    /// The scene that is traced.
+    pub scene: &'a Scene,
+    /// Its sample.
+    pub sample: &'a Sample,
+    /// Surfaces of the sample, where means over its facets may take the place of rays.
+    pub facets: Option<&'a SampleFacets>,
+    /// Its lattice.
+    pub lattice: &'a Lattice,
+    /// Index of the view.
+    pub index: u32,
+    /// Projected bounds of the components.
+    pub shadows: &'a [Shadow],
+    /// Keep the moments of the rays, for other energies or masks.
+    pub keep: Option<&'a Keep>,
+    /// What changes of a law do to recorded values.
+    pub response: &'a Response,
+    /// What sampling may leave.
+    pub budget: ErrorBudget,
+}
+
+impl View<'_> {
+    /// The ray through a place of a beamlet (m from its centre) and row (share of it).
+    pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
+        self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)
+    }
+
+    /// How much farther than its law says light may land, at another energy.
+    pub(super) fn stronger(&self) -> f64 {
+        self.keep.map_or(1.0, |keep| keep.stronger)
+    }
+}
+
+/// Takes strips as they are ready; may trace with the tracer that it is lent.
+pub type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &Strips) -> Result<()>;
+
+/// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
+/// which undeflected light matters; what neither stands nor lands there is left out. About
+/// `rays_at_once` rays are in memory at a time. The cells, but not their order, are the same
+/// whatever `rows` and `rays_at_once` are.
+///
+/// # Errors
+/// As [`Tracer::trace`]; those of `take`.
+pub fn sample_rows(
+    view: &View<'_>,
+    tracer: &mut Tracer,
+    rows: Range<i64>,
+    lit: &Range<i64>,
+    rays_at_once: usize,
+    take: Take<'_>,
+) -> Result<()> {
+    let base = BaseLattice::trace(view, tracer, &rows)?;
+    let narrow = narrow_components(view, &rows, base.base);
+    let mut blank = Vec::new();
+    let mut waiting = Vec::new();
+    let first_beamlet = view.lattice.beamlets.start;
+    for block in blocks(&rows) {
+        for beamlet in view.lattice.beamlets.clone() {
+            for row in block.clone() {
+                let direct = lit.contains(&row) && view.lattice.direct.contains(&beamlet);
+                match base.patch(beamlet, row) {
+                    Some(_) => waiting.push((beamlet, row)),
+                    None if direct => blank.push((beamlet - first_beamlet, row)),
+                    None => {}
+                }
+            }
+        }
+    }
+    let refiner = Refiner::new(view, &base, &rows, narrow, lit);
+    for chunk in waiting.chunks((rays_at_once / LEAVES_OF_A_PATCH).max(1)) {
+        let mut work: Vec<Work> = chunk.par_iter().filter_map(|at| refiner.begin(*at)).collect();
+        refiner.align(tracer, &mut work)?;
+        refiner.refine(tracer, &mut work)?;
+        let emitter = Emitter::new(view, &refiner.estimator, lit);
+        let patches: Vec<&Patch> = work.iter().map(|work| &work.patch).collect();
+        let (mut strips, empty) = emitter.cells(tracer, &patches)?;
+        blank.extend(empty.into_iter().filter(|(column, row)| {
+            lit.contains(row) && view.lattice.direct.contains(&(column + first_beamlet))
+        }));
+        for work in &work {
+            strips.splits += u64::from(work.patch.splits);
+            strips.estimate.add(work.light, work.rays, view.budget.light);
+        }
+        strips.balance();
+        take(tracer, &strips)?;
+    }
+    let cell = empty_cell(view.lattice);
+    let words = if view.keep.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
+    let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
+    for strips in blank_strips(view.lattice, blank).chunks(BLANK_AT_ONCE) {
+        let mut part = Strips::default();
+        strips.iter().for_each(|strip| part.push(*strip, &[cell], &none));
+        take(tracer, &part)?;
+    }
+    Ok(())
+}
+
+/// Rows whose rays go side by side.
+fn blocks(rows: &Range<i64>) -> impl Iterator<Item = Range<i64>> {
+    let end = rows.end;
+    rows.clone()
+        .step_by(ROWS_TOGETHER as usize)
+        .map(move |first| first..(first + ROWS_TOGETHER).min(end))
+}
+
+/// By beamlet and row the components that may hide between base rays, in coordinates of the patch.
+fn narrow_components(
+    view: &View<'_>,
+    rows: &Range<i64>,
+    base: [u32; 2],
+) -> HashMap<(i64, i64), Vec<Narrow>> {
+    let lattice = view.lattice;
+    let cell = [lattice.period / f64::from(base[0]), 1.0 / f64::from(base[1])];
+    let mut all: HashMap<(i64, i64), Vec<Narrow>> = HashMap::new();
+    for shadow in view.shadows {
+        if shadow.width >= cell[0] && shadow.height >= cell[1] {
+            continue;
+        }
+        let [top, bottom] = shadow.rows.map(|row| row.floor() as i64);
+        for row in top.max(rows.start)..(bottom + 1).min(rows.end) {
+            for beamlet in lattice.beamlets_of(shadow.x) {
+                let centre = lattice.centre(beamlet);
+                all.entry((beamlet, row)).or_default().push(Narrow {
+                    x: shadow.x.map(|x| (x - centre) as f32),
+                    z: shadow.rows.map(|z| (z - row as f64) as f32),
+                    width: shadow.width as f32,
+                    height: shadow.height as f32,
+                });
+            }
+        }
+    }
+    all
+}

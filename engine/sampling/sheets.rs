@@ -1,0 +1,101 @@
+//! Integrals of the first order over a rectangle, by sheet of surface: one side of one component.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a share of 255 steps is meant"
+)]
+
+use super::polygon::Corner;
+use crate::gpu::interface::FLAG_SHARE_SHIFT;
+
+/// Most sheets of surface (component and side) in a rectangle.
+const MOST_SHEETS: usize = 8;
+
+/// What one side of one component does over a rectangle: integrals over its area.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Sheet {
+    pub(super) component: u32,
+    pub(super) front: bool,
+    /// Of the numbers of laws.
+    pub(super) law: [f64; 5],
+    /// Of 1, and of x and z from the centre.
+    pub(super) area: f64,
+    pub(super) x: f64,
+    pub(super) z: f64,
+    /// Of the displacement along x per step of delta: itself, times x and z from the centre,
+    /// squared.
+    pub(super) moved: f64,
+    pub(super) by_x: f64,
+    pub(super) by_z: f64,
+    pub(super) square: f64,
+    /// Of that along z: itself, times x and z, squared.
+    pub(super) moved_z: f64,
+    pub(super) z_by_x: f64,
+    pub(super) z_by_z: f64,
+    pub(super) square_z: f64,
+}
+
+/// Integrals over a rectangle.
+pub(super) struct Sums {
+    pub(super) centre: Corner,
+    pub(super) area: f64,
+    /// Area of all facets in it.
+    pub(super) all: f64,
+    /// Of the optical depth times x from the centre.
+    pub(super) depth_by_x: f64,
+    /// The first order is enough, and sheets are few.
+    pub(super) sound: bool,
+    /// Facets that fill it: their number, and the sum of their hashes.
+    pub(super) crossings: u32,
+    pub(super) signature: u32,
+    /// Of the numbers of the law.
+    pub(super) law: [f64; 5],
+    pub(super) sheets: [Sheet; MOST_SHEETS],
+    pub(super) count: usize,
+    /// Of what the first order leaves in the displacement.
+    pub(super) first_order: f64,
+    /// Least cosine of incidence, over that which the first order needs.
+    pub(super) share: f64,
+}
+
+impl Sums {
+    pub(super) fn new(centre: Corner, area: f64) -> Self {
+        Self {
+            centre,
+            area,
+            all: 0.0,
+            depth_by_x: 0.0,
+            sound: true,
+            crossings: 0,
+            signature: 0,
+            law: [0.0; 5],
+            sheets: [Sheet::default(); MOST_SHEETS],
+            count: 0,
+            first_order: 0.0,
+            share: f64::INFINITY,
+        }
+    }
+
+    /// Flags of a law.
+    pub(super) fn flags(&self) -> u32 {
+        let share = (255.0 * self.share.min(1.0)) as u32;
+        share << FLAG_SHARE_SHIFT
+    }
+
+    /// The sheet of a component and side; nothing where there are too many.
+    pub(super) fn sheet(&mut self, component: u32, front: bool) -> Option<&mut Sheet> {
+        let same = |sheet: &Sheet| sheet.component == component && sheet.front == front;
+        let place = self.sheets[..self.count].iter().position(same);
+        let place = match place {
+            Some(place) => place,
+            None if self.count < MOST_SHEETS => {
+                self.sheets[self.count] = Sheet { component, front, ..Sheet::default() };
+                self.count += 1;
+                self.count - 1
+            }
+            None => return None,
+        };
+        Some(&mut self.sheets[place])
+    }
+}
