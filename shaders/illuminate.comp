@@ -28,9 +28,7 @@ layout(push_constant, scalar) uniform IlluminatePush {
 #include "light/sum.glsl"
 #include "light/mask.glsl"
 #include "light/window.glsl"
-
-const float NEGLIGIBLE = 1e-9; // leaks below this are left out
-const float FAINT = 1e-5;      // where in its pixel the light of leaks below this lands is left open
+#include "light/response.glsl"
 
 void add_to_pixel(Light light, int row, int pixel, uint mask_step, uvec2 value) {
     uint index;
@@ -84,122 +82,6 @@ void flush(Light light, Strip strip, int pixel, uint mask_step, vec3 waiting) {
 }
 #endif
 
-// Periods of the detector mask with an aperture where light of a piece lands.
-ivec2 periods_in_reach(Mask mask, Column column, Piece piece) {
-    float reach = abs(piece.half_width) + 6.5 * piece.blur;
-    float middle = piece.middle + column.aperture_offset;
-    return ivec2(int(ceil((middle - reach - mask.last) / mask.period)),
-                 int(floor((middle + reach - mask.first) / mask.period)));
-}
-
-// Which of the piece, from xi to xi, the aperture of the sample mask leaves on average.
-vec2 between_edges(Piece piece) {
-    return vec2(max(piece.low / piece.steep, -1.0), min(piece.high / piece.steep, 1.0));
-}
-
-// Share of the piece that passes the detector mask and lands in the pixel [low, high]; `home`: the
-// pixel that faint light of the piece is put into.
-float response(Light light, Column column, float sec, float leak, Piece piece, float low,
-               float high, bool home) {
-    Edge pixel_low = Edge(low, piece.pixel_blur);
-    Edge pixel_high = Edge(high, piece.pixel_blur);
-    Mask mask = light.detector_mask;
-    bool masked = mask.present != 0u;
-    // Only periods with an aperture in reach: where a driver runs every branch, each counts.
-    Place place = Place(0, 0u);
-    int apertures = 0;
-    if (masked) {
-        ivec2 reached = periods_in_reach(mask, column, piece);
-        int from = max(reached.x, int(ceil((low + column.aperture_offset - mask.last) / mask.period)));
-        place.period = from;
-        int to = min(reached.y, int(floor((high + column.aperture_offset - mask.first) / mask.period)));
-        apertures = max(to - from + 1, 0) * int(mask.count);
-    }
-    float open = 0.0;
-    // First the whole pixel, behind the bars too; then each aperture. The window stands in the
-    // loop once: drivers inline it, and it is long.
-    float whole = 0.0;
-    int n = leak >= FAINT ? -1 : 0;
-    do {
-        Edge lower = pixel_low;
-        Edge upper = pixel_high;
-        bool met = n < 0;
-        if (n >= 0 && n < apertures) {
-            Aperture aperture = aperture_of(mask, place);
-            float centre = float(place.period) * mask.period - column.aperture_offset
-                + 0.5 * (aperture.low + aperture.high);
-            float slope = column.slope + centre / light.analyser;
-            float width = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
-            width = shaded_width(mask, width, slope, piece.detector_shade);
-            place = next_place(mask, place);
-            float a = centre - 0.5 * width;
-            float b = centre + 0.5 * width;
-            met = b > low && a < high && b > a;
-            // Energies for which bars shade more may be displaced more: such light lands farther
-            // from one edge, and closer to the other.
-            float lean = mask.thickness * abs(slope) * piece.detector_lean;
-            float variance = piece.blur * piece.blur;
-            if (b < high) upper = Edge(b, sqrt(max(variance + lean, 0.0)));
-            if (a > low) lower = Edge(a, sqrt(max(variance - lean, 0.0)));
-        }
-        float share = window(piece, lower, upper);
-        if (n < 0) whole = share;
-        else if (met) open += share;
-        n++;
-    } while (n < apertures);
-    if (!masked) return whole;
-    if (leak < FAINT) {
-        // So little that it does not matter where about it lands.
-        vec2 passing = between_edges(piece);
-        whole = home ? 0.5 * max(passing.y - passing.x, 0.0) : 0.0;
-    }
-    return leak < NEGLIGIBLE ? open : leak * whole + (1.0 - leak) * open;
-}
-
-// The part [a, b] of a cell on the analyser. x is where the ray from the centre of the source
-// that meets the sample in the same place crosses the cell plane: what the sample does depends
-// on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
-// cell plane and of the detector mask on the analyser.
-Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float transmission, vec2 soft) {
-    float span = cell.x_high - cell.x_low;
-    float depth_slope = (cell.depth_high - cell.depth_low) / span;
-    float bend = (cell.displacement_high - cell.displacement_low) / span;
-    float middle = 0.5 * (a + b);
-    float width = b - a;
-    float from_low = middle - cell.x_low;
-    float growth = light.magnification + bend;
-    float lean = depth_slope * width;
-    Piece piece;
-    piece.amount = transmission * exp(-(cell.depth_low + depth_slope * from_low)) * width
-        * (1.0 + lean * lean / 24.0) * light.weight * (strip.bottom - strip.top);
-    piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low;
-    piece.half_width = 0.5 * growth * width;
-    // Soft edges of the aperture move light within the piece, not beyond it.
-    float shadow = min(growth * growth * soft.x, piece.half_width * piece.half_width / 3.0);
-    piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.spread);
-    piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.spread);
-    piece.pixel_shift = cell.pixel_shift;
-    piece.lean = 0.5 * lean;
-    piece.detector_shade = cell.detector_shade;
-    piece.sample_lean = 0.0;
-    piece.detector_lean = cell.detector_lean;
-    piece.steep = STEEP;
-    piece.low = -STEEP - BEYOND;
-    piece.high = STEEP + BEYOND;
-    return piece;
-}
-
-// Lets an aperture [low, high] of the sample mask, `shift` per standard deviation of the source
-// offset, cut the piece [a, b].
-void cut_by(inout Piece piece, float a, float b, float low, float high, float shift) {
-    float middle = 0.5 * (a + b);
-    float half_cell = 0.5 * (b - a);
-    float per = 1.0 / max(shift, half_cell / STEEP);
-    piece.steep = half_cell * per;
-    piece.low = clamp((low - middle) * per, -piece.steep - BEYOND, piece.steep + BEYOND);
-    piece.high = clamp((high - middle) * per, -piece.steep - BEYOND, piece.steep + BEYOND);
-}
-
 // The first cell that ends beyond x; cells are sorted.
 uint cell_beyond(Strip strip, float x) {
     uint first = 0u;
@@ -234,16 +116,20 @@ void main() {
     bool masked = mask.present != 0u;
     bool barred = behind.present != 0u;
     float sec = secant(column.slope, row_z);
-    float leak = masked ? bar_transmission(mask, sec) : 1.0;
-    float leak_behind = barred ? bar_transmission(behind, sec) : 1.0;
-    vec2 soft = vec2(edge_variance(mask, column.slope, sec, leak),
-                     edge_variance(behind, column.slope, sec, leak_behind));
+    float behind_blur = barred ? light.spot : light.pixel_spot;
+    Bars bars = bars_of(mask, column.slope, sec, behind_blur / light.magnification);
+    Bars bars_behind = bars_of(behind, column.slope, sec, light.spot);
+    column.sample_offset -= bars.lattice_shift;
+    column.aperture_offset -= bars_behind.lattice_shift;
+    float leak = bars.leak;
+    float leak_behind = bars_behind.leak;
+    vec2 soft = vec2(bars.variance, bars_behind.variance);
 
     // Faint light stays in its pixel.
     float faint = 0.0;
     if (masked && leak > NEGLIGIBLE && leak < FAINT) {
         faint = leak * strip.light * light.weight * (strip.bottom - strip.top)
-            * (leak_behind + (1.0 - leak_behind) * (barred ? open_part(behind) : 1.0));
+            * (leak_behind + bars_behind.open * (barred ? open_part(behind) : 1.0));
     }
     // More of it is summed once for all mask steps, behind the last.
     bool leaks = masked && leak >= FAINT;
@@ -272,13 +158,14 @@ void main() {
         int apertures = 0;
         float lit_low = ends.low;
         float lit_high = ends.high;
-        if (!at_all_steps) {
+        if (!at_all_steps && bars.open > 0.0) {
             offset = light.offsets.at[mask_step] - column.sample_offset;
-            from = int(ceil((ends.low - offset - mask.last - reach) / mask.period));
-            int to = int(floor((ends.high - offset - mask.first + reach) / mask.period));
-            apertures = max(to - from + 1, 0) * int(mask.count);
-            lit_low = max(lit_low, float(from) * mask.period + offset + mask.first - reach);
-            lit_high = min(lit_high, float(to) * mask.period + offset + mask.last + reach);
+            float edge = bars.reach + reach;
+            from = int(ceil((ends.low - offset - edge) / mask.period));
+            int to = int(floor((ends.high - offset + edge) / mask.period));
+            apertures = max(to - from + 1, 0) * int(mask.count * bars.layers);
+            lit_low = max(lit_low, float(from) * mask.period + offset - edge);
+            lit_high = min(lit_high, float(to) * mask.period + offset + edge);
         }
         bool lit = lit_high > lit_low;
         int low_pixel = 0;
@@ -309,24 +196,31 @@ void main() {
         int first_lit = faint > 0.0 ? 0 : base + 3;
         int last_lit = faint > 0.0 ? 0 : base - 1;
 #endif
-        // What the bars leak, of every cell, or each aperture with the cells that it lets light
-        // through.
+        // What the bars leak, of every cell, or each layer of each aperture with the cells that it
+        // lets light through.
         int n = at_all_steps ? -1 : 0;
         Place place = Place(from, 0u);
+        uint layer_index = 0u;
         do {
             uint i = n < 0 ? 0u : strip.count;
             float beyond = 1e30;
-            float centre = 0.0, slope = 0.0, widest = 0.0;
+            float centre = 0.0;
+            Aperture aperture = Aperture(0.0, 0.0);
+            Layer layer = Layer(leak, 0.0, 0.0, 0.0);
             if (n >= 0 && n < apertures) {
-                Aperture aperture = aperture_of(mask, place);
-                centre = float(place.period) * mask.period + offset
-                    + 0.5 * (aperture.low + aperture.high);
-                slope = column.slope + centre / light.cell_plane;
-                place = next_place(mask, place);
+                layer = layer_of(bars, layer_index);
+                aperture = aperture_of(mask, place);
+                centre = float(place.period) * mask.period + offset;
+                layer_index++;
+                if (layer_index == bars.layers) {
+                    place = next_place(mask, place);
+                    layer_index = 0u;
+                }
                 // Of the cells of averaged masks it is narrower.
-                widest = effective_width(mask, aperture.high - aperture.low, slope, sec, leak);
-                i = cell_beyond(strip, centre - 0.5 * widest - reach);
-                beyond = centre + 0.5 * widest + reach;
+                Edges widest = edges_of(mask, bars, layer, aperture, centre, column.slope,
+                                        light.cell_plane, source_spot(light), 0.0);
+                i = cell_beyond(strip, widest.low - reach);
+                beyond = widest.high + reach;
             }
             // A cell and a pixel at a time: where a driver runs every branch, invocations would
             // wait for the one whose cell reaches most pixels.
@@ -344,25 +238,25 @@ void main() {
                     i = is_last ? strip.count : next;
                     float from_x = cell.x_low;
                     float to_x = cell.x_high;
-                    float low = from_x, high = to_x;
+                    Edges edges = Edges(from_x, to_x, 0.0, 0.0);
                     bool cut = false;
                     if (n >= 0) {
-                        float width = shaded_width(mask, widest, slope, cell.sample_shade);
-                        low = centre - 0.5 * width;
-                        high = centre + 0.5 * width;
-                        cut = !sharp && (low + reach > from_x || high - reach < to_x);
+                        edges = edges_of(mask, bars, layer, aperture, centre, column.slope,
+                                         light.cell_plane, source_spot(light), cell.sample_shade);
+                        cut = !sharp && (edges.low + reach > from_x || edges.high - reach < to_x);
                         if (sharp) {
-                            from_x = max(from_x, low);
-                            to_x = min(to_x, high);
+                            from_x = max(from_x, edges.low);
+                            to_x = min(to_x, edges.high);
                         }
                     }
-                    bool passes = high > low && high + reach > cell.x_low && low - reach < cell.x_high
-                        && to_x > from_x;
-                    float share = !passes ? 0.0 : (n < 0 ? leak : 1.0 - leak);
-                    piece = piece_of(light, strip, cell, from_x, to_x, share, soft);
+                    bool passes = edges.high > edges.low && edges.high + reach > cell.x_low
+                        && edges.low - reach < cell.x_high && to_x > from_x;
+                    float share = passes ? layer.share : 0.0;
+                    vec2 softness = vec2(layer.variance, soft.y);
+                    piece = piece_of(light, strip, cell, from_x, to_x, share, softness);
                     if (cut) {
-                        cut_by(piece, from_x, to_x, low, high, light.shift);
-                        piece.sample_lean = mask.thickness * abs(slope) * cell.sample_lean / (to_x - from_x);
+                        cut_by(piece, from_x, to_x, edges, light.shift);
+                        piece.sample_lean = mask.thickness * bars.slope * cell.sample_lean / (to_x - from_x);
                     }
                     float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
                     float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
@@ -373,12 +267,12 @@ void main() {
                     home = int(floor(middle_landing / light.pixel + 0.5));
                     if (barred && leak_behind < FAINT) {
                         // Only pixels with an aperture in reach, and that of faint light.
-                        ivec2 reached = periods_in_reach(behind, column, piece);
+                        ivec2 reached = periods_in_reach(behind, bars_behind, column, piece);
                         float to_edges = column.pixel_offset - piece.pixel_shift - column.aperture_offset;
                         first_landing = max(first_landing,
-                                            float(reached.x) * behind.period + behind.first + to_edges);
+                                            float(reached.x) * behind.period - bars_behind.reach + to_edges);
                         last_landing = min(last_landing,
-                                           float(reached.y) * behind.period + behind.last + to_edges);
+                                           float(reached.y) * behind.period + bars_behind.reach + to_edges);
                     }
                     q = int(floor(first_landing / light.pixel + 0.5));
                     last = int(floor(last_landing / light.pixel + 0.5));
@@ -391,8 +285,8 @@ void main() {
                 }
                 if (q <= last) {
                     float edge = (float(q) - 0.5) * light.pixel - column.pixel_offset + piece.pixel_shift;
-                    float value = piece.amount * response(light, column, sec, leak_behind, piece,
-                                                          edge, edge + light.pixel, q == home);
+                    float value = piece.amount * response(light, column, bars_behind, piece, edge,
+                                                          edge + light.pixel, q == home);
                     if (!(value > 0.0)) value = 0.0;
 #ifdef FAR
                     spread_over_rows(light, strip, cell, column.pixel + q, mask_step, value);

@@ -26,6 +26,7 @@ layout(push_constant, scalar) uniform RandomLightPush {
 
 #include "random/draw.glsl"
 #include "light/sum.glsl"
+#include "physics/gauss.glsl"
 #include "light/mask.glsl"
 
 // Share of [low, high] that lies in apertures; `shift`: of the lattice.

@@ -50,6 +50,8 @@ pub(super) struct MaskShape {
     /// Sorted open intervals about the centre of the period, m in the plane of evaluation.
     apertures: Vec<Aperture>,
     period: f64,
+    /// Width of the bars.
+    bar: f64,
     pub(super) thickness: f64,
     attenuation: f64,
     transmission: f64,
@@ -66,6 +68,7 @@ impl MaskShape {
     ) -> Result<Self> {
         let scale = plane / mask.distance;
         let half = mask.aperture * scale / 2.0;
+        let bar = (mask.period - mask.aperture) * scale;
         let (thickness, attenuation, transmission) = match &mask.body {
             MaskBody::Bars { material, thickness } => {
                 let key = format!("{name}.material");
@@ -75,9 +78,13 @@ impl MaskShape {
             }
             MaskBody::Sheet { transmission } => (0.0, 0.0, *transmission),
         };
+        // Without bars there is nothing for any material to do.
+        let (thickness, attenuation, transmission) =
+            if bar > 0.0 { (thickness, attenuation, transmission) } else { (0.0, 0.0, 1.0) };
         Ok(Self {
             apertures: vec![Aperture { low: -half as f32, high: half as f32 }],
             period: mask.period * scale,
+            bar,
             thickness: thickness * scale,
             attenuation,
             // Bars of a material that does not absorb are no mask at all.
@@ -85,7 +92,7 @@ impl MaskShape {
         })
     }
 
-    /// Transmission of the bars, as `bar_transmission` in light/mask.glsl.
+    /// Transmission of bars wider than their shadow, as `thick_bars` in light/mask.glsl.
     pub(super) fn leak(&self, secant: f64) -> f64 {
         if self.attenuation > 0.0 {
             libm::exp(-self.attenuation * secant)
@@ -94,7 +101,7 @@ impl MaskShape {
         }
     }
 
-    /// Share of the shadow width that narrows apertures, as `effective_width` there, where bars
+    /// Share of the shadow width that narrows apertures, as `edge_mean` there tells, where bars
     /// leak so much.
     pub(super) fn shade(&self, secant: f64, leak: f64) -> f64 {
         let a = self.attenuation * secant;
@@ -124,9 +131,9 @@ impl MaskShape {
         of(self) == of(other)
     }
 
-    /// Width of the narrowest aperture, m in the plane of evaluation.
+    /// Width of the narrowest aperture or bar, m in the plane of evaluation.
     pub(super) fn narrowest(&self) -> f64 {
-        self.apertures.iter().map(|a| f64::from(a.high - a.low)).fold(f64::INFINITY, f64::min)
+        self.apertures.iter().map(|a| f64::from(a.high - a.low)).fold(self.bar, f64::min)
     }
 }
 

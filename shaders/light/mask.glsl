@@ -1,13 +1,8 @@
-// Masks: transmission of the bars, and the hard-edged aperture that passes as much light as a
-// thick one does (docs/physics.md, "Thick bars").
+// Masks: what their bars and apertures let through, as a base and a sum of hard-edged apertures
+// with a blur (docs/physics.md, "Thick bars and off-axis shadow").
 
 float secant(float slope_x, float slope_z) {
     return sqrt(1.0 + slope_x * slope_x + slope_z * slope_z);
-}
-
-float bar_transmission(Mask mask, float sec) {
-    if (mask.averaged != 0u) return 0.0;
-    return mask.attenuation > 0.0 ? exp(-mask.attenuation * sec) : mask.transmission;
 }
 
 // An aperture of some period.
@@ -37,36 +32,193 @@ float open_part(Mask mask) {
     return open / mask.period;
 }
 
-// Width of the hard-edged aperture; `leak` is the transmission of the bars. For averaged masks that
-// of an aperture without bars, which cells narrow by what they tell (`shaded_width`).
-float effective_width(Mask mask, float width, float slope, float sec, float leak) {
-    float shadow = mask.thickness * abs(slope);
-    if (mask.averaged != 0u) return width;
-    float a = mask.attenuation * sec;
-    if (shadow <= 0.0 || a <= 0.0 || 1.0 - leak < 1e-5) return width;
-    if (shadow <= width) {
-        float mean = a < 1e-3 ? 1.0 - 0.5 * a : (1.0 - leak) / a;
-        return width - shadow * (1.0 - 2.0 * (mean - leak) / (1.0 - leak));
+// A mask under the angle of a beamlet. Its transmission is `leak`, plus `open` between the edges
+// of apertures. These edges are soft: their place, counted outwards in units of `decay` from
+// `inset` inside the edge of the aperture, has the density e^-z on [0, depth]. It is cut into
+// layers, each of which is an aperture with hard edges and a Gaussian blur.
+struct Bars {
+    float leak;      // least transmission
+    float open;      // greatest less least transmission
+    float slope;     // |dx/dy| of the beamlet
+    float inset;     // m
+    float middle;    // the same of the mean place of a soft edge, m
+    float decay;     // m
+    float depth;     // in units of `decay`
+    float narrowing; // of an aperture, m per unit of |dx/dy| at each edge
+    float stretch;   // of the depth of soft edges, share of it per unit of |dx/dy|
+    float variance;  // of a soft edge, m2
+    float reach;     // of the widest layer from the middle of the period, m
+    float lattice_shift; // half a period where light is brightest behind bars, m
+    uint layers;
+};
+
+// A layer of the soft edges: its share of `open`, and where its hard edges stand.
+struct Layer {
+    float share;
+    float inset;     // from the edges of the aperture, m
+    float narrowing; // as that of bars
+    float variance;  // m2
+};
+
+// At most so many layers,
+const uint MOST_LAYERS = 12u;
+// and only as many as leave this error, as a share of the open beam.
+const float LAYER_ERROR = 1e-6;
+
+// Mean of z with the density e^-z on [0, depth].
+float edge_mean(float depth) {
+    if (depth < 0.3) return depth * (0.5 - depth * (1.0 / 12.0 - depth * depth / 720.0));
+    float e = exp(-depth);
+    return 1.0 - depth * e / (1.0 - e);
+}
+
+// Its variance.
+float edge_variance(float depth) {
+    float square = depth * depth;
+    // The difference below would lose its digits.
+    if (depth < 1.0) return square * (1.0 / 12.0 - square * (1.0 / 240.0 - square / 6048.0));
+    float e = exp(-depth);
+    return max(1.0 - square * e / ((1.0 - e) * (1.0 - e)), 0.0);
+}
+
+// Layers that the soft edges of a mask need behind light of this blur (m, standard deviation): one
+// errs by the skewness of an edge that is much deeper than its decay, and by its kurtosis, which
+// falls faster with the blur and with the number of layers.
+uint layers_of(Bars bars, float period, float blur) {
+    float variance = max(bars.variance, 1e-24);
+    float most = bars.open * sqrt(variance) / (period * LAYER_ERROR);
+    float skew = 0.1 * min(bars.depth / 9.0, 1.0);
+    uint n = 1u;
+    do {
+        float count = float(n);
+        float blurred = blur * blur * count;
+        float flatness = variance / (variance + blurred * count);
+        float error = skew * variance / (variance + blurred) + 0.035 * flatness * flatness;
+        if (most * error <= count * count) break;
+        n++;
+    } while (n < MOST_LAYERS);
+    return n;
+}
+
+// Bars of a material under the angle `slope`. With a window as wide as the shadow about the place
+// of a ray, the way in bars is the share of the window that bars cover; whole periods of it
+// cover the same everywhere. What is left of it begins to meet a bar, or to lose an aperture, at
+// `start` from the middle of the period, and the way grows linearly from there to where it has
+// met all of the bar, or covers no more of it.
+Bars thick_bars(Mask mask, float slope, float sec) {
+    float attenuation = mask.attenuation * sec;
+    float aperture = mask.last - mask.first;
+    float bar = max(mask.period - aperture, 0.0);
+    float shadow = max(mask.thickness * slope, 1e-9 * mask.period);
+    float periods = floor(shadow / mask.period);
+    float rest = shadow - periods * mask.period;
+    bool beyond_aperture = rest > aperture;
+    bool beyond_bar = rest > bar;
+    float covered = beyond_aperture ? rest - aperture : 0.0;
+    float rise = min(min(rest, bar), min(aperture, mask.period - rest));
+    float start = 0.5 * abs(aperture - rest);
+    float least = exp(-attenuation * min((periods * bar + covered) / shadow, 1.0));
+    float depth = attenuation * rise / shadow;
+    float deep = exp(-depth);
+    Bars bars;
+    bars.slope = slope;
+    bars.leak = least * deep;
+    bars.open = least - bars.leak;
+    bars.inset = beyond_aperture ? aperture - 0.5 * rest : 0.5 * rest;
+    bars.decay = shadow / attenuation;
+    bars.depth = depth;
+    bars.middle = bars.inset - bars.decay * edge_mean(depth);
+    bars.lattice_shift = (int(periods) & 1) == 0 ? 0.0 : 0.5 * mask.period;
+    // Half a period passes `passed`, which changes with the shadow.
+    float per = 1.0 / shadow;
+    float d_least = -attenuation * least * per * per
+        * (beyond_aperture ? (periods + 1.0) * aperture : -periods * bar);
+    float d_leak = -attenuation * bars.leak * per * per
+        * (beyond_bar ? -(periods + 1.0) * bar : periods * aperture);
+    float d_start = beyond_aperture ? 0.5 : -0.5;
+    float d_end = beyond_bar ? -0.5 : 0.5;
+    float passed = d_least * start + least * d_start - bars.leak * d_end
+        + (d_least - d_leak) * bars.decay + bars.open / attenuation
+        + d_leak * (0.5 * mask.period - start - rise);
+    bars.narrowing = bars.open > 1e-7 ? -passed * mask.thickness / bars.open : 0.0;
+    float spread = edge_variance(depth);
+    bars.variance = bars.decay * bars.decay * spread;
+    // Soft edges grow with the shadow. Where bar or aperture bound them, `depth` falls instead, and
+    // with it their deviation in units of `decay`.
+    bars.stretch = 1.0 / slope;
+    if (beyond_bar || beyond_aperture) {
+        float more = 0.02;
+        float rise_of_variance = edge_variance((1.0 + more) * depth) / spread - 1.0;
+        bars.stretch *= 1.0 - 0.5 * rise_of_variance / more;
     }
-    // The two shadows overlap: no ray passes free.
-    float least = exp(-a * (1.0 - width / shadow));
-    float open = 2.0 * (shadow * (least - leak) / a - width * leak)
-        + (shadow - width) * (least - leak);
-    return open / (1.0 - leak);
+    bars.reach = max(mask.last, start + rise);
+    bars.layers = 1u;
+    return bars;
 }
 
-// The same for a cell, from the width that all cells share.
-float shaded_width(Mask mask, float width, float slope, float shade) {
-    return mask.averaged != 0u ? width - mask.thickness * abs(slope) * shade : width;
+// A mask under an angle, before light of a blur (m in the plane of evaluation).
+Bars bars_of(Mask mask, float slope_x, float sec, float blur) {
+    float slope = abs(slope_x);
+    if (mask.present != 0u && mask.averaged == 0u && mask.attenuation > 0.0) {
+        Bars bars = thick_bars(mask, slope, sec);
+        bars.layers = layers_of(bars, mask.period, blur);
+        return bars;
+    }
+    float shadow = mask.thickness * slope;
+    float leak = mask.present == 0u ? 1.0 : (mask.averaged != 0u ? 0.0 : mask.transmission);
+    float variance = mask.averaged != 0u ? shadow * shadow * mask.softness : 0.0;
+    return Bars(leak, 1.0 - leak, slope, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, variance, mask.last, 0.0, 1u);
 }
 
-// Variance of an edge that shadows soften, m2, beyond the hard edge above.
-float edge_variance(Mask mask, float slope, float sec, float leak) {
-    float shadow = mask.thickness * abs(slope);
-    float a = mask.attenuation * sec;
-    if (mask.present != 0u && mask.averaged != 0u) return shadow * shadow * mask.softness;
-    if (mask.present == 0u || shadow <= 0.0 || a <= 0.0) return 0.0;
-    if (a < 0.1) return shadow * shadow / 12.0; // the difference below would lose its digits
-    float opaque = 1.0 - leak;
-    return max(shadow * shadow * (1.0 / (a * a) - leak / (opaque * opaque)), 0.0);
+// Layers are cut at equal steps of the third root of the density.
+Layer layer_of(Bars bars, uint index) {
+    if (bars.layers == 1u) return Layer(bars.open, bars.middle, bars.narrowing, bars.variance);
+    float fall = (1.0 - exp(-bars.depth / 3.0)) / float(bars.layers);
+    bool last = index + 1u == bars.layers;
+    float from = -3.0 * log(1.0 - fall * float(index));
+    float to = last ? bars.depth : -3.0 * log(1.0 - fall * float(index + 1u));
+    float depth = to - from;
+    float share = exp(-from) * (1.0 - exp(-depth)) / (1.0 - exp(-bars.depth));
+    float inset = bars.inset - bars.decay * (from + edge_mean(depth));
+    return Layer(bars.open * share, inset, bars.narrowing + (inset - bars.middle) * bars.stretch,
+                 bars.decay * bars.decay * edge_variance(depth));
+}
+
+// Hard edges of an aperture. Per standard deviation of the source offset the low one moves by
+// -low_turn and the high one by high_turn, since it is seen under another angle.
+struct Edges {
+    float low;
+    float high;
+    float low_turn;
+    float high_turn;
+};
+
+// Means of |slope| and of its sign, where it is spread normally.
+vec2 mean_size(float slope, float spread) {
+    float size = abs(slope);
+    float way = slope < 0.0 ? -1.0 : 1.0;
+    if (!(size < 6.0 * spread)) return vec2(size, way);
+    float density, below;
+    normal(size / spread, density, below);
+    float sure = 2.0 * below - 1.0;
+    return vec2(sure * size + 2.0 * spread * density, way * sure);
+}
+
+// Edges of an aperture whose middle stands at `centre`, each seen under its own angle, which is
+// `slope` at the place 0; `plane`: distance from the source, whose width is `spot` (standard
+// deviation). `shade`: share of the shadow that narrows the apertures of averaged masks, as cells
+// tell.
+Edges edges_of(Mask mask, Bars bars, Layer layer, Aperture aperture, float centre, float slope,
+               float plane, float spot, float shade) {
+    float low = centre + aperture.low;
+    float high = centre + aperture.high;
+    bool averaged = mask.averaged != 0u;
+    float per = averaged ? 0.5 * mask.thickness * shade : layer.narrowing;
+    float from = averaged ? 0.0 : bars.slope;
+    float spread = spot / plane;
+    vec2 at_low = mean_size(slope + low / plane, spread);
+    vec2 at_high = mean_size(slope + high / plane, spread);
+    return Edges(low + layer.inset + per * (at_low.x - from),
+                 high - layer.inset - per * (at_high.x - from),
+                 per * spread * at_low.y, per * spread * at_high.y);
 }

@@ -19,11 +19,12 @@ struct Piece {
     float detector_shade;
     float sample_lean; // over the half width of the piece in the cell plane
     float detector_lean;
-    // The aperture of the sample mask lets t through between low - steep * xi and
-    // high - steep * xi.
+    // The aperture of the sample mask lets t through between low - steep_low * xi and
+    // high - steep_high * xi.
     float low;
     float high;
-    float steep;
+    float steep_low;
+    float steep_high;
 };
 
 // An edge on the analyser, and the blur of light there.
@@ -58,7 +59,7 @@ float below_between(float a, float b, float p, float q, float lean) {
 
 // Where two lines meet, cut to [-1, 1].
 float meeting(float apart, float slope) {
-    return clamp(apart / slope, -1.0, 1.0);
+    return clamp(apart / (abs(slope) < 1e-12 ? 1e-12 : slope), -1.0, 1.0);
 }
 
 // By how much the share between two edges changes with energies that an edge of the aperture at xi
@@ -81,28 +82,25 @@ float window(Piece piece, Edge low, Edge high) {
     float least = max(2e-6 * abs(piece.half_width), 1e-12);
     float low_blur = max(low.blur, least);
     float high_blur = max(high.blur, least);
-    if ((piece.steep * low_blur + piece.half_width > 0.0)
-        != (piece.steep * high_blur + piece.half_width > 0.0)) {
+    float steep_low = piece.steep_low;
+    float steep_high = piece.steep_high;
+    if ((steep_low * low_blur + piece.half_width > 0.0)
+        != (steep_low * high_blur + piece.half_width > 0.0)) {
         low_blur = high_blur = 0.5 * (low_blur + high_blur);
     }
     float upper = (piece.middle - low.at) / low_blur;
     float lower = (piece.middle - high.at) / high_blur;
     float upper_slope = piece.half_width / low_blur;
     float lower_slope = piece.half_width / high_blur;
-    float d_upper = upper_slope + piece.steep;
-    float d_lower = lower_slope + piece.steep;
-    float turned = d_upper < 0.0 ? -0.5 : 0.5;
-    if (abs(d_upper) < 1e-12) d_upper = 1e-12;
-    if (abs(d_lower) < 1e-12) d_lower = 1e-12;
-    float high_lower = meeting(piece.high - lower, d_lower);
-    float high_upper = meeting(piece.high - upper, d_upper);
-    float low_lower = meeting(piece.low - lower, d_lower);
-    float low_upper = meeting(piece.low - upper, d_upper);
-    float steep = piece.steep;
+    float turned = upper_slope + steep_low < 0.0 ? -0.5 : 0.5;
+    float high_lower = meeting(piece.high - lower, lower_slope + steep_high);
+    float high_upper = meeting(piece.high - upper, upper_slope + steep_high);
+    float low_lower = meeting(piece.low - lower, lower_slope + steep_low);
+    float low_upper = meeting(piece.low - upper, upper_slope + steep_low);
     float lean = piece.lean;
     // Edges of the aperture that do not cut the piece stand at its ends.
-    bool cut_high = piece.high < steep + BEYOND;
-    bool cut_low = piece.low > -steep - BEYOND;
+    bool cut_high = piece.high < steep_high + BEYOND;
+    bool cut_low = piece.low > -steep_low - BEYOND;
     if (!cut_high) high_lower = high_upper = 2.0 * turned;
     if (!cut_low) low_lower = low_upper = -2.0 * turned;
     float share = below_between(upper + upper_slope * low_upper, upper + upper_slope * high_upper,
@@ -110,18 +108,18 @@ float window(Piece piece, Edge low, Edge high) {
         - below_between(lower + lower_slope * low_lower, lower + lower_slope * high_lower,
                         low_lower, high_lower, lean);
     if (cut_high) {
-        share += below_between(piece.high - steep * high_upper, piece.high - steep * high_lower,
-                               high_upper, high_lower, lean);
+        share += below_between(piece.high - steep_high * high_upper,
+                               piece.high - steep_high * high_lower, high_upper, high_lower, lean);
     }
     if (cut_low) {
-        share -= below_between(piece.low - steep * low_upper, piece.low - steep * low_lower,
+        share -= below_between(piece.low - steep_low * low_upper, piece.low - steep_low * low_lower,
                                low_upper, low_lower, lean);
     }
     share *= turned;
     if (piece.sample_lean != 0.0) {
         // Energies that an edge takes away more of are displaced more, there alone.
-        if (cut_high) share -= leaning(piece, piece.high / steep, low.at, low_blur, high.at, high_blur);
-        if (cut_low) share -= leaning(piece, piece.low / steep, low.at, low_blur, high.at, high_blur);
+        if (cut_high) share -= leaning(piece, piece.high / steep_high, low.at, low_blur, high.at, high_blur);
+        if (cut_low) share -= leaning(piece, piece.low / steep_low, low.at, low_blur, high.at, high_blur);
     }
     return max(share, 0.0);
 }

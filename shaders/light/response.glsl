@@ -1,0 +1,136 @@
+// Light of a piece of a cell on the analyser, and what of it passes the detector mask.
+
+const float NEGLIGIBLE = 1e-9; // leaks below this are left out
+const float FAINT = 1e-5;      // where in its pixel the light of leaks below this lands is left open
+
+// Width of the focal spot, m, standard deviation.
+float source_spot(Light light) {
+    return light.spot * light.rotation / (light.analyser - light.rotation);
+}
+
+// Periods of the detector mask with an aperture where light of a piece lands.
+ivec2 periods_in_reach(Mask mask, Bars bars, Column column, Piece piece) {
+    float reach = abs(piece.half_width) + 6.5 * piece.blur + bars.reach;
+    float middle = piece.middle + column.aperture_offset;
+    return ivec2(int(ceil((middle - reach) / mask.period)),
+                 int(floor((middle + reach) / mask.period)));
+}
+
+// Which of the piece, from xi to xi, the aperture of the sample mask leaves on average.
+vec2 between_edges(Piece piece) {
+    return vec2(max(piece.low / piece.steep_low, -1.0), min(piece.high / piece.steep_high, 1.0));
+}
+
+// Light of the piece that passes the detector mask and lands in the pixel [low, high], as a share of
+// the piece; `home`: the pixel that faint light of the piece is put into.
+float response(Light light, Column column, Bars bars, Piece piece, float low, float high, bool home) {
+    Edge pixel_low = Edge(low, piece.pixel_blur);
+    Edge pixel_high = Edge(high, piece.pixel_blur);
+    Mask mask = light.detector_mask;
+    bool masked = mask.present != 0u;
+    float leak = bars.leak;
+    // Only periods with an aperture in reach: where a driver runs every branch, each counts.
+    Place place = Place(0, 0u);
+    int apertures = 0;
+    if (masked && bars.open > 0.0) {
+        ivec2 reached = periods_in_reach(mask, bars, column, piece);
+        float from = low + column.aperture_offset - bars.reach;
+        float to = high + column.aperture_offset + bars.reach;
+        place.period = max(reached.x, int(ceil(from / mask.period)));
+        int last = min(reached.y, int(floor(to / mask.period)));
+        apertures = max(last - place.period + 1, 0) * int(mask.count * bars.layers);
+    }
+    float open = 0.0;
+    // First the whole pixel, behind the bars too; then each layer of each aperture. The window
+    // stands in the loop once: drivers inline it, and it is long.
+    float whole = 0.0;
+    uint index = 0u;
+    int n = leak >= FAINT ? -1 : 0;
+    do {
+        Edge lower = pixel_low;
+        Edge upper = pixel_high;
+        bool met = n < 0;
+        float part = 0.0;
+        if (n >= 0 && n < apertures) {
+            Layer layer = layer_of(bars, index);
+            float centre = float(place.period) * mask.period - column.aperture_offset;
+            Edges edges = edges_of(mask, bars, layer, aperture_of(mask, place), centre, column.slope,
+                                   light.analyser, source_spot(light), piece.detector_shade);
+            index++;
+            if (index == bars.layers) {
+                place = next_place(mask, place);
+                index = 0u;
+            }
+            met = edges.high > low && edges.low < high && edges.high > edges.low;
+            part = layer.share;
+            // Energies for which bars shade more may be displaced more: such light lands farther
+            // from one edge, and closer to the other. So does light of an offset of the source
+            // for which bars shade more.
+            float lean = mask.thickness * bars.slope * piece.detector_lean;
+            float variance = piece.blur * piece.blur + (layer.variance - bars.variance);
+            float above = variance + lean + 2.0 * light.spot * edges.high_turn;
+            float below = variance - lean - 2.0 * light.spot * edges.low_turn;
+            if (edges.high < high) upper = Edge(edges.high, sqrt(max(above, 0.0)));
+            if (edges.low > low) lower = Edge(edges.low, sqrt(max(below, 0.0)));
+        }
+        float share = window(piece, lower, upper);
+        if (n < 0) whole = share;
+        else if (met) open += part * share;
+        n++;
+    } while (n < apertures);
+    if (!masked) return whole;
+    if (leak < FAINT) {
+        // So little that it does not matter where about it lands.
+        vec2 passing = between_edges(piece);
+        whole = home ? 0.5 * max(passing.y - passing.x, 0.0) : 0.0;
+    }
+    return leak < NEGLIGIBLE ? open : leak * whole + open;
+}
+
+// The part [a, b] of a cell on the analyser. x is where the ray from the centre of the source
+// that meets the sample in the same place crosses the cell plane: what the sample does depends
+// on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
+// cell plane and of the detector mask on the analyser.
+Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float transmission, vec2 soft) {
+    float span = cell.x_high - cell.x_low;
+    float depth_slope = (cell.depth_high - cell.depth_low) / span;
+    float bend = (cell.displacement_high - cell.displacement_low) / span;
+    float middle = 0.5 * (a + b);
+    float width = b - a;
+    float from_low = middle - cell.x_low;
+    float growth = light.magnification + bend;
+    float lean = depth_slope * width;
+    Piece piece;
+    piece.amount = transmission * exp(-(cell.depth_low + depth_slope * from_low)) * width
+        * (1.0 + lean * lean / 24.0) * light.weight * (strip.bottom - strip.top);
+    piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low;
+    piece.half_width = 0.5 * growth * width;
+    // Soft edges of the aperture move light within the piece, not beyond it.
+    float shadow = min(growth * growth * soft.x, piece.half_width * piece.half_width / 3.0);
+    piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.spread);
+    piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.spread);
+    piece.pixel_shift = cell.pixel_shift;
+    piece.lean = 0.5 * lean;
+    piece.detector_shade = cell.detector_shade;
+    piece.sample_lean = 0.0;
+    piece.detector_lean = cell.detector_lean;
+    piece.steep_low = piece.steep_high = STEEP;
+    piece.low = -STEEP - BEYOND;
+    piece.high = STEEP + BEYOND;
+    return piece;
+}
+
+// Lets an aperture of the sample mask cut the piece [a, b]; `shift`: of its edges against the
+// piece per standard deviation of the source offset.
+void cut_by(inout Piece piece, float a, float b, Edges edges, float shift) {
+    float middle = 0.5 * (a + b);
+    float half_cell = 0.5 * (b - a);
+    float per_low = 1.0 / max(shift + edges.low_turn, half_cell / STEEP);
+    float per_high = 1.0 / max(shift - edges.high_turn, half_cell / STEEP);
+    piece.steep_low = half_cell * per_low;
+    piece.steep_high = half_cell * per_high;
+    float most_low = piece.steep_low + BEYOND;
+    float most_high = piece.steep_high + BEYOND;
+    piece.low = clamp((edges.low - middle) * per_low, -most_low, most_low);
+    piece.high = clamp((edges.high - middle) * per_high, -most_high, most_high);
+}
