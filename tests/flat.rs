@@ -15,12 +15,9 @@ use support::{Checked, GOLD, Worst, engine};
 /// holds 2e-10, the distribution function 1e-7 (Abramowitz and Stegun 7.1.26), f32 offsets of
 /// edges 4e-12 m, which is 1e-7 of a period: 4e-7 leaves room for a few such terms.
 const SAME_MASKS: f64 = 4e-7;
-/// What the flat stack has to reach against exact bars, in open beam. Point sources and bars far
-/// off axis need it: the third moment of the edges is left out of the engine's form.
-const FLAT: f64 = 1e-4;
-/// Thick bars behind the blur of the spot: the form is good to 1e-5 there, and the sum over 241
-/// source points of the reference to 6e-6.
-const BLURRED: f64 = 2e-5;
+/// Thick bars: the form is good to 1e-5, and the sum over 241 source points of the reference to
+/// 6e-6.
+const THICK: f64 = 2e-5;
 /// A bar of this attenuation (1/m) and 225 um lets 0.39 through, as gold does at 80 keV.
 const LEAKING: f64 = 4_185.0;
 
@@ -95,7 +92,7 @@ fn flat_curve_of_the_paper_peaks_at_0_16612() {
 
 #[test]
 fn thick_bars_are_the_boxes_that_they_are() {
-    let mut worst = Worst::new("flat, thick bars on and off axis", BLURRED);
+    let mut worst = Worst::new("flat, thick bars on and off axis", THICK);
     for mu in [GOLD, LEAKING] {
         let setup = Setup::paper([128, 1]).with_bars(Bars::Boxes { mu, thickness: 225e-6 });
         compare_with_boxes(&mut worst, &setup, &[0, 20, 63, 127], &steps(40e-6, 17));
@@ -128,14 +125,14 @@ fn rows_see_the_bars_under_their_own_angle() {
 #[test]
 fn thick_bars_are_boxes_at_the_rim_of_a_wide_detector() {
     // 0.043 rad: the bars' shadows take half of the apertures.
-    let mut worst = Worst::new("flat, thick bars at 43 mrad", FLAT);
+    let mut worst = Worst::new("flat, thick bars at 43 mrad", THICK);
     let setup = Setup::paper([1024, 1]);
     compare_with_boxes(&mut worst, &setup, &[0, 200, 1023], &steps(40e-6, 17));
 }
 
 #[test]
 fn thick_bars_before_a_point_source_are_boxes() {
-    let mut worst = Worst::new("flat, thick bars, point source", FLAT);
+    let mut worst = Worst::new("flat, thick bars, point source", THICK);
     for mu in [GOLD, LEAKING] {
         let mut setup = Setup::paper([128, 1]).with_bars(Bars::Boxes { mu, thickness: 225e-6 });
         setup.spot = [0.0; 2];
@@ -145,7 +142,7 @@ fn thick_bars_before_a_point_source_are_boxes() {
 
 #[test]
 fn sample_mask_alone_passes_its_share_and_spreads_it() {
-    let mut worst = Worst::new("flat, sample mask alone", BLURRED);
+    let mut worst = Worst::new("flat, sample mask alone", THICK);
     for bars in [
         Bars::Sheet { transmission: 0.0 },
         Bars::Boxes { mu: GOLD, thickness: 225e-6 },
@@ -190,7 +187,7 @@ fn detector_mask_alone_passes_its_share() {
 #[test]
 fn detector_mask_before_the_detector_casts_its_shadow_there() {
     // Light of two apertures may reach one pixel, and one aperture two pixels.
-    let mut worst = Worst::new("flat, detector mask 50 mm before the detector", BLURRED);
+    let mut worst = Worst::new("flat, detector mask 50 mm before the detector", THICK);
     let bars = Bars::Boxes { mu: GOLD, thickness: 225e-6 };
     let mut setup = Setup::paper([64, 1]);
     setup.detector_mask = Some(setup.mask(1.75, 30e-6, bars));
@@ -200,7 +197,7 @@ fn detector_mask_before_the_detector_casts_its_shadow_there() {
 #[test]
 fn masks_of_other_periods_and_offsets_are_where_they_are() {
     // The sample mask serves every second column and stands 13 um aside.
-    let mut worst = Worst::new("flat, skipped columns and an offset", BLURRED);
+    let mut worst = Worst::new("flat, skipped columns and an offset", THICK);
     let mut setup = Setup::paper([32, 1]);
     if let Some(mask) = &mut setup.sample_mask {
         // Aperture 0 of the lattice of 32 stands half a period from the axis.
