@@ -59,7 +59,7 @@ impl Watch {
                 &device,
                 &scene,
                 &sample,
-                &beamlet::geometry::across_edges(&sample),
+                &geometry::across_edges(&sample),
                 &media,
                 query,
                 1.0,

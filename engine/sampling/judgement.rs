@@ -37,7 +37,7 @@ pub(super) struct Judged {
     /// Places of their shares in `shares`.
     seen: Vec<Option<[u32; 2]>>,
     /// Mask steps that see a rectangle, each with the share of it that is open.
-    shares: Vec<(usize, f32)>,
+    shares: Vec<(u32, f32)>,
 }
 
 impl Judged {
@@ -49,7 +49,7 @@ impl Judged {
     }
 
     /// The error of a leaf, and its shares.
-    fn of(&self, node: u32) -> Option<(&CellError, &[(usize, f32)])> {
+    fn of(&self, node: u32) -> Option<(&CellError, &[(u32, f32)])> {
         let [first, end] = self.seen[node as usize]?;
         Some((self.errors[node as usize].as_ref()?, &self.shares[first as usize..end as usize]))
     }
@@ -129,7 +129,7 @@ impl Estimator<'_> {
             silhouette |= error.silhouette;
             count += 1;
             for (step, share) in shares {
-                steps[*step].add(&StepError::of(error, known, *share));
+                steps[*step as usize].add(&StepError::of(error, known, *share));
             }
         }
         let worst = steps.iter().map(|step| step.light).fold(0.0, f64::max).sqrt();
@@ -137,8 +137,8 @@ impl Estimator<'_> {
         let light = (SAFETY * self.budget.light).powi(2);
         let bounded = self.budget.displacement.is_finite() && !silhouette;
         // In shares of the budget of a step; nothing of one that holds it.
-        let excess = |step: usize, error: &StepError| {
-            let all = &steps[step];
+        let excess = |step: u32, error: &StepError| {
+            let all = &steps[step as usize];
             let moment = (SAFETY * self.budget.displacement * all.through).powi(2);
             let of_light = if all.light > light { error.light / light } else { 0.0 };
             if bounded && all.moment > moment {
@@ -147,8 +147,7 @@ impl Estimator<'_> {
                 of_light
             }
         };
-        let mut left: Vec<f64> =
-            steps.iter().enumerate().map(|(step, all)| excess(step, all)).collect();
+        let mut left: Vec<f64> = (0..).zip(&steps).map(|(step, all)| excess(step, all)).collect();
         let exceeded = left.iter().any(|excess| *excess > 1.0);
         if !exceeded && narrow.is_empty() {
             return result;
@@ -165,7 +164,7 @@ impl Estimator<'_> {
                 continue;
             }
             let of =
-                |(step, share): &(usize, f32)| excess(*step, &StepError::of(error, known, *share));
+                |(step, share): &(u32, f32)| excess(*step, &StepError::of(error, known, *share));
             let score = shares.iter().map(of).fold(0.0, f64::max);
             if score > 0.0 {
                 scored.push((score, error, known, shares));
@@ -178,7 +177,7 @@ impl Estimator<'_> {
             }
             for (step, share) in shares {
                 let own = excess(*step, &StepError::of(error, known, *share));
-                left[*step] -= (1.0 - LEFT) * own;
+                left[*step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
             let possible = |axis: &Axis| patch.can_split(error.node, *axis, self.least);
@@ -218,7 +217,7 @@ impl Estimator<'_> {
 }
 
 /// Appends the share of a rectangle that each opening shows, of those that show any.
-fn shares(patch: &Patch, leaf: u32, openings: &[Opening], out: &mut Vec<(usize, f32)>) {
+fn shares(patch: &Patch, leaf: u32, openings: &[Opening], out: &mut Vec<(u32, f32)>) {
     let node = &patch.nodes[leaf as usize];
     let width = node.width();
     let middle = patch.shear * (node.centre()[1] - 0.5);

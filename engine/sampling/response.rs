@@ -10,6 +10,8 @@ use crate::scene::Scene;
 const POINTS_PER_PERIOD: usize = 512;
 /// Half width of the table, periods.
 const REACH: usize = 2;
+/// Mask steps closer to one another than this share of an aperture see the same.
+const STEPS_APART: f64 = 1.0 / 16.0;
 /// An opening is seen this many standard deviations beyond its edges.
 const SOFT_EDGE: f64 = 2.0;
 
@@ -46,7 +48,7 @@ pub struct Response {
 /// An interval of x of a beamlet that a mask step opens.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Opening {
-    pub(super) step: usize,
+    pub(super) step: u32,
     pub(super) x: [f32; 2],
 }
 
@@ -87,7 +89,8 @@ impl Response {
                 let scale = lattice.plane / mask.distance;
                 let half = 0.5 * mask.aperture * scale + soft;
                 let opening = |f: &f64| [(f - half) as f32, (f + half) as f32];
-                (scene.scan.mask_offsets.iter().map(opening).collect(), mask.period * scale)
+                let offsets = told_apart(&scene.scan.mask_offsets, STEPS_APART * mask.aperture);
+                (offsets.iter().map(opening).collect(), mask.period * scale)
             }
             Some(mask) => {
                 // Steps that cover the period once.
@@ -151,7 +154,7 @@ impl Response {
             return vec![Opening { step: 0, x: [-half, half] }];
         }
         let mut all = Vec::new();
-        for (step, [low, high]) in self.openings.iter().enumerate() {
+        for (step, [low, high]) in (0_u32..).zip(&self.openings) {
             let [low, high] = [low, high].map(|x| x - self.mask_offset[column]);
             let mut k = ((-half - high) / self.mask_period).ceil();
             while low + k * self.mask_period < half {
@@ -217,6 +220,20 @@ impl Response {
         }
         most
     }
+}
+
+/// Those of some offsets of the sample mask, m, that stand farther apart than `least`: what is
+/// right at two steps is right at those between.
+fn told_apart(offsets: &[f64], least: f64) -> Vec<f64> {
+    let mut sorted = offsets.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let mut kept: Vec<f64> = Vec::new();
+    for offset in sorted {
+        if kept.last().is_none_or(|last| offset - last > least) {
+            kept.push(offset);
+        }
+    }
+    kept
 }
 
 /// Integral of a box of this width blurred by a Gaussian, at the points of the table.
