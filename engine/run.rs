@@ -92,10 +92,24 @@ pub struct Tally {
     pub defective_objects: u64,
     /// Detector numbers that the bit depth clipped at its upper end.
     pub saturated: u64,
+    /// Patches (beamlet and detector row) that the sample touches.
+    pub patches: u64,
+    /// Their rays.
+    pub patch_rays: u64,
+    /// Rays of the patch that has the most.
+    pub most_patch_rays: u64,
+    /// Sum of the squares of the estimated errors of sampling, in 1e-18 of open beam squared; of
+    /// each patch that of the mask step where it is largest.
+    pub error_squares: u64,
+    /// Largest of these errors, in 1e-9 of open beam.
+    pub worst_error: u64,
+    /// Patches whose estimated error exceeds the tolerance.
+    pub beyond_tolerance: u64,
 }
 
 impl Tally {
-    /// Every count of the two put together by `f`, but for the objects, which are the same.
+    /// Every count of the two put together by `f`, but for the objects, which are the same, and
+    /// what is the largest of all.
     fn with(self, other: Self, f: impl Fn(u64, u64) -> u64) -> Self {
         Self {
             rays: f(self.rays, other.rays),
@@ -109,13 +123,35 @@ impl Tally {
             not_finite: f(self.not_finite, other.not_finite),
             landed_off: f(self.landed_off, other.landed_off),
             saturated: f(self.saturated, other.saturated),
+            patches: f(self.patches, other.patches),
+            patch_rays: f(self.patch_rays, other.patch_rays),
+            error_squares: f(self.error_squares, other.error_squares),
+            beyond_tolerance: f(self.beyond_tolerance, other.beyond_tolerance),
+            most_patch_rays: self.most_patch_rays.max(other.most_patch_rays),
+            worst_error: self.worst_error.max(other.worst_error),
             defective_objects: self.defective_objects.max(other.defective_objects),
         }
     }
 
-    /// What was counted since `earlier`.
+    /// How finely the sample was sampled, where `tolerance` was allowed, share of open beam.
+    pub(crate) fn sampling(&self, tolerance: f64) -> Option<SamplingSummary> {
+        #[allow(clippy::cast_precision_loss, reason = "means of many")]
+        let float = |count: u64| count as f64;
+        (self.patches > 0).then(|| SamplingSummary {
+            patches: self.patches,
+            mean_rays: float(self.patch_rays) / float(self.patches),
+            most_rays: self.most_patch_rays,
+            rms_error: 1e-9 * (float(self.error_squares) / float(self.patches)).sqrt(),
+            worst_error: 1e-9 * float(self.worst_error),
+            tolerance,
+            beyond_tolerance: self.beyond_tolerance,
+        })
+    }
+
+    /// What was counted since `earlier`; the largest of all are its own.
     pub(crate) fn since(self, earlier: Self) -> Self {
-        self.with(earlier, u64::saturating_sub)
+        let Self { most_patch_rays, worst_error, .. } = self;
+        Self { most_patch_rays, worst_error, ..self.with(earlier, u64::saturating_sub) }
     }
 }
 
@@ -152,8 +188,7 @@ pub struct RunRecord {
     pub seed: u64,
     /// Counts.
     pub tally: Tally,
-    /// Rays and errors of the patches that the sample touches, of the views that this part of the
-    /// run sampled; `None` where cells were not sampled.
+    /// Rays and errors of the patches that the sample touches; `None` where none was sampled.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sampling: Option<SamplingSummary>,
     /// Seconds by stage.
@@ -169,7 +204,7 @@ pub struct SamplingSummary {
     /// Rays of a patch, mean.
     pub mean_rays: f64,
     /// Rays of the patch that has the most.
-    pub most_rays: u32,
+    pub most_rays: u64,
     /// Estimated error, root mean square over the patches, share of open beam.
     pub rms_error: f64,
     /// Largest estimated error, share of open beam.

@@ -410,12 +410,13 @@ impl<'e> Simulation<'e> {
         let mut work = Work::new(self, &views)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
-        let mut before = Tally::default();
+        let (mut before, mut counted) = (Tally::default(), control.counted);
         for view in views {
             work.view(view, sink, &mut control)?;
             let tally = work.tally()?;
-            sink.tally(view, &tally.since(before))?;
-            before = tally;
+            let own = tally.since(before);
+            sink.tally(view, &own)?;
+            (before, counted) = (tally, counted + own);
             if let (stack::View::Sample(index), Some(keep)) = (view, control.keep.as_mut()) {
                 keep.commit(index, self.moment_words())?;
             }
@@ -423,7 +424,7 @@ impl<'e> Simulation<'e> {
         }
         let defective =
             self.sample.objects.iter().filter(|object| object.defects.refused()).count();
-        let tally = Tally { defective_objects: defective as u64, ..before + control.counted };
+        let tally = Tally { defective_objects: defective as u64, ..counted };
         let record = RunRecord {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             device: self.start.device.clone(),
@@ -433,7 +434,7 @@ impl<'e> Simulation<'e> {
             calibration: self.start.calibration.clone(),
             seed: self.scene.sampling.seed,
             tally,
-            sampling: work.estimate.summary(self.budget.light),
+            sampling: tally.sampling(self.budget.light),
             seconds: [
                 ("prepare", self.prepared_in),
                 ("trace", work.seconds.trace),

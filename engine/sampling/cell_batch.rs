@@ -9,10 +9,10 @@
 )]
 
 use super::cell_moments::CellMoments;
-use super::error_budget::SamplingEstimate;
 use super::lattice::Lattice;
 use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::parallel;
+use crate::run::Tally;
 use bytemuck::Pod;
 use std::ops::Range;
 
@@ -34,8 +34,8 @@ pub struct Strips {
     pub landed_off: u64,
     /// Cells left out because a law is not finite.
     pub not_finite: u64,
-    /// Estimated errors of the patches that they are of.
-    pub estimate: SamplingEstimate,
+    /// Patches that they are of: rays and estimated errors.
+    pub tally: Tally,
 }
 
 impl Strips {
@@ -69,7 +69,7 @@ impl Strips {
             all.splits += part.splits;
             all.landed_off += part.landed_off;
             all.not_finite += part.not_finite;
-            all.estimate.join(&part.estimate);
+            all.tally = all.tally + part.tally;
         }
         all.strips = join(&mut parts, |part| &mut part.strips);
         all.cells = join(&mut parts, |part| &mut part.cells);

@@ -163,18 +163,18 @@ impl<'a> FacetMeans<'a> {
     fn covered(&self, sums: &Sums, [width, height]: [f64; 2]) -> Option<Covered> {
         let area = sums.area;
         let mut partial: Option<(u32, f64)> = None;
-        let (mut crossings, mut signature) = (sums.crossings, sums.signature);
+        let mut met = sums.whole;
         let (mut variance, mut variance_z, mut centroid) = (0.0, 0.0, [0.0; 2]);
-        let mut own = [0.0; 5];
+        let (mut own, mut sides) = ([0.0; 5], [0; 2]);
         for sheet in &sums.sheets[..sums.count] {
             let layers = sheet.area / area;
             let whole = (layers + WHOLE).floor();
             let step = &self.steps[sheet.component as usize];
             if layers - whole < WHOLE {
-                crossings += whole as u32;
-                signature = signature.wrapping_add(step.hash.wrapping_mul(whole as u32));
+                met.add(step.hash, sheet.front, whole as u32);
                 continue;
             }
+            sides[usize::from(sheet.front)] += 1;
             let other = partial.replace((sheet.component, layers));
             let matches = |(component, share): (u32, f64)| {
                 component == sheet.component && (share - layers).abs() < WHOLE
@@ -196,6 +196,9 @@ impl<'a> FacetMeans<'a> {
             }
         }
         let (component, share) = partial?;
+        if sides != [1, 1] || met.balance != 0 {
+            return None;
+        }
         if sums.first_order * self.weight * self.steepest > self.light {
             return None;
         }
@@ -212,8 +215,8 @@ impl<'a> FacetMeans<'a> {
         Some(Covered {
             share: share as f32,
             centroid,
-            law: law_of(numbers, signature.wrapping_add(both), flags, crossings + 2),
-            rest: law_of(rest, signature, flags, crossings),
+            law: law_of(numbers, met.signature.wrapping_add(both), flags, met.crossings + 2),
+            rest: law_of(rest, met.signature, flags, met.crossings),
             residual: variance.sqrt() as f32,
             residual_z: variance_z.sqrt() as f32,
         })
@@ -269,8 +272,7 @@ impl<'a> FacetMeans<'a> {
         }
         if area >= (1.0 - WHOLE) * sums.area {
             // Nothing changes over the rectangle, whatever other sheets of the component do.
-            sums.crossings += 1;
-            sums.signature = sums.signature.wrapping_add(step.hash);
+            sums.whole.add(step.hash, facet.front, 1);
             return Some(());
         }
         let sheet = sums.sheet(facet.component, facet.front)?;
@@ -298,7 +300,7 @@ impl<'a> FacetMeans<'a> {
         }
         let area = sums.area;
         let [x2, z2] = [width * width / 12.0, height * height / 12.0];
-        let (mut crossings, mut signature) = (sums.crossings, sums.signature);
+        let mut met = sums.whole;
         let (mut slope, mut slope_z, mut depth) = (0.0, 0.0, 0.0_f64);
         let (mut variance, mut variance_z) = (0.0, 0.0);
         for sheet in &sums.sheets[..sums.count] {
@@ -311,8 +313,7 @@ impl<'a> FacetMeans<'a> {
             }
             let count = layers as u32;
             let step = &self.steps[sheet.component as usize];
-            crossings += count;
-            signature = signature.wrapping_add(step.hash.wrapping_mul(count));
+            met.add(step.hash, sheet.front, count);
             // Least squares over the rectangle.
             let [by_x, by_z] = [sheet.by_x / area / x2, sheet.by_z / area / z2];
             let mean = sheet.moved / area;
@@ -332,7 +333,11 @@ impl<'a> FacetMeans<'a> {
             depth += (step.mu * bow / self.analyser).powi(2);
         }
         let error = sums.first_order / area;
-        let law = law_of(sums.law.map(|sum| sum / area), signature, sums.flags(), crossings);
+        if met.balance != 0 {
+            return None;
+        }
+        let numbers = sums.law.map(|sum| sum / area);
+        let law = law_of(numbers, met.signature, sums.flags(), met.crossings);
         let passed = (-f64::from(law.optical_depth)).exp();
         let light = area * self.weight * passed * error * self.steepest;
         if error > self.displacement && light > self.light {

@@ -28,7 +28,7 @@ mod sheets;
 pub use cell_batch::{Strips, empty_strips};
 pub(crate) use cell_batch::{blank_strips, empty_cell, empty_strip};
 pub use cell_moments::{CellMoments, ExactCell};
-pub use error_budget::{ErrorBudget, SamplingEstimate};
+pub use error_budget::ErrorBudget;
 pub use facet_lists::SampleFacets;
 pub use lattice::{Lattice, column, deviation};
 pub use moment_recording::Keep;

@@ -11,7 +11,7 @@ use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
 use super::cell_batch::{Strips, blank_strips, empty_cell};
 use super::cell_moments::CellMoments;
 use super::emission::Emitter;
-use super::error_budget::ErrorBudget;
+use super::error_budget::{ErrorBudget, tally_of};
 use super::facet_lists::SampleFacets;
 use super::judgement::Narrow;
 use super::lattice::Lattice;
@@ -117,7 +117,7 @@ pub fn sample_rows(
         }));
         for work in &work {
             strips.splits += u64::from(work.patch.splits);
-            strips.estimate.add(work.light, work.rays, view.budget.light);
+            strips.tally = strips.tally + tally_of(work.light, work.rays, view.budget.light);
         }
         strips.balance();
         take(tracer, &strips)?;

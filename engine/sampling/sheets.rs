@@ -36,6 +36,27 @@ pub(super) struct Sheet {
     pub(super) square_z: f64,
 }
 
+/// Surfaces that all rays of a rectangle cross.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Met {
+    pub(super) crossings: u32,
+    /// Sum of the hashes of their objects,
+    pub(super) signature: u32,
+    /// and those entered less those left: not zero where a mesh is open.
+    pub(super) balance: u32,
+}
+
+impl Met {
+    /// Adds a surface of the object with this hash that is crossed so many times.
+    pub(super) fn add(&mut self, hash: u32, front: bool, times: u32) {
+        let all = hash.wrapping_mul(times);
+        self.crossings += times;
+        self.signature = self.signature.wrapping_add(all);
+        self.balance =
+            if front { self.balance.wrapping_add(all) } else { self.balance.wrapping_sub(all) };
+    }
+}
+
 /// Integrals over a rectangle.
 pub(super) struct Sums {
     pub(super) centre: Corner,
@@ -46,9 +67,8 @@ pub(super) struct Sums {
     pub(super) depth_by_x: f64,
     /// The first order is enough, and sheets are few.
     pub(super) sound: bool,
-    /// Facets that fill it: their number, and the sum of their hashes.
-    pub(super) crossings: u32,
-    pub(super) signature: u32,
+    /// Facets that fill it.
+    pub(super) whole: Met,
     /// Of the numbers of the law.
     pub(super) law: [f64; 5],
     pub(super) sheets: [Sheet; MOST_SHEETS],
@@ -67,8 +87,7 @@ impl Sums {
             all: 0.0,
             depth_by_x: 0.0,
             sound: true,
-            crossings: 0,
-            signature: 0,
+            whole: Met::default(),
             law: [0.0; 5],
             sheets: [Sheet::default(); MOST_SHEETS],
             count: 0,

@@ -16,7 +16,7 @@ use crate::illuminate::{
     Cast, CellIlluminator, KnownBars, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
 };
 use crate::run::{Control, Progress, Tally};
-use crate::sampling::{self, SamplingEstimate, Shadow, Strips};
+use crate::sampling::{self, Shadow, Strips};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
 use crate::trace::Tracer;
@@ -50,7 +50,6 @@ pub(super) struct Work<'s> {
     band: u32,
     pixel_columns: Range<i64>,
     tally: Tally,
-    pub(super) estimate: SamplingEstimate,
     pub(super) seconds: Seconds,
     rows_done: u64,
     rows_total: u64,
@@ -97,7 +96,6 @@ impl<'s> Work<'s> {
             band,
             pixel_columns,
             tally: Tally::default(),
-            estimate: SamplingEstimate::default(),
             seconds: Seconds::default(),
             rows_done: 0,
             rows_total: (lit_views
@@ -115,6 +113,8 @@ impl<'s> Work<'s> {
         control: &mut Control<'_>,
     ) -> Result<()> {
         let rows = self.simulation.scene.detector.pixels[1];
+        // The largest of a view are its own.
+        (self.tally.most_patch_rays, self.tally.worst_error) = (0, 0);
         if view == stack::View::Dark {
             return self.dark(sink);
         }
@@ -248,7 +248,7 @@ impl<'s> Work<'s> {
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
-        let Self { cells, bars, lights, sums, tally, estimate, tracer, simulation, .. } = self;
+        let Self { cells, bars, lights, sums, tally, tracer, simulation, .. } = self;
         let cancel = control.cancel;
         let illuminating = std::cell::Cell::new(0.0);
         let words = simulation.moment_words();
@@ -273,7 +273,7 @@ impl<'s> Work<'s> {
             if own {
                 tally.split += strips.splits;
                 tally.landed_off += strips.landed_off;
-                estimate.join(&strips.estimate);
+                *tally = *tally + strips.tally;
             }
             if let (true, stack::View::Sample(index), Some(keep)) = (kept, view, keep.as_mut()) {
                 keep.write(index, words, strips)?;
@@ -353,9 +353,7 @@ impl<'s> Work<'s> {
     }
 
     pub(super) fn tally(&self) -> Result<Tally> {
-        let traced = self.tracer.tally()?;
-        let Tally { split, landed_off, saturated, .. } = self.tally;
-        Ok(Tally { split, landed_off, saturated, ..traced })
+        Ok(self.tracer.tally()? + self.tally)
     }
 }
 
