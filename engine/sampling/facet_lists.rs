@@ -291,6 +291,11 @@ impl<'a> FacetLists<'a> {
         self.index(beamlet, row).is_none_or(|index| self.silhouettes[index])
     }
 
+    /// Number of the facets of a patch that are listed.
+    pub(super) fn count(&self, beamlet: i64, row: i64) -> usize {
+        self.index(beamlet, row).map_or(0, |index| self.range(index).len())
+    }
+
     fn range(&self, index: usize) -> Range<usize> {
         let begin = index.checked_sub(1).map_or(0, |before| self.ends[before]);
         begin as usize..self.ends[index] as usize

@@ -115,6 +115,11 @@ impl<'a> Refiner<'a> {
         Some(work)
     }
 
+    /// Number of the facets of a patch that means may be taken over.
+    pub(super) fn facets_of(&self, (beamlet, row): (i64, i64)) -> usize {
+        self.facets.as_ref().map_or(0, |(lists, _)| lists.count(beamlet, row))
+    }
+
     /// Lets means over facets take the place of rays in a patch that has not been split, unless
     /// its rays are enough.
     fn take_facets(&self, work: &mut Work) {

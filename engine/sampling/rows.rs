@@ -31,6 +31,8 @@ use std::ops::Range;
 
 /// Leaves of a patch that memory is reckoned for.
 const LEAVES_OF_A_PATCH: usize = 256;
+/// Facets of a patch that take as much memory as those leaves.
+const FACETS_OF_A_PATCH: usize = 128;
 /// Strips without a sample that are handed over at once.
 const BLANK_AT_ONCE: usize = 1 << 12;
 
@@ -105,7 +107,17 @@ pub fn sample_rows(
         }
     }
     let refiner = Refiner::new(view, &base, &rows, narrow, lit);
-    for chunk in waiting.chunks((rays_at_once / LEAVES_OF_A_PATCH).max(1)) {
+    let mut rest = &waiting[..];
+    while !rest.is_empty() {
+        let mut room = (rays_at_once / LEAVES_OF_A_PATCH).max(1);
+        let fits = |at: &&(i64, i64)| {
+            let weight = 1 + refiner.facets_of(**at) / FACETS_OF_A_PATCH;
+            let fits = room > 0;
+            room = room.saturating_sub(weight);
+            fits
+        };
+        let (chunk, after) = rest.split_at(rest.iter().take_while(fits).count());
+        rest = after;
         let mut work: Vec<Work> = chunk.par_iter().filter_map(|at| refiner.begin(*at)).collect();
         refiner.align(tracer, &mut work)?;
         refiner.refine(tracer, &mut work)?;
