@@ -102,6 +102,29 @@ impl Kept {
         self.views.iter().map(KeptFile::bytes).sum()
     }
 
+    /// Reads the moments of every view and cuts them to the lattice of `scene`, as the engine does
+    /// before it makes light of them, but without a device: the number of cells.
+    ///
+    /// # Errors
+    /// [`Error::Output`] names the file of a view that cannot be read, or whose numbers cannot be
+    /// those of this run; [`Error::Scene`] where the scene differs in more than moments can follow.
+    pub fn cells(&self, scene: &Scene) -> Result<usize> {
+        scene.validate()?;
+        let detection = Detection::of(scene)?;
+        let lit = detection.lit();
+        let lattice = Lattice::of(lit, Media::of(scene)?.strongest());
+        let source = self.for_scene(lit, &lattice)?;
+        let rows = -lattice.halo..i64::from(lit.detector.pixels[1]) + lattice.halo;
+        let mut cells = 0;
+        for view in (0_u32..).take(self.views.len()) {
+            source.read(view, &rows, &mut Covered::default(), |strips| {
+                cells += strips.cells.len();
+                Ok(())
+            })?;
+        }
+        Ok(cells)
+    }
+
     /// Prepares the moments for another scene.
     ///
     /// # Errors
@@ -183,11 +206,8 @@ impl KeptSource<'_> {
         }
         let mut keeps = shared.takes(&self.relattice, spectral, 0);
         let mut part = Part::default();
-        let words = self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL;
-        let bounds = Bounds::of(self.relattice.old(), view);
-        let old_rows = self.relattice.old_rows(rows);
-        self.kept.views[view as usize].read(&old_rows, words, bounds, |block| {
-            let strips = self.relattice.map(block, rows, &mut part.covered);
+        let mut covered = std::mem::take(&mut part.covered);
+        self.read(view, rows, &mut covered, |strips| {
             let lists = gather(&strips)?;
             take(&lists)?;
             if keeps {
@@ -199,10 +219,28 @@ impl KeptSource<'_> {
             }
             Ok(())
         })?;
+        part.covered = covered;
         take(&gather(&blank(&part.covered))?)?;
         if keeps {
             shared.insert(&self.relattice, spectral, place, part);
         }
         Ok(())
+    }
+
+    /// Hands over the strips of some rows of a view, cut to the lattice of the other scene, and
+    /// notes what they cover of it.
+    fn read(
+        &self,
+        view: u32,
+        rows: &Range<i64>,
+        covered: &mut Covered,
+        mut take: impl FnMut(Strips) -> Result<()>,
+    ) -> Result<()> {
+        let words = self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL;
+        let bounds = Bounds::of(self.relattice.old(), view);
+        let old_rows = self.relattice.old_rows(rows);
+        self.kept.views[view as usize].read(&old_rows, words, bounds, |block| {
+            take(self.relattice.map(block, rows, covered))
+        })
     }
 }

@@ -1,0 +1,136 @@
+//! A small run, made by the library's own sink: no device has part in it.
+
+use crate::{PLACE, write};
+use beamlet::kept::Kept;
+use beamlet::scene::Scene;
+use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, View, check_run, views};
+use beamlet::{Backend, RunRecord, Tally};
+use ndarray::{Array3, ArrayD};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The scene of the run: two materials, counts, one angle.
+pub const SCENE: &str = include_str!("../scene.toml");
+
+/// The scene, read.
+pub fn scene() -> Scene {
+    Scene::from_toml(SCENE, ".").expect("the scene reads")
+}
+
+/// A complete run of the scene in a folder of this process.
+pub fn fixture(name: &str, format: Format) -> PathBuf {
+    let path = PLACE.join(name);
+    let scene = scene();
+    let mut sink = RunDirectory::create(&path, format, false).expect("a new folder");
+    let start = RunStart {
+        device: "none".into(),
+        driver: "none".into(),
+        backend: Backend::Bvh,
+        backend_reason: "requested".into(),
+        calibration: BTreeMap::from([("bvh".into(), 1.5)]),
+        mesh_hashes: BTreeMap::new(),
+    };
+    sink.begin(&scene, &start).expect("the run begins");
+    let rows = 0..scene.detector.pixels[1];
+    for view in views(&scene).expect("few views") {
+        let [intensities, counts] = [false, true].map(|counts| values(&scene, view, counts));
+        if view != View::Dark {
+            sink.write(view, rows.clone(), intensities.view()).expect("written");
+        }
+        sink.write_counts(view, rows.clone(), counts.view()).expect("written");
+        sink.tally(view, &Tally { rays: 7, ..Tally::default() }).expect("noted");
+        sink.commit(view).expect("committed");
+    }
+    let record = RunRecord {
+        version: env!("CARGO_PKG_VERSION").into(),
+        device: start.device,
+        driver: start.driver,
+        backend: start.backend,
+        backend_reason: start.backend_reason,
+        calibration: start.calibration,
+        seed: scene.sampling.seed,
+        tally: Tally::default(),
+        seconds: BTreeMap::from([("total".into(), 0.5)]),
+    };
+    sink.finish(&record).expect("the run ends");
+    path
+}
+
+/// What a view of the run holds, `[step][row][column]`.
+fn values(scene: &Scene, view: View, counts: bool) -> Array3<f32> {
+    let [columns, rows] = scene.detector.pixels.map(|side| side as usize);
+    let of_view = match view {
+        View::Flat => 1.0,
+        View::Dark => 2.0,
+        View::Sample(index) => 3.0 + index as f32,
+    };
+    let scale = if counts { 1000.0 } else { 0.25 };
+    Array3::from_shape_fn((scene.scan.mask_offsets.len(), rows, columns), |(s, y, x)| {
+        scale * (of_view + s as f32 + 10.0 * y as f32 + 100.0 * x as f32)
+    })
+}
+
+/// Reads all of a run. Whatever is damaged beside its frames: what is read as committed is what
+/// was.
+pub fn read(path: &Path) {
+    let checked = check_run(path);
+    let scene = scene();
+    let Ok(run) = OpenRun::open(path) else { return };
+    let same = |view: View, counts: bool, found: beamlet::Result<Array3<f32>>| {
+        let Ok(found) = found else { return };
+        let (found, wanted): (ArrayD<f32>, ArrayD<f32>) =
+            (found.into_dyn(), values(&scene, view, counts).into_dyn());
+        assert_eq!(found, wanted, "{view:?}");
+    };
+    if let Ok(flat) = run.flat() {
+        same(View::Flat, false, flat.view(0));
+    }
+    if let Ok(sample) = run.sample() {
+        for view in 0..run.views() {
+            let index = u32::try_from(view).expect("one view");
+            same(View::Sample(index), false, sample.view(view));
+        }
+    }
+    if let Ok(Some(flat)) = run.counts_flat() {
+        same(View::Flat, true, flat.view(0));
+    }
+    if let Ok(Some(sample)) = run.counts_sample() {
+        same(View::Sample(0), true, sample.view(0));
+    }
+    if let Ok(Some(dark)) = run.dark() {
+        same(View::Dark, true, dark.view(0));
+    }
+    let record = run.record();
+    if let Ok(checked) = checked
+        && checked.problems.is_empty()
+    {
+        assert_eq!(checked.whole, checked.views);
+        assert_eq!(run.views(), record.extent.views as usize);
+    }
+}
+
+/// Reads the moments of a run and cuts them to the lattice of its own scene or of another: the
+/// number of cells, or none where they are refused.
+pub fn read_moments(path: &Path, other: bool) -> Option<usize> {
+    let kept = Kept::open(path).ok()?;
+    let mut scene = kept.scene().clone();
+    if other {
+        // Columns, rows and periods that fit nowhere together.
+        scene.detector.pixels = [5, 3];
+        scene.detector.pitch = [1.7e-4, 1.9e-4];
+        if let Some(mask) = &mut scene.sample_mask {
+            mask.period *= 0.77;
+            mask.aperture *= 0.5;
+            mask.offset += 3e-6;
+        }
+    }
+    kept.cells(&scene).ok()
+}
+
+/// A folder that holds the scene of a run and no more.
+pub fn begun(name: &str) -> PathBuf {
+    let path = PLACE.join(name);
+    std::fs::create_dir_all(path.join("moments")).expect("a new folder");
+    write(&path.join("scene.toml"), SCENE.as_bytes());
+    path
+}
