@@ -1,7 +1,7 @@
 //! Images of one channel from files, as a detector, a kernel or a focal spot was measured:
 //! NPY, TIFF or PNG by the extension.
 
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, reserve};
 use ndarray::Array2;
 use npyz::{DType, NpyFile, Order, TypeChar};
 use std::fs::File;
@@ -136,7 +136,7 @@ fn read_png(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
         return Err(refused(path, format!("is {colour:?}; one grey channel is allowed")));
     }
     let size = reader.output_buffer_size().ok_or_else(|| refused(path, "is too large"))?;
-    let mut bytes = vec![0; size];
+    let mut bytes = reserve::zeroed::<u8>(size, "an image")?;
     reader.next_frame(&mut bytes).map_err(failed)?;
     let values = match depth {
         png::BitDepth::Sixteen => {

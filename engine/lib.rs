@@ -23,6 +23,7 @@ pub mod material;
 pub mod memory;
 mod parallel;
 pub mod printed;
+mod reserve;
 pub mod retrieve;
 mod run;
 pub mod sampling;

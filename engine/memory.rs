@@ -4,17 +4,15 @@
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
 use crate::detector::LightGrid;
-use crate::geometry::{self, ObjectSummary};
+use crate::geometry::{self, ObjectSummary, PEAK_PER_TRIANGLE};
 use crate::sampling::Lattice;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
-use crate::{Error, Result};
+use crate::{Error, Result, reserve};
 use serde::Serialize;
 
 /// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
 const PROGRAM: u64 = 122 << 20;
-/// Peak bytes on the host per triangle of the largest mesh while it is read and welded.
-const READ: u64 = 160;
 /// Peak bytes on the host per triangle while the tree is built, all meshes read.
 const BUILD: u64 = 272;
 /// Bytes on the host per triangle that stay: vertices, indices, components.
@@ -153,6 +151,23 @@ pub fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
     }
 }
 
+/// Whether what a run takes at its peak is to be had now, but for copies of frames, which not every
+/// format makes.
+///
+/// # Errors
+/// [`Error::Memory`] where it is not.
+pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()> {
+    let frames = FRAME_COPIES * Extent::of(scene)?.frame_bytes();
+    let bytes = estimate.peak_bytes.saturating_sub(PROGRAM).saturating_sub(frames);
+    let rows = estimate.band_rows;
+    let purpose = format!("a run in bands of {rows} rows");
+    reserve::ask(
+        bytes,
+        &purpose,
+        "set a lower memory limit, for smaller bands, or lift that of the system",
+    )
+}
+
 impl Needs {
     fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
         let extent = Extent::of(scene)?;
@@ -215,7 +230,10 @@ impl Needs {
         let n = self.triangles;
         let program = |bytes: Bytes| Bytes { host: bytes.host.saturating_add(PROGRAM), ..bytes };
         let phases = [
-            Bytes { host: READ * self.largest_mesh + KEPT * (n - self.largest_mesh), device: 0 },
+            Bytes {
+                host: PEAK_PER_TRIANGLE * self.largest_mesh + KEPT * (n - self.largest_mesh),
+                device: 0,
+            },
             Bytes { host: BUILD * n, device: 0 },
             Bytes { host: KEPT * n, device: (TREE + STRUCTURE + SCRATCH) * n },
         ]

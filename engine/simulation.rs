@@ -137,6 +137,7 @@ impl<'e> Simulation<'e> {
         };
         let memory =
             memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
+        memory::ask_for_run(scene, &memory)?;
         if let Some(fit) = scene.source.spot.fit() {
             let (parts, samples) = (scene.source.spot.parts().len(), fit.samples);
             log::info!("focal spot {}: {parts} Gaussians for {samples} pixels", fit.file);

@@ -162,6 +162,20 @@ fn a_frame_that_is_missing_or_of_another_shape_is_named() {
 }
 
 #[test]
+fn a_compression_that_loses_precision_is_refused() {
+    use exr::prelude::*;
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("frame.exr");
+    let channel = AnyChannel::new("Y", FlatSamples::F32(vec![1.0; 16]));
+    let channels = AnyChannels::sort([channel].into_iter().collect());
+    let encoding = Encoding { compression: Compression::B44, ..Encoding::UNCOMPRESSED };
+    let layer = Layer::new((4, 4), LayerAttributes::default(), encoding, channels);
+    Image::from_layer(layer).write().to_file(&path).unwrap();
+    let message = refusal(&path);
+    assert!(message.contains("B44; allowed: none, RLE, ZIP, PIZ, PXR24"), "{message}");
+}
+
+#[test]
 fn what_is_no_stack_is_refused_with_what_was_found() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.npy");

@@ -13,8 +13,8 @@ use super::surface::{Defect, Surface};
 use super::topology::{self, Edge};
 use super::{ObjectSummary, Sample, nesting, obj, placement, shapes, stl};
 use crate::error::{Error, Result};
-use crate::input_file;
 use crate::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
+use crate::{input_file, reserve};
 
 /// Reads, checks and places every object of the scene.
 ///
@@ -115,6 +115,13 @@ pub fn file_hash(path: &Path) -> Result<String> {
     Ok(hash(&read(path)?))
 }
 
+/// Peak bytes per triangle of a mesh while it is read and welded, as measured.
+pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
+/// The same per byte of a mesh in text, as measured.
+const PEAK_PER_BYTE: u64 = 4;
+/// What may be done where a mesh does not fit.
+const SIMPLIFY: &str = "simplify it, or lift the limit of memory that this program runs under";
+
 /// Most bytes of a mesh in text, and of a file that is none.
 const TEXT: u64 = 2 << 30;
 
@@ -139,9 +146,19 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
     };
     let failed = |defect: Defect| Error::mesh(label.clone(), defect.problem, defect.place);
     let (surface, unit, hash) = match &object.geometry {
-        ShapeOrMesh::Shape(shape) => (shapes::surface(shape).map_err(failed)?, 1.0, String::new()),
+        ShapeOrMesh::Shape(shape) => {
+            let needed = PEAK_PER_TRIANGLE.saturating_mul(shapes::triangles(shape));
+            reserve::ask(needed, &format!("making {label}"), SIMPLIFY)?;
+            (shapes::surface(shape).map_err(failed)?, 1.0, String::new())
+        }
         ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
-            let bytes = read(&scene.directory.join(path))?;
+            let file = scene.directory.join(path);
+            let bytes = read(&file)?;
+            let needed = match stl::triangles_in(&file) {
+                Some(triangles) => PEAK_PER_TRIANGLE.saturating_mul(triangles),
+                None => PEAK_PER_BYTE.saturating_mul(bytes.len() as u64),
+            };
+            reserve::ask(needed, &format!("reading {label}"), SIMPLIFY)?;
             let (surface, hash) = rayon::join(|| parse(path, &bytes), || hash(&bytes));
             (surface.map_err(failed)?, *unit, hash)
         }
@@ -162,6 +179,8 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
     let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));
     let (triangles, read) = (surface.triangles.len(), begin.elapsed().as_secs_f64());
     log::info!("{label}: {triangles} triangles read in {read:.1} s; looking for defects");
+    let needed = PEAK_PER_TRIANGLE.saturating_mul(triangles as u64);
+    reserve::ask(needed, &format!("checking {label}"), SIMPLIFY)?;
     let Prepared { surface, edges, search, defects } =
         prepare(surface, unit, &object.placement, is_mesh).map_err(failed)?;
     let not_finite = defects.not_finite.count;

@@ -26,6 +26,7 @@ use glam::DVec3;
 
 pub use adjacency::across_edges;
 pub use defects::{Defects, Found, PLACES, Spot};
+pub(crate) use load::PEAK_PER_TRIANGLE;
 pub use load::{examine, file_hash, inspect, load, triangles_in_files};
 pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
 

@@ -34,6 +34,15 @@ pub(super) fn surface(shape: &Shape) -> Result<Surface, Defect> {
     }
 }
 
+/// About how many triangles a shape has.
+pub(super) fn triangles(shape: &Shape) -> u64 {
+    match *shape {
+        Shape::Box { .. } => 12,
+        Shape::Cylinder { sides, .. } | Shape::Prism { sides, .. } => 4 * u64::from(sides),
+        Shape::Sphere { sides, .. } => u64::from(sides) * (u64::from(sides) + 1),
+    }
+}
+
 fn upright(radius: f64, height: f64, sides: u32, corner: f64) -> Result<Surface, Defect> {
     positive("radius", radius)?;
     positive("height", height)?;

@@ -9,7 +9,7 @@
 )]
 
 use crate::gpu::{Buffer, Device, Memory};
-use crate::{Error, Result};
+use crate::{Error, Result, reserve};
 use ndarray::Array3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -63,10 +63,10 @@ impl Sums {
     /// [`Error::Device`].
     pub fn intensities(&self) -> Result<Array3<f32>> {
         let whole = |[low, high]: [u32; 2]| u64::from(high) << 32 | u64::from(low);
-        let mut values = vec![0.0_f32; self.shape.iter().product()];
+        let mut values = reserve::zeroed::<f32>(self.shape.iter().product(), "a band of a view")?;
         let every_step = self.buffer.read::<[u32; 2]>(8 * values.len() as u64, self.frame())?;
         let every_step = |index: usize| whole(every_step[index % self.frame()]);
-        let mut words = vec![[0_u32; 2]; values.len().min(PART)];
+        let mut words = reserve::zeroed::<[u32; 2]>(values.len().min(PART), "a part of a band")?;
         let mut first = 0;
         for part in values.chunks_mut(PART) {
             let words = &mut words[..part.len()];

@@ -396,7 +396,8 @@ impl KeptFile {
 
 fn unpack(block: &Block, words: usize, file: &mut File) -> std::io::Result<Strips> {
     fn take<T: bytemuck::Pod>(file: &mut File, count: usize) -> std::io::Result<Vec<T>> {
-        let mut items = bytemuck::zeroed_vec(count);
+        let lacks = |()| std::io::Error::from(ErrorKind::OutOfMemory);
+        let mut items = bytemuck::allocation::try_zeroed_vec(count).map_err(lacks)?;
         file.read_exact(bytemuck::cast_slice_mut(&mut items))?;
         Ok(items)
     }

@@ -239,8 +239,7 @@ impl KeptSource<'_> {
         let words = self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL;
         let bounds = Bounds::of(self.relattice.old(), view);
         let old_rows = self.relattice.old_rows(rows);
-        self.kept.views[view as usize].read(&old_rows, words, bounds, |block| {
-            take(self.relattice.map(block, rows, covered))
-        })
+        self.kept.views[view as usize]
+            .read(&old_rows, words, bounds, |block| take(self.relattice.map(block, rows, covered)))
     }
 }

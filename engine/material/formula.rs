@@ -4,6 +4,7 @@ use xraydb::{CrossSectionKind, XrayDb, XrayDbError};
 
 use super::Constants;
 use crate::error::{Error, Result};
+use crate::reserve;
 use crate::scene::path;
 use crate::units::Dimension;
 
@@ -63,7 +64,7 @@ pub(super) fn constants(
     energies: &[f64],
 ) -> Result<Vec<Constants>> {
     let failed = |error| unreadable(name, formula, density, &error);
-    let db = XrayDb::try_new().map_err(failed)?;
+    let db = database()?.map_err(failed)?;
     let elements = db.mass_fractions(formula).map_err(failed)?;
     for (element, _) in &elements {
         // The tables clamp: an energy beyond their end would quietly get the end's value.
@@ -95,7 +96,7 @@ pub(super) fn constants(
 /// Energies of the absorption edges of the elements of a formula, keV.
 pub(super) fn edges(name: &str, formula: &str, density: f64) -> Result<Vec<f64>> {
     let failed = |error| unreadable(name, formula, density, &error);
-    let db = XrayDb::try_new().map_err(failed)?;
+    let db = database()?.map_err(failed)?;
     let mut edges = Vec::new();
     for (element, _) in db.mass_fractions(formula).map_err(failed)? {
         let levels = db.xray_edges(&element).map_err(failed)?;
@@ -108,13 +109,21 @@ pub(super) fn edges(name: &str, formula: &str, density: f64) -> Result<Vec<f64>>
 /// Least and greatest energy, keV, that the tables cover for all elements of a formula.
 pub(super) fn range(name: &str, formula: &str, density: f64) -> Result<[f64; 2]> {
     let failed = |error| unreadable(name, formula, density, &error);
-    let db = XrayDb::try_new().map_err(failed)?;
+    let db = database()?.map_err(failed)?;
     let mut common = [0.0, f64::INFINITY];
     for (element, _) in db.mass_fractions(formula).map_err(failed)? {
         let (low, high) = element_range(&db, &element).map_err(failed)?;
         common = [common[0].max(low / 1e3), common[1].min(high / 1e3)];
     }
     Ok(common)
+}
+
+/// The tables of the elements; room for them is asked for, since unpacking panics without.
+fn database() -> Result<std::result::Result<XrayDb, XrayDbError>> {
+    /// Bytes while they are unpacked, as measured.
+    const UNPACKED: u64 = 64 << 20;
+    reserve::ask(UNPACKED, "the tables of the elements", "lift the limit of memory")?;
+    Ok(XrayDb::try_new())
 }
 
 fn unreadable(name: &str, formula: &str, density: f64, error: &XrayDbError) -> Error {

@@ -68,6 +68,9 @@ pub struct Curves {
 }
 
 impl Curves {
+    /// Numbers of four bytes that a curve has.
+    pub(super) const NUMBERS: usize = 11;
+
     /// Results of `count` curves, all unknown.
     #[must_use]
     pub fn new(count: usize) -> Self {

@@ -4,7 +4,7 @@ use super::retriever::Retriever;
 use crate::detector::Detection;
 use crate::scene::Scene;
 use crate::stack::{OpenRun, StackFile};
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, reserve};
 use ndarray::{Array2, Array3, Zip};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -229,7 +229,9 @@ impl Input {
 /// Mean of all frames.
 fn mean(stack: &StackFile) -> Result<Array2<f32>> {
     let [views, steps, rows, columns] = stack.shape();
-    let mut sum = Array2::<f64>::zeros((rows, columns));
+    let sums = reserve::zeroed::<f64>(rows * columns, "the mean of dark frames")?;
+    let mut sum = Array2::from_shape_vec((rows, columns), sums)
+        .map_err(|error| Error::output(stack.path(), format!("cannot be read: {error}"), None))?;
     let all = 0..u32::try_from(rows).unwrap_or(u32::MAX);
     for view in 0..views {
         for step in 0..steps {

@@ -10,7 +10,7 @@ use super::options::{ReadRows, RetrieveControl, RetrieveOptions};
 use super::shape::{MaskShape, Shape};
 use super::{closed, flags};
 use crate::scene::Scene;
-use crate::{Engine, Error, Result};
+use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3, s};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -163,6 +163,11 @@ impl Retriever {
             ));
         }
         let across = self.beamlets.as_ref().map_or(columns, Beamlets::count);
+        // The curves of the flat, and the images of a view.
+        let numbers = (Curves::NUMBERS + self.names().len()) as u64;
+        let bytes = 4 * numbers * u64::from(rows) * across as u64;
+        let purpose = format!("the images of a view of {rows} x {across}");
+        reserve::ask(bytes, &purpose, "retrieve frames with fewer pixels")?;
         let mut all = Curves::new(rows as usize * across);
         self.bands(rows, columns, self.offsets.len(), control, |band, control| {
             let curves = self.curves(read(band.clone())?, &self.offsets, None, control.cancel)?;

@@ -8,7 +8,7 @@ use super::npy::{hex, le_bytes};
 use super::read::read_exr;
 use super::{Extent, View};
 use crate::scene::Scene;
-use crate::{Error, Result};
+use crate::{Error, Result, reserve};
 use exr::prelude::*;
 use ndarray::{ArrayView2, ArrayView3};
 use rayon::prelude::*;
@@ -111,12 +111,13 @@ impl ExrFrames {
         let mut hasher = Sha256::new();
         spool.seek(SeekFrom::Start(0)).map_err(&unread)?;
         let frame_bytes = self.extent.rows as usize * self.extent.columns as usize * 4;
-        let mut bytes = vec![0_u8; frame_bytes];
+        let mut bytes = reserve::zeroed::<u8>(frame_bytes, "a frame as bytes")?;
         for step in 0..self.extent.steps {
             spool.read_exact(&mut bytes).map_err(&unread)?;
             hasher.update(&bytes);
-            let values =
-                bytes.as_chunks().0.iter().map(|&value| f32::from_le_bytes(value)).collect();
+            let mut values = reserve::zeroed::<f32>(frame_bytes / 4, "a frame")?;
+            let bytes = bytes.as_chunks().0.iter();
+            values.iter_mut().zip(bytes).for_each(|(to, from)| *to = f32::from_le_bytes(*from));
             self.write_frame(view, step, values)?;
         }
         drop(spool);

@@ -5,11 +5,11 @@ mod kernels;
 mod ordered;
 
 use super::upload::DeviceSample;
-use crate::Result;
 use crate::gpu::interface::{Crossing, Law, MATERIALS_IN_REGISTERS, Ray, TracePush};
 use crate::gpu::{Buffer, Device, LazyKernel, Memory};
 use crate::run::{Backend, Tally};
 use crate::scene::Transport;
+use crate::{Result, reserve};
 use batch::{Batch, stride};
 use kernels::OrderFree;
 pub use kernels::TraceKernels;
@@ -191,7 +191,7 @@ impl Tracer {
 
     fn read_moments(&mut self, rays: &[Ray], laws: &mut [Law], wanted: Wanted) -> Result<Vec<u32>> {
         let words = stride(self.sample.materials);
-        let mut moments = vec![0_u32; rays.len() * words];
+        let mut moments = reserve::zeroed::<u32>(rays.len() * words, "moments of rays")?;
         self.each_batch(rays, laws, wanted, |batch, first, n| {
             batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
         })?;

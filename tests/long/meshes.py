@@ -10,6 +10,7 @@ mesh and the counts; ends with 1 where a mesh is a fault of beamlet: the program
 that is no answer, rays were out of balance or not finite, or the backends differ.
 """
 
+import array
 import collections
 import json
 import pathlib
@@ -48,6 +49,8 @@ unit = "mm"
 """
 # Nothing in a tally but these may be other than zero.
 COUNTS = {"rays", "exact", "split", "retraced", "reflected", "saturated"}
+# Open beam. Sums of a ray run in the order of its candidates, which differs between backends.
+SAME_LIGHT = 1e-6
 SECONDS = 600
 
 
@@ -95,7 +98,9 @@ def simulate(program, place, backend):
     if code:
         raise Refusal(message)
     tally = json.loads((place / backend / "run.json").read_text())["tally"]
-    return (place / backend / "sample.npy").read_bytes(), tally
+    values = (place / backend / "sample.npy").read_bytes()
+    header = 10 + int.from_bytes(values[8:10], "little")
+    return array.array("f", values[header:]), tally
 
 
 def try_mesh(program, mesh, draw):
@@ -139,8 +144,10 @@ def try_mesh(program, mesh, draw):
             wrong = {key: n for key, n in tally.items() if n and key not in COUNTS}
             if wrong:
                 raise Fault(f"{backend}: {wrong}")
-        if runs["bvh"][0] != runs["ray-query"][0]:
-            raise Fault("the backends differ")
+        difference = max(abs(a - b) for a, b in zip(*(values for values, _ in runs.values())))
+        # Also true of what is not a number.
+        if not difference <= SAME_LIGHT:
+            raise Fault(f"the backends differ by {difference} of open beam")
         return "accepted", f"{runs['bvh'][1]['rays']} rays"
 
 

@@ -1,6 +1,6 @@
 //! Checksums of the views of a run, compared when the views are read.
 
-use crate::{Error, Result};
+use crate::{Error, Result, reserve};
 use ndarray::Array3;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
@@ -60,7 +60,8 @@ impl Checksums {
         }
         let [rows, columns] = shape;
         let keeps = 4 * self.steps * rows * columns <= KEPT;
-        let mut values = Vec::with_capacity(if keeps { self.steps * rows * columns } else { 0 });
+        let values = if keeps { self.steps * rows * columns } else { 0 };
+        let mut values = reserve::room(values, "a view that is compared with its checksum")?;
         let mut hasher = Sha256::new();
         let numbers: Vec<usize> = (view * self.steps..(view + 1) * self.steps).collect();
         for some in numbers.chunks(AT_ONCE) {

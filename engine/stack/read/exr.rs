@@ -1,9 +1,10 @@
 //! EXR frames: the channel `Y`, or the only channel, of the first layer.
 
 use super::{refuse_hollow, refuse_shape};
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, reserve};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
+use exr::compression::Compression;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
 use exr::prelude::f16;
@@ -35,7 +36,7 @@ pub(in crate::stack) fn read(
     refuse_shape(path, [header.layer_size.height(), header.layer_size.width()], shape)?;
     let (wanted, _) = channel(path, header)?;
     let columns = shape[1];
-    let mut values = vec![f32::NAN; rows.len() * columns];
+    let mut values = reserve::filled(f32::NAN, rows.len() * columns, "rows of a frame")?;
     let unread = |error| failed(path, error);
     let meets = |top: usize, height: usize| top < rows.end && top + height > rows.start;
     let mut chunks = reader
@@ -89,8 +90,17 @@ fn open(path: &Path) -> Result<FrameReader> {
     Reader::read_from_buffered(BufReader::new(file), true).map_err(|error| failed(path, error))
 }
 
+/// The first layer. B44 halves the precision of f16, and its decoder is written for arithmetic
+/// that wraps: where overflow is checked it panics on files that are right.
 fn first<'a>(path: &Path, headers: &'a [Header]) -> Result<&'a Header> {
-    headers.first().ok_or_else(|| Error::output(path, "has no layer", None))
+    let header = headers.first().ok_or_else(|| Error::output(path, "has no layer", None))?;
+    match header.compression {
+        Compression::B44 | Compression::B44A => {
+            let problem = "has the lossy compression B44; allowed: none, RLE, ZIP, PIZ, PXR24";
+            Err(Error::output(path, problem, None))
+        }
+        _ => Ok(header),
+    }
 }
 
 /// Index and type of the channel of intensities.

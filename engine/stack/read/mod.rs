@@ -16,7 +16,7 @@ pub use maps::Maps;
 pub use run::OpenRun;
 pub(super) use run::read_scene;
 
-use crate::{Error, Result};
+use crate::{Error, Result, reserve};
 use checksums::Checksums;
 use ndarray::{Array2, Array3, Axis, s};
 use npy::NpyFile;
@@ -180,11 +180,10 @@ impl StackFile {
             _ => (0..steps).map(read).collect::<Result<_>>()?,
         };
         let [_, _, _, columns] = self.shape;
-        let mut all = Array3::zeros((steps, rows.len(), columns));
-        for (mut to, from) in all.outer_iter_mut().zip(&frames) {
-            to.assign(from);
-        }
-        Ok(all)
+        let mut all = reserve::room(steps * rows.len() * columns, "rows of a view")?;
+        frames.iter().for_each(|frame| all.extend(frame));
+        Array3::from_shape_vec((steps, rows.len(), columns), all)
+            .map_err(|error| Error::output(&self.path, format!("cannot be read: {error}"), None))
     }
 
     /// A whole view, `[step][row][column]`.

@@ -1,6 +1,6 @@
 //! NPY files: any of the sample types, either byte order, C order.
 
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, reserve};
 use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -94,7 +94,7 @@ impl NpyFile {
         let [_, _, row_count, columns] = self.shape;
         let bytes = self.sample.bytes();
         let first = (frame * row_count + rows.start) as u64 * (columns * bytes) as u64;
-        let mut raw = vec![0_u8; rows.len() * columns * bytes];
+        let mut raw = reserve::zeroed::<u8>(rows.len() * columns * bytes, "rows of a frame")?;
         File::open(&self.path)
             .and_then(|mut file| {
                 file.seek(SeekFrom::Start(self.header + first))?;

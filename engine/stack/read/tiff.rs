@@ -1,7 +1,7 @@
 //! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`.
 
 use super::{LEAST, refuse_hollow, refuse_shape};
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, reserve};
 use std::fmt;
 use std::fs::File;
 use std::io::BufReader;
@@ -80,7 +80,7 @@ impl TiffPages {
         let (width, height) = pages.chunk_dimensions();
         let [width, height] = [width as usize, height as usize].map(|side| side.max(1));
         let across = columns.div_ceil(width);
-        let mut values = vec![f32::NAN; rows.len() * columns];
+        let mut values = reserve::filled(f32::NAN, rows.len() * columns, "rows of a frame")?;
         for down in rows.start / height..rows.end.div_ceil(height) {
             for right in 0..across {
                 let chunk = u32::try_from(down * across + right).unwrap_or(u32::MAX);

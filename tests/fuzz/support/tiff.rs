@@ -5,8 +5,10 @@ use std::io::Cursor;
 use tiff::encoder::colortype::{ColorType, Gray8, Gray16, Gray32, Gray32Float, Gray64Float};
 use tiff::encoder::{Compression, DeflateLevel, TiffEncoder, TiffValue};
 
-/// Most pages that are repaired.
+/// Most pages, strips of a page, and bytes of a strip that are repaired: the file grows by them.
 const PAGES: usize = 16;
+const STRIPS: usize = 64;
+const BYTES: usize = 1 << 10;
 const COMPRESSION: u16 = 259;
 
 /// The file (of little-endian words, not `BigTIFF`) with strips and tiles that lie within it, and
@@ -37,8 +39,8 @@ fn repair_page(control: u8, file: &mut Vec<u8>, directory: usize) -> Option<usiz
         let deflated = find(file, [COMPRESSION; 2])
             .and_then(|at| u16_at(file, at + 8))
             .is_some_and(|kind| [8, 32946].contains(&kind));
-        let strips = u32_at(file, places + 4).min(u32_at(file, lengths + 4)).min(64) as usize;
-        for strip in 0..strips {
+        let strips = u32_at(file, places + 4).min(u32_at(file, lengths + 4)) as usize;
+        for strip in 0..strips.min(STRIPS) {
             let (Some(place), Some(length)) =
                 (word(file, places, strip), word(file, lengths, strip))
             else {
@@ -48,7 +50,7 @@ fn repair_page(control: u8, file: &mut Vec<u8>, directory: usize) -> Option<usiz
             let most = file.len() - from;
             let mut range = from..from + (u32_at(file, length) as usize).min(most);
             if deflated && control & RAW_HASHES == 0 {
-                let stream = zlib(&file[range]);
+                let stream = zlib(&file[from..range.end.min(from + BYTES)]);
                 range = file.len()..file.len() + stream.len();
                 file.extend(stream);
             }

@@ -1,0 +1,76 @@
+//! Large memory, asked for so that its lack is an error and not the end of the program.
+//!
+//! Buffers of one piece are made by [`zeroed`], [`filled`] and [`room`]. Work that takes memory in many
+//! pieces is asked for as a whole before it begins ([`ask`]). What a system promises and does not
+//! have when it is used, neither can tell.
+
+use crate::{Error, Result};
+
+/// What may be done where a buffer does not fit.
+const REMEDY: &str = "end other programs, or lift the limit of memory that this one runs under";
+
+/// Zeros; `purpose` stands in the error.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(crate) fn zeroed<T: bytemuck::Zeroable>(len: usize, purpose: &str) -> Result<Vec<T>> {
+    bytemuck::allocation::try_zeroed_vec(len).map_err(|()| lacks::<T>(len, purpose))
+}
+
+/// The same value over and over; `purpose` stands in the error.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(crate) fn filled<T: Copy>(value: T, len: usize, purpose: &str) -> Result<Vec<T>> {
+    let mut values = room(len, purpose)?;
+    values.resize(len, value);
+    Ok(values)
+}
+
+/// Nothing yet, with room for so many; `purpose` stands in the error.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(crate) fn room<T>(len: usize, purpose: &str) -> Result<Vec<T>> {
+    let mut values = Vec::new();
+    values.try_reserve_exact(len).map_err(|_| lacks::<T>(len, purpose))?;
+    Ok(values)
+}
+
+fn lacks<T>(len: usize, purpose: &str) -> Error {
+    let needed = (len as u64).saturating_mul(size_of::<T>() as u64);
+    Error::Memory { purpose: purpose.into(), needed, available: None, remedy: REMEDY.into() }
+}
+
+/// Whether so many bytes are to be had now. They are given back at once.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(crate) fn ask(bytes: u64, purpose: &str, remedy: &str) -> Result<()> {
+    let room = usize::try_from(bytes).ok().filter(|bytes| {
+        // Never touched, it costs next to nothing.
+        Vec::<u8>::new().try_reserve_exact(*bytes).is_ok()
+    });
+    room.map(drop).ok_or_else(|| Error::Memory {
+        purpose: purpose.into(),
+        needed: bytes,
+        available: None,
+        remedy: remedy.into(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_no_machine_has_is_an_error_with_its_size() {
+        let message = ask(1 << 60, "the moon", "look elsewhere").unwrap_err().to_string();
+        assert!(message.contains("the moon needs 1099511627776 MiB; look"), "{message}");
+        assert!(zeroed::<f64>(1 << 57, "a frame").is_err());
+        assert!(filled(f32::NAN, 1 << 58, "a frame").is_err());
+        assert_eq!(zeroed::<u32>(3, "three").unwrap(), [0; 3]);
+        assert_eq!(filled(7_u8, 3, "three").unwrap(), [7; 3]);
+        ask(1 << 20, "a mebibyte", "").unwrap();
+    }
+}
