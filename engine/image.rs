@@ -1,11 +1,11 @@
 //! Images of one channel from files, as a detector, a kernel or a focal spot was measured:
 //! NPY, TIFF or PNG by the extension.
 
-use crate::{Error, Result, input_file, reserve};
+use crate::{Error, Result, input_file, npy_header, reserve};
 use ndarray::Array2;
 use npyz::{DType, NpyFile, Order, TypeChar};
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Seek};
 use std::path::Path;
 use tiff::decoder::DecodingResult;
 
@@ -58,8 +58,11 @@ fn check_size(path: &Path, rows: u64, columns: u64) -> Result<()> {
     }
 }
 
-fn read_npy(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
-    let array = NpyFile::new(file).map_err(|e| refused(path, format!("is no NPY file: {e}")))?;
+fn read_npy(path: &Path, mut file: BufReader<File>) -> Result<Array2<f64>> {
+    let failed = |e| refused(path, format!("is no NPY file: {e}"));
+    npy_header::read(&mut file).map_err(failed)?;
+    file.rewind().map_err(failed)?;
+    let array = NpyFile::new(file).map_err(failed)?;
     let &[rows, columns] = array.shape() else {
         let shape = array.shape();
         return Err(refused(path, format!("has the shape {shape:?}; two dimensions are allowed")));

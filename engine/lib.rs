@@ -21,6 +21,7 @@ mod input_file;
 pub mod kept;
 pub mod material;
 pub mod memory;
+mod npy_header;
 mod parallel;
 pub mod printed;
 mod reserve;

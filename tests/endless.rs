@@ -112,6 +112,20 @@ fn a_sparse_file_of_20_gb_is_refused_by_its_length_or_its_first_bytes() {
     }
 }
 
+/// Found by fuzzing: the time to read such a header doubles with each bracket.
+#[test]
+fn brackets_within_brackets_do_not_take_for_ever() {
+    let place = workplace();
+    let header = "{".repeat(118);
+    let bytes = [b"\x93NUMPY\x01\x00\x76\x00", header.as_bytes()].concat();
+    fs::write(place.path().join("a.npy"), bytes).unwrap();
+    let spot = "source.spot={image=\"a.npy\",pixel=\"1 um\"}";
+    for words in [&["compare", "a.npy", "a.npy"][..], &["check", "scene.toml", "--set", spot]] {
+        let message = ends(place.path(), words, &[1, 2]);
+        assert!(message.contains("brackets within one another"), "{message}");
+    }
+}
+
 #[test]
 fn frames_larger_than_memory_are_compared_in_bands() {
     let place = workplace();

@@ -12,6 +12,8 @@ use super::Spectrum;
 use crate::error::{Error, Place, Result};
 use crate::input_file;
 
+/// Least sum of weights: with less, products of weights lose their digits.
+const LEAST: f64 = 1e-300;
 /// Most rows of a file.
 const ROWS: usize = 1_000_000;
 /// Most rows of a spectrum: 4 eV each for one up to 60 keV.
@@ -57,9 +59,9 @@ pub(super) fn read(path: &Path) -> Result<Spectrum> {
         return Err(end.error("spectrum", "no rows", "at least one row: energy_keV, weight"));
     }
     let total = spectrum.total();
-    if total <= 0.0 || !total.is_finite() {
+    if total <= LEAST || !total.is_finite() {
         let found = format!("weights that sum to {total:?}");
-        return Err(end.error(COLUMNS[1], &found, "a finite sum above 0"));
+        return Err(end.error(COLUMNS[1], &found, "a finite sum above 1e-300"));
     }
     Ok(joined(spectrum))
 }

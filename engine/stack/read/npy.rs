@@ -1,7 +1,7 @@
 //! NPY files: any of the sample types, either byte order, C order.
 
-use crate::{Error, Result, input_file, reserve};
-use npyz::{DType, Endianness, NpyHeader, Order, TypeChar};
+use crate::{Error, Result, input_file, npy_header, reserve};
+use npyz::{DType, Endianness, Order, TypeChar};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
@@ -42,7 +42,7 @@ impl NpyFile {
     pub(super) fn open(path: &Path) -> Result<Self> {
         let unread = |error| Error::output(path, "cannot be read", Some(error));
         let mut file = BufReader::new(input_file::open(path).map_err(unread)?);
-        let header = NpyHeader::from_reader(&mut file).map_err(|error| {
+        let header = npy_header::read(&mut file).map_err(|error| {
             // A parser's message may hold the whole of what it did not understand.
             let error: String = error.to_string().chars().take(120).collect();
             Error::output(path, format!("has no header of an NPY array: {error}"), None)

@@ -3,8 +3,9 @@
 use beamlet::stack::StackFile;
 use std::path::Path;
 
-/// Values that are read of a stack; larger ones are opened only.
-const MOST: usize = 1 << 21;
+/// Values and frames that are read of a stack; larger ones are opened only.
+const VALUES: usize = 1 << 20;
+const FRAMES: usize = 64;
 
 /// Opens a stack and reads it: whole views, and frames in halves, are the same values.
 pub fn read_stack(path: &Path) {
@@ -12,7 +13,7 @@ pub fn read_stack(path: &Path) {
     let [views, steps, rows, columns] = stack.shape();
     assert!([views, steps, rows, columns].iter().all(|side| *side > 0));
     let size = [steps, rows, columns].iter().try_fold(views, |n, side| n.checked_mul(*side));
-    if size.is_none_or(|size| size > MOST) {
+    if size.is_none_or(|size| size > VALUES) || views * steps > FRAMES {
         return;
     }
     let rows = u32::try_from(rows).expect("rows are counted in 32 bits");

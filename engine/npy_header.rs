@@ -1,0 +1,85 @@
+//! Headers of NPY files, held to a size and shape before they are parsed.
+
+use npyz::NpyHeader;
+use std::io::{Error, ErrorKind, Read, Result, Seek, SeekFrom};
+
+/// Magic, version, and the length of the header in version 1 or, with two bytes more, 2 and 3.
+const BEFORE: usize = 10;
+/// Most bytes of a header: as many as version 1 can say.
+const MOST: u32 = 65_535;
+/// Deepest brackets: one pair for the dict, one for the shape, and one of structured types.
+/// The time of the parser doubles with every one.
+const DEPTH: usize = 4;
+
+/// Reads a header; `file` is left at the first value.
+///
+/// # Errors
+/// What the file is not, in words, or why it cannot be read.
+pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<NpyHeader> {
+    let refused = |problem: String| Error::new(ErrorKind::InvalidData, problem);
+    let mut bytes = vec![0; BEFORE];
+    file.read_exact(&mut bytes)?;
+    if !bytes.starts_with(b"\x93NUMPY") {
+        return Err(refused("it does not begin with the magic of one".into()));
+    }
+    let length = if bytes[6] == 1 {
+        u32::from(u16::from_le_bytes([bytes[8], bytes[9]]))
+    } else {
+        let mut high = [0; 2];
+        file.read_exact(&mut high)?;
+        u32::from_le_bytes([bytes[8], bytes[9], high[0], high[1]])
+    };
+    if length > MOST {
+        return Err(refused(format!("it has {length} bytes; allowed: up to {MOST}")));
+    }
+    let mut dict = Vec::new();
+    file.take(length.into()).read_to_end(&mut dict)?;
+    let (mut open, mut deepest) = (0_usize, 0);
+    for byte in dict {
+        match byte {
+            b'(' | b'[' | b'{' => open += 1,
+            b')' | b']' | b'}' => open = open.saturating_sub(1),
+            _ => {}
+        }
+        deepest = deepest.max(open);
+    }
+    if deepest > DEPTH {
+        return Err(refused(format!("{deepest} brackets within one another; allowed: {DEPTH}")));
+    }
+    file.seek(SeekFrom::Start(0))?;
+    NpyHeader::from_reader(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Cursor;
+
+    fn file(version: u8, dict: &str) -> Cursor<Vec<u8>> {
+        let length = u32::try_from(dict.len()).unwrap().to_le_bytes();
+        let length = if version == 1 { &length[..2] } else { &length[..] };
+        Cursor::new([b"\x93NUMPY".as_slice(), &[version, 0], length, dict.as_bytes()].concat())
+    }
+
+    #[test]
+    fn headers_of_every_version_are_read_and_leave_the_file_at_its_values() {
+        let dict = "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 2), }\n";
+        for version in [1, 2, 3] {
+            let mut file = file(version, dict);
+            assert_eq!(read(&mut file).unwrap().shape(), [3, 2]);
+            assert_eq!(file.position(), file.get_ref().len() as u64);
+        }
+    }
+
+    /// Found by fuzzing: 39 bytes took ten seconds, and each further bracket as long again.
+    #[test]
+    fn brackets_within_brackets_are_refused_at_once() {
+        for brackets in ["{{{{{{", "((((((", "[[[[[[", "{[({[({[(", &"{".repeat(60_000)] {
+            let message = read(&mut file(1, brackets)).map(drop).unwrap_err().to_string();
+            assert!(message.contains("within one another"), "{message}");
+        }
+        let long = read(&mut file(2, &" ".repeat(65_536)));
+        let message = long.map(drop).unwrap_err().to_string();
+        assert!(message.contains("65536 bytes; allowed: up to 65535"), "{message}");
+    }
+}

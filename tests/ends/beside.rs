@@ -1,0 +1,117 @@
+//! What happens beside a run: clocks that jump, and readers.
+
+use super::{Place, beamlet, said};
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+const VIEWS: &str = "scan.angles={ from = \"0 deg\", to = \"90 deg\", count = 24 }";
+
+/// Takes the place of the clocks of the C library: the time of day jumps to and fro by years, and
+/// clocks that never go back jump ahead by an hour at a time.
+const CLOCKS: &str = r#"
+#define _GNU_SOURCE
+#include <sys/syscall.h>
+#include <sys/time.h>
+#include <time.h>
+#include <unistd.h>
+static unsigned calls;
+static long ahead;
+int clock_gettime(clockid_t clock, struct timespec *now) {
+    long failed = syscall(SYS_clock_gettime, clock, now);
+    unsigned call = __atomic_add_fetch(&calls, 1, __ATOMIC_RELAXED);
+    if (clock == CLOCK_REALTIME || clock == CLOCK_REALTIME_COARSE)
+        now->tv_sec += (long)(call * 2654435761u % 2000000000u) - 1000000000;
+    else if (clock == CLOCK_MONOTONIC || clock == CLOCK_BOOTTIME || clock == CLOCK_MONOTONIC_COARSE)
+        now->tv_sec += call % 16 ? __atomic_load_n(&ahead, __ATOMIC_RELAXED)
+                                 : __atomic_add_fetch(&ahead, 3600, __ATOMIC_RELAXED);
+    return failed;
+}
+int gettimeofday(struct timeval *now, void *zone) {
+    struct timespec found;
+    (void)zone;
+    clock_gettime(CLOCK_REALTIME, &found);
+    now->tv_sec = found.tv_sec;
+    now->tv_usec = found.tv_nsec / 1000;
+    return 0;
+}
+time_t time(time_t *to) {
+    struct timespec found;
+    clock_gettime(CLOCK_REALTIME, &found);
+    if (to) *to = found.tv_sec;
+    return found.tv_sec;
+}
+"#;
+
+/// Files of a run that are the same whenever it is made, with their bytes.
+fn contents(run: &Path) -> Vec<(String, Vec<u8>)> {
+    let names = ["scene.toml", "progress.log", "flat.npy", "sample.npy", "moments/view_0007.bin"];
+    names.map(|name| (name.to_owned(), fs::read(run.join(name)).unwrap())).into()
+}
+
+fn words(to: &str) -> Vec<&str> {
+    let begin = ["simulate", "scene.toml", "-o", to, "--format", "npy", "--backend", "bvh"];
+    begin.into_iter().chain(["--keep-moments", "--set", VIEWS]).collect()
+}
+
+#[test]
+fn clocks_that_jump_change_nothing() {
+    let place = Place::new();
+    fs::write(place.path("clocks.c"), CLOCKS).unwrap();
+    let mut compiler = Command::new("cc");
+    compiler.args(["-shared", "-fPIC", "-O1", "-o", "clocks.so", "clocks.c"]);
+    assert!(compiler.current_dir(place.path("")).status().unwrap().success());
+    let left_alone = place.beamlet(&words("alone"));
+    assert_eq!(left_alone.status.code(), Some(0), "{left_alone:?}");
+    let mut jumped = beamlet(&place.path(""), &words("jumped"));
+    let jumped = jumped.env("LD_PRELOAD", place.path("clocks.so")).output().unwrap();
+    let (code, message) = said(&jumped);
+    assert_eq!(code, Some(0), "{message}");
+    assert!(!message.contains("panicked"), "{message}");
+    assert!(contents(&place.path("jumped")) == contents(&place.path("alone")));
+    // The clocks did jump: hours in a run of seconds.
+    let record = super::json(&place.path("jumped/run.json"));
+    assert!(record["seconds"]["total"].as_f64().unwrap() > 3600.0, "{record}");
+    let mut checked = beamlet(&place.path(""), &["check", "jumped"]);
+    let checked = checked.env("LD_PRELOAD", place.path("clocks.so")).output().unwrap();
+    assert_eq!(checked.status.code(), Some(0), "{checked:?}");
+}
+
+#[test]
+fn readers_of_a_run_in_the_making_get_an_answer_and_do_not_disturb_it() {
+    let place = Place::new();
+    assert_eq!(place.beamlet(&words("alone")).status.code(), Some(0));
+    let mut running = beamlet(&place.path(""), &words("run"));
+    let mut running = running.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let commands: [&[&str]; 6] = [
+        &["check", "run"],
+        &["compare", "run", "run"],
+        &["retrieve", "run", "-o", "images", "--overwrite", "-q"],
+        &["view", "run", "-o", "pictures", "--overwrite"],
+        &["report", "run", "-o", "report.html", "--overwrite"],
+        &["illuminate", "run", "--scene", "scene.toml", "-o", "again", "--overwrite", "-q"],
+    ];
+    let (mut tried, mut answered) = (0, 0);
+    let mut ended = false;
+    // Once more when it has ended.
+    while !ended {
+        ended = running.try_wait().unwrap().is_some();
+        for command in commands {
+            let output = place.beamlet(command);
+            let (code, message) = said(&output);
+            let refused = matches!(code, Some(1 | 2)) && message.contains("error: ");
+            // What differs is an answer of `compare`: a run and itself never do.
+            assert!(code == Some(0) || refused, "{command:?}: {code:?}: {message}");
+            assert!(!message.contains("panicked"), "{command:?}: {message}");
+            tried += 1;
+            answered += usize::from(code == Some(0));
+            assert!(
+                !ended || code == Some(0) || command[0] == "illuminate",
+                "{command:?}: {message}"
+            );
+        }
+    }
+    assert_eq!(running.wait().unwrap().code(), Some(0));
+    assert!(tried >= 12 && answered > 6, "{tried} tried, {answered} answered");
+    assert!(contents(&place.path("run")) == contents(&place.path("alone")));
+}

@@ -1,0 +1,133 @@
+//! Address space that ends: an error that says what for, and never the end of the program.
+//!
+//! The limits lie above what program and driver take by themselves: of a driver that has less
+//! than it needs to begin with nothing is promised.
+
+use super::{Place, npy, said};
+use std::fs;
+use std::process::Command;
+
+/// Runs with so many MiB of address space: done, or an error; whether it was done.
+#[track_caller]
+fn within(place: &Place, mebibytes: u64, words: &[&str]) -> bool {
+    let script = format!("ulimit -v {}; exec timeout 300 \"$@\"", mebibytes << 10);
+    let mut command = Command::new("bash");
+    command.args(["-c", &script, "bash", env!("CARGO_BIN_EXE_beamlet")]).args(words);
+    command.current_dir(place.path("")).env_remove("RUST_LOG");
+    // Threads take address space: as many everywhere.
+    command.env("RAYON_NUM_THREADS", "2").env("LP_NUM_THREADS", "2").env("MALLOC_ARENA_MAX", "2");
+    let (code, message) = said(&command.output().unwrap());
+    let refused = code == Some(1) || code == Some(2);
+    let told = message.contains("MiB") || message.contains("memory");
+    let shown = format!("{mebibytes} MiB, {words:?}: {code:?}: {message}");
+    assert!(code == Some(0) || (refused && message.contains("error: ") && told), "{shown}");
+    code == Some(0)
+}
+
+/// With little memory it is refused, with enough it is done.
+#[track_caller]
+fn sweep(place: &Place, limits: &[u64], words: &[&str]) {
+    let done: Vec<bool> = limits
+        .iter()
+        .map(|limit| {
+            let _ = fs::remove_dir_all(place.path("out"));
+            within(place, *limit, words)
+        })
+        .collect();
+    assert!(!done[0] && done[done.len() - 1], "{words:?}: {limits:?} {done:?}");
+}
+
+const RUN: [&str; 5] = ["simulate", "scene.toml", "-o", "out", "-q"];
+
+#[test]
+#[ignore = "gigabytes of memory and of frames"]
+fn large_frames() {
+    let frame = ["--backend", "bvh", "--format", "npy", "--set", "detector.pixels=[4096,4096]"];
+    sweep(&Place::new(), &[1300, 1600, 3200], &[&RUN[..], &frame].concat());
+}
+
+#[test]
+#[ignore = "gigabytes of memory and of frames"]
+fn large_frames_that_are_encoded_one_by_one() {
+    let frame = ["--set", "detector.pixels=[8192,8192]", "--memory-limit", "900 MiB"];
+    let words = [&RUN[..], &["--backend", "bvh"], &frame].concat();
+    sweep(&Place::new(), &[1250, 1400, 1600, 3200], &words);
+}
+
+#[test]
+#[ignore = "gigabytes of memory and of frames"]
+fn many_mask_steps() {
+    let steps = "scan.mask_offsets={ from = \"-25 um\", to = \"25 um\", count = 50000 }";
+    let steps = ["--set", steps, "--set", "detector.pixels=[256,16]", "--format", "npy"];
+    let words = [&RUN[..], &["--backend", "bvh"], &steps].concat();
+    sweep(&Place::new(), &[1300, 1600, 3200], &words);
+}
+
+#[test]
+fn many_triangles() {
+    let place = Place::new();
+    let sphere = "object.part.shape={sphere={radius=\"0.4 mm\",sides=1600}}";
+    let limits = [60, 80, 110, 150, 200, 300, 400, 500, 700, 1500];
+    sweep(&place, &limits, &["check", "scene.toml", "--set", sphere]);
+    // The same in a file of text and in a binary one.
+    let mut text = String::new();
+    let mut binary = vec![0_u8; 80];
+    binary.extend(360_000_u32.to_le_bytes());
+    for part in 0..30_000_u16 {
+        let [x, y] = [part % 200, part / 200].map(|n| 2.5 * f32::from(n));
+        for corner in 0..8_u8 {
+            let [i, j, k] = [corner & 1, corner >> 1 & 1, corner >> 2].map(f32::from);
+            text += &format!("v {} {} {k}\n", x + i, y + j);
+        }
+        let first = u32::from(part) * 8 + 1;
+        let faces =
+            [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        for [a, b, c, d] in faces {
+            for triangle in [[a, b, c], [a, c, d]] {
+                text += &format!(
+                    "f {} {} {}\n",
+                    first + triangle[0],
+                    first + triangle[1],
+                    first + triangle[2]
+                );
+                binary.extend([0; 12]);
+                for corner in triangle {
+                    let [i, j, k] =
+                        [corner & 1, corner >> 1 & 1, corner >> 2].map(|bit| bit as f32);
+                    [x + i, y + j, k].iter().for_each(|v| binary.extend(v.to_le_bytes()));
+                }
+                binary.extend([0; 2]);
+            }
+        }
+    }
+    fs::write(place.path("many.obj"), text).unwrap();
+    fs::write(place.path("many.stl"), binary).unwrap();
+    for name in ["many.obj", "many.stl"] {
+        let mesh = format!("object.part.mesh={name}");
+        let sets = ["check", "scene.toml", "--set", &mesh, "--set", "object.part.unit=1 um"];
+        sweep(&place, &[60, 80, 110, 150, 200, 300, 400, 500, 1500], &sets);
+    }
+}
+
+#[test]
+fn stacks_that_are_read() {
+    let place = Place::new();
+    let small = ["--format", "npy", "--set", "detector.pixels=[600,600]", "--backend", "bvh"];
+    let (code, message) = said(&place.beamlet(&[&RUN[..3], &["run", "-q"], &small].concat()));
+    assert_eq!(code, Some(0), "{message}");
+    assert_eq!(npy(&place.path("run/flat.npy")).len(), 5 * 600 * 600);
+    // One frame of 200 MB.
+    let mut wide = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    let dict = "{'descr': '<f4', 'fortran_order': False, 'shape': (200, 250000), }";
+    wide.extend(format!("{dict:<117}\n").bytes());
+    fs::write(place.path("wide.npy"), wide).unwrap();
+    let file = fs::File::options().write(true).open(place.path("wide.npy")).unwrap();
+    file.set_len(128 + 200_000_000).unwrap();
+    let limits = [40, 60, 100, 200, 300, 500, 1500];
+    sweep(&place, &limits, &["compare", "wide.npy", "wide.npy", "-o", "out"]);
+    for limit in [40, 60, 100, 200, 400, 800] {
+        within(&place, limit, &["check", "run"]);
+        within(&place, limit, &["compare", "run", "run"]);
+        within(&place, limit, &["report", "run", "-o", "report.html", "--overwrite"]);
+    }
+}

@@ -1,0 +1,138 @@
+//! Detectors, samples and meshes as large and as small as may be.
+
+use super::{Place, npy, said};
+use std::fs;
+
+#[test]
+fn detectors_have_up_to_65536_pixels_a_side() {
+    let place = Place::new();
+    for pixels in ["[65536,1]", "[1,65536]", "[65536,2]"] {
+        place.is_balanced(&[&format!("detector.pixels={pixels}")]);
+    }
+    for pixels in ["[65537,1]", "[1,65537]"] {
+        let set = format!("detector.pixels={pixels}");
+        place.is_refused(&[&set], &["detector.pixels", "65537", "from 1 to 65536"]);
+    }
+}
+
+#[test]
+fn four_gigapixels_are_told_of_and_do_not_fit_in_little() {
+    let place = Place::new();
+    let set = "detector.pixels=[65536,65536]";
+    let output = place.beamlet(&["check", "scene.toml", "--json", "--set", set]);
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    // Flat and one view of five steps.
+    assert_eq!(told["work"]["output_bytes"], 2 * 5 * 4 * (1_u64 << 32), "{told}");
+    let limited = ["--memory-limit", "1 GiB", "--set", set];
+    let words = [&["simulate", "scene.toml", "-o", "run", "-q"], &limited[..]].concat();
+    let (code, message) = said(&place.beamlet(&words));
+    assert!(code == Some(1) && message.contains("MiB are available"), "{code:?}: {message}");
+    assert!(!place.path("run").exists());
+}
+
+#[test]
+fn a_sample_comes_as_near_to_a_mask_as_it_likes_but_does_not_touch_it() {
+    let place = Place::new();
+    let set = |depth: f64| {
+        format!("object.part.shape={{box={{size=[\"0.3 mm\",\"{depth} mm\",\"0.4 mm\"]}}}}")
+    };
+    // From the back of the sample mask to the rotation centre it is 9.8875 mm.
+    for hair in [1e-3, 1e-6, 1e-10] {
+        place.is_balanced(&[&set(19.775 - hair)]);
+        place.is_refused(&[&set(19.775 + hair)], &["part", "back of the sample mask"]);
+    }
+    place.is_refused(&[&set(19.775)], &["part", "back of the sample mask"]);
+    // A corner that comes by while it turns.
+    let turning = ["scan.angles=[\"0 deg\",\"0.5 deg\"]", &set(19.775 - 1e-6)];
+    place.is_refused(&turning, &["part", "at angle 0.500 deg", "back of the sample mask"]);
+}
+
+/// A set-up of 150 m, with pixels of 150 mm.
+const HUGE: [&str; 6] = [
+    "source.distance=100 m",
+    "detector.distance=150 m",
+    "detector.pitch=150 mm",
+    "sample_mask.distance=80 m",
+    "sample_mask.projected_aperture=30 mm",
+    "detector_mask.projected_aperture=30 mm",
+];
+
+#[test]
+fn samples_of_a_nanometre_and_of_ten_metres_are_in_balance_or_no_bodies() {
+    let place = Place::new();
+    for radius in ["1e-30 m", "1e-3 nm", "0.5 nm", "1 um"] {
+        let set = format!("object.part.shape={{sphere={{radius=\"{radius}\",sides=16}}}}");
+        place.is_balanced(&[&set]);
+    }
+    let huge = |shape: &str| {
+        let set = format!("object.part.shape={shape}");
+        HUGE.iter().map(|set| (*set).to_owned()).chain([set]).collect::<Vec<_>>()
+    };
+    let box_of = |x: &str, y: &str, z: &str| format!("{{box={{size=[\"{x}\",\"{y}\",\"{z}\"]}}}}");
+    let bodies = [
+        "{sphere={radius=\"5 m\",sides=64}}".to_owned(),
+        box_of("10 m", "10 m", "10 m"),
+        box_of("10 m", "10 m", "1 um"),
+        box_of("1 um", "10 m", "10 m"),
+    ];
+    for body in bodies {
+        let sets = huge(&body);
+        place.is_balanced(&sets.iter().map(String::as_str).collect::<Vec<_>>());
+    }
+    // Ten metres and a nanometre in one body is more than numbers of 32 bits tell apart.
+    for body in [box_of("10 m", "10 m", "1 nm"), box_of("1 nm", "10 m", "10 m")] {
+        let sets = huge(&body);
+        let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
+        place.is_refused(&sets, &["part", "encloses no volume"]);
+    }
+}
+
+/// A ball as OBJ, of radius 1.
+fn ball() -> String {
+    let (rings, around) = (8_u32, 12_u32);
+    let mut text = String::from("v 0 0 -1\n");
+    for ring in 1..rings {
+        let polar = std::f64::consts::PI * f64::from(ring) / f64::from(rings);
+        for side in 0..around {
+            let angle = std::f64::consts::TAU * f64::from(side) / f64::from(around);
+            let (x, y) = (polar.sin() * angle.cos(), polar.sin() * angle.sin());
+            text += &format!("v {x} {y} {}\n", -polar.cos());
+        }
+    }
+    text += "v 0 0 1\n";
+    let at = |ring: u32, side: u32| 2 + (ring - 1) * around + side % around;
+    let last = 2 + (rings - 1) * around;
+    for side in 0..around {
+        text += &format!("f 1 {} {}\n", at(1, side + 1), at(1, side));
+        for ring in 1..rings - 1 {
+            let [a, b] = [at(ring, side), at(ring, side + 1)];
+            text += &format!("f {a} {b} {} {}\n", at(ring + 1, side + 1), at(ring + 1, side));
+        }
+        text += &format!("f {last} {} {}\n", at(rings - 1, side), at(rings - 1, side + 1));
+    }
+    text
+}
+
+#[test]
+fn meshes_of_a_nanometre_and_of_ten_metres_are_seen_as_large_as_they_are() {
+    let place = Place::new();
+    fs::write(place.path("ball.obj"), ball()).unwrap();
+    let mesh = |unit: &str, more: &[&str]| {
+        let sets = ["object.part.mesh=ball.obj".to_owned(), format!("object.part.unit={unit}")];
+        let sets: Vec<String> = sets.into_iter().chain(more.iter().map(|s| (*s).into())).collect();
+        place.is_balanced(&sets.iter().map(String::as_str).collect::<Vec<_>>());
+        let [flat, sample] =
+            ["flat", "sample"].map(|name| npy(&place.path(&format!("run/{name}.npy"))));
+        flat.iter().zip(&sample).filter(|(a, b)| (**a - **b).abs() > 0.5 * **a).count()
+    };
+    assert_eq!(mesh("0.5 nm", &[]), 0);
+    // 10 m of water let nothing through: pi (5 m)^2 on pixels of 100 mm in the plane of the ball,
+    // of which the detector has 64 x 8.
+    let dark = mesh("5 m", &HUGE);
+    assert_eq!(dark, 5 * 64 * 8);
+    // Units beyond what numbers hold.
+    for (unit, word) in [("1e-320 m", "no volume"), ("1e300 m", "finite")] {
+        let sets = ["object.part.mesh=ball.obj".to_owned(), format!("object.part.unit={unit}")];
+        place.is_refused(&sets.iter().map(String::as_str).collect::<Vec<_>>(), &[word]);
+    }
+}
