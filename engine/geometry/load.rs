@@ -117,8 +117,9 @@ pub fn file_hash(path: &Path) -> Result<String> {
 
 /// Peak bytes per triangle of a mesh while it is read and welded, as measured.
 pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
-/// The same per byte of a mesh in text, as measured.
-const PEAK_PER_BYTE: u64 = 4;
+/// The same per byte of text while that is read: lines of OBJ files are short, and their faces are
+/// held three times.
+const PEAK_PER_BYTE: [(&str, u64); 2] = [("obj", 16), ("stl", 2)];
 /// What may be done where a mesh does not fit.
 const SIMPLIFY: &str = "simplify it, or lift the limit of memory that this program runs under";
 
@@ -130,6 +131,12 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     // Only what says how long it is may be longer than texts are.
     let most = if stl::triangles_in(path).is_some() { u64::MAX - 1 } else { TEXT };
     input_file::read(path, most).map_err(failed)
+}
+
+fn peak_per_byte(path: &Path) -> u64 {
+    let extension = path.extension().unwrap_or_default();
+    let found = PEAK_PER_BYTE.iter().find(|(known, _)| extension.eq_ignore_ascii_case(known));
+    found.map_or(0, |(_, bytes)| *bytes)
 }
 
 fn hash(bytes: &[u8]) -> String {
@@ -156,7 +163,7 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
             let bytes = read(&file)?;
             let needed = match stl::triangles_in(&file) {
                 Some(triangles) => PEAK_PER_TRIANGLE.saturating_mul(triangles),
-                None => PEAK_PER_BYTE.saturating_mul(bytes.len() as u64),
+                None => peak_per_byte(path).saturating_mul(bytes.len() as u64),
             };
             reserve::ask(needed, &format!("reading {label}"), SIMPLIFY)?;
             let (surface, hash) = rayon::join(|| parse(path, &bytes), || hash(&bytes));

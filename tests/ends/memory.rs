@@ -124,7 +124,7 @@ fn stacks_that_are_read() {
     let file = fs::File::options().write(true).open(place.path("wide.npy")).unwrap();
     file.set_len(128 + 200_000_000).unwrap();
     let limits = [40, 60, 100, 200, 300, 500, 1500];
-    sweep(&place, &limits, &["compare", "wide.npy", "wide.npy", "-o", "out"]);
+    sweep(&place, &limits, &["compare", "wide.npy", "wide.npy", "--difference", "out"]);
     for limit in [40, 60, 100, 200, 400, 800] {
         within(&place, limit, &["check", "run"]);
         within(&place, limit, &["compare", "run", "run"]);
