@@ -35,7 +35,7 @@ pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<NpyHeader> {
     let mut dict = Vec::new();
     file.take(length.into()).read_to_end(&mut dict)?;
     let (mut open, mut deepest) = (0_usize, 0);
-    for byte in dict {
+    for byte in &dict {
         match byte {
             b'(' | b'[' | b'{' => open += 1,
             b')' | b']' | b'}' => open = open.saturating_sub(1),
@@ -46,8 +46,22 @@ pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<NpyHeader> {
     if deepest > DEPTH {
         return Err(refused(format!("{deepest} brackets within one another; allowed: {DEPTH}")));
     }
+    // The parser multiplies them unchecked.
+    if product(&dict).is_none() {
+        return Err(refused("it claims more values than 64 bits can count".into()));
+    }
     file.seek(SeekFrom::Start(0))?;
     NpyHeader::from_reader(file)
+}
+
+/// The product of the numbers outside of quotes, which are those of the shape.
+fn product(dict: &[u8]) -> Option<u64> {
+    let text = String::from_utf8_lossy(dict);
+    let plain = text.split(['\'', '"']).step_by(2);
+    let numbers = plain.flat_map(|part| part.split(|c: char| !c.is_ascii_digit()));
+    numbers
+        .filter(|number| !number.is_empty())
+        .try_fold(1_u64, |product, number| product.checked_mul(number.parse().ok()?))
 }
 
 #[cfg(test)]
@@ -73,10 +87,19 @@ mod tests {
 
     /// Found by fuzzing: 39 bytes took ten seconds, and each further bracket as long again.
     #[test]
-    fn brackets_within_brackets_are_refused_at_once() {
+    fn headers_that_no_parser_should_see_are_refused_at_once() {
         for brackets in ["{{{{{{", "((((((", "[[[[[[", "{[({[({[(", &"{".repeat(60_000)] {
             let message = read(&mut file(1, brackets)).map(drop).unwrap_err().to_string();
             assert!(message.contains("within one another"), "{message}");
+        }
+        // Found by fuzzing, too: the product of the sides overflowed.
+        for shape in
+            ["4553682020284002760, 8", "0, 99999999999999999999", "9, 9, 9999999999999999999"]
+        {
+            let dict =
+                format!("{{'descr': '|u1', 'fortran_order': False, 'shape': ({shape}), }}\n");
+            let message = read(&mut file(1, &dict)).map(drop).unwrap_err().to_string();
+            assert!(message.contains("more values than 64 bits"), "{message}");
         }
         let long = read(&mut file(2, &" ".repeat(65_536)));
         let message = long.map(drop).unwrap_err().to_string();

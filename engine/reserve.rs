@@ -1,6 +1,7 @@
 //! Large memory, asked for so that its lack is an error and not the end of the program.
 //!
-//! Buffers of one piece are made by [`zeroed`], [`filled`] and [`room`]. Work that takes memory in many
+//! Buffers of one piece are made by [`zeroed`], [`filled`], [`room`] and
+//! [`collected`]. Work that takes memory in many
 //! pieces is asked for as a whole before it begins ([`ask`]). What a system promises and does not
 //! have when it is used, neither can tell.
 
@@ -34,6 +35,19 @@ pub(crate) fn filled<T: Copy>(value: T, len: usize, purpose: &str) -> Result<Vec
 pub(crate) fn room<T>(len: usize, purpose: &str) -> Result<Vec<T>> {
     let mut values = Vec::new();
     values.try_reserve_exact(len).map_err(|_| lacks::<T>(len, purpose))?;
+    Ok(values)
+}
+
+/// What an iterator gives; `purpose` stands in the error.
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(crate) fn collected<T>(
+    from: impl ExactSizeIterator<Item = T>,
+    purpose: &str,
+) -> Result<Vec<T>> {
+    let mut values = room(from.len(), purpose)?;
+    values.extend(from);
     Ok(values)
 }
 

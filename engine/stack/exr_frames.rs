@@ -50,12 +50,14 @@ impl ExrFrames {
             self.make_partial()?;
             let frames: Vec<_> = (0_u32..).zip(data.outer_iter()).collect();
             let write = |(step, frame): &(u32, ArrayView2<'_, f32>)| {
-                self.write_frame(view, *step, frame.iter().copied().collect())
+                self.write_frame(view, *step, reserve::collected(frame.iter().copied(), "a frame")?)
             };
             let hash = || {
                 let mut hasher = Sha256::new();
-                data.outer_iter().for_each(|frame| hasher.update(le_bytes(frame.iter().copied())));
-                hex(&hasher.finalize())
+                for frame in data.outer_iter() {
+                    hasher.update(le_bytes(frame.iter().copied())?);
+                }
+                Ok::<_, Error>(hex(&hasher.finalize()))
             };
             // Large frames are compressed by threads of their own.
             let write_all = || match self.is_small() {
@@ -64,7 +66,7 @@ impl ExrFrames {
             };
             let (written, checksum) = rayon::join(write_all, hash);
             written?;
-            self.converted = Some(checksum);
+            self.converted = Some(checksum?);
             return Ok(());
         }
         let path = self.spool_path();
@@ -77,7 +79,7 @@ impl ExrFrames {
         let row_bytes = 4 * u64::from(self.extent.columns);
         for (step, frame) in (0_u64..).zip(data.outer_iter()) {
             let offset = step * self.extent.frame_bytes() + u64::from(rows.start) * row_bytes;
-            let bytes = le_bytes(frame.iter().copied());
+            let bytes = le_bytes(frame.iter().copied())?;
             if let Some(file) = &mut self.spool {
                 file.seek(SeekFrom::Start(offset))
                     .and_then(|_| file.write_all(&bytes))
@@ -234,7 +236,7 @@ pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String
     let shape = [extent.rows as usize, extent.columns as usize];
     for step in 0..extent.steps {
         let path = directory.join(step_file(extent, step));
-        hasher.update(le_bytes(read_exr(&path, shape, 0..shape[0])?.into_iter()));
+        hasher.update(le_bytes(read_exr(&path, shape, 0..shape[0])?.into_iter())?);
     }
     Ok(hex(&hasher.finalize()))
 }

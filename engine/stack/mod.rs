@@ -22,7 +22,7 @@ mod whole_file;
 pub use apart::{is_of_run, is_same_place, refuse_overlap};
 pub use array::ArraySink;
 pub use callback::CallbackSink;
-pub(crate) use npy::npy_header;
+pub(crate) use npy::{le_bytes, npy_header};
 pub use read::{Maps, OpenRun, StackFile};
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};

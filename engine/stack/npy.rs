@@ -5,7 +5,7 @@
 //! that are not committed read as zero or as a part; progress.log tells which count.
 
 use super::{Extent, View};
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, reserve};
 use ndarray::ArrayView3;
 use sha2::{Digest, Sha256};
 use std::fs::{File, OpenOptions};
@@ -72,7 +72,7 @@ impl NpyFrames {
         let (array, start) = self.locate(view)?;
         let mut offset = start + row_bytes * u64::from(rows.start);
         for frame in data.outer_iter() {
-            let bytes = le_bytes(frame.iter().copied());
+            let bytes = le_bytes(frame.iter().copied())?;
             array
                 .file
                 .seek(SeekFrom::Start(offset))
@@ -208,8 +208,13 @@ pub(crate) fn npy_header(sides: &[usize]) -> Vec<u8> {
 }
 
 /// Values as little-endian bytes.
-pub(super) fn le_bytes(values: impl Iterator<Item = f32>) -> Vec<u8> {
-    values.flat_map(f32::to_le_bytes).collect()
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(crate) fn le_bytes(values: impl ExactSizeIterator<Item = f32>) -> Result<Vec<u8>> {
+    let mut bytes = reserve::room(4 * values.len(), "a frame as bytes")?;
+    bytes.extend(values.flat_map(f32::to_le_bytes));
+    Ok(bytes)
 }
 
 /// Lower-case hexadecimal.

@@ -2,7 +2,7 @@
 
 use super::ImageFormat;
 use crate::stack::{sync_directory, sync_path};
-use crate::{Error, Result};
+use crate::{Error, Result, reserve};
 use exr::prelude::*;
 use ndarray::{ArrayBase, ArrayView2, Data, Ix2};
 use rayon::prelude::*;
@@ -135,7 +135,7 @@ impl Sheet {
                 write_exr(&self.view_path(self.next), image, &about)?;
             }
             Kind::Npy(file) => {
-                let bytes: Vec<u8> = image.iter().flat_map(|value| value.to_le_bytes()).collect();
+                let bytes = crate::stack::le_bytes(image.iter().copied())?;
                 file.write_all(&bytes).map_err(|error| written(&self.path, error))?;
             }
             Kind::Tiff(encoder) => page(&self.path, encoder, image, &about)?,
@@ -172,7 +172,7 @@ fn page<K: TiffKind>(
     about: &serde_json::Value,
 ) -> Result<()> {
     let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-    let values: Vec<f32> = image.iter().copied().collect();
+    let values = reserve::collected(image.iter().copied(), "an image")?;
     let mut write = || {
         let mut page =
             encoder.new_image::<Gray32Float>(side(image.ncols()), side(image.nrows()))?;
@@ -187,7 +187,8 @@ fn write_exr(path: &Path, image: ArrayView2<'_, f32>, about: &serde_json::Value)
     let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
     let text = Text::new_or_none(about.to_string()).unwrap_or_default();
     attributes.other.insert(Text::from("beamlet"), AttributeValue::Text(text));
-    let channel = AnyChannel::new("Y", FlatSamples::F32(image.iter().copied().collect()));
+    let values = reserve::collected(image.iter().copied(), "an image")?;
+    let channel = AnyChannel::new("Y", FlatSamples::F32(values));
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: Blocks::ScanLines,

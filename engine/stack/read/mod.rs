@@ -18,7 +18,7 @@ pub(super) use run::read_scene;
 
 use crate::{Error, Result, reserve};
 use checksums::Checksums;
-use ndarray::{Array2, Array3, Axis, s};
+use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
 use npy::NpyFile;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -171,7 +171,7 @@ impl StackFile {
             && whole.dim().0 == steps
         {
             let rows = rows.start as usize..rows.end as usize;
-            return Ok(whole.slice(s![.., rows, ..]).to_owned());
+            return owned(&self.path, whole.slice(s![.., rows, ..]));
         }
         let read = |step| self.frame(view, step, rows.clone());
         let frames: Vec<Array2<f32>> = match &self.source {
@@ -210,7 +210,7 @@ impl StackFile {
         }
         let index = view * steps + step;
         if let Some(whole) = self.compared(index)? {
-            return Ok(whole.slice(s![index % whole.dim().0, range, ..]).to_owned());
+            return owned(&self.path, whole.slice(s![index % whole.dim().0, range, ..]));
         }
         let values = self.values(index, range.clone())?;
         Array2::from_shape_vec((range.len(), columns), values)
@@ -263,6 +263,13 @@ impl StackFile {
         debug_assert_eq!(all.len_of(Axis(0)), self.shape[2]);
         Ok(all)
     }
+}
+
+/// A copy of a part of a view.
+fn owned<D: Dimension>(path: &Path, part: ArrayView<'_, f32, D>) -> Result<Array<f32, D>> {
+    let values = reserve::collected(part.iter().copied(), "rows of a view")?;
+    Array::from_shape_vec(part.raw_dim(), values)
+        .map_err(|error| Error::output(path, format!("cannot be read: {error}"), None))
 }
 
 /// Lower-case extension of a path.

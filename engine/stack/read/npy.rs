@@ -101,24 +101,31 @@ impl NpyFile {
                 file.read_exact(&mut raw)
             })
             .map_err(|error| Error::output(&self.path, "cannot be read", Some(error)))?;
-        Ok(self.values(&mut raw))
+        self.values(&mut raw)
     }
 
-    fn values(&self, raw: &mut [u8]) -> Vec<f32> {
+    fn values(&self, raw: &mut [u8]) -> Result<Vec<f32>> {
         if self.big_endian {
             raw.chunks_exact_mut(self.sample.bytes()).for_each(<[u8]>::reverse);
         }
+        let purpose = "rows of a frame";
         match self.sample {
-            Sample::U8 => raw.iter().map(|&v| f32::from(v)).collect(),
+            Sample::U8 => reserve::collected(raw.iter().map(|&v| f32::from(v)), purpose),
             Sample::U16 => {
-                raw.as_chunks().0.iter().map(|&v| f32::from(u16::from_le_bytes(v))).collect()
+                let whole = |&v| f32::from(u16::from_le_bytes(v));
+                reserve::collected(raw.as_chunks().0.iter().map(whole), purpose)
             }
             Sample::U32 => {
-                raw.as_chunks().0.iter().map(|&v| u32::from_le_bytes(v) as f32).collect()
+                let whole = |&v| u32::from_le_bytes(v) as f32;
+                reserve::collected(raw.as_chunks().0.iter().map(whole), purpose)
             }
-            Sample::F32 => raw.as_chunks().0.iter().map(|&v| f32::from_le_bytes(v)).collect(),
+            Sample::F32 => reserve::collected(
+                raw.as_chunks().0.iter().map(|&v| f32::from_le_bytes(v)),
+                purpose,
+            ),
             Sample::F64 => {
-                raw.as_chunks().0.iter().map(|&v| narrow(f64::from_le_bytes(v))).collect()
+                let rounded = |&v| narrow(f64::from_le_bytes(v));
+                reserve::collected(raw.as_chunks().0.iter().map(rounded), purpose)
             }
         }
     }
