@@ -128,6 +128,5 @@ fn stacks_that_are_read() {
     for limit in [40, 60, 100, 200, 400, 800] {
         within(&place, limit, &["check", "run"]);
         within(&place, limit, &["compare", "run", "run"]);
-        within(&place, limit, &["report", "run", "-o", "report.html", "--overwrite"]);
     }
 }
