@@ -9,6 +9,7 @@ mod adjacency;
 mod body;
 mod defects;
 mod distance;
+mod ears;
 mod load;
 mod nesting;
 mod obj;

@@ -1,5 +1,6 @@
 //! Triangles of a polygon.
 
+use super::ears;
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
@@ -45,13 +46,8 @@ fn fan(ring: &[usize]) -> Vec<[usize; 3]> {
     (2..ring.len()).map(|k| [ring[0], ring[k - 1], ring[k]]).collect()
 }
 
-/// Twice the area of a triangle, if it winds as the polygon does.
-fn turn(flat: &[DVec2], [a, b, c]: [usize; 3]) -> f64 {
-    (flat[b] - flat[a]).perp_dot(flat[c] - flat[b])
-}
-
-/// `earcut`, where its triangles are as many as they must be and cover what the polygon does.
-fn cut(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
+/// What `earcut` makes of a polygon, and corners that it left out for they lie on a line.
+fn earcut(flat: &[DVec2]) -> Vec<[usize; 3]> {
     let mut indices: Vec<u32> = Vec::new();
     Earcut::new().earcut(flat.iter().map(|point| point.to_array()), &[], &mut indices);
     let mut found: Vec<[usize; 3]> =
@@ -63,6 +59,20 @@ fn cut(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     if found.len() != flat.len() - 2 {
         put_back(&mut found, flat.len());
     }
+    found
+}
+
+/// Twice the area of a triangle, if it winds as the polygon does.
+pub(super) fn turn(flat: &[DVec2], [a, b, c]: [usize; 3]) -> f64 {
+    (flat[b] - flat[a]).perp_dot(flat[c] - flat[b])
+}
+
+/// Triangles where they are as many as they must be and cover what the polygon does: small ears of
+/// a large polygon, and `earcut` for what they leave.
+fn cut(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
+    let (mut found, ring) = ears::small(flat);
+    let rest: Vec<DVec2> = ring.iter().map(|corner| flat[*corner]).collect();
+    found.extend(earcut(&rest).into_iter().map(|triangle| triangle.map(|corner| ring[corner])));
     let around: f64 =
         fan(&(0..flat.len()).collect::<Vec<_>>()).iter().map(|it| turn(flat, *it)).sum();
     let (signed, whole) = found
