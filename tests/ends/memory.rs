@@ -48,16 +48,6 @@ fn large_frames() {
 
 #[test]
 #[ignore = "gigabytes of memory and of frames"]
-fn large_frames_that_are_encoded_one_by_one() {
-    let frame = ["--set", "detector.pixels=[8192,8192]", "--memory-limit", "900 MiB"];
-    // One step: the frames are what is large.
-    let frame = [&frame[..], &["--set", "scan.mask_offsets=[\"0 um\"]"]].concat();
-    let words = [&RUN[..], &["--backend", "bvh"], &frame].concat();
-    sweep(&Place::new(), &[1250, 1400, 1600, 3200], &words);
-}
-
-#[test]
-#[ignore = "gigabytes of memory and of frames"]
 fn many_mask_steps() {
     let steps = "scan.mask_offsets={ from = \"-25 um\", to = \"25 um\", count = 50000 }";
     let steps = ["--set", steps, "--set", "detector.pixels=[256,16]", "--format", "npy"];
