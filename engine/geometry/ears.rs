@@ -142,7 +142,7 @@ mod tests {
                 DVec3::new(x, y, 0.0)
             };
             let circle = |_: u32| 1.0;
-            let teeth = |k: u32| if k % 2 == 0 { 1.0 } else { 0.95 };
+            let teeth = |k: u32| if k.is_multiple_of(2) { 1.0 } else { 0.95 };
             let comb = |k: u32| if k % 64 < 32 { 1.0 } else { 0.5 };
             let waves = |k: u32| 1.0 + 0.3 * (f64::from(k) * 0.003).sin();
             let shapes: [fn(u32) -> f64; 4] = [circle, teeth, comb, waves];
