@@ -18,6 +18,8 @@ use crate::trace::FIRST_ORDER_ERROR;
 
 /// Sheets cover a rectangle a whole number of times to this.
 const WHOLE: f64 = 1e-4;
+/// Facets that cover less than this share of a rectangle are left out.
+const EDGE_ON: f64 = 1e-9;
 /// Share of the budget that the first order may leave in a mean.
 const FIRST_ORDER_SHARE: f64 = 0.05;
 /// Standard deviation of a parabola of curvature 1 from its chord's mean, over a width of 1,
@@ -151,7 +153,8 @@ impl<'a> FacetMeans<'a> {
                 Overlap::Part => Area::within(&facet.corners, centre, half),
             };
             sums.all += part.area;
-            if part.area > 0.0 && sums.sound {
+            // Edge-on facets take no light, and their normals say nothing.
+            if part.area > EDGE_ON * whole.area && sums.sound {
                 sums.sound = self.add(patch, facet, &part, &mut sums).is_some();
             }
         }
@@ -199,7 +202,8 @@ impl<'a> FacetMeans<'a> {
         if sides != [1, 1] || met.balance != 0 {
             return None;
         }
-        if sums.first_order * self.weight * self.steepest > self.light {
+        let error = sums.first_order * self.weight * self.steepest;
+        if !error.is_finite() || error > self.light {
             return None;
         }
         let mut rest = sums.law;
@@ -333,6 +337,9 @@ impl<'a> FacetMeans<'a> {
             depth += (step.mu * bow / self.analyser).powi(2);
         }
         let error = sums.first_order / area;
+        if !error.is_finite() {
+            return None;
+        }
         if met.balance != 0 {
             return None;
         }
