@@ -4,6 +4,7 @@ use crate::failure::Failure;
 use crate::picture::svg::escaped;
 use crate::picture::text::short;
 use crate::run_reader::RunReader;
+use beamlet::SamplingSummary;
 use beamlet::check::count;
 use serde_json::Value;
 use std::fmt::Write as _;
@@ -33,15 +34,51 @@ pub(super) fn scene_text(run: &RunReader) -> Result<String, Failure> {
 /// Counts that belong to any run.
 const USUAL: [&str; 4] = ["rays", "exact", "split", "reflected"];
 
+/// Counts of sampling, which are told in words.
+const OF_SAMPLING: [&str; 6] = [
+    "patches",
+    "patch_rays",
+    "most_patch_rays",
+    "error_squares",
+    "worst_error",
+    "beyond_tolerance",
+];
+
 /// The counts of the run; those that should be zero and are not stand out.
 pub(super) fn tally(run: &RunReader) -> String {
-    let value = serde_json::to_value(run.run().record().record.tally).unwrap_or(Value::Null);
-    let rows = value.as_object().into_iter().flatten().map(|(key, value)| {
-        let number = value.as_u64().unwrap_or(0);
-        let text = count(number);
-        (key.replace('_', " "), text, number > 0 && !USUAL.contains(&key.as_str()))
-    });
-    table(rows)
+    let record = &run.run().record().record;
+    let value = serde_json::to_value(record.tally).unwrap_or(Value::Null);
+    let counts = value.as_object().into_iter().flatten();
+    let rows =
+        counts.filter(|(key, _)| !OF_SAMPLING.contains(&key.as_str())).map(|(key, value)| {
+            let number = value.as_u64().unwrap_or(0);
+            let text = count(number);
+            (key.replace('_', " "), text, number > 0 && !USUAL.contains(&key.as_str()))
+        });
+    table(rows.chain(record.sampling.iter().flat_map(sampling)))
+}
+
+/// Rays and estimated errors of sampling.
+fn sampling(summary: &SamplingSummary) -> Vec<(String, String, bool)> {
+    let SamplingSummary { patches, mean_rays, most_rays, rms_error, worst_error, .. } = summary;
+    let beyond = summary.beyond_tolerance;
+    vec![
+        (
+            "rays per beamlet and row with sample".into(),
+            format!("{mean_rays:.1}, at most {}", count(*most_rays)),
+            false,
+        ),
+        (
+            "estimated error of sampling".into(),
+            format!("{rms_error:.1e} of open beam (rms), {worst_error:.1e} (worst)"),
+            false,
+        ),
+        (
+            format!("beamlets and rows that may miss the tolerance of {:.1e}", summary.tolerance),
+            format!("{} of {}", count(beyond), count(*patches)),
+            beyond > 0,
+        ),
+    ]
 }
 
 /// Version, device, driver, backend, seed, seconds.
