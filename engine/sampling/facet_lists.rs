@@ -8,6 +8,7 @@
 )]
 
 use super::View;
+use super::crowding::bundles;
 use super::lattice::Lattice;
 use crate::geometry::Sample;
 use crate::scene::{Scene, Transport};
@@ -19,7 +20,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 /// Patches with more facets than this are sampled by rays alone: their facets are finer than any
 /// rectangle, and sums over them take longer than rays.
-const MOST_FACETS: u32 = 1024;
+pub(super) const MOST_FACETS: u32 = 1024;
 /// Triangles that one task takes.
 const TRIANGLES_OF_A_TASK: usize = 1 << 12;
 
@@ -41,6 +42,8 @@ pub(super) struct SurfaceStep {
 pub struct SampleFacets {
     /// By component.
     pub(super) steps: Vec<SurfaceStep>,
+    /// Number of triangles by component.
+    pub(super) triangles: Vec<u32>,
     /// Triangles across the edges of each.
     across: Vec<[u32; 3]>,
 }
@@ -74,7 +77,9 @@ impl SampleFacets {
                 },
             }
         };
-        Some(Self { steps: sample.components.iter().map(step).collect(), across })
+        let mut triangles = vec![0; sample.components.len()];
+        sample.triangle_component.iter().for_each(|c| triangles[*c as usize] += 1);
+        Some(Self { steps: sample.components.iter().map(step).collect(), triangles, across })
     }
 }
 
@@ -217,12 +222,16 @@ impl<'a> FacetLists<'a> {
         };
         let counts: Vec<AtomicU32> = (0..patches).map(|_| AtomicU32::new(0)).collect();
         let silhouettes: Vec<AtomicBool> = (0..patches).map(|_| AtomicBool::new(false)).collect();
+        let (mut crowded, left_out) = bundles(view, rows, patches, &index);
         let each = |visit: &Visit<'_>| {
             let tasks = view.sample.triangles.len().div_ceil(TRIANGLES_OF_A_TASK);
             (0..tasks).into_par_iter().for_each(|task| {
                 let first = task * TRIANGLES_OF_A_TASK;
                 let end = (first + TRIANGLES_OF_A_TASK).min(view.sample.triangles.len());
                 for triangle in first..end {
+                    if left_out[view.sample.triangle_component[triangle] as usize] {
+                        continue;
+                    }
                     let corners = triangles.corners(triangle);
                     visit(triangle, &corners, &triangles.project(&corners));
                 }
@@ -249,8 +258,9 @@ impl<'a> FacetLists<'a> {
                 });
             }
         });
-        let crowded: Vec<bool> =
-            counts.iter().map(|count| count.load(Ordering::Relaxed) > MOST_FACETS).collect();
+        for (crowded, count) in crowded.iter_mut().zip(&counts) {
+            *crowded |= count.load(Ordering::Relaxed) > MOST_FACETS;
+        }
         let mut total = 0_u32;
         for (count, crowded) in counts.iter().zip(&crowded) {
             let own = if *crowded { 0 } else { count.load(Ordering::Relaxed) };
@@ -288,7 +298,7 @@ impl<'a> FacetLists<'a> {
 
     /// Whether a silhouette crosses a patch.
     pub(super) fn has_silhouette(&self, beamlet: i64, row: i64) -> bool {
-        self.index(beamlet, row).is_none_or(|index| self.silhouettes[index])
+        self.index(beamlet, row).is_none_or(|index| self.silhouettes[index] || self.crowded[index])
     }
 
     /// Number of the facets of a patch that are listed.

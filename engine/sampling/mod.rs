@@ -6,6 +6,7 @@ mod alignment;
 mod base_lattice;
 mod cell_batch;
 mod cell_moments;
+mod crowding;
 mod emission;
 mod error_budget;
 mod error_estimate;
