@@ -18,6 +18,9 @@ use crate::trace::FIRST_ORDER_ERROR;
 
 /// Sheets cover a rectangle a whole number of times to this.
 const WHOLE: f64 = 1e-4;
+/// Light of a rectangle in two parts, in tolerances: in larger ones a mean law of the covered part
+/// errs by more than is estimated, since light near a rim is bent the more the nearer it is.
+const PARTS: f64 = 4.0;
 /// Facets that cover less than this share of a rectangle are left out.
 const EDGE_ON: f64 = 1e-9;
 /// Share of the budget that the first order may leave in a mean.
@@ -52,7 +55,9 @@ pub(super) struct Covered {
     pub(super) law: Law,
     /// Mean law of what the body is in front of, or behind.
     pub(super) rest: Law,
-    /// Standard deviation of the displacement in the covered part, m.
+    /// Covariance of the displacement with x in the covered part, m2, and the standard deviation
+    /// of the displacement there, m.
+    pub(super) covariance: f32,
     pub(super) residual: f32,
     /// The same along z.
     pub(super) residual_z: f32,
@@ -92,6 +97,8 @@ pub(super) struct FacetMeans<'a> {
     weight: f64,
     /// Distance from analyser to detector, m.
     gap: f32,
+    /// Most light of a rectangle in two parts, share of open beam.
+    parts: f64,
     /// No ray of a mean may need more than the first order.
     strict: bool,
 }
@@ -109,6 +116,7 @@ impl<'a> FacetMeans<'a> {
             steepest: view.response.steepest(),
             weight: f64::from(view.response.weight),
             gap: (scene.detector.distance - scene.analyser_distance()) as f32,
+            parts: PARTS * view.budget.light,
             strict: view.keep.is_some(),
         }
     }
@@ -167,7 +175,8 @@ impl<'a> FacetMeans<'a> {
         let area = sums.area;
         let mut partial: Option<(u32, f64)> = None;
         let mut met = sums.whole;
-        let (mut variance, mut variance_z, mut centroid) = (0.0, 0.0, [0.0; 2]);
+        let (mut variance, mut variance_z, mut covariance) = (0.0, 0.0, 0.0);
+        let mut centroid = [0.0; 2];
         let (mut own, mut sides) = ([0.0; 5], [0; 2]);
         for sheet in &sums.sheets[..sums.count] {
             let layers = sheet.area / area;
@@ -193,12 +202,17 @@ impl<'a> FacetMeans<'a> {
                 step.delta * step.delta * (square / sheet.area - mean * mean).max(0.0)
             };
             variance += square(sheet.moved, sheet.square);
+            let apart = sheet.by_x - sheet.moved * sheet.x / sheet.area;
+            covariance += step.delta * apart / sheet.area;
             variance_z += square(sheet.moved_z, sheet.square_z);
             if sheet.front {
                 centroid = [sheet.x / width, sheet.z / height].map(|sum| (sum / sheet.area) as f32);
             }
         }
         let (component, share) = partial?;
+        if area * self.weight > self.parts {
+            return None;
+        }
         if sides != [1, 1] || met.balance != 0 {
             return None;
         }
@@ -221,6 +235,7 @@ impl<'a> FacetMeans<'a> {
             centroid,
             law: law_of(numbers, met.signature.wrapping_add(both), flags, met.crossings + 2),
             rest: law_of(rest, met.signature, flags, met.crossings),
+            covariance: covariance as f32,
             residual: variance.sqrt() as f32,
             residual_z: variance_z.sqrt() as f32,
         })

@@ -47,17 +47,21 @@ pub(super) fn parts(node: &Node, covered: &Covered, gap: f32) -> Vec<Rectangle> 
     if side < 0.0 {
         halves.swap(0, 1);
     }
-    let still = Slopes::default();
-    let laws = [(&node.law, 0.0), (&covered.law, covered.residual.powi(2))];
+    let laws = [(&node.law, 0.0, 0.0), (&covered.law, covered.covariance, covered.residual)];
     let rectangle = |part: usize| {
         let [x, z] = if beside { [halves[part], node.z] } else { [node.x, halves[part]] };
-        let (law, spread) = laws[part];
+        let (law, covariance, residual) = laws[part];
+        // What rises with x over the covered part is no blur.
+        let width = x[1] - x[0];
+        let slope = 12.0 * covariance / (width * width);
+        let slopes = Slopes { depth: [0.0; 2], displacement: [slope, 0.0] };
+        let spread = (residual * residual - slope * covariance).max(0.0);
         let ray = [0.5 * (x[0] + x[1]), 0.5 * (z[0] + z[1])];
         Rectangle {
             x,
             z,
             ray,
-            ends: LawEnds::new(law, x[1] - x[0], &still),
+            ends: LawEnds::new(law, width, &slopes),
             spread,
             ends_z: ends_z(law),
         }
