@@ -309,6 +309,15 @@ pub(crate) struct Check {
     /// Tell what a run with this memory limit takes, such as "2 GiB"
     #[arg(long, value_name = "SIZE", value_parser = memory_size)]
     pub(crate) memory_limit: Option<u64>,
+    /// How rays find triangles: auto measures both on the scene
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    pub(crate) backend: BackendName,
+    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
+    #[arg(long, value_name = "N|NAME")]
+    pub(crate) device: Option<String>,
+    /// Do not estimate rays and time: needs no device, and no more memory than the meshes
+    #[arg(long, conflicts_with_all = ["device", "backend"])]
+    pub(crate) no_estimate: bool,
     /// Print JSON (SI units, energies in keV)
     #[arg(long)]
     pub(crate) json: bool,

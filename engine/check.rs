@@ -5,13 +5,15 @@ use crate::detector::{Detection, LightGrid};
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
 use crate::memory::{self, MemoryEstimate};
-use crate::sampling::Lattice;
-use crate::scene::{MaskBody, MaskSpec, Object, Scene, Scheme};
+use crate::run::RunEstimate;
+use crate::scene::{MaskBody, MaskSpec, Object, Scene};
+use crate::simulation::Simulation;
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::Extent;
-use crate::{Error, Result};
+use crate::{Engine, Result};
 use serde::Serialize;
+use std::time::Instant;
 
 mod display;
 
@@ -120,14 +122,13 @@ pub struct CheckedObject {
     pub defects: Defects,
 }
 
-/// An estimate of the work before refinement and re-tracing, as if the sample filled the image;
-/// pixels that no shadow of it reaches are not traced.
+/// What a run costs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Work {
-    /// Rays of one view.
-    pub rays_per_view: u64,
-    /// Rays of all views. The flat needs none.
-    pub rays: u64,
+    /// Rays and time, from a sparse look at the scene with the refinement of a run.
+    pub estimate: Option<RunEstimate>,
+    /// Why there is no estimate, where there is none.
+    pub no_estimate: Option<String>,
     /// Memory at the peak and the bands that it allows.
     pub memory: MemoryEstimate,
     /// Bytes of the output on disk.
@@ -147,8 +148,38 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
 /// As [`check`], for a run with a memory limit (bytes; see [`crate::EngineOptions`]).
 ///
 /// # Errors
-/// As [`check`]; [`Error::Memory`] where the limit is too small.
+/// As [`check`]; [`crate::Error::Memory`] where the limit is too small.
 pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckReport> {
+    let mut report = inspect(scene, memory_limit)?.0;
+    report.work.no_estimate = Some("it needs a device".into());
+    Ok(report)
+}
+
+/// As [`check_within`], with an estimate of rays and time of a run of this engine. A part of the
+/// patches is sampled for it, for about a second beyond what a run takes to its first ray.
+///
+/// # Errors
+/// As [`check_within`]. Where the device fails, [`Work::no_estimate`] tells why.
+pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
+    let begin = Instant::now();
+    let (mut report, sample) = inspect(scene, engine.options().memory_limit)?;
+    let loaded_in = begin.elapsed().as_secs_f64();
+    if !report.refusals.is_empty() {
+        report.work.no_estimate = Some("a run refuses the sample".into());
+        return Ok(report);
+    }
+    match Simulation::of_loaded(engine, scene, Some(sample)).and_then(|made| made.estimate()) {
+        Ok(estimate) => {
+            let seconds = loaded_in + estimate.seconds;
+            report.work.estimate = Some(RunEstimate { seconds, ..estimate });
+        }
+        Err(error) => report.work.no_estimate = Some(error.to_string()),
+    }
+    Ok(report)
+}
+
+/// The report without an estimate, and the geometry.
+fn inspect(scene: &Scene, memory_limit: Option<u64>) -> Result<(CheckReport, Sample)> {
     let extent = Extent::of(scene)?;
     let detection = Detection::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
@@ -167,14 +198,20 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
     if scene.objects.is_empty() {
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
-    Ok(CheckReport {
+    let report = CheckReport {
         setup: setup(scene, &sample, extent, nodes, &detection),
-        work: work(scene, extent, &detection, &materials, &sample, memory_limit)?,
+        work: Work {
+            estimate: None,
+            no_estimate: None,
+            memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
+            output_bytes: extent.output_bytes(scene),
+        },
         materials,
         objects: objects(scene, &sample),
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
-    })
+    };
+    Ok((report, sample))
 }
 
 fn setup(
@@ -293,41 +330,4 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
         }
     };
     sample.objects.iter().enumerate().map(checked).collect()
-}
-
-fn work(
-    scene: &Scene,
-    extent: Extent,
-    detection: &Detection,
-    materials: &[Material],
-    sample: &Sample,
-    memory_limit: Option<u64>,
-) -> Result<Work> {
-    let too_many =
-        || Error::scene("sampling", "more than 2^64 rays", "fewer views, pixels, cells or rays");
-    let strongest = materials.iter().fold(0.0_f64, |most, m| most.max(m.delta.abs()));
-    let lit = detection.lit();
-    let line = rays_of_row(lit, strongest);
-    let rays_per_view = line.checked_mul(lit.detector.pixels[1].into()).ok_or_else(too_many)?;
-    let rays = rays_per_view.checked_mul(extent.views.into()).ok_or_else(too_many)?;
-    Ok(Work {
-        rays_per_view,
-        rays,
-        memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
-        output_bytes: extent.output_bytes(scene),
-    })
-}
-
-/// Rays of one row of pixels of one view. Cells share the rays on their boundaries; beamlets
-/// beside the detector whose light may reach it count.
-fn rays_of_row(scene: &Scene, strongest: f64) -> u64 {
-    let sampling = &scene.sampling;
-    if sampling.scheme == Scheme::Random {
-        let [x, z] = sampling.rays.map(u64::from);
-        return u64::from(scene.detector.pixels[0]).saturating_mul(x).saturating_mul(z);
-    }
-    let lattice = Lattice::of(scene, strongest);
-    let beamlets = u64::try_from(lattice.beamlets.end - lattice.beamlets.start).unwrap_or(0);
-    let line = beamlets.saturating_mul(lattice.cells.into()).saturating_add(1);
-    line.saturating_mul(sampling.rows.into())
 }

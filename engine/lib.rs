@@ -38,5 +38,5 @@ pub mod units;
 
 pub use engine::{Engine, EngineOptions};
 pub use error::{Error, Place, Result};
-pub use run::{Backend, Control, Progress, RunRecord, SamplingSummary, Tally};
+pub use run::{Backend, Control, Progress, RunEstimate, RunRecord, SamplingSummary, Tally};
 pub use simulation::Simulation;

@@ -76,6 +76,15 @@ pub struct Simulation<'e> {
 
 impl<'e> Simulation<'e> {
     pub(crate) fn new(engine: &'e Engine, scene: &Scene) -> Result<Self> {
+        Self::of_loaded(engine, scene, None)
+    }
+
+    /// The same with geometry that was loaded and checked before.
+    pub(crate) fn of_loaded(
+        engine: &'e Engine,
+        scene: &Scene,
+        sample: Option<Sample>,
+    ) -> Result<Self> {
         scene.validate()?;
         // From here on every reader of a file compares it with its hash.
         let scene = &scene.with_file_hashes()?;
@@ -95,6 +104,7 @@ impl<'e> Simulation<'e> {
             engine,
             scene,
             Parts { detection, media, lattice, spectral, kept: None, stronger },
+            sample,
         )
     }
 
@@ -117,14 +127,22 @@ impl<'e> Simulation<'e> {
             engine,
             scene,
             Parts { detection, media, lattice, spectral: Some(spectral), kept, stronger },
+            None,
         )
     }
 
-    fn with(engine: &'e Engine, scene: &Scene, parts: Parts<'e>) -> Result<Self> {
+    fn with(
+        engine: &'e Engine,
+        scene: &Scene,
+        parts: Parts<'e>,
+        loaded: Option<Sample>,
+    ) -> Result<Self> {
         let begin = Instant::now();
         let options = engine.options();
         let load = parts.kept.as_ref().is_none_or(|kept| kept.retrace);
-        let sample = if load {
+        let sample = if let Some(sample) = loaded {
+            sample
+        } else if load {
             memory::check_before_loading(scene, options.memory_limit)?;
             let sample = geometry::load(scene)?;
             for object in &sample.objects {

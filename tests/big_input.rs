@@ -119,8 +119,11 @@ fn peak_of(place: &Path, arguments: &[&str]) -> u64 {
 
 /// What `check --json` tells of the work.
 fn check(place: &Path, arguments: &[&str]) -> serde_json::Value {
-    let output =
-        beamlet(place).args(["check", "scene.toml", "--json"]).args(arguments).output().unwrap();
+    let output = beamlet(place)
+        .args(["check", "scene.toml", "--json", "--no-estimate"])
+        .args(arguments)
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     report["work"]["memory"].clone()

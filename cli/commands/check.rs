@@ -3,7 +3,10 @@
 
 use crate::args::Check;
 use crate::failure::Failure;
+use beamlet::check::{self, CheckReport};
+use beamlet::scene::Scene;
 use beamlet::stack::check_run;
+use beamlet::{Engine, EngineOptions};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
@@ -13,8 +16,7 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
         return run_directory(arguments, out);
     }
     let scene = arguments.scene.load()?;
-    let report = beamlet::check::check_within(&scene, arguments.memory_limit)
-        .map_err(|e| arguments.scene.locate(e))?;
+    let report = report(arguments, &scene).map_err(|e| arguments.scene.locate(e))?;
     if arguments.json {
         super::write_json(&report, out)?;
     } else {
@@ -26,10 +28,35 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
     }
 }
 
+/// The report; without an estimate where there is no device, since the rest needs none.
+fn report(arguments: &Check, scene: &Scene) -> beamlet::Result<CheckReport> {
+    if arguments.no_estimate {
+        return check::check_within(scene, arguments.memory_limit);
+    }
+    let engine = Engine::open(&EngineOptions {
+        device: arguments.device.clone(),
+        backend: arguments.backend.choice(),
+        memory_limit: arguments.memory_limit,
+        ..EngineOptions::default()
+    });
+    match engine {
+        Ok(engine) => check::check_on(&engine, scene),
+        Err(error) if arguments.device.is_some() => Err(error),
+        Err(error) => {
+            let mut report = check::check_within(scene, arguments.memory_limit)?;
+            report.work.no_estimate = Some(error.to_string());
+            Ok(report)
+        }
+    }
+}
+
 /// Every view of a run, and its moments, against their checksums.
 fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
-    if !arguments.scene.sets.is_empty() || arguments.memory_limit.is_some() {
-        let problem = "--set and --memory-limit are for scenes; this is a run";
+    let backend = arguments.backend.choice().is_some() || arguments.device.is_some();
+    let estimate = backend || arguments.no_estimate;
+    if !arguments.scene.sets.is_empty() || arguments.memory_limit.is_some() || estimate {
+        let problem = "--set, --memory-limit, --backend, --device and --no-estimate are for scenes; \
+                       this is a run";
         return Err(Failure::Usage(problem.into()));
     }
     let path = &arguments.scene.scene;

@@ -1,6 +1,6 @@
 //! The report as aligned text for a terminal.
 
-use super::{CheckReport, CheckedObject, Material};
+use super::{CheckReport, CheckedObject, Material, Work};
 use std::fmt::{self, Display, Formatter};
 
 impl Display for CheckReport {
@@ -25,13 +25,9 @@ impl Display for CheckReport {
         for object in &self.objects {
             write_object(f, object)?;
         }
-        writeln!(f, "\nwork (at most, before refinement)")?;
         let work = &self.work;
-        line(
-            f,
-            "rays",
-            format!("{} per view, {} in all", count(work.rays_per_view), count(work.rays)),
-        )?;
+        writeln!(f, "\nwork")?;
+        write_estimate(f, work)?;
         let memory = &work.memory;
         let [peak, host, device] =
             [memory.peak_bytes, memory.host_bytes, memory.device_bytes].map(bytes);
@@ -97,6 +93,18 @@ impl CheckReport {
         let frames = format!("{views} x {steps} of {} x {} pixels", extent.columns, extent.rows);
         line(f, "views x steps", frames)
     }
+}
+
+/// Rays and time, from a part of the patches.
+fn write_estimate(f: &mut Formatter<'_>, work: &Work) -> fmt::Result {
+    let Some(estimate) = &work.estimate else {
+        let reason = work.no_estimate.as_deref().unwrap_or_default();
+        return line(f, "rays", format!("no estimate: {reason}"));
+    };
+    let rays = [estimate.rays_per_view, estimate.rays].map(about);
+    line(f, "rays", format!("about {} per view, {} in all", rays[0], rays[1]))?;
+    let time = format!("about {}, without noise and output", duration(estimate.seconds));
+    line(f, "time", time)
 }
 
 fn write_material(f: &mut Formatter<'_>, material: &Material, width: usize) -> fmt::Result {
@@ -172,6 +180,30 @@ pub fn count(value: u64) -> String {
     text
 }
 
+/// An estimated count, to two digits.
+fn about(value: f64) -> String {
+    let digits = value.abs().max(1.0).log10().floor() - 1.0;
+    let unit = 10_f64.powf(digits.max(0.0));
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "counts are not negative; larger ones saturate"
+    )]
+    let rounded = ((value / unit).round() * unit) as u64;
+    count(rounded)
+}
+
+/// A time in the unit that suits it, to two digits.
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => format!("{s:.1} s"),
+        s if s < 300.0 => format!("{s:.0} s"),
+        s if s < 3.0 * 3600.0 => format!("{:.0} min", s / 60.0),
+        s if s < 72.0 * 3600.0 => format!("{:.0} h", s / 3600.0),
+        s => format!("{:.0} days", s / 86400.0),
+    }
+}
+
 /// Bytes in the unit that suits them.
 fn bytes(value: u64) -> String {
     const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
@@ -204,5 +236,10 @@ mod tests {
         assert_eq!(length(0.0128), "12.8 mm");
         assert_eq!(count(1_234_567), "1 234 567");
         assert_eq!(bytes(3 << 20), "3.0 MiB");
+        assert_eq!(about(0.0), "0");
+        assert_eq!(about(7.4), "7");
+        assert_eq!(about(18_734_512.0), "19 000 000");
+        assert_eq!(duration(0.84), "0.8 s");
+        assert_eq!(duration(5000.0), "83 min");
     }
 }

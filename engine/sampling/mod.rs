@@ -25,6 +25,7 @@ mod response;
 mod row_spread;
 mod rows;
 mod sheets;
+mod survey;
 
 pub use cell_batch::{Strips, empty_strips};
 pub(crate) use cell_batch::{blank_strips, empty_cell, empty_strip};
@@ -36,3 +37,4 @@ pub use moment_recording::Keep;
 pub use projected_bounds::{Shadow, shadows};
 pub use response::Response;
 pub use rows::{Take, View, sample_rows};
+pub use survey::{PatchCost, RowsCost, survey_rows};

@@ -120,6 +120,11 @@ impl<'a> Refiner<'a> {
         self.facets.as_ref().map_or(0, |(lists, _)| lists.count(beamlet, row))
     }
 
+    /// Whether a silhouette crosses a patch, as far as its facets tell.
+    pub(super) fn has_silhouette(&self, (beamlet, row): (i64, i64)) -> bool {
+        self.facets.as_ref().is_none_or(|(lists, _)| lists.has_silhouette(beamlet, row))
+    }
+
     /// Lets means over facets take the place of rays in a patch that has not been split, unless
     /// its rays are enough.
     fn take_facets(&self, work: &mut Work) {

@@ -118,20 +118,10 @@ pub fn sample_rows(
         };
         let (chunk, after) = rest.split_at(rest.iter().take_while(fits).count());
         rest = after;
-        let mut work: Vec<Work> = chunk.par_iter().filter_map(|at| refiner.begin(*at)).collect();
-        refiner.align(tracer, &mut work)?;
-        refiner.refine(tracer, &mut work)?;
-        let emitter = Emitter::new(view, &refiner.estimator, lit);
-        let patches: Vec<&Patch> = work.iter().map(|work| &work.patch).collect();
-        let (mut strips, empty) = emitter.cells(tracer, &patches)?;
+        let (strips, empty) = refined(view, &refiner, tracer, chunk, lit)?;
         blank.extend(empty.into_iter().filter(|(column, row)| {
             lit.contains(row) && view.lattice.direct.contains(&(column + first_beamlet))
         }));
-        for work in &work {
-            strips.splits += u64::from(work.patch.splits);
-            strips.tally = strips.tally + tally_of(work.light, work.rays, view.budget.light);
-        }
-        strips.balance();
         take(tracer, &strips)?;
     }
     let cell = empty_cell(view.lattice);
@@ -145,6 +135,28 @@ pub fn sample_rows(
     Ok(())
 }
 
+/// The cells of some patches, and the places (column, row) of those that no ray of meets the sample.
+pub(super) fn refined(
+    view: &View<'_>,
+    refiner: &Refiner<'_>,
+    tracer: &mut Tracer,
+    patches: &[(i64, i64)],
+    lit: &Range<i64>,
+) -> Result<(Strips, Vec<(i64, i64)>)> {
+    let mut work: Vec<Work> = patches.par_iter().filter_map(|at| refiner.begin(*at)).collect();
+    refiner.align(tracer, &mut work)?;
+    refiner.refine(tracer, &mut work)?;
+    let emitter = Emitter::new(view, &refiner.estimator, lit);
+    let patches: Vec<&Patch> = work.iter().map(|work| &work.patch).collect();
+    let (mut strips, empty) = emitter.cells(tracer, &patches)?;
+    for work in &work {
+        strips.splits += u64::from(work.patch.splits);
+        strips.tally = strips.tally + tally_of(work.light, work.rays, view.budget.light);
+    }
+    strips.balance();
+    Ok((strips, empty))
+}
+
 /// Rows whose rays go side by side.
 fn blocks(rows: &Range<i64>) -> impl Iterator<Item = Range<i64>> {
     let end = rows.end;
@@ -154,7 +166,7 @@ fn blocks(rows: &Range<i64>) -> impl Iterator<Item = Range<i64>> {
 }
 
 /// By beamlet and row the components that may hide between base rays, in coordinates of the patch.
-fn narrow_components(
+pub(super) fn narrow_components(
     view: &View<'_>,
     rows: &Range<i64>,
     base: [u32; 2],

@@ -7,6 +7,8 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+mod survey;
+
 use super::Simulation;
 use crate::Error;
 use crate::Result;

@@ -60,7 +60,12 @@ fn many_triangles() {
     let place = Place::new();
     let sphere = "object.part.shape={sphere={radius=\"0.4 mm\",sides=1600}}";
     let limits = [60, 80, 110, 150, 200, 300, 400, 500, 700, 1500];
-    sweep(&place, &limits, &["check", "scene.toml", "--set", sphere]);
+    let check = ["check", "scene.toml", "--set", sphere];
+    sweep(&place, &limits, &[&check[..], &["--no-estimate"]].concat());
+    // With the device that the estimate takes.
+    for limit in [1300, 1600, 2500] {
+        within(&place, limit, &check);
+    }
     // The same in a file of text and in a binary one.
     let mut text = String::new();
     let mut binary = vec![0_u8; 80];
@@ -96,7 +101,8 @@ fn many_triangles() {
     fs::write(place.path("many.stl"), binary).unwrap();
     for name in ["many.obj", "many.stl"] {
         let mesh = format!("object.part.mesh={name}");
-        let sets = ["check", "scene.toml", "--set", &mesh, "--set", "object.part.unit=1 um"];
+        let unit = "object.part.unit=1 um";
+        let sets = ["check", "scene.toml", "--no-estimate", "--set", &mesh, "--set", unit];
         sweep(&place, &[60, 80, 110, 150, 200, 300, 400, 500, 1500], &sets);
     }
 }

@@ -1,0 +1,238 @@
+//! What a run costs, from a sparse look at the scene: patches spread over views, rows and columns
+//! are sampled and illuminated as in a run, and stand for the others.
+
+use super::{Work, bands};
+use crate::Result;
+use crate::run::RunEstimate;
+use crate::sampling::{self, RowsCost, Shadow, Strips};
+use crate::scene::Scheme;
+use crate::simulation::Simulation;
+use crate::stack;
+use crate::trace::Tracer;
+use std::collections::HashSet;
+use std::ops::Range;
+use std::time::Instant;
+
+/// Rows of a view that are looked at together: as many as the base rays of a run go side by side.
+const ROWS: i64 = 4;
+/// Most looks,
+const MOST_LOOKS: u32 = 24;
+/// looks that are taken whatever the time,
+const LEAST_LOOKS: u32 = 5;
+/// and seconds after which no other is taken.
+const SECONDS: f64 = 1.0;
+/// Patches of each kind (without and with a silhouette) that the first look refines.
+const FIRST_PATCHES: [f64; 2] = [24.0, 12.0];
+/// Fewest and most of a kind that others refine,
+const PATCHES: [f64; 2] = [8.0, 256.0];
+/// and seconds that each kind may take in a look.
+const SECONDS_OF_A_KIND: f64 = 0.08;
+/// Rows of the flat, or of random rays, that are timed.
+const TIMED_ROWS: i64 = 8;
+/// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
+
+/// Rows of a view.
+struct Look {
+    /// Rows of the view that a shadow reaches.
+    all: Range<i64>,
+    /// Seconds that finding the shadows took.
+    shadow_seconds: f64,
+    cost: RowsCost,
+}
+
+impl Simulation<'_> {
+    /// Estimates rays and time of a run without noise and output, from a part of the patches; it
+    /// takes about a second, and does not depend on what was estimated before.
+    ///
+    /// # Errors
+    /// As [`Simulation::run`], but for those of a sink.
+    pub fn estimate(&self) -> Result<RunEstimate> {
+        let begin = Instant::now();
+        let views: Vec<stack::View> = stack::views(&self.scene)?.collect();
+        let mut work = Work::new(self, &views)?;
+        let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
+        let mut estimate = if self.scene.sampling.scheme == Scheme::Random {
+            work.random_estimate()?
+        } else {
+            work.cells_estimate()?
+        };
+        estimate.seconds += fixed;
+        Ok(estimate)
+    }
+}
+
+impl Work<'_> {
+    fn lit_rows_of_all(&self) -> i64 {
+        self.simulation.detection.lit().detector.pixels[1].into()
+    }
+
+    fn view_count(&self) -> f64 {
+        self.simulation.scene.scan.angles.len() as f64
+    }
+
+    /// Makes the sums those of the band with a row of the grid, and gives the band's rows there.
+    fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
+        let rows = self.simulation.scene.detector.pixels[1];
+        let grid = self.simulation.detection.grid();
+        let mut lit = grid.lit_rows(&(0..rows.min(self.band)));
+        for band in bands(rows, self.band) {
+            let own = grid.lit_rows(&band);
+            if i64::from(own.start) <= row {
+                lit = own;
+            }
+        }
+        self.sums.clear(&lit)?;
+        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
+        Ok(i64::from(lit.start)..i64::from(lit.end))
+    }
+
+    fn cells_estimate(&mut self) -> Result<RunEstimate> {
+        let blank = self.blank_seconds()?;
+        let looks = self.looks()?;
+        let views = self.view_count();
+        let count = looks.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
+        // Groups of rows have the base rays of one row on either side, too.
+        let group = self.group_rows() as f64;
+        let border = 1.0 + 2.0 / group;
+        let base = |cost: &RowsCost, of: f64| of * cost.rows / (cost.rows + 2.0);
+        let per_view =
+            |look: &Look, own: f64| own * (look.all.end - look.all.start) as f64 / look.cost.rows;
+        let rays = mean(&|look| {
+            let cost = &look.cost;
+            per_view(look, cost.rays() + base(cost, cost.base_rays) * (border - 1.0))
+        });
+        let groups = (self.lit_rows_of_all() as f64 / group).ceil();
+        let seconds = mean(&|look| {
+            let cost = &look.cost;
+            let own = cost.seconds() + base(cost, cost.base_seconds) * (border - 1.0);
+            look.shadow_seconds + groups * cost.facet_seconds + per_view(look, own)
+        });
+        let refined = |cost: &RowsCost| cost.kinds.iter().map(|kind| kind.refined).sum::<f64>();
+        Ok(RunEstimate {
+            rays_per_view: rays,
+            rays: rays * views,
+            splits: views * mean(&|look| per_view(look, look.cost.splits())),
+            seconds: views * seconds + (views + 1.0) * blank,
+            patches_refined: looks.iter().map(|look| refined(&look.cost)).sum(),
+        })
+    }
+
+    /// Looks at rows of views, spread over both.
+    fn looks(&mut self) -> Result<Vec<Look>> {
+        let mut looks = Vec::new();
+        let mut seen = HashSet::new();
+        if self.simulation.sample.triangles.is_empty() {
+            return Ok(looks);
+        }
+        let begin = Instant::now();
+        let mut patches = FIRST_PATCHES;
+        for number in 0..MOST_LOOKS {
+            if number >= LEAST_LOOKS && begin.elapsed().as_secs_f64() > SECONDS {
+                break;
+            }
+            let view = (f64::from(number) * GOLDEN + 0.5).fract() * self.view_count();
+            let view = view as u32;
+            let shadow = Instant::now();
+            let shadows = self.simulation.shadows(view);
+            let shadow_seconds = shadow.elapsed().as_secs_f64();
+            let all = self.rows_of(&shadows);
+            let blocks = (all.end - all.start + ROWS - 1) / ROWS;
+            let block = (radical_inverse(number) * blocks as f64) as i64;
+            if blocks == 0 || !seen.insert((view, block)) {
+                continue;
+            }
+            let first = all.start + block * ROWS;
+            let rows = first..(first + ROWS).min(all.end);
+            let start = (f64::from(number) * GOLDEN).fract();
+            let cost = self.look(view, &shadows, rows, (patches, start))?;
+            for (most, kind) in patches.iter_mut().zip(&cost.kinds) {
+                if kind.refined > 0.0 {
+                    let each = (kind.seconds / kind.refined).max(1e-9);
+                    *most = (SECONDS_OF_A_KIND / each).clamp(PATCHES[0], PATCHES[1]);
+                }
+            }
+            looks.push(Look { all, shadow_seconds, cost });
+        }
+        Ok(looks)
+    }
+
+    /// Rows of a view that shadows reach, as far as a run samples them.
+    fn rows_of(&self, shadows: &[Shadow]) -> Range<i64> {
+        let halo = self.simulation.lattice.halo;
+        let top = shadows.iter().map(|s| s.rows[0].floor() as i64).min().unwrap_or(0);
+        let bottom = shadows.iter().map(|s| s.rows[1].floor() as i64 + 1).max().unwrap_or(0);
+        let top = top.max(-halo);
+        top..bottom.min(self.lit_rows_of_all() + halo).max(top)
+    }
+
+    fn look(
+        &mut self,
+        view: u32,
+        shadows: &[Shadow],
+        rows: Range<i64>,
+        chosen: ([f64; 2], f64),
+    ) -> Result<RowsCost> {
+        let band = self.begin_band(rows.start)?;
+        let blur_rows = self.simulation.lattice.blur_rows;
+        let lit = band.start - blur_rows..band.end + blur_rows;
+        let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
+        let Self { cells, bars, lights, sums, tracer, simulation, .. } = self;
+        let mut add = |tracer: &mut Tracer, strips: &Strips| match &simulation.spectral {
+            Some(spectral) => {
+                let lists = spectral.lists(tracer, bars, strips)?;
+                cells.add(lights.iter().zip(&lists), sums, steps)
+            }
+            None => cells.add(lights.iter().zip([strips]), sums, steps),
+        };
+        let view = simulation.view(view, shadows);
+        sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
+    }
+
+    /// Seconds that the light of a view without a sample takes.
+    fn blank_seconds(&mut self) -> Result<f64> {
+        let band = self.begin_band(0)?;
+        let begin = Instant::now();
+        let rows = band.start..band.end.min(band.start + TIMED_ROWS);
+        let mut strips = sampling::empty_strips(&self.simulation.lattice, rows.clone());
+        let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
+        let lists = match &self.simulation.spectral {
+            Some(spectral) => {
+                strips.keep_nothing(self.tracer.materials());
+                spectral.lists(&mut self.tracer, &mut self.bars, &strips)?
+            }
+            None => vec![strips],
+        };
+        self.cells.add(self.lights.iter().zip(&lists), &self.sums, steps)?;
+        let share = self.lit_rows_of_all() as f64 / (rows.end - rows.start).max(1) as f64;
+        Ok(begin.elapsed().as_secs_f64() * share)
+    }
+
+    fn random_estimate(&mut self) -> Result<RunEstimate> {
+        let all = self.lit_rows_of_all();
+        let shadows = self.simulation.shadows(0);
+        let middle = all / 2;
+        self.begin_band(middle)?;
+        let begin = Instant::now();
+        let rows = middle..(middle + TIMED_ROWS).min(all);
+        let timed = (rows.end - rows.start) as f64;
+        self.random_rows(stack::View::Sample(0), &shadows, &rows)?;
+        let seconds = begin.elapsed().as_secs_f64() * all as f64 / timed;
+        let [x, z] = self.simulation.scene.sampling.rays.map(f64::from);
+        let pixels = self.simulation.detection.lit().detector.pixels.map(f64::from);
+        let rays = pixels[0] * pixels[1] * x * z;
+        let views = self.view_count();
+        Ok(RunEstimate {
+            rays_per_view: rays,
+            rays: rays * views,
+            seconds: seconds * (views + 1.0),
+            ..RunEstimate::default()
+        })
+    }
+}
+
+/// Van der Corput's sequence in base 2: evenly spread over [0, 1) from the first numbers on.
+fn radical_inverse(number: u32) -> f64 {
+    f64::from(number.reverse_bits()) / 2_f64.powi(32)
+}
