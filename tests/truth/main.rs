@@ -1,0 +1,20 @@
+//! Errors that sampling leaves, against stacks of the same meshes from about a hundred times the
+//! rays, each followed in order, without sums over facets (docs/validation.md, "Truth").
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::print_stdout,
+    reason = "sizes are small; measured figures are what this is for"
+)]
+
+#[path = "../reference/mod.rs"]
+mod reference;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod cases;
+mod classes;
+mod errors;
+mod shifts;
+mod tables;
