@@ -11,7 +11,7 @@ use beamlet::scene::{
     Shape, ShapeOrMesh, Source,
 };
 use beamlet::stack::ArraySink;
-use beamlet::{Control, Engine, EngineOptions, Progress};
+use beamlet::{Control, Engine, EngineOptions, Progress, ViewProgress};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::PathBuf;
@@ -24,8 +24,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // Progress comes on this thread. `cancel` and `skip` stay at their defaults.
     let mut report = |progress: Progress| {
-        let Progress { rows_done, rows_total, rays, .. } = progress;
-        let _ = writeln!(std::io::stderr(), "{rows_done} of {rows_total} rows, {rays} rays");
+        // Other kinds tell of what comes before the first ray.
+        if let Progress::Views(ViewProgress { rows_done, rows_total, rays, .. }) = progress {
+            let _ = writeln!(std::io::stderr(), "{rows_done} of {rows_total} rows, {rays} rays");
+        }
     };
     let control = Control { progress: Some(&mut report), ..Control::default() };
 

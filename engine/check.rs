@@ -11,7 +11,7 @@ use crate::simulation::Simulation;
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::Extent;
-use crate::{Engine, Result};
+use crate::{Control, Engine, Progress, Result, run};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -150,7 +150,19 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
 /// # Errors
 /// As [`check`]; [`crate::Error::Memory`] where the limit is too small.
 pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckReport> {
-    let mut report = inspect(scene, memory_limit)?.0;
+    check_watched(scene, memory_limit, None)
+}
+
+/// As [`check_within`]; `progress` is told of the loading of objects, from the calling thread.
+///
+/// # Errors
+/// As [`check_within`].
+pub fn check_watched(
+    scene: &Scene,
+    memory_limit: Option<u64>,
+    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+) -> Result<CheckReport> {
+    let mut report = inspect(scene, memory_limit, progress)?.0;
     report.work.no_estimate = Some("it needs a device".into());
     Ok(report)
 }
@@ -161,14 +173,28 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
 /// # Errors
 /// As [`check_within`]. Where the device fails, [`Work::no_estimate`] tells why.
 pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
+    check_on_watched(engine, scene, None)
+}
+
+/// As [`check_on`]; `progress` is told as in [`check_watched`].
+///
+/// # Errors
+/// As [`check_on`].
+pub fn check_on_watched(
+    engine: &Engine,
+    scene: &Scene,
+    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+) -> Result<CheckReport> {
     let begin = Instant::now();
-    let (mut report, sample) = inspect(scene, engine.options().memory_limit)?;
+    let (mut report, sample) = inspect(scene, engine.options().memory_limit, progress)?;
     let loaded_in = begin.elapsed().as_secs_f64();
     if !report.refusals.is_empty() {
         report.work.no_estimate = Some("a run refuses the sample".into());
         return Ok(report);
     }
-    match Simulation::of_loaded(engine, scene, Some(sample)).and_then(|made| made.estimate()) {
+    let control = &mut Control::default();
+    let made = Simulation::of_loaded(engine, scene, Some(sample), control);
+    match made.and_then(|made| made.estimate()) {
         Ok(estimate) => {
             let seconds = loaded_in + estimate.seconds;
             report.work.estimate = Some(RunEstimate { seconds, ..estimate });
@@ -179,13 +205,18 @@ pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
 }
 
 /// The report without an estimate, and the geometry.
-fn inspect(scene: &Scene, memory_limit: Option<u64>) -> Result<(CheckReport, Sample)> {
+fn inspect(
+    scene: &Scene,
+    memory_limit: Option<u64>,
+    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+) -> Result<(CheckReport, Sample)> {
     let extent = Extent::of(scene)?;
     let detection = Detection::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
     let materials = materials(scene, nodes.mean_energy())?;
     memory::check_before_loading(scene, memory_limit)?;
-    let (sample, refusals) = geometry::inspect(scene)?;
+    let (sample, refusals) =
+        run::watching(progress, None, |watcher| geometry::inspect_watched(scene, watcher))?;
     geometry::check_clearance(scene, &sample)?;
     let mut warnings = geometry::fov_warnings(scene, &sample);
     for material in materials.iter().filter(|material| material.shadows_builtin) {

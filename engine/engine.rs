@@ -96,7 +96,16 @@ impl Engine {
     /// [`crate::Error::Scene`], [`crate::Error::Mesh`], [`crate::Error::Device`],
     /// [`crate::Error::Memory`].
     pub fn prepare(&self, scene: &Scene) -> Result<Simulation<'_>> {
-        Simulation::new(self, scene)
+        self.prepare_with(scene, &mut Control::default())
+    }
+
+    /// As [`Engine::prepare`]; `control.progress` is told of the loading of objects, and
+    /// `control.cancel` ends it.
+    ///
+    /// # Errors
+    /// As [`Engine::prepare`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+    pub fn prepare_with(&self, scene: &Scene, control: &mut Control<'_>) -> Result<Simulation<'_>> {
+        Simulation::new(self, scene, control)
     }
 
     /// Runs a scene: every view is traced, illuminated and handed to `sink`.
@@ -107,9 +116,9 @@ impl Engine {
         &self,
         scene: &Scene,
         sink: &mut dyn Sink,
-        control: Control<'_>,
+        mut control: Control<'_>,
     ) -> Result<RunRecord> {
-        self.prepare(scene)?.run(sink, control)
+        self.prepare_with(scene, &mut control)?.run(sink, control)
     }
 
     /// Makes a scene ready whose rays were traced by the run that kept `moments`. Meshes are
@@ -119,7 +128,20 @@ impl Engine {
     /// As [`Engine::prepare`]; [`crate::Error::Scene`] where the scene differs from that of the
     /// run in more than masks, steps, spot, spectrum, materials' constants and detector.
     pub fn reilluminate<'e>(&'e self, moments: &'e Kept, scene: &Scene) -> Result<Simulation<'e>> {
-        Simulation::of_kept(self, moments, scene)
+        self.reilluminate_with(moments, scene, &mut Control::default())
+    }
+
+    /// As [`Engine::reilluminate`]; `control` is told and asked as in [`Engine::prepare_with`].
+    ///
+    /// # Errors
+    /// As [`Engine::reilluminate`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+    pub fn reilluminate_with<'e>(
+        &'e self,
+        moments: &'e Kept,
+        scene: &Scene,
+        control: &mut Control<'_>,
+    ) -> Result<Simulation<'e>> {
+        Simulation::of_kept(self, moments, scene, control)
     }
 
     /// Runs a scene into arrays.

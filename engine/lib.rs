@@ -38,5 +38,7 @@ pub mod units;
 
 pub use engine::{Engine, EngineOptions};
 pub use error::{Error, Place, Result};
-pub use run::{Backend, Control, Progress, RunEstimate, RunRecord, SamplingSummary, Tally};
+pub use run::{
+    Backend, Control, Progress, RunEstimate, RunRecord, SamplingSummary, Tally, ViewProgress,
+};
 pub use simulation::Simulation;

@@ -1,5 +1,6 @@
 //! One run: every view of a scene, traced, illuminated and handed to a sink.
 
+use crate::geometry::{LoadProgress, Watcher};
 use crate::kept::KeptWriter;
 use crate::stack::View;
 use serde::{Deserialize, Serialize};
@@ -28,7 +29,8 @@ impl fmt::Display for Backend {
 /// What a caller may steer while a run goes on.
 #[derive(Default)]
 pub struct Control<'a> {
-    /// Called now and then from the calling thread.
+    /// Called from the calling thread: at each step of the loading of objects and ten times a
+    /// second while it lasts, then now and then while views are made.
     pub progress: Option<&'a mut dyn FnMut(Progress)>,
     /// Set to true to end the run with [`crate::Error::Interrupted`].
     pub cancel: Option<&'a AtomicBool>,
@@ -43,6 +45,21 @@ pub struct Control<'a> {
     pub keep: Option<&'a mut KeptWriter>,
 }
 
+/// Calls `work` with a watcher of the loading of objects that reports to `progress`.
+pub(crate) fn watching<T>(
+    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+    cancel: Option<&AtomicBool>,
+    work: impl FnOnce(Watcher<'_>) -> T,
+) -> T {
+    match progress {
+        None => work(Watcher { progress: None, cancel }),
+        Some(progress) => {
+            let mut told = |loading| progress(Progress::Loading(loading));
+            work(Watcher { progress: Some(&mut told), cancel })
+        }
+    }
+}
+
 impl fmt::Debug for Control<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Control").field("skip", &self.skip).finish_non_exhaustive()
@@ -50,8 +67,19 @@ impl fmt::Debug for Control<'_> {
 }
 
 /// How far a run is.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Progress {
+    /// Objects are read and checked, before the first ray.
+    Loading(LoadProgress),
+    /// Views are made.
+    Views(ViewProgress),
+}
+
+/// How far the views of a run are.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Progress {
+#[non_exhaustive]
+pub struct ViewProgress {
     /// Work done, in pixel rows (over all views, the flat included).
     pub rows_done: u64,
     /// All work of this run.

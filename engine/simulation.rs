@@ -17,7 +17,7 @@ use crate::gpu::Device;
 use crate::illuminate::{self, Spectral};
 use crate::kept::{self, Kept, KeptSource};
 use crate::memory::{self, MemoryEstimate};
-use crate::run::{Backend, Control, RunRecord, Tally};
+use crate::run::{self, Backend, Control, RunRecord, Tally};
 use crate::sampling::{self, ErrorBudget, Lattice, Response, Shadow, Strips};
 use crate::scene::{Scene, Scheme};
 use crate::stack::{self, RunStart, Sink};
@@ -26,6 +26,7 @@ use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 use work::Work;
 
@@ -75,8 +76,12 @@ pub struct Simulation<'e> {
 }
 
 impl<'e> Simulation<'e> {
-    pub(crate) fn new(engine: &'e Engine, scene: &Scene) -> Result<Self> {
-        Self::of_loaded(engine, scene, None)
+    pub(crate) fn new(
+        engine: &'e Engine,
+        scene: &Scene,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        Self::of_loaded(engine, scene, None, control)
     }
 
     /// The same with geometry that was loaded and checked before.
@@ -84,6 +89,7 @@ impl<'e> Simulation<'e> {
         engine: &'e Engine,
         scene: &Scene,
         sample: Option<Sample>,
+        control: &mut Control<'_>,
     ) -> Result<Self> {
         scene.validate()?;
         // From here on every reader of a file compares it with its hash.
@@ -105,10 +111,16 @@ impl<'e> Simulation<'e> {
             scene,
             Parts { detection, media, lattice, spectral, kept: None, stronger },
             sample,
+            control,
         )
     }
 
-    pub(crate) fn of_kept(engine: &'e Engine, moments: &'e Kept, scene: &Scene) -> Result<Self> {
+    pub(crate) fn of_kept(
+        engine: &'e Engine,
+        moments: &'e Kept,
+        scene: &Scene,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
         scene.validate()?;
         if scene.sampling.scheme != Scheme::Cells {
             return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
@@ -128,6 +140,7 @@ impl<'e> Simulation<'e> {
             scene,
             Parts { detection, media, lattice, spectral: Some(spectral), kept, stronger },
             None,
+            control,
         )
     }
 
@@ -136,6 +149,7 @@ impl<'e> Simulation<'e> {
         scene: &Scene,
         parts: Parts<'e>,
         loaded: Option<Sample>,
+        control: &mut Control<'_>,
     ) -> Result<Self> {
         let begin = Instant::now();
         let options = engine.options();
@@ -144,7 +158,13 @@ impl<'e> Simulation<'e> {
             sample
         } else if load {
             memory::check_before_loading(scene, options.memory_limit)?;
-            let sample = geometry::load(scene)?;
+            let progress = control.progress.as_deref_mut();
+            let sample = run::watching(progress, control.cancel, |watcher| {
+                geometry::load_watched(scene, watcher)
+            })?;
+            if control.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
+                return Err(Error::Interrupted);
+            }
             for object in &sample.objects {
                 object.warnings.iter().for_each(|text| log::warn!("\"{}\": {text}", object.name));
             }

@@ -3,10 +3,11 @@
 
 use crate::args::Check;
 use crate::failure::Failure;
+use crate::progress::Reporter;
 use beamlet::check::{self, CheckReport};
 use beamlet::scene::Scene;
 use beamlet::stack::check_run;
-use beamlet::{Engine, EngineOptions};
+use beamlet::{Engine, EngineOptions, Progress};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
@@ -16,7 +17,10 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
         return run_directory(arguments, out);
     }
     let scene = arguments.scene.load()?;
-    let report = report(arguments, &scene).map_err(|e| arguments.scene.locate(e))?;
+    let mut reporter = Reporter::new(false, false);
+    let report = report(arguments, &scene, &mut |progress| reporter.update(progress));
+    reporter.finish();
+    let report = report.map_err(|e| arguments.scene.locate(e))?;
     if arguments.json {
         super::write_json(&report, out)?;
     } else {
@@ -29,9 +33,13 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
 }
 
 /// The report; without an estimate where there is no device, since the rest needs none.
-fn report(arguments: &Check, scene: &Scene) -> beamlet::Result<CheckReport> {
+fn report(
+    arguments: &Check,
+    scene: &Scene,
+    progress: &mut dyn FnMut(Progress),
+) -> beamlet::Result<CheckReport> {
     if arguments.no_estimate {
-        return check::check_within(scene, arguments.memory_limit);
+        return check::check_watched(scene, arguments.memory_limit, Some(progress));
     }
     let engine = Engine::open(&EngineOptions {
         device: arguments.device.clone(),
@@ -40,10 +48,10 @@ fn report(arguments: &Check, scene: &Scene) -> beamlet::Result<CheckReport> {
         ..EngineOptions::default()
     });
     match engine {
-        Ok(engine) => check::check_on(&engine, scene),
+        Ok(engine) => check::check_on_watched(&engine, scene, Some(progress)),
         Err(error) if arguments.device.is_some() => Err(error),
         Err(error) => {
-            let mut report = check::check_within(scene, arguments.memory_limit)?;
+            let mut report = check::check_watched(scene, arguments.memory_limit, Some(progress))?;
             report.work.no_estimate = Some(error.to_string());
             Ok(report)
         }

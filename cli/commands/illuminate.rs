@@ -130,16 +130,15 @@ fn illuminate(
     mut reporter: Reporter,
 ) -> Result<Done, Failure> {
     let began = Instant::now();
-    let done = engine.reilluminate(kept, &job.scene).and_then(|simulation| {
-        simulation.run(
-            &mut job.sink,
-            Control {
-                progress: Some(&mut |progress| reporter.update(progress)),
-                cancel: Some(&interrupt::CANCELLED),
-                ..Control::default()
-            },
-        )
-    });
+    let mut told = |progress| reporter.update(progress);
+    let mut control = Control {
+        progress: Some(&mut told),
+        cancel: Some(&interrupt::CANCELLED),
+        ..Control::default()
+    };
+    let done = engine
+        .reilluminate_with(kept, &job.scene, &mut control)
+        .and_then(|simulation| simulation.run(&mut job.sink, control));
     reporter.finish();
     let Job { path, extent, sink, .. } = job;
     match done {

@@ -11,6 +11,7 @@ use super::defects::{self, Defects};
 use super::search::Search;
 use super::surface::{Defect, Surface};
 use super::topology::{self, Edge};
+use super::watch::{LoadStep, Task, Watch, Watcher, watched};
 use super::{ObjectSummary, Sample, nesting, obj, placement, shapes, stl};
 use crate::error::{Error, Result};
 use crate::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
@@ -23,11 +24,18 @@ use crate::{input_file, reserve};
 /// object allows defects), and objects whose surfaces meet or that a later one swallows. A
 /// scene without objects is an empty sample.
 pub fn load(scene: &Scene) -> Result<Sample> {
-    let mut loaded = read_all(scene)?;
-    match loaded.iter_mut().find_map(|object| object.refusal.take()) {
-        Some(refusal) => Err(refusal),
-        None => sample(scene, loaded),
-    }
+    load_watched(scene, Watcher::default())
+}
+
+/// As [`load`], watched.
+pub(crate) fn load_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<Sample> {
+    watched(&names(scene), watcher, |watch| {
+        let mut loaded = read_all(scene, watch)?;
+        match loaded.iter_mut().find_map(|object| object.refusal.take()) {
+            Some(refusal) => Err(refusal),
+            None => sample(scene, loaded, watch),
+        }
+    })
 }
 
 /// As [`load`], but lets every defect through, to tell of all objects what is wrong with them.
@@ -36,15 +44,27 @@ pub fn load(scene: &Scene) -> Result<Sample> {
 /// # Errors
 /// As [`load`], where there is no surface to tell of.
 pub fn inspect(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
-    let mut loaded = read_all(scene)?;
-    let mut refusals: Vec<Error> =
-        loaded.iter_mut().filter_map(|object| object.refusal.take()).collect();
-    match sample(scene, loaded) {
-        Ok(sample) => Ok((sample, refusals)),
-        // What goes wrong between broken objects follows from the first that is broken.
-        Err(_) if !refusals.is_empty() => Err(refusals.swap_remove(0)),
-        Err(error) => Err(error),
-    }
+    inspect_watched(scene, Watcher::default())
+}
+
+/// As [`inspect`], watched.
+pub(crate) fn inspect_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<(Sample, Vec<Error>)> {
+    watched(&names(scene), watcher, |watch| {
+        let mut loaded = read_all(scene, watch)?;
+        let mut refusals: Vec<Error> =
+            loaded.iter_mut().filter_map(|object| object.refusal.take()).collect();
+        match sample(scene, loaded, watch) {
+            Ok(sample) => Ok((sample, refusals)),
+            Err(Error::Interrupted) => Err(Error::Interrupted),
+            // What goes wrong between broken objects follows from the first that is broken.
+            Err(_) if !refusals.is_empty() => Err(refusals.swap_remove(0)),
+            Err(error) => Err(error),
+        }
+    })
+}
+
+fn names(scene: &Scene) -> Vec<String> {
+    scene.objects.iter().map(|object| object.name.clone()).collect()
 }
 
 /// Examines a mesh in memory: `path` gives its format by the extension, `unit` is the length
@@ -55,9 +75,10 @@ pub fn inspect(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
 pub fn examine(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
     let failed =
         |defect: Defect| Error::mesh(path.display().to_string(), defect.problem, defect.place);
-    let surface = parse(path, bytes).map_err(failed)?;
+    let alone = Task::unwatched();
+    let surface = parse(path, bytes, alone).map_err(failed)?;
     let Prepared { surface, edges, search, defects } =
-        prepare(surface, unit, &Placement::default(), true).map_err(failed)?;
+        prepare(surface, unit, &Placement::default(), true, alone)?.map_err(failed)?;
     Body::new(surface, &edges, search, 0).map_err(failed)?;
     Ok(defects)
 }
@@ -71,17 +92,17 @@ struct Loaded {
     refusal: Option<Error>,
 }
 
-fn read_all(scene: &Scene) -> Result<Vec<Loaded>> {
+fn read_all(scene: &Scene, watch: &Watch<'_>) -> Result<Vec<Loaded>> {
     scene
         .objects
         .par_iter()
         .zip(0_u32..u32::try_from(scene.objects.len()).unwrap_or(u32::MAX))
-        .map(|(object, number)| read_object(scene, object, number))
+        .map(|(object, number)| read_object(scene, object, number, watch.object(number as usize)))
         .collect()
 }
 
-fn sample(scene: &Scene, loaded: Vec<Loaded>) -> Result<Sample> {
-    let names: Vec<String> = scene.objects.iter().map(|object| object.name.clone()).collect();
+fn sample(scene: &Scene, loaded: Vec<Loaded>, watch: &Watch<'_>) -> Result<Sample> {
+    let names = names(scene);
     let mut bodies = Vec::with_capacity(loaded.len());
     let mut notes = Vec::with_capacity(loaded.len());
     for object in loaded {
@@ -89,7 +110,7 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>) -> Result<Sample> {
         notes.push((object.hash, object.defects));
     }
     let begin = Instant::now();
-    nesting::nest(&mut bodies, &names)?;
+    nesting::nest(&mut bodies, &names, watch.nesting())?;
     log::info!("what stands in what: found in {:.1} s", begin.elapsed().as_secs_f64());
     assemble(bodies, names, notes)
 }
@@ -143,7 +164,7 @@ fn hash(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
+fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> Result<Loaded> {
     let begin = Instant::now();
     let label = match &object.geometry {
         ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
@@ -154,22 +175,25 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
     let failed = |defect: Defect| Error::mesh(label.clone(), defect.problem, defect.place);
     let (surface, unit, hash) = match &object.geometry {
         ShapeOrMesh::Shape(shape) => {
+            task.begin(LoadStep::Reading, 0)?;
             let needed = PEAK_PER_TRIANGLE.saturating_mul(shapes::triangles(shape));
             reserve::ask(needed, &format!("making {label}"), SIMPLIFY)?;
             (shapes::surface(shape).map_err(failed)?, 1.0, String::new())
         }
         ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
             let file = scene.directory.join(path);
+            task.begin(LoadStep::Reading, file.metadata().map_or(0, |found| found.len()))?;
             let bytes = read(&file)?;
             let needed = match stl::triangles_in(&file) {
                 Some(triangles) => PEAK_PER_TRIANGLE.saturating_mul(triangles),
                 None => peak_per_byte(path).saturating_mul(bytes.len() as u64),
             };
             reserve::ask(needed, &format!("reading {label}"), SIMPLIFY)?;
-            let (surface, hash) = rayon::join(|| parse(path, &bytes), || hash(&bytes));
+            let (surface, hash) = rayon::join(|| parse(path, &bytes, task), || hash(&bytes));
             (surface.map_err(failed)?, *unit, hash)
         }
         ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }) => {
+            task.begin(LoadStep::Reading, 0)?;
             let surface = arrays(vertices, triangles).map_err(failed)?;
             (surface, 1.0, hash_arrays(vertices, triangles))
         }
@@ -189,7 +213,7 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
     let needed = PEAK_PER_TRIANGLE.saturating_mul(triangles as u64);
     reserve::ask(needed, &format!("checking {label}"), SIMPLIFY)?;
     let Prepared { surface, edges, search, defects } =
-        prepare(surface, unit, &object.placement, is_mesh).map_err(failed)?;
+        prepare(surface, unit, &object.placement, is_mesh, task)?.map_err(failed)?;
     let not_finite = defects.not_finite.count;
     let refusal = if not_finite > 0 {
         let problem = format!("the vertices of {not_finite} triangles are not finite numbers");
@@ -219,6 +243,7 @@ fn read_object(scene: &Scene, object: &Object, number: u32) -> Result<Loaded> {
     body.warnings = warnings;
     let (parts, seconds) = (body.components.len(), begin.elapsed().as_secs_f64());
     log::info!("{label}: {parts} parts, read and checked in {seconds:.1} s");
+    task.finish();
     Ok(Loaded { body, hash, defects, refusal })
 }
 
@@ -231,19 +256,28 @@ struct Prepared {
     defects: Defects,
 }
 
-/// Welds, places and examines a surface; `crossings`: also for crossing itself.
+/// Welds, places and examines a surface; `crossings`: also for crossing itself. A surface that
+/// cannot be placed is the inner error.
+///
+/// # Errors
+/// [`Error::Interrupted`].
 fn prepare(
     mut surface: Surface,
     unit: f64,
     placement: &Placement,
     crossings: bool,
-) -> std::result::Result<Prepared, Defect> {
+    task: Task<'_>,
+) -> Result<std::result::Result<Prepared, Defect>> {
+    task.begin(LoadStep::Joining, 0)?;
     let mut welded = surface.weld();
     let reach = |surface: &Surface| {
         surface.vertices.iter().fold(0.0_f64, |most, vertex| most.max(vertex.abs().max_element()))
     };
     let in_file = reach(&surface) * unit * placement.scale;
-    let world = placement::place(&mut surface, unit, placement)?;
+    let world = match placement::place(&mut surface, unit, placement) {
+        Ok(world) => world,
+        Err(defect) => return Ok(Err(defect)),
+    };
     for (_, place) in &mut welded.dropped {
         *place = world.transform_point3(*place);
     }
@@ -251,16 +285,16 @@ fn prepare(
     let resolved = f64::from(f32::EPSILON) * in_file.max(reach(&surface));
     let (edges, search) =
         rayon::join(|| topology::edges(&surface), || crossings.then(|| Search::new(&surface)));
-    let defects = defects::find(&surface, &edges, &welded, resolved, search.as_ref());
-    Ok(Prepared { surface, edges, search, defects })
+    let defects = defects::find(&surface, &edges, &welded, resolved, search.as_ref(), task)?;
+    Ok(Ok(Prepared { surface, edges, search, defects }))
 }
 
 /// By the extension; without a known one, by what the bytes look like.
-fn parse(path: &Path, bytes: &[u8]) -> std::result::Result<Surface, Defect> {
+fn parse(path: &Path, bytes: &[u8], task: Task<'_>) -> std::result::Result<Surface, Defect> {
     let extension = path.extension().map(|it| it.to_string_lossy().to_lowercase());
     match extension.as_deref() {
-        Some("obj") => obj::parse(bytes),
-        Some("stl") => stl::parse(bytes),
+        Some("obj") => obj::parse(bytes, task),
+        Some("stl") => stl::parse(bytes, task),
         _ => Err(Defect::new(
             "the format of the mesh is not known",
             "the file name must end in .stl or .obj",

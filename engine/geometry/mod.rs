@@ -22,6 +22,7 @@ mod surface;
 mod swept;
 mod topology;
 mod tree;
+mod watch;
 
 use glam::DVec3;
 
@@ -29,7 +30,10 @@ pub use adjacency::across_edges;
 pub use defects::{Defects, Found, PLACES, Spot};
 pub(crate) use load::PEAK_PER_TRIANGLE;
 pub use load::{examine, file_hash, inspect, load, triangles_in_files};
+pub(crate) use load::{inspect_watched, load_watched};
 pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
+pub(crate) use watch::Watcher;
+pub use watch::{LoadProgress, LoadStep};
 
 /// All surfaces of the sample in world coordinates (m), welded and oriented outwards (away from
 /// the material of their object; the surface of a void points into the void). They are closed,

@@ -8,13 +8,15 @@ use super::distance::meet;
 use super::search::Search;
 use super::surface::{bounds_of, in_mm, near};
 use super::tree::Query;
+use super::watch::{LoadStep, Task};
 use crate::error::{Error, Result};
 
 /// Fills in `outside` of every component: the latest object that contains it.
 ///
 /// # Errors
-/// Surfaces of two objects that cross or touch, and an object that a later one swallows.
-pub(super) fn nest(bodies: &mut [Body], names: &[String]) -> Result<()> {
+/// Surfaces of two objects that cross or touch, and an object that a later one swallows;
+/// [`Error::Interrupted`].
+pub(super) fn nest(bodies: &mut [Body], names: &[String], task: Task<'_>) -> Result<()> {
     let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
     let pairs: Vec<(usize, usize)> = (0..bodies.len())
         .flat_map(|a| (a + 1..bodies.len()).map(move |b| (a, b)))
@@ -34,7 +36,12 @@ pub(super) fn nest(bodies: &mut [Body], names: &[String]) -> Result<()> {
         })
         .collect();
 
-    for (a, b) in &pairs {
+    task.begin(LoadStep::Nesting, pairs.len() as u64)?;
+    for (number, (a, b)) in pairs.iter().enumerate() {
+        if task.is_cancelled() {
+            return Err(Error::Interrupted);
+        }
+        task.reach(number as u64);
         let limit = tolerance(bounds[*a], bounds[*b]);
         if let Some(place) = touch((&bodies[*a], &bodies[*b]), (*a, *b), &searches, limit) {
             return Err(Error::mesh(

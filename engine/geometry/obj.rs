@@ -6,21 +6,37 @@
 
 use super::polygon;
 use super::surface::{Defect, Surface};
+use super::watch::Task;
 use glam::DVec3;
 use std::fmt::Write as _;
 use std::path::Path;
 
+/// Lines, or faces, between two reports of how far reading is.
+const REPORT: usize = 1 << 14;
+/// What the first look takes of the time to read a file; then `tobj`, then the cutting of faces.
+const FIRST_LOOK: f64 = 0.4;
+const PARSED: f64 = 0.7;
+
 /// Reads an OBJ file. All its objects and groups together; not yet welded.
-pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
+pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
     // A name in some other encoding than UTF-8 is no reason to refuse a file.
     let text = String::from_utf8_lossy(bytes);
-    let (plain, lines) = vetted(&text)?;
+    let share = |share: f64| {
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a share of a length"
+        )]
+        task.reach((share * bytes.len() as f64) as u64);
+    };
+    let (plain, lines) = vetted(&text, |done| share(FIRST_LOOK * done))?;
+    share(FIRST_LOOK);
     let options = tobj::LoadOptions { triangulate: false, ..tobj::LoadOptions::default() };
     let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
     let (models, _) = tobj::load_obj_buf(&mut plain.as_bytes(), &options, no_materials)
         .map_err(|error| Defect::new(format!("not a valid OBJ file: {error}"), String::new()))?;
     let mut surface = Surface::default();
-    let mut faces = lines.into_iter();
+    let (count, mut faces) = (lines.len() as f64, lines.into_iter());
     for mesh in models.into_iter().map(|model| model.mesh) {
         let position = |index: &u32| DVec3::from_slice(&mesh.positions[3 * *index as usize..]);
         let mut rest = mesh.indices.as_slice();
@@ -30,6 +46,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
             let arity = arities.next().map_or(3, |n| *n as usize);
             let (face, others) = rest.split_at(arity);
             rest = others;
+            if faces.len() % REPORT == 0 {
+                share(1.0 - (1.0 - PARSED) * faces.len() as f64 / count);
+            }
             let line = faces.next().unwrap_or_default();
             let corners: Vec<DVec3> = face.iter().map(position).collect();
             let failed = |problem| Defect::new(problem, format!("line {line}"));
@@ -41,13 +60,17 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
     Ok(surface)
 }
 
-/// Positions and faces with position indices alone, and the line of each face.
-fn vetted(text: &str) -> Result<(String, Vec<usize>), Defect> {
+/// Positions and faces with position indices alone, and the line of each face. `told` gets the
+/// share that is done.
+fn vetted(text: &str, told: impl Fn(f64)) -> Result<(String, Vec<usize>), Defect> {
     let mut plain = String::with_capacity(text.len());
     let mut faces = Vec::new();
     let mut vertices = 0;
     let mut lines = text.lines().zip(1_usize..);
     while let Some((line, number)) = lines.next() {
+        if number % REPORT == 0 {
+            told((line.as_ptr() as usize - text.as_ptr() as usize) as f64 / text.len() as f64);
+        }
         let joined;
         let mut line = line.split('#').next().unwrap_or_default().trim();
         if line.ends_with('\\') {

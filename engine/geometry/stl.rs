@@ -6,22 +6,25 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::surface::{Defect, Surface};
+use super::watch::Task;
 use crate::input_file;
 
 const HEADER: usize = 84;
 const RECORD: usize = 50;
+/// Triangles, or lines of text, between two reports of how far reading is.
+const REPORT: usize = 1 << 14;
 
 /// Reads an STL file. Three vertices per triangle, not yet welded.
-pub(super) fn parse(bytes: &[u8]) -> Result<Surface, Defect> {
+pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
     // Many exporters begin a binary file with "solid" as well, so the length decides.
     let promised = count(bytes).map(|count| HEADER as u64 + RECORD as u64 * u64::from(count));
     if promised == Some(bytes.len() as u64) {
-        return binary(&bytes[HEADER..]);
+        return binary(&bytes[HEADER..], task);
     }
     // A name in some other encoding than UTF-8 is no reason to refuse a text file.
     let word = bytes.trim_ascii_start().get(..5).unwrap_or_default();
     if word.eq_ignore_ascii_case(b"solid") && !bytes.contains(&0) {
-        return ascii(&String::from_utf8_lossy(bytes));
+        return ascii(&String::from_utf8_lossy(bytes), task);
     }
     Err(match (count(bytes), promised) {
         (Some(count), Some(promised)) => Defect::new(
@@ -54,11 +57,14 @@ fn count(bytes: &[u8]) -> Option<u32> {
     Some(u32::from_le_bytes(field.try_into().ok()?))
 }
 
-fn binary(records: &[u8]) -> Result<Surface, Defect> {
+fn binary(records: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
     let triangles = records.len() / RECORD;
     let mut surface =
         Surface::new(Vec::with_capacity(3 * triangles), Vec::with_capacity(triangles));
     for (index, record) in records.chunks_exact(RECORD).enumerate() {
+        if index % REPORT == 0 {
+            task.reach((HEADER + RECORD * index) as u64);
+        }
         let number = |at: usize| {
             let bytes = [record[at], record[at + 1], record[at + 2], record[at + 3]];
             f64::from(f32::from_le_bytes(bytes))
@@ -72,12 +78,15 @@ fn binary(records: &[u8]) -> Result<Surface, Defect> {
     Ok(surface)
 }
 
-fn ascii(text: &str) -> Result<Surface, Defect> {
+fn ascii(text: &str, task: Task<'_>) -> Result<Surface, Defect> {
     let mut surface = Surface::default();
     let mut corners: Vec<DVec3> = Vec::with_capacity(3);
     let (mut inside, mut last) = (false, 0);
     for (index, line) in text.lines().enumerate() {
         last = index + 1;
+        if index % REPORT == 0 {
+            task.reach((line.as_ptr() as usize - text.as_ptr() as usize) as u64);
+        }
         let at = |problem: String| Defect::new(problem, format!("line {}", index + 1));
         let mut words = line.split_ascii_whitespace();
         let Some(word) = words.next() else { continue };

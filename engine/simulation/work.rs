@@ -17,7 +17,7 @@ use crate::gpu::interface::Pixel;
 use crate::illuminate::{
     Cast, CellIlluminator, KnownBars, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
 };
-use crate::run::{Control, Progress, Tally};
+use crate::run::{Control, Progress, Tally, ViewProgress};
 use crate::sampling::{self, Shadow, Strips};
 use crate::scene::Scheme;
 use crate::stack::{self, Sink};
@@ -227,12 +227,12 @@ impl<'s> Work<'s> {
             return Err(Error::Interrupted);
         }
         if let Some(progress) = control.progress.as_mut() {
-            progress(Progress {
+            progress(Progress::Views(ViewProgress {
                 rows_done: self.rows_done,
                 rows_total: self.rows_total,
                 view,
                 rays: self.tracer.rays_traced(),
-            });
+            }));
         }
         Ok(())
     }

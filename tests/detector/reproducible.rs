@@ -7,7 +7,7 @@ use super::support::{CARBON, Worst, engine_with};
 use beamlet::kept::{Kept, KeptWriter};
 use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
 use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks, View};
-use beamlet::{Backend, Control, EngineOptions, Error};
+use beamlet::{Backend, Control, EngineOptions, Error, Progress};
 use ndarray::Array2;
 use std::fs;
 use std::path::Path;
@@ -131,7 +131,8 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
             &mut sink,
             Control {
                 progress: Some(&mut |progress| {
-                    if progress.view == View::Sample(1) {
+                    if matches!(&progress, Progress::Views(views) if views.view == View::Sample(1))
+                    {
                         cancel.store(true, Ordering::Relaxed);
                     }
                 }),

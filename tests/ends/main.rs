@@ -5,6 +5,7 @@
 
 mod beside;
 mod memory;
+mod progress;
 mod sizes;
 mod spectra;
 

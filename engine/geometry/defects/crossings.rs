@@ -8,6 +8,8 @@ use super::Found;
 use super::overlap::{Contact, contact};
 use crate::geometry::surface::Surface;
 use crate::geometry::tree::Tree;
+use crate::geometry::watch::{LoadStep, Task};
+use crate::{Error, Result};
 
 /// Leaves tried between two looks at the count: a soup of triangles would take for ever.
 const CHUNK: usize = 1024;
@@ -20,10 +22,19 @@ const ENOUGH_OF_ONE: usize = 1000;
 type Met = (u32, u32, Contact);
 
 /// Pairs that pass through, or lie on, each other deeper than `resolved`.
-pub(super) fn find(surface: &Surface, tree: &Tree, resolved: f64) -> Found {
+///
+/// # Errors
+/// [`Error::Interrupted`].
+pub(super) fn find(surface: &Surface, tree: &Tree, resolved: f64, task: Task<'_>) -> Result<Found> {
     let mut met: Vec<Met> = Vec::new();
     let mut passed = 0;
-    for chunk in tree.leaves().chunks(CHUNK) {
+    let leaves = tree.leaves();
+    task.begin(LoadStep::Checking, leaves.len() as u64)?;
+    for (number, chunk) in leaves.chunks(CHUNK).enumerate() {
+        if task.is_cancelled() {
+            return Err(Error::Interrupted);
+        }
+        task.reach((number * CHUNK) as u64);
         let partners = |leaf: &u32| partners(surface, tree, *leaf, resolved);
         let chunk: Vec<Met> = chunk.par_iter().flat_map_iter(partners).collect();
         passed += chunk.iter().filter(|it| matches!(it.2, Contact::Crossing(_))).count();
@@ -51,7 +62,7 @@ pub(super) fn find(surface: &Surface, tree: &Tree, resolved: f64) -> Found {
             found.add(&[first, second].map(|it| surface.number(it)), || Some(place));
         }
     }
-    found
+    Ok(found)
 }
 
 /// Pairs of triangles of a leaf and others, in their order.
@@ -100,7 +111,8 @@ mod tests {
             surface.vertices.extend(corners.map(DVec3::from_array));
             surface.triangles.push([first, first + 1, first + 2]);
             let resolved = 1e-9;
-            let found = find(&surface, &Tree::of_triangles(&surface), resolved);
+            let tree = Tree::of_triangles(&surface);
+            let found = find(&surface, &tree, resolved, Task::unwatched()).unwrap();
             let count = u32::try_from(surface.triangles.len()).unwrap();
             let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
             let met = |&(a, b): &(u32, u32)| {

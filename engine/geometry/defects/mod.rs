@@ -17,6 +17,8 @@ use serde::Serialize;
 use super::search::Search;
 use super::surface::{Surface, Welded};
 use super::topology::Edge;
+use super::watch::Task;
+use crate::error::Result;
 
 /// Most places that are kept of each kind of defect.
 pub const PLACES: usize = 10;
@@ -86,21 +88,25 @@ impl Defects {
 
 /// Examines a welded surface in the world. `resolved` is the length that f32 resolves of it, m;
 /// with `search` also for triangles that pass through each other.
+///
+/// # Errors
+/// [`crate::Error::Interrupted`].
 pub(super) fn find(
     surface: &Surface,
     edges: &[Edge],
     welded: &Welded,
     resolved: f64,
     search: Option<&Search>,
-) -> Defects {
+    task: Task<'_>,
+) -> Result<Defects> {
     let ((non_manifold_vertices, duplicate_triangles), self_intersections) = rayon::join(
         || rayon::join(|| vertices::pinched(surface, edges), || triangles::duplicate(surface)),
-        || search.map(|search| crossings::find(surface, &search.tree, resolved)),
+        || search.map(|search| crossings::find(surface, &search.tree, resolved, task)).transpose(),
     );
     let mut defects = Defects {
         non_manifold_vertices,
         duplicate_triangles,
-        self_intersections: self_intersections.unwrap_or_default(),
+        self_intersections: self_intersections?.unwrap_or_default(),
         degenerate_triangles: triangles::degenerate(surface, welded, resolved),
         ..Defects::default()
     };
@@ -108,5 +114,5 @@ pub(super) fn find(
     for number in &surface.not_finite {
         defects.not_finite.add(&[*number], || None);
     }
-    defects
+    Ok(defects)
 }

@@ -7,6 +7,7 @@
 
 pub mod exr;
 pub mod frames;
+pub mod meshes;
 pub mod moments;
 pub mod npy;
 pub mod run;
@@ -52,11 +53,16 @@ pub fn read(path: &Path) -> Vec<u8> {
 /// Writes the seeds of a target into the folder that `BEAMLET_FUZZ_SEEDS` names, and ends the
 /// process; goes on where there is no such variable. A seed is a control and the bytes of a file.
 pub fn seeds(make: impl FnOnce() -> Vec<(u8, Vec<u8>)>) {
+    let with_control = |(control, bytes): (u8, Vec<u8>)| [&[control], bytes.as_slice()].concat();
+    bare_seeds(|| make().into_iter().map(with_control).collect());
+}
+
+/// As [`seeds`], for targets whose inputs have no control.
+pub fn bare_seeds(make: impl FnOnce() -> Vec<Vec<u8>>) {
     let Some(folder) = std::env::var_os("BEAMLET_FUZZ_SEEDS") else { return };
     fs::create_dir_all(&folder).expect("the folder of seeds can be made");
-    for (number, (control, bytes)) in make().into_iter().enumerate() {
-        let path = Path::new(&folder).join(format!("seed_{number:03}"));
-        write(&path, &[&[control], bytes.as_slice()].concat());
+    for (number, bytes) in make().into_iter().enumerate() {
+        write(&Path::new(&folder).join(format!("seed_{number:03}")), &bytes);
     }
     let _ = fs::remove_dir_all(&*PLACE);
     std::process::exit(0);

@@ -4,7 +4,7 @@ use crate::{PLACE, write};
 use beamlet::kept::Kept;
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, View, check_run, views};
-use beamlet::{Backend, RunRecord, Tally};
+use beamlet::{Backend, RunRecord, SamplingSummary, Tally};
 use ndarray::{Array3, ArrayD};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -50,6 +50,15 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
         calibration: start.calibration,
         seed: scene.sampling.seed,
         tally: Tally::default(),
+        sampling: Some(SamplingSummary {
+            patches: 5,
+            mean_rays: 2.5,
+            most_rays: 9,
+            rms_error: 1e-7,
+            worst_error: 3e-7,
+            tolerance: 1e-6,
+            beyond_tolerance: 1,
+        }),
         seconds: BTreeMap::from([("total".into(), 0.5)]),
     };
     sink.finish(&record).expect("the run ends");

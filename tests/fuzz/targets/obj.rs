@@ -1,9 +1,10 @@
 //! OBJ files: any bytes either load or are refused.
 #![no_main]
 
+use beamlet_fuzz::{bare_seeds, meshes};
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
 
-fuzz_target!(|bytes: &[u8]| {
+fuzz_target!(init: bare_seeds(meshes::obj_seeds), |bytes: &[u8]| {
     let _ = beamlet::geometry::examine(Path::new("a.obj"), bytes, 1e-3);
 });

@@ -3,9 +3,15 @@
 #![no_main]
 
 use beamlet::scene::Scene;
+use beamlet_fuzz::bare_seeds;
 use libfuzzer_sys::fuzz_target;
 
-fuzz_target!(|text: &str| {
+fn seeds() -> Vec<Vec<u8>> {
+    let json = concat!("j", include_str!("../scenes/random.json"));
+    [json, include_str!("../scenes/spectrum.toml")].map(|text| text.as_bytes().to_vec()).to_vec()
+}
+
+fuzz_target!(init: bare_seeds(seeds), |text: &str| {
     // The first byte chooses the language.
     let scene = match text.strip_prefix('j') {
         Some(json) => Scene::from_json(json, "."),

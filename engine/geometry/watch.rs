@@ -1,0 +1,277 @@
+//! Reading and checking of objects, watched from the calling thread: what is in work, how far it
+//! is, and whether to stop.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread;
+use std::time::Duration;
+
+use crate::error::{Error, Result};
+
+/// Time between two reports of the same step.
+const TICK: Duration = Duration::from_millis(100);
+
+/// A step of reading and checking the objects of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LoadStep {
+    /// A file is read, or a shape made; counted in bytes of the file.
+    Reading,
+    /// Equal vertices are joined, and triangles sorted for search. Not counted.
+    Joining,
+    /// Triangles are looked at for what passes through what; counted in groups of triangles.
+    Checking,
+    /// Objects are looked at for what stands in what; counted in pairs of objects. Last, and of
+    /// all objects together.
+    Nesting,
+}
+
+/// How far the reading and checking of objects is.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct LoadProgress {
+    /// The step in work; where objects are read side by side, the one with the most work left.
+    pub step: LoadStep,
+    /// Name of its object; empty for [`LoadStep::Nesting`].
+    pub object: String,
+    /// Objects that are read and checked.
+    pub objects_done: usize,
+    /// All objects.
+    pub objects: usize,
+    /// Work of the step that is done.
+    pub done: u64,
+    /// All work of the step; 0 where it is not known.
+    pub total: u64,
+}
+
+/// Who watches, and who may stop it.
+#[derive(Default)]
+pub(crate) struct Watcher<'a> {
+    /// Called at the beginning of each step and every tenth of a second, from the calling thread.
+    pub(crate) progress: Option<&'a mut dyn FnMut(LoadProgress)>,
+    /// Set to true to end with [`Error::Interrupted`].
+    pub(crate) cancel: Option<&'a AtomicBool>,
+}
+
+/// The step in work of one object, or of the nesting of all.
+#[derive(Default)]
+struct Slot {
+    /// Number of the [`STEPS`] in work, from 1; 0: none yet; beyond them: done.
+    step: AtomicU64,
+    done: AtomicU64,
+    total: AtomicU64,
+}
+
+const STEPS: [LoadStep; 4] =
+    [LoadStep::Reading, LoadStep::Joining, LoadStep::Checking, LoadStep::Nesting];
+const FINISHED: u64 = STEPS.len() as u64 + 1;
+
+/// A step that began.
+struct Begun {
+    /// Of the slots.
+    number: usize,
+    step: LoadStep,
+    total: u64,
+}
+
+/// Where the threads that read objects say how far they are.
+pub(super) struct Watch<'a> {
+    cancel: Option<&'a AtomicBool>,
+    /// Steps that began; `None` where nobody listens.
+    began: Option<Sender<Begun>>,
+    /// Of each object, and of the nesting.
+    slots: Vec<Slot>,
+}
+
+/// The part of a [`Watch`] that one object has, or the nesting.
+#[derive(Clone, Copy)]
+pub(super) struct Task<'a>(Option<(&'a Watch<'a>, usize)>);
+
+impl Watch<'_> {
+    pub(super) fn object(&self, number: usize) -> Task<'_> {
+        Task(Some((self, number)))
+    }
+
+    pub(super) fn nesting(&self) -> Task<'_> {
+        Task(Some((self, self.slots.len() - 1)))
+    }
+}
+
+impl Task<'_> {
+    /// One that nobody watches.
+    pub(super) const fn unwatched() -> Self {
+        Self(None)
+    }
+
+    /// Begins a step; `total`: its work, 0 where that is not known.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub(super) fn begin(self, step: LoadStep, total: u64) -> Result<()> {
+        let Some((watch, number)) = self.0 else { return Ok(()) };
+        let slot = &watch.slots[number];
+        slot.done.store(0, Ordering::Relaxed);
+        slot.total.store(total, Ordering::Relaxed);
+        slot.step.store(step as u64 + 1, Ordering::Relaxed);
+        if let Some(began) = &watch.began {
+            let _ = began.send(Begun { number, step, total });
+        }
+        if self.is_cancelled() { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
+    /// Work of the step that is done by now.
+    pub(super) fn reach(self, done: u64) {
+        if let Some((watch, number)) = self.0 {
+            watch.slots[number].done.store(done, Ordering::Relaxed);
+        }
+    }
+
+    /// The last step is done.
+    pub(super) fn finish(self) {
+        if let Some((watch, number)) = self.0 {
+            watch.slots[number].step.store(FINISHED, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether to stop.
+    pub(super) fn is_cancelled(self) -> bool {
+        self.0
+            .and_then(|(watch, _)| watch.cancel)
+            .is_some_and(|cancel| cancel.load(Ordering::Relaxed))
+    }
+}
+
+/// Does `work` on the objects of these names. Where somebody listens, a thread of its own does it
+/// and the calling one reports.
+pub(super) fn watched<T: Send>(
+    names: &[String],
+    watcher: Watcher<'_>,
+    work: impl Fn(&Watch<'_>) -> T + Sync,
+) -> T {
+    let Watcher { progress, cancel } = watcher;
+    let slots = (0..=names.len()).map(|_| Slot::default()).collect();
+    let Some(progress) = progress else {
+        return work(&Watch { cancel, began: None, slots });
+    };
+    let (began, beginnings) = mpsc::channel();
+    let watch = Watch { cancel, began: Some(began), slots };
+    let (watch, work) = (&watch, &work);
+    let finished = AtomicBool::new(false);
+    let finished = &finished;
+    thread::scope(|scope| {
+        let job = || {
+            let made = work(watch);
+            finished.store(true, Ordering::Release);
+            // Wakes the thread that listens: no slot has this number.
+            let end = Begun { number: usize::MAX, step: LoadStep::Nesting, total: 0 };
+            let _ = watch.began.as_ref().map(|began| began.send(end));
+            made
+        };
+        // Without memory for a thread it is done all the same, unwatched.
+        let Ok(worker) = thread::Builder::new().spawn_scoped(scope, job) else {
+            return work(watch);
+        };
+        // A thread that panics sends nothing.
+        while !finished.load(Ordering::Acquire) && !worker.is_finished() {
+            let report = match beginnings.recv_timeout(TICK) {
+                Ok(begun) => watch.beginning(&begun, names),
+                Err(RecvTimeoutError::Timeout) => watch.in_work(names),
+                Err(RecvTimeoutError::Disconnected) => break,
+            };
+            report.into_iter().for_each(&mut *progress);
+        }
+        beginnings.try_iter().filter_map(|begun| watch.beginning(&begun, names)).for_each(progress);
+        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    })
+}
+
+impl Watch<'_> {
+    /// A step as it began; `None` for the end of all.
+    fn beginning(&self, begun: &Begun, names: &[String]) -> Option<LoadProgress> {
+        let Begun { number, step, total } = *begun;
+        (number < self.slots.len()).then(|| self.report(number, step, [0, total], names))
+    }
+
+    /// The step in work that has the most left.
+    fn in_work(&self, names: &[String]) -> Option<LoadProgress> {
+        let load = |value: &AtomicU64| value.load(Ordering::Relaxed);
+        let in_work = |(number, slot): (usize, &Slot)| {
+            let at = usize::try_from(load(&slot.step)).ok()?.checked_sub(1)?;
+            let (step, total) = (*STEPS.get(at)?, load(&slot.total));
+            Some((number, step, [load(&slot.done).min(total), total]))
+        };
+        self.slots
+            .iter()
+            .enumerate()
+            .filter_map(in_work)
+            .max_by_key(|(_, _, [done, total])| total - done)
+            .map(|(number, step, work)| self.report(number, step, work, names))
+    }
+
+    fn report(
+        &self,
+        number: usize,
+        step: LoadStep,
+        [done, total]: [u64; 2],
+        names: &[String],
+    ) -> LoadProgress {
+        let finished = |slot: &&Slot| slot.step.load(Ordering::Relaxed) == FINISHED;
+        LoadProgress {
+            step,
+            object: names.get(number).cloned().unwrap_or_default(),
+            objects_done: self.slots[..names.len()].iter().filter(finished).count(),
+            objects: names.len(),
+            done,
+            total,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_step_is_reported_as_it_began_and_again_while_it_lasts() {
+        let names = ["a".to_owned(), "b".to_owned()];
+        let mut reports = Vec::new();
+        let mut take = |report: LoadProgress| {
+            reports.push((report.object, report.step, report.done, report.total));
+        };
+        let watcher = Watcher { progress: Some(&mut take), cancel: None };
+        let made = watched(&names, watcher, |watch| {
+            watch.object(0).begin(LoadStep::Reading, 10)?;
+            watch.object(0).finish();
+            watch.object(1).begin(LoadStep::Checking, 7)?;
+            watch.object(1).reach(3);
+            thread::sleep(4 * TICK);
+            watch.object(1).finish();
+            watch.nesting().begin(LoadStep::Nesting, 0)?;
+            Ok::<_, Error>(42)
+        });
+        assert_eq!(made.unwrap(), 42);
+        let name = |name: &str| name.to_owned();
+        assert_eq!(reports[0], (name("a"), LoadStep::Reading, 0, 10));
+        assert_eq!(reports[1], (name("b"), LoadStep::Checking, 0, 7));
+        assert_eq!(reports[2], (name("b"), LoadStep::Checking, 3, 7));
+        assert_eq!(reports[reports.len() - 1], (name(""), LoadStep::Nesting, 0, 0));
+    }
+
+    #[test]
+    fn who_cancels_ends_the_next_step() {
+        let cancel = AtomicBool::new(false);
+        let mut stop = |report: LoadProgress| {
+            cancel.store(report.step == LoadStep::Joining, Ordering::Relaxed);
+        };
+        let watcher = Watcher { progress: Some(&mut stop), cancel: Some(&cancel) };
+        let ended = watched(&["a".to_owned()], watcher, |watch| {
+            watch.object(0).begin(LoadStep::Reading, 1)?;
+            watch.object(0).begin(LoadStep::Joining, 1)?;
+            while !watch.object(0).is_cancelled() {
+                thread::yield_now();
+            }
+            watch.object(0).begin(LoadStep::Checking, 1)
+        });
+        assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
+    }
+}

@@ -1,0 +1,135 @@
+//! What is told while meshes are read and checked: on a terminal, in a log, and to a library's
+//! callback.
+
+use super::{Place, said};
+use beamlet::geometry::LoadStep;
+use beamlet::scene::Scene;
+use beamlet::stack::ArraySink;
+use beamlet::{Backend, Control, Engine, EngineOptions, Error, Progress, check};
+use std::fs;
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A binary STL file of so many small boxes in rows of 200, 2.5 units apart.
+fn boxes(count: u16) -> Vec<u8> {
+    let mut file = vec![0_u8; 80];
+    file.extend((12 * u32::from(count)).to_le_bytes());
+    let faces =
+        [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+    for part in 0..count {
+        let at = [part % 200, part / 200].map(|n| 2.5 * f32::from(n));
+        for [a, b, c, d] in faces {
+            for triangle in [[a, b, c], [a, c, d]] {
+                file.extend([0; 12]);
+                for corner in triangle {
+                    let [i, j, k] =
+                        [corner & 1, corner >> 1 & 1, corner >> 2].map(|bit| bit as f32);
+                    let place = [at[0] + i, at[1] + j, k];
+                    place.iter().for_each(|v| file.extend(v.to_le_bytes()));
+                }
+                file.extend([0; 2]);
+            }
+        }
+    }
+    file
+}
+
+/// The scene with a mesh of so many boxes for its object, and the `--set` for it.
+fn with_boxes(count: u16) -> (Place, [&'static str; 4]) {
+    let place = Place::new();
+    fs::write(place.path("many.stl"), boxes(count)).unwrap();
+    let sets = ["--set", "object.part.mesh=many.stl", "--set", "object.part.unit=1 um"];
+    (place, sets)
+}
+
+/// What the program draws on a terminal.
+fn on_a_terminal(place: &Place, words: &[&str]) -> String {
+    let words = words.iter().map(|word| format!("'{word}'")).collect::<Vec<_>>().join(" ");
+    let line = format!("stty cols 200; {} {words}", env!("CARGO_BIN_EXE_beamlet"));
+    let mut command = Command::new("script");
+    command.args(["--quiet", "--return", "--command", &line, "/dev/null"]);
+    let output = command.current_dir(place.path("")).env_remove("RUST_LOG").output().unwrap();
+    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(said(&output), (Some(0), String::new()), "{words}: {shown}");
+    shown
+}
+
+#[test]
+fn a_terminal_shows_what_is_read_and_checked_and_a_pipe_does_not() {
+    let (place, sets) = with_boxes(30_000);
+    let run = ["simulate", "scene.toml", "-o", "run", "--backend", "bvh"];
+    for words in [&["check", "scene.toml"][..], &run] {
+        let shown = on_a_terminal(&place, &[words, &sets].concat());
+        assert!(shown.contains("checking \"part\"") && shown.contains(" %"), "{shown}");
+        assert!(shown.contains("objects  ") || shown.contains("rays     "), "{shown}");
+    }
+    let (code, message) = said(&place.beamlet(&[&["check", "scene.toml"][..], &sets].concat()));
+    assert_eq!((code, message), (Some(0), String::new()), "lines come every ten seconds");
+}
+
+fn scene(place: &Place, sets: &[&str]) -> Scene {
+    let sets: Vec<String> =
+        sets.iter().filter(|it| **it != "--set").map(ToString::to_string).collect();
+    Scene::load_with(place.path("scene.toml"), &sets).unwrap()
+}
+
+#[test]
+fn every_step_of_loading_is_told_before_the_first_view() {
+    let (place, sets) = with_boxes(3000);
+    let scene = scene(&place, &sets);
+    let (mut steps, mut views, mut last) = (Vec::new(), 0, 0);
+    let mut told = |progress: Progress| match progress {
+        Progress::Loading(loading) => {
+            assert_eq!(views, 0, "{loading:?}");
+            assert!(loading.done <= loading.total && loading.objects == 1, "{loading:?}");
+            let name = if loading.step == LoadStep::Nesting { "" } else { "part" };
+            assert_eq!(loading.object, name);
+            if steps.last() == Some(&loading.step) {
+                assert!(loading.done >= last, "{loading:?} after {last}");
+            } else {
+                assert_eq!(loading.done, 0, "{loading:?}");
+                steps.push(loading.step);
+            }
+            last = loading.done;
+        }
+        Progress::Views(_) => views += 1,
+        _ => {}
+    };
+    let options = EngineOptions { backend: Some(Backend::Bvh), ..EngineOptions::default() };
+    let engine = Engine::open(&options).unwrap();
+    let control = Control { progress: Some(&mut told), ..Control::default() };
+    engine.run(&scene, &mut ArraySink::new(), control).unwrap();
+    assert!(views > 0);
+    let all = [LoadStep::Reading, LoadStep::Joining, LoadStep::Checking, LoadStep::Nesting];
+    assert_eq!(steps, all);
+    // `check` tells the same, and amounts to the same as without.
+    let mut steps = Vec::new();
+    let mut told = |progress: Progress| {
+        let Progress::Loading(loading) = progress else { panic!("{progress:?}") };
+        steps.push(loading.step);
+    };
+    let report = check::check_watched(&scene, None, Some(&mut told)).unwrap();
+    assert_eq!(report, check::check(&scene).unwrap());
+    steps.dedup();
+    assert_eq!(steps, all);
+}
+
+#[test]
+fn loading_can_be_cancelled() {
+    let (place, sets) = with_boxes(3000);
+    let scene = scene(&place, &sets);
+    let engine = Engine::open(&EngineOptions::default()).unwrap();
+    for at in [LoadStep::Reading, LoadStep::Joining, LoadStep::Checking, LoadStep::Nesting] {
+        let cancel = AtomicBool::new(false);
+        let mut told = |progress: Progress| match progress {
+            Progress::Loading(loading) => {
+                cancel.fetch_or(loading.step == at, Ordering::Relaxed);
+            }
+            other => panic!("{at:?}: {other:?}"),
+        };
+        let mut control =
+            Control { progress: Some(&mut told), cancel: Some(&cancel), ..Control::default() };
+        let ended = engine.prepare_with(&scene, &mut control);
+        assert!(matches!(ended, Err(Error::Interrupted)), "{at:?}: {ended:?}");
+    }
+}
