@@ -6,15 +6,14 @@
 //! the rounds, and corners get fewer as fast.
 
 use super::polygon::turn;
-use glam::DVec2;
+use super::tree::{Query, Tree};
+use glam::{DVec2, DVec3};
 
 /// Corners from which on rounds are worth it, and which they leave about.
 const LARGE: usize = 5_000;
 /// Share of the corners that a round has to cut.
 const WORTH: f64 = 0.05;
-/// Most cells of a grid along an axis.
-const CELLS: usize = 4_096;
-/// Cells that are looked into for an ear.
+/// Corners that are looked at for an ear.
 const LOOKS: usize = 1_024;
 
 /// Ears of a polygon that winds to the left, and the corners that are left, in their order.
@@ -35,14 +34,14 @@ pub(super) fn small(flat: &[DVec2]) -> (Vec<[usize; 3]>, Vec<usize>) {
 
 /// Ears of one round, no two of them side by side, and the corners that it leaves.
 fn round(flat: &[DVec2], ring: &[usize]) -> (Vec<[usize; 3]>, Vec<usize>) {
-    let grid = Grid::new(flat, ring);
+    let corners = Corners::new(flat, ring);
     let n = ring.len();
     let (mut ears, mut left) = (Vec::new(), Vec::with_capacity(n));
     let mut before_is_cut = false;
     for at in 0..n {
         let ear = [ring[(at + n - 1) % n], ring[at], ring[(at + 1) % n]];
         // The first corner stays, for the last one is beside it.
-        let cuts = at > 0 && !before_is_cut && turn(flat, ear) > 0.0 && grid.is_free(flat, ear);
+        let cuts = at > 0 && !before_is_cut && turn(flat, ear) > 0.0 && corners.leave_free(ear);
         match cuts {
             true => ears.push(ear),
             false => left.push(ring[at]),
@@ -52,71 +51,44 @@ fn round(flat: &[DVec2], ring: &[usize]) -> (Vec<[usize; 3]>, Vec<usize>) {
     (ears, left)
 }
 
-/// Corners by the cell of a grid that they lie in.
-struct Grid {
-    low: DVec2,
-    /// Cells per length.
-    scale: DVec2,
-    side: usize,
-    /// Cell and corner, sorted.
-    corners: Vec<(usize, usize)>,
+/// Corners that may lie in ears.
+struct Corners<'a> {
+    flat: &'a [DVec2],
+    ring: &'a [usize],
+    /// Over the ring: long thin ears look along them, not through their boxes.
+    tree: Tree,
 }
 
-impl Grid {
-    fn new(flat: &[DVec2], ring: &[usize]) -> Self {
-        let points = ring.iter().map(|corner| flat[*corner]);
-        let low = points.clone().fold(DVec2::INFINITY, DVec2::min);
-        let high = points.fold(DVec2::NEG_INFINITY, DVec2::max);
-        let side = (ring.len() / 8).clamp(1, CELLS);
-        let scale = DVec2::splat(side as f64) / (high - low).max(DVec2::splat(f64::MIN_POSITIVE));
-        let mut grid = Self { low, scale, side, corners: Vec::new() };
-        grid.corners = ring.iter().map(|corner| (grid.cell(flat[*corner]), *corner)).collect();
-        grid.corners.sort_unstable();
-        grid
-    }
-
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "the cast saturates, and cells are few"
-    )]
-    fn place(&self, point: DVec2) -> [usize; 2] {
-        let place = (point - self.low) * self.scale;
-        [place.x, place.y].map(|it| (it as usize).min(self.side - 1))
-    }
-
-    fn cell(&self, point: DVec2) -> usize {
-        let [x, y] = self.place(point);
-        y * self.side + x
+impl<'a> Corners<'a> {
+    fn new(flat: &'a [DVec2], ring: &'a [usize]) -> Self {
+        let points: Vec<[DVec3; 2]> =
+            ring.iter().map(|corner| [flat[*corner].extend(0.0); 2]).collect();
+        Self { flat, ring, tree: Tree::of_boxes(&points) }
     }
 
     /// Whether no other corner lies in the triangle or on its edge; not where the search is long.
-    fn is_free(&self, flat: &[DVec2], ear: [usize; 3]) -> bool {
-        let [a, b, c] = ear.map(|corner| flat[corner]);
-        let [low, high] = [a.min(b).min(c), a.max(b).max(c)].map(|point| self.place(point));
-        if (high[0] - low[0] + 1).saturating_mul(high[1] - low[1] + 1) > LOOKS {
-            return false;
-        }
+    fn leave_free(&self, ear: [usize; 3]) -> bool {
+        let [a, b, c] = ear.map(|corner| self.flat[corner]);
         let inside = |point: DVec2| {
             [(a, b), (b, c), (c, a)]
                 .iter()
                 .all(|(from, to)| (*to - *from).perp_dot(point - *from) >= 0.0)
         };
-        (low[1]..=high[1]).all(|y| {
-            let cells = y * self.side + low[0]..=y * self.side + high[0];
-            let first = self.corners.partition_point(|(cell, _)| cell < cells.start());
-            self.corners[first..]
-                .iter()
-                .take_while(|(cell, _)| cell <= cells.end())
-                .all(|(_, corner)| ear.contains(corner) || !inside(flat[*corner]))
-        })
+        let (mut looks, mut free) = (0, true);
+        self.tree.near(&Query::new([a, b, c].map(|it| it.extend(0.0)), None, 0.0), |at| {
+            let corner = self.ring[at as usize];
+            looks += 1;
+            free = looks <= LOOKS && (ear.contains(&corner) || !inside(self.flat[corner]));
+            free
+        });
+        free
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::polygon::triangles;
-    use glam::DVec3;
+    use super::*;
     use std::f64::consts::TAU;
 
     /// Area of the triangles, with and without their sign, and that of the polygon.
@@ -129,6 +101,20 @@ mod tests {
         let n = corners.len();
         let whole = (0..n).map(|at| corners[at].cross(corners[(at + 1) % n]).z / 2.0).sum();
         [cut.iter().map(|it| of(*it)).sum(), cut.iter().map(|it| of(*it).abs()).sum(), whole]
+    }
+
+    #[test]
+    fn long_teeth_are_cut_off_whatever_their_direction() {
+        for depth in [0.05, 0.5] {
+            let at = |k: u32| {
+                let radius = if k.is_multiple_of(2) { 1.0 } else { 1.0 - depth };
+                DVec2::from_angle(TAU * f64::from(k) / 40_000.0) * radius
+            };
+            let flat: Vec<DVec2> = (0..40_000).map(at).collect();
+            let (found, left) = small(&flat);
+            assert!(left.len() <= LARGE, "{depth}: {} are left", left.len());
+            assert_eq!(found.len() + left.len(), flat.len());
+        }
     }
 
     #[test]

@@ -1,22 +1,24 @@
 //! A balanced tree of boxes over triangles or parts, built by all threads.
 //!
 //! Long thin triangles, as caps are cut into, fill the boxes of one another. Nodes of such
-//! triangles that lie side by side have a band as well: a direction across them, and how far they
-//! reach along it.
+//! triangles that lie side by side in one plane have a *band* as well: a slab across them. So do
+//! the sides of thousands of thin teeth, which lie one behind the other: nodes of triangles that
+//! are larger than the distance between them have a *plate*, a slab along their normals.
+
+mod build;
+mod query;
+mod slab;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::surface::{Surface, bounds_of};
+use build::{Builder, nodes_of};
+pub(super) use query::Query;
+use slab::Slab;
 
 /// Members of a leaf at most.
 const LEAF: usize = 4;
-/// Fewer members than this are not worth a task of their own.
-const TASK: usize = 4096;
-/// A band must be this much narrower than the box, seen along its direction.
-const WORTH: f64 = 4.0;
-/// Share of the coordinates by which bands and boxes of queries are wider, against rounding.
-const ROUNDING: f64 = 1e-14;
 /// In place of a vertex.
 const NONE: u32 = u32::MAX;
 
@@ -37,95 +39,16 @@ pub(super) struct Node {
     /// Members of a leaf; 0 for an inner node.
     count: u32,
     band: Option<Box<Band>>,
+    plate: Option<Box<Slab>>,
 }
 
 /// What the triangles of a node have in common if they lie side by side.
 #[derive(Debug, Clone)]
 struct Band {
-    /// Unit vector across them.
-    across: DVec3,
-    /// Where they are along it, m.
-    reach: [f64; 2],
+    /// Where they lie across their longest sides.
+    slab: Slab,
     /// Vertices that all of them have.
     shared: [u32; 3],
-}
-
-/// A triangle, or another set of three points, that looks for what is near.
-pub(super) struct Query {
-    corners: [DVec3; 3],
-    vertices: [u32; 3],
-    margin: f64,
-    low: Vec3,
-    high: Vec3,
-    /// Across a long thin triangle, and where it is along that.
-    band: Option<(DVec3, [f64; 2])>,
-    /// Whether it is the box, not the corners, that looks.
-    whole: bool,
-}
-
-impl Query {
-    /// What comes within `margin` of `corners`. Members that have a vertex in common with
-    /// `vertices` are found if the opposite side comes near them, or if theirs comes near the
-    /// query: see [`Tree::pairs`].
-    pub(super) fn new(corners: [DVec3; 3], vertices: Option<[u32; 3]>, margin: f64) -> Self {
-        let [low, high] = outwards(bounds_of(corners.into_iter()), margin);
-        let band = across(corners).and_then(|across| {
-            let reach = range(across, corners);
-            worth(across, reach, [low, high]).then(|| (across, widened(reach, margin)))
-        });
-        Self {
-            corners,
-            vertices: vertices.unwrap_or([NONE; 3]),
-            margin,
-            low,
-            high,
-            band,
-            whole: false,
-        }
-    }
-
-    fn of_box(bounds: [DVec3; 2], margin: f64) -> Self {
-        let [low, high] = outwards(bounds, margin);
-        let middle = [bounds[0].midpoint(bounds[1]); 3];
-        Self { corners: middle, vertices: [NONE; 3], margin, low, high, band: None, whole: true }
-    }
-
-    fn reaches(&self, node: &Node) -> bool {
-        if !(self.low.cmple(node.high).all() && node.low.cmple(self.high).all()) {
-            return false;
-        }
-        if let Some((across, reach)) = self.band {
-            let (low, high) = (node.low.as_dvec3(), node.high.as_dvec3());
-            let (middle, half) =
-                (across.dot(low.midpoint(high)), across.abs().dot(high - low) / 2.0);
-            if middle - half > reach[1] || middle + half < reach[0] {
-                return false;
-            }
-        }
-        let Some(band) = &node.band else { return true };
-        if self.whole {
-            let (low, high) = (self.low.as_dvec3(), self.high.as_dvec3());
-            let middle = band.across.dot(low.midpoint(high));
-            let half = band.across.abs().dot(high - low) / 2.0;
-            return middle - half <= band.reach[1] && middle + half >= band.reach[0];
-        }
-        let common = |vertex: &u32| *vertex != NONE && band.shared.contains(vertex);
-        let apart = |points: &[DVec3]| {
-            let reach = points.iter().map(|point| band.across.dot(*point));
-            let (low, high) = reach.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
-                (low.min(at), high.max(at))
-            });
-            low > band.reach[1] + self.margin || high < band.reach[0] - self.margin
-        };
-        match self.vertices.iter().position(common) {
-            None => !apart(&self.corners),
-            Some(k) => {
-                let side = [self.corners[(k + 1) % 3], self.corners[(k + 2) % 3]];
-                let [low, high] = outwards(bounds_of(side.into_iter()), self.margin);
-                low.cmple(node.high).all() && node.low.cmple(high).all() && !apart(&side)
-            }
-        }
-    }
 }
 
 impl Tree {
@@ -192,8 +115,7 @@ impl Tree {
             let b = (node.high.as_dvec3() - point) * inverse;
             let (mut enter, mut leave) = (a.min(b).max_element(), a.max(b).min_element());
             if let Some(band) = &node.band {
-                let (start, slope) = (band.across.dot(point), band.across.dot(direction));
-                let [low, high] = band.reach.map(|at| (at - start) / slope);
+                let [low, high] = band.slab.along(point, direction);
                 // NaN, where the ray runs along the border of the band, bounds nothing.
                 enter = enter.max(low.min(high));
                 leave = leave.min(low.max(high));
@@ -226,11 +148,14 @@ impl Tree {
     ) {
         let node = &self.nodes[leaf as usize];
         let own = self.members(node);
-        if node.band.is_none() {
+        // One thin triangle among others has a long box, which the leaf would look through.
+        let thin = |one: &u32| slab::across(surface.corners(*one as usize)).is_some();
+        if node.band.is_none() && !own.iter().any(thin) {
             let bounds = |one: u32| bounds_of(surface.corners(one as usize).into_iter());
             let boxes: Vec<[Vec3; 2]> =
                 own.iter().map(|one| outwards(bounds(*one), margin)).collect();
-            let query = Query::of_box([node.low.as_dvec3(), node.high.as_dvec3()], margin);
+            let corners = own.iter().flat_map(|one| surface.corners(*one as usize));
+            let query = Query::of_leaf(node, corners.collect(), margin);
             self.walk(
                 leaf,
                 |node| query.reaches(node),
@@ -302,127 +227,6 @@ impl Tree {
         }
         true
     }
-}
-
-/// Nodes of a tree over so many members.
-const fn nodes_of(members: usize) -> usize {
-    (2 * members.div_ceil(LEAF)).saturating_sub(1)
-}
-
-struct Builder<'a, B> {
-    bounds: &'a B,
-    surface: Option<&'a Surface>,
-}
-
-impl<B: Fn(u32) -> [DVec3; 2] + Sync> Builder<'_, B> {
-    /// Builds the node that is the first of `nodes`, and what is below it. `start`: places of
-    /// the first node and the first member in the tree.
-    fn build(&self, members: &mut [(Vec3, u32)], nodes: &mut [Node], start: [u32; 2]) {
-        let number = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
-        let [first_node, first_member] = start;
-        if members.len() <= LEAF {
-            nodes[0] = self.leaf(members, first_member);
-            return;
-        }
-        let (low, high) =
-            members.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), (at, _)| {
-                (low.min(*at), high.max(*at))
-            });
-        let axis = (high - low).max_position();
-        // Whole leaves on the left.
-        let half = members.len().div_ceil(LEAF) / 2 * LEAF;
-        members.select_nth_unstable_by(half, |(a, m), (b, n)| {
-            a[axis].total_cmp(&b[axis]).then(m.cmp(n))
-        });
-        let (left, right) = members.split_at_mut(half);
-        let (node, below) = nodes.split_at_mut(1);
-        let (left_nodes, right_nodes) = below.split_at_mut(nodes_of(half));
-        let next = first_node + 1 + number(left_nodes.len());
-        let starts = [[first_node + 1, first_member], [next, first_member + number(half)]];
-        if left.len() > TASK {
-            rayon::join(
-                || self.build(left, left_nodes, starts[0]),
-                || self.build(right, right_nodes, starts[1]),
-            );
-        } else {
-            self.build(left, left_nodes, starts[0]);
-            self.build(right, right_nodes, starts[1]);
-        }
-        let (a, b) = (&left_nodes[0], &right_nodes[0]);
-        let (low, high) = (a.low.min(b.low), a.high.max(b.high));
-        let band = match (&a.band, &b.band) {
-            (Some(a), Some(b)) => {
-                let across = a.across + b.across * a.across.dot(b.across).signum();
-                let shared = a.shared.map(|it| if b.shared.contains(&it) { it } else { NONE });
-                self.band(members, across.normalize_or_zero(), shared, [low, high])
-            }
-            _ => None,
-        };
-        node[0] = Node { low, high, next, count: 0, band };
-    }
-
-    fn leaf(&self, members: &[(Vec3, u32)], first: u32) -> Node {
-        let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let (low, high) = members.iter().fold(empty, |(low, high), (_, member)| {
-            let bounds = (self.bounds)(*member);
-            (low.min(bounds[0]), high.max(bounds[1]))
-        });
-        let [low, high] = outwards([low, high], 0.0);
-        let band = self.surface.and_then(|surface| {
-            let corners = |(_, member): &(Vec3, u32)| surface.corners(*member as usize);
-            let across = across(corners(members.first()?))?;
-            let mut shared = surface.triangles[members[0].1 as usize];
-            for (_, member) in &members[1..] {
-                let others = surface.triangles[*member as usize];
-                shared = shared.map(|it| if others.contains(&it) { it } else { NONE });
-            }
-            self.band(members, across, shared, [low, high])
-        });
-        Node { low, high, next: first, count: u32::try_from(members.len()).unwrap_or(0), band }
-    }
-
-    /// The band of triangles, if it is worth having.
-    fn band(
-        &self,
-        members: &[(Vec3, u32)],
-        across: DVec3,
-        shared: [u32; 3],
-        [low, high]: [Vec3; 2],
-    ) -> Option<Box<Band>> {
-        let surface = self.surface?;
-        let corners = members.iter().flat_map(|(_, member)| surface.corners(*member as usize));
-        let reach = range(across, corners);
-        let largest = low.abs().max(high.abs()).max_element();
-        let reach = widened(reach, ROUNDING * f64::from(largest));
-        worth(across, reach, [low, high]).then(|| Box::new(Band { across, reach, shared }))
-    }
-}
-
-/// Unit vector in the plane of a long thin triangle across its longest side.
-fn across(corners: [DVec3; 3]) -> Option<DVec3> {
-    let [a, b, c] = corners;
-    let longest = [b - a, c - b, a - c]
-        .into_iter()
-        .max_by(|p, q| p.length_squared().total_cmp(&q.length_squared()))?;
-    let normal = (b - a).cross(c - a);
-    let thin = WORTH * normal.length() < longest.length_squared();
-    if thin { normal.cross(longest).try_normalize() } else { None }
-}
-
-fn range(across: DVec3, points: impl IntoIterator<Item = DVec3>) -> [f64; 2] {
-    points.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], point| {
-        let at = across.dot(point);
-        [low.min(at), high.max(at)]
-    })
-}
-
-/// Whether a band tells more than the box.
-fn worth(across: DVec3, reach: [f64; 2], [low, high]: [Vec3; 2]) -> bool {
-    WORTH * (reach[1] - reach[0]) < across.abs().dot((high - low).as_dvec3())
-}
-
-fn widened([low, high]: [f64; 2], by: f64) -> [f64; 2] {
-    [low - by, high + by]
 }
 
 /// A box rounded outwards to f32.

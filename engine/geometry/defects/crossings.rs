@@ -81,8 +81,9 @@ fn partners(surface: &Surface, tree: &Tree, leaf: u32, resolved: f64) -> Vec<Met
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::polygon;
     use crate::geometry::tree::Tree;
-    use glam::{DMat3, DVec3};
+    use glam::{DMat3, DVec2, DVec3};
 
     /// Triangles from one vertex to points around it; `mixed` of them change their places.
     fn fan(count: u32, mixed: usize, tilt: f64) -> Surface {
@@ -124,6 +125,79 @@ mod tests {
             for (spot, (a, b)) in found.places.iter().zip(&want) {
                 assert_eq!(spot.triangles, [a + 1, b + 1]);
             }
+        }
+    }
+
+    /// A prism of height 1 whose outline has `count` corners, every second of them a tooth of this
+    /// depth, round or along a line.
+    fn teeth(count: u32, depth: f64, round: bool, tilt: f64) -> Surface {
+        let corner = |k: u32| {
+            let out = if k.is_multiple_of(2) { 1.0 } else { 1.0 - depth };
+            let (share, length) = (f64::from(k) / f64::from(count), std::f64::consts::TAU);
+            match (round, k + 2 >= count) {
+                (true, _) => DVec2::from_angle(length * share) * out,
+                (false, true) => DVec2::new(if k + 1 == count { 0.0 } else { 1.0 }, 2.0),
+                (false, false) => DVec2::new(share, 1.0 - out),
+            }
+        };
+        let outline: Vec<DVec3> = (0..count).map(|k| corner(k).extend(0.0)).collect();
+        let cap = polygon::triangles(&outline).unwrap();
+        let mut triangles = Vec::new();
+        for [a, b, c] in cap.into_iter().map(|it| it.map(|k| u32::try_from(k).unwrap())) {
+            triangles.extend([[a, c, b], [a + count, b + count, c + count]]);
+        }
+        for k in 0..count {
+            let next = (k + 1) % count;
+            triangles.extend([[k, next, next + count], [k, next + count, k + count]]);
+        }
+        let turn = DMat3::from_rotation_z(tilt) * DMat3::from_rotation_x(0.3 * tilt);
+        let above = outline.iter().map(|it| *it + DVec3::Z);
+        let vertices = outline.iter().copied().chain(above).map(|it| turn * it).collect();
+        Surface::new(vertices, triangles)
+    }
+
+    #[test]
+    fn pairs_of_teeth_are_those_that_all_pairs_give() {
+        for (depth, round, tilt) in [(0.05, true, 0.0), (0.5, true, 0.6), (0.3, false, 0.6)] {
+            for bent in [0, 3] {
+                let mut surface = teeth(150, depth, round, tilt);
+                let (resolved, length) = (1e-9, surface.vertices.len());
+                for k in 0..bent {
+                    let to = surface.vertices[(41 * k + 9) % length];
+                    let from = &mut surface.vertices[(97 * k + 20) % length];
+                    *from = from.lerp(to, 0.3);
+                }
+                let tree = Tree::of_triangles(&surface);
+                let found = find(&surface, &tree, resolved, Task::unwatched()).unwrap();
+                let count = u32::try_from(surface.triangles.len()).unwrap();
+                let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
+                let met = |&(a, b): &(u32, u32)| {
+                    matches!(contact(&surface, a, b, resolved), Some(Contact::Crossing(_)))
+                };
+                let want = all.filter(met).count();
+                // Edges that graze count besides, in the order of the triangles.
+                assert!(found.count >= want, "{depth} {round} {bent}: {} {want}", found.count);
+                assert_eq!(want > 0, bent > 0, "{depth} {round} {bent}");
+                assert_eq!(found.count > 0, bent > 0, "{depth} {round} {bent}");
+            }
+        }
+    }
+
+    #[test]
+    fn pairs_that_are_looked_at_grow_with_the_teeth() {
+        // 92, 149 and 246 for each triangle; 564, 1,783 and 6,228 without plates.
+        for (depth, round) in [(0.05, true), (0.5, true), (0.3, false)] {
+            let surface = teeth(20_000, depth, round, 0.6);
+            let tree = Tree::of_triangles(&surface);
+            let mut looked_at = 0;
+            for leaf in tree.leaves() {
+                tree.pairs(&surface, leaf, 1e-9, |_, _| {
+                    looked_at += 1;
+                    true
+                });
+            }
+            let each = looked_at / surface.triangles.len();
+            assert!(each < 400, "{depth} {round}: {each}");
         }
     }
 
