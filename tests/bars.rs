@@ -11,6 +11,7 @@ use reference::masks::{Bars, Mask};
 use reference::rays::Order;
 use reference::scenes;
 use reference::stack::{Quadrature, Setup};
+use std::path::Path;
 use support::{Checked, GOLD, Worst, backends, engine};
 
 /// What flats have to reach where bars of a mask are narrower than half of their shadow.
@@ -194,17 +195,37 @@ fn shadows_of_more_than_a_period_are_boxes() {
     }
 }
 
-/// The scene of a set-up with bars of gold, under a tube of 60 kV in three energies.
-fn under_a_spectrum(setup: &Setup, offsets: &[f64]) -> Scene {
+/// Photons of several energies.
+#[derive(Debug, Clone, Copy)]
+enum Light {
+    /// A tube of 60 kV behind 1 mm of aluminium, in so many nodes.
+    Tube(u32),
+    /// Two energies between 28 keV and 58 keV.
+    Two,
+}
+
+/// The scene of a set-up with bars of gold under a spectrum; files go into `folder`.
+fn under_a_spectrum(setup: &Setup, offsets: &[f64], light: Light, folder: &Path) -> Scene {
     let mut scene = scenes::scene(setup, &[], offsets);
-    let origin = SpectrumOrigin::Tube {
-        anode: Anode::Tungsten,
-        kvp: 60.0,
-        anode_angle: 12.0_f64.to_radians(),
-        inherent_filters: Vec::new(),
+    let spectrum = match light {
+        Light::Tube(nodes) => SpectrumSpec {
+            origin: SpectrumOrigin::Tube {
+                anode: Anode::Tungsten,
+                kvp: 60.0,
+                anode_angle: 12.0_f64.to_radians(),
+                inherent_filters: Vec::new(),
+            },
+            filters: vec![Filter { material: "Al".to_owned(), thickness: 1e-3 }],
+            nodes: Some(nodes),
+        },
+        Light::Two => {
+            let path = folder.join("two.csv");
+            std::fs::write(&path, "energy_keV,weight\n28,1\n43,0\n58,1\n").expect("a file");
+            let origin = SpectrumOrigin::File { path };
+            SpectrumSpec { origin, filters: Vec::new(), nodes: Some(2) }
+        }
     };
-    let filters = vec![Filter { material: "Al".to_owned(), thickness: 1e-3 }];
-    scene.source.beam = Beam::Spectrum(SpectrumSpec { origin, filters, nodes: Some(3) });
+    scene.source.beam = Beam::Spectrum(spectrum);
     for mask in scene.sample_mask.iter_mut().chain(&mut scene.detector_mask) {
         if let MaskBody::Bars { material, .. } = &mut mask.body {
             "gold".clone_into(material);
@@ -213,29 +234,49 @@ fn under_a_spectrum(setup: &Setup, offsets: &[f64]) -> Scene {
     scene
 }
 
+/// Compares columns of a flat under a spectrum with exact boxes at each of its energies.
+fn compare_energies(engine: &Checked, case: &Case, light: Light, worst: &mut [Worst; 2]) {
+    let (setup, offsets) = (case.setup(), steps(47e-6, 5));
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = under_a_spectrum(&setup, &offsets, light, folder.path());
+    let media = Media::of(&scene).expect("media");
+    let stack = engine.simulate(&scene).expect("a flat").flat;
+    for column in PLACES {
+        let mut want = vec![0.0; offsets.len()];
+        for (energy, weight) in media.energies.iter().zip(&media.weights) {
+            let mu = constants_at(&scene, "gold", *energy).expect("gold").mu;
+            let setup = on_the_detector(Case { mu, ..*case }.setup());
+            let of = setup.pixel(None, Order::Exact, &quadrature(), column, 0, &offsets);
+            want.iter_mut().zip(of).for_each(|(want, of)| *want += weight * of);
+        }
+        let worst = &mut worst[usize::from(!is_narrow(&setup, column))];
+        for (step, want) in want.iter().enumerate() {
+            let got = f64::from(stack[[step, 0, column as usize]]);
+            let place =
+                || format!("{light:?} {case:?}, column {column}, step {step}: {got} {want}");
+            worst.take(got - want, place);
+        }
+    }
+}
+
 #[test]
-fn narrow_bars_under_a_spectrum_are_boxes() {
-    let mut worst = Worst::new("bars, narrow, three energies", NARROW);
+fn bars_under_a_spectrum_are_boxes() {
+    let narrow = Worst::new("bars, some narrower than half of their shadow, spectra", NARROW);
+    let mut worst = [narrow, Worst::new("bars, others, spectra", WIDE)];
     let engine = engine(Backend::Bvh);
-    for bars in [[0.0, 120e-6], [1e-6, 120e-6], [80e-6, 1e-6], [3e-6, 3e-6]] {
+    let narrow = [[0.0, 120e-6], [1e-6, 120e-6], [80e-6, 1e-6], [3e-6, 3e-6]];
+    for bars in narrow {
         let case = Case { bars, thickness: [225e-6; 2], mu: GOLD, spot: 30e-6 };
-        let (setup, offsets) = (case.setup(), steps(47e-6, 5));
-        let scene = under_a_spectrum(&setup, &offsets);
-        let media = Media::of(&scene).expect("media");
-        let stack = engine.simulate(&scene).expect("a flat").flat;
-        for column in PLACES.into_iter().filter(|column| is_narrow(&setup, *column)) {
-            let mut want = vec![0.0; offsets.len()];
-            for (energy, weight) in media.energies.iter().zip(&media.weights) {
-                let mu = constants_at(&scene, "gold", *energy).expect("gold").mu;
-                let setup = on_the_detector(Case { mu, ..case }.setup());
-                let of = setup.pixel(None, Order::Exact, &quadrature(), column, 0, &offsets);
-                want.iter_mut().zip(of).for_each(|(want, of)| *want += weight * of);
+        compare_energies(&engine, &case, Light::Tube(3), &mut worst);
+    }
+    for bars in [[80e-6, 120e-6], [40e-6, 40e-6], [97e-6, 145e-6]] {
+        for thickness in THICKNESSES {
+            for spot in SPOTS {
+                let case = Case { bars, thickness, mu: GOLD, spot };
+                compare_energies(&engine, &case, Light::Two, &mut worst);
             }
-            for (step, want) in want.iter().enumerate() {
-                let got = f64::from(stack[[step, 0, column as usize]]);
-                let place = || format!("{case:?}, column {column}, step {step}: {got} for {want}");
-                worst.take(got - want, place);
-            }
+            let case = Case { bars, thickness, mu: GOLD, spot: 30e-6 };
+            compare_energies(&engine, &case, Light::Tube(4), &mut worst);
         }
     }
 }

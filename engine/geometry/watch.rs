@@ -261,7 +261,7 @@ mod tests {
     fn who_cancels_ends_the_next_step() {
         let cancel = AtomicBool::new(false);
         let mut stop = |report: LoadProgress| {
-            cancel.store(report.step == LoadStep::Joining, Ordering::Relaxed);
+            cancel.fetch_or(report.step == LoadStep::Joining, Ordering::Relaxed);
         };
         let watcher = Watcher { progress: Some(&mut stop), cancel: Some(&cancel) };
         let ended = watched(&["a".to_owned()], watcher, |watch| {

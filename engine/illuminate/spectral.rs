@@ -12,6 +12,7 @@
 )]
 
 mod bars;
+mod edges;
 mod integrals;
 mod join;
 mod ordered;
@@ -26,6 +27,7 @@ use crate::sampling::{CellMoments, Lattice, Strips};
 use crate::scene::Scene;
 use crate::trace::{Media, Tracer};
 use bars::{Bars, passing};
+use edges::SharedEdges;
 use join::Joining;
 use ordered::{Repeated, severe};
 use rayon::prelude::*;
@@ -68,6 +70,7 @@ pub struct Spectral {
     materials: usize,
     /// Masks by node: the sample mask, the detector mask.
     masks: [Option<Vec<MaskShape>>; 2],
+    edges: SharedEdges,
     /// Which masks the light of each group leaks through.
     groups: Vec<[bool; 2]>,
     lattice: Lattice,
@@ -163,7 +166,15 @@ impl Spectral {
             };
             of(&mu) || of(&delta)
         };
+        let edges = SharedEdges::of(
+            [0, 1].map(|i| masks[i].as_deref()),
+            [analyser / lattice.plane, 1.0],
+            &media.weights,
+            lattice.edge_blur,
+            lattice.period * analyser / lattice.plane,
+        );
         let mut spectral = Self {
+            edges,
             acting: (0..materials).filter(acts).collect(),
             weights: media.weights.clone(),
             mu,
@@ -355,7 +366,7 @@ impl Spectral {
                     continue;
                 }
             }
-            if bars.closed {
+            if bars.apart {
                 let laws = scratch.laws.iter().zip(&self.stronger);
                 for ((laws, stronger), list) in laws.zip(&mut scratch.lists[groups..]) {
                     let spread = cell.spread * (stronger * stronger) as f32;

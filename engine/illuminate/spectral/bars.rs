@@ -41,8 +41,8 @@ pub(super) struct Bars {
     pub(super) shades: Vec<[f64; 2]>,
     /// `[group]`: how far cells of light that leaks through bars are joined.
     pub(super) joined: Vec<Option<Limits>>,
-    /// The shadows of bars meet: apertures have no effective width.
-    pub(super) closed: bool,
+    /// Energies do not share edges: light goes energy by energy.
+    pub(super) apart: bool,
 }
 
 /// A column, and a block of rows ([`Lattice::alike_rows`]).
@@ -126,14 +126,15 @@ impl Spectral {
             && self.row_slope.to_bits() == other.row_slope.to_bits()
             && self.middle_row.to_bits() == other.middle_row.to_bits()
             && self.slopes == other.slopes
-            && self.slopes.iter().all(|&slope| self.is_closed(slope) == other.is_closed(slope))
+            && self.slopes.iter().all(|&slope| self.is_apart(slope) == other.is_apart(slope))
             && self.masks.iter().zip(&other.masks).all(mask)
     }
 
-    /// Whether shadows of bars meet for rays of this dx/dy.
-    fn is_closed(&self, slope: f64) -> bool {
+    /// Whether energies share no edges for rays of this dx/dy: the shadows of bars meet, so that
+    /// apertures have no effective width, or edges differ too much.
+    fn is_apart(&self, slope: f64) -> bool {
         let closed = |shape: &MaskShape| shape.thickness * slope.abs() > shape.narrowest();
-        self.masks.iter().flatten().flatten().any(closed)
+        self.masks.iter().flatten().flatten().any(closed) || !self.edges.are_close(slope)
     }
 
     pub(super) fn place(&self, strip: &Strip) -> Place {
@@ -148,7 +149,7 @@ impl Spectral {
                 nodes: Vec::new(),
                 shades: Vec::new(),
                 joined: Vec::new(),
-                closed: true,
+                apart: true,
             };
         }
         let slope = self.slopes[column as usize];
@@ -190,7 +191,7 @@ impl Spectral {
             by_node: by_node.chunks(groups).map(|shares| shares.iter().sum()).collect(),
             shares,
             shades,
-            closed: self.is_closed(slope),
+            apart: self.is_apart(slope),
         }
     }
 }
