@@ -151,6 +151,15 @@ pub fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
     }
 }
 
+/// Asks for the bytes that work in many pieces is about to take, so that their lack is an error
+/// before it begins. They are given back at once; `purpose` stands in the error.
+///
+/// # Errors
+/// [`Error::Memory`] where they are not to be had.
+pub fn ask(bytes: u64, purpose: &str) -> Result<()> {
+    reserve::ask(bytes, purpose, reserve::REMEDY)
+}
+
 /// Whether what a run takes at its peak is to be had now, but for copies of frames, which not every
 /// format makes.
 ///

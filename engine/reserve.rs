@@ -8,7 +8,8 @@
 use crate::{Error, Result};
 
 /// What may be done where a buffer does not fit.
-const REMEDY: &str = "end other programs, or lift the limit of memory that this one runs under";
+pub(crate) const REMEDY: &str =
+    "end other programs, or lift the limit of memory that this one runs under";
 
 /// Zeros; `purpose` stands in the error.
 ///

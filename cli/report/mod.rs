@@ -12,14 +12,30 @@ use crate::run_reader::RunReader;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use beamlet::geometry::{self, Sample};
+use beamlet::memory;
 use std::fmt::Write as _;
+
+/// Images of a view beside its steps: retrieved ones, flags, the parts of a fit.
+const IMAGES: u64 = 8;
+/// Bytes that a page takes while it is made, for each of its image data: values before they are 16
+/// bits, the bits, their text, and two copies of that while it grows.
+const COPIES: u64 = 12;
+/// Bytes for each pixel of a frame that is read and binned.
+const OF_FRAME: u64 = 32;
 
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
 /// The page of a run, with at most `most` bytes of image data.
+///
+/// Fails where there is not the memory for it.
 pub(crate) fn page(run: &RunReader, most: u64) -> Result<String, Failure> {
+    let [views, steps, rows, columns] = run.shape().map(|side| side as u64);
+    let frame = rows.saturating_mul(columns);
+    let images = (views + 1).saturating_mul(steps + IMAGES).saturating_mul(2 * frame).min(most);
+    let needed = COPIES.saturating_mul(images).saturating_add(OF_FRAME.saturating_mul(frame));
+    memory::ask(needed, "the page of a report")?;
     let data = data::collect(run, most)?;
     let mut arrays = String::new();
     for (name, words) in &data.arrays {

@@ -127,4 +127,8 @@ fn stacks_that_are_read() {
         within(&place, limit, &["check", "run"]);
         within(&place, limit, &["compare", "run", "run"]);
     }
+    // The page and pictures.
+    let limits = [30, 40, 60, 80, 100, 150, 200, 300, 400, 600, 1500];
+    sweep(&place, &limits, &["report", "run", "-o", "page.html", "--overwrite"]);
+    sweep(&place, &limits, &["view", "run", "-o", "pictures", "--overwrite"]);
 }

@@ -10,6 +10,7 @@ use crate::picture::profile::{self, Line, Panel};
 use crate::picture::quantity::Quantity;
 use crate::picture::text::short;
 use crate::run_reader::RunReader;
+use beamlet::memory;
 use beamlet::stack::StackFile;
 use clap::ValueEnum;
 use ndarray::Array2;
@@ -18,10 +19,19 @@ use std::path::Path;
 /// Images that are drawn where none are named.
 const CONTRASTS: [&str; 3] = ["transmission", "refraction", "dark_field"];
 
+/// Bytes for each pixel of a frame or a sinogram that is drawn: values read, in the unit of the
+/// picture, and sorted for its scale; colours.
+const OF_PIXEL: u64 = 48;
+/// Bytes of a picture itself, which has about the same size whatever it shows.
+const DRAWING: u64 = 48 << 20;
+
 /// Draws what is asked of a run.
 pub(super) fn of(path: &Path, asked: &ViewOfRun) -> Result<Pictures, Failure> {
     refuse_ignored(asked)?;
     let run = RunReader::open(path)?;
+    let [views, _, rows, columns] = run.shape().map(|side| side as u64);
+    let largest = columns.saturating_mul(rows.max(views));
+    memory::ask(OF_PIXEL.saturating_mul(largest).saturating_add(DRAWING), "pictures of a run")?;
     let chosen = Chosen::of(&run, asked)?;
     let wants = |what: Show| asked.show.is_empty() || asked.show.contains(&what);
     let has_maps = run.maps().or(run.beamlets()).is_some();
