@@ -205,7 +205,7 @@ pub(crate) fn small() -> Vec<Case> {
     let prism = about_y(cylinder(0.3e-3, 2e-3, 256, 0.3), 10.0).moved([0.02e-3, 0.0, 0.0]);
     vec![
         Case::new("ball, facets of 30 um", &setup, ball(3), &OFFSETS),
-        Case::new("ball, facets of 4 um", &setup, ball(6), &OFFSETS),
+        Case::new("ball, facets of 7 um", &setup, ball(5), &OFFSETS),
         Case::new("prism slanting by 10 degrees", &setup, vec![of(CARBON, prism)], &OFFSETS),
         Case::new("ball, no masks", &bare, ball(4), &[0.0]),
     ]

@@ -16,5 +16,6 @@ mod support;
 mod cases;
 mod classes;
 mod errors;
+mod held;
 mod shifts;
 mod tables;
