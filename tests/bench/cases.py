@@ -24,7 +24,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 
 import numpy as np
 
@@ -160,17 +159,26 @@ def make(case, folder):
     return arguments
 
 
+# The peak of a process counts that of the one it was started from, so a small one starts it.
+STARTER = '''
+import json, os, subprocess, sys, time
+began = time.monotonic()
+process = subprocess.Popen(sys.argv[1:], stdout=subprocess.PIPE)
+output = process.stdout.read()
+_, status, usage = os.wait4(process.pid, 0)
+clock = time.monotonic() - began
+print(json.dumps({"code": os.waitstatus_to_exitcode(status), "clock": clock, "peak": usage.ru_maxrss / 1024,
+                  "cpu": usage.ru_utime + usage.ru_stime, "output": output.decode()}))
+'''
+
+
 def timed(command):
     """Output, seconds by the clock, processor time and peak memory (MiB) of a command."""
-    began = time.monotonic()
-    process = subprocess.Popen(command, stdout=subprocess.PIPE)
-    output = process.stdout.read()
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode != 0:
-        raise SystemExit(f'{" ".join(command)}: exit code {process.returncode}')
-    clock = time.monotonic() - began
-    return output, clock, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+    starter = [sys.executable, '-c', STARTER, *command]
+    done = json.loads(subprocess.run(starter, stdout=subprocess.PIPE, check=True).stdout)
+    if done['code'] != 0:
+        raise SystemExit(f'{" ".join(command)}: exit code {done["code"]}')
+    return done['output'], done['clock'], done['cpu'], done['peak']
 
 
 def measure(beamlet, case, folder):
