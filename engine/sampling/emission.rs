@@ -14,7 +14,7 @@ use super::error_estimate::Estimator;
 use super::moment_recording::LawEnds;
 use super::neighbours::Slopes;
 use super::patch::{Known, Patch, alike, part};
-use super::rectangle::{Rectangle, parts};
+use super::rectangle::Rectangle;
 use crate::Result;
 use crate::gpu::interface::{
     Cell, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law, MOMENTS_PER_MATERIAL,
@@ -39,7 +39,7 @@ const DEPTH_JOINED: f32 = 2e-5;
 const DISPLACEMENT_JOINED: f64 = 0.1;
 /// and narrower cells than this share of the period by more, in proportion.
 const FULL_SHARE: f32 = 1.0 / 40.0;
-/// Displacement of the budget without a bound on angles, m.
+/// Displacement of the budget at most, m: light needs that where angles are not bounded.
 const UNBOUNDED: f64 = 10e-9;
 
 /// Makes cells.
@@ -73,12 +73,7 @@ impl<'a> Emitter<'a> {
             gap: (scene.detector.distance - analyser) as f32,
             ratio: (analyser / scene.detector.distance) as f32,
             row_pitch: scene.detector.pitch[1] as f32,
-            joined: (DISPLACEMENT_JOINED
-                * if view.budget.displacement.is_finite() {
-                    view.budget.displacement
-                } else {
-                    UNBOUNDED
-                }) as f32,
+            joined: (DISPLACEMENT_JOINED * view.budget.displacement.min(UNBOUNDED)) as f32,
         }
     }
 
@@ -128,6 +123,7 @@ impl<'a> Emitter<'a> {
             let node = &patch.nodes[leaf as usize];
             if node.is_empty()
                 && let Some(last) = rectangles.last_mut()
+                && last.rows.is_none()
                 && last.ends.law.crossings == 0
                 && last.x[1].to_bits() == node.x[0].to_bits()
                 && last.z.map(f32::to_bits) == node.z.map(f32::to_bits)
@@ -135,25 +131,21 @@ impl<'a> Emitter<'a> {
                 last.x[1] = node.x[1];
                 continue;
             }
-            let slopes = match node.known {
-                Known::Mean(fit) => {
-                    Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] }
-                }
-                // A part is narrow.
-                Known::Parts(_) => Slopes::default(),
-                Known::Ray => {
-                    let neighbours = self.estimator.neighbours(patch, node);
-                    self.estimator.slopes(node, &neighbours)
-                }
-            };
-            if let Some(covered) = patch.covered(node) {
-                rectangles.extend(parts(node, covered, self.gap));
+            if let Some(pieces) = patch.pieces(node) {
+                let magnification =
+                    self.view.keep.is_none().then_some(self.estimator.response.magnification);
+                let of_piece = |piece| Rectangle::of_piece(piece, self.gap, magnification);
+                rectangles.extend(pieces.iter().map(of_piece));
                 continue;
             }
-            let at_ray = [node.law.displacement_z + self.gap * node.law.slope_z; 2];
-            let (spread, ends_z) = match node.known {
-                Known::Mean(fit) => (fit.displacement.powi(2), fit.ends_z),
-                _ => (0.0, at_ray),
+            let (slopes, spread, ends_z) = if let Known::Mean(fit) = node.known {
+                let slopes =
+                    Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] };
+                (slopes, fit.displacement.powi(2), fit.ends_z)
+            } else {
+                let neighbours = self.estimator.neighbours(patch, node);
+                let slopes = self.estimator.slopes(node, &neighbours);
+                (slopes, 0.0, [node.law.landing_z(self.gap); 2])
             };
             rectangles.push(Rectangle {
                 x: node.x,
@@ -162,6 +154,7 @@ impl<'a> Emitter<'a> {
                 ends: LawEnds::new(&node.law, node.width(), &slopes),
                 spread,
                 ends_z,
+                rows: None,
             });
         }
         self.join(rectangles)
@@ -208,10 +201,12 @@ impl<'a> Emitter<'a> {
         let width = last.x[1] - first.x[0];
         let period = self.view.lattice.period as f32;
         let (a, b) = (&first.ends.law, &last.ends.law);
+        let piece = group.iter().any(|r| r.rows.is_some());
         let stands = last.x[0].to_bits() == before.x[1].to_bits()
             && last.z.map(f32::to_bits) == first.z.map(f32::to_bits)
             && last.ray[1].to_bits() == first.ray[1].to_bits();
         if !stands
+            || piece
             || !alike(a, b)
             || (a.flags ^ b.flags) & KIND != 0
             || a.flags & FLAG_EXACT != 0
@@ -278,6 +273,9 @@ impl<'a> Emitter<'a> {
         shift: f32,
         moments: &[f32],
     ) {
+        if z[1] <= z[0] {
+            return;
+        }
         let lattice = self.view.lattice;
         let half = (0.5 * lattice.period) as f32;
         let words = moments.len() / rectangles.len();
@@ -300,7 +298,7 @@ impl<'a> Emitter<'a> {
             let share = x.map(|x| (x - whole[0]) / (whole[1] - whole[0]));
             let between = |[low, high]: [f32; 2]| share.map(|share| low + (high - low) * share);
             let (depth, displacement) = (between(*depth), between(*displacement));
-            let displacement_z = law.displacement_z + law.slope_z * self.gap;
+            let displacement_z = law.landing_z(self.gap);
             if displacement_z.abs() > lattice.halo as f32 * self.row_pitch {
                 out.landed_off += 1;
             }
@@ -317,7 +315,9 @@ impl<'a> Emitter<'a> {
                 -(up + (low - up) * (z - own[0]) / (own[1] - own[0])) / f64::from(self.row_pitch)
             };
             let landing = [top + at(top), bottom + at(bottom)];
-            let [above, below] = if landing[1] - landing[0] > 0.2 * (bottom - top) {
+            let [above, below] = if let Some(rows) = &rectangle.rows {
+                lattice.piece_shares(rows, down)
+            } else if landing[1] - landing[0] > 0.2 * (bottom - top) {
                 lattice.row_shares(landing[0], landing[1], 0.0)
             } else {
                 lattice.row_shares(top, bottom, down)

@@ -9,15 +9,17 @@
 //! Errors of rectangles add up as independent ones.
 
 use super::base_lattice::BaseLattice;
+use super::dissection::Piece;
 use super::error_budget::ErrorBudget;
 use super::patch::{Axis, Known, Node, Patch, Residuals, alike};
 use super::response::Response;
 use crate::gpu::interface::Law;
 use std::ops::Range;
 
-/// Light that stands elsewhere than its part of a rectangle, share of what differs between parts
-/// of the same size.
-const MISPLACED: f32 = 0.1;
+/// Light of a triangle at one side of an edge that cuts it, beside that of an interval.
+const CUT: f32 = 0.1;
+/// Change of the density of a triangle's light near its border, beside that of an interval.
+const DENSITY: f32 = 0.2;
 /// Share of the light at a silhouette that may land in recorded rows from outside.
 const THROWN: f32 = 0.05;
 /// Standard deviation of a place spread evenly over an interval, share of the interval.
@@ -65,49 +67,70 @@ pub(super) struct Estimator<'a> {
 
 impl Estimator<'_> {
     pub(super) fn cell_error(&self, patch: &Patch, index: u32) -> CellError {
-        match patch.nodes[index as usize].known {
-            Known::Ray => self.ray_error(patch, index),
-            Known::Mean(residuals) => self.mean_error(patch, index, &residuals),
-            Known::Parts(_) => self.parts_error(patch, index),
+        let node = &patch.nodes[index as usize];
+        match (node.known, patch.pieces(node)) {
+            (Known::Mean(residuals), _) => self.mean_error(patch, index, &residuals),
+            (_, Some(pieces)) => self.pieces_error(patch, index, pieces),
+            _ => self.ray_error(patch, index),
         }
     }
 
-    /// Of a rectangle of two parts. Their areas, centroids and mean laws are exact; where the
-    /// silhouette runs between them is not, nor how the law changes over the covered part.
-    fn parts_error(&self, patch: &Patch, index: u32) -> CellError {
+    /// Of a rectangle that is known by its pieces. Their areas, centroids, variances and laws are
+    /// exact; the outline of a piece that an edge cuts is not.
+    fn pieces_error(&self, patch: &Patch, index: u32, pieces: &[Piece]) -> CellError {
         let node = &patch.nodes[index as usize];
-        let Some(covered) = patch.covered(node) else {
-            return self.ray_error(patch, index);
-        };
         let column = usize::try_from(patch.beamlet - self.first_beamlet).unwrap_or(0);
-        let x = patch.place(node.centre())[0];
-        let area = node.width() * node.height() * self.response.weight;
-        let half = 0.5 * self.response.magnification * node.width();
-        let [rest, through] = [&covered.rest, &covered.law].map(|law| {
-            let at = self.response.landing(column, x, law.displacement_x);
-            [(-law.optical_depth).exp(), at]
-        });
-        let apart = self.response.change(rest, through, half).max((rest[0] - through[0]).abs());
-        let both = 4.0 * covered.share * (1.0 - covered.share);
-        let moved = [through[0], through[1] + covered.residual];
-        let within = covered.share * self.response.change(through, moved, half);
-        // Where all of it is open, windows see the parts in place, and the width of the light.
-        let told = apart * both * self.response.bend(node.width()) * MISPLACED;
-        let blurred = within * self.response.skew(covered.residual).sqrt();
-        let down =
-            covered.share * through[0] * self.over_border(node, &covered.law, covered.residual_z);
-        let light = apart * both * MISPLACED + within + down;
-        let mean = (1.0 - covered.share) * rest[0] + covered.share * through[0];
+        let (mut cut, mut told, mut all) = (0.0_f32, 0.0_f32, 0.0);
+        let rectangle = node.width() * node.height() * self.response.weight;
+        for piece in pieces {
+            let light = rectangle * piece.share * (-piece.law.optical_depth).exp();
+            let at = self.response.landing(column, piece.centroid[0], piece.law.displacement_x);
+            let half = self.response.magnification * (3.0 * piece.variance).sqrt();
+            let apart = piece.centroid[0] - 0.5 * (piece.x[0] + piece.x[1]);
+            let aside = (apart.abs() / node.width()).min(1.0);
+            // A Gaussian makes up for what is wider than its rectangle.
+            let width = piece.x[1] - piece.x[0];
+            let wider = (1.0 - width * width / (12.0 * piece.variance).max(f32::MIN_POSITIVE))
+                .abs()
+                .min(1.0);
+            let unlike = piece.outline[0].max(wider);
+            let mut along = unlike * self.response.outline(at, half);
+            if self.response.any_masks {
+                // It stays where it stands.
+                along += self.response.change(
+                    [1.0, 0.0],
+                    [1.0, self.response.magnification * apart],
+                    half,
+                );
+            }
+            let down = piece.outline[1] * self.beyond_border(piece);
+            cut += (light * (CUT * piece.outline[0] + aside + down)).powi(2);
+            told += (light * (along + down)).powi(2);
+            all += light;
+        }
         let [width, height] = [node.width(), node.height() * self.row_height];
         CellError {
             node: index,
-            light: area * light,
-            whole: if light > 0.0 { (told + blurred + down) / light } else { 0.0 },
+            light: cut.sqrt(),
+            whole: if cut > 0.0 { (told / cut).sqrt() } else { 0.0 },
             moment: 0.0,
-            through: area * mean,
-            silhouette: true,
+            through: all,
+            silhouette: node.has_silhouette(),
             axis: if height > width { Axis::Z } else { Axis::X },
         }
+    }
+
+    /// Share of the light of a piece that its outline may move over the border of a row.
+    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+    fn beyond_border(&self, piece: &Piece) -> f32 {
+        let down = -piece.law.landing_z(self.gap) / self.row_pitch;
+        let [top, bottom] = piece.rows.whole.map(|z| z as f32);
+        let height = bottom - top;
+        // Beyond a sharp border; a blur hides outlines that are smaller.
+        let beyond = (-top - down).max(bottom + down - 1.0) / height;
+        let hidden = (1.0 - self.row_blur / height).clamp(0.0, 1.0);
+        let beyond = beyond - beyond.floor();
+        DENSITY * hidden * beyond.min(1.0 - beyond).max(0.0)
     }
 
     /// Of a rectangle that is known as a mean.
@@ -139,7 +162,7 @@ impl Estimator<'_> {
     /// Share of the light of a rectangle that may land in another row than its mean law says,
     /// `residual` being the standard deviation of the displacement along z from it, m.
     fn over_border(&self, node: &Node, law: &Law, residual: f32) -> f32 {
-        let down = -(law.displacement_z + self.gap * law.slope_z) / self.row_pitch;
+        let down = -law.landing_z(self.gap) / self.row_pitch;
         let off = residual / self.row_pitch;
         let reach = off + self.row_blur;
         let [top, bottom] = [node.z[0] + down - reach, node.z[1] + down + reach];
@@ -168,7 +191,7 @@ impl Estimator<'_> {
         let at = self.response.landing(column, x, own.displacement_x);
         let half =
             0.5 * (self.response.magnification + slopes.displacement[0]).abs() * node.width();
-        let landing_z = |law: &Law| law.displacement_z + self.gap * law.slope_z;
+        let landing_z = |law: &Law| law.landing_z(self.gap);
         let at_border = node.z[0] <= 0.0 || node.z[1] >= 1.0;
         // From a row beside the recorded ones, only light that lands there counts.
         let beside = (self.lit.start - patch.row).max(patch.row + 1 - self.lit.end).max(0);

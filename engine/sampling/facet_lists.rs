@@ -89,7 +89,7 @@ pub(super) struct PatchFacet {
     /// Coordinates of its corners in the patch.
     pub(super) corners: [[f64; 2]; 3],
     /// Its edges opposite to each corner: a x + b z + c, positive inside.
-    edges: [[f64; 3]; 3],
+    pub(super) edges: [[f64; 3]; 3],
     /// Unit normal in the beam frame, and the plane's distance from its origin along it, m.
     pub(super) normal: DVec3,
     pub(super) plane: f64,
@@ -112,11 +112,23 @@ pub(super) enum Overlap {
 }
 
 impl PatchFacet {
-    /// Moves corners to a patch that slants by `shear`.
-    pub(super) fn slant(&mut self, shear: f64) {
-        for corner in &mut self.corners {
-            corner[0] -= shear * (corner[1] - 0.5);
+    /// One along the beam's axis, of the first component.
+    #[cfg(test)]
+    pub(super) fn flat(corners: [[f64; 2]; 3]) -> Self {
+        Self {
+            corners,
+            edges: [[0.0; 3]; 3],
+            normal: DVec3::Y,
+            plane: 0.0,
+            depth: [0.0; 2],
+            component: 0,
+            front: true,
+            silhouette: [false; 3],
         }
+    }
+
+    /// Finds its edges.
+    pub(super) fn set_edges(&mut self) {
         let [p, q, r] = self.corners;
         let twice = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
         let sign = twice.signum();
@@ -343,7 +355,7 @@ impl<'a> FacetLists<'a> {
                 front,
                 silhouette: self.triangles.silhouettes(triangle, front),
             };
-            facet.slant(0.0);
+            facet.set_edges();
             facet
         };
         Some(list.iter().map(facet).collect())

@@ -12,23 +12,22 @@ use super::facet_lists::{Overlap, PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
 use super::patch::{Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
-use super::sheets::Sums;
+use super::sheets::{Sums, flags};
 use crate::gpu::interface::Law;
 use crate::trace::FIRST_ORDER_ERROR;
 
 /// Sheets cover a rectangle a whole number of times to this.
 const WHOLE: f64 = 1e-4;
-/// Light of a rectangle in two parts, in tolerances: in larger ones a mean law of the covered part
-/// errs by more than is estimated, since light near a rim is bent the more the nearer it is.
-const PARTS: f64 = 4.0;
 /// Facets that cover less than this share of a rectangle are left out.
-const EDGE_ON: f64 = 1e-9;
+pub(super) const EDGE_ON: f64 = 1e-9;
 /// Share of the budget that the first order may leave in a mean.
 const FIRST_ORDER_SHARE: f64 = 0.05;
 /// Standard deviation of a parabola of curvature 1 from its chord's mean, over a width of 1,
 const BOW: f64 = 0.037;
 /// and of a line with random kinks, per standard deviation of its slope.
 const KINKS: f64 = 0.2;
+/// An error of the displacement that moves light to other rows, pitches of them.
+const FAR_OFF: f64 = 0.1;
 /// Where no displacement is bounded, that of a mean is right to this all the same, m.
 const UNBOUNDED: f64 = 10e-9;
 
@@ -37,34 +36,40 @@ const UNBOUNDED: f64 = 10e-9;
 pub(super) enum Mean {
     /// The linear law that fits it best, to first order: means over all its rays.
     Fit(Law, Residuals),
-    /// A silhouette crosses it. Mean number of crossings of its rays, and what it covers where
-    /// that can be told.
-    Silhouette { crossings: f32, covered: Option<Covered> },
+    /// A silhouette crosses it. Mean number of crossings of its rays.
+    Silhouette { crossings: f32 },
     /// The first order is not enough, or the facets are not sound.
     Unknown,
 }
 
-/// A rectangle in two parts: one that a body covers, whose silhouette crosses it, and the rest.
+/// What a facet adds to the law of a ray.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Covered {
-    /// Share of the rectangle that is covered.
-    pub(super) share: f32,
-    /// Centroid of the covered part from that of the rectangle, in widths and heights.
-    pub(super) centroid: [f32; 2],
-    /// Mean law of the covered part.
-    pub(super) law: Law,
-    /// Mean law of what the body is in front of, or behind.
-    pub(super) rest: Law,
-    /// Covariance of the displacement with x in the covered part, m2, and the standard deviation
-    /// of the displacement there, m.
-    pub(super) covariance: f32,
-    pub(super) residual: f32,
-    /// The same along z.
-    pub(super) residual_z: f32,
+pub(super) struct Added {
+    /// Optical depth, displacement (m) and slope along x and z.
+    pub(super) numbers: [f64; 5],
+    /// Displacement per step of delta, m.
+    moved: [f64; 2],
+    /// Change of the optical depth per m of x and per row.
+    pub(super) rise: [f64; 2],
+    /// Cosine of incidence, over that which the first order needs.
+    pub(super) share: f64,
+    /// From the crossing to the analyser, m.
+    lever: f64,
+}
+
+impl Added {
+    /// What the first order may leave in the displacement, m.
+    pub(super) fn error(&self) -> f64 {
+        if self.share < 1.0 {
+            FIRST_ORDER_ERROR * self.lever / (self.share * self.share * self.share)
+        } else {
+            0.0
+        }
+    }
 }
 
 /// A law of these numbers: optical depth, displacement and slope along x and z.
-fn law_of(numbers: [f64; 5], signature: u32, flags: u32, crossings: u32) -> Law {
+pub(super) fn law_of(numbers: [f64; 5], signature: u32, flags: u32, crossings: u32) -> Law {
     let [optical_depth, displacement_x, displacement_z, slope_x, slope_z] =
         numbers.map(|number| number as f32);
     Law {
@@ -82,25 +87,25 @@ fn law_of(numbers: [f64; 5], signature: u32, flags: u32, crossings: u32) -> Law 
 /// Takes means over rectangles of a view.
 #[derive(Debug)]
 pub(super) struct FacetMeans<'a> {
-    steps: &'a [SurfaceStep],
-    lattice: &'a Lattice,
+    pub(super) steps: &'a [SurfaceStep],
+    pub(super) lattice: &'a Lattice,
     /// From source and from analyser to the rotation centre, m.
     rotation: f64,
     analyser: f64,
     /// Error of the displacement that a mean may have, m; and of its light where that is less
     /// than a share of the budget, share of open beam.
-    displacement: f64,
-    light: f64,
+    pub(super) displacement: f64,
+    pub(super) light: f64,
     /// Change of light per displacement, at most, 1/m.
-    steepest: f64,
+    pub(super) steepest: f64,
     /// Recorded value per metre of open cell plane.
-    weight: f64,
+    pub(super) weight: f64,
     /// Distance from analyser to detector, m.
     gap: f32,
-    /// Most light of a rectangle in two parts, share of open beam.
-    parts: f64,
+    /// Where the first order may err by more than this, m, nothing is left to it.
+    pub(super) far: f64,
     /// No ray of a mean may need more than the first order.
-    strict: bool,
+    pub(super) strict: bool,
 }
 
 impl<'a> FacetMeans<'a> {
@@ -116,7 +121,7 @@ impl<'a> FacetMeans<'a> {
             steepest: view.response.steepest(),
             weight: f64::from(view.response.weight),
             gap: (scene.detector.distance - scene.analyser_distance()) as f32,
-            parts: PARTS * view.budget.light,
+            far: FAR_OFF * scene.detector.pitch[1],
             strict: view.keep.is_some(),
         }
     }
@@ -137,11 +142,9 @@ impl<'a> FacetMeans<'a> {
         let sums = self.sums(patch, facets(), centre, half);
         let size = half.map(|half| 2.0 * half);
         if silhouette {
-            let covered = if sums.sound { self.covered(&sums, size) } else { None };
-            return Mean::Silhouette { crossings: (sums.all / sums.area) as f32, covered };
+            return Mean::Silhouette { crossings: (sums.all / sums.area) as f32 };
         }
-        let fit = if sums.sound { self.fit(&sums, size) } else { None };
-        fit.map_or(Mean::Unknown, |(law, residuals)| Mean::Fit(law, residuals))
+        self.fit(&sums, size).map_or(Mean::Unknown, |(law, residuals)| Mean::Fit(law, residuals))
     }
 
     /// Integrals over a rectangle.
@@ -169,85 +172,51 @@ impl<'a> FacetMeans<'a> {
         sums
     }
 
-    /// What is covered of a rectangle that a silhouette crosses; nothing where more than one sheet
-    /// of either side covers a part of it, or the first order is not enough.
-    fn covered(&self, sums: &Sums, [width, height]: [f64; 2]) -> Option<Covered> {
-        let area = sums.area;
-        let mut partial: Option<(u32, f64)> = None;
-        let mut met = sums.whole;
-        let (mut variance, mut variance_z, mut covariance) = (0.0, 0.0, 0.0);
-        let mut centroid = [0.0; 2];
-        let (mut own, mut sides) = ([0.0; 5], [0; 2]);
-        for sheet in &sums.sheets[..sums.count] {
-            let layers = sheet.area / area;
-            let whole = (layers + WHOLE).floor();
-            let step = &self.steps[sheet.component as usize];
-            if layers - whole < WHOLE {
-                met.add(step.hash, sheet.front, whole as u32);
-                continue;
-            }
-            sides[usize::from(sheet.front)] += 1;
-            let other = partial.replace((sheet.component, layers));
-            let matches = |(component, share): (u32, f64)| {
-                component == sheet.component && (share - layers).abs() < WHOLE
-            };
-            if whole > 0.0 || !other.is_none_or(matches) {
-                return None;
-            }
-            for (sum, number) in own.iter_mut().zip(sheet.law) {
-                *sum += number;
-            }
-            let square = |sum: f64, square: f64| {
-                let mean = sum / sheet.area;
-                step.delta * step.delta * (square / sheet.area - mean * mean).max(0.0)
-            };
-            variance += square(sheet.moved, sheet.square);
-            let apart = sheet.by_x - sheet.moved * sheet.x / sheet.area;
-            covariance += step.delta * apart / sheet.area;
-            variance_z += square(sheet.moved_z, sheet.square_z);
-            if sheet.front {
-                centroid = [sheet.x / width, sheet.z / height].map(|sum| (sum / sheet.area) as f32);
-            }
-        }
-        let (component, share) = partial?;
-        if area * self.weight > self.parts {
-            return None;
-        }
-        if sides != [1, 1] || met.balance != 0 {
-            return None;
-        }
-        let error = sums.first_order * self.weight * self.steepest;
-        if !error.is_finite() || error > self.light {
-            return None;
-        }
-        let mut rest = sums.law;
-        for (sum, own) in rest.iter_mut().zip(own) {
-            *sum = (*sum - own) / area;
-        }
-        let mut numbers = own.map(|sum| sum / (share * area));
-        for (number, rest) in numbers.iter_mut().zip(rest) {
-            *number += rest;
-        }
-        let flags = sums.flags();
-        let both = self.steps[component as usize].hash.wrapping_mul(2);
-        Some(Covered {
-            share: share as f32,
-            centroid,
-            law: law_of(numbers, met.signature.wrapping_add(both), flags, met.crossings + 2),
-            rest: law_of(rest, met.signature, flags, met.crossings),
-            covariance: covariance as f32,
-            residual: variance.sqrt() as f32,
-            residual_z: variance_z.sqrt() as f32,
-        })
-    }
-
     /// Adds what a facet does over a part of the rectangle; nothing where the first order is not
     /// enough, or there are too many sheets.
     fn add(&self, patch: &Patch, facet: &PatchFacet, part: &Area, sums: &mut Sums) -> Option<()> {
         let Area { area, centroid, moments } = *part;
+        let added = self.added(patch, facet, centroid);
         let step = &self.steps[facet.component as usize];
-        let place_x = centroid[0] + f64::from(patch.shear) * (centroid[1] - 0.5);
-        let slope = self.lattice.slopes(patch.beamlet, place_x, patch.row as f64 + centroid[1]);
+        if added.share < 1.0 {
+            if self.strict {
+                return None;
+            }
+            sums.first_order += area * added.error();
+        }
+        sums.share = sums.share.min(added.share);
+        // Over the part the depth is linear.
+        let centre = sums.centre;
+        let within = added.rise[0] * moments[0] + added.rise[1] * moments[1];
+        sums.depth_by_x += area * added.numbers[0] * (centroid[0] - centre[0]) + within;
+        let values = added.numbers.map(|value| area * value);
+        for (sum, value) in sums.law.iter_mut().zip(values) {
+            *sum += value;
+        }
+        if area >= (1.0 - WHOLE) * sums.area {
+            // Nothing changes over the rectangle, whatever other sheets of the component do.
+            sums.whole.add(step.hash, facet.front, 1);
+            return Some(());
+        }
+        let sheet = sums.sheet(facet.component, facet.front)?;
+        let [moved, moved_z] = added.moved;
+        sheet.area += area;
+        sheet.moved += area * moved;
+        sheet.by_x += area * moved * (centroid[0] - centre[0]);
+        sheet.by_z += area * moved * (centroid[1] - centre[1]);
+        sheet.square += area * moved * moved;
+        sheet.moved_z += area * moved_z;
+        sheet.z_by_x += area * moved_z * (centroid[0] - centre[0]);
+        sheet.z_by_z += area * moved_z * (centroid[1] - centre[1]);
+        sheet.square_z += area * moved_z * moved_z;
+        Some(())
+    }
+
+    /// What a facet adds to the law of the ray through a place (x from the beamlet's centre, m;
+    /// share of the row).
+    pub(super) fn added(&self, patch: &Patch, facet: &PatchFacet, [x, z]: Corner) -> Added {
+        let step = &self.steps[facet.component as usize];
+        let slope = self.lattice.slopes(patch.beamlet, x, patch.row as f64 + z);
         let normal = facet.normal;
         let across = normal.x * slope[0] + normal.z * slope[1];
         let along = across + normal.y;
@@ -261,56 +230,16 @@ impl<'a> FacetMeans<'a> {
             [bend * (normal.x - normal.y * slope[0]), bend * (normal.z - normal.y * slope[1])];
         let slopes = per_delta.map(|slope| step.delta * slope);
         let lever = self.analyser - y;
-        let share = along.abs() / length / step.least_cosine.max(1e-30);
-        if share < 1.0 {
-            if self.strict {
-                return None;
-            }
-            sums.first_order += area * FIRST_ORDER_ERROR * lever / (share * share * share);
-        }
-        sums.share = sums.share.min(share);
-        let values = [
-            -sign * step.mu * y * length,
-            slopes[0] * lever,
-            slopes[1] * lever,
-            slopes[0],
-            slopes[1],
-        ];
-        // Over the part the depth is linear.
-        let centre = sums.centre;
-        let [by_x, by_z] = self.lattice.slope_steps();
         let farther = -(self.rotation + y) / along;
-        let rise_x = farther * normal.x * by_x;
-        let rise_z = farther * normal.z * by_z + rise_x * f64::from(patch.shear);
-        let within = rise_x * moments[0] + rise_z * moments[1];
-        sums.depth_by_x +=
-            area * values[0] * (centroid[0] - centre[0]) - sign * step.mu * length * within;
-        let values = values.map(|value| area * value);
-        for (sum, value) in sums.law.iter_mut().zip(values) {
-            *sum += value;
+        let [by_x, by_z] = self.lattice.slope_steps();
+        let depth = -sign * step.mu * length;
+        Added {
+            numbers: [depth * y, slopes[0] * lever, slopes[1] * lever, slopes[0], slopes[1]],
+            moved: per_delta.map(|slope| slope * lever),
+            rise: [depth * farther * normal.x * by_x, depth * farther * normal.z * by_z],
+            share: along.abs() / length / step.least_cosine.max(1e-30),
+            lever,
         }
-        if area >= (1.0 - WHOLE) * sums.area {
-            // Nothing changes over the rectangle, whatever other sheets of the component do.
-            sums.whole.add(step.hash, facet.front, 1);
-            return Some(());
-        }
-        let sheet = sums.sheet(facet.component, facet.front)?;
-        let [moved, moved_z] = per_delta.map(|slope| slope * lever);
-        for (sum, value) in sheet.law.iter_mut().zip(values) {
-            *sum += value;
-        }
-        sheet.area += area;
-        sheet.x += area * (centroid[0] - centre[0]);
-        sheet.z += area * (centroid[1] - centre[1]);
-        sheet.moved += area * moved;
-        sheet.by_x += area * moved * (centroid[0] - centre[0]);
-        sheet.by_z += area * moved * (centroid[1] - centre[1]);
-        sheet.square += area * moved * moved;
-        sheet.moved_z += area * moved_z;
-        sheet.z_by_x += area * moved_z * (centroid[0] - centre[0]);
-        sheet.z_by_z += area * moved_z * (centroid[1] - centre[1]);
-        sheet.square_z += area * moved_z * moved_z;
-        Some(())
     }
 
     fn fit(&self, sums: &Sums, [width, height]: [f64; 2]) -> Option<(Law, Residuals)> {
@@ -322,7 +251,7 @@ impl<'a> FacetMeans<'a> {
         let mut met = sums.whole;
         let (mut slope, mut slope_z, mut depth) = (0.0, 0.0, 0.0_f64);
         let (mut variance, mut variance_z) = (0.0, 0.0);
-        for sheet in &sums.sheets[..sums.count] {
+        for sheet in &sums.sheets {
             let layers = (sheet.area / area).round();
             if (sheet.area / area - layers).abs() > WHOLE || layers > f64::from(u16::MAX) {
                 return None;
@@ -359,13 +288,13 @@ impl<'a> FacetMeans<'a> {
             return None;
         }
         let numbers = sums.law.map(|sum| sum / area);
-        let law = law_of(numbers, met.signature, sums.flags(), met.crossings);
+        let law = law_of(numbers, met.signature, flags(sums.share), met.crossings);
         let passed = (-f64::from(law.optical_depth)).exp();
         let light = area * self.weight * passed * error * self.steepest;
         if error > self.displacement && light > self.light {
             return None;
         }
-        let landing_z = law.displacement_z + self.gap * law.slope_z;
+        let landing_z = law.landing_z(self.gap);
         let residuals = Residuals {
             slope: slope as f32,
             slope_depth: (sums.depth_by_x / area / x2) as f32,

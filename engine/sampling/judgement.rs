@@ -6,8 +6,10 @@ use super::response::Opening;
 
 /// Rectangles that would hold this part of the budget, were all like them, are not split.
 const NEGLIGIBLE: f64 = 0.01;
-/// Part of the budget that refinement aims at.
-pub(super) const SAFETY: f64 = 0.5;
+/// Part of the budget that refinement aims at for the mask step that is worst,
+const SAFETY: f64 = 0.5;
+/// and where there is one step alone: the root mean square is to be a third of the budget.
+const SAFETY_OF_ONE: f64 = 0.3;
 /// Part of its square that the error of a rectangle keeps when it is split.
 const LEFT: f64 = 1.0 / 9.0;
 
@@ -66,11 +68,11 @@ struct StepError {
 impl StepError {
     /// Of a rectangle that is open to a share.
     fn of(error: &CellError, known: &Known, share: f32) -> Self {
-        // The mean over all of a rectangle is exact; over a part of it as a sample is.
+        // The mean over all of a rectangle is exact, and so is that over nearly all of it.
         let (light, moment) = match known {
             Known::Ray => (share, share),
-            Known::Mean(_) | Known::Parts(_) => {
-                let part = (share * (1.0 - share)).max(0.0).sqrt();
+            Known::Mean(_) | Known::Pieces(_) => {
+                let part = share.min(1.0 - share).max(0.0);
                 (part.max(share * error.whole), part)
             }
         };
@@ -89,6 +91,11 @@ impl StepError {
 }
 
 impl Estimator<'_> {
+    /// Part of the budget that refinement aims at.
+    fn safety(&self) -> f64 {
+        if self.response.steps() > 1 { SAFETY } else { SAFETY_OF_ONE }
+    }
+
     /// Finds what is not known of the leaves of a patch. `openings`: of its beamlet.
     fn complete(&self, patch: &Patch, openings: &[Opening], judged: &mut Judged) {
         judged.errors.resize(patch.nodes.len(), None);
@@ -134,12 +141,12 @@ impl Estimator<'_> {
         }
         let worst = steps.iter().map(|step| step.light).fold(0.0, f64::max).sqrt();
         let mut result = PatchError { splits: Vec::new(), light: worst };
-        let light = (SAFETY * self.budget.light).powi(2);
+        let light = (self.safety() * self.budget.light).powi(2);
         let bounded = self.budget.displacement.is_finite() && !silhouette;
         // In shares of the budget of a step; nothing of one that holds it.
         let excess = |step: u32, error: &StepError| {
             let all = &steps[step as usize];
-            let moment = (SAFETY * self.budget.displacement * all.through).powi(2);
+            let moment = (self.safety() * self.budget.displacement * all.through).powi(2);
             let of_light = if all.light > light { error.light / light } else { 0.0 };
             if bounded && all.moment > moment {
                 of_light.max(error.moment / moment)
@@ -197,7 +204,7 @@ impl Estimator<'_> {
         seen: bool,
     ) -> Option<Axis> {
         let node = &patch.nodes[error.node as usize];
-        let worth = f64::from(SPREAD * error.through) > SAFETY * self.budget.light;
+        let worth = f64::from(SPREAD * error.through) > self.safety() * self.budget.light;
         if !seen || !worth {
             return None;
         }

@@ -8,6 +8,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+use super::dissection::PieceRows;
 use super::projected_bounds::Shadow;
 use super::row_spread::RowSpread;
 use crate::gpu::interface::{Column, Ray};
@@ -78,6 +79,9 @@ fn edge_blur(scene: &Scene) -> f64 {
         magnified(detector) * analyser / detector
     }
 }
+
+/// The density of a piece at a border of its rectangle stands for this share of its height.
+const NEAR_BORDER: f64 = 0.3;
 
 impl Lattice {
     /// Whether cells stand and land as on another lattice; how finely it is sampled, and which
@@ -193,6 +197,22 @@ impl Lattice {
     #[must_use]
     pub fn row_shares(&self, top: f64, bottom: f64, down: f64) -> [f32; 2] {
         self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
+    }
+
+    /// The same for a piece: by its density at the borders where light moves little, by its
+    /// interval where it moves or is blurred farther.
+    pub(super) fn piece_shares(&self, rows: &PieceRows, down: f64) -> [f32; 2] {
+        let [top, bottom] = rows.whole;
+        if down.abs() + 2.0 * self.row_spread.blur > NEAR_BORDER * (bottom - top) {
+            return self.row_shares(top, bottom, down);
+        }
+        let of = |side: usize| {
+            let ([top, bottom], share) = rows.borders[side];
+            let [above, below] = self.row_spread.shares(top, bottom, down)?;
+            Some(share as f32 * if side == 0 { above } else { below }.clamp(0.0, 1.0))
+        };
+        // Light is not negative, whatever is rounded.
+        of(0).zip(of(1)).map_or([-1.0, 0.0], |(above, below)| [above, below.min(1.0 - above)])
     }
 
     /// The beamlet in whose period x (m, in the cell plane) lies.

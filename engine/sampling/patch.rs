@@ -1,4 +1,5 @@
-//! A patch: one beamlet and detector row, cut into rectangles with one ray each at the centre.
+//! A patch: one beamlet and detector row, cut into rectangles. A rectangle is known by the ray
+//! through its centre, or by its facets.
 //! Rectangles are split in three, so that the middle one keeps the ray. Their coordinates are
 //! (x - shear (z - 1/2), z): a silhouette that slants by `shear` stands upright in them.
 
@@ -8,8 +9,9 @@
     reason = "counts are bounded by max_rays; rounding to f32 is meant"
 )]
 
+use super::dissection::Piece;
 use super::facet_lists::{Overlap, PatchFacet};
-use super::facet_means::{Covered, Mean};
+use super::facet_means::Mean;
 use crate::gpu::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
 use std::ops::Range;
 
@@ -45,8 +47,8 @@ pub(super) enum Known {
     Ray,
     /// As the linear law that fits it best.
     Mean(Residuals),
-    /// As two laws, its own and that of the part that a body covers: the number of that part.
-    Parts(u32),
+    /// By the pieces that its facets cut it into: the first of them, and their end.
+    Pieces([u32; 2]),
 }
 
 /// A rectangle and its law.
@@ -94,9 +96,14 @@ impl Node {
         self.crossings.map_or(0.0, off)
     }
 
+    /// Whether a silhouette is known to cross it.
+    pub(super) fn has_silhouette(&self) -> bool {
+        self.crossings.is_some()
+    }
+
     /// Whether no ray of it meets the sample.
     pub(super) fn is_empty(&self) -> bool {
-        self.law.crossings == 0 && !matches!(self.known, Known::Parts(_))
+        self.law.crossings == 0 && !matches!(self.known, Known::Pieces(_))
     }
 
     pub(super) fn is_leaf(&self) -> bool {
@@ -119,8 +126,8 @@ pub(super) struct Patch {
     pub(super) row: i64,
     /// Rectangles before refinement in x and z.
     base: [u32; 2],
-    /// Half the width of all of them, m: more than half a period where they slant.
-    half_width: f32,
+    /// Their borders along x, m: beyond half a period where they slant.
+    borders: Vec<f32>,
     /// How far x moves over the row, m.
     pub(super) shear: f32,
     /// Its silhouettes are straight and slant by the shear.
@@ -132,8 +139,8 @@ pub(super) struct Patch {
     pub(super) facets: Option<Vec<PatchFacet>>,
     /// Indices of facets, by rectangle.
     list: Vec<u32>,
-    /// Covered parts of rectangles.
-    covered: Vec<Covered>,
+    /// Pieces of rectangles.
+    pub(super) pieces: Vec<Piece>,
 }
 
 /// Centre and half size of a rectangle.
@@ -172,24 +179,34 @@ impl Patch {
         shear: f32,
         base: [u32; 2],
     ) -> Self {
-        let node = |index: u32| {
-            let x = part([-half_width, half_width], index % base[0], base[0]);
-            let z = part([0.0, 1.0], index / base[0], base[1]);
+        let border = |index: u32| part([-half_width, half_width], index, base[0])[0];
+        let borders = (0..base[0]).map(border).chain([half_width]).collect();
+        Self { shear, ..Self::slabs(beamlet, row, borders, base[1]) }
+    }
+
+    /// A patch of upright rectangles with these borders on this number of lines, whose laws are to
+    /// be set.
+    pub(super) fn slabs(beamlet: i64, row: i64, borders: Vec<f32>, lines: u32) -> Self {
+        let columns = borders.len().saturating_sub(1);
+        let node = |index: usize| {
+            let column = index % columns;
+            let z = part([0.0, 1.0], (index / columns) as u32, lines);
+            let x = [borders[column], borders[column + 1]];
             Node::new(x, z, bytemuck::Zeroable::zeroed())
         };
-        let nodes = (0..base[0] * base[1]).map(node).collect();
+        let nodes = (0..columns * lines as usize).map(node).collect();
         Self {
             beamlet,
             row,
-            base,
-            half_width,
-            shear,
+            base: [columns as u32, lines],
+            borders,
+            shear: 0.0,
             straight: false,
             nodes,
             splits: 0,
             facets: None,
             list: Vec::new(),
-            covered: Vec::new(),
+            pieces: Vec::new(),
         }
     }
 
@@ -205,14 +222,15 @@ impl Patch {
 
     /// Whether coordinates lie in a rectangle.
     pub(super) fn holds(&self, [x, z]: [f32; 2]) -> bool {
-        x >= -self.half_width && x < self.half_width && (0.0..1.0).contains(&z)
+        x >= self.borders[0] && x < self.borders[self.base[0] as usize] && (0.0..1.0).contains(&z)
     }
 
     /// The leaf that holds these coordinates.
     pub(super) fn leaf_at(&self, x: f32, z: f32) -> u32 {
-        let index = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
-        let column = index(x / (2.0 * self.half_width) + 0.5, self.base[0]);
-        let mut leaf = index(z, self.base[1]) * self.base[0] + column;
+        let column = self.borders.partition_point(|border| *border <= x).saturating_sub(1);
+        let column = (column as u32).min(self.base[0] - 1);
+        let line = ((z * self.base[1] as f32) as u32).min(self.base[1] - 1);
+        let mut leaf = line * self.base[0] + column;
         while let Some((axis, first)) = self.nodes[leaf as usize].split {
             let beyond = |part: u32| {
                 let node = &self.nodes[(first + part) as usize];
@@ -235,11 +253,8 @@ impl Patch {
         }
     }
 
-    /// Takes facets in coordinates of a patch that does not slant.
-    pub(super) fn set_facets(&mut self, mut facets: Vec<PatchFacet>) {
-        if self.shear != 0.0 {
-            facets.iter_mut().for_each(|facet| facet.slant(f64::from(self.shear)));
-        }
+    /// Takes its facets; it does not slant.
+    pub(super) fn set_facets(&mut self, facets: Vec<PatchFacet>) {
         let all: Vec<u32> = (0..facets.len() as u32).collect();
         self.facets = Some(facets);
         for node in 0..self.nodes.len() {
@@ -276,7 +291,7 @@ impl Patch {
                 Axis::X => (part(parent.x, i, PARTS), parent.z),
                 Axis::Z => (parent.x, part(parent.z, i, PARTS)),
             };
-            self.nodes.push(Node { known: parent.known, ..Node::new(x, z, parent.law) });
+            self.nodes.push(Node::new(x, z, parent.law));
             self.list_facets(self.nodes.len() - 1, &some);
         }
         self.splits += 1;
@@ -294,41 +309,36 @@ impl Patch {
         (node.law, node.known) = (*law, Known::Ray);
     }
 
-    /// The parts of a rectangle that a silhouette crosses.
-    pub(super) fn covered(&self, node: &Node) -> Option<&Covered> {
-        let Known::Parts(number) = node.known else { return None };
-        self.covered.get(number as usize)
+    /// The pieces of a rectangle that is known by them.
+    pub(super) fn pieces(&self, node: &Node) -> Option<&[Piece]> {
+        let Known::Pieces([first, end]) = node.known else { return None };
+        self.pieces.get(first as usize..end as usize)
     }
 
     /// Takes what the facets say of a rectangle; whether that is all that is to be known.
-    /// `told`: whether moments of a law can be kept.
-    pub(super) fn set_mean(
-        &mut self,
-        index: u32,
-        mean: &Mean,
-        told: impl Fn(&Law) -> bool,
-    ) -> bool {
+    pub(super) fn set_mean(&mut self, index: u32, mean: &Mean) -> bool {
         let node = &mut self.nodes[index as usize];
+        (node.known, node.crossings) = (Known::Ray, None);
         match mean {
             Mean::Fit(law, residuals) => {
-                (node.law, node.known, node.crossings) = (*law, Known::Mean(*residuals), None);
-                true
+                (node.law, node.known) = (*law, Known::Mean(*residuals));
+                return true;
             }
-            Mean::Silhouette { crossings, covered } => {
-                node.crossings = Some(*crossings);
-                node.known = Known::Ray;
-                let Some(covered) = covered.filter(|c| told(&c.law) && told(&c.rest)) else {
-                    return false;
-                };
-                node.law = covered.rest;
-                node.known = Known::Parts(self.covered.len() as u32);
-                self.covered.push(covered);
-                true
-            }
-            Mean::Unknown => {
-                node.known = Known::Ray;
-                false
-            }
+            Mean::Silhouette { crossings } => node.crossings = Some(*crossings),
+            Mean::Unknown => {}
+        }
+        false
+    }
+
+    /// Takes the pieces of a rectangle.
+    pub(super) fn set_pieces(&mut self, index: u32, pieces: &[Piece]) {
+        let first = self.pieces.len();
+        self.pieces.extend_from_slice(pieces);
+        let node = &mut self.nodes[index as usize];
+        node.known = Known::Pieces([first, self.pieces.len()].map(|n| n as u32));
+        // Neighbours see the largest.
+        if let Some(largest) = pieces.iter().max_by(|a, b| a.share.total_cmp(&b.share)) {
+            node.law = largest.law;
         }
     }
 

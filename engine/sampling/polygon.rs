@@ -1,38 +1,48 @@
-//! Triangles cut by rectangles: areas and their moments.
+//! Convex polygons: cut by lines and rectangles, areas and their moments.
+
+use arrayvec::ArrayVec;
 
 /// A corner of a polygon.
 pub(super) type Corner = [f64; 2];
+/// Corners nearer to an edge than this share of the rectangle lie on it.
+pub(super) const NEAR: f64 = 1e-11;
+/// Most corners of a polygon.
+const MOST_CORNERS: usize = 12;
 
-/// Area of a polygon, its centroid, and its second moments about it: of x with x and with z.
+/// Area of a polygon, its centroid, and its second moments about it: of x with x and with z, of z
+/// with z.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Area {
     pub(super) area: f64,
     pub(super) centroid: Corner,
-    pub(super) moments: [f64; 2],
+    pub(super) moments: [f64; 3],
 }
 
 impl Area {
-    pub(super) const NONE: Self = Self { area: 0.0, centroid: [0.0; 2], moments: [0.0; 2] };
+    pub(super) const NONE: Self = Self { area: 0.0, centroid: [0.0; 2], moments: [0.0; 3] };
 
     /// Of a rectangle, by centre and half size.
     pub(super) fn of_rectangle(centre: Corner, half: [f64; 2]) -> Self {
         let area = 4.0 * half[0] * half[1];
-        Self { area, centroid: centre, moments: [area * half[0] * half[0] / 3.0, 0.0] }
+        let square = |half: f64| area * half * half / 3.0;
+        Self { area, centroid: centre, moments: [square(half[0]), 0.0, square(half[1])] }
     }
 
     /// Of what a triangle has in a rectangle.
     pub(super) fn within(triangle: &[Corner; 3], centre: Corner, half: [f64; 2]) -> Self {
         // From the centre: corners may be far off, and areas small.
         let corners = triangle.map(|c| [c[0] - centre[0], c[1] - centre[1]]);
-        let mut polygon = Polygon { corners: [[0.0; 2]; 8], count: 3 };
-        polygon.corners[..3].copy_from_slice(&corners);
+        let mut polygon = Polygon { corners: corners.into_iter().collect() };
+        let mut kept = Polygon::default();
         for axis in 0..2 {
             let [a, b, c] = corners.map(|corner| corner[axis]);
             if a.min(b).min(c) < -half[axis] {
-                polygon = polygon.cut(axis, -half[axis], 1.0);
+                polygon.cut(axis, -half[axis], 1.0, &mut kept);
+                std::mem::swap(&mut polygon, &mut kept);
             }
             if a.max(b).max(c) > half[axis] {
-                polygon = polygon.cut(axis, half[axis], -1.0);
+                polygon.cut(axis, half[axis], -1.0, &mut kept);
+                std::mem::swap(&mut polygon, &mut kept);
             }
         }
         let mut area = polygon.area();
@@ -41,23 +51,91 @@ impl Area {
     }
 }
 
-/// A convex polygon: a triangle has at most seven corners in a rectangle.
-#[derive(Clone, Copy)]
-struct Polygon {
-    corners: [Corner; 8],
-    count: usize,
+/// A convex polygon.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Polygon {
+    corners: ArrayVec<Corner, MOST_CORNERS>,
+}
+
+/// On which side of a line a polygon lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Side {
+    Inside,
+    Outside,
+    Across,
+}
+
+/// A line a x + b z + c = 0, positive inside, and how near to it corners count as on it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Line {
+    pub(super) numbers: [f64; 3],
+    pub(super) near: f64,
+}
+
+impl Line {
+    /// Positive inside, 0 on the line.
+    fn at(&self, [x, z]: Corner) -> f64 {
+        let [a, b, c] = self.numbers;
+        let value = a * x + b * z + c;
+        if value.abs() <= self.near { 0.0 } else { value }
+    }
 }
 
 impl Polygon {
+    /// A rectangle about the origin, by half its size.
+    pub(super) fn rectangle([x, z]: [f64; 2]) -> Self {
+        Self { corners: [[-x, -z], [x, -z], [x, z], [-x, z]].into_iter().collect() }
+    }
+
+    pub(super) fn corners(&self) -> &[Corner] {
+        &self.corners
+    }
+
+    pub(super) fn side(&self, line: &Line) -> Side {
+        let (mut inside, mut outside) = (false, false);
+        for corner in self.corners() {
+            let at = line.at(*corner);
+            inside |= at > 0.0;
+            outside |= at < 0.0;
+        }
+        match (inside, outside) {
+            (true, true) => Side::Across,
+            (true, false) => Side::Inside,
+            _ => Side::Outside,
+        }
+    }
+
+    /// What lies inside a line that it is across of, and what lies outside.
+    pub(super) fn split(&self, line: &Line) -> [Self; 2] {
+        let (mut inside, mut outside) = (Self::default(), Self::default());
+        let Some(mut a) = self.corners().last().copied() else { return [inside, outside] };
+        let mut from = line.at(a);
+        for &b in self.corners() {
+            let to = line.at(b);
+            if from * to < 0.0 {
+                let share = from / (from - to);
+                let between = [a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share];
+                inside.push(between);
+                outside.push(between);
+            }
+            if to >= 0.0 {
+                inside.push(b);
+            }
+            if to <= 0.0 {
+                outside.push(b);
+            }
+            (a, from) = (b, to);
+        }
+        [inside, outside]
+    }
+
     /// What lies on one side of a line: `sign` times the coordinate is at least `sign` times
     /// `limit`.
-    fn cut(&self, axis: usize, limit: f64, sign: f64) -> Self {
-        let mut kept = Self { corners: [[0.0; 2]; 8], count: 0 };
-        let Some(mut a) = self.count.checked_sub(1).map(|last| self.corners[last]) else {
-            return kept;
-        };
+    fn cut(&self, axis: usize, limit: f64, sign: f64, kept: &mut Self) {
+        kept.corners.clear();
+        let Some(mut a) = self.corners.last().copied() else { return };
         let mut from = sign * (a[axis] - limit);
-        for &b in &self.corners[..self.count] {
+        for &b in &self.corners {
             let to = sign * (b[axis] - limit);
             if (from >= 0.0) != (to >= 0.0) {
                 let share = from / (from - to);
@@ -70,29 +148,29 @@ impl Polygon {
             }
             (a, from) = (b, to);
         }
-        kept
     }
 
+    /// Adds a corner; where there are too many the area is not whole, which callers see.
     fn push(&mut self, corner: Corner) {
-        if self.count < self.corners.len() {
-            self.corners[self.count] = corner;
-            self.count += 1;
-        }
+        let _full = self.corners.try_push(corner);
     }
 
-    fn area(&self) -> Area {
-        if self.count < 3 {
+    /// Its area and moments.
+    pub(super) fn area(&self) -> Area {
+        if self.corners.len() < 3 {
             return Area::NONE;
         }
         let origin = self.corners[0];
-        let (mut twice, mut x, mut z, mut xx, mut xz) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for pair in self.corners[1..self.count].windows(2) {
+        let (mut twice, mut x, mut z) = (0.0, 0.0, 0.0);
+        let (mut xx, mut xz, mut zz) = (0.0, 0.0, 0.0);
+        for pair in self.corners[1..].windows(2) {
             let [a, b] = [pair[0], pair[1]].map(|c| [c[0] - origin[0], c[1] - origin[1]]);
             let cross = a[0] * b[1] - a[1] * b[0];
             twice += cross;
             x += cross * (a[0] + b[0]);
             z += cross * (a[1] + b[1]);
             xx += cross * (a[0] * a[0] + a[0] * b[0] + b[0] * b[0]);
+            zz += cross * (a[1] * a[1] + a[1] * b[1] + b[1] * b[1]);
             xz += cross * (2.0 * (a[0] * a[1] + b[0] * b[1]) + a[0] * b[1] + a[1] * b[0]);
         }
         if twice == 0.0 {
@@ -100,13 +178,74 @@ impl Polygon {
         }
         let area = 0.5 * twice;
         let centre = [x / (3.0 * twice), z / (3.0 * twice)];
-        let moments =
-            [xx / 12.0 - area * centre[0] * centre[0], xz / 24.0 - area * centre[0] * centre[1]];
+        let moments = [
+            xx / 12.0 - area * centre[0] * centre[0],
+            xz / 24.0 - area * centre[0] * centre[1],
+            zz / 12.0 - area * centre[1] * centre[1],
+        ];
         Area {
             area: area.abs(),
             centroid: [origin[0] + centre[0], origin[1] + centre[1]],
             moments: moments.map(|moment| moment * area.signum()),
         }
+    }
+}
+
+/// Sums over polygons.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moments {
+    pub(super) area: f64,
+    x: f64,
+    z: f64,
+    xx: f64,
+    zz: f64,
+    /// Bounds of x and z.
+    pub(super) reach: [[f64; 2]; 2],
+    /// Length of what lies on the upper and the lower border of the rectangle, m.
+    pub(super) at_border: [f64; 2],
+}
+
+impl Moments {
+    pub(super) const NONE: Self = Self {
+        area: 0.0,
+        x: 0.0,
+        z: 0.0,
+        xx: 0.0,
+        zz: 0.0,
+        reach: [[f64::INFINITY, f64::NEG_INFINITY]; 2],
+        at_border: [0.0; 2],
+    };
+
+    /// Adds a polygon of a rectangle of this half height.
+    pub(super) fn add(&mut self, polygon: &Polygon, area: &Area, half_height: f64) {
+        let Area { area, centroid: [x, z], moments: [xx, _, zz] } = *area;
+        self.area += area;
+        self.x += area * x;
+        self.z += area * z;
+        self.xx += xx + area * x * x;
+        self.zz += zz + area * z * z;
+        let corners = polygon.corners();
+        for corner in corners {
+            for (reach, at) in self.reach.iter_mut().zip(corner) {
+                *reach = [reach[0].min(*at), reach[1].max(*at)];
+            }
+        }
+        let near = NEAR * half_height;
+        let next = corners.iter().cycle().skip(1);
+        for (a, b) in corners.iter().zip(next) {
+            for (length, border) in self.at_border.iter_mut().zip([-half_height, half_height]) {
+                if (a[1] - border).abs() <= near && (b[1] - border).abs() <= near {
+                    *length += (b[0] - a[0]).abs();
+                }
+            }
+        }
+    }
+
+    /// Centroid, and variances of x and z.
+    pub(super) fn about_centroid(&self) -> ([f64; 2], [f64; 2]) {
+        let [x, z] = [self.x / self.area, self.z / self.area];
+        let of = |sum: f64, square: f64| sum / self.area - square;
+        ([x, z], [of(self.xx, x * x).max(0.0), of(self.zz, z * z).max(0.0)])
     }
 }
 

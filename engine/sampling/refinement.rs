@@ -34,6 +34,7 @@ const MOST_ALIGNED: u32 = 8;
 const MOST_SHEAR: f32 = 2.0;
 /// Lines of rectangles that a patch with silhouettes begins with.
 const LINES: u32 = 3;
+
 /// A patch in refinement.
 #[derive(Debug)]
 pub(super) struct Work {
@@ -47,6 +48,8 @@ pub(super) struct Work {
     changed: Vec<u32>,
     /// Nodes that wait for the rays through their centres.
     pending: Vec<u32>,
+    /// Pieces that wait for the rays through their centroids.
+    pending_pieces: Vec<u32>,
     judged: Judged,
     done: bool,
 }
@@ -107,6 +110,7 @@ impl<'a> Refiner<'a> {
             light: 0.0,
             changed: Vec::new(),
             pending: Vec::new(),
+            pending_pieces: Vec::new(),
             judged: Judged::default(),
             done: false,
             patch,
@@ -141,22 +145,46 @@ impl<'a> Refiner<'a> {
         let Some(facets) = lists.facets(beamlet, row) else { return };
         work.narrow.clear();
         work.judged = Judged::default();
+        let column = (beamlet - self.estimator.first_beamlet) as usize;
+        let [cells, lines] = self.estimator.base.base;
+        let borders = self.view.response.edges(column, cells);
+        work.patch = Patch::slabs(beamlet, row, borders, lines);
         work.patch.set_facets(facets);
         for node in 0..work.patch.nodes.len() as u32 {
-            self.take_mean(&mut work.patch, node);
+            if !self.take_mean(work, node) {
+                work.pending.push(node);
+            }
         }
     }
 
-    /// Sets the law of a rectangle to the mean over its facets, where there is one.
-    fn take_mean(&self, patch: &mut Patch, node: u32) -> bool {
+    /// Sets the law of a rectangle to the mean over its facets, where there is one, or cuts it
+    /// into its pieces.
+    fn take_mean(&self, work: &mut Work, node: u32) -> bool {
         let Some((_, means)) = &self.facets else { return false };
+        let patch = &mut work.patch;
         if patch.facets.is_none() {
             return false;
         }
         let Node { x, z, .. } = patch.nodes[node as usize];
         let mean = means.over(patch, patch.facets_of(node), x, z);
-        let keep = self.view.keep;
-        patch.set_mean(node, &mean, |law| keep.is_none_or(|keep| keep.told_by(law).is_some()))
+        patch.set_mean(node, &mean) || self.dissect(work, node)
+    }
+
+    /// Cuts a rectangle into the pieces that its facets make of it, where they are few and it is
+    /// not known by them yet. Pieces that need rays wait for them.
+    fn dissect(&self, work: &mut Work, node: u32) -> bool {
+        let Some((_, means)) = &self.facets else { return false };
+        let patch = &mut work.patch;
+        let Node { x, z, known, .. } = patch.nodes[node as usize];
+        if patch.facets.is_none() || matches!(known, Known::Pieces(_)) {
+            return false;
+        }
+        let Some(pieces) = means.pieces(patch, patch.facets_of(node), x, z) else { return false };
+        let first = patch.pieces.len() as u32;
+        patch.set_pieces(node, &pieces);
+        let by_ray = (first..).zip(&pieces).filter(|(_, piece)| piece.by_ray);
+        work.pending_pieces.extend(by_ray.map(|(number, _)| number));
+        true
     }
 
     /// Whether a patch outside the lit rows is seen to throw no light into them: no silhouette
@@ -171,10 +199,7 @@ impl<'a> Refiner<'a> {
             let neighbours = self.estimator.neighbours(patch, node);
             neighbours.iter().flatten().all(|found| alike(&found.law, first))
         });
-        let reach = patch
-            .nodes
-            .iter()
-            .map(|node| (node.law.displacement_z + node.law.slope_z * self.estimator.gap).abs());
+        let reach = patch.nodes.iter().map(|node| node.law.landing_z(self.estimator.gap).abs());
         let rows = f64::from(2.0 * reach.fold(0.0, f32::max) / self.estimator.row_pitch);
         let rows = (rows * self.view.stronger()).ceil() as i64;
         smooth && (row + rows < self.lit.start || row - rows >= self.lit.end)
@@ -186,7 +211,9 @@ impl<'a> Refiner<'a> {
         let base = self.estimator.base.base;
         let slants = |work: &&mut Work| {
             let few = |count: u32| count <= MOST_ALIGNED;
-            work.narrow.is_empty() && self.silhouettes(&work.patch).is_some_and(few)
+            work.narrow.is_empty()
+                && work.patch.facets.is_none()
+                && self.silhouettes(&work.patch).is_some_and(few)
         };
         let mut slanting: Vec<(&mut Work, Scanlines)> = work
             .par_iter_mut()
@@ -216,18 +243,10 @@ impl<'a> Refiner<'a> {
             let columns = (width * base[0] as f32 / period).ceil() as u32;
             let base = [columns, LINES * base[1]];
             let Patch { beamlet, row, .. } = work.patch;
-            let facets = work.patch.facets.take();
             work.judged = Judged::default();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
             work.patch.straight = slant.is_some_and(|slant| slant.straight);
-            if let Some(facets) = facets {
-                work.patch.set_facets(facets);
-            }
-            for node in 0..work.patch.nodes.len() as u32 {
-                if !self.take_mean(&mut work.patch, node) {
-                    work.pending.push(node);
-                }
-            }
+            work.pending.extend(0..work.patch.nodes.len() as u32);
         }
         self.trace_pending(tracer, work)
     }
@@ -235,14 +254,21 @@ impl<'a> Refiner<'a> {
     /// Traces the rays that patches wait for.
     fn trace_pending(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
         let places = |work: &Work| -> Vec<[f32; 2]> {
-            work.pending.iter().map(|node| work.patch.ray(*node)).collect()
+            let of_piece = |piece: &u32| work.patch.pieces[*piece as usize].centroid;
+            let rays = work.pending.iter().map(|node| work.patch.ray(*node));
+            rays.chain(work.pending_pieces.iter().map(of_piece)).collect()
         };
         let places: Vec<Vec<[f32; 2]>> = work.par_iter().map(places).collect();
         let patches = work.iter().map(|work| &work.patch).collect();
         let laws = self.trace(tracer, patches, &places)?;
         for (work, own) in work.iter_mut().zip(&laws) {
-            for (node, law) in std::mem::take(&mut work.pending).into_iter().zip(own) {
+            let (of_nodes, of_pieces) = own.split_at(work.pending.len());
+            for (node, law) in std::mem::take(&mut work.pending).into_iter().zip(of_nodes) {
                 work.patch.set_law(node, law);
+            }
+            for (piece, law) in std::mem::take(&mut work.pending_pieces).into_iter().zip(of_pieces)
+            {
+                work.patch.pieces[piece as usize].law = *law;
             }
             work.rays += own.len() as u32;
         }
@@ -298,7 +324,7 @@ impl<'a> Refiner<'a> {
 
     /// Judges a patch and splits the rectangles that it is wrong in, until it needs rays.
     fn judge(&self, work: &mut Work) {
-        while work.pending.is_empty() && !work.done {
+        while work.pending.is_empty() && work.pending_pieces.is_empty() && !work.done {
             self.split_once(work);
         }
     }
@@ -324,16 +350,23 @@ impl<'a> Refiner<'a> {
         let place = |node: u32| work.patch.nodes[node as usize].x[0];
         splits.sort_unstable_by(|a, b| place(a.0).total_cmp(&place(b.0)).then(a.0.cmp(&b.0)));
         for (node, axis) in splits {
+            let mean = matches!(work.patch.nodes[node as usize].known, Known::Mean(_));
+            if !mean && self.dissect(work, node) {
+                work.patch.splits += 1;
+                work.judged.forget(node);
+                continue;
+            }
             let parent = work.patch.nodes[node as usize].known;
             for (number, part) in work.patch.split(node, axis).enumerate() {
-                let known = self.take_mean(&mut work.patch, part);
+                let dissected = matches!(parent, Known::Pieces(_)) && self.dissect(work, part);
+                let known = dissected || self.take_mean(work, part);
                 // The middle part keeps the ray.
                 let keeps = number == 1 && parent == Known::Ray;
                 if !known && !keeps {
                     work.pending.push(part);
                 }
                 // Parts of a mean say little that it did not.
-                if !matches!(parent, Known::Mean(_)) {
+                if parent == Known::Ray {
                     work.changed.push(part);
                 }
             }

@@ -4,10 +4,13 @@
 #![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
 
 use super::lattice::Lattice;
-use crate::scene::Scene;
+use super::patch::part;
+use crate::scene::{MaskBody, Scene};
 
 /// Points of the table of a window per period of the windows.
 const POINTS_PER_PERIOD: usize = 512;
+/// Rectangles that a patch begins with are at least as wide as this share of the period.
+const LEAST_SLAB: f32 = 1.0 / 128.0;
 /// Half width of the table, periods.
 const REACH: usize = 2;
 /// Mask steps closer to one another than this share of an aperture see the same.
@@ -37,6 +40,10 @@ pub struct Response {
     mask_period: f32,
     /// Beamlet's centre from the centre of the nearest period of the sample mask, m.
     mask_offset: Vec<f32>,
+    /// What the shadow of thick bars takes of each side of an opening, m, by beamlet.
+    shadow: Vec<f32>,
+    /// How far an opening is seen beyond its edges, m.
+    soft: f32,
     /// Half a period of the lattice, m.
     half_period: f32,
     /// Recorded value per metre of open cell plane.
@@ -80,12 +87,13 @@ impl Response {
         let edge = if masked { analyser } else { detector.distance };
         let magnified = spot * (edge / scene.source.distance - 1.0) * analyser / edge;
         let blur = magnified.max(1e-4 * period);
+        let soft = SOFT_EDGE
+            * scene.source.spot.narrowest(0)
+            * (scene.source.distance - lattice.plane).abs()
+            / scene.source.distance;
+        let hard = any_masks || scene.sample_mask.is_none();
         let (openings, mask_period) = match &scene.sample_mask {
             Some(mask) if !any_masks => {
-                let soft = SOFT_EDGE
-                    * scene.source.spot.narrowest(0)
-                    * (scene.source.distance - lattice.plane).abs()
-                    / scene.source.distance;
                 let scale = lattice.plane / mask.distance;
                 let half = 0.5 * mask.aperture * scale + soft;
                 let opening = |f: &f64| [(f - half) as f32, (f + half) as f32];
@@ -119,6 +127,11 @@ impl Response {
             } else {
                 columns.iter().map(|c| c.sample_offset).collect()
             },
+            shadow: columns
+                .iter()
+                .map(|c| if hard { 0.0 } else { shadow(scene, c.slope) })
+                .collect(),
+            soft: if hard { 0.0 } else { soft as f32 },
             half_period: (0.5 * lattice.period) as f32,
             weight: (detector.distance / (lattice.plane * detector.pitch[0])) as f32,
             any_masks,
@@ -156,6 +169,7 @@ impl Response {
         let mut all = Vec::new();
         for (step, [low, high]) in (0_u32..).zip(&self.openings) {
             let [low, high] = [low, high].map(|x| x - self.mask_offset[column]);
+            let [low, high] = [low + self.shadow[column], high - self.shadow[column]];
             let mut k = ((-half - high) / self.mask_period).ceil();
             while low + k * self.mask_period < half {
                 let shift = k * self.mask_period;
@@ -167,6 +181,55 @@ impl Response {
             }
         }
         all
+    }
+
+    /// Borders of the rectangles along x that a patch with facets begins with, at `column` of the
+    /// lattice: edges of openings, or how near to the edges of windows their blur is felt; `cells`
+    /// to the period at least.
+    pub(super) fn edges(&self, column: usize, cells: u32) -> Vec<f32> {
+        let half = self.half_period;
+        let mut inner: Vec<f32> = if self.openings.is_empty() {
+            let felt = 2.0 * self.blur / self.magnification;
+            if felt < 0.5 * half { vec![felt - half, half - felt] } else { Vec::new() }
+        } else {
+            let edges = |o: &Opening| [o.x[0] + self.soft, o.x[1] - self.soft];
+            self.openings(column).iter().flat_map(edges).collect()
+        };
+        inner.sort_unstable_by(f32::total_cmp);
+        let least = 2.0 * half * LEAST_SLAB;
+        let mut borders = vec![-half];
+        for edge in inner {
+            if edge - borders[borders.len() - 1] > least && half - edge > least {
+                borders.push(edge);
+            }
+        }
+        borders.push(half);
+        let widest = 2.0 * half / cells as f32;
+        let parts = |pair: &[f32]| {
+            let range = [pair[0], pair[1]];
+            #[allow(clippy::cast_sign_loss, reason = "at least 1")]
+            let count = ((range[1] - range[0]) / widest - LEAST_SLAB).ceil().max(1.0) as u32;
+            (0..count).map(move |index| part(range, index, count)[0])
+        };
+        borders.windows(2).flat_map(parts).chain([half]).collect()
+    }
+
+    /// What of light spread evenly over [at - half, at + half] may pass a window more or less if
+    /// it is spread otherwise, with the same mean and variance: as over a triangle.
+    pub(super) fn outline(&self, at: f32, half: f32) -> f32 {
+        if self.any_masks {
+            return 0.1;
+        }
+        let deviation = half / 3.0_f32.sqrt();
+        let home = at - (at / self.period).round() * self.period;
+        let point = 2.0 * self.period / POINTS_PER_PERIOD as f32;
+        let change = |window: f32| {
+            let at = home - window * self.period;
+            let [near, far] = [at - 0.75 * deviation, at + 1.333 * deviation];
+            let two = 0.64 * self.share(near, point) + 0.36 * self.share(far, point);
+            (self.share(at, half.max(point)) - two).abs()
+        };
+        [-1.0, 0.0, 1.0].map(change).into_iter().fold(0.0, f32::max)
     }
 
     /// Landing point of light of a beamlet displaced by `displacement`, from the centre of a
@@ -219,6 +282,15 @@ impl Response {
             near.iter().for_each(|k| at_window(home_b + k));
         }
         most
+    }
+}
+
+/// What the shadow of thick bars of the sample mask takes of each side of an aperture, m, seen
+/// under an angle of this slope.
+fn shadow(scene: &Scene, slope: f32) -> f32 {
+    match scene.sample_mask.as_ref().map(|mask| &mask.body) {
+        Some(MaskBody::Bars { thickness, .. }) => 0.5 * (*thickness as f32) * slope.abs(),
+        _ => 0.0,
     }
 }
 

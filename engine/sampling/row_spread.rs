@@ -7,7 +7,15 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+use crate::gpu::interface::Law;
 use std::f64::consts::{PI, SQRT_2};
+
+impl Law {
+    /// Displacement along z on the detector, m; `gap`: from analyser to detector, m.
+    pub(super) fn landing_z(&self, gap: f32) -> f32 {
+        self.displacement_z + gap * self.slope_z
+    }
+}
 
 /// Light of an interval of a row (coordinates in rows, downwards, 0..1 inside the row).
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -32,7 +32,7 @@ use std::ops::Range;
 /// Leaves of a patch that memory is reckoned for.
 const LEAVES_OF_A_PATCH: usize = 256;
 /// Facets of a patch that take as much memory as those leaves.
-const FACETS_OF_A_PATCH: usize = 128;
+const FACETS_OF_A_PATCH: usize = 40;
 /// Strips without a sample that are handed over at once.
 const BLANK_AT_ONCE: usize = 1 << 12;
 

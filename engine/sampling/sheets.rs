@@ -8,6 +8,7 @@
 
 use super::polygon::Corner;
 use crate::gpu::interface::FLAG_SHARE_SHIFT;
+use arrayvec::ArrayVec;
 
 /// Most sheets of surface (component and side) in a rectangle.
 const MOST_SHEETS: usize = 8;
@@ -17,12 +18,8 @@ const MOST_SHEETS: usize = 8;
 pub(super) struct Sheet {
     pub(super) component: u32,
     pub(super) front: bool,
-    /// Of the numbers of laws.
-    pub(super) law: [f64; 5],
-    /// Of 1, and of x and z from the centre.
+    /// Of 1.
     pub(super) area: f64,
-    pub(super) x: f64,
-    pub(super) z: f64,
     /// Of the displacement along x per step of delta: itself, times x and z from the centre,
     /// squared.
     pub(super) moved: f64,
@@ -71,12 +68,18 @@ pub(super) struct Sums {
     pub(super) whole: Met,
     /// Of the numbers of the law.
     pub(super) law: [f64; 5],
-    pub(super) sheets: [Sheet; MOST_SHEETS],
-    pub(super) count: usize,
+    pub(super) sheets: ArrayVec<Sheet, MOST_SHEETS>,
     /// Of what the first order leaves in the displacement.
     pub(super) first_order: f64,
     /// Least cosine of incidence, over that which the first order needs.
     pub(super) share: f64,
+}
+
+/// Flags of a law whose least cosine of incidence is this share of that which the first order
+/// needs.
+pub(super) fn flags(share: f64) -> u32 {
+    let share = (255.0 * share.min(1.0)) as u32;
+    share << FLAG_SHARE_SHIFT
 }
 
 impl Sums {
@@ -89,32 +92,22 @@ impl Sums {
             sound: true,
             whole: Met::default(),
             law: [0.0; 5],
-            sheets: [Sheet::default(); MOST_SHEETS],
-            count: 0,
+            sheets: ArrayVec::new(),
             first_order: 0.0,
             share: f64::INFINITY,
         }
     }
 
-    /// Flags of a law.
-    pub(super) fn flags(&self) -> u32 {
-        let share = (255.0 * self.share.min(1.0)) as u32;
-        share << FLAG_SHARE_SHIFT
-    }
-
     /// The sheet of a component and side; nothing where there are too many.
     pub(super) fn sheet(&mut self, component: u32, front: bool) -> Option<&mut Sheet> {
         let same = |sheet: &Sheet| sheet.component == component && sheet.front == front;
-        let place = self.sheets[..self.count].iter().position(same);
-        let place = match place {
-            Some(place) => place,
-            None if self.count < MOST_SHEETS => {
-                self.sheets[self.count] = Sheet { component, front, ..Sheet::default() };
-                self.count += 1;
-                self.count - 1
-            }
-            None => return None,
-        };
-        Some(&mut self.sheets[place])
+        let place = self.sheets.iter().position(same);
+        if place.is_none() {
+            self.sheets.try_push(Sheet { component, front, ..Sheet::default() }).ok()?;
+        }
+        match place {
+            Some(place) => self.sheets.get_mut(place),
+            None => self.sheets.last_mut(),
+        }
     }
 }

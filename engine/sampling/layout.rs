@@ -1,0 +1,115 @@
+//! Where pieces of a rectangle stand in it: as rectangles of their areas that leave no gap.
+
+#![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+
+use super::dissection::Piece;
+
+/// Of more pieces only cuts through the middle third are looked at.
+const MOST_CUTS: usize = 24;
+
+/// Stands pieces in their rectangle: cut in two where the least of them lies on the wrong side,
+/// and so on.
+pub(super) fn stand(pieces: &mut [Piece], x: [f32; 2], z: [f32; 2]) {
+    if let [only] = pieces {
+        (only.x, only.z) = (x, z);
+        return;
+    }
+    if pieces.is_empty() {
+        return;
+    }
+    let sides = [x, z];
+    let cuts = [0, 1].map(|axis| best_cut(pieces, axis, sides[axis]));
+    let axis = usize::from(cuts[1].misfit < cuts[0].misfit);
+    let Cut { first, border, .. } = cuts[axis];
+    pieces.sort_by(|a, b| a.centroid[axis].total_cmp(&b.centroid[axis]));
+    let (before, after) = pieces.split_at_mut(first);
+    let parts = [[sides[axis][0], border], [border, sides[axis][1]]];
+    for (pieces, part) in [before, after].into_iter().zip(parts) {
+        if axis == 0 {
+            stand(pieces, part, z);
+        } else {
+            stand(pieces, x, part);
+        }
+    }
+}
+
+/// A cut of a rectangle between its pieces.
+struct Cut {
+    /// Number of the pieces before it.
+    first: usize,
+    border: f32,
+    /// Share of the area that lies on the wrong side.
+    misfit: f64,
+}
+
+/// The cut across an axis that has the least of its pieces on the wrong side. Of two or more.
+fn best_cut(pieces: &mut [Piece], axis: usize, [low, high]: [f32; 2]) -> Cut {
+    pieces.sort_by(|a, b| a.centroid[axis].total_cmp(&b.centroid[axis]));
+    let all: f64 = pieces.iter().map(|piece| f64::from(piece.share)).sum();
+    let (low, high) = (f64::from(low), f64::from(high));
+    let mut best = Cut { first: 1, border: low as f32, misfit: f64::INFINITY };
+    let count = pieces.len();
+    let cuts = if count > MOST_CUTS { count / 3..count - count / 3 } else { 1..count };
+    let mut before: f64 = pieces[..cuts.start - 1].iter().map(|p| f64::from(p.share)).sum();
+    for first in cuts {
+        before += f64::from(pieces[first - 1].share);
+        let border = low + (high - low) * before / all;
+        let beyond = |(number, piece): (usize, &Piece)| {
+            let [from, to] = piece.bounds[axis].map(f64::from);
+            let over = if number < first { to - border } else { border - from };
+            f64::from(piece.share) * (over / (to - from).max(1e-300)).clamp(0.0, 1.0)
+        };
+        let misfit: f64 = pieces.iter().enumerate().map(beyond).sum();
+        if misfit < best.misfit {
+            best = Cut { first, border: border.clamp(low, high) as f32, misfit };
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::dissection::PieceRows;
+    use super::*;
+
+    fn piece(share: f32, x: [f32; 2], z: [f32; 2]) -> Piece {
+        Piece {
+            x: [0.0; 2],
+            z: [0.0; 2],
+            share,
+            centroid: [x, z].map(|[low, high]| 0.5 * (low + high)),
+            bounds: [x, z],
+            variance: 0.0,
+            law: bytemuck::Zeroable::zeroed(),
+            rows: PieceRows { whole: [0.0, 1.0], borders: [([0.0, 1.0], 1.0); 2] },
+            outline: [0.0; 2],
+            slope_depth: 0.0,
+            by_ray: false,
+        }
+    }
+
+    #[test]
+    fn pieces_that_stand_side_by_side_stay_where_they_are() {
+        let all = [0.0, 1.0];
+        let mut pieces = [
+            piece(0.25, [5e-6, 7e-6], all),
+            piece(0.5, [-1e-6, 3e-6], all),
+            piece(0.25, [3e-6, 5e-6], all),
+        ];
+        stand(&mut pieces, [-1e-6, 7e-6], all);
+        assert_eq!(pieces.map(|p| p.x), [[-1e-6, 3e-6], [3e-6, 5e-6], [5e-6, 7e-6]]);
+        assert_eq!(pieces.map(|p| p.z), [all; 3]);
+    }
+
+    #[test]
+    fn pieces_one_above_the_other_beside_a_third_stay_where_they_are() {
+        let mut pieces = [
+            piece(0.3, [0.0, 4e-6], [0.4, 1.0]),
+            piece(0.5, [4e-6, 8e-6], [0.0, 1.0]),
+            piece(0.2, [0.0, 4e-6], [0.0, 0.4]),
+        ];
+        stand(&mut pieces, [0.0, 8e-6], [0.0, 1.0]);
+        assert_eq!(pieces.map(|p| p.x), [[0.0, 4e-6], [0.0, 4e-6], [4e-6, 8e-6]]);
+        assert_eq!(pieces.map(|p| p.z), [[0.0, 0.4], [0.4, 1.0], [0.0, 1.0]]);
+    }
+}
