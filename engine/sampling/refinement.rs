@@ -32,6 +32,9 @@ const LEAST_HEIGHT: f32 = 1.0 / 8192.0;
 const MOST_ALIGNED: u32 = 8;
 /// Most that rectangles slant over a row, periods.
 const MOST_SHEAR: f32 = 2.0;
+/// Without a sample mask no opening bounds rectangles, and light of a rim goes far: patches with
+/// silhouettes begin with so many times the columns.
+const COLUMNS_AT_RIMS: u32 = 8;
 /// Lines of rectangles that a patch with silhouettes begins with.
 const LINES: u32 = 3;
 
@@ -147,7 +150,9 @@ impl<'a> Refiner<'a> {
         work.judged = Judged::default();
         let column = (beamlet - self.estimator.first_beamlet) as usize;
         let [cells, lines] = self.estimator.base.base;
-        let borders = self.view.response.edges(column, cells);
+        let rim = self.view.scene.sample_mask.is_none() && lists.has_silhouette(beamlet, row);
+        let finer = if rim { COLUMNS_AT_RIMS } else { 1 };
+        let borders = self.view.response.edges(column, finer * cells);
         work.patch = Patch::slabs(beamlet, row, borders, lines);
         work.patch.set_facets(facets);
         for node in 0..work.patch.nodes.len() as u32 {
