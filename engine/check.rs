@@ -153,7 +153,7 @@ pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckRep
     check_watched(scene, memory_limit, None)
 }
 
-/// As [`check_within`]; `progress` is told of the loading of objects, from the calling thread.
+/// As [`check_within`]; `progress` receives the loading of objects, from the calling thread.
 ///
 /// # Errors
 /// As [`check_within`].

@@ -99,7 +99,7 @@ impl Engine {
         self.prepare_with(scene, &mut Control::default())
     }
 
-    /// As [`Engine::prepare`]; `control.progress` is told of the loading of objects, and
+    /// As [`Engine::prepare`]; `control.progress` receives the loading of objects, and
     /// `control.cancel` ends it.
     ///
     /// # Errors
@@ -131,7 +131,7 @@ impl Engine {
         self.reilluminate_with(moments, scene, &mut Control::default())
     }
 
-    /// As [`Engine::reilluminate`]; `control` is told and asked as in [`Engine::prepare_with`].
+    /// As [`Engine::reilluminate`]; `control` is used as in [`Engine::prepare_with`].
     ///
     /// # Errors
     /// As [`Engine::reilluminate`]; [`crate::Error::Interrupted`] when `control.cancel` was set.

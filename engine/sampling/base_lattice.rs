@@ -10,6 +10,7 @@
 
 use super::View;
 use super::patch::part;
+use super::patch_grid::PatchGrid;
 use crate::Result;
 use crate::gpu::interface::{Law, Ray};
 use crate::trace::Tracer;
@@ -22,8 +23,7 @@ pub(super) const ROWS_TOGETHER: i64 = 4;
 /// Laws of the base rays of some rows and beamlets.
 #[derive(Debug)]
 pub(super) struct BaseLattice {
-    rows: Range<i64>,
-    beamlets: Range<i64>,
+    grid: PatchGrid,
     /// Rectangles of a patch in x and z.
     pub(super) base: [u32; 2],
     period: f32,
@@ -48,10 +48,9 @@ impl BaseLattice {
     /// touches.
     pub(super) fn trace(view: &View<'_>, tracer: &mut Tracer, rows: &Range<i64>) -> Result<Self> {
         let rows = rows.start - 1..rows.end + 1;
-        let beamlets = view.lattice.beamlets.clone();
-        let width = (beamlets.end - beamlets.start) as usize;
-        let mut places = vec![None; width * (rows.end - rows.start) as usize];
-        mark_occupied(view, &rows, &mut places);
+        let grid = PatchGrid { rows, beamlets: view.lattice.beamlets.clone() };
+        let mut places = vec![None; grid.count()];
+        mark_occupied(view, &grid, &mut places);
         let base = [view.lattice.cells, view.scene.sampling.rows];
         let size = base[0] * base[1];
         let mut count = 0;
@@ -60,8 +59,7 @@ impl BaseLattice {
             count += size;
         }
         let mut lattice = Self {
-            rows,
-            beamlets,
+            grid,
             base,
             period: view.lattice.period as f32,
             places,
@@ -77,15 +75,9 @@ impl BaseLattice {
         Ok(lattice)
     }
 
-    fn index(&self, beamlet: i64, row: i64) -> Option<usize> {
-        let width = self.beamlets.end - self.beamlets.start;
-        let inside = self.rows.contains(&row) && self.beamlets.contains(&beamlet);
-        inside.then(|| ((row - self.rows.start) * width + beamlet - self.beamlets.start) as usize)
-    }
-
     /// Laws of a patch by z, then x; nothing where no shadow falls.
     pub(super) fn patch(&self, beamlet: i64, row: i64) -> Option<&[Law]> {
-        let first = self.places[self.index(beamlet, row)?]? as usize;
+        let first = self.places[self.grid.index(beamlet, row)?]? as usize;
         Some(&self.laws[first..first + (self.base[0] * self.base[1]) as usize])
     }
 
@@ -110,7 +102,7 @@ impl BaseLattice {
         let side = (x / self.period + 0.5).floor() as i64;
         let level = z.floor() as i64;
         let [shift_x, shift_z] = [side as f32 * self.period, level as f32];
-        let index = self.index(beamlet + side, row + level)?;
+        let index = self.grid.index(beamlet + side, row + level)?;
         let cell = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
         let column = cell((x - shift_x) / self.period + 0.5, self.base[0]);
         let line = cell(z - shift_z, self.base[1]);
@@ -123,13 +115,14 @@ impl BaseLattice {
     /// The rays in an order that keeps neighbours together, and the place of each in the laws.
     fn rays(&self, view: &View<'_>) -> (Vec<u32>, Vec<Ray>) {
         let (mut order, mut rays) = (Vec::new(), Vec::new());
-        let mut first = self.rows.start;
-        while first < self.rows.end {
-            let together = first..(first + ROWS_TOGETHER).min(self.rows.end);
-            for beamlet in self.beamlets.clone() {
+        let PatchGrid { rows, beamlets } = &self.grid;
+        let mut first = rows.start;
+        while first < rows.end {
+            let together = first..(first + ROWS_TOGETHER).min(rows.end);
+            for beamlet in beamlets.clone() {
                 for column in 0..self.base[0] {
                     for row in together.clone() {
-                        let index = self.index(beamlet, row);
+                        let index = self.grid.index(beamlet, row);
                         let Some(first) = index.and_then(|index| self.places[index]) else {
                             continue;
                         };
@@ -148,17 +141,11 @@ impl BaseLattice {
 }
 
 /// Marks the patches of rows that a shadow touches.
-fn mark_occupied(view: &View<'_>, rows: &Range<i64>, places: &mut [Option<u32>]) {
-    let beamlets = &view.lattice.beamlets;
-    let width = (beamlets.end - beamlets.start) as usize;
+fn mark_occupied(view: &View<'_>, grid: &PatchGrid, places: &mut [Option<u32>]) {
     for shadow in view.shadows {
-        let [top, bottom] = shadow.rows.map(|row| row.floor() as i64);
-        let columns = view.lattice.beamlets_of(shadow.x);
-        for row in top.max(rows.start)..(bottom + 1).min(rows.end) {
-            let from = (row - rows.start) as usize * width;
-            for beamlet in columns.clone() {
-                places[from + (beamlet - beamlets.start) as usize] = Some(0);
-            }
+        let [rows, beamlets] = shadow.patches(view.lattice);
+        for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {
+            places[grid.in_row(row, beamlets.clone())].fill(Some(0));
         }
     }
 }

@@ -8,32 +8,23 @@
 
 use super::View;
 use super::facet_lists::MOST_FACETS;
+use super::patch_grid::PatchGrid;
 use super::projected_bounds::Shadow;
-use std::ops::Range;
 
 /// Patches that are crowded as the projected bounds of components tell, and the components that
 /// stand in such patches alone: bundles of fibres, whose facets need not be looked at one by one.
-pub(super) fn bundles(
-    view: &View<'_>,
-    rows: &Range<i64>,
-    patches: usize,
-    index: &impl Fn(i64, i64) -> usize,
-) -> (Vec<bool>, Vec<bool>) {
-    let touched = |shadow: &Shadow| {
-        let [top, bottom] = shadow.rows.map(|row| row.floor() as i64);
-        (top..bottom + 1, view.lattice.beamlets_of(shadow.x))
-    };
+pub(super) fn bundles(view: &View<'_>, grid: &PatchGrid) -> (Vec<bool>, Vec<bool>) {
     let each = |shadow: &Shadow, visit: &mut dyn FnMut(usize)| {
-        let (all, beamlets) = touched(shadow);
-        for row in all.start.max(rows.start)..all.end.min(rows.end) {
-            beamlets.clone().for_each(|beamlet| visit(index(row, beamlet)));
+        let [rows, beamlets] = shadow.patches(view.lattice);
+        for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {
+            grid.in_row(row, beamlets.clone()).for_each(&mut *visit);
         }
     };
     let counts = view.facets.map_or(&[][..], |facets| &facets.triangles);
-    let mut least = vec![0.0_f32; patches];
+    let mut least = vec![0.0_f32; grid.count()];
     for (shadow, count) in view.shadows.iter().zip(counts) {
-        let (all, beamlets) = touched(shadow);
-        let among = (all.end - all.start) * (beamlets.end - beamlets.start).max(1);
+        let [rows, beamlets] = shadow.patches(view.lattice);
+        let among = (rows.end - rows.start) * (beamlets.end - beamlets.start).max(1);
         let share = *count as f32 / among as f32;
         each(shadow, &mut |patch| least[patch] += share);
     }

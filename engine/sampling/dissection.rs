@@ -148,10 +148,7 @@ impl FacetMeans<'_> {
                 None => return None,
             }
         }
-        if (covered - whole).abs() > WHOLE * whole {
-            return None;
-        }
-        if pieces.is_empty() {
+        if pieces.is_empty() || (covered - whole).abs() > WHOLE * whole {
             return None;
         }
         stand(&mut pieces, x, z);
@@ -207,8 +204,8 @@ impl FacetMeans<'_> {
             let unlike: f64 = own.iter().map(|own| (own / half - 1.0).abs()).sum();
             (half.min(own[0]).min(own[1]).max(least), (unlike / 2.0 / TRIANGLE).min(1.0) as f32)
         };
-        let outline = [interval(0, xx).1, interval(1, zz).1];
-        let high = interval(1, zz).0;
+        let (_, outline_x) = interval(0, xx);
+        let (high, outline_z) = interval(1, zz);
         // At a border of the rectangle light is as dense as it is there.
         let edges = [centre[1] - rectangle[1], centre[1] + rectangle[1]];
         let border = |side: usize| {
@@ -235,7 +232,7 @@ impl FacetMeans<'_> {
                 whole: [centroid[1] - high, centroid[1] + high],
                 borders: [border(0), border(1)],
             },
-            outline,
+            outline: [outline_x, outline_z],
             slope_depth: rise[0] as f32,
             by_ray,
         }))

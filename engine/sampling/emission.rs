@@ -39,18 +39,14 @@ const DEPTH_JOINED: f32 = 2e-5;
 const DISPLACEMENT_JOINED: f64 = 0.1;
 /// and narrower cells than this share of the period by more, in proportion.
 const FULL_SHARE: f32 = 1.0 / 40.0;
-/// Displacement of the budget at most, m: light needs that where angles are not bounded.
-const UNBOUNDED: f64 = 10e-9;
 
 /// Makes cells.
 pub(super) struct Emitter<'a> {
     view: &'a View<'a>,
     estimator: &'a Estimator<'a>,
     lit: &'a Range<i64>,
-    /// Distance from analyser to detector, m, and analyser over detector distance.
-    gap: f32,
+    /// Analyser over detector distance.
     ratio: f32,
-    row_pitch: f32,
     /// Deviation of the displacement from a straight line that joined cells may have, m.
     joined: f32,
 }
@@ -70,10 +66,8 @@ impl<'a> Emitter<'a> {
             view,
             estimator,
             lit,
-            gap: (scene.detector.distance - analyser) as f32,
             ratio: (analyser / scene.detector.distance) as f32,
-            row_pitch: scene.detector.pitch[1] as f32,
-            joined: (DISPLACEMENT_JOINED * view.budget.displacement.min(UNBOUNDED)) as f32,
+            joined: (DISPLACEMENT_JOINED * view.budget.bounded_displacement()) as f32,
         }
     }
 
@@ -134,7 +128,8 @@ impl<'a> Emitter<'a> {
             if let Some(pieces) = patch.pieces(node) {
                 let magnification =
                     self.view.keep.is_none().then_some(self.estimator.response.magnification);
-                let of_piece = |piece| Rectangle::of_piece(piece, self.gap, magnification);
+                let of_piece =
+                    |piece| Rectangle::of_piece(piece, self.estimator.gap, magnification);
                 rectangles.extend(pieces.iter().map(of_piece));
                 continue;
             }
@@ -145,7 +140,7 @@ impl<'a> Emitter<'a> {
             } else {
                 let neighbours = self.estimator.neighbours(patch, node);
                 let slopes = self.estimator.slopes(node, &neighbours);
-                (slopes, 0.0, [node.law.landing_z(self.gap); 2])
+                (slopes, 0.0, [node.law.landing_z(self.estimator.gap); 2])
             };
             rectangles.push(Rectangle {
                 x: node.x,
@@ -298,13 +293,13 @@ impl<'a> Emitter<'a> {
             let share = x.map(|x| (x - whole[0]) / (whole[1] - whole[0]));
             let between = |[low, high]: [f32; 2]| share.map(|share| low + (high - low) * share);
             let (depth, displacement) = (between(*depth), between(*displacement));
-            let displacement_z = law.landing_z(self.gap);
-            if displacement_z.abs() > lattice.halo as f32 * self.row_pitch {
+            let displacement_z = law.landing_z(self.estimator.gap);
+            if displacement_z.abs() > lattice.halo as f32 * self.estimator.row_pitch {
                 out.landed_off += 1;
             }
-            let pixel_shift =
-                law.displacement_x * (1.0 - self.ratio) - law.slope_x * self.gap * self.ratio;
-            let down = -f64::from(displacement_z / self.row_pitch);
+            let pixel_shift = law.displacement_x * (1.0 - self.ratio)
+                - law.slope_x * self.estimator.gap * self.ratio;
+            let down = -f64::from(displacement_z / self.estimator.row_pitch);
             let farthest = down * self.view.stronger();
             lands.start = lands.start.min(farthest.floor() as i64);
             lands.end = lands.end.max(farthest.ceil() as i64 + 1);
@@ -312,7 +307,8 @@ impl<'a> Emitter<'a> {
             let own = rectangle.z.map(f64::from);
             let at = |z: f64| {
                 let [up, low] = rectangle.ends_z.map(f64::from);
-                -(up + (low - up) * (z - own[0]) / (own[1] - own[0])) / f64::from(self.row_pitch)
+                -(up + (low - up) * (z - own[0]) / (own[1] - own[0]))
+                    / f64::from(self.estimator.row_pitch)
             };
             let landing = [top + at(top), bottom + at(bottom)];
             let [above, below] = if let Some(rows) = &rectangle.rows {

@@ -2,6 +2,9 @@
 
 use crate::run::Tally;
 
+/// Error of the displacement where no angle bounds it, m.
+const UNBOUNDED: f64 = 10e-9;
+
 /// What sampling may leave, by patch.
 #[derive(Debug, Clone, Copy)]
 pub struct ErrorBudget {
@@ -12,6 +15,13 @@ pub struct ErrorBudget {
     pub displacement: f64,
     /// Most rays of a patch.
     pub max_rays: u32,
+}
+
+impl ErrorBudget {
+    /// Error of the displacement, m: light needs a bound where angles have none.
+    pub(super) fn bounded_displacement(&self) -> f64 {
+        self.displacement.min(UNBOUNDED)
+    }
 }
 
 /// Counts of a patch that was sampled by so many rays and may be wrong by `error`, share of open

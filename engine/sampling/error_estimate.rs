@@ -66,6 +66,11 @@ pub(super) struct Estimator<'a> {
 }
 
 impl Estimator<'_> {
+    /// Column of a beamlet in the lattice.
+    pub(super) fn column(&self, beamlet: i64) -> usize {
+        usize::try_from(beamlet - self.first_beamlet).unwrap_or(0)
+    }
+
     pub(super) fn cell_error(&self, patch: &Patch, index: u32) -> CellError {
         let node = &patch.nodes[index as usize];
         match (node.known, patch.pieces(node)) {
@@ -79,7 +84,7 @@ impl Estimator<'_> {
     /// exact; the outline of a piece that an edge cuts is not.
     fn pieces_error(&self, patch: &Patch, index: u32, pieces: &[Piece]) -> CellError {
         let node = &patch.nodes[index as usize];
-        let column = usize::try_from(patch.beamlet - self.first_beamlet).unwrap_or(0);
+        let column = self.column(patch.beamlet);
         let (mut cut, mut told, mut all) = (0.0_f32, 0.0_f32, 0.0);
         let rectangle = node.width() * node.height() * self.response.weight;
         for piece in pieces {
@@ -137,7 +142,7 @@ impl Estimator<'_> {
     fn mean_error(&self, patch: &Patch, index: u32, residuals: &Residuals) -> CellError {
         let node = &patch.nodes[index as usize];
         let law = &node.law;
-        let column = usize::try_from(patch.beamlet - self.first_beamlet).unwrap_or(0);
+        let column = self.column(patch.beamlet);
         let area = node.width() * node.height() * self.response.weight;
         let passed = (-law.optical_depth).exp();
         let at = self.response.landing(column, patch.place(node.centre())[0], law.displacement_x);
@@ -182,7 +187,7 @@ impl Estimator<'_> {
         let node = &patch.nodes[index as usize];
         let neighbours = self.neighbours(patch, node);
         let slopes = self.slopes(node, &neighbours);
-        let column = usize::try_from(patch.beamlet - self.first_beamlet).unwrap_or(0);
+        let column = self.column(patch.beamlet);
         let own = &node.law;
         let centre = node.centre();
         let area = node.width() * node.height() * self.response.weight;

@@ -10,6 +10,8 @@
 use super::View;
 use super::crowding::bundles;
 use super::lattice::Lattice;
+use super::patch_grid::PatchGrid;
+use super::polygon::Area;
 use crate::geometry::Sample;
 use crate::scene::{Scene, Transport};
 use crate::trace::{Media, least_cosine, object_hash};
@@ -138,6 +140,15 @@ impl PatchFacet {
         });
     }
 
+    /// What it has in a rectangle of this centre and half size.
+    pub(super) fn within(&self, centre: [f64; 2], half: [f64; 2]) -> Area {
+        match self.overlap(centre, half) {
+            Overlap::None => Area::NONE,
+            Overlap::All => Area::of_rectangle(centre, half),
+            Overlap::Part => Area::within(&self.corners, centre, half),
+        }
+    }
+
     /// How it lies to a rectangle of this centre and half size.
     pub(super) fn overlap(&self, centre: [f64; 2], half: [f64; 2]) -> Overlap {
         for axis in 0..2 {
@@ -203,8 +214,7 @@ type Visit<'v> = dyn Fn(usize, &[DVec3; 3], &[[f64; 2]; 3]) + Sync + 'v;
 /// Facets of the patches of some rows.
 pub(super) struct FacetLists<'a> {
     triangles: Triangles<'a>,
-    rows: Range<i64>,
-    beamlets: Range<i64>,
+    grid: PatchGrid,
     /// End of the list of each patch, by row and beamlet; lists follow one another.
     ends: Vec<u32>,
     /// Patches with more facets than lists hold.
@@ -226,15 +236,11 @@ impl<'a> FacetLists<'a> {
             turn: view.scene.view_at(angle).turn(),
             source: DVec3::new(0.0, -view.scene.source.distance, 0.0),
         };
-        let beamlets = lattice.beamlets.clone();
-        let width = (beamlets.end - beamlets.start) as usize;
-        let patches = width * (rows.end - rows.start) as usize;
-        let index = |row: i64, beamlet: i64| {
-            (row - rows.start) as usize * width + (beamlet - beamlets.start) as usize
-        };
+        let grid = PatchGrid { rows: rows.clone(), beamlets: lattice.beamlets.clone() };
+        let patches = grid.count();
         let counts: Vec<AtomicU32> = (0..patches).map(|_| AtomicU32::new(0)).collect();
         let silhouettes: Vec<AtomicBool> = (0..patches).map(|_| AtomicBool::new(false)).collect();
-        let (mut crowded, left_out) = bundles(view, rows, patches, &index);
+        let (mut crowded, left_out) = bundles(view, &grid);
         let each = |visit: &Visit<'_>| {
             let tasks = view.sample.triangles.len().div_ceil(TRIANGLES_OF_A_TASK);
             (0..tasks).into_par_iter().for_each(|task| {
@@ -253,8 +259,8 @@ impl<'a> FacetLists<'a> {
             let mut met = false;
             touched(lattice, rows, places, |row, beamlets| {
                 met = true;
-                for beamlet in beamlets {
-                    counts[index(row, beamlet)].fetch_add(1, Ordering::Relaxed);
+                for patch in grid.in_row(row, beamlets) {
+                    counts[patch].fetch_add(1, Ordering::Relaxed);
                 }
             });
             if !met {
@@ -264,8 +270,8 @@ impl<'a> FacetLists<'a> {
             for (edge, _) in edges.iter().enumerate().filter(|(_, is)| **is) {
                 let ends = [places[(edge + 1) % 3], places[(edge + 2) % 3]];
                 touched(lattice, rows, &ends, |row, beamlets| {
-                    for beamlet in beamlets {
-                        silhouettes[index(row, beamlet)].store(true, Ordering::Relaxed);
+                    for patch in grid.in_row(row, beamlets) {
+                        silhouettes[patch].store(true, Ordering::Relaxed);
                     }
                 });
             }
@@ -282,8 +288,7 @@ impl<'a> FacetLists<'a> {
         let list: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
         each(&|triangle, _, places| {
             touched(lattice, rows, places, |row, beamlets| {
-                for beamlet in beamlets {
-                    let patch = index(row, beamlet);
+                for patch in grid.in_row(row, beamlets) {
                     if !crowded[patch] {
                         let place = counts[patch].fetch_add(1, Ordering::Relaxed);
                         list[place as usize].store(triangle as u32, Ordering::Relaxed);
@@ -293,8 +298,7 @@ impl<'a> FacetLists<'a> {
         });
         Some(Self {
             triangles,
-            rows: rows.clone(),
-            beamlets,
+            grid,
             ends: counts.into_iter().map(AtomicU32::into_inner).collect(),
             crowded,
             silhouettes: silhouettes.into_iter().map(AtomicBool::into_inner).collect(),
@@ -302,20 +306,16 @@ impl<'a> FacetLists<'a> {
         })
     }
 
-    fn index(&self, beamlet: i64, row: i64) -> Option<usize> {
-        let width = self.beamlets.end - self.beamlets.start;
-        let inside = self.rows.contains(&row) && self.beamlets.contains(&beamlet);
-        inside.then(|| ((row - self.rows.start) * width + beamlet - self.beamlets.start) as usize)
-    }
-
     /// Whether a silhouette crosses a patch.
     pub(super) fn has_silhouette(&self, beamlet: i64, row: i64) -> bool {
-        self.index(beamlet, row).is_none_or(|index| self.silhouettes[index] || self.crowded[index])
+        self.grid
+            .index(beamlet, row)
+            .is_none_or(|index| self.silhouettes[index] || self.crowded[index])
     }
 
     /// Number of the facets of a patch that are listed.
     pub(super) fn count(&self, beamlet: i64, row: i64) -> usize {
-        self.index(beamlet, row).map_or(0, |index| self.range(index).len())
+        self.grid.index(beamlet, row).map_or(0, |index| self.range(index).len())
     }
 
     fn range(&self, index: usize) -> Range<usize> {
@@ -325,7 +325,7 @@ impl<'a> FacetLists<'a> {
 
     /// The facets of a patch in the order of the mesh; nothing where they are too many.
     pub(super) fn facets(&self, beamlet: i64, row: i64) -> Option<Vec<PatchFacet>> {
-        let index = self.index(beamlet, row)?;
+        let index = self.grid.index(beamlet, row)?;
         if self.crowded[index] {
             return None;
         }

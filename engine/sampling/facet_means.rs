@@ -8,7 +8,7 @@
 )]
 
 use super::View;
-use super::facet_lists::{Overlap, PatchFacet, SurfaceStep};
+use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
 use super::patch::{Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
@@ -28,8 +28,6 @@ const BOW: f64 = 0.037;
 const KINKS: f64 = 0.2;
 /// An error of the displacement that moves light to other rows, pitches of them.
 const FAR_OFF: f64 = 0.1;
-/// Where no displacement is bounded, that of a mean is right to this all the same, m.
-const UNBOUNDED: f64 = 10e-9;
 
 /// What the facets say of a rectangle.
 #[derive(Debug, Clone, Copy)]
@@ -116,7 +114,7 @@ impl<'a> FacetMeans<'a> {
             lattice: view.lattice,
             rotation: scene.source.distance,
             analyser: scene.lever_arm(),
-            displacement: FIRST_ORDER_SHARE * view.budget.displacement.min(UNBOUNDED),
+            displacement: FIRST_ORDER_SHARE * view.budget.bounded_displacement(),
             light: FIRST_ORDER_SHARE * view.budget.light,
             steepest: view.response.steepest(),
             weight: f64::from(view.response.weight),
@@ -138,12 +136,13 @@ impl<'a> FacetMeans<'a> {
                 facet.silhouette[edge] && crosses(ends, x, z)
             })
         };
-        let silhouette = facets().any(is_silhouette);
+        if facets().any(is_silhouette) {
+            let whole = Area::of_rectangle(centre, half).area;
+            let covered: f64 = facets().map(|facet| facet.within(centre, half).area).sum();
+            return Mean::Silhouette { crossings: (covered / whole) as f32 };
+        }
         let sums = self.sums(patch, facets(), centre, half);
         let size = half.map(|half| 2.0 * half);
-        if silhouette {
-            return Mean::Silhouette { crossings: (sums.all / sums.area) as f32 };
-        }
         self.fit(&sums, size).map_or(Mean::Unknown, |(law, residuals)| Mean::Fit(law, residuals))
     }
 
@@ -158,12 +157,7 @@ impl<'a> FacetMeans<'a> {
         let whole = Area::of_rectangle(centre, half);
         let mut sums = Sums::new(centre, whole.area);
         for facet in facets {
-            let part = match facet.overlap(centre, half) {
-                Overlap::None => continue,
-                Overlap::All => whole,
-                Overlap::Part => Area::within(&facet.corners, centre, half),
-            };
-            sums.all += part.area;
+            let part = facet.within(centre, half);
             // Edge-on facets take no light, and their normals say nothing.
             if part.area > EDGE_ON * whole.area && sums.sound {
                 sums.sound = self.add(patch, facet, &part, &mut sums).is_some();
@@ -281,10 +275,7 @@ impl<'a> FacetMeans<'a> {
             depth += (step.mu * bow / self.analyser).powi(2);
         }
         let error = sums.first_order / area;
-        if !error.is_finite() {
-            return None;
-        }
-        if met.balance != 0 {
+        if !error.is_finite() || met.balance != 0 {
             return None;
         }
         let numbers = sums.law.map(|sum| sum / area);

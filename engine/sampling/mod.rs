@@ -19,6 +19,7 @@ mod layout;
 mod moment_recording;
 mod neighbours;
 mod patch;
+mod patch_grid;
 mod polygon;
 mod projected_bounds;
 mod rectangle;

@@ -11,6 +11,7 @@ use super::lattice::Lattice;
 use crate::geometry::{Component, Sample};
 use crate::scene::View;
 use glam::DVec3;
+use std::ops::Range;
 
 /// Shadow of one component from the source centre: a rectangle, and how fine it may be inside.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +24,14 @@ pub struct Shadow {
     pub width: f64,
     /// Strips higher than this may step over it, rows.
     pub height: f64,
+}
+
+impl Shadow {
+    /// Rows (of any number) and beamlets of the lattice whose patches it touches.
+    pub(super) fn patches(&self, lattice: &Lattice) -> [Range<i64>; 2] {
+        let [top, bottom] = self.rows.map(|row| row.floor() as i64);
+        [top..bottom + 1, lattice.beamlets_of(self.x)]
+    }
 }
 
 /// Mean chord below which a component can hide between two rays is half of it: two rays then

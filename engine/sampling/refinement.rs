@@ -105,7 +105,7 @@ impl<'a> Refiner<'a> {
         if narrow.is_empty() && self.misses(&patch) {
             return None;
         }
-        let column = (beamlet - self.estimator.first_beamlet) as usize;
+        let column = self.estimator.column(beamlet);
         let mut work = Work {
             openings: self.view.response.openings(column),
             narrow,
@@ -137,7 +137,8 @@ impl<'a> Refiner<'a> {
     fn take_facets(&self, work: &mut Work) {
         let Some((lists, _)) = &self.facets else { return };
         let Patch { beamlet, row, .. } = work.patch;
-        if !lists.has_silhouette(beamlet, row) {
+        let silhouette = lists.has_silhouette(beamlet, row);
+        if !silhouette {
             work.narrow.clear();
             let error = self.estimator.judge(&work.patch, &work.openings, &[], &mut work.judged);
             if error.splits.is_empty() {
@@ -148,9 +149,9 @@ impl<'a> Refiner<'a> {
         let Some(facets) = lists.facets(beamlet, row) else { return };
         work.narrow.clear();
         work.judged = Judged::default();
-        let column = (beamlet - self.estimator.first_beamlet) as usize;
+        let column = self.estimator.column(beamlet);
         let [cells, lines] = self.estimator.base.base;
-        let rim = self.view.scene.sample_mask.is_none() && lists.has_silhouette(beamlet, row);
+        let rim = silhouette && self.view.scene.sample_mask.is_none();
         let finer = if rim { COLUMNS_AT_RIMS } else { 1 };
         let borders = self.view.response.edges(column, finer * cells);
         work.patch = Patch::slabs(beamlet, row, borders, lines);

@@ -178,9 +178,9 @@ pub(super) fn narrow_components(
         if shadow.width >= cell[0] && shadow.height >= cell[1] {
             continue;
         }
-        let [top, bottom] = shadow.rows.map(|row| row.floor() as i64);
-        for row in top.max(rows.start)..(bottom + 1).min(rows.end) {
-            for beamlet in lattice.beamlets_of(shadow.x) {
+        let [touched, beamlets] = shadow.patches(lattice);
+        for row in touched.start.max(rows.start)..touched.end.min(rows.end) {
+            for beamlet in beamlets.clone() {
                 let centre = lattice.centre(beamlet);
                 all.entry((beamlet, row)).or_default().push(Narrow {
                     x: shadow.x.map(|x| (x - centre) as f32),

@@ -58,8 +58,6 @@ impl Met {
 pub(super) struct Sums {
     pub(super) centre: Corner,
     pub(super) area: f64,
-    /// Area of all facets in it.
-    pub(super) all: f64,
     /// Of the optical depth times x from the centre.
     pub(super) depth_by_x: f64,
     /// The first order is enough, and sheets are few.
@@ -87,7 +85,6 @@ impl Sums {
         Self {
             centre,
             area,
-            all: 0.0,
             depth_by_x: 0.0,
             sound: true,
             whole: Met::default(),
