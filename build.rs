@@ -1,12 +1,16 @@
 //! Compiles the compute shaders to SPIR-V. A shader error ends the build with its file and line.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "cargo reads and shows both")]
 
+#[path = "engine/interface/glsl.rs"]
+mod glsl;
+
 use glslang::error::GlslangError;
 use glslang::include::{IncludeHandler, IncludeResult, IncludeType};
 use glslang::{
     Compiler, CompilerOptions, ShaderInput, ShaderMessage, ShaderSource, ShaderStage,
     SourceLanguage, SpirvVersion, Target, VulkanVersion,
 };
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
@@ -45,21 +49,36 @@ const TEST_ROOT: &str = "tests/gpu";
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=engine/interface");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    build_all(ROOT, PERMUTATIONS, &out, "shaders.rs");
+    let interface = glsl::files();
+    for (name, text) in &interface {
+        // For readers: shaders get the text from here.
+        let path = out.join(name);
+        fs::create_dir_all(path.parent().expect("a file has a folder"))
+            .expect("OUT_DIR can be written");
+        fs::write(path, text).expect("OUT_DIR can be written");
+    }
+    build_all(ROOT, PERMUTATIONS, &interface, &out, "shaders.rs");
     // A package from a registry may come without its tests.
     let tests = if Path::new(TEST_ROOT).is_dir() { TEST_PERMUTATIONS } else { &[] };
-    build_all(TEST_ROOT, tests, &out, "test_shaders.rs");
+    build_all(TEST_ROOT, tests, &interface, &out, "test_shaders.rs");
 }
 
 /// Compiles a table of permutations and writes the words as Rust constants.
-fn build_all(folder: &str, permutations: &[Permutation], out: &Path, generated: &str) {
+fn build_all(
+    folder: &str,
+    permutations: &[Permutation],
+    interface: &BTreeMap<String, String>,
+    out: &Path,
+    generated: &str,
+) {
     if Path::new(folder).is_dir() {
         println!("cargo::rerun-if-changed={folder}");
     }
     let (mut rust, mut all, mut failed) = (String::new(), String::new(), false);
     for (name, file, defines) in permutations {
-        let words = match compile(folder, file, defines) {
+        let words = match compile(folder, file, defines, interface) {
             Ok(words) => words,
             Err(message) => {
                 eprintln!("shader {name}:\n{message}");
@@ -89,7 +108,12 @@ fn build_all(folder: &str, permutations: &[Permutation], out: &Path, generated: 
     fs::write(out.join(generated), rust).expect("OUT_DIR can be written");
 }
 
-fn compile(folder: &str, file: &str, defines: &[(&str, &str)]) -> Result<Vec<u32>, String> {
+fn compile(
+    folder: &str,
+    file: &str,
+    defines: &[(&str, &str)],
+    interface: &BTreeMap<String, String>,
+) -> Result<Vec<u32>, String> {
     let path = Path::new(folder).join(file);
     let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let source = ShaderSource::from(with_defines(&path, &text, defines)?);
@@ -103,7 +127,7 @@ fn compile(folder: &str, file: &str, defines: &[(&str, &str)]) -> Result<Vec<u32
         messages: ShaderMessage::DEFAULT,
     };
     let compiler = Compiler::acquire().expect("glslang starts");
-    let mut includes = Includes;
+    let mut includes = Includes(interface);
     let no_defines: Option<&[(&str, Option<&str>)]> = None;
     ShaderInput::new(&source, ShaderStage::Compute, &options, no_defines, Some(&mut includes))
         .and_then(|input| compiler.create_shader(input))
@@ -143,10 +167,10 @@ fn readable(error: &GlslangError) -> String {
         .join("\n")
 }
 
-/// Finds included files below [`ROOT`].
-struct Includes;
+/// Finds included files: those made of the shared table, or below [`ROOT`].
+struct Includes<'a>(&'a BTreeMap<String, String>);
 
-impl IncludeHandler for Includes {
+impl IncludeHandler for Includes<'_> {
     fn include(
         &mut self,
         _: IncludeType,
@@ -154,6 +178,9 @@ impl IncludeHandler for Includes {
         _includer: &str,
         _depth: usize,
     ) -> Option<IncludeResult> {
+        if let Some(data) = self.0.get(header) {
+            return Some(IncludeResult { name: header.to_owned(), data: data.clone() });
+        }
         let path = Path::new(ROOT).join(header);
         let data = fs::read_to_string(&path).ok()?;
         Some(IncludeResult { name: path.display().to_string(), data })

@@ -18,6 +18,7 @@ pub mod gpu;
 pub mod illuminate;
 pub mod image;
 mod input_file;
+pub mod interface;
 pub mod kept;
 pub mod material;
 pub mod memory;

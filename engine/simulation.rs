@@ -405,7 +405,7 @@ impl<'e> Simulation<'e> {
 
     /// Words of a ray's moments.
     fn moment_words(&self) -> usize {
-        self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL
+        self.media.names.len() * crate::interface::MOMENTS_PER_MATERIAL
     }
 
     fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> sampling::View<'a> {

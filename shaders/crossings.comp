@@ -7,19 +7,9 @@
 #extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = GROUP) in;
 
-layout(push_constant, scalar) uniform CrossingsPush {
-    SampleRef sample_ref;
-    Rays rays;
-    MetSurfaces met; // [ray][capacity]
-    Words counts;    // [ray]
-    Crossings lists; // [group][capacity][stride]
-    uint count;
-    uint first;
-    uint capacity; // at least 1
-    uint stride;
-} push;
+#include "interface/CrossingsPush.glsl"
 
 #define sample_ push.sample_ref.at[0]
 

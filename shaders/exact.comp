@@ -12,27 +12,9 @@
 #endif
 #include "interface.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = GROUP) in;
 
-layout(push_constant, scalar) uniform ExactPush {
-    SampleRef sample_ref;
-    Rays rays;
-    Laws laws;
-    Words list; // [0]: count, then indices; not used when `all` is set; ends with one more if `runs`
-    Words unbalanced; // [0]: count, then indices of rays to trace again
-    Words longer; // [0]: count, then indices of rays that cross more than a list holds
-    Crossings lists; // [group][capacity][stride]
-    Words nodes;  // [ray]: constants of its energy; null: those of the sample
-    Words tally;
-    uint count;
-    uint all;
-    uint runs;     // indices in the list are the first of runs of one ray at several energies
-    uint first;
-    uint last;     // no further attempt follows
-    float nudge;   // moves the rays in x, and in z by 0.7 of it, m
-    uint capacity; // crossings of a list
-    uint stride;   // rays of a workgroup
-} push;
+#include "interface/ExactPush.glsl"
 
 #define sample_ push.sample_ref.at[0]
 
@@ -92,7 +74,7 @@ void main() {
         uint outcome = follow(walk, list, known);
         if (outcome == THROUGH) {
             write(index, walk);
-        } else if (outcome == SEARCHING && push.capacity < CROSSINGS) {
+        } else if (outcome == SEARCHING && push.capacity < LONGEST_LIST) {
             uint slot = atomicAdd(push.longer.at[0], 1u);
             push.longer.at[1u + slot] = index;
         } else {

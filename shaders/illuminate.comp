@@ -9,20 +9,9 @@
 #extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = GROUP) in;
 
-layout(push_constant, scalar) uniform IlluminatePush {
-    LightRef light_ref;
-    Strips strips;
-    Cells cells;
-    Words sums; // [step][row][column][2], light that is the same at all steps behind the last
-    uint strip_count; // behind the first
-    uint first_strip;
-    uint first_step;
-    uint last_step;  // one behind
-    uint steps_each; // of an invocation
-    uint steps;      // of the scan
-} push;
+#include "interface/IlluminatePush.glsl"
 
 #include "physics/gauss.glsl"
 #include "light/sum.glsl"
@@ -102,7 +91,7 @@ void main() {
     if (gl_GlobalInvocationID.x >= push.strip_count || mask_step >= last_step) return;
     Light light = push.light_ref.at[0];
     Strip strip = push.strips.at[index];
-    Column column = light.columns.at[strip.column];
+    Column column = Columns(light.columns).at[strip.column];
     column.sample_offset += light.mask_move;
     column.aperture_offset -= light.landing_move;
     column.pixel_offset -= light.pixel_move;
@@ -159,7 +148,7 @@ void main() {
         float lit_low = ends.low;
         float lit_high = ends.high;
         if (!at_all_steps && bars.open > 0.0) {
-            offset = light.offsets.at[mask_step] - column.sample_offset;
+            offset = Offsets(light.offsets).at[mask_step] - column.sample_offset;
             float edge = bars.reach + reach;
             from = int(ceil((ends.low - offset - edge) / mask.period));
             int to = int(floor((ends.high - offset + edge) / mask.period));

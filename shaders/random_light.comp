@@ -7,22 +7,9 @@
 #extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = GROUP) in;
 
-layout(push_constant, scalar) uniform RandomLightPush {
-    LightRef light_ref;
-    Pixels pixels;
-    Laws laws; // [pixel][ray of the batch], unless `empty`
-    Words sums;
-    uvec2 seed;
-    uvec2 rays_per_pixel;
-    uint first_ray;
-    uint batch;
-    uint pixel_count;
-    uint view_seed;
-    uint empty; // no sample: every law is zero
-    uint first_step;
-} push;
+#include "interface/RandomLightPush.glsl"
 
 #include "random/draw.glsl"
 #include "light/sum.glsl"
@@ -36,8 +23,8 @@ float open_share(Mask mask, float low, float high, float shift) {
     int to = int(ceil((high - shift) / mask.period + 0.5));
     for (int k = from; k <= to; k++) {
         for (uint i = 0u; i < mask.count; i++) {
-            float a = float(k) * mask.period + shift + mask.apertures.at[i].low;
-            float b = float(k) * mask.period + shift + mask.apertures.at[i].high;
+            float a = float(k) * mask.period + shift + Apertures(mask.apertures).at[i].low;
+            float b = float(k) * mask.period + shift + Apertures(mask.apertures).at[i].high;
             if (high > low) open += max(min(b, high) - max(a, low), 0.0);
             else if (low > a && low < b) return 1.0;
         }
@@ -60,7 +47,7 @@ void main() {
     if (p >= push.pixel_count) return;
     Light light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[p];
-    Column column = light.columns.at[pixel.table];
+    Column column = Columns(light.columns).at[pixel.table];
     float one = light.part / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));
     float row_z = (float(pixel.row) + 0.5 - light.middle_row) * light.row_slope;
     float plane = light.cell_plane / light.detector;
@@ -76,7 +63,7 @@ void main() {
         float sec = secant(slope, slope_z);
         float x = d.source.x * (1.0 - plane) + d.target.x * plane;
         float shift = light.sample_mask.present == 0u ? 0.0
-            : light.offsets.at[mask_step] - column.sample_offset;
+            : Offsets(light.offsets).at[mask_step] - column.sample_offset;
         float value = one * mask_transmission(light.sample_mask, x, shift, slope, sec);
         float u = d.source.x * (1.0 - light.ratio) + d.target.x * light.ratio + law.displacement_x;
         value *= mask_transmission(light.detector_mask, u, -column.aperture_offset, slope, sec);

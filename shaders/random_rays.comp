@@ -7,20 +7,9 @@
 #extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = GROUP) in;
 
-layout(push_constant, scalar) uniform RandomRaysPush {
-    LightRef light_ref;
-    Pixels pixels;
-    RaysOut rays; // [pixel][ray of the batch]
-    uvec2 seed;
-    uvec2 rays_per_pixel; // in x and z
-    uint first_ray;
-    uint batch; // rays per pixel in this batch
-    uint pixel_count;
-    uint view;      // of the ray records
-    uint view_seed; // of the random numbers
-} push;
+#include "interface/RandomRaysPush.glsl"
 
 #include "random/draw.glsl"
 

@@ -11,7 +11,7 @@
 #endif
 #include "interface.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = GROUP) in;
 
 #include "walk/first_order.glsl"
 
@@ -27,7 +27,7 @@ void visit(Beam beam, uint primitive, inout Gathered all) {
     Leaf leaf = sample_.leaves.at[primitive];
     Facet facet = facet_of(beam, leaf);
     if (!facet.crossed) return;
-    Surface surface = sample_.surfaces.at[leaf.surface & 0x0fffffffu];
+    Surface surface = sample_.surfaces.at[leaf.surface & SURFACE_INDEX];
     if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
     vec3 normal_ = beam_from_world(beam, leaf.normal);
     run_cross(all.run, beam, all.stretch, surface, normal_,

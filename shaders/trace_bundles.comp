@@ -10,10 +10,9 @@
 #extension GL_KHR_shader_subgroup_shuffle : require
 #include "interface.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = GROUP) in;
 
-const uint RAYS = 4u; // in each lane; RAYS_PER_LANE of the host
-#define EACH_RAY [[unroll]] for (uint k = 0u; k < RAYS; k++)
+#define EACH_RAY [[unroll]] for (uint k = 0u; k < RAYS_PER_LANE; k++)
 
 #include "walk/first_order.glsl"
 #include "walk/node.glsl"
@@ -33,7 +32,7 @@ struct Member {
 };
 
 // Bounds of the rays that walk.
-Bounds bounds_of(Member rays[RAYS]) {
+Bounds bounds_of(Member rays[RAYS_PER_LANE]) {
     vec4 place = vec4(1e30);
     vec4 slope = vec4(1e30);
     EACH_RAY {
@@ -49,7 +48,7 @@ Bounds bounds_of(Member rays[RAYS]) {
 }
 
 // Bits of the children that some ray may meet: of leaves, and of inner children where `all_`.
-uint children_met(Children children, Member rays[RAYS], bool all_) {
+uint children_met(Children children, Member rays[RAYS_PER_LANE], bool all_) {
     uint tested = all_ ? 0xffffffffu : 0x00ffffffu;
     uint met = any_lane(children.bits & ~tested);
     uint left = any_lane((children.bits & tested) != 0u ? 1u << LANE : 0u);
@@ -67,10 +66,10 @@ uint children_met(Children children, Member rays[RAYS], bool all_) {
 }
 
 // Hands all crossings of the rays that walk to their runs.
-void walk_together(inout Member rays[RAYS], View view) {
-    Words nodes = Words(sample_.nodes);
-    Words leaf_words = Words(sample_.leaves);
-    Words surfaces = Words(sample_.surfaces);
+void walk_together(inout Member rays[RAYS_PER_LANE], View view) {
+    Words nodes = Words(uvec2(sample_.nodes));
+    Words leaf_words = Words(uvec2(sample_.leaves));
+    Words surfaces = Words(uvec2(sample_.surfaces));
     Bounds bounds = bounds_of(rays);
     Beam frame = rays[0].beam; // its view, for what is the same for all rays
     frame.cos_angle = view.cos_angle;
@@ -85,7 +84,7 @@ void walk_together(inout Member rays[RAYS], View view) {
     bool ends; // runs of some rays
     // CPU devices skip no code but by leaving a loop at its end: what is rare stands outside.
     do {
-        bool ending[RAYS];
+        bool ending[RAYS_PER_LANE];
         EACH_RAY ending[k] = false;
         do {
             if (leaves == 0u) {
@@ -106,23 +105,17 @@ void walk_together(inout Member rays[RAYS], View view) {
             ends = false;
             if (leaves != 0u) {
                 do {
-                    Facet facets[RAYS];
+                    Facet facets[RAYS_PER_LANE];
                     uint before = leaves;
-                    uint low;
-                    uint high;
+                    Record leaf;
                     bool crossed;
                     do {
                         before = leaves;
-                        uint at = (leaf_base + uint(findLSB(leaves))) * LEAF_WORDS;
+                        leaf = record_at(leaf_words, leaf_base + uint(findLSB(leaves)), LEAF_WORDS);
                         leaves &= leaves - 1u;
-                        low = leaf_words.at[at + LANE];
-                        high = leaf_words.at[at + 8u + min(LANE, 4u)];
-                        vec3 a = vec3(NUMBER(low, 0u), NUMBER(low, 1u), NUMBER(low, 2u));
-                        vec3 b = vec3(NUMBER(low, 3u), NUMBER(low, 4u), NUMBER(low, 5u));
-                        vec3 c = vec3(NUMBER(low, 6u), NUMBER(low, 7u), NUMBER(high, 0u));
-                        a = beam_from_world(frame, a);
-                        b = beam_from_world(frame, b);
-                        c = beam_from_world(frame, c);
+                        vec3 a = beam_from_world(frame, numbers_of(leaf, LEAF_A));
+                        vec3 b = beam_from_world(frame, numbers_of(leaf, LEAF_B));
+                        vec3 c = beam_from_world(frame, numbers_of(leaf, LEAF_C));
                         crossed = false;
                         EACH_RAY {
                             facets[k] = facet_of(rays[k].beam, a, b, c);
@@ -132,10 +125,12 @@ void walk_together(inout Member rays[RAYS], View view) {
                         crossed = any_lane(uint(crossed)) != 0u;
                     } while (!crossed && leaves != 0u);
 
-                    uint word = (WORD(high, 4u) & 0x0fffffffu) * SURFACE_WORDS + min(LANE, 4u);
-                    uint of_surface = surfaces.at[word];
-                    Surface surface = Surface(0u, WORD(of_surface, 1u), WORD(of_surface, 2u),
-                                              WORD(of_surface, 3u), NUMBER(of_surface, 4u));
+                    Record sides = record_at(surfaces, word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX,
+                                             SURFACE_WORDS);
+                    Surface surface = Surface(0u, word_of(sides, SURFACE_INSIDE),
+                                              word_of(sides, SURFACE_OUTSIDE),
+                                              word_of(sides, SURFACE_HASH),
+                                              number_of(sides, SURFACE_GRAZING));
                     EACH_RAY {
                         ending[k] = facets[k].crossed && run_ends_at(rays[k].run, surface);
                         ends = ends || ending[k];
@@ -145,8 +140,7 @@ void walk_together(inout Member rays[RAYS], View view) {
                         leaves = before;
                         break;
                     }
-                    vec3 normal_ = beam_from_world(frame, vec3(NUMBER(high, 1u), NUMBER(high, 2u),
-                                                               NUMBER(high, 3u)));
+                    vec3 normal_ = beam_from_world(frame, numbers_of(leaf, LEAF_NORMAL));
                     crossed_by_some += 1u;
                     EACH_RAY {
                         if (facets[k].crossed) {
@@ -167,8 +161,8 @@ void walk_together(inout Member rays[RAYS], View view) {
 void main() {
     // Neighbours in the list are neighbours in a bundle.
     uint lane = gl_GlobalInvocationID.x % gl_SubgroupSize;
-    uint first = (gl_GlobalInvocationID.x - lane) * RAYS + lane;
-    Member rays[RAYS];
+    uint first = (gl_GlobalInvocationID.x - lane) * RAYS_PER_LANE + lane;
+    Member rays[RAYS_PER_LANE];
     EACH_RAY {
         uint index = first + k * gl_SubgroupSize;
         rays[k].waits = index < push.count;

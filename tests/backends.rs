@@ -9,7 +9,7 @@
 mod reference;
 mod support;
 
-use beamlet::gpu::interface::{FLAG_EXACT, FLAG_UNBALANCED};
+use beamlet::interface::{FLAG_EXACT, FLAG_UNBALANCED};
 use beamlet::scene::{MaterialSpec, Object, Placement, Scene, Shape, ShapeOrMesh, Transport};
 use beamlet::stack::Stacks;
 use beamlet::trace::Ray;

@@ -1,7 +1,8 @@
 //! Compares the structs that kernels and host share: names, offsets and sizes, as compiled.
 #![allow(clippy::unwrap_used, reason = "tests panic")]
 
-use beamlet::gpu::{interface, shaders};
+use beamlet::gpu::shaders;
+use beamlet::interface;
 use beamlet::shared_structs;
 use std::collections::HashMap;
 
@@ -160,14 +161,38 @@ impl Module {
 
 #[test]
 fn every_shared_struct_has_the_same_layout_on_both_sides() {
+    let twins = interface::LAYOUTS.concat();
     let problems: Vec<_> = shaders::ALL
         .iter()
         .flat_map(|(shader, spirv)| {
-            let problems = Module::parse(spirv).compare(interface::LAYOUTS);
+            let problems = Module::parse(spirv).compare(&twins);
             problems.into_iter().map(move |problem| format!("{shader}: {problem}"))
         })
         .collect();
     assert!(problems.is_empty(), "{}", problems.join("\n"));
+}
+
+/// Shaders that read records word by word count from where the fields begin.
+#[test]
+fn words_of_fields_begin_where_the_host_has_them() {
+    let glsl = include_str!(concat!(env!("OUT_DIR"), "/interface.glsl"));
+    let structs: Vec<_> =
+        interface::LAYOUTS.concat().into_iter().filter(|s| !s.name.ends_with("Push")).collect();
+    assert!(structs.len() > 15, "{} structs", structs.len());
+    for shared in structs {
+        let mut prefix = String::new();
+        for letter in shared.name.chars() {
+            if letter.is_uppercase() && !prefix.is_empty() {
+                prefix.push('_');
+            }
+            prefix.extend(letter.to_uppercase());
+        }
+        let fields = shared.fields.iter().map(|&(name, at, _)| (name.to_uppercase(), at));
+        for (name, bytes) in fields.chain([("WORDS".to_owned(), shared.size)]) {
+            let line = format!("const uint {prefix}_{name} = {}u;", bytes / 4);
+            assert!(glsl.lines().any(|l| l == line), "no line {line}");
+        }
+    }
 }
 
 shared_structs! {

@@ -10,8 +10,8 @@
 mod reference;
 mod support;
 
-use beamlet::gpu::interface::{FLAG_DROPPED, FLAG_UNBALANCED};
 use beamlet::gpu::{Device, DeviceOptions};
+use beamlet::interface::{FLAG_DROPPED, FLAG_UNBALANCED};
 use beamlet::scene::{Scene, Transport};
 use beamlet::trace::{DeviceSample, Law, Media, Ray, TraceKernels, Tracer};
 use beamlet::{Backend, geometry};

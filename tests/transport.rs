@@ -11,7 +11,7 @@ mod reference;
 mod support;
 
 use beamlet::Backend;
-use beamlet::gpu::interface::{FLAG_EXACT, FLAG_REFLECTED};
+use beamlet::interface::{FLAG_EXACT, FLAG_REFLECTED};
 use beamlet::scene::Transport;
 use beamlet::trace::{Law, Moments, Ray};
 use reference::closed_form::{critical_angle, cylinder_deflection};

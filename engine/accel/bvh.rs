@@ -2,7 +2,7 @@
 //! triangles in the same order: drivers that split in input order need it.
 
 use crate::geometry::Sample;
-use crate::gpu::interface::{Leaf, Node, single};
+use crate::interface::{Leaf, NO_LEAF, Node, STACK, SURFACE_INDEX, single};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -16,14 +16,8 @@ use obvhs::cwbvh::node::CwBvhNode;
 use obvhs::ploc::PlocBuilder;
 use rayon::prelude::*;
 
-/// Stack of shaders/walk/node.glsl: one entry per level.
-const STACK: usize = 32;
-
 /// Triangles of a leaf: the most that the wide nodes can count.
 const MOST_IN_LEAF: u32 = 3;
-
-/// Bits of a leaf's surface word that index the surfaces; the kind stands above them.
-const SURFACE_LIMIT: usize = 1 << 28;
 
 /// Nodes and leaves as the shaders read them.
 #[derive(Debug, Clone, Default)]
@@ -34,7 +28,7 @@ pub struct Bvh {
     pub leaves: Vec<Leaf>,
     /// Padded boxes of the leaves, low and high corner.
     pub boxes: Vec<[[f32; 3]; 2]>,
-    /// For each leaf those across its edges opposite to a, b, c; `u32::MAX` at an open edge.
+    /// For each leaf those across its edges opposite to a, b, c; [`NO_LEAF`] at an open edge.
     pub neighbours: Vec<[u32; 3]>,
 }
 
@@ -49,7 +43,7 @@ impl Bvh {
         if sample.triangles.is_empty() {
             return Ok(Self::default());
         }
-        if sample.components.len() >= SURFACE_LIMIT {
+        if sample.components.len() > SURFACE_INDEX as usize {
             return Err(Error::mesh("sample", "has too many separate surfaces", ""));
         }
         let corners = |t: &[u32; 3]| t.map(|v| sample.vertices[v as usize]);
@@ -66,11 +60,11 @@ impl Bvh {
         };
         let boxes = || sample.triangles.par_iter().map(padded).collect();
         let mut bvh = wide_tree(boxes());
-        if depth(&bvh.nodes) > STACK {
+        if depth(&bvh.nodes) > STACK as usize {
             bvh = balanced(&boxes());
         }
         let depth = depth(&bvh.nodes);
-        if depth > STACK {
+        if depth > STACK as usize {
             return Err(Error::mesh(
                 "sample",
                 format!("its BVH is {depth} levels deep, {STACK} are allowed"),
@@ -92,11 +86,11 @@ impl Bvh {
             })
             .collect();
         let boxes = bvh.primitive_indices.par_iter().map(leaf_box).collect();
-        let mut place = vec![u32::MAX; across.len()];
+        let mut place = vec![NO_LEAF; across.len()];
         for (leaf, triangle) in (0..).zip(&bvh.primitive_indices) {
             place[*triangle as usize] = leaf;
         }
-        let leaf_of = |triangle: u32| place.get(triangle as usize).copied().unwrap_or(u32::MAX);
+        let leaf_of = |triangle: u32| place.get(triangle as usize).copied().unwrap_or(NO_LEAF);
         let neighbours =
             bvh.primitive_indices.iter().map(|i| across[*i as usize].map(leaf_of)).collect();
         Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes, neighbours })

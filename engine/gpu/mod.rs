@@ -15,7 +15,6 @@ mod device;
 mod failure;
 mod faults;
 mod instance;
-pub mod interface;
 mod kernel;
 mod physical;
 mod recorder;
@@ -23,6 +22,8 @@ mod retire;
 pub mod shaders;
 mod submission;
 
+// Until every file names the module where it stands.
+pub(crate) use crate::interface;
 pub use acceleration::AccelerationStructure;
 pub use buffer::{Buffer, Memory};
 pub use device::{Device, DeviceOptions};

@@ -10,16 +10,14 @@
 use super::light::LightRecord;
 use super::sums::Sums;
 use crate::Result;
-use crate::gpu::interface::{Cell, IlluminatePush, Strip};
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, shaders};
+use crate::interface::{Cell, GROUP, IlluminatePush, Strip};
 use crate::sampling::Strips;
 use crate::trace::push_bytes;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Invocations per workgroup in illuminate.comp.
-const GROUP: u32 = 64;
 /// Dispatches longer than this are cut.
 const LONG: Duration = Duration::from_millis(100);
 

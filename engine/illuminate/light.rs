@@ -7,8 +7,8 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use crate::gpu::interface::{Address, Aperture, Column, Light, Mask, SpotPart};
 use crate::gpu::{Buffer, Device};
+use crate::interface::{Address, Aperture, Column, Light, Mask, SpotPart};
 use crate::sampling::{Lattice, column};
 use crate::scene::{MaskBody, MaskSpec, Scene};
 use crate::spot::PlacedPart;

@@ -10,14 +10,11 @@
 use super::light::LightRecord;
 use super::sums::Sums;
 use crate::Result;
-use crate::gpu::interface::{Pixel, RandomLightPush, RandomRaysPush};
 use crate::gpu::{Device, Kernel, shaders};
+use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
 use crate::scene::Scene;
 use crate::trace::{Tracer, push_bytes};
 use std::sync::Arc;
-
-/// Invocations per workgroup of both kernels.
-const GROUP: u32 = 64;
 
 /// Kernels of the random scheme.
 #[derive(Debug)]

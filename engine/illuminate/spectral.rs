@@ -21,7 +21,7 @@ mod sums;
 use super::light::{LightRecord, MaskShape, Part};
 use crate::Result;
 use crate::gpu::Device;
-use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::material::Constants;
 use crate::sampling::{CellMoments, Lattice, Strips};
 use crate::scene::Scene;

@@ -1,7 +1,7 @@
 //! Whether moments that were read can be those of their run: a file may have a good hash and
 //! come from a broken program or hand. What follows indexes and loops by these numbers.
 
-use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
+use crate::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
 use crate::sampling::{ExactCell, Lattice, Strips};
 use std::ops::Range;
 

@@ -5,8 +5,8 @@
 //! under another name and renamed when its view is committed.
 
 use super::content::Bounds;
-use crate::gpu::interface::{Cell, Law, MOMENTS_PER_MATERIAL, Strip};
 use crate::illuminate::NARROW;
+use crate::interface::{Cell, Law, MOMENTS_PER_MATERIAL, Strip};
 use crate::sampling::{CellMoments, ExactCell, Strips};
 use crate::stack::refuse_link;
 use crate::{Error, Result, input_file};

@@ -236,7 +236,7 @@ impl KeptSource<'_> {
         covered: &mut Covered,
         mut take: impl FnMut(Strips) -> Result<()>,
     ) -> Result<()> {
-        let words = self.media.names.len() * crate::gpu::interface::MOMENTS_PER_MATERIAL;
+        let words = self.media.names.len() * crate::interface::MOMENTS_PER_MATERIAL;
         let bounds = Bounds::of(self.relattice.old(), view);
         let old_rows = self.relattice.old_rows(rows);
         self.kept.views[view as usize]

@@ -8,7 +8,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::sampling::{
     CellMoments, ExactCell, Lattice, Strips, blank_strips, empty_cell, empty_strip,
 };

@@ -1,8 +1,8 @@
 //! Cells that one scene made of kept moments, for the next ones that would make the same.
 
 use super::relattice::{Covered, Relattice};
-use crate::gpu::interface::{Cell, Strip};
 use crate::illuminate::Spectral;
+use crate::interface::{Cell, Strip};
 use crate::sampling::Strips;
 use std::collections::HashMap;
 use std::ops::Range;

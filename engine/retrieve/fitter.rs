@@ -7,8 +7,11 @@
 )]
 
 use super::curves::Curves;
-use crate::gpu::interface::{FitPush, Step};
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use crate::interface::{
+    FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
+    FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, GROUP, Step,
+};
 use crate::{Engine, Error, Result};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
@@ -16,12 +19,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Invocations per workgroup.
-const GROUP: u32 = 64;
 /// Curves on the device at once: 84 MB with 11 steps.
 const AT_ONCE: usize = 1 << 20;
-/// Values that the kernel writes per curve.
-const VALUES: usize = 10;
 /// Dispatches are kept below this: desktop drivers end long ones.
 const LONG: Duration = Duration::from_millis(80);
 
@@ -159,7 +158,7 @@ impl Fitter {
         let mut all = Curves::new(count);
         let room = count.min(AT_ONCE) as u64;
         let input = self.device.buffer("curves", room * steps as u64 * 4, Memory::Device)?;
-        let output = self.device.buffer("fits", room * VALUES as u64 * 4, Memory::Device)?;
+        let output = self.device.buffer("fits", room * FIT_VALUES as u64 * 4, Memory::Device)?;
         let mut batch = 1_u32 << 15;
         for start in (0..count).step_by(AT_ONCE) {
             let n = (count - start).min(AT_ONCE);
@@ -175,7 +174,7 @@ impl Fitter {
                 }
             }
             self.dispatch(&input, &output, n as u32, &mut batch, cancel)?;
-            let values: Vec<f32> = output.read(0, n * VALUES)?;
+            let values: Vec<f32> = output.read(0, n * FIT_VALUES)?;
             self.take(&values, start, &mut all);
         }
         Ok(all)
@@ -224,23 +223,23 @@ impl Fitter {
 
     /// From planes of values in half widths to curves in the offsets' unit.
     fn take(&self, values: &[f32], start: usize, all: &mut Curves) {
-        let n = values.len() / VALUES;
+        let n = values.len() / FIT_VALUES;
         let plane = |index: usize| &values[index * n..(index + 1) * n];
         let lengths = |index: usize, zero: f64| {
             plane(index).iter().map(move |v| (zero + self.half * f64::from(*v)) as f32)
         };
         let area = |(a, w): (&f32, &f32)| (f64::from(*a) * self.half * f64::from(*w)) as f32;
-        fill(&mut all.area, start, plane(0).iter().zip(plane(2)).map(area));
-        fill(&mut all.amplitude, start, plane(0).iter().copied());
-        fill(&mut all.centre, start, lengths(1, self.middle));
-        fill(&mut all.width, start, lengths(2, 0.0));
-        fill(&mut all.background, start, plane(3).iter().map(|b| b - self.pedestal));
-        fill(&mut all.residual, start, plane(4).iter().copied());
-        fill(&mut all.area_sigma, start, plane(5).iter().copied());
-        fill(&mut all.centre_sigma, start, lengths(6, 0.0));
-        fill(&mut all.width_sigma, start, lengths(7, 0.0));
-        fill(&mut all.condition, start, plane(8).iter().copied());
-        for (to, from) in all.flags[start..start + n].iter_mut().zip(plane(9)) {
+        fill(&mut all.area, start, plane(FIT_AMPLITUDE).iter().zip(plane(FIT_WIDTH)).map(area));
+        fill(&mut all.amplitude, start, plane(FIT_AMPLITUDE).iter().copied());
+        fill(&mut all.centre, start, lengths(FIT_CENTRE, self.middle));
+        fill(&mut all.width, start, lengths(FIT_WIDTH, 0.0));
+        fill(&mut all.background, start, plane(FIT_BACKGROUND).iter().map(|b| b - self.pedestal));
+        fill(&mut all.residual, start, plane(FIT_RESIDUAL).iter().copied());
+        fill(&mut all.area_sigma, start, plane(FIT_AREA_SIGMA).iter().copied());
+        fill(&mut all.centre_sigma, start, lengths(FIT_CENTRE_SIGMA, 0.0));
+        fill(&mut all.width_sigma, start, lengths(FIT_WIDTH_SIGMA, 0.0));
+        fill(&mut all.condition, start, plane(FIT_CONDITION).iter().copied());
+        for (to, from) in all.flags[start..start + n].iter_mut().zip(plane(FIT_FLAGS)) {
             *to = *from as u32;
         }
     }

@@ -1,24 +1,26 @@
 //! What the bits of a flag image mean. A curve has ten bits; in the image the flat's come first
 //! and the sample's follow, so that every value is a small integer that f32 holds exactly.
 
+use crate::interface;
+
 /// All values are the same, or none is above another: a dead pixel, or no light.
-pub const DEAD: u32 = 1;
+pub const DEAD: u32 = interface::CURVE_DEAD;
 /// A value is not a number or infinite.
-pub const NOT_FINITE: u32 = 2;
+pub const NOT_FINITE: u32 = interface::CURVE_NOT_FINITE;
 /// Values at or above the saturation were left out.
-pub const SATURATED: u32 = 4;
+pub const SATURATED: u32 = interface::CURVE_SATURATED;
 /// Fewer values are left than the method needs.
-pub const FEW: u32 = 8;
+pub const FEW: u32 = interface::CURVE_FEW;
 /// The fit did not settle.
-pub const NOT_CONVERGED: u32 = 16;
+pub const NOT_CONVERGED: u32 = interface::CURVE_NOT_CONVERGED;
 /// The condition number of the normal equations (unit diagonal) passes 100.
-pub const ILL_CONDITIONED: u32 = 32;
+pub const ILL_CONDITIONED: u32 = interface::CURVE_ILL_CONDITIONED;
 /// The width is beyond what the offsets can tell: a third of their least distance, or the scan.
-pub const WIDTH: u32 = 64;
+pub const WIDTH: u32 = interface::CURVE_WIDTH;
 /// The centre lies outside the scan: extrapolated.
-pub const OUTSIDE: u32 = 128;
+pub const OUTSIDE: u32 = interface::CURVE_OUTSIDE;
 /// No peak: its amplitude is not above three times its own uncertainty.
-pub const NO_PEAK: u32 = 256;
+pub const NO_PEAK: u32 = interface::CURVE_NO_PEAK;
 /// The curve does not fall off within the scan (moments), or the steps do not meet its slopes
 /// (two-step).
 pub const TRUNCATED: u32 = 512;

@@ -3,7 +3,7 @@
 
 use super::curves::Curves;
 use super::flags;
-use crate::gpu::interface::single;
+use crate::interface::single;
 use ndarray::Array2;
 use std::ops::Range;
 

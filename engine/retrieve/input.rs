@@ -63,7 +63,7 @@ impl Input {
         // The largest number stands for all that was clipped to it.
         let saturation = numbers
             .and_then(|n| n.bit_depth)
-            .map(|bits| crate::gpu::interface::single(libm::exp2(f64::from(bits)) - 1.0));
+            .map(|bits| crate::interface::single(libm::exp2(f64::from(bits)) - 1.0));
         let noise = match numbers {
             Some(n) => Some([Detection::variance_per_value(&scene)?, n.electronic_noise]),
             None => None,
@@ -240,7 +240,7 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
         }
     }
     let count = (views * steps) as f64;
-    let mean = sum.mapv(|sum| crate::gpu::interface::single(sum / count));
+    let mean = sum.mapv(|sum| crate::interface::single(sum / count));
     match mean.iter().position(|value| !value.is_finite()) {
         None => Ok(mean),
         Some(at) => {

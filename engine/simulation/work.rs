@@ -13,10 +13,10 @@ use super::Simulation;
 use crate::Error;
 use crate::Result;
 use crate::gpu::Device;
-use crate::gpu::interface::Pixel;
 use crate::illuminate::{
     Cast, CellIlluminator, KnownBars, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
 };
+use crate::interface::Pixel;
 use crate::run::{Control, Progress, Tally, ViewProgress};
 use crate::sampling::{self, Shadow, Strips};
 use crate::scene::Scheme;

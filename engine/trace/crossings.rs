@@ -3,13 +3,11 @@
 use super::tracer::push_bytes;
 use super::upload::DeviceSample;
 use crate::Result;
-use crate::gpu::interface::{Crossing, CrossingsPush, MetSurface, Ray};
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use crate::interface::{Crossing, CrossingsPush, GROUP, MetSurface, Ray};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Invocations per workgroup in crossings.comp.
-const GROUP: u32 = 64;
 /// Rays whose crossings lie on the device at once.
 const RAYS: u32 = 1 << 15;
 /// Dispatches aim at this, well short of a desktop driver's time-out.

@@ -6,7 +6,7 @@ mod moments;
 mod tracer;
 mod upload;
 
-pub use crate::gpu::interface::{Law, MetSurface, Ray};
+pub use crate::interface::{Law, MetSurface, Ray};
 pub use crossings::CrossingFinder;
 pub use media::Media;
 pub(crate) use moments::grazing;

@@ -1,6 +1,9 @@
 //! Moments of rays: sums over crossings that do not depend on energy, masks or steps.
 
-use crate::gpu::interface::{FLAG_SHARE_SHIFT, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
+use crate::interface::{
+    FLAG_SHARE_SHIFT, Law, MOMENTS_BALANCE, MOMENTS_CROSSINGS, MOMENTS_HEAD, MOMENTS_LEVER,
+    MOMENTS_PATH, MOMENTS_PER_MATERIAL, MOMENTS_SLOPE,
+};
 
 /// Least cosine of incidence of a ray over that below which rays are walked in order.
 pub(crate) fn grazing(law: &Law) -> f64 {
@@ -59,7 +62,7 @@ impl Moments {
     /// Where there is no such ray.
     #[must_use]
     pub fn balance(&self, ray: usize) -> u32 {
-        self.ray(ray)[1]
+        self.ray(ray)[MOMENTS_BALANCE]
     }
 
     /// Crossings of a ray.
@@ -68,7 +71,7 @@ impl Moments {
     /// Where there is no such ray.
     #[must_use]
     pub fn crossings(&self, ray: usize) -> u32 {
-        self.ray(ray)[3]
+        self.ray(ray)[MOMENTS_CROSSINGS]
     }
 
     /// Moments of a ray in a material.
@@ -80,6 +83,7 @@ impl Moments {
         assert!(material < self.materials, "material {material} of {}", self.materials);
         let at = MOMENTS_HEAD + material * MOMENTS_PER_MATERIAL;
         let m: &[f32] = bytemuck::cast_slice(&self.ray(ray)[at..at + MOMENTS_PER_MATERIAL]);
-        Moment { path: m[0], lever: [m[1], m[2]], slope: [m[3], m[4]] }
+        let pair = |at: usize| [m[at], m[at + 1]];
+        Moment { path: m[MOMENTS_PATH], lever: pair(MOMENTS_LEVER), slope: pair(MOMENTS_SLOPE) }
     }
 }

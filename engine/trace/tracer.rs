@@ -5,8 +5,11 @@ mod kernels;
 mod ordered;
 
 use super::upload::DeviceSample;
-use crate::gpu::interface::{Crossing, Law, MATERIALS_IN_REGISTERS, Ray, TracePush};
 use crate::gpu::{Buffer, Device, LazyKernel, Memory};
+use crate::interface::{
+    Crossing, Law, MATERIALS_IN_REGISTERS, Ray, TALLY_COUNTERS, TALLY_DROPPED, TALLY_NOT_FINITE,
+    TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED, TracePush,
+};
 use crate::run::{Backend, Tally};
 use crate::scene::Transport;
 use crate::{Result, reserve};
@@ -18,10 +21,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Invocations per workgroup of all kernels here.
-const GROUP: u32 = 64;
-/// Counters of the device.
-const TALLY: usize = 5;
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
 const FIRST_BATCH: u32 = 1 << 16;
 /// Most rays of a batch.
@@ -70,7 +69,7 @@ struct Counts {
     rays: AtomicU64,
     exact: AtomicU64,
     retraced: AtomicU64,
-    device: [AtomicU64; TALLY],
+    device: [AtomicU64; TALLY_COUNTERS],
 }
 
 impl Tracer {
@@ -99,7 +98,7 @@ impl Tracer {
             transport,
             node: None,
             batch: Batch::new(device, capacity, sample.materials)?,
-            tally: device.upload("tally", &[0_u32; TALLY])?,
+            tally: device.upload("tally", &[0_u32; TALLY_COUNTERS])?,
             lists: device.buffer(
                 "crossings in order",
                 u64::from(LISTED) * size_of::<Crossing>() as u64,
@@ -331,9 +330,9 @@ impl Tracer {
     /// [`crate::Error::Device`].
     pub fn tally(&self) -> Result<Tally> {
         // Device counters are 32 bits wide: move them to the host before they could overflow.
-        let device: Vec<u32> = self.tally.read(0, TALLY)?;
-        self.tally.write(0, &[0_u32; TALLY])?;
-        let mut sums = [0_u64; TALLY];
+        let device: Vec<u32> = self.tally.read(0, TALLY_COUNTERS)?;
+        self.tally.write(0, &[0_u32; TALLY_COUNTERS])?;
+        let mut sums = [0_u64; TALLY_COUNTERS];
         for ((sum, kept), new) in sums.iter_mut().zip(&self.counts.device).zip(device) {
             *sum = kept.fetch_add(new.into(), Ordering::Relaxed) + u64::from(new);
         }
@@ -341,11 +340,11 @@ impl Tracer {
             rays: self.counts.rays.load(Ordering::Relaxed),
             exact: self.counts.exact.load(Ordering::Relaxed),
             retraced: self.counts.retraced.load(Ordering::Relaxed),
-            unbalanced: sums[0],
-            dropped: sums[1],
-            reflected: sums[2],
-            not_finite: sums[3],
-            unordered: sums[4],
+            unbalanced: sums[TALLY_UNBALANCED],
+            dropped: sums[TALLY_DROPPED],
+            reflected: sums[TALLY_REFLECTED],
+            not_finite: sums[TALLY_NOT_FINITE],
+            unordered: sums[TALLY_UNORDERED],
             ..Tally::default()
         })
     }

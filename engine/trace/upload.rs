@@ -11,8 +11,8 @@ use super::media::Media;
 use crate::Result;
 use crate::accel::Bvh;
 use crate::geometry;
-use crate::gpu::interface::{self, Surface, View, single};
 use crate::gpu::{AccelerationStructure, Buffer, Device};
+use crate::interface::{self, Surface, View, single};
 use crate::scene::{self, Scene, Transport};
 use std::sync::Arc;
 

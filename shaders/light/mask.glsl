@@ -20,14 +20,14 @@ Place next_place(Mask mask, Place place) {
 // The aperture there; the only one of a period without a look at memory.
 Aperture aperture_of(Mask mask, Place place) {
     if (mask.count == 1u) return Aperture(mask.first, mask.last);
-    return mask.apertures.at[place.aperture];
+    return Apertures(mask.apertures).at[place.aperture];
 }
 
 // Share of the period that is open.
 float open_part(Mask mask) {
     float open = 0.0;
     for (uint i = 0u; i < mask.count; i++) {
-        open += mask.apertures.at[i].high - mask.apertures.at[i].low;
+        open += Apertures(mask.apertures).at[i].high - Apertures(mask.apertures).at[i].low;
     }
     return open / mask.period;
 }
@@ -87,13 +87,13 @@ float edge_variance(float depth) {
 uint layers_of(Bars bars, float period, float blur) {
     float variance = max(bars.variance, 1e-24);
     float most = bars.open * sqrt(variance) / (period * LAYER_ERROR);
-    float skew = 0.1 * min(bars.depth / 9.0, 1.0);
+    float skew = EDGE_SKEWNESS * min(bars.depth / 9.0, 1.0);
     uint n = 1u;
     do {
         float count = float(n);
         float blurred = blur * blur * count;
         float flatness = variance / (variance + blurred * count);
-        float error = skew * variance / (variance + blurred) + 0.035 * flatness * flatness;
+        float error = skew * variance / (variance + blurred) + EDGE_FLATNESS * flatness * flatness;
         if (most * error <= count * count) break;
         n++;
     } while (n < MOST_LAYERS);

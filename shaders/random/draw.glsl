@@ -26,8 +26,8 @@ Draw draw(Light light, Pixel pixel, uint view, uvec2 seed, uint ray, uvec2 rays)
     vec2 target = (vec2(place) + 0.5) / vec2(rays) - 0.5;
     float pick = float(bits.z >> 8) / 16777216.0;
     uint k = 0u;
-    while (pick >= light.spot_parts.at[k].below) k++;
-    SpotPart part = light.spot_parts.at[k];
+    while (pick >= SpotParts(light.spot_parts).at[k].below) k++;
+    SpotPart part = SpotParts(light.spot_parts).at[k];
     return Draw(vec2(part.x, part.z) + gauss * vec2(part.deviation_x, part.deviation_z),
                 vec2(target.x * light.column_pitch, -target.y * light.row_pitch));
 }

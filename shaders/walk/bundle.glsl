@@ -4,10 +4,6 @@
 // comparisons of intervals. Padded boxes hold whatever a ray crosses, so every ray has its
 // crossings, in the order of the single walk, whatever its company: the same bits.
 
-const uint NODE_WORDS = 20u;
-const uint LEAF_WORDS = 13u;
-const uint SURFACE_WORDS = 5u;
-
 // Nodes that a bundle may visit before its rays are tested against inner children too: so many,
 // and so many per triangle that some ray crosses.
 const uint NODES = 64u;
@@ -71,27 +67,26 @@ Box box_of_lane(Box box, uint lane) {
 }
 
 Children children_of(Words nodes, uint node, View view, Bounds bounds) {
-    uint at = node * NODE_WORDS;
-    uint first = nodes.at[at + LANE];
-    uint second = nodes.at[at + 8u + LANE];
-    uint third = nodes.at[at + 16u + (LANE & 3u)];
-    vec3 origin = vec3(NUMBER(first, 0u), NUMBER(first, 1u), NUMBER(first, 2u));
-    uint exponents = WORD(first, 3u);
+    Record record = record_at(nodes, node, NODE_WORDS);
+    vec3 origin = numbers_of(record, NODE_ORIGIN);
+    uint exponents = word_of(record, NODE_EXPONENTS);
     vec3 scale = vec3(uintBitsToFloat((exponents & 0xffu) << 23),
                       uintBitsToFloat((exponents & 0xff00u) << 15),
                       uintBitsToFloat((exponents & 0xff0000u) << 7));
     // Four children to a word.
     uint word = LANE >> 2;
     uint shift = (LANE & 3u) * 8u;
-    uvec3 low = uvec3(WORD(second, word), WORD(second, 4u + word), WORD(third, word));
-    uvec3 high = uvec3(WORD(second, 2u + word), WORD(second, 6u + word), WORD(third, 2u + word));
-    uint meta = WORD(first, 6u + word) >> shift & 0xffu;
+    uvec3 low = uvec3(word_of_two(record, NODE_MIN_X, word), word_of_two(record, NODE_MIN_Y, word),
+                      word_of_two(record, NODE_MIN_Z, word));
+    uvec3 high = uvec3(word_of_two(record, NODE_MAX_X, word), word_of_two(record, NODE_MAX_Y, word),
+                       word_of_two(record, NODE_MAX_Z, word));
+    uint meta = word_of_two(record, NODE_META, word) >> shift & 0xffu;
     Children children;
     children.box = box_from_world(vec3(low >> shift & 0xffu) * scale + origin,
                                   vec3(high >> shift & 0xffu) * scale + origin, view);
     children.bits = meets(bounds, children.box) ? (meta >> 5) << (meta & 31u) : 0u;
-    children.base = WORD(first, 4u);
+    children.base = word_of(record, NODE_CHILD_BASE);
     children.inner = exponents >> 24;
-    children.leaf_base = WORD(first, 5u);
+    children.leaf_base = word_of(record, NODE_LEAF_BASE);
     return children;
 }

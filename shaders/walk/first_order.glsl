@@ -1,20 +1,6 @@
 // What the kernels of the order-free walk share: what they are given, and where laws go.
 
-layout(push_constant, scalar) uniform TracePush {
-    SampleRef sample_ref;
-    Rays rays;
-    Words moments;  // [ray][MOMENTS_HEAD + materials * MOMENTS_PER_MATERIAL]
-    Laws laws;
-    Words exact;      // [0]: count, then indices of rays to trace in order
-    Words unbalanced; // [0]: count, then indices of rays to trace again
-    Words list;       // [0]: count, then indices of rays to trace, where `listed`
-    Words tally;
-    uint count;
-    uint materials;
-    uint listed;
-    uint last;   // no further attempt follows
-    float nudge; // moves the rays in x, and in z by 0.7 of it, m
-} push;
+#include "interface/TracePush.glsl"
 
 #define sample_ push.sample_ref.at[0]
 

@@ -1,6 +1,5 @@
 // Follows a ray through the sample, crossing by crossing of its list.
 
-const uint CROSSINGS = 1u << 20;  // of one list
 const uint SEARCHES = 1u << 12;   // of one ray
 const float SAME_PLACE = 2e-9;    // m; what rounding leaves of a place across a facet
 const uint REFLECTION_HASH = 0x9e3779b9u;

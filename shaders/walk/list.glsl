@@ -23,7 +23,7 @@ void list_set(Gathered list, uint i, Crossing crossing) {
 }
 
 uint surface_at(uint leaf) {
-    return sample_.leaves.at[leaf].surface & 0x0fffffffu;
+    return sample_.leaves.at[leaf].surface & SURFACE_INDEX;
 }
 
 uint object_of(Crossing crossing) {

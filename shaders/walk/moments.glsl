@@ -19,10 +19,10 @@ Run run_begin() {
 }
 
 void head_of_moments(uint head, Law law, uint balance) {
-    push.moments.at[head] = law.signature;
-    push.moments.at[head + 1u] = balance;
-    push.moments.at[head + 2u] = law.flags;
-    push.moments.at[head + 3u] = law.crossings;
+    push.moments.at[head + MOMENTS_SIGNATURE] = law.signature;
+    push.moments.at[head + MOMENTS_BALANCE] = balance;
+    push.moments.at[head + MOMENTS_FLAGS] = law.flags;
+    push.moments.at[head + MOMENTS_CROSSINGS] = law.crossings;
 }
 
 #ifdef SUMS_IN_REGISTERS
@@ -72,15 +72,15 @@ void sums_end(Sums sums, uint index, Law law, uint balance) {
     if (uvec2(push.moments) == uvec2(0u)) return;
     uint head = index * (MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL);
     head_of_moments(head, law, balance);
-    Floats moments = Floats(push.moments);
+    Floats moments = Floats(uvec2(push.moments));
     EACH_MATERIAL {
         uint first = head + MOMENTS_HEAD + m * MOMENTS_PER_MATERIAL;
         if (m < push.materials) {
-            moments.at[first] = sums.path[m];
-            moments.at[first + 1] = sums.lever[m].x;
-            moments.at[first + 2] = sums.lever[m].y;
-            moments.at[first + 3] = sums.slope[m].x;
-            moments.at[first + 4] = sums.slope[m].y;
+            moments.at[first + MOMENTS_PATH] = sums.path[m];
+            moments.at[first + MOMENTS_LEVER] = sums.lever[m].x;
+            moments.at[first + MOMENTS_LEVER + 1u] = sums.lever[m].y;
+            moments.at[first + MOMENTS_SLOPE] = sums.slope[m].x;
+            moments.at[first + MOMENTS_SLOPE + 1u] = sums.slope[m].y;
         }
     }
 }
@@ -103,26 +103,26 @@ uint sums_place(Sums sums, uint material) {
 }
 
 void sums_add(inout Sums sums, uint material, float sign_, Run run) {
-    Floats moments = Floats(push.moments);
+    Floats moments = Floats(uvec2(push.moments));
     uint m = sums_place(sums, material);
-    moments.at[m] += sign_ * run.path;
-    moments.at[m + 1] += sign_ * run.lever.x;
-    moments.at[m + 2] += sign_ * run.lever.y;
-    moments.at[m + 3] += sign_ * run.slope.x;
-    moments.at[m + 4] += sign_ * run.slope.y;
+    moments.at[m + MOMENTS_PATH] += sign_ * run.path;
+    moments.at[m + MOMENTS_LEVER] += sign_ * run.lever.x;
+    moments.at[m + MOMENTS_LEVER + 1u] += sign_ * run.lever.y;
+    moments.at[m + MOMENTS_SLOPE] += sign_ * run.slope.x;
+    moments.at[m + MOMENTS_SLOPE + 1u] += sign_ * run.slope.y;
 }
 
 Law law_of(Sums sums, Run run) {
-    Floats moments = Floats(push.moments);
+    Floats moments = Floats(uvec2(push.moments));
     Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
     for (uint m = 0u; m < push.materials; m++) {
         Constants k = sample_.constants.at[m];
         uint base = sums_place(sums, m);
-        law.optical_depth += k.mu * moments.at[base];
-        law.displacement_x += k.delta * moments.at[base + 1];
-        law.displacement_z += k.delta * moments.at[base + 2];
-        law.slope_x += k.delta * moments.at[base + 3];
-        law.slope_z += k.delta * moments.at[base + 4];
+        law.optical_depth += k.mu * moments.at[base + MOMENTS_PATH];
+        law.displacement_x += k.delta * moments.at[base + MOMENTS_LEVER];
+        law.displacement_z += k.delta * moments.at[base + MOMENTS_LEVER + 1u];
+        law.slope_x += k.delta * moments.at[base + MOMENTS_SLOPE];
+        law.slope_z += k.delta * moments.at[base + MOMENTS_SLOPE + 1u];
     }
     return law;
 }

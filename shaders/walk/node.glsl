@@ -1,6 +1,4 @@
-// The tree: how deep it is, and which of a node's children comes next.
-
-const uint STACK = 32u; // the host refuses deeper trees
+// Which of a node's children comes next.
 
 // Takes the next inner child off a group (x: base, y: bits from 24 on and the inner mask).
 uint pop_child(inout uvec2 group) {

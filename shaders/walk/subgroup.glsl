@@ -2,7 +2,7 @@
 // of 16 the second eight hold the same as the first, where a value is one per lane.
 // Shuffles rather than broadcasts: on CPU devices they are single instructions.
 
-#define LANE (gl_SubgroupInvocationID & 7u)
+#define LANE (gl_SubgroupInvocationID & (BUNDLE_LANES - 1u))
 #define WORD(lanes, lane) subgroupShuffle(lanes, lane)
 #define NUMBER(lanes, lane) uintBitsToFloat(subgroupShuffle(lanes, lane))
 
@@ -29,6 +29,46 @@ vec4 least_of_lanes(vec4 v) {
     v = min(v, subgroupShuffleXor(v, 4u));
     if (gl_SubgroupSize > 8u) v = min(v, subgroupShuffleXor(v, 8u));
     return v;
+}
+
+// A record of at most three rows of words: word i lies in lane i % 8 of row i / 8. Where each
+// field begins comes from the struct (NODE_ORIGIN, ...).
+struct Record {
+    uint first;
+    uint second;
+    uint third;
+};
+
+// Record `index` of an array, of `size` words.
+Record record_at(Words words, uint index, uint size) {
+    uint at = index * size;
+    uint last = at + size - 1u;
+    Record record = Record(words.at[min(at + LANE, last)], 0u, 0u);
+    if (size > BUNDLE_LANES) record.second = words.at[min(at + BUNDLE_LANES + LANE, last)];
+    if (size > 2u * BUNDLE_LANES) record.third = words.at[min(at + 2u * BUNDLE_LANES + LANE, last)];
+    return record;
+}
+
+uint row_of(Record record, uint at) {
+    return at < BUNDLE_LANES ? record.first
+        : (at < 2u * BUNDLE_LANES ? record.second : record.third);
+}
+
+uint word_of(Record record, uint at) {
+    return WORD(row_of(record, at), at % BUNDLE_LANES);
+}
+
+float number_of(Record record, uint at) {
+    return NUMBER(row_of(record, at), at % BUNDLE_LANES);
+}
+
+vec3 numbers_of(Record record, uint at) {
+    return vec3(number_of(record, at), number_of(record, at + 1u), number_of(record, at + 2u));
+}
+
+// The first or second word of a field, which stand in one row.
+uint word_of_two(Record record, uint at, uint which) {
+    return WORD(row_of(record, at), at % BUNDLE_LANES + which);
 }
 
 // One stack for all: entry i lies in lane i % 8 of bank i / 8.

@@ -18,8 +18,8 @@ mod closed;
 #[path = "../reference/mod.rs"]
 mod reference;
 
-use beamlet::gpu::interface::FLAG_UNBALANCED;
 use beamlet::gpu::{Device, DeviceOptions};
+use beamlet::interface::FLAG_UNBALANCED;
 use beamlet::scene::{Scene, Transport};
 use beamlet::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
 use beamlet::{Backend, geometry};

@@ -10,8 +10,8 @@
 
 use super::join::Limits;
 use super::{NEGLIGIBLE, Spectral};
-use crate::gpu::interface::Strip;
 use crate::illuminate::light::MaskShape;
+use crate::interface::Strip;
 use crate::sampling::Strips;
 use rayon::prelude::*;
 use std::ops::Range;

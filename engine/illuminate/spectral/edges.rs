@@ -7,14 +7,11 @@
 //! more; where they are too large, light goes energy by energy, with the layers of each.
 
 use super::super::light::MaskShape;
+use crate::interface::{EDGE_FLATNESS, EDGE_SKEWNESS};
 
 /// What a group of energies may leave out, of open beam. Estimates are within a factor of two of
 /// what is measured.
 const TOLERANCE: f64 = 1e-5;
-/// What one Gaussian leaves out by the skewness and the flatness of an edge: `layers_of` in
-/// light/mask.glsl.
-const SKEWNESS: f64 = 0.1;
-const FLATNESS: f64 = 0.035;
 
 /// Spread of the edges of both masks over the energies; lengths on the analyser.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,7 +70,7 @@ impl SharedEdges {
             let width = slope * softness;
             let variance = width * width;
             let narrow = variance / (variance + self.blur * self.blur).max(f64::MIN_POSITIVE);
-            width * (SKEWNESS * narrow + FLATNESS * narrow * narrow)
+            width * (EDGE_SKEWNESS * narrow + EDGE_FLATNESS * narrow * narrow)
         });
         together + alone[0] + alone[1] <= TOLERANCE * self.period
     }

@@ -2,7 +2,7 @@
 
 use super::{NodeLaw, Spectral};
 use crate::Result;
-use crate::gpu::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
+use crate::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
 use crate::material::Constants;
 use crate::sampling::{ExactCell, Strips};
 use crate::scene::{Scene, Transport};

@@ -1,8 +1,8 @@
 //! Buffers of the rays that are traced together.
 
 use crate::Result;
-use crate::gpu::interface::{Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray};
 use crate::gpu::{Buffer, Device, Memory};
+use crate::interface::{Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray};
 use std::sync::Arc;
 
 /// Buffers of one batch.

@@ -1,17 +1,15 @@
 //! Kernels of the walks.
 
-use super::{GROUP, push_bytes};
-use crate::gpu::interface::{ExactPush, TracePush};
+use super::push_bytes;
 use crate::gpu::{Device, LazyKernel, shaders};
+use crate::interface::{BUNDLE_LANES, ExactPush, GROUP, RAYS_PER_LANE, TracePush};
 use crate::run::Backend;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 /// Sizes of subgroups whose rays walk the tree as a bundle. Smaller ones cannot hold a node; in
 /// larger ones too few of the rays meet the same nodes.
-const BUNDLES: RangeInclusive<u32> = 8..=16;
-/// Rays of each lane of a bundle, as in `trace_bundles.comp`.
-const RAYS_PER_LANE: u32 = 4;
+const BUNDLES: RangeInclusive<u32> = BUNDLE_LANES..=2 * BUNDLE_LANES;
 
 /// The kernels of one device, each made when it is first wanted.
 #[derive(Debug)]

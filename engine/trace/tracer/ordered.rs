@@ -1,9 +1,9 @@
 //! Rays in order: several attempts, and lists of crossings as long as each ray needs.
 
-use super::{GROUP, LONG, NUDGES, Tracer};
+use super::{LONG, NUDGES, Tracer};
 use crate::Result;
-use crate::gpu::interface::{ExactPush, Law, Ray};
 use crate::gpu::{Buffer, Kernel};
+use crate::interface::{ExactPush, GROUP, LONGEST_LIST, Law, Ray};
 use crate::run::Backend;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -11,9 +11,8 @@ use std::time::Duration;
 
 /// Rays at nodes of the spectrum that are traced in order together at most.
 const AT_NODES: u32 = 1 << 15;
-/// Crossings that lists of rays in order hold at first, and at most, as in exact.comp.
+/// Crossings that lists of rays in order hold at first.
 const SHORT_LIST: u32 = 64;
-const LONGEST_LIST: u32 = 1 << 20;
 /// Crossings that all lists hold together.
 pub(super) const LISTED: u32 = 1 << 21;
 

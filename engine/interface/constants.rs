@@ -1,0 +1,125 @@
+//! Numbers that host and shaders share.
+
+shared_constants! {
+    /// Invocations of a workgroup, of every kernel.
+    GROUP: u32 = 64;
+
+    /// Lanes that hold the words of a record of a bundle, a word each: the least subgroup of
+    /// `trace_bundles.comp`. Subgroups of twice as many hold everything twice.
+    BUNDLE_LANES: u32 = 8;
+    /// Rays of each lane of a bundle.
+    RAYS_PER_LANE: u32 = 4;
+    /// Levels of the software BVH: entries of the stack of a walk.
+    STACK: u32 = 32;
+    /// Bits of a leaf's surface word that index the surfaces; the kind stands above them.
+    SURFACE_INDEX: u32 = (1 << 28) - 1;
+    /// In place of a neighbour at an open edge.
+    NO_LEAF: u32 = u32::MAX;
+
+    /// Of a crossing on a list: the ray goes into the object.
+    FACET_ENTERED: u32 = 1 << 31;
+    /// Of a crossing on a list: the bent ray does not cross here.
+    FACET_MISSED: u32 = 1 << 30;
+    /// Of a crossing on a list: bits of the leaf.
+    FACET_LEAF: u32 = FACET_MISSED - 1;
+    /// Crossings that the longest list of a ray in order holds.
+    LONGEST_LIST: u32 = 1 << 20;
+
+    /// Words at the head of a ray's moments.
+    MOMENTS_HEAD: usize = 4;
+    /// Word of the head: hash of the crossings per object, the same in any order.
+    MOMENTS_SIGNATURE: usize = 0;
+    /// Word of the head: sum of +- a hash per crossing, 0 where every object was left as often as
+    /// entered.
+    MOMENTS_BALANCE: usize = 1;
+    /// Word of the head: `FLAG_` bits.
+    MOMENTS_FLAGS: usize = 2;
+    /// Word of the head: crossings.
+    MOMENTS_CROSSINGS: usize = 3;
+    /// Floats per material behind the head.
+    MOMENTS_PER_MATERIAL: usize = 5;
+    /// Float of a material: path length, m.
+    MOMENTS_PATH: usize = 0;
+    /// Floats of a material: lever sums in x and z, m.
+    MOMENTS_LEVER: usize = 1;
+    /// Floats of a material: slope sums in x and z.
+    MOMENTS_SLOPE: usize = 3;
+    /// With more materials sums of rays are kept in memory even where nobody asks for moments.
+    MATERIALS_IN_REGISTERS: u32 = 4;
+
+    /// Counters of a run.
+    TALLY_COUNTERS: usize = 5;
+    /// Rays that left some object more or less often than they entered it.
+    TALLY_UNBALANCED: usize = 0;
+    /// Rays that met a limit.
+    TALLY_DROPPED: usize = 1;
+    /// Rays that were totally reflected.
+    TALLY_REFLECTED: usize = 2;
+    /// Rays with a value that is not finite.
+    TALLY_NOT_FINITE: usize = 3;
+    /// Rays that could not be followed in order: the first order counts.
+    TALLY_UNORDERED: usize = 4;
+
+    /// The first order is not enough at some surface.
+    FLAG_GRAZING: u32 = 1;
+    /// Traced in order.
+    FLAG_EXACT: u32 = 2;
+    /// Totally reflected at least once.
+    FLAG_REFLECTED: u32 = 4;
+    /// Entered and left some object unequally often.
+    FLAG_UNBALANCED: u32 = 8;
+    /// A limit was met.
+    FLAG_DROPPED: u32 = 16;
+    /// A value is not finite.
+    FLAG_NOT_FINITE: u32 = 32;
+    /// The highest byte of a law's flags: least cosine of incidence over that below which the
+    /// first order is not enough, in 255ths; 255 is 1 or more.
+    FLAG_SHARE_SHIFT: u32 = 24;
+
+    /// What one Gaussian leaves out of the light by the skewness of a soft edge.
+    EDGE_SKEWNESS: f64 = 0.1;
+    /// What one Gaussian leaves out of the light by the flatness of a soft edge.
+    EDGE_FLATNESS: f64 = 0.035;
+
+    /// Of a fit: all values are the same, or none is above another.
+    CURVE_DEAD: u32 = 1;
+    /// Of a fit: a value is not a number or infinite.
+    CURVE_NOT_FINITE: u32 = 2;
+    /// Of a fit: values at or above the saturation were left out.
+    CURVE_SATURATED: u32 = 4;
+    /// Of a fit: fewer values are left than it needs.
+    CURVE_FEW: u32 = 8;
+    /// Of a fit: it did not settle.
+    CURVE_NOT_CONVERGED: u32 = 16;
+    /// Of a fit: the condition number of its normal equations is too large.
+    CURVE_ILL_CONDITIONED: u32 = 32;
+    /// Of a fit: the width is beyond what the offsets can tell.
+    CURVE_WIDTH: u32 = 64;
+    /// Of a fit: the centre lies outside the scan.
+    CURVE_OUTSIDE: u32 = 128;
+    /// Of a fit: the amplitude is not above its uncertainty.
+    CURVE_NO_PEAK: u32 = 256;
+
+    /// Values of a fit, a plane of curves each.
+    FIT_VALUES: usize = 10;
+    /// Amplitude of the Gaussian.
+    FIT_AMPLITUDE: usize = 0;
+    /// Its centre, half widths of the scan.
+    FIT_CENTRE: usize = 1;
+    /// Its standard deviation, half widths of the scan.
+    FIT_WIDTH: usize = 2;
+    /// Background below it.
+    FIT_BACKGROUND: usize = 3;
+    /// Root mean square of the residuals.
+    FIT_RESIDUAL: usize = 4;
+    /// Standard uncertainty of the area, share of it.
+    FIT_AREA_SIGMA: usize = 5;
+    /// Standard uncertainty of the centre, half widths of the scan.
+    FIT_CENTRE_SIGMA: usize = 6;
+    /// Standard uncertainty of the width, half widths of the scan.
+    FIT_WIDTH_SIGMA: usize = 7;
+    /// Condition number of the normal equations.
+    FIT_CONDITION: usize = 8;
+    /// `CURVE_` bits, as a float.
+    FIT_FLAGS: usize = 9;
+}

@@ -1,0 +1,241 @@
+//! What the light stages read.
+
+shared_structs! {
+    /// Structs of the light stages.
+    pub(super) LAYOUTS;
+
+    /// An open interval of a mask, relative to the centre of its period, in the plane where the
+    /// mask is evaluated (the cell plane or the analyser).
+    pub struct Aperture in Apertures(readonly) {
+        pub low: f32,
+        pub high: f32,
+    }
+
+    /// A mask as the light stages see it.
+    pub struct Mask {
+        /// Address of `Apertures`: of one period, sorted.
+        pub apertures: u64,
+        pub count: u32,
+        pub present: u32,
+        pub period: f32,
+        /// Times the magnification from the mask to the plane of evaluation.
+        pub thickness: f32,
+        /// mu * thickness; 0 for a sheet.
+        pub attenuation: f32,
+        /// Of a sheet's bars.
+        pub transmission: f32,
+        /// Over energies: bars are opaque, and each cell says how much they shade.
+        pub averaged: u32,
+        /// Variance of the edges of an averaged mask, in squared shadow widths.
+        pub softness: f32,
+        /// Low end of the first aperture.
+        pub first: f32,
+        /// High end of the last aperture.
+        pub last: f32,
+    }
+
+    /// What depends on the beamlet (index k of the cell lattice) alone.
+    pub struct Column in Columns(readonly) {
+        /// Where its centre lands without deflection.
+        pub pixel: i32,
+        /// Landing point less the pixel's centre, on the analyser, m.
+        pub pixel_offset: f32,
+        /// Landing point less the centre of the nearest detector-mask period.
+        pub aperture_offset: f32,
+        /// Cell-lattice centre less the nearest sample-mask period's, m.
+        pub sample_offset: f32,
+        /// dx/dy of its centre ray.
+        pub slope: f32,
+    }
+
+    /// Cells of one beamlet in one interval of z.
+    pub struct Strip in Strips(readonly) {
+        pub first: u32,
+        pub count: u32,
+        pub column: u32,
+        pub row: i32,
+        /// Within the row, 0..1 downwards.
+        pub top: f32,
+        pub bottom: f32,
+        /// As many rows are alike from this one on.
+        pub rows: u32,
+        /// That its cells let through, as a length of the open beam, m.
+        pub light: f32,
+        /// Least displacement at the analyser, against the edges of pixels, m.
+        pub low_landing: f32,
+        pub high_landing: f32,
+        /// Largest variance of the displacement, m2, and of the light of narrow cells.
+        pub spread: f32,
+        /// Largest change of the displacement per metre, narrow cells apart.
+        pub bend: f32,
+    }
+
+    /// A cell: x interval in the cell plane, relative to the beamlet's centre; laws at its ends.
+    pub struct Cell in Cells(readonly) {
+        pub x_low: f32,
+        pub x_high: f32,
+        pub depth_low: f32,
+        pub depth_high: f32,
+        /// At the analyser.
+        pub displacement_low: f32,
+        pub displacement_high: f32,
+        /// At the detector, mean.
+        pub displacement_z: f32,
+        /// Share that lands in the row above; -1: farther, to be computed.
+        pub above: f32,
+        /// Share that lands in the row below.
+        pub below: f32,
+        /// Of pixel edges on the analyser, from the gap to the detector.
+        pub pixel_shift: f32,
+        /// Variance of the displacement over energies, m2.
+        pub spread: f32,
+        /// Share of the shadow width that narrows apertures, of averaged masks.
+        pub sample_shade: f32,
+        pub detector_shade: f32,
+        /// Covariance over energies of that share and the displacement, m.
+        pub sample_lean: f32,
+        pub detector_lean: f32,
+    }
+
+    /// A Gaussian of the focal spot.
+    pub struct SpotPart in SpotParts(readonly) {
+        /// Share of the light in this part and those before it; more than 1 in the last.
+        pub below: f32,
+        /// Offset from the optical axis, m.
+        pub x: f32,
+        pub z: f32,
+        /// M.
+        pub deviation_x: f32,
+        pub deviation_z: f32,
+    }
+
+    /// Everything that the light stages need to know of a band, for cells of one part of the focal
+    /// spot. What lies at an offset moves against the rays from the source centre, which is where
+    /// cells stand (docs/physics.md, "Focal spot").
+    pub struct Light in LightRef(readonly) {
+        pub sample_mask: Mask,
+        pub detector_mask: Mask,
+        /// Address of `Columns`.
+        pub columns: u64,
+        /// Address of `Offsets`: of the sample mask, per step, m.
+        pub offsets: u64,
+        /// Address of `SpotParts`: for random draws.
+        pub spot_parts: u64,
+        /// Cell plane to analyser.
+        pub magnification: f32,
+        /// Of a place in the sample against the sample mask, m.
+        pub mask_move: f32,
+        /// Of the detector mask's edges against the light of a cell, m.
+        pub landing_move: f32,
+        /// The same of pixel edges, seen on the analyser.
+        pub pixel_move: f32,
+        /// Of rays, downwards.
+        pub slope_move: f32,
+        /// Of light, rows downwards.
+        pub row_move: f32,
+        /// Blur on the analyser of what lies at the rotation centre, m, std.
+        pub spot: f32,
+        /// The same at edges of pixels, seen on the analyser.
+        pub pixel_spot: f32,
+        /// Std of x at the sample mask for a fixed place in the sample, m.
+        pub shift: f32,
+        /// Distance from the source.
+        pub cell_plane: f32,
+        /// Distance from the source.
+        pub analyser: f32,
+        /// Analyser / detector distance.
+        pub ratio: f32,
+        /// Pitch on the analyser.
+        pub pixel: f32,
+        /// Intensity per metre of the cell plane.
+        pub weight: f32,
+        /// Rows, standard deviation.
+        pub row_blur: f32,
+        /// M, on the detector.
+        pub row_pitch: f32,
+        /// Slope dz/dy per row, downwards < 0.
+        pub row_slope: f32,
+        /// Row coordinate of the optical axis.
+        pub middle_row: f32,
+        /// As many rows see the bars of masks under one angle.
+        pub alike_rows: f32,
+        /// Rows of the band.
+        pub row_count: u32,
+        /// Of the band.
+        pub first_row: i32,
+        /// Pixels.
+        pub column_count: u32,
+        /// Distance from the source.
+        pub detector: f32,
+        /// Distance of the rotation centre from the source.
+        pub rotation: f32,
+        /// M, on the detector.
+        pub column_pitch: f32,
+        /// Of the spectrum that this light is.
+        pub part: f32,
+    }
+
+    /// A pixel of the random scheme.
+    pub struct Pixel in Pixels(readonly) {
+        pub column: i32,
+        pub row: i32,
+        /// Index into the columns.
+        pub table: u32,
+    }
+
+    /// Push constants of `illuminate.comp`.
+    pub struct IlluminatePush {
+        pub light_ref: u64 => LightRef,
+        pub strips: u64 => Strips,
+        pub cells: u64 => Cells,
+        /// [step][row][column][2], light that is the same at all steps behind the last.
+        pub sums: u64 => Words,
+        /// Behind the first.
+        pub strip_count: u32,
+        pub first_strip: u32,
+        pub first_step: u32,
+        /// One behind.
+        pub last_step: u32,
+        /// Of an invocation.
+        pub steps_each: u32,
+        /// Of the scan.
+        pub steps: u32,
+    }
+
+    /// Push constants of `random_rays.comp`.
+    pub struct RandomRaysPush {
+        pub light_ref: u64 => LightRef,
+        pub pixels: u64 => Pixels,
+        /// [pixel][ray of the batch].
+        pub rays: u64 => RaysOut,
+        pub seed: [u32; 2] => uvec2,
+        /// In x and z.
+        pub rays_per_pixel: [u32; 2] => uvec2,
+        pub first_ray: u32,
+        /// Rays per pixel in this batch.
+        pub batch: u32,
+        pub pixel_count: u32,
+        /// Of the ray records.
+        pub view: u32,
+        /// Of the random numbers.
+        pub view_seed: u32,
+    }
+
+    /// Push constants of `random_light.comp`.
+    pub struct RandomLightPush {
+        pub light_ref: u64 => LightRef,
+        pub pixels: u64 => Pixels,
+        /// [pixel][ray of the batch], unless `empty`.
+        pub laws: u64 => Laws,
+        pub sums: u64 => Words,
+        pub seed: [u32; 2] => uvec2,
+        pub rays_per_pixel: [u32; 2] => uvec2,
+        pub first_ray: u32,
+        pub batch: u32,
+        pub pixel_count: u32,
+        pub view_seed: u32,
+        /// No sample: every law is zero.
+        pub empty: u32,
+        pub first_step: u32,
+    }
+}

@@ -1,0 +1,117 @@
+//! Structs and constants that host and shaders share. The table stands here once: build.rs makes
+//! GLSL of it (`glsl.rs`), and tests/interface.rs compares the structs with every compiled shader.
+//!
+//! Shaders include `interface.glsl`, with all structs in `scalar` layout and all constants, and
+//! `interface/NAME.glsl` for a block of push constants, which is a struct whose name ends in
+//! `Push`. `in Rays(readonly)` behind a struct declares a buffer reference to an array of them;
+//! `u64 => Rays` is an address that a shader sees as that reference. Other addresses are `uvec2` in
+//! shaders, which is what a struct that shaders hold as a value needs: some drivers (`SwiftShader`)
+//! cannot load a struct with references in it.
+//!
+//! `NAME_WORDS` and `NAME_FIELD` are made for each struct: its words, and the word where a field
+//! begins, for shaders that read records word by word.
+
+use std::mem::offset_of;
+
+/// How the host lays out a struct that it shares with kernels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Name of the struct or block, the same in GLSL.
+    pub name: &'static str,
+    /// Size in bytes: the stride of an array of them.
+    pub size: usize,
+    /// Name, byte offset and size in bytes of each field, in order.
+    pub fields: &'static [(&'static str, usize, usize)],
+}
+
+/// Declares structs shared with kernels (`#[repr(C)]`, `Pod`) and a table `$table` of their
+/// layouts. Names of structs and fields are those of the GLSL side.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! shared_structs {
+    (
+        $(#[$table_attribute:meta])* $table_visibility:vis $table:ident;
+        $(
+            $(#[$attribute:meta])*
+            $visibility:vis struct $name:ident $( in $( $buffer:ident $( ($access:ident) )? ),+ )? {
+                $(
+                    $(#[$field_attribute:meta])*
+                    $field_visibility:vis $field:ident: $type:ty $( => $glsl:ident )?
+                ),* $(,)?
+            }
+        )*
+    ) => {
+        $(
+            $(#[$attribute])*
+            #[derive(Debug, Clone, Copy, PartialEq, ::bytemuck::Pod, ::bytemuck::Zeroable)]
+            // Addresses come first in every struct; packing spares them tail padding.
+            #[repr(C, packed(4))]
+            #[allow(missing_docs, reason = "most names of fields say all")]
+            $visibility struct $name {
+                $( $(#[$field_attribute])* $field_visibility $field: $type, )*
+            }
+        )*
+        $(#[$table_attribute])*
+        $table_visibility const $table: &[$crate::interface::Layout] = &[
+            $( $crate::interface::Layout {
+                name: stringify!($name),
+                size: ::core::mem::size_of::<$name>(),
+                fields: &[ $( (
+                    stringify!($field),
+                    ::core::mem::offset_of!($name, $field),
+                    ::core::mem::size_of::<$type>(),
+                ), )* ],
+            }, )*
+        ];
+    };
+}
+
+/// Declares constants shared with kernels.
+macro_rules! shared_constants {
+    ($( $(#[$attribute:meta])* $name:ident: $type:ty = $value:expr; )*) => {
+        $( $(#[$attribute])* pub const $name: $type = $value; )*
+    };
+}
+
+mod constants;
+mod fit;
+mod light;
+mod walk;
+
+pub use constants::*;
+pub use fit::{FitPush, Step};
+pub use light::{
+    Aperture, Cell, Column, IlluminatePush, Light, Mask, Pixel, RandomLightPush, RandomRaysPush,
+    SpotPart, Strip,
+};
+pub use walk::{
+    Constants, Crossing, CrossingsPush, ExactPush, Law, Leaf, MetSurface, Node, Ray, Sample,
+    Surface, TracePush, View,
+};
+
+/// Every shared struct, by topic.
+pub const LAYOUTS: &[&[Layout]] = &[walk::LAYOUTS, light::LAYOUTS, fit::LAYOUTS];
+
+/// Address of a buffer on the device.
+pub type Address = u64;
+
+/// `trace_bundles.comp` holds a record in rows of a word per lane, three at most. It takes the word
+/// of a lane's child from one row, so both words of such a field have to stand in the same.
+const _: () = {
+    const LANES: usize = BUNDLE_LANES as usize;
+    const fn in_one_row(offset: usize) -> bool {
+        offset / 4 % LANES + 2 <= LANES
+    }
+    assert!(size_of::<Node>() <= 3 * 4 * LANES && size_of::<Leaf>() <= 3 * 4 * LANES);
+    assert!(size_of::<Surface>() <= 4 * LANES);
+    assert!(in_one_row(offset_of!(Node, meta)));
+    assert!(in_one_row(offset_of!(Node, min_x)) && in_one_row(offset_of!(Node, max_x)));
+    assert!(in_one_row(offset_of!(Node, min_y)) && in_one_row(offset_of!(Node, max_y)));
+    assert!(in_one_row(offset_of!(Node, min_z)) && in_one_row(offset_of!(Node, max_z)));
+};
+
+/// A number as the shaders hold it.
+#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
+pub(crate) fn single(value: f64) -> f32 {
+    value as f32
+}

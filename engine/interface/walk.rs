@@ -1,0 +1,193 @@
+//! What walks read and write. Lengths in metres in the beam frame of a view unless said otherwise.
+
+shared_structs! {
+    /// Structs of the walks.
+    pub(super) LAYOUTS;
+
+    /// A straight line through (x, z) in the plane y = 0 of the beam frame.
+    pub struct Ray in Rays(readonly), RaysOut {
+        pub x: f32,
+        pub z: f32,
+        /// dx/dy.
+        pub slope_x: f32,
+        /// dz/dy.
+        pub slope_z: f32,
+        pub view: u32,
+    }
+
+    /// Rotation of the beam frame against the world, and planes of constant y in the beam frame.
+    pub struct View in Views(readonly) {
+        pub cos_angle: f32,
+        pub sin_angle: f32,
+        /// Plane before the sample, where ray queries start.
+        pub start: f32,
+        /// Plane where displacements are taken.
+        pub analyser: f32,
+    }
+
+    /// A leaf of the BVH: a triangle, counter-clockwise seen from outside, world coordinates.
+    pub struct Leaf in Leaves(readonly) {
+        pub a: [f32; 3],
+        pub b: [f32; 3],
+        pub c: [f32; 3],
+        /// Unit, outward, computed in f64: edges of f32 vertices lose digits.
+        pub normal: [f32; 3],
+        /// kind << 28 | index into the surfaces; kind 0 is a triangle.
+        pub surface: u32,
+    }
+
+    /// What lies on the two sides of a connected surface.
+    pub struct Surface in Surfaces(readonly) {
+        pub object: u32,
+        /// Material.
+        pub inside: u32,
+        /// Material.
+        pub outside: u32,
+        /// Of the object.
+        pub hash: u32,
+        /// Cosine of incidence below which the first order is not enough.
+        pub grazing: f32,
+    }
+
+    /// Optical constants of a material at one energy node.
+    pub struct Constants in ConstantsTable(readonly) {
+        /// 1/m.
+        pub mu: f32,
+        pub delta: f32,
+    }
+
+    /// Compressed wide BVH node, 80 bytes (Ylitie et al. 2017, obvhs layout).
+    pub struct Node in Nodes(readonly) {
+        pub origin: [f32; 3],
+        /// Three bytes, then the mask of inner children.
+        pub exponents: u32,
+        pub child_base: u32,
+        pub leaf_base: u32,
+        pub meta: [u32; 2],
+        pub min_x: [u32; 2],
+        pub max_x: [u32; 2],
+        pub min_y: [u32; 2],
+        pub max_y: [u32; 2],
+        pub min_z: [u32; 2],
+        pub max_z: [u32; 2],
+    }
+
+    /// Optical depth and deflection of a ray at one energy.
+    pub struct Law in Laws {
+        pub optical_depth: f32,
+        /// At the analyser.
+        pub displacement_x: f32,
+        pub displacement_z: f32,
+        /// Change of slope.
+        pub slope_x: f32,
+        pub slope_z: f32,
+        pub signature: u32,
+        pub flags: u32,
+        pub crossings: u32,
+    }
+
+    /// A crossing of a straight ray, on its list.
+    pub struct Crossing in Crossings {
+        pub y: f32,
+        /// Leaf, and `FACET_` bits.
+        pub facet: u32,
+    }
+
+    /// A crossing of a ray with a surface of the sample.
+    pub struct MetSurface in MetSurfaces(writeonly) {
+        /// Along the optical axis in the beam frame, m.
+        pub y: f32,
+        /// Index of the object whose surface it is.
+        pub object: u32,
+        /// 1 where the ray goes into the object, 0 where it leaves it.
+        pub entering: u32,
+        /// Unit normal, away from the object's material, beam frame.
+        pub normal: [f32; 3],
+    }
+
+    /// The sample on the device.
+    pub struct Sample in SampleRef(readonly) {
+        pub nodes: u64 => Nodes,
+        pub leaves: u64 => Leaves,
+        pub surfaces: u64 => Surfaces,
+        /// [material].
+        pub constants: u64 => ConstantsTable,
+        pub object_materials: u64 => ObjectMaterials,
+        /// Address of the top-level acceleration structure.
+        pub acceleration: u64,
+        pub views: u64 => Views,
+        /// [leaf][edge opposite to a, b, c]: leaf, `NO_LEAF` at an open edge.
+        pub neighbours: u64 => Neighbours,
+    }
+
+    /// Push constants of the order-free walk.
+    pub struct TracePush {
+        pub sample_ref: u64 => SampleRef,
+        pub rays: u64 => Rays,
+        /// [ray][MOMENTS_HEAD + materials * MOMENTS_PER_MATERIAL].
+        pub moments: u64 => Words,
+        pub laws: u64 => Laws,
+        /// [0]: count, then indices of rays to trace in order.
+        pub exact: u64 => Words,
+        /// [0]: count, then indices of rays to trace again.
+        pub unbalanced: u64 => Words,
+        /// [0]: count, then indices of rays to trace, where `listed`.
+        pub list: u64 => Words,
+        pub tally: u64 => Words,
+        pub count: u32,
+        pub materials: u32,
+        pub listed: u32,
+        /// No further attempt follows.
+        pub last: u32,
+        /// Moves the rays in x, and in z by 0.7 of it, m.
+        pub nudge: f32,
+    }
+
+    /// Push constants of `exact.comp`.
+    pub struct ExactPush {
+        pub sample_ref: u64 => SampleRef,
+        pub rays: u64 => Rays,
+        pub laws: u64 => Laws,
+        /// [0]: count, then indices; not used when `all` is set; ends with one more if `runs`.
+        pub list: u64 => Words,
+        /// [0]: count, then indices of rays to trace again.
+        pub unbalanced: u64 => Words,
+        /// [0]: count, then indices of rays that cross more than a list holds.
+        pub longer: u64 => Words,
+        /// [group][capacity][stride].
+        pub lists: u64 => Crossings,
+        /// [ray]: constants of its energy; null: those of the sample.
+        pub nodes: u64 => Words,
+        pub tally: u64 => Words,
+        pub count: u32,
+        pub all: u32,
+        /// Indices in the list are the first of runs of one ray at several energies.
+        pub runs: u32,
+        pub first: u32,
+        /// No further attempt follows.
+        pub last: u32,
+        /// Moves the rays in x, and in z by 0.7 of it, m.
+        pub nudge: f32,
+        /// Crossings of a list.
+        pub capacity: u32,
+        /// Rays of a workgroup.
+        pub stride: u32,
+    }
+
+    /// Push constants of `crossings.comp`.
+    pub struct CrossingsPush {
+        pub sample_ref: u64 => SampleRef,
+        pub rays: u64 => Rays,
+        /// [ray][capacity].
+        pub met: u64 => MetSurfaces,
+        /// [ray].
+        pub counts: u64 => Words,
+        /// [group][capacity][stride].
+        pub lists: u64 => Crossings,
+        pub count: u32,
+        pub first: u32,
+        /// At least 1.
+        pub capacity: u32,
+        pub stride: u32,
+    }
+}
