@@ -334,8 +334,8 @@ fn set_ups_without_one_mask_or_both_show_the_sample() {
         }
         let bodies = [carbon(cylinder(1.0e-3, 8e-3, 2048, 0.25))];
         let offsets = if sample_mask { vec![-40e-6, 0.0, 20e-6] } else { vec![0.0] };
-        // Nothing averages over the sample in a plane of its own: cells of 0.1 um for the rims.
-        let how = Quadrature { cells: 1000, ..Quadrature::line() };
+        // Nothing averages over the sample in a plane of its own: cells of 10 nm for the rims: facets there are as narrow.
+        let how = Quadrature { cells: 10_000, ..Quadrature::line() };
         let how = if sample_mask { Quadrature::line() } else { how };
         let compared = Comparison::new(&setup, &bodies, &offsets, how);
         // Rims at columns 2.1 and 21.9.

@@ -151,7 +151,8 @@ impl FacetMeans<'_> {
         if pieces.is_empty() || (covered - whole).abs() > WHOLE * whole {
             return None;
         }
-        stand(&mut pieces, x, z);
+        let mut order: Vec<usize> = (0..pieces.len()).collect();
+        stand(&mut pieces, &mut order, x, z);
         pieces.iter_mut().for_each(|piece| piece.move_down(z));
         Some(pieces)
     }
@@ -272,11 +273,7 @@ fn lay(
             match rest.side(line) {
                 Side::Inside => {}
                 Side::Outside => disjoint = true,
-                Side::Across => {
-                    let [inside, beyond] = rest.split(line);
-                    outside.push(beyond);
-                    rest = inside;
-                }
+                Side::Across => outside.push(rest.split(line)),
             }
         }
         if disjoint {

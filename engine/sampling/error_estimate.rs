@@ -20,6 +20,11 @@ use std::ops::Range;
 const CUT: f32 = 0.1;
 /// Change of the density of a triangle's light near its border, beside that of an interval.
 const DENSITY: f32 = 0.2;
+/// Part of a change of light along z that a row's border tells although its mean and slope are
+/// right, per square of the height over the blur.
+const BEND: f32 = 0.1;
+/// Rays that are off by more standard deviations are too few to count.
+const FARTHEST: f32 = 100.0;
 /// Share of the light at a silhouette that may land in recorded rows from outside.
 const THROWN: f32 = 0.05;
 /// Standard deviation of a place spread evenly over an interval, share of the interval.
@@ -63,6 +68,23 @@ pub(super) struct Estimator<'a> {
     pub(super) row_blur: f32,
     /// Rows whose light is recorded.
     pub(super) lit: Range<i64>,
+}
+
+/// The error of light whose displacement has a standard deviation and is off by `farthest` at most,
+/// where all of it off by the same makes the error `of`. The share of light that is off by k
+/// deviations is 1 / k^2 at most (Chebyshev): near a rim few rays are thrown far.
+fn tailed(deviation: f32, farthest: f32, of: impl Fn(f32) -> f32) -> f32 {
+    let mut error = of(deviation);
+    if farthest <= deviation || of(farthest) <= error {
+        return error;
+    }
+    let mut off = 2.0 * deviation;
+    while off < 2.0 * farthest && off < FARTHEST * deviation {
+        let at = off.min(farthest);
+        error = error.max((deviation / at).powi(2) * of(at));
+        off *= 2.0;
+    }
+    error
 }
 
 impl Estimator<'_> {
@@ -148,10 +170,11 @@ impl Estimator<'_> {
         let at = self.response.landing(column, patch.place(node.centre())[0], law.displacement_x);
         let growth = (self.response.magnification + residuals.slope).abs();
         let half = 0.5 * growth * node.width();
-        let other = [passed * (-residuals.depth).exp(), at + residuals.displacement];
-        let along = self.response.change([passed, at], other, half);
-        let whole = self.response.bend(node.width()) + self.response.skew(residuals.displacement);
-        let down = passed * self.over_border(node, law, residuals.displacement_z);
+        let along = self.along_x(residuals, [passed, at], half);
+        let whole = self.response.bend(node.width())
+            + self.response.skew(residuals.displacement, residuals.farthest[0]);
+        let over = |off: f32| self.over_border(node, law, off);
+        let down = passed * tailed(residuals.displacement_z, residuals.farthest[1], over);
         let all = along + down;
         CellError {
             node: index,
@@ -164,6 +187,15 @@ impl Estimator<'_> {
         }
     }
 
+    /// Change of the light in any window by what a mean leaves along x. Light and landing point of
+    /// the mean are given, spread over 2 `half`.
+    fn along_x(&self, residuals: &Residuals, [passed, at]: [f32; 2], half: f32) -> f32 {
+        let light = passed * (-residuals.depth).exp();
+        let change = |off: f32| self.response.change([passed, at], [light, at + off], half);
+        // Either way: a window may end at one side alone.
+        tailed(residuals.displacement, residuals.farthest[0], |off| change(off).max(change(-off)))
+    }
+
     /// Share of the light of a rectangle that may land in another row than its mean law says,
     /// `residual` being the standard deviation of the displacement along z from it, m.
     fn over_border(&self, node: &Node, law: &Law, residual: f32) -> f32 {
@@ -174,9 +206,9 @@ impl Estimator<'_> {
         if bottom.floor() - top.floor() < 0.5 {
             return 0.0;
         }
-        // As the mean says, where the blur is wide.
+        // Mean and slope are right: a wide blur tells little more.
         let height = node.height();
-        let told = (SPREAD * (height + off) / self.row_blur.max(1e-6)).min(1.0);
+        let told = (BEND * (height * height + off * off) / self.row_blur.powi(2).max(1e-12)).min(1.0);
         // Neighbours along x that are thinner than high err together.
         let together = (height * self.row_height / node.width()).max(1.0).sqrt();
         told * together * (off / height).min(1.0)

@@ -12,7 +12,7 @@ use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
 use super::patch::{Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
-use super::sheets::{Sums, flags};
+use super::sheets::{Sums, farthest, flags, widen};
 use crate::gpu::interface::Law;
 use crate::trace::FIRST_ORDER_ERROR;
 
@@ -203,6 +203,8 @@ impl<'a> FacetMeans<'a> {
         sheet.z_by_x += area * moved_z * (centroid[0] - centre[0]);
         sheet.z_by_z += area * moved_z * (centroid[1] - centre[1]);
         sheet.square_z += area * moved_z * moved_z;
+        widen(&mut sheet.range, moved);
+        widen(&mut sheet.range_z, moved_z);
         Some(())
     }
 
@@ -245,6 +247,7 @@ impl<'a> FacetMeans<'a> {
         let mut met = sums.whole;
         let (mut slope, mut slope_z, mut depth) = (0.0, 0.0, 0.0_f64);
         let (mut variance, mut variance_z) = (0.0, 0.0);
+        let mut farthest_by = [0.0; 2];
         for sheet in &sums.sheets {
             let layers = (sheet.area / area).round();
             if (sheet.area / area - layers).abs() > WHOLE || layers > f64::from(u16::MAX) {
@@ -267,6 +270,8 @@ impl<'a> FacetMeans<'a> {
             let own_z = (all_z - z_by_x * z_by_x * x2 - z_by_z * z_by_z * z2).max(0.0);
             slope += step.delta * by_x;
             slope_z += step.delta * z_by_z;
+            farthest_by[0] += step.delta.abs() * farthest(sheet.range, mean, layers);
+            farthest_by[1] += step.delta.abs() * farthest(sheet.range_z, mean_z, layers);
             variance += step.delta * step.delta * own;
             variance_z += step.delta * step.delta * own_z;
             // Depth is the integral of what moves light: a bow where that rises, kinks where it
@@ -293,6 +298,10 @@ impl<'a> FacetMeans<'a> {
             depth: depth.sqrt() as f32,
             displacement: variance.sqrt() as f32,
             displacement_z: variance_z.sqrt() as f32,
+            farthest: [
+                (farthest_by[0] - 0.5 * (slope * width).abs()) as f32,
+                (farthest_by[1] - 0.5 * (slope_z * height).abs()) as f32,
+            ],
         };
         Some((law, residuals))
     }

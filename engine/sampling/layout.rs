@@ -7,30 +7,41 @@ use super::dissection::Piece;
 /// Of more pieces only cuts through the middle third are looked at.
 const MOST_CUTS: usize = 24;
 
-/// Stands pieces in their rectangle: cut in two where the least of them lies on the wrong side,
-/// and so on.
-pub(super) fn stand(pieces: &mut [Piece], x: [f32; 2], z: [f32; 2]) {
-    if let [only] = pieces {
-        (only.x, only.z) = (x, z);
+/// Stands those pieces that `order` names in their rectangle: cut in two where the least of them
+/// lies on the wrong side, and so on.
+pub(super) fn stand(pieces: &mut [Piece], order: &mut [usize], x: [f32; 2], z: [f32; 2]) {
+    if let [only] = order {
+        (pieces[*only].x, pieces[*only].z) = (x, z);
         return;
     }
-    if pieces.is_empty() {
+    if order.is_empty() {
         return;
     }
     let sides = [x, z];
-    let cuts = [0, 1].map(|axis| best_cut(pieces, axis, sides[axis]));
+    let cuts = [0, 1].map(|axis| {
+        sort(pieces, order, axis);
+        best_cut(pieces, order, axis, sides[axis])
+    });
     let axis = usize::from(cuts[1].misfit < cuts[0].misfit);
+    if axis == 0 {
+        sort(pieces, order, axis);
+    }
     let Cut { first, border, .. } = cuts[axis];
-    pieces.sort_by(|a, b| a.centroid[axis].total_cmp(&b.centroid[axis]));
-    let (before, after) = pieces.split_at_mut(first);
+    let (before, after) = order.split_at_mut(first);
     let parts = [[sides[axis][0], border], [border, sides[axis][1]]];
-    for (pieces, part) in [before, after].into_iter().zip(parts) {
+    for (order, part) in [before, after].into_iter().zip(parts) {
         if axis == 0 {
-            stand(pieces, part, z);
+            stand(pieces, order, part, z);
         } else {
-            stand(pieces, x, part);
+            stand(pieces, order, x, part);
         }
     }
+}
+
+/// Sorts pieces by their centroids along an axis.
+fn sort(pieces: &[Piece], order: &mut [usize], axis: usize) {
+    let at = |piece: usize| pieces[piece].centroid[axis];
+    order.sort_unstable_by(|a, b| at(*a).total_cmp(&at(*b)).then(a.cmp(b)));
 }
 
 /// A cut of a rectangle between its pieces.
@@ -42,24 +53,31 @@ struct Cut {
     misfit: f64,
 }
 
-/// The cut across an axis that has the least of its pieces on the wrong side. Of two or more.
-fn best_cut(pieces: &mut [Piece], axis: usize, [low, high]: [f32; 2]) -> Cut {
-    pieces.sort_by(|a, b| a.centroid[axis].total_cmp(&b.centroid[axis]));
-    let all: f64 = pieces.iter().map(|piece| f64::from(piece.share)).sum();
+/// The cut across an axis that has the least of its pieces on the wrong side. Of two or more, in
+/// the order of their centroids along it.
+fn best_cut(pieces: &[Piece], order: &[usize], axis: usize, [low, high]: [f32; 2]) -> Cut {
+    // Share, and bounds along the axis: the first and the inverse of their distance.
+    let reach = |piece: &usize| {
+        let piece = &pieces[*piece];
+        let [from, to] = piece.bounds[axis].map(f64::from);
+        (f64::from(piece.share), from, to, 1.0 / (to - from).max(1e-300))
+    };
+    let reaches: Vec<(f64, f64, f64, f64)> = order.iter().map(reach).collect();
+    let all: f64 = reaches.iter().map(|(share, ..)| share).sum();
     let (low, high) = (f64::from(low), f64::from(high));
     let mut best = Cut { first: 1, border: low as f32, misfit: f64::INFINITY };
-    let count = pieces.len();
+    let count = order.len();
     let cuts = if count > MOST_CUTS { count / 3..count - count / 3 } else { 1..count };
-    let mut before: f64 = pieces[..cuts.start - 1].iter().map(|p| f64::from(p.share)).sum();
+    let mut before: f64 = reaches[..cuts.start - 1].iter().map(|(share, ..)| share).sum();
     for first in cuts {
-        before += f64::from(pieces[first - 1].share);
+        before += reaches[first - 1].0;
         let border = low + (high - low) * before / all;
-        let beyond = |(number, piece): (usize, &Piece)| {
-            let [from, to] = piece.bounds[axis].map(f64::from);
-            let over = if number < first { to - border } else { border - from };
-            f64::from(piece.share) * (over / (to - from).max(1e-300)).clamp(0.0, 1.0)
-        };
-        let misfit: f64 = pieces.iter().enumerate().map(beyond).sum();
+        let beyond = |share: f64, over: f64, inverse: f64| share * (over * inverse).clamp(0.0, 1.0);
+        let (left, right) = reaches.split_at(first);
+        let over = left.iter().map(|(share, _, to, inverse)| beyond(*share, to - border, *inverse));
+        let under =
+            right.iter().map(|(share, from, _, inverse)| beyond(*share, border - from, *inverse));
+        let misfit = over.chain(under).sum();
         if misfit < best.misfit {
             best = Cut { first, border: border.clamp(low, high) as f32, misfit };
         }
@@ -96,8 +114,8 @@ mod tests {
             piece(0.5, [-1e-6, 3e-6], all),
             piece(0.25, [3e-6, 5e-6], all),
         ];
-        stand(&mut pieces, [-1e-6, 7e-6], all);
-        assert_eq!(pieces.map(|p| p.x), [[-1e-6, 3e-6], [3e-6, 5e-6], [5e-6, 7e-6]]);
+        stand(&mut pieces, &mut [0, 1, 2], [-1e-6, 7e-6], all);
+        assert_eq!(pieces.map(|p| p.x), [[5e-6, 7e-6], [-1e-6, 3e-6], [3e-6, 5e-6]]);
         assert_eq!(pieces.map(|p| p.z), [all; 3]);
     }
 
@@ -108,8 +126,8 @@ mod tests {
             piece(0.5, [4e-6, 8e-6], [0.0, 1.0]),
             piece(0.2, [0.0, 4e-6], [0.0, 0.4]),
         ];
-        stand(&mut pieces, [0.0, 8e-6], [0.0, 1.0]);
-        assert_eq!(pieces.map(|p| p.x), [[0.0, 4e-6], [0.0, 4e-6], [4e-6, 8e-6]]);
-        assert_eq!(pieces.map(|p| p.z), [[0.0, 0.4], [0.4, 1.0], [0.0, 1.0]]);
+        stand(&mut pieces, &mut [0, 1, 2], [0.0, 8e-6], [0.0, 1.0]);
+        assert_eq!(pieces.map(|p| p.x), [[0.0, 4e-6], [4e-6, 8e-6], [0.0, 4e-6]]);
+        assert_eq!(pieces.map(|p| p.z), [[0.4, 1.0], [0.0, 1.0], [0.0, 0.4]]);
     }
 }

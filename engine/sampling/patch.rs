@@ -38,6 +38,8 @@ pub(super) struct Residuals {
     pub(super) depth: f32,
     pub(super) displacement: f32,
     pub(super) displacement_z: f32,
+    /// Most that the displacement along x and z of any ray leaves the fit, m.
+    pub(super) farthest: [f32; 2],
 }
 
 /// How the law of a rectangle is known.

@@ -32,16 +32,17 @@ impl Area {
     pub(super) fn within(triangle: &[Corner; 3], centre: Corner, half: [f64; 2]) -> Self {
         // From the centre: corners may be far off, and areas small.
         let corners = triangle.map(|c| [c[0] - centre[0], c[1] - centre[1]]);
-        let mut polygon = Polygon { corners: corners.into_iter().collect() };
-        let mut kept = Polygon::default();
+        let (mut even, mut odd) = (Polygon::default(), Polygon::default());
+        even.corners.extend(corners);
+        let (mut polygon, mut kept) = (&mut even, &mut odd);
         for axis in 0..2 {
             let [a, b, c] = corners.map(|corner| corner[axis]);
             if a.min(b).min(c) < -half[axis] {
-                polygon.cut(axis, -half[axis], 1.0, &mut kept);
+                polygon.cut(axis, -half[axis], 1.0, kept);
                 std::mem::swap(&mut polygon, &mut kept);
             }
             if a.max(b).max(c) > half[axis] {
-                polygon.cut(axis, half[axis], -1.0, &mut kept);
+                polygon.cut(axis, half[axis], -1.0, kept);
                 std::mem::swap(&mut polygon, &mut kept);
             }
         }
@@ -105,10 +106,10 @@ impl Polygon {
         }
     }
 
-    /// What lies inside a line that it is across of, and what lies outside.
-    pub(super) fn split(&self, line: &Line) -> [Self; 2] {
+    /// Leaves what lies inside a line that it is across of, and gives what lies outside.
+    pub(super) fn split(&mut self, line: &Line) -> Self {
         let (mut inside, mut outside) = (Self::default(), Self::default());
-        let Some(mut a) = self.corners().last().copied() else { return [inside, outside] };
+        let Some(mut a) = self.corners().last().copied() else { return outside };
         let mut from = line.at(a);
         for &b in self.corners() {
             let to = line.at(b);
@@ -126,7 +127,9 @@ impl Polygon {
             }
             (a, from) = (b, to);
         }
-        [inside, outside]
+        self.corners.clear();
+        self.corners.extend(inside.corners);
+        outside
     }
 
     /// What lies on one side of a line: `sign` times the coordinate is at least `sign` times

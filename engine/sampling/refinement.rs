@@ -32,9 +32,13 @@ const LEAST_HEIGHT: f32 = 1.0 / 8192.0;
 const MOST_ALIGNED: u32 = 8;
 /// Most that rectangles slant over a row, periods.
 const MOST_SHEAR: f32 = 2.0;
-/// Without a sample mask no opening bounds rectangles, and light of a rim goes far: patches with
-/// silhouettes begin with so many times the columns.
-const COLUMNS_AT_RIMS: u32 = 8;
+/// A rectangle that is known as a mean becomes pieces only where its error is more than this share
+/// of its light: outlines of pieces err by about as much,
+const LEAST_ERROR_OF_PIECES: f32 = 0.02;
+/// where its facets are no more than this,
+const MOST_FACETS_OF_PIECES: usize = 12;
+/// and where that leaves less than this share of its error.
+const GAIN_OF_PIECES: f32 = 0.5;
 /// Lines of rectangles that a patch with silhouettes begins with.
 const LINES: u32 = 3;
 
@@ -137,8 +141,7 @@ impl<'a> Refiner<'a> {
     fn take_facets(&self, work: &mut Work) {
         let Some((lists, _)) = &self.facets else { return };
         let Patch { beamlet, row, .. } = work.patch;
-        let silhouette = lists.has_silhouette(beamlet, row);
-        if !silhouette {
+        if !lists.has_silhouette(beamlet, row) {
             work.narrow.clear();
             let error = self.estimator.judge(&work.patch, &work.openings, &[], &mut work.judged);
             if error.splits.is_empty() {
@@ -151,9 +154,7 @@ impl<'a> Refiner<'a> {
         work.judged = Judged::default();
         let column = self.estimator.column(beamlet);
         let [cells, lines] = self.estimator.base.base;
-        let rim = silhouette && self.view.scene.sample_mask.is_none();
-        let finer = if rim { COLUMNS_AT_RIMS } else { 1 };
-        let borders = self.view.response.edges(column, finer * cells);
+        let borders = self.view.response.edges(column, cells);
         work.patch = Patch::slabs(beamlet, row, borders, lines);
         work.patch.set_facets(facets);
         for node in 0..work.patch.nodes.len() as u32 {
@@ -191,6 +192,32 @@ impl<'a> Refiner<'a> {
         let by_ray = (first..).zip(&pieces).filter(|(_, piece)| piece.by_ray);
         work.pending_pieces.extend(by_ray.map(|(number, _)| number));
         true
+    }
+
+    /// Cuts a rectangle that is known as a mean into its pieces, where that errs less.
+    fn dissect_mean(&self, work: &mut Work, node: u32) -> bool {
+        let error = self.estimator.cell_error(&work.patch, node);
+        let facets = work.patch.facets_of(node).len();
+        if error.light * error.whole < LEAST_ERROR_OF_PIECES * error.through
+            || facets > MOST_FACETS_OF_PIECES
+        {
+            return false;
+        }
+        let before = work.patch.nodes[node as usize];
+        let waiting = work.pending_pieces.len();
+        let pieces = work.patch.pieces.len();
+        if !self.dissect(work, node) {
+            return false;
+        }
+        let own = self.estimator.cell_error(&work.patch, node);
+        let less = own.light < error.light
+            && own.light * own.whole < GAIN_OF_PIECES * error.light * error.whole;
+        if !less {
+            work.patch.nodes[node as usize] = before;
+            work.patch.pieces.truncate(pieces);
+            work.pending_pieces.truncate(waiting);
+        }
+        less
     }
 
     /// Whether a patch outside the lit rows is seen to throw no light into them: no silhouette
@@ -357,7 +384,9 @@ impl<'a> Refiner<'a> {
         splits.sort_unstable_by(|a, b| place(a.0).total_cmp(&place(b.0)).then(a.0.cmp(&b.0)));
         for (node, axis) in splits {
             let mean = matches!(work.patch.nodes[node as usize].known, Known::Mean(_));
-            if !mean && self.dissect(work, node) {
+            let dissected =
+                if mean { self.dissect_mean(work, node) } else { self.dissect(work, node) };
+            if dissected {
                 work.patch.splits += 1;
                 work.judged.forget(node);
                 continue;

@@ -150,9 +150,10 @@ impl Response {
     }
 
     /// Part of the change that a displacement of this standard deviation, m, makes if its mean is
-    /// moved by as much, where it blurs light that is known to be blurred by it.
-    pub(super) fn skew(&self, residual: f32) -> f32 {
-        (0.1 * (residual / self.blur).powi(2)).min(1.0)
+    /// moved by as much, where it blurs light that is known to be blurred by it. Its third moment
+    /// is left, the deviation squared times `farthest` at most, m.
+    pub(super) fn skew(&self, deviation: f32, farthest: f32) -> f32 {
+        (0.1 * deviation * farthest.max(deviation) / self.blur.powi(2)).min(1.0)
     }
 
     /// Mask steps that are told apart.

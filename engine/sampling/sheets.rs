@@ -31,6 +31,26 @@ pub(super) struct Sheet {
     pub(super) z_by_x: f64,
     pub(super) z_by_z: f64,
     pub(super) square_z: f64,
+    /// Least and largest of both displacements, per facet.
+    pub(super) range: [f64; 2],
+    pub(super) range_z: [f64; 2],
+}
+
+impl Sheet {
+    fn new(component: u32, front: bool) -> Self {
+        let none = [f64::INFINITY, f64::NEG_INFINITY];
+        Self { component, front, range: none, range_z: none, ..Self::default() }
+    }
+}
+
+/// Widens a range to hold a value.
+pub(super) fn widen(range: &mut [f64; 2], value: f64) {
+    *range = [range[0].min(value), range[1].max(value)];
+}
+
+/// How far the sum of `layers` values in a range may be from its mean.
+pub(super) fn farthest([low, high]: [f64; 2], mean: f64, layers: f64) -> f64 {
+    (layers * high - mean).max(mean - layers * low)
 }
 
 /// Surfaces that all rays of a rectangle cross.
@@ -100,7 +120,7 @@ impl Sums {
         let same = |sheet: &Sheet| sheet.component == component && sheet.front == front;
         let place = self.sheets.iter().position(same);
         if place.is_none() {
-            self.sheets.try_push(Sheet { component, front, ..Sheet::default() }).ok()?;
+            self.sheets.try_push(Sheet::new(component, front)).ok()?;
         }
         match place {
             Some(place) => self.sheets.get_mut(place),
