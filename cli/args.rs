@@ -44,6 +44,7 @@ impl Arguments {
             Verb::Illuminate(illuminate) if illuminate.quiet => Verbosity::Quiet,
             Verb::Illuminate(illuminate) if illuminate.verbose => Verbosity::Verbose,
             Verb::Retrieve(retrieve) if retrieve.quiet => Verbosity::Quiet,
+            Verb::Check(check) if check.quiet => Verbosity::Quiet,
             _ => Verbosity::Normal,
         }
     }
@@ -321,6 +322,9 @@ pub(crate) struct Check {
     /// Print JSON (SI units, energies in keV)
     #[arg(long)]
     pub(crate) json: bool,
+    /// No progress, errors only on stderr; the report stays
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
 }
 
 #[derive(Debug, Args)]

@@ -315,6 +315,51 @@ fn an_interrupted_run_names_the_command_that_resumes_it_to_the_same_bits() {
     }
 }
 
+/// Sends SIGINT as soon as the program catches it: before the device is open, hence before any
+/// file is written.
+#[cfg(target_os = "linux")]
+fn interrupted_at_once(mut command: Command) -> Output {
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let status = format!("/proc/{}/status", child.id());
+    let catches = || {
+        let text = fs::read_to_string(&status).unwrap_or_default();
+        let mask = text.lines().find_map(|line| line.strip_prefix("SigCgt:")).map(str::trim);
+        mask.and_then(|mask| u64::from_str_radix(mask, 16).ok()).is_some_and(|mask| mask & 2 != 0)
+    };
+    while !catches() && child.try_wait().unwrap().is_none() {
+        std::thread::yield_now();
+    }
+    let kill = format!("kill -INT {}", child.id());
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    child.wait_with_output().unwrap()
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn an_overwriting_run_interrupted_before_it_writes_names_the_command_that_starts_it_again() {
+    let place = workplace();
+    assert_code(&run(place.path(), "simulate scene.toml -o run --backend bvh -q"), 0);
+    let recorded = || fs::read(place.path().join("run/run.json")).unwrap();
+    let before = recorded();
+    let mut command = beamlet(place.path());
+    command.args(["simulate", "scene.toml", "-o", "run", "--format", "npy", "--backend", "bvh"]);
+    let output = interrupted_at_once({
+        command.args(["--overwrite", "--set", "detector.pixels=[8, 2]"]);
+        command
+    });
+    assert_code(&output, 130);
+    let message = stderr(&output);
+    let begin = "nothing was written; to start again: beamlet ";
+    let again = message.lines().find_map(|line| line.strip_prefix(begin)).expect(&message);
+    assert!(!again.contains("--resume"), "the earlier run is another one: {again}");
+    assert!(before == recorded(), "the earlier run stays");
+    let command = format!("{} {again}", env!("CARGO_BIN_EXE_beamlet"));
+    let output =
+        Command::new("sh").args(["-c", &command]).current_dir(place.path()).output().unwrap();
+    assert_code(&output, 0);
+    assert!(place.path().join("run/flat.npy").is_file() && before != recorded(), "{again}");
+}
+
 #[test]
 #[cfg(unix)]
 fn a_reader_that_goes_away_is_no_failure() {

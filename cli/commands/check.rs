@@ -17,7 +17,7 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
         return run_directory(arguments, out);
     }
     let scene = arguments.scene.load()?;
-    let mut reporter = Reporter::new(false, false);
+    let mut reporter = Reporter::new(arguments.quiet, false);
     let report = report(arguments, &scene, &mut |progress| reporter.update(progress));
     reporter.finish();
     let report = report.map_err(|e| arguments.scene.locate(e))?;

@@ -61,7 +61,10 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     reporter.finish();
     match done {
         Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out),
-        Err(Error::Interrupted) => Err(Failure::Interrupted { advice: advice(arguments) }),
+        Err(Error::Interrupted) => {
+            let began = arguments.resume || sink.has_begun();
+            Err(Failure::Interrupted { advice: advice(arguments, began) })
+        }
         Err(error) => Err(failed(error)),
     }
 }
@@ -189,9 +192,9 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 11] {
     ]
 }
 
-/// What to enter to go on after an interrupt.
-fn advice(arguments: &Simulate) -> String {
-    let began = arguments.output.join("run.json").exists();
+/// What to enter to go on after an interrupt. `began`: whether this run has written anything; what
+/// stands in its directory may be an earlier run that it was about to replace.
+fn advice(arguments: &Simulate, began: bool) -> String {
     let mut command = vec![
         "beamlet simulate".to_owned(),
         quoted(&arguments.scene.scene.to_string_lossy()),
@@ -217,6 +220,16 @@ fn advice(arguments: &Simulate) -> String {
         command.push("--allow-unhashed".into());
     }
     if !began {
+        // A resumed run finds these in its directory.
+        if let Some(format) = arguments.format.map(Format::from) {
+            command.extend(["--format".into(), format.to_string()]);
+        }
+        if let Some(backend) = arguments.backend.choice() {
+            command.extend(["--backend".into(), backend.to_string()]);
+        }
+        if arguments.overwrite {
+            command.push("--overwrite".into());
+        }
         return format!("nothing was written; to start again: {}", command.join(" "));
     }
     command.push("--resume".into());

@@ -175,6 +175,13 @@ impl RunDirectory {
         self
     }
 
+    /// Whether [`Sink::begin`] has written to the directory and [`Sink::finish`] has not ended the
+    /// run. Before that an earlier run may stand there as it was.
+    #[must_use]
+    pub fn has_begun(&self) -> bool {
+        self.open.is_some()
+    }
+
     /// Locks the run; it is nobody else's from here to the end.
     fn lock(&mut self) -> Result<ProgressLog> {
         if let Some(log) = self.log.take() {

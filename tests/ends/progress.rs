@@ -63,6 +63,8 @@ fn a_terminal_shows_what_is_read_and_checked_and_a_pipe_does_not() {
         assert!(shown.contains("checking \"part\"") && shown.contains(" %"), "{shown}");
         assert!(shown.contains("objects  ") || shown.contains("rays     "), "{shown}");
     }
+    let shown = on_a_terminal(&place, &[&["check", "-q", "scene.toml"][..], &sets].concat());
+    assert!(!shown.contains("checking \"part\"") && shown.contains("memory  "), "{shown}");
     let (code, message) = said(&place.beamlet(&[&["check", "scene.toml"][..], &sets].concat()));
     assert_eq!((code, message), (Some(0), String::new()), "lines come every ten seconds");
 }
