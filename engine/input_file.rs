@@ -8,12 +8,21 @@ use std::path::Path;
 /// ten million angles.
 pub(crate) const TEXT: u64 = 512 << 20;
 
-/// Opens a regular file. Others are refused by their kind before they are opened: a pipe waits
-/// for its writer, and a device may have no end.
+/// Opens a regular file that is not empty.
 pub(crate) fn open(path: &Path) -> Result<File> {
+    match length(path)? {
+        0 => Err(Error::new(ErrorKind::UnexpectedEof, "it is empty")),
+        _ => File::open(path),
+    }
+}
+
+/// Length of a regular file. Others are refused by their kind before they are opened: a pipe waits
+/// for its writer, and a device may have no end. What the system makes up (`/proc/kmsg`) is regular
+/// by its kind and 0 bytes long, and may be either all the same: files of no length are not opened.
+fn length(path: &Path) -> Result<u64> {
     let found = std::fs::metadata(path)?;
     if found.is_file() {
-        return File::open(path);
+        return Ok(found.len());
     }
     let problem = format!("it is {}; allowed: a regular file", kind(&found));
     Err(Error::new(ErrorKind::InvalidInput, problem))
@@ -21,19 +30,19 @@ pub(crate) fn open(path: &Path) -> Result<File> {
 
 /// A regular file as a whole.
 pub(crate) fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
-    let file = open(path)?;
-    let length = file.metadata()?.len();
     let refused = |length: u64| {
         let problem = format!("it has {length} bytes; allowed: up to {most}");
         Err(Error::new(ErrorKind::FileTooLarge, problem))
     };
-    if length > most {
-        return refused(length);
-    }
+    let length = match length(path)? {
+        0 => return Ok(Vec::new()),
+        length if length > most => return refused(length),
+        length => length,
+    };
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
     // It may grow while it is read.
-    match file.take(most + 1).read_to_end(&mut bytes)? as u64 {
+    match File::open(path)?.take(most + 1).read_to_end(&mut bytes)? as u64 {
         length if length > most => refused(length),
         _ => Ok(bytes),
     }

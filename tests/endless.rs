@@ -94,6 +94,11 @@ fn what_is_no_regular_file_is_refused_by_its_kind() {
         symlink("/dev/zero", &path).unwrap();
         let message = ends(place.path(), &words, &[1, 2]);
         assert!(message.contains("it is a character device"), "{name}: {message}");
+        // Regular by its kind, of no length, and without an end.
+        fs::remove_file(&path).unwrap();
+        symlink("/proc/self/pagemap", &path).unwrap();
+        let message = ends(place.path(), &words, &[1, 2]);
+        assert!(message.contains(name), "{name}: {message}");
     }
 }
 
