@@ -9,6 +9,9 @@ use std::path::{Path, PathBuf};
 
 /// Pixels per unit of a drawing: sharp on screens and in print.
 const SCALE: f64 = 1.5;
+/// Bytes for each of these while a picture is painted and encoded: colours, a clip, and the file
+/// while it grows.
+const OF_PIXEL: u64 = 24;
 
 /// Pictures that wait to be written.
 #[derive(Debug, Default)]
@@ -24,6 +27,9 @@ impl Pictures {
         drawing: &Drawing,
     ) -> Result<(), Failure> {
         let name = name.into();
+        let [width, height] = drawing.pixels_at(SCALE).map(u64::from);
+        let bytes = OF_PIXEL.saturating_mul(width).saturating_mul(height);
+        beamlet::memory::ask(bytes, &format!("the picture {name}"))?;
         let failed = |problem| Failure::File { path: name.clone().into(), problem };
         let png = drawing.to_png(SCALE).map_err(failed)?;
         self.files.push((name, png));

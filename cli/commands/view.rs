@@ -45,7 +45,7 @@ fn scene(arguments: &View) -> Result<(Pictures, Vec<PathBuf>), Failure> {
     let geometry = beamlet::geometry::load(&scene).map_err(failed)?;
     beamlet::geometry::check_clearance(&scene, &geometry).map_err(failed)?;
     let mut pictures = Pictures::default();
-    pictures.add("set_up.png", &set_up::draw(&scene, &geometry))?;
+    pictures.add("set_up.png", &set_up::draw(&scene, &geometry)?)?;
     if !geometry.objects.is_empty() {
         let camera = Camera {
             azimuth: azimuth.unwrap_or(CAMERA[0]).to_radians(),

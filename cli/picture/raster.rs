@@ -15,13 +15,18 @@ use tiny_skia::{
 };
 
 impl Drawing {
+    /// Width and height of the PNG file, pixels.
+    pub(crate) fn pixels_at(&self, scale: f64) -> [u32; 2] {
+        [self.width, self.height].map(|side| (side * scale).round() as u32)
+    }
+
     /// The drawing as a PNG file on white, `scale` pixels to a unit.
     ///
     /// Fails where the picture is too large to be drawn.
     pub(crate) fn to_png(&self, scale: f64) -> Result<Vec<u8>, String> {
-        let (width, height) = ((self.width * scale).round(), (self.height * scale).round());
+        let [width, height] = self.pixels_at(scale);
         let too_large = || format!("a picture of {width} x {height} pixels cannot be drawn");
-        let mut pixmap = Pixmap::new(width as u32, height as u32).ok_or_else(too_large)?;
+        let mut pixmap = Pixmap::new(width, height).ok_or_else(too_large)?;
         pixmap.fill(Color::WHITE);
         for item in &self.items {
             draw(&mut pixmap, item, scale);

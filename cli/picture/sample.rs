@@ -13,7 +13,7 @@ use super::text::length;
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
 use beamlet::trace::{MetSurface, Ray};
-use beamlet::{Engine, EngineOptions, Result};
+use beamlet::{Engine, EngineOptions, Result, memory};
 
 /// Where the sample is looked at from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,6 +30,11 @@ const CROSSINGS: u32 = 48;
 const TRANSLUCENT: f64 = 0.16;
 /// Rays across a pixel where the picture changes.
 const FINE: usize = 3;
+/// Pixels that are looked at again together.
+const TOGETHER: usize = 1 << 15;
+/// Bytes of the picture while it is made: rays and colours of its pixels, crossings on host and
+/// device.
+const WHILE_MADE: u64 = 192 << 20;
 const SIZE: f64 = 760.0;
 const SCALE: f64 = 1.5;
 
@@ -156,6 +161,7 @@ impl Picture {
 
 fn render(engine: &Engine, turned: &Scene, picture: &Picture, side: usize) -> Result<Vec<Rgb>> {
     let simulation = engine.prepare(turned)?;
+    memory::ask(WHILE_MADE, "the picture of the sample")?;
     let at = |index: f64| (index + 0.5) / side as f64 * 2.0 - 1.0;
     let rays: Vec<Ray> = (0..side * side)
         .map(|i| picture.ray(at((i % side) as f64), -at((i / side) as f64)))
@@ -180,24 +186,26 @@ fn render(engine: &Engine, turned: &Scene, picture: &Picture, side: usize) -> Re
         beside.into_iter().any(|j| seen[i].1 != seen[j].1 || far(&seen[i].0, &seen[j].0))
     };
     let edges: Vec<usize> = (0..seen.len()).filter(|i| differs(*i)).collect();
-    let fine: Vec<Ray> = edges
-        .iter()
-        .flat_map(|i| {
-            (0..FINE * FINE).map(move |part| {
-                let off = |k: usize| (k as f64 + 0.5) / FINE as f64 - 0.5;
-                let (x, y) = ((i % side) as f64, (i / side) as f64);
-                picture.ray(at(x + off(part % FINE)), -at(y + off(part / FINE)))
+    for pixels in edges.chunks(TOGETHER) {
+        let fine: Vec<Ray> = pixels
+            .iter()
+            .flat_map(|i| {
+                (0..FINE * FINE).map(move |part| {
+                    let off = |k: usize| (k as f64 + 0.5) / FINE as f64 - 0.5;
+                    let (x, y) = ((i % side) as f64, (i / side) as f64);
+                    picture.ray(at(x + off(part % FINE)), -at(y + off(part / FINE)))
+                })
             })
-        })
-        .collect();
-    let mut sums = vec![[0.0; 3]; edges.len()];
-    simulation.crossings(&fine, CROSSINGS, |ray, met| {
-        let (light, _) = picture.seen(met);
-        let sum = &mut sums[ray / (FINE * FINE)];
-        (0..3).for_each(|i| sum[i] += light[i] / (FINE * FINE) as f64);
-    })?;
-    for (pixel, sum) in edges.into_iter().zip(sums) {
-        seen[pixel].0 = sum;
+            .collect();
+        let mut sums = vec![[0.0; 3]; pixels.len()];
+        simulation.crossings(&fine, CROSSINGS, |ray, met| {
+            let (light, _) = picture.seen(met);
+            let sum = &mut sums[ray / (FINE * FINE)];
+            (0..3).for_each(|i| sum[i] += light[i] / (FINE * FINE) as f64);
+        })?;
+        for (pixel, sum) in pixels.iter().zip(sums) {
+            seen[*pixel].0 = sum;
+        }
     }
     Ok(seen
         .iter()

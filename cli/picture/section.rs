@@ -69,14 +69,22 @@ fn signed_area(points: &[[f64; 2]]) -> f64 {
     turned.map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>() / 2.0
 }
 
-/// Convex outline from above of the triangles for which `of` holds (by component), m.
-pub(super) fn outline(sample: &Sample, of: impl Fn(usize) -> bool) -> Vec<[f64; 2]> {
-    let mut points: Vec<[f64; 2]> = sample
-        .triangles
+/// Objects with their triangles, which lie together in a sample.
+pub(super) fn by_object(sample: &Sample) -> impl Iterator<Item = (u32, &[[u32; 3]])> {
+    let object = |component: u32| sample.components[component as usize].object;
+    let mut rest = sample.triangles.as_slice();
+    sample.triangle_component.chunk_by(move |a, b| object(*a) == object(*b)).map(move |group| {
+        let (triangles, after) = rest.split_at(group.len());
+        rest = after;
+        (object(group[0]), triangles)
+    })
+}
+
+/// Convex outline from above of triangles, m.
+pub(super) fn outline(sample: &Sample, triangles: &[[u32; 3]]) -> Vec<[f64; 2]> {
+    let mut points: Vec<[f64; 2]> = triangles
         .iter()
-        .zip(&sample.triangle_component)
-        .filter(|(_, component)| of(**component as usize))
-        .flat_map(|(triangle, _)| triangle)
+        .flatten()
         .map(|vertex| {
             let vertex = sample.vertices[*vertex as usize];
             [vertex.x, vertex.y]
@@ -102,6 +110,9 @@ pub(super) fn outline(sample: &Sample, of: impl Fn(usize) -> bool) -> Vec<[f64; 
     hull
 }
 
+/// Points left out in a row at most, each of which is looked at for every one that follows.
+const LEFT_OUT: usize = 256;
+
 /// Leaves out points that lie within `tolerance` of the line between their neighbours.
 pub(super) fn thinned(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
     let mut kept: Vec<[f64; 2]> = Vec::new();
@@ -117,7 +128,7 @@ pub(super) fn thinned(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
             true => ((p[0] - last[0]) * dy - (p[1] - last[1]) * dx).abs() / length,
             false => (p[0] - last[0]).hypot(p[1] - last[1]),
         };
-        if run.iter().any(|p| off(p) > tolerance) {
+        if run.len() == LEFT_OUT || run.iter().any(|p| off(p) > tolerance) {
             kept.extend(run.last().copied());
             run.clear();
         }
@@ -152,7 +163,7 @@ mod tests {
         // Shapes have the area of the circle.
         let area = std::f64::consts::PI * 1e-6;
         assert!((loops[0].area / area - 1.0).abs() < 1e-9, "{}", loops[0].area);
-        let hull = outline(&sample, |_| true);
+        let hull = outline(&sample, &sample.triangles);
         assert!((signed_area(&hull).abs() / area - 1.0).abs() < 1e-9);
         let thin = thinned(&loops[0].points, 1e-5);
         assert!(thin.len() < 60 && (signed_area(&thin) / area - 1.0).abs() < 0.02);

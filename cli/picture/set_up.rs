@@ -4,18 +4,27 @@ use super::axes::{Axes, BELOW, LEFT};
 use super::colour::{Rgb, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
 use super::palette::{self, colour_of_object, pale};
-use super::section::{Loop, outline, section, thinned};
+use super::section::{Loop, by_object, outline, section, thinned};
 use super::text::{distance, length};
 use beamlet::geometry::Sample;
 use beamlet::scene::{MaskBody, MaskSpec, Scene};
+use beamlet::{Result, memory};
 
 const WIDTH: f64 = 1180.0;
 const BEAM: Rgb = [250, 205, 70];
 const BARS: Rgb = [70, 70, 82];
 const DETECTOR: Rgb = [40, 110, 150];
 
+/// Bytes for each triangle of the sample while its outline and its section are found: corners of
+/// all triangles, sorted, and those that the section cuts, by their edges.
+const OF_TRIANGLE: u64 = 320;
+
 /// Draws the set-up at angle 0.
-pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Drawing {
+///
+/// Fails where there is not the memory for it.
+pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Result<Drawing> {
+    let triangles = sample.triangles.len() as u64;
+    memory::ask(OF_TRIANGLE.saturating_mul(triangles), "the drawing of the set-up")?;
     let mut drawing = Drawing::new(WIDTH, 944.0);
     let loops = section(sample);
     drawing.text([LEFT, 28.0], "Set-up from above", 19.0, INK, Anchor::Start);
@@ -23,7 +32,7 @@ pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Drawing {
     overview(&mut drawing, scene, sample, &loops);
     true_scale(&mut drawing, scene);
     insets(&mut drawing, scene, sample, &loops);
-    drawing
+    Ok(drawing)
 }
 
 fn caption(scene: &Scene) -> String {
@@ -157,10 +166,9 @@ fn sample_from_above(
         let paint = Paint { fill: Some((fill, 1.0)), ..Paint::line(edge, 1.0) };
         drawing.path(thinned(&points, 0.12), true, paint);
     }
-    for object in 0..sample.objects.len() {
-        let of = |c: usize| sample.components[c].object as usize == object;
-        let points: Vec<[f64; 2]> = outline(sample, of).into_iter().map(map).collect();
-        let colour = pale(colour_of_object(scene, u32::try_from(object).ok()), 0.75);
+    for (object, triangles) in by_object(sample) {
+        let points: Vec<[f64; 2]> = outline(sample, triangles).into_iter().map(map).collect();
+        let colour = pale(colour_of_object(scene, Some(object)), 0.75);
         drawing.path(thinned(&points, 0.12), true, Paint::dashed(colour, 0.9, 3.0));
     }
 }
@@ -280,10 +288,18 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
     let axes = Axes { area, x: [-half, half], y: [half, -half], ..Axes::default() };
     let columns = f64::from(scene.detector.pixels[0]);
     drawing.clip(Some(area));
+    let periods = half * 1e-6 / mask.period;
+    let mut index = -periods.floor() - 2.0;
+    if 2.0 * periods > area.height {
+        // Masks far thicker than their period, whose bars are finer than pixels: their mean.
+        let opacity = 1.0 - mask.aperture / mask.period;
+        let (left, right) = (axes.across(-5e5 * thickness), axes.across(5e5 * thickness));
+        let bars = Area::new(left, area.top, (right - left).max(2.5), area.height);
+        drawing.area(bars, Paint { fill: Some((BARS, opacity)), ..Paint::default() });
+        index = f64::INFINITY;
+    }
     // The light of the apertures, and the rows of pixels behind.
-    let first = (-half * 1e-6 / mask.period).floor() - 1.0;
-    let mut index = first;
-    while index * mask.period < half * 1e-6 + mask.period {
+    while index < periods + 1.0 {
         // Apertures are centred at (k + 1/2 - C/2) periods.
         let phase = 0.5 - (columns / 2.0).fract();
         let centre = (index + phase) * mask.period + mask.offset;

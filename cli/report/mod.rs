@@ -54,7 +54,7 @@ pub(crate) fn page(run: &RunReader, most: u64) -> Result<String, Failure> {
             (Sample::default(), note)
         }
     };
-    let drawing = set_up::draw(run.scene(), &sample).to_svg() + &without;
+    let drawing = set_up::draw(run.scene(), &sample)?.to_svg() + &without;
     let name = run
         .run()
         .path()

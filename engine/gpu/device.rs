@@ -72,7 +72,8 @@ impl Device {
     ///
     /// # Errors
     /// [`Error::Device`] without a loader, driver, or device that can serve, where the chosen
-    /// device is not there, or where validation is asked for and not installed.
+    /// device is not there, or where validation is asked for and not installed; [`Error::Memory`]
+    /// where a driver could not begin.
     pub fn open(options: &DeviceOptions) -> Result<Arc<Self>> {
         let instance = Instance::new(options.validation)?;
         let from_environment =

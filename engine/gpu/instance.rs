@@ -1,12 +1,16 @@
 //! The Vulkan loader and instance, and the messages of the validation layer.
 
 use super::failure::{self, INSTALL};
-use crate::{Error, Result};
+use crate::{Error, Result, reserve};
 use ash::vk;
 use std::ffi::{CStr, c_void};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Bytes of address space that a driver is left to begin with. Mesa's CPU device takes most of
+/// them for libraries, threads and compiled kernels, and ends the program where it has less.
+const DRIVER: u64 = 400 << 20;
 
 /// A loaded loader with an instance of Vulkan 1.2.
 pub(super) struct Instance {
@@ -20,6 +24,7 @@ pub(super) struct Instance {
 
 impl Instance {
     pub(super) fn new(validation: bool) -> Result<Self> {
+        reserve::ask(DRIVER, "a Vulkan driver", reserve::REMEDY)?;
         // SAFETY: loading runs the initialisers of the system's Vulkan loader, which is trusted
         // like any shared library of the system.
         let entry = unsafe { ash::Entry::load() }

@@ -1,7 +1,7 @@
 //! Address space that ends: an error that says what for, and never the end of the program.
 //!
-//! The limits lie above what program and driver take by themselves: of a driver that has less
-//! than it needs to begin with nothing is promised.
+//! A driver (llvmpipe) that has less than it needs to begin with ends the program: so much is asked
+//! for before one is opened.
 
 use super::{Place, npy, said};
 use std::fs;
@@ -104,6 +104,28 @@ fn many_triangles() {
         let unit = "object.part.unit=1 um";
         let sets = ["check", "scene.toml", "--no-estimate", "--set", &mesh, "--set", unit];
         sweep(&place, &[60, 80, 110, 150, 200, 300, 400, 500, 1500], &sets);
+    }
+}
+
+#[test]
+fn pictures_of_a_scene() {
+    let place = Place::new();
+    let limits = [30, 40, 60, 80, 100, 150, 200, 300, 350, 400, 450, 500, 600, 800, 1500];
+    sweep(&place, &limits, &["view", "scene.toml", "-o", "out"]);
+    // A million triangles, of which the plane of the set-up cuts few.
+    let sphere = "object.part.shape={sphere={radius=\"0.4 mm\",sides=1000}}";
+    let limits = [60, 200, 400, 500, 600, 700, 800, 1000, 1300, 2500];
+    sweep(&place, &limits, &["view", "scene.toml", "-o", "out", "--set", sphere]);
+}
+
+#[test]
+fn drivers_that_have_too_little_to_begin_with() {
+    let place = Place::new();
+    let small = ["--set", "detector.pixels=[16,4]", "--backend", "bvh"];
+    for limit in [100, 200, 300, 350, 400, 450, 500, 550] {
+        let _ = fs::remove_dir_all(place.path("out"));
+        within(&place, limit, &[&RUN[..], &small].concat());
+        within(&place, limit, &["devices"]);
     }
 }
 
