@@ -19,7 +19,7 @@ void main() {
     Light light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[index / push.batch];
     uint ray = push.first_ray + index % push.batch;
-    Draw d = draw(light, pixel, push.view_seed, push.seed, ray, push.rays_per_pixel);
+    Draw d = draw(light, pixel, push.view, push.seed, ray, push.rays_per_pixel);
     vec2 centre = vec2(float(pixel.column) + 0.5 - 0.5 * float(light.column_count), 0.0)
         * light.column_pitch;
     centre.y = (light.middle_row - float(pixel.row) - 0.5) * light.row_pitch;

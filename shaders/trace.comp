@@ -15,23 +15,14 @@ layout(local_size_x = GROUP) in;
 
 #include "walk/first_order.glsl"
 
-// What a ray gathers.
-struct Gathered {
-    Stretch stretch;
-    Run run;
-    Sums sums;
-};
-
-// A candidate of the search: everything after "which primitive" is here, for both backends.
+// A candidate of the search.
 void visit(Beam beam, uint primitive, inout Gathered all) {
     Leaf leaf = sample_.leaves.at[primitive];
     Facet facet = facet_of(beam, leaf);
     if (!facet.crossed) return;
     Surface surface = sample_.surfaces.at[leaf.surface & SURFACE_INDEX];
     if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
-    vec3 normal_ = beam_from_world(beam, leaf.normal);
-    run_cross(all.run, beam, all.stretch, surface, normal_,
-              place_of(slope_of(beam), facet, normal_), facet.entering);
+    visit(beam, facet, surface, beam_from_world(beam, leaf.normal), all);
 }
 
 #ifdef BACKEND_RAY_QUERY
@@ -46,7 +37,7 @@ void main() {
     if (push.listed != 0u) index = push.list.at[1u + index];
     Ray ray = ray_at(index);
     Beam beam = beam_of(ray, sample_.views.at[ray.view]);
-    Gathered all = Gathered(stretch_of(beam), run_begin(), sums_begin(index, true));
+    Gathered all = gathered_begin(beam, index, true);
     traverse(beam, -1e30, all);
-    finish(index, all.sums, all.run);
+    finish(index, all);
 }

@@ -26,13 +26,15 @@ struct Member {
     bool walks;
     uint view;
     Beam beam; // its view set while it walks
-    Stretch stretch;
-    Run run;
-    Sums sums;
+    Gathered all;
 };
 
+// The rays of this lane. Here rather than handed from function to function: copies of so much
+// take their time when a driver makes the kernel.
+Member rays[RAYS_PER_LANE];
+
 // Bounds of the rays that walk.
-Bounds bounds_of(Member rays[RAYS_PER_LANE]) {
+Bounds bounds_of_rays() {
     vec4 place = vec4(1e30);
     vec4 slope = vec4(1e30);
     EACH_RAY {
@@ -48,7 +50,7 @@ Bounds bounds_of(Member rays[RAYS_PER_LANE]) {
 }
 
 // Bits of the children that some ray may meet: of leaves, and of inner children where `all_`.
-uint children_met(Children children, Member rays[RAYS_PER_LANE], bool all_) {
+uint children_met(Children children, bool all_) {
     uint tested = all_ ? 0xffffffffu : 0x00ffffffu;
     uint met = any_lane(children.bits & ~tested);
     uint left = any_lane((children.bits & tested) != 0u ? 1u << LANE : 0u);
@@ -65,95 +67,118 @@ uint children_met(Children children, Member rays[RAYS_PER_LANE], bool all_) {
     return met | any_lane(mine);
 }
 
-// Hands all crossings of the rays that walk to their runs.
-void walk_together(inout Member rays[RAYS_PER_LANE], View view) {
-    Words nodes = Words(uvec2(sample_.nodes));
-    Words leaf_words = Words(uvec2(sample_.leaves));
+// A bundle on its way through the tree.
+struct Search {
+    View view;
+    Bounds bounds;
+    Stack stack;
+    uvec2 group;    // inner children that are left, for pop_child()
+    uint leaves;    // bits of the leaves of a node that are left
+    uint leaf_base;
+    uint visited;   // nodes
+    uint triangles; // that some ray crosses
+    bool more;      // nodes are left
+};
+
+Search search_begin(View view, Bounds bounds) {
+    return Search(view, bounds, stack_begin(), uvec2(0u, 0x80000000u), 0u, 0u, 0u, 0u, true);
+}
+
+// Goes on to a node with leaves that some ray may meet.
+void next_node(inout Search search) {
+    do {
+        if (search.group.y < 0x01000000u) search.group = stack_pop(search.stack);
+        uint node = pop_child(search.group);
+        if (search.group.y >= 0x01000000u) stack_push(search.stack, search.group);
+        Children children =
+            children_of(Words(uvec2(sample_.nodes)), node, search.view, search.bounds);
+        search.visited += 1u;
+        bool wide = search.visited > NODES + NODES_PER_TRIANGLE * search.triangles;
+        uint met = children_met(children, wide);
+        search.group = uvec2(children.base, (met & 0xff000000u) | children.inner);
+        search.leaf_base = children.leaf_base;
+        search.leaves = met & 0x00ffffffu;
+        search.more = search.group.y >= 0x01000000u || search.stack.height > 0u;
+    } while (search.more && search.leaves == 0u);
+}
+
+// Takes leaves of a node until some ray crosses one, or none is left. `frame`: the beam's view,
+// which is the same for all rays; `before`: leaves that were left before the last one was taken.
+void next_triangle(inout Search search, Beam frame, out Record leaf,
+                   out Facet facets[RAYS_PER_LANE], out uint before) {
+    Words leaves = Words(uvec2(sample_.leaves));
+    bool crossed;
+    do {
+        before = search.leaves;
+        leaf = record_at(leaves, search.leaf_base + uint(findLSB(search.leaves)), LEAF_WORDS);
+        search.leaves &= search.leaves - 1u;
+        vec3 a = beam_from_world(frame, numbers_of(leaf, LEAF_A));
+        vec3 b = beam_from_world(frame, numbers_of(leaf, LEAF_B));
+        vec3 c = beam_from_world(frame, numbers_of(leaf, LEAF_C));
+        crossed = false;
+        EACH_RAY {
+            facets[k] = facet_of(rays[k].beam, a, b, c);
+            facets[k].crossed = facets[k].crossed && rays[k].walks;
+            crossed = crossed || facets[k].crossed;
+        }
+        crossed = any_lane(uint(crossed)) != 0u;
+    } while (!crossed && search.leaves != 0u);
+}
+
+// The surface of a leaf; its object is left out.
+Surface surface_of(Record leaf) {
     Words surfaces = Words(uvec2(sample_.surfaces));
-    Bounds bounds = bounds_of(rays);
-    Beam frame = rays[0].beam; // its view, for what is the same for all rays
+    Record sides = record_at(surfaces, word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX, SURFACE_WORDS);
+    return Surface(0u, word_of(sides, SURFACE_INSIDE), word_of(sides, SURFACE_OUTSIDE),
+                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING));
+}
+
+// Hands the leaves of a node to the rays. True where runs of some rays have to end first: those
+// of `ending`; the leaf at which they do is left.
+bool visit_leaves(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE]) {
+    bool ends = false;
+    do {
+        Record leaf;
+        Facet facets[RAYS_PER_LANE];
+        uint before;
+        next_triangle(search, frame, leaf, facets, before);
+        Surface surface = surface_of(leaf);
+        EACH_RAY {
+            ending[k] = facets[k].crossed && run_ends_at(rays[k].all.run, surface);
+            ends = ends || ending[k];
+        }
+        ends = any_lane(uint(ends)) != 0u;
+        if (ends) {
+            search.leaves = before;
+            break;
+        }
+        vec3 normal_ = beam_from_world(frame, numbers_of(leaf, LEAF_NORMAL));
+        search.triangles += 1u;
+        EACH_RAY {
+            if (facets[k].crossed) visit(rays[k].beam, facets[k], surface, normal_, rays[k].all);
+        }
+    } while (search.leaves != 0u);
+    return ends;
+}
+
+// Hands all crossings of the rays that walk to their runs.
+void walk_together(View view) {
+    Search search = search_begin(view, bounds_of_rays());
+    Beam frame = rays[0].beam;
     frame.cos_angle = view.cos_angle;
     frame.sin_angle = view.sin_angle;
-    Stack stack = stack_begin();
-    uvec2 group = uvec2(0u, 0x80000000u);
-    uint leaves = 0u;
-    uint leaf_base = 0u;
-    uint visited = 0u;
-    uint crossed_by_some = 0u; // triangles
-    bool more = true;
     bool ends; // runs of some rays
     // CPU devices skip no code but by leaving a loop at its end: what is rare stands outside.
     do {
         bool ending[RAYS_PER_LANE];
         EACH_RAY ending[k] = false;
         do {
-            if (leaves == 0u) {
-                do {
-                    if (group.y < 0x01000000u) group = stack_pop(stack);
-                    uint node = pop_child(group);
-                    if (group.y >= 0x01000000u) stack_push(stack, group);
-                    Children children = children_of(nodes, node, view, bounds);
-                    visited += 1u;
-                    bool wide = visited > NODES + NODES_PER_TRIANGLE * crossed_by_some;
-                    uint met = children_met(children, rays, wide);
-                    group = uvec2(children.base, (met & 0xff000000u) | children.inner);
-                    leaf_base = children.leaf_base;
-                    leaves = met & 0x00ffffffu;
-                    more = group.y >= 0x01000000u || stack.height > 0u;
-                } while (more && leaves == 0u);
-            }
+            if (search.leaves == 0u) next_node(search);
             ends = false;
-            if (leaves != 0u) {
-                do {
-                    Facet facets[RAYS_PER_LANE];
-                    uint before = leaves;
-                    Record leaf;
-                    bool crossed;
-                    do {
-                        before = leaves;
-                        leaf = record_at(leaf_words, leaf_base + uint(findLSB(leaves)), LEAF_WORDS);
-                        leaves &= leaves - 1u;
-                        vec3 a = beam_from_world(frame, numbers_of(leaf, LEAF_A));
-                        vec3 b = beam_from_world(frame, numbers_of(leaf, LEAF_B));
-                        vec3 c = beam_from_world(frame, numbers_of(leaf, LEAF_C));
-                        crossed = false;
-                        EACH_RAY {
-                            facets[k] = facet_of(rays[k].beam, a, b, c);
-                            facets[k].crossed = facets[k].crossed && rays[k].walks;
-                            crossed = crossed || facets[k].crossed;
-                        }
-                        crossed = any_lane(uint(crossed)) != 0u;
-                    } while (!crossed && leaves != 0u);
-
-                    Record sides = record_at(surfaces, word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX,
-                                             SURFACE_WORDS);
-                    Surface surface = Surface(0u, word_of(sides, SURFACE_INSIDE),
-                                              word_of(sides, SURFACE_OUTSIDE),
-                                              word_of(sides, SURFACE_HASH),
-                                              number_of(sides, SURFACE_GRAZING));
-                    EACH_RAY {
-                        ending[k] = facets[k].crossed && run_ends_at(rays[k].run, surface);
-                        ends = ends || ending[k];
-                    }
-                    ends = any_lane(uint(ends)) != 0u;
-                    if (ends) { // the same triangle again, after that
-                        leaves = before;
-                        break;
-                    }
-                    vec3 normal_ = beam_from_world(frame, numbers_of(leaf, LEAF_NORMAL));
-                    crossed_by_some += 1u;
-                    EACH_RAY {
-                        if (facets[k].crossed) {
-                            run_cross(rays[k].run, rays[k].beam, rays[k].stretch, surface,
-                                      normal_, place_of(slope_of(rays[k].beam), facets[k], normal_),
-                                      facets[k].entering);
-                        }
-                    }
-                } while (leaves != 0u);
-            }
-        } while (more && !ends);
+            if (search.leaves != 0u) ends = visit_leaves(search, frame, ending);
+        } while (search.more && !ends);
         EACH_RAY {
-            if (ending[k]) run_flush(rays[k].sums, rays[k].run);
+            if (ending[k]) run_flush(rays[k].all.sums, rays[k].all.run);
         }
     } while (ends);
 }
@@ -162,7 +187,6 @@ void main() {
     // Neighbours in the list are neighbours in a bundle.
     uint lane = gl_GlobalInvocationID.x % gl_SubgroupSize;
     uint first = (gl_GlobalInvocationID.x - lane) * RAYS_PER_LANE + lane;
-    Member rays[RAYS_PER_LANE];
     EACH_RAY {
         uint index = first + k * gl_SubgroupSize;
         rays[k].waits = index < push.count;
@@ -173,9 +197,7 @@ void main() {
         rays[k].index = index;
         rays[k].view = ray.view;
         rays[k].beam = beam_of(ray, View(1.0, 0.0, 0.0, 0.0));
-        rays[k].stretch = stretch_of(rays[k].beam);
-        rays[k].run = run_begin();
-        rays[k].sums = sums_begin(index, rays[k].waits);
+        rays[k].all = gathered_begin(rays[k].beam, index, rays[k].waits);
     }
     bool left;
     do { // one view after another, where a bundle has several
@@ -191,11 +213,11 @@ void main() {
         left = any_lane(uint(left)) != 0u;
         View frame = sample_.views.at[view];
         EACH_RAY rays[k].beam.analyser = frame.analyser;
-        walk_together(rays, frame);
+        walk_together(frame);
     } while (left);
     EACH_RAY {
         if (first + k * gl_SubgroupSize < push.count) {
-            finish(rays[k].index, rays[k].sums, rays[k].run);
+            finish(rays[k].index, rays[k].all);
         }
     }
 }

@@ -48,7 +48,7 @@ struct Entry {
 fn fill_and_read(device: &Arc<Device>, memory: Memory) {
     let count = 10_000u32;
     let bytes = u64::from(count) * 16;
-    let kernel = device.kernel("fill", shaders::FILL_TWICE, 16, Some(32)).unwrap();
+    let kernel = device.kernel("fill", shaders::FILL_TWICE, 16).unwrap();
     let entries = device.buffer("entries", bytes, memory).unwrap();
     let copy = device.buffer("copy", bytes, memory).unwrap();
     let push = FillPush { entries: entries.address(), count: count - 5, scale: 0.5 };
@@ -56,7 +56,7 @@ fn fill_and_read(device: &Arc<Device>, memory: Memory) {
         .run(|r| {
             r.fill(&entries, 0, bytes, 7);
             r.barrier();
-            r.dispatch(&kernel, bytes_of(&push), [count.div_ceil(32), 1, 1]);
+            r.dispatch(&kernel, bytes_of(&push), [count.div_ceil(64), 1, 1]);
             r.barrier();
             r.copy(&entries, 0, &copy, 0, bytes);
         })
@@ -90,7 +90,7 @@ fn a_buffer_beyond_the_storage_buffer_range_is_reached_by_address() {
     let count = 10u32 << 20;
     let bytes = u64::from(count) * 16;
     let entries = device.buffer("160 MiB", bytes, Memory::Device).unwrap();
-    let kernel = device.kernel("fill", shaders::FILL, 16, Some(64)).unwrap();
+    let kernel = device.kernel("fill", shaders::FILL, 16).unwrap();
     let push = FillPush { entries: entries.address(), count, scale: 1.0 };
     let groups = device.fold_groups(u64::from(count.div_ceil(64)));
     device.run(|r| r.dispatch(&kernel, bytes_of(&push), groups)).unwrap();
@@ -117,7 +117,7 @@ fn a_dispatch_too_large_for_the_device_is_an_error() {
     if device.max_groups()[0] == u32::MAX {
         return;
     }
-    let kernel = device.kernel("fill", shaders::FILL, 16, Some(64)).unwrap();
+    let kernel = device.kernel("fill", shaders::FILL, 16).unwrap();
     let push = FillPush { entries: 0, count: 0, scale: 1.0 };
     let groups = [device.max_groups()[0] + 1, 1, 1];
     let error = device.run(|r| r.dispatch(&kernel, bytes_of(&push), groups)).unwrap_err();
@@ -131,7 +131,7 @@ fn what_a_submission_uses_may_be_dropped_while_it_runs() {
     let result = device.buffer("result", 16 << 16, Memory::Host).unwrap();
     let submissions: Vec<_> = (0..4)
         .map(|_| {
-            let kernel = device.kernel("fill", shaders::FILL, 16, Some(64)).unwrap();
+            let kernel = device.kernel("fill", shaders::FILL, 16).unwrap();
             let entries = device.buffer("entries", 16 << 16, Memory::Device).unwrap();
             let push = FillPush { entries: entries.address(), count: 1 << 16, scale: 1.0 };
             device
@@ -212,7 +212,7 @@ fn messages_of_the_validation_layer_are_counted() {
     let device = open(false);
     if device.validation() {
         // The push constants of the shader are longer than those of the kernel.
-        let _ = device.kernel("short push", shaders::FILL, 8, None);
+        let _ = device.kernel("short push", shaders::FILL, 8);
         assert!(device.validation_messages() > 0);
     }
 }
@@ -244,7 +244,7 @@ const SQUARES: [[[f32; 3]; 2]; 2] =
 fn a_ray_query_sees_every_box_of_a_structure_given_by_address_once() {
     let device = open(false);
     if !device.description().ray_query {
-        let refused = device.kernel("crossings", shaders::CROSSINGS, 24, None).unwrap_err();
+        let refused = device.kernel("crossings", shaders::CROSSINGS, 24).unwrap_err();
         assert!(refused.to_string().contains("no ray query"), "{refused}");
         eprintln!("no ray query on this device");
         return;
@@ -253,7 +253,7 @@ fn a_ray_query_sees_every_box_of_a_structure_given_by_address_once() {
     let structure = AccelerationStructure::build(&device, &boxes, 2).unwrap();
     drop(boxes);
     let rays = 20u32;
-    let kernel = device.kernel("crossings", shaders::CROSSINGS, 24, Some(16)).unwrap();
+    let kernel = device.kernel("crossings", shaders::CROSSINGS, 24).unwrap();
     let counts = device.buffer("counts", u64::from(rays) * 4, Memory::Host).unwrap();
     let push = CrossingsPush {
         scene: structure.address(),
@@ -261,7 +261,7 @@ fn a_ray_query_sees_every_box_of_a_structure_given_by_address_once() {
         rays,
         spacing: 0.0625,
     };
-    device.run(|r| r.dispatch(&kernel, bytes_of(&push), [rays.div_ceil(16), 1, 1])).unwrap();
+    device.run(|r| r.dispatch(&kernel, bytes_of(&push), [rays.div_ceil(64), 1, 1])).unwrap();
     let counts: Vec<u32> = counts.read(0, rays as usize).unwrap();
     // Low bits: crossings; the rest: the sum of their primitives. Rays run at z = 0.25.
     for (i, &count) in (0u16..).zip(&counts) {

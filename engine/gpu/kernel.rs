@@ -49,32 +49,26 @@ impl LazyKernel {
         if let Some(kernel) = self.made.get() {
             return Ok(kernel);
         }
-        let made = self.device.kernel(self.name, self.spirv, self.push_bytes, None)?;
+        let made = self.device.kernel(self.name, self.spirv, self.push_bytes)?;
         Ok(self.made.get_or_init(|| made))
     }
 }
 
 impl Device {
     /// A kernel from SPIR-V with the entry point `main`. `push_bytes` is the size of its push
-    /// constants; `workgroup_size` sets its specialisation constant 0 (`local_size_x_id = 0`).
+    /// constants.
     ///
     /// # Errors
     /// [`Error::Device`] where the device cannot run it.
     ///
     /// # Panics
     /// With more than [`PUSH_BYTES`] bytes of push constants, or not a multiple of 4.
-    pub fn kernel(
-        self: &Arc<Self>,
-        name: &str,
-        spirv: &[u32],
-        push_bytes: u32,
-        workgroup_size: Option<u32>,
-    ) -> Result<Kernel> {
+    pub fn kernel(self: &Arc<Self>, name: &str, spirv: &[u32], push_bytes: u32) -> Result<Kernel> {
         assert!(
             push_bytes <= PUSH_BYTES && push_bytes.is_multiple_of(4),
             "{name}: {push_bytes} push bytes"
         );
-        self.check_kernel(name, spirv, workgroup_size)?;
+        self.check_kernel(name, spirv)?;
         let failed = |e| failure::vulkan(&format!("making the kernel {name}"), e);
 
         let range = [vk::PushConstantRange::default()
@@ -98,16 +92,10 @@ impl Device {
         let info = vk::ShaderModuleCreateInfo::default().code(spirv);
         // SAFETY: the words are SPIR-V for Vulkan 1.2 by the contract of this function.
         let module = unsafe { self.raw.create_shader_module(&info, None) }.map_err(failed)?;
-        let data = workgroup_size.unwrap_or(0).to_ne_bytes();
-        let entries = [vk::SpecializationMapEntry::default().constant_id(0).offset(0).size(4)];
-        let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
-        let mut stage = vk::PipelineShaderStageCreateInfo::default()
+        let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)
             .name(c"main");
-        if workgroup_size.is_some() {
-            stage = stage.specialization_info(&constants);
-        }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
         let faulty = self.faults.check(FaultyCall::MakeKernel).map_err(|e| (Vec::new(), e));
         // SAFETY: module and layout were just made by this device, as was the cache.
@@ -121,26 +109,16 @@ impl Device {
         Ok(kernel)
     }
 
-    fn check_kernel(&self, name: &str, spirv: &[u32], workgroup_size: Option<u32>) -> Result<()> {
-        let wanted = || format!("the kernel {name}");
-        if uses_ray_query(spirv) && !self.physical.description.ray_query {
+    fn check_kernel(&self, name: &str, spirv: &[u32]) -> Result<()> {
+        let description = &self.physical.description;
+        if uses_ray_query(spirv) && !description.ray_query {
             return Err(Error::device(
-                wanted(),
-                format!("{} has no ray query", self.physical.description.name),
+                format!("the kernel {name}"),
+                format!("{} has no ray query", description.name),
                 "choose the bvh backend or another device",
             ));
         }
-        let limits = &self.physical.limits;
-        let most =
-            limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
-        match workgroup_size {
-            Some(size) if size == 0 || size > most => Err(Error::device(
-                wanted(),
-                format!("a workgroup of {size} invocations"),
-                format!("the device runs 1 to {most}"),
-            )),
-            _ => Ok(()),
-        }
+        Ok(())
     }
 }
 

@@ -154,14 +154,6 @@ impl Submission {
         Ok(self.started.elapsed())
     }
 
-    /// Whether the device has done the work, or will not.
-    pub fn is_done(&self) -> bool {
-        self.batch.as_ref().is_none_or(|batch| {
-            // SAFETY: the fence lives as long as the batch.
-            !matches!(unsafe { self.device.raw.get_fence_status(batch.fence) }, Ok(false))
-        })
-    }
-
     fn finish(&mut self) -> Result<()> {
         let Some(batch) = self.batch.take() else { return Ok(()) };
         let raw = &self.device.raw;

@@ -29,19 +29,10 @@ impl RandomKernels {
     /// # Errors
     /// [`crate::Error::Device`].
     pub fn new(device: &Arc<Device>) -> Result<Self> {
+        let (rays, light) = (push_bytes::<RandomRaysPush>(), push_bytes::<RandomLightPush>());
         Ok(Self {
-            rays: device.kernel(
-                "random_rays",
-                shaders::RANDOM_RAYS,
-                push_bytes::<RandomRaysPush>(),
-                None,
-            )?,
-            light: device.kernel(
-                "random_light",
-                shaders::RANDOM_LIGHT,
-                push_bytes::<RandomLightPush>(),
-                None,
-            )?,
+            rays: device.kernel("random_rays", shaders::RANDOM_RAYS, rays)?,
+            light: device.kernel("random_light", shaders::RANDOM_LIGHT, light)?,
         })
     }
 }
@@ -93,7 +84,6 @@ pub fn cast(
                     batch,
                     pixel_count,
                     view: job.view,
-                    view_seed: job.view,
                 };
                 let groups = (pixel_count * batch).div_ceil(GROUP);
                 device.run(|r| {
@@ -115,7 +105,7 @@ pub fn cast(
                     first_ray,
                     batch,
                     pixel_count,
-                    view_seed: job.view,
+                    view: job.view,
                     empty: job.empty.into(),
                     first_step,
                 };

@@ -215,10 +215,7 @@ shared_structs! {
         /// Rays per pixel in this batch.
         pub batch: u32,
         pub pixel_count: u32,
-        /// Of the ray records.
         pub view: u32,
-        /// Of the random numbers.
-        pub view_seed: u32,
     }
 
     /// Push constants of `random_light.comp`.
@@ -233,7 +230,7 @@ shared_structs! {
         pub first_ray: u32,
         pub batch: u32,
         pub pixel_count: u32,
-        pub view_seed: u32,
+        pub view: u32,
         /// No sample: every law is zero.
         pub empty: u32,
         pub first_step: u32,

@@ -118,7 +118,7 @@ impl Fitter {
         let device = engine.device().clone();
         let push = u32::try_from(size_of::<FitPush>()).unwrap_or(u32::MAX);
         Ok(Self {
-            kernel: device.kernel("fit", shaders::FIT, push, None)?,
+            kernel: device.kernel("fit", shaders::FIT, push)?,
             steps: device.upload("mask steps", &steps)?,
             device,
             step_count: offsets.len(),

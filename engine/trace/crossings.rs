@@ -39,7 +39,7 @@ impl CrossingFinder {
         Ok(Self {
             device: device.clone(),
             sample: sample.clone(),
-            kernel: device.kernel("crossings", shaders::CROSSINGS, push, None)?,
+            kernel: device.kernel("crossings", shaders::CROSSINGS, push)?,
             most,
             rays: make("rays", u64::from(RAYS) * size_of::<Ray>() as u64)?,
             met: make("crossings", of_all(size_of::<MetSurface>()))?,

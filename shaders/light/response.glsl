@@ -3,8 +3,12 @@
 const float NEGLIGIBLE = 1e-9; // leaks below this are left out
 const float FAINT = 1e-5;      // where in its pixel the light of leaks below this lands is left open
 
+// Everything about the band. Here rather than handed from function to function: copies of so much
+// take their time when a driver makes the kernel.
+Light light;
+
 // Width of the focal spot, m, standard deviation.
-float source_spot(Light light) {
+float source_spot() {
     return light.spot * light.rotation / (light.analyser - light.rotation);
 }
 
@@ -23,7 +27,7 @@ vec2 between_edges(Piece piece) {
 
 // Light of the piece that passes the detector mask and lands in the pixel [low, high], as a share of
 // the piece; `home`: the pixel that faint light of the piece is put into.
-float response(Light light, Column column, Bars bars, Piece piece, float low, float high, bool home) {
+float response(Column column, Bars bars, Piece piece, float low, float high, bool home) {
     Edge pixel_low = Edge(low, piece.pixel_blur);
     Edge pixel_high = Edge(high, piece.pixel_blur);
     Mask mask = light.detector_mask;
@@ -55,7 +59,7 @@ float response(Light light, Column column, Bars bars, Piece piece, float low, fl
             Layer layer = layer_of(bars, index);
             float centre = float(place.period) * mask.period - column.aperture_offset;
             Edges edges = edges_of(mask, bars, layer, aperture_of(mask, place), centre, column.slope,
-                                   light.analyser, source_spot(light), piece.detector_shade);
+                                   light.analyser, source_spot(), piece.detector_shade);
             index++;
             if (index == bars.layers) {
                 place = next_place(mask, place);
@@ -91,7 +95,7 @@ float response(Light light, Column column, Bars bars, Piece piece, float low, fl
 // that meets the sample in the same place crosses the cell plane: what the sample does depends
 // on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
 // cell plane and of the detector mask on the analyser.
-Piece piece_of(Light light, Strip strip, Cell cell, float a, float b, float transmission, vec2 soft) {
+Piece piece_of(Strip strip, Cell cell, float a, float b, float transmission, vec2 soft) {
     float span = cell.x_high - cell.x_low;
     float depth_slope = (cell.depth_high - cell.depth_low) / span;
     float bend = (cell.displacement_high - cell.displacement_low) / span;

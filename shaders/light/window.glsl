@@ -9,6 +9,7 @@ const float BEYOND = 8.0;
 // Light of a cell, or of what a hard edge leaves of it, on the analyser: evenly spread over
 // middle + half_width * xi, xi in [-1, 1], moved by -blur * t.
 struct Piece {
+    bool passes; // some of its light
     float amount;
     float middle;
     float half_width; // signed: light may land in reverse order

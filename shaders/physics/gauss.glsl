@@ -22,24 +22,3 @@ float ramp(float t) {
     normal(t, density, below);
     return t * below + density;
 }
-
-// Share below `e` of light spread evenly over middle +- half_width and blurred by `blur` (std).
-float share_below(float e, float middle, float half_width, float blur) {
-    float d = e - middle;
-    float reach = half_width + 6.0 * blur;
-    if (d >= reach) return 1.0;
-    if (d <= -reach) return 0.0;
-    if (half_width > 0.05 * blur) {
-        if (blur <= 1e-4 * half_width) return clamp(0.5 + 0.5 * d / half_width, 0.0, 1.0);
-        float w = half_width / blur;
-        float t = d / blur;
-        return (ramp(t + w) - ramp(t - w)) / (2.0 * w);
-    }
-    if (blur <= 0.0) return d > 0.0 ? 1.0 : (d < 0.0 ? 0.0 : 0.5);
-    // Narrow cells: the difference above would lose its digits.
-    float t = d / blur;
-    float w = half_width / blur;
-    float density, below;
-    normal(t, density, below);
-    return clamp(below - t * density * w * w / 6.0, 0.0, 1.0);
-}

@@ -15,21 +15,39 @@ Ray ray_at(uint index) {
     return ray;
 }
 
+// What a ray gathers.
+struct Gathered {
+    Stretch stretch;
+    Run run;
+    Sums sums;
+};
+
+Gathered gathered_begin(Beam beam, uint index, bool live) {
+    return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live));
+}
+
+// A ray crosses a facet: everything after "which primitive" is here, for every walk. A run that
+// ends at the surface (run_ends_at) has been flushed. `normal_`: of the facet, beam frame.
+void visit(Beam beam, Facet facet, Surface surface, vec3 normal_, inout Gathered all) {
+    run_cross(all.run, beam, all.stretch, surface, normal_,
+              place_of(slope_of(beam), facet, normal_), facet.entering);
+}
+
 bool finite(Law law) {
     float sum = abs(law.optical_depth) + abs(law.displacement_x) + abs(law.displacement_z);
     return sum < 1e30; // false for NaN too
 }
 
 // Writes the law of a ray, and puts it on the list of those that need more.
-void finish(uint index, inout Sums sums, inout Run run) {
-    run_flush(sums, run);
-    if (run.balance != 0u) run.flags |= FLAG_UNBALANCED;
-    if (run.grazing < 1.0) run.flags |= FLAG_GRAZING;
-    run.flags |= uint(255.0 * min(run.grazing, 1.0)) << FLAG_SHARE_SHIFT;
-    Law law = law_of(sums, run);
+void finish(uint index, inout Gathered all) {
+    run_flush(all.sums, all.run);
+    if (all.run.balance != 0u) all.run.flags |= FLAG_UNBALANCED;
+    if (all.run.grazing < 1.0) all.run.flags |= FLAG_GRAZING;
+    all.run.flags |= uint(255.0 * min(all.run.grazing, 1.0)) << FLAG_SHARE_SHIFT;
+    Law law = law_of(all.sums, all.run);
     if (!finite(law)) law.flags |= FLAG_NOT_FINITE;
     push.laws.at[index] = law;
-    sums_end(sums, index, law, run.balance);
+    sums_end(all.sums, index, law, all.run.balance);
     if ((law.flags & FLAG_NOT_FINITE) != 0u) atomicAdd(push.tally.at[TALLY_NOT_FINITE], 1u);
     if ((law.flags & FLAG_UNBALANCED) != 0u) {
         if (push.last != 0u) {

@@ -4,7 +4,7 @@
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_ray_query : require
 
-layout(local_size_x_id = 0, local_size_x = 64) in;
+layout(local_size_x = 64) in;
 
 layout(buffer_reference, scalar) writeonly buffer Counts {
     uint count[];

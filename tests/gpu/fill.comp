@@ -7,7 +7,7 @@
 #define FACTOR 1
 #endif
 
-layout(local_size_x_id = 0, local_size_x = 64) in;
+layout(local_size_x = 64) in;
 
 struct Entry {
     uint index;

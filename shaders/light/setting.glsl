@@ -1,0 +1,159 @@
+// What the light of a strip meets: at all steps, at one step, and in one layer of one aperture.
+
+// The strip of this invocation, its beamlet, and the bars of sample and detector mask before it.
+Strip strip;
+Column column;
+Bars bars;
+Bars bars_behind;
+
+// What else is the same for all steps and cells of the strip.
+struct Setting {
+    vec2 soft;     // variance of the soft edges of both masks
+    float faint;   // light that stays in its pixel
+    bool leaks;    // bars of the sample mask let light through that is summed once for all steps
+    bool sharp;    // a source without extent, or cells in the plane of the mask
+    float reach;   // of the blur about an edge of the sample mask, in the cell plane
+    Aperture ends; // of its cells
+    // How far its light lands from where it stands, on the analyser.
+    float low_landing;
+    float high_landing;
+};
+
+Setting setting;
+
+// The beamlet of the strip, at this offset of the source.
+void column_begin() {
+    column = Columns(light.columns).at[strip.column];
+    column.sample_offset += light.mask_move;
+    column.aperture_offset -= light.landing_move;
+    column.pixel_offset -= light.pixel_move;
+    column.slope -= light.slope_move;
+}
+
+// Slope dz/dy under which a row sees the bars: rows of a block see them under one angle.
+float slope_of_rows() {
+    float block = (floor(float(strip.row) / light.alike_rows) + 0.5) * light.alike_rows;
+    return (block - light.middle_row) * light.row_slope;
+}
+
+// Light through faint bars of the sample mask.
+float faint_light() {
+    float faint = 0.0;
+    if (light.sample_mask.present != 0u && bars.leak > NEGLIGIBLE && bars.leak < FAINT) {
+        Mask behind = light.detector_mask;
+        faint = bars.leak * strip.light * light.weight * (strip.bottom - strip.top)
+            * (bars_behind.leak
+               + bars_behind.open * (behind.present != 0u ? open_part(behind) : 1.0));
+    }
+    return faint;
+}
+
+void setting_begin() {
+    column_begin();
+    float sec = secant(column.slope, slope_of_rows());
+    float behind_blur = light.detector_mask.present != 0u ? light.spot : light.pixel_spot;
+    bars = bars_of(light.sample_mask, column.slope, sec, behind_blur / light.magnification);
+    bars_behind = bars_of(light.detector_mask, column.slope, sec, light.spot);
+    column.sample_offset -= bars.lattice_shift;
+    column.aperture_offset -= bars_behind.lattice_shift;
+    setting.soft = vec2(bars.variance, bars_behind.variance);
+    setting.faint = faint_light();
+    setting.leaks = light.sample_mask.present != 0u && bars.leak >= FAINT;
+    setting.sharp = light.shift <= 0.0;
+    setting.reach = 6.5 * light.shift;
+    setting.ends = Aperture(push.cells.at[strip.first].x_low,
+                            push.cells.at[strip.first + strip.count - 1u].x_high);
+    float growth = light.magnification + strip.bend;
+    float blur = max(light.spot * light.spot + setting.soft.y, light.pixel_spot * light.pixel_spot);
+    blur = sqrt(blur + growth * growth * setting.soft.x + strip.spread);
+    setting.low_landing = strip.low_landing + column.pixel_offset - 6.5 * blur;
+    setting.high_landing = strip.high_landing + column.pixel_offset + 6.5 * blur;
+}
+
+// A mask step of a strip; behind the last step stands the light that is the same at all.
+struct Exposed {
+    bool at_all_steps;
+    float offset;   // of the sample mask against the beamlet
+    int from;       // first period with an aperture in reach
+    int apertures;  // layers of apertures in reach
+    ivec2 pixels;   // first and last that light may reach, from the beamlet's own
+};
+
+Exposed exposed_at(uint mask_step) {
+    Exposed step_ = Exposed(mask_step == push.steps, 0.0, 0, 0, ivec2(0));
+    Mask mask = light.sample_mask;
+    vec2 lit = vec2(setting.ends.low, setting.ends.high);
+    if (!step_.at_all_steps && bars.open > 0.0) {
+        step_.offset = Offsets(light.offsets).at[mask_step] - column.sample_offset;
+        float edge = bars.reach + setting.reach;
+        step_.from = int(ceil((setting.ends.low - step_.offset - edge) / mask.period));
+        int to = int(floor((setting.ends.high - step_.offset + edge) / mask.period));
+        step_.apertures = max(to - step_.from + 1, 0) * int(mask.count * bars.layers);
+        lit.x = max(lit.x, float(step_.from) * mask.period + step_.offset - edge);
+        lit.y = min(lit.y, float(to) * mask.period + step_.offset + edge);
+    }
+    if (lit.y > lit.x) {
+        float low = light.magnification * lit.x + setting.low_landing;
+        float high = light.magnification * lit.y + setting.high_landing;
+        step_.pixels = ivec2(int(floor(low / light.pixel + 0.5)),
+                             int(floor(high / light.pixel + 0.5)));
+    }
+    if (setting.faint > 0.0) {
+        step_.pixels.x = min(step_.pixels.x, 0);
+        step_.pixels.y = max(step_.pixels.y, 0);
+    }
+    // Far outside the detector there is nothing to sum.
+    step_.pixels.x = max(step_.pixels.x, -column.pixel);
+    step_.pixels.y = min(step_.pixels.y, int(light.column_count) - 1 - column.pixel);
+    return step_;
+}
+
+// What light of cells passes: a layer of an aperture of the sample mask, or all that bars leak.
+struct Opening {
+    bool cuts; // not of what bars leak
+    Layer layer;
+    Aperture aperture;
+    float centre;
+    uint first;   // cell that it lets light through of, the count where there is none
+    float beyond; // cells from here on get none
+};
+
+Opening leak_of() {
+    return Opening(false, Layer(bars.leak, 0.0, 0.0, 0.0), Aperture(0.0, 0.0), 0.0, 0u, 1e30);
+}
+
+Edges edges_in(Opening opening, float shade) {
+    return edges_of(light.sample_mask, bars, opening.layer, opening.aperture, opening.centre,
+                    column.slope, light.cell_plane, source_spot(), shade);
+}
+
+// The first cell that ends beyond x; cells are sorted.
+uint cell_beyond(float x) {
+    uint first = 0u;
+    uint last = strip.count;
+    do {
+        uint middle = (first + last) / 2u;
+        bool beyond = push.cells.at[strip.first + middle].x_high > x;
+        last = beyond ? middle : last;
+        first = beyond ? first : middle + 1u;
+    } while (first < last);
+    return first;
+}
+
+// A layer of the aperture at `place`.
+Opening opening_of(Exposed step_, Place place, uint layer) {
+    Mask mask = light.sample_mask;
+    Opening opening = Opening(true, layer_of(bars, layer), aperture_of(mask, place),
+                              float(place.period) * mask.period + step_.offset, 0u, 0.0);
+    // Of the cells of averaged masks it is narrower.
+    Edges widest = edges_in(opening, 0.0);
+    opening.first = cell_beyond(widest.low - setting.reach);
+    opening.beyond = widest.high + setting.reach;
+    return opening;
+}
+
+void add_to_pixel(int row, int pixel, uint mask_step, uvec2 value) {
+    uint index;
+    if (value == uvec2(0u) || !place_of_light(light, row, pixel, mask_step, index)) return;
+    add_words(push.sums, index, value);
+}
