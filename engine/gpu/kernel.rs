@@ -98,6 +98,8 @@ impl Device {
             .name(c"main");
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
         let faulty = self.faults.check(FaultyCall::MakeKernel).map_err(|e| (Vec::new(), e));
+        // Before: a driver that cannot take a kernel may end the process.
+        log::debug!("making the kernel {name}");
         // SAFETY: module and layout were just made by this device, as was the cache.
         let made = faulty.and_then(|()| unsafe {
             self.raw.create_compute_pipelines(self.pipeline_cache, &[info], None)
