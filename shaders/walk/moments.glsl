@@ -18,6 +18,11 @@ Run run_begin() {
     return Run(0u, 0u, 0u, 0u, 0u, 0u, 1e30, 0.0, vec2(0.0), vec2(0.0));
 }
 
+// By way of uvec2: SwiftShader ends the process on a cast of one reference to another.
+Floats floats_of(Words words) {
+    return Floats(uvec2(words));
+}
+
 void head_of_moments(uint head, Law law, uint balance) {
     push.moments.at[head + MOMENTS_SIGNATURE] = law.signature;
     push.moments.at[head + MOMENTS_BALANCE] = balance;
@@ -72,7 +77,7 @@ void sums_end(Sums sums, uint index, Law law, uint balance) {
     if (uvec2(push.moments) == uvec2(0u)) return;
     uint head = index * (MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL);
     head_of_moments(head, law, balance);
-    Floats moments = Floats(uvec2(push.moments));
+    Floats moments = floats_of(push.moments);
     EACH_MATERIAL {
         uint first = head + MOMENTS_HEAD + m * MOMENTS_PER_MATERIAL;
         if (m < push.materials) {
@@ -103,7 +108,7 @@ uint sums_place(Sums sums, uint material) {
 }
 
 void sums_add(inout Sums sums, uint material, float sign_, Run run) {
-    Floats moments = Floats(uvec2(push.moments));
+    Floats moments = floats_of(push.moments);
     uint m = sums_place(sums, material);
     moments.at[m + MOMENTS_PATH] += sign_ * run.path;
     moments.at[m + MOMENTS_LEVER] += sign_ * run.lever.x;
@@ -113,7 +118,7 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
 }
 
 Law law_of(Sums sums, Run run) {
-    Floats moments = Floats(uvec2(push.moments));
+    Floats moments = floats_of(push.moments);
     Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
     for (uint m = 0u; m < push.materials; m++) {
         Constants k = sample_.constants.at[m];
