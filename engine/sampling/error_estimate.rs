@@ -173,8 +173,10 @@ impl Estimator<'_> {
         let along = self.along_x(residuals, [passed, at], half);
         let whole = self.response.bend(node.width())
             + self.response.skew(residuals.displacement, residuals.farthest[0]);
-        let over = |off: f32| self.over_border(node, law, off);
-        let down = passed * tailed(residuals.displacement_z, residuals.farthest[1], over);
+        let (deviation, farthest) = (residuals.displacement_z, residuals.farthest[1]);
+        let skewed = deviation * farthest.max(deviation);
+        let over = |off: f32| self.over_border(node, law, off, skewed);
+        let down = passed * tailed(deviation, farthest, over);
         let all = along + down;
         CellError {
             node: index,
@@ -197,10 +199,12 @@ impl Estimator<'_> {
     }
 
     /// Share of the light of a rectangle that may land in another row than its mean law says,
-    /// `residual` being the standard deviation of the displacement along z from it, m.
-    fn over_border(&self, node: &Node, law: &Law, residual: f32) -> f32 {
+    /// where that is off by `residual` along z, m. `skewed`: variance of the displacement times its
+    /// farthest over its deviation, m2, which bounds the third moment.
+    fn over_border(&self, node: &Node, law: &Law, residual: f32, skewed: f32) -> f32 {
         let down = -law.landing_z(self.gap) / self.row_pitch;
         let off = residual / self.row_pitch;
+        let skewed = skewed / (self.row_pitch * self.row_pitch);
         let reach = off + self.row_blur;
         let [top, bottom] = [node.z[0] + down - reach, node.z[1] + down + reach];
         if bottom.floor() - top.floor() < 0.5 {
@@ -208,7 +212,7 @@ impl Estimator<'_> {
         }
         // Mean and slope are right: a wide blur tells little more.
         let height = node.height();
-        let told = (BEND * (height * height + off * off) / self.row_blur.powi(2).max(1e-12)).min(1.0);
+        let told = (BEND * (height * height + skewed) / self.row_blur.powi(2).max(1e-12)).min(1.0);
         // Neighbours along x that are thinner than high err together.
         let together = (height * self.row_height / node.width()).max(1.0).sqrt();
         told * together * (off / height).min(1.0)
