@@ -1,7 +1,7 @@
 //! Progress on stderr: a bar for people, now and then a line for log files, or nothing.
 
 use beamlet::geometry::{LoadProgress, LoadStep};
-use beamlet::{Progress, ViewProgress, printed, stack::View};
+use beamlet::{Progress, ViewProgress, printed, scene::Exposure};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
@@ -62,9 +62,9 @@ impl Reporter {
             Progress::Views(ViewProgress { rows_done, rows_total, view, rays, .. }) => {
                 self.turn_to(false);
                 let view = match view {
-                    View::Flat => "flat".to_owned(),
-                    View::Dark => "dark".to_owned(),
-                    View::Sample(index) => format!("view {index}"),
+                    Exposure::Flat => "flat".to_owned(),
+                    Exposure::Dark => "dark".to_owned(),
+                    Exposure::Sample(index) => format!("view {index}"),
                 };
                 let message = |elapsed| format!("{view}  {}", rate(rays, elapsed));
                 self.show(rows_done, rows_total, message);

@@ -4,10 +4,10 @@
 use crate::detector::{Detection, LightGrid};
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
-use crate::memory::{self, MemoryEstimate};
 use crate::run::RunEstimate;
+use crate::run::Simulation;
+use crate::run::memory::{self, MemoryEstimate};
 use crate::scene::{MaskBody, MaskSpec, Object, Scene};
-use crate::simulation::Simulation;
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::Extent;

@@ -5,8 +5,8 @@
 #![allow(clippy::print_stdout, reason = "measured figures are printed")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use beamlet::scene::Scene;
-use beamlet::stack::{RunDirectory, View};
+use beamlet::scene::{Exposure, Scene};
+use beamlet::stack::RunDirectory;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
@@ -69,7 +69,7 @@ fn committed_lines(run: &Path) -> usize {
 
 /// Asserts that every view in progress.log has its checksum; tells which.
 #[track_caller]
-fn assert_whole(place: &Path, run: &str) -> Vec<View> {
+fn assert_whole(place: &Path, run: &str) -> Vec<Exposure> {
     let path = place.join(run);
     if !path.join("run.json").exists() {
         assert_eq!(committed_lines(&path), 0, "views without a run");

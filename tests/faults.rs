@@ -8,7 +8,7 @@ use beamlet::gpu::FaultAnswer::{self, DeviceLost, OutOfDeviceMemory, OutOfHostMe
 use beamlet::gpu::{Fault, FaultyCall};
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, RunDirectory};
-use beamlet::{Backend, Control, Engine, EngineOptions, Error, RunRecord, memory};
+use beamlet::{Backend, Control, Engine, EngineOptions, Error, RunRecord, run::memory};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@
 
 mod support;
 
-use beamlet::kept::{Kept, KeptWriter};
+use beamlet::moments::{Kept, KeptWriter};
 use beamlet::scene::Scene;
 use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
 use beamlet::{Backend, Control, EngineOptions, Error};

@@ -3,12 +3,12 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use beamlet::scene::{
-    Beam, Detector, MaskBody, MaskSpec, Object, Placement, Sampling, Scan, Scene, Shape,
+    Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Placement, Sampling, Scan, Scene, Shape,
     ShapeOrMesh, Source,
 };
 use beamlet::stack::{
     ArraySink, CallbackSink, Extent, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState,
-    Sink, View,
+    Sink,
 };
 use beamlet::{Backend, Error, RunRecord, Tally};
 use ndarray::{Array3, Array4, s};
@@ -82,11 +82,11 @@ fn record() -> RunRecord {
 }
 
 /// Values that differ everywhere, some of them awkward.
-fn values(view: View) -> Array3<f32> {
+fn values(view: Exposure) -> Array3<f32> {
     let view = match view {
-        View::Flat => 0.5,
-        View::Dark => unreachable!("the scene asks for no counts"),
-        View::Sample(index) => f32::from(u16::try_from(index).unwrap()) + 1.25,
+        Exposure::Flat => 0.5,
+        Exposure::Dark => unreachable!("the scene asks for no counts"),
+        Exposure::Sample(index) => f32::from(u16::try_from(index).unwrap()) + 1.25,
     };
     Array3::from_shape_fn((STEPS, ROWS, COLUMNS), |(step, row, column)| {
         if (step, row, column) == (1, 2, 3) {
@@ -97,7 +97,7 @@ fn values(view: View) -> Array3<f32> {
 }
 
 /// Writes a view in bands of at most `band` rows.
-fn put(sink: &mut dyn Sink, view: View, band: usize) {
+fn put(sink: &mut dyn Sink, view: Exposure, band: usize) {
     let values = values(view);
     for first in (0..ROWS).step_by(band) {
         let last = ROWS.min(first + band);
@@ -108,7 +108,7 @@ fn put(sink: &mut dyn Sink, view: View, band: usize) {
 
 fn whole_run(sink: &mut dyn Sink, band: usize) {
     sink.begin(&scene(), &start()).unwrap();
-    for view in [View::Flat, View::Sample(0), View::Sample(1)] {
+    for view in [Exposure::Flat, Exposure::Sample(0), Exposure::Sample(1)] {
         put(sink, view, band);
         sink.commit(view).unwrap();
     }
@@ -160,10 +160,10 @@ fn exr_frames_read_back_bit_for_bit_with_their_geometry() {
         let (flat, _) = read_exr(&run.join(format!("flat/step_{step:03}.exr")));
         assert_eq!(
             flat,
-            values(View::Flat).slice(s![step, .., ..]).iter().copied().collect::<Vec<_>>()
+            values(Exposure::Flat).slice(s![step, .., ..]).iter().copied().collect::<Vec<_>>()
         );
         let (frame, about) = read_exr(&run.join(format!("sample/view_0001/step_{step:03}.exr")));
-        let wanted = values(View::Sample(1));
+        let wanted = values(Exposure::Sample(1));
         assert!(
             frame
                 .iter()
@@ -184,10 +184,10 @@ fn npy_stacks_read_back_bit_for_bit() {
     let open = |name| fs::File::open(temporary.path().join(name)).unwrap();
     let flat = Array3::<f32>::read_npy(open("flat.npy")).unwrap();
     let sample = Array4::<f32>::read_npy(open("sample.npy")).unwrap();
-    assert_eq!(flat, values(View::Flat));
+    assert_eq!(flat, values(Exposure::Flat));
     assert_eq!(sample.dim(), (VIEWS as usize, STEPS, ROWS, COLUMNS));
     for index in 0..VIEWS {
-        assert_eq!(sample.slice(s![index as usize, .., .., ..]), values(View::Sample(index)));
+        assert_eq!(sample.slice(s![index as usize, .., .., ..]), values(Exposure::Sample(index)));
     }
     let bytes = fs::read(temporary.path().join("flat.npy")).unwrap();
     assert_eq!((bytes.len() - 4 * STEPS * ROWS * COLUMNS) % 64, 0, "values are aligned");
@@ -233,14 +233,14 @@ fn a_view_that_is_not_committed_leaves_no_file_that_counts() {
         let temporary = tempfile::tempdir().unwrap();
         let mut sink = RunDirectory::create(temporary.path(), format, false).unwrap();
         sink.begin(&scene(), &start()).unwrap();
-        put(&mut sink, View::Flat, band);
-        sink.commit(View::Flat).unwrap();
-        put(&mut sink, View::Sample(0), band);
+        put(&mut sink, Exposure::Flat, band);
+        sink.commit(Exposure::Flat).unwrap();
+        put(&mut sink, Exposure::Sample(0), band);
         drop(sink);
         assert!(!temporary.path().join("sample").exists());
         assert!(!temporary.path().join("partial").exists());
         let resumed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
-        assert_eq!(resumed.committed(), [View::Flat]);
+        assert_eq!(resumed.committed(), [Exposure::Flat]);
         assert_eq!(resumed.recorded().unwrap().state, RunState::Running);
     }
 }
@@ -253,13 +253,13 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
         run_in(&whole, format, ROWS);
         let mut sink = RunDirectory::create(&resumed, format, false).unwrap();
         sink.begin(&scene(), &start()).unwrap();
-        put(&mut sink, View::Flat, 2);
-        sink.commit(View::Flat).unwrap();
-        put(&mut sink, View::Sample(0), 2);
+        put(&mut sink, Exposure::Flat, 2);
+        sink.commit(Exposure::Flat).unwrap();
+        put(&mut sink, Exposure::Sample(0), 2);
         drop(sink);
         let mut sink = RunDirectory::resume(&resumed, &scene()).unwrap();
         sink.begin(&scene(), &start()).unwrap();
-        for view in [View::Sample(0), View::Sample(1)] {
+        for view in [Exposure::Sample(0), Exposure::Sample(1)] {
             put(&mut sink, view, 2);
             sink.commit(view).unwrap();
         }
@@ -284,7 +284,7 @@ fn a_changed_frame_no_longer_counts_as_committed() {
         bytes[at] ^= 1;
         fs::write(&path, bytes).unwrap();
         let resumed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
-        assert_eq!(resumed.committed(), [View::Flat, View::Sample(1)]);
+        assert_eq!(resumed.committed(), [Exposure::Flat, Exposure::Sample(1)]);
     }
 }
 
@@ -363,10 +363,10 @@ fn bands_out_of_order_or_missing_are_refused() {
     let temporary = tempfile::tempdir().unwrap();
     let mut sink = RunDirectory::create(temporary.path(), Format::Npy, false).unwrap();
     sink.begin(&scene(), &start()).unwrap();
-    let values = values(View::Flat);
-    assert!(sink.write(View::Flat, 2..4, values.slice(s![.., 2..4, ..])).is_err());
-    sink.write(View::Flat, 0..2, values.slice(s![.., 0..2, ..])).unwrap();
-    assert!(sink.commit(View::Flat).is_err());
+    let values = values(Exposure::Flat);
+    assert!(sink.write(Exposure::Flat, 2..4, values.slice(s![.., 2..4, ..])).is_err());
+    sink.write(Exposure::Flat, 0..2, values.slice(s![.., 0..2, ..])).unwrap();
+    assert!(sink.commit(Exposure::Flat).is_err());
 }
 
 #[test]
@@ -374,8 +374,8 @@ fn arrays_and_callbacks_take_the_same_stacks() {
     let mut arrays = ArraySink::new();
     whole_run(&mut arrays, 2);
     let stacks = arrays.into_stacks().unwrap();
-    assert_eq!(stacks.flat, values(View::Flat));
-    assert_eq!(stacks.sample.slice(s![1, .., .., ..]), values(View::Sample(1)));
+    assert_eq!(stacks.flat, values(Exposure::Flat));
+    assert_eq!(stacks.sample.slice(s![1, .., .., ..]), values(Exposure::Sample(1)));
     assert_eq!(stacks.record, record());
 
     let mut bands = Vec::new();
@@ -395,11 +395,11 @@ fn names_grow_with_the_numbers_they_hold() {
     scene.scan.angles = vec![0.0; 10_001];
     let mut sink = RunDirectory::create(temporary.path(), Format::Exr, false).unwrap();
     sink.begin(&scene, &start()).unwrap();
-    let view = View::Sample(10_000);
+    let view = Exposure::Sample(10_000);
     put(&mut sink, view, ROWS);
     sink.commit(view).unwrap();
     assert!(temporary.path().join("sample/view_10000/step_000.exr").exists());
-    let view = View::Sample(7);
+    let view = Exposure::Sample(7);
     put(&mut sink, view, ROWS);
     sink.commit(view).unwrap();
     assert!(temporary.path().join("sample/view_00007/step_002.exr").exists());
@@ -414,10 +414,10 @@ fn an_open_run_reads_back_what_was_written_and_only_committed_views() {
         let run = OpenRun::open(temporary.path()).unwrap();
         assert_eq!(run.scene().scan, scene().scan);
         assert_eq!((run.views(), run.record().state), (2, RunState::Done));
-        assert_eq!(run.flat().unwrap().view(0).unwrap(), values(View::Flat));
+        assert_eq!(run.flat().unwrap().view(0).unwrap(), values(Exposure::Flat));
         let sample = run.sample().unwrap();
         for view in 0..2 {
-            let expected = values(View::Sample(u32::try_from(view).unwrap()));
+            let expected = values(Exposure::Sample(u32::try_from(view).unwrap()));
             assert_eq!(sample.view(view).unwrap(), expected);
         }
         assert!(run.counts_flat().unwrap().is_none() && run.dark().unwrap().is_none());
@@ -426,7 +426,7 @@ fn an_open_run_reads_back_what_was_written_and_only_committed_views() {
         let mut sink = RunDirectory::create(cut.path(), format, false).unwrap();
         sink.begin(&scene(), &start()).unwrap();
         assert!(OpenRun::open(cut.path()).unwrap().flat().is_err());
-        for view in [View::Flat, View::Sample(0)] {
+        for view in [Exposure::Flat, Exposure::Sample(0)] {
             put(&mut sink, view, 2);
             sink.commit(view).unwrap();
         }

@@ -78,7 +78,7 @@ pub(crate) struct Material {
 
 /// A name, or a formula that a substance may have.
 fn material(text: &str) -> Result<String, String> {
-    beamlet::material::check_formula(text).map(|()| text.to_owned())
+    beamlet::scene::check_formula(text).map(|()| text.to_owned())
 }
 
 fn anode(text: &str) -> Result<Anode, String> {

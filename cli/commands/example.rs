@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failu
     let paths: Vec<_> = shipped.files.iter().map(|(file, _)| directory.join(file)).collect();
     refuse_existing(&paths, arguments.overwrite)?;
     for (path, (_, contents)) in paths.iter().zip(shipped.files) {
-        beamlet::stack::write_file(path, contents)?;
+        beamlet::write_file(path, contents)?;
         writeln!(out, "{}", beamlet::printed::path(path))?;
     }
     Ok(())

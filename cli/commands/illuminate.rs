@@ -5,7 +5,7 @@ use crate::args::Illuminate;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
-use beamlet::kept::Kept;
+use beamlet::moments::Kept;
 use beamlet::scene::Scene;
 use beamlet::stack::{Extent, Format, RunDirectory, is_same_place};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};

@@ -49,7 +49,7 @@ impl Pictures {
         refuse_read(&paths, read)?;
         refuse_existing(&paths, overwrite)?;
         for (path, (_, bytes)) in paths.iter().zip(&self.files) {
-            beamlet::stack::write_file(path, bytes)?;
+            beamlet::write_file(path, bytes)?;
             writeln!(out, "{}", beamlet::printed::path(path))?;
         }
         Ok(())

@@ -19,6 +19,6 @@ pub(super) fn run(arguments: &Report, out: &mut impl Write) -> Result<(), Failur
     refuse_existing(std::slice::from_ref(&path), arguments.overwrite)?;
     let run = RunReader::open(&arguments.run)?;
     let page = report::page(&run, arguments.most.unwrap_or(MOST))?;
-    beamlet::stack::write_file(&path, page.as_bytes())?;
+    beamlet::write_file(&path, page.as_bytes())?;
     Ok(writeln!(out, "{}", beamlet::printed::path(&path))?)
 }

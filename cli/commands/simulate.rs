@@ -4,7 +4,7 @@ use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
-use beamlet::kept::KeptWriter;
+use beamlet::moments::KeptWriter;
 use beamlet::scene::{Scene, Scheme};
 use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, SamplingSummary, Tally};

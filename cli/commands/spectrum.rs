@@ -142,7 +142,7 @@ fn save(drawing: &Drawing, path: &Path, overwrite: bool) -> Result<(), Failure> 
         }
     };
     refuse_existing(&[path.to_owned()], overwrite)?;
-    Ok(beamlet::stack::write_file(path, &bytes)?)
+    Ok(beamlet::write_file(path, &bytes)?)
 }
 
 fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {

@@ -12,7 +12,7 @@ use crate::run_reader::RunReader;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use beamlet::geometry::{self, Sample};
-use beamlet::memory;
+use beamlet::run::memory;
 use std::fmt::Write as _;
 
 /// Images of a view beside its steps: retrieved ones, flags, the parts of a fit.

@@ -1,5 +1,7 @@
 //! Acceleration: what the device needs to find the triangles that a ray meets.
 
+mod backend;
 mod bvh;
 
+pub use backend::Backend;
 pub use bvh::Bvh;

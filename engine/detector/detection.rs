@@ -1,13 +1,13 @@
 //! The detector of a run: from the light on the grid to intensities and counts, band by band.
 
 use super::blur::BlurStage;
+use super::excess_noise;
 use super::grid::LightGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
-use super::{excess_noise, response};
+use crate::scene::Exposure;
 use crate::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec, validate_thresholds};
 use crate::spectrum::{self, Spectrum};
-use crate::stack::View;
 use crate::{Error, Result};
 use ndarray::{Array3, ArrayView3, s};
 use std::ops::Range;
@@ -72,7 +72,7 @@ impl Detection {
     /// Intensities of a band of the detector's rows, from the light on the grid's
     /// [`LightGrid::lit_rows`], `[step][row][column]`.
     #[must_use]
-    pub fn intensities(&self, view: View, band: &Range<u32>, lit: Array3<f32>) -> Array3<f32> {
+    pub fn intensities(&self, view: Exposure, band: &Range<u32>, lit: Array3<f32>) -> Array3<f32> {
         let needed = self.grid.needed(band);
         let pixels = match &self.blur {
             Some(blur) => blur.pixels(lit.view(), needed.len()),
@@ -90,7 +90,7 @@ impl Detection {
     /// As [`Noise::counts`].
     pub fn counts(
         &self,
-        view: View,
+        view: Exposure,
         band: &Range<u32>,
         intensities: ArrayView3<'_, f32>,
     ) -> Result<Option<Frame>> {
@@ -109,7 +109,7 @@ fn open_beam(scene: &Scene) -> Result<Vec<[f64; 2]>> {
             return Ok(nodes.energies.into_iter().zip(nodes.weights).map(Into::into).collect());
         }
     };
-    let signal = response(scene, energy)?;
+    let signal = spectrum::response(scene, energy)?;
     if signal > 0.0 {
         return Ok(vec![[energy, 1.0]]);
     }

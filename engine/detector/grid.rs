@@ -10,8 +10,8 @@
 
 use super::kernel::{Measured, Spread};
 use crate::Result;
-use crate::sampling::deviation;
 use crate::scene::{Blur, Scatter, Scene};
+use crate::spot::deviation;
 use serde::Serialize;
 use std::ops::Range;
 

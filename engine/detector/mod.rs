@@ -7,7 +7,6 @@ mod excess;
 mod grid;
 mod kernel;
 mod noise;
-mod response;
 mod scatter;
 mod spread;
 
@@ -15,4 +14,3 @@ pub use detection::Detection;
 pub use excess::excess_noise;
 pub use grid::LightGrid;
 pub use noise::{Frame, Noise};
-pub use response::response;

@@ -2,8 +2,8 @@
 
 use super::kernel::Measured;
 use super::spread::Window;
+use crate::scene::Exposure;
 use crate::scene::{Scatter, Scene};
-use crate::stack::View;
 use crate::{Error, Result, image};
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 use std::ops::Range;
@@ -58,7 +58,7 @@ impl ScatterStage {
     /// The rows `band` with what is scattered into them; `light` are the rows `needed`.
     pub(super) fn add(
         &self,
-        view: View,
+        view: Exposure,
         band: &Range<u32>,
         needed: &Range<u32>,
         light: ArrayView3<'_, f32>,
@@ -67,7 +67,7 @@ impl ScatterStage {
         let mut out = light.slice(s![.., from..from + band.len(), ..]).to_owned();
         match self {
             Self::Image(image) => {
-                if matches!(view, View::Sample(_)) {
+                if matches!(view, Exposure::Sample(_)) {
                     let rows = image.slice(s![band.start as usize..band.end as usize, ..]);
                     out.axis_iter_mut(Axis(0)).for_each(|mut frame| frame += &rows);
                 }

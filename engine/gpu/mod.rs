@@ -22,8 +22,6 @@ mod retire;
 pub mod shaders;
 mod submission;
 
-// Until every file names the module where it stands.
-pub(crate) use crate::interface;
 pub use acceleration::AccelerationStructure;
 pub use buffer::{Buffer, Memory};
 pub use device::{Device, DeviceOptions};

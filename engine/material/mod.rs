@@ -12,7 +12,6 @@ use crate::error::{Error, Result};
 use crate::scene::{Beam, MaskBody, MaskSpec, MaterialSpec, Scene};
 
 pub use builtin::{Builtin, builtin, builtin_names, builtins};
-pub use formula::check_formula;
 
 /// Optical constants of a material at one energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -3,7 +3,7 @@
 #![allow(clippy::cast_possible_truncation, reason = "a scanline has few rays")]
 
 use super::patch::alike;
-use crate::gpu::interface::Law;
+use crate::interface::Law;
 
 /// Heights of the scanlines, share of the row.
 const HEIGHTS: [f32; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];

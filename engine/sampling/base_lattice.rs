@@ -12,7 +12,7 @@ use super::View;
 use super::patch::part;
 use super::patch_grid::PatchGrid;
 use crate::Result;
-use crate::gpu::interface::{Law, Ray};
+use crate::interface::{Law, Ray};
 use crate::trace::Tracer;
 use std::ops::Range;
 

@@ -10,9 +10,9 @@
 
 use super::cell_moments::CellMoments;
 use super::lattice::Lattice;
-use crate::gpu::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
 use crate::parallel;
-use crate::run::Tally;
+use crate::trace::Tally;
 use bytemuck::Pod;
 use std::ops::Range;
 

@@ -1,6 +1,6 @@
 //! Moments kept with cells, for other energies, masks or steps than those they were traced for.
 
-use crate::gpu::interface::{Law, Ray};
+use crate::interface::{Law, Ray};
 use crate::trace::grazing;
 
 /// Moments of the rays that bound cells.

@@ -10,7 +10,7 @@ use super::layout::stand;
 use super::patch::{Patch, middle};
 use super::polygon::{Area, Line, Moments, NEAR, Polygon, Side};
 use super::sheets::{Met, flags};
-use crate::gpu::interface::Law;
+use crate::interface::Law;
 use arrayvec::ArrayVec;
 
 /// Rectangles with more facets are split instead: an overlay takes time by the square of them.

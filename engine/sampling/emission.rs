@@ -16,7 +16,7 @@ use super::neighbours::Slopes;
 use super::patch::{Known, Patch, alike, part};
 use super::rectangle::Rectangle;
 use crate::Result;
-use crate::gpu::interface::{
+use crate::interface::{
     Cell, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law, MOMENTS_PER_MATERIAL,
     Strip,
 };

@@ -1,6 +1,6 @@
 //! What sampling may leave in recorded values, and what it is estimated to have left.
 
-use crate::run::Tally;
+use crate::trace::Tally;
 
 /// Error of the displacement where no angle bounds it, m.
 const UNBOUNDED: f64 = 10e-9;

@@ -13,7 +13,7 @@ use super::lattice::Lattice;
 use super::patch::{Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
 use super::sheets::{Sums, farthest, flags, widen};
-use crate::gpu::interface::Law;
+use crate::interface::Law;
 use crate::trace::FIRST_ORDER_ERROR;
 
 /// Sheets cover a rectangle a whole number of times to this.

@@ -11,7 +11,7 @@
 use super::dissection::PieceRows;
 use super::projected_bounds::Shadow;
 use super::row_spread::RowSpread;
-use crate::gpu::interface::{Column, Ray};
+use crate::interface::{Column, Ray};
 use crate::scene::{MaskSpec, Scene};
 use std::ops::Range;
 
@@ -60,11 +60,6 @@ fn throw(scene: &Scene, delta: f64) -> f64 {
     REFLECTION_REACH
         * (2.0 * delta.abs()).sqrt()
         * (scene.detector.distance - scene.source.distance)
-}
-
-/// Standard deviation of a Gaussian of this FWHM.
-pub fn deviation(fwhm: f64) -> f64 {
-    fwhm / (8.0 * std::f64::consts::LN_2).sqrt()
 }
 
 /// Least standard deviation of the blur at any edge on the analyser, m: of the detector mask, or
@@ -123,7 +118,7 @@ impl Lattice {
         let blur = [0, 1].map(|axis| spread(axis, scene.source.distance) / pitch[axis]);
         // Cells hold the rows' shares of the first part of the spot.
         let first = spot.parts().iter().find(|part| part.weight > 0.0);
-        let first = 6.0 * first.map_or(0.0, |part| deviation(part.fwhm[1]));
+        let first = 6.0 * first.map_or(0.0, |part| crate::spot::deviation(part.fwhm[1]));
         let centre = scene.source.distance;
         let row_blur = first * (detector - centre) / centre / pitch[1];
         let halo = (throw / pitch[1] + blur[1]).ceil() as i64;

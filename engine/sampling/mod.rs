@@ -35,7 +35,7 @@ pub(crate) use cell_batch::{blank_strips, empty_cell, empty_strip};
 pub use cell_moments::{CellMoments, ExactCell};
 pub use error_budget::ErrorBudget;
 pub use facet_lists::SampleFacets;
-pub use lattice::{Lattice, column, deviation};
+pub use lattice::{Lattice, column};
 pub use moment_recording::Keep;
 pub use projected_bounds::{Shadow, shadows};
 pub use response::Response;

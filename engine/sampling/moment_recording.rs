@@ -7,7 +7,7 @@ use super::neighbours::Slopes;
 use super::patch::Patch;
 use super::rectangle::Rectangle;
 use crate::Result;
-use crate::gpu::interface::{
+use crate::interface::{
     FLAG_EXACT, FLAG_NOT_FINITE, FLAG_UNBALANCED, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray,
 };
 use crate::material::Constants;

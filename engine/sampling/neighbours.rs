@@ -3,7 +3,7 @@
 use super::base_lattice::Found;
 use super::error_estimate::Estimator;
 use super::patch::{Node, Patch, alike};
-use crate::gpu::interface::Law;
+use crate::interface::Law;
 
 /// Neighbours are compared with a rectangle where their centres stand no farther aside than this
 /// part of its size: as far as those of rectangles three times as large do.

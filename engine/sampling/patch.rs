@@ -12,7 +12,7 @@
 use super::dissection::Piece;
 use super::facet_lists::{Overlap, PatchFacet};
 use super::facet_means::Mean;
-use crate::gpu::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
+use crate::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
 use std::ops::Range;
 
 /// Parts of a rectangle that is split.

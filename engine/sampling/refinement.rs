@@ -18,7 +18,7 @@ use super::judgement::{Judged, Narrow};
 use super::patch::{Known, Node, Patch, alike};
 use super::response::Opening;
 use crate::Result;
-use crate::gpu::interface::{Law, Ray};
+use crate::interface::{Law, Ray};
 use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;

@@ -76,7 +76,7 @@ impl Response {
         };
         let columns = lattice.columns(scene);
         let masked = scene.detector_mask.is_some();
-        let landing = |c: &crate::gpu::interface::Column| {
+        let landing = |c: &crate::interface::Column| {
             if masked { c.aperture_offset } else { c.pixel_offset }
         };
         // Of the whole spot: recorded values are sums over its parts.

@@ -7,7 +7,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use crate::gpu::interface::Law;
+use crate::interface::Law;
 use std::f64::consts::{PI, SQRT_2};
 
 impl Law {

@@ -22,7 +22,7 @@ use super::refinement::{Refiner, Work};
 use super::response::Response;
 use crate::Result;
 use crate::geometry::Sample;
-use crate::gpu::interface::{MOMENTS_PER_MATERIAL, Ray};
+use crate::interface::{MOMENTS_PER_MATERIAL, Ray};
 use crate::scene::Scene;
 use crate::trace::Tracer;
 use rayon::prelude::*;

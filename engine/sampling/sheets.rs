@@ -7,7 +7,7 @@
 )]
 
 use super::polygon::Corner;
-use crate::gpu::interface::FLAG_SHARE_SHIFT;
+use crate::interface::FLAG_SHARE_SHIFT;
 use arrayvec::ArrayVec;
 
 /// Most sheets of surface (component and side) in a rectangle.

@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 mod beam;
 mod derived;
 mod detector;
+mod exposure;
 mod files;
+mod formula;
 mod keys;
 pub(crate) mod limits;
 mod model;
@@ -34,6 +36,8 @@ mod write_detector;
 
 pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
 pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
+pub use exposure::Exposure;
+pub use formula::check_formula;
 pub use keys::known_keys;
 pub use model::{
     MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene, Scheme,

@@ -6,7 +6,6 @@ use super::derived::AT_DETECTOR;
 use super::validate_beam::validate_beam;
 use super::validate_detector::validate_detector;
 use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
-use crate::material::check_formula;
 use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
 use crate::{Error, Result, printed};
@@ -224,7 +223,7 @@ fn validate_material(name: &str, spec: &MaterialSpec) -> Result<()> {
     match spec {
         MaterialSpec::Formula { formula, density } => {
             named(&key("formula"), formula)?;
-            check_formula(formula)
+            super::check_formula(formula)
                 .map_err(|allowed| Error::scene(key("formula"), format!("{formula:?}"), allowed))?;
             positive(&key("density"), *density, Density)?;
             light_enough(&key("density"), *density)

@@ -11,6 +11,7 @@ mod gauss;
 mod nodes;
 mod probes;
 mod quality;
+mod response;
 mod tube;
 
 use std::path::Path;
@@ -22,6 +23,7 @@ use crate::scene::{Anode, Filter, Scene, SpectrumOrigin, SpectrumSpec};
 use crate::{Error, Result};
 
 pub use nodes::{Nodes, TOLERANCE, nodes, nodes_with};
+pub use response::response;
 
 /// Photons by energy.
 #[derive(Debug, Clone, PartialEq, Serialize)]

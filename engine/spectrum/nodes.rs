@@ -12,7 +12,7 @@ use super::gauss::Recurrence;
 use super::probes::Probes;
 use super::{Spectrum, edges};
 use crate::scene::{Beam, Scene};
-use crate::{Error, Result, detector};
+use crate::{Error, Result};
 
 /// The estimated error that nodes are added for, until it is undercut.
 pub const TOLERANCE: f64 = 5e-4;
@@ -48,7 +48,7 @@ impl Nodes {
 /// Spectrum files that cannot be read, materials that are unknown, are given as numbers, or
 /// whose tables do not cover the spectrum.
 pub fn nodes(scene: &Scene) -> Result<Nodes> {
-    nodes_with(scene, |energy| detector::response(scene, energy))
+    nodes_with(scene, |energy| super::response(scene, energy))
 }
 
 /// As [`nodes`], for a detector with a `response`: signal per arriving photon by energy in keV,

@@ -5,7 +5,7 @@
 //! Gaussians are doubled until what a curve could see of the difference is small.
 
 use super::SpotPart;
-use crate::sampling::deviation;
+use crate::spot::deviation;
 use rayon::prelude::*;
 
 /// Most Gaussians of an image: each costs as much illumination as a Gaussian spot.

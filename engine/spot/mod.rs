@@ -5,8 +5,12 @@ mod fit;
 mod picture;
 mod profile;
 
-use crate::sampling::deviation;
 use serde::Serialize;
+
+/// Standard deviation of a Gaussian of this full width at half maximum.
+pub(crate) fn deviation(fwhm: f64) -> f64 {
+    fwhm / (8.0 * std::f64::consts::LN_2).sqrt()
+}
 
 /// One Gaussian of a focal spot.
 #[derive(Debug, Clone, Copy, PartialEq)]

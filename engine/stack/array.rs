@@ -1,6 +1,6 @@
 //! Stacks in memory, for callers that go on computing with them.
 
-use super::{CountStacks, Extent, RunStart, Sink, Stacks, View};
+use super::{CountStacks, Exposure, Extent, RunStart, Sink, Stacks};
 use crate::scene::Scene;
 use crate::{Error, Result, RunRecord};
 use ndarray::{Array3, Array4, ArrayView3, ArrayViewMut3, Axis, s};
@@ -61,11 +61,11 @@ impl Sink for ArraySink {
         Ok(())
     }
 
-    fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
+    fn write(&mut self, view: Exposure, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
         let stack = match view {
-            View::Flat => self.flat.view_mut(),
-            View::Sample(index) => self.sample.index_axis_mut(Axis(0), index as usize),
-            View::Dark => return Ok(()),
+            Exposure::Flat => self.flat.view_mut(),
+            Exposure::Sample(index) => self.sample.index_axis_mut(Axis(0), index as usize),
+            Exposure::Dark => return Ok(()),
         };
         put(stack, rows, data);
         Ok(())
@@ -73,21 +73,21 @@ impl Sink for ArraySink {
 
     fn write_counts(
         &mut self,
-        view: View,
+        view: Exposure,
         rows: Range<u32>,
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()> {
         let Some(counts) = &mut self.counts else { return Ok(()) };
         let stack = match view {
-            View::Flat => counts.flat.view_mut(),
-            View::Sample(index) => counts.sample.index_axis_mut(Axis(0), index as usize),
-            View::Dark => counts.dark.view_mut(),
+            Exposure::Flat => counts.flat.view_mut(),
+            Exposure::Sample(index) => counts.sample.index_axis_mut(Axis(0), index as usize),
+            Exposure::Dark => counts.dark.view_mut(),
         };
         put(stack, rows, numbers);
         Ok(())
     }
 
-    fn commit(&mut self, _view: View) -> Result<()> {
+    fn commit(&mut self, _view: Exposure) -> Result<()> {
         Ok(())
     }
 

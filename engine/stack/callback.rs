@@ -1,6 +1,6 @@
 //! Bands handed to a closure, for callers that consume frames as they come.
 
-use super::{RunStart, Sink, View};
+use super::{Exposure, RunStart, Sink};
 use crate::scene::Scene;
 use crate::{Result, RunRecord};
 use ndarray::ArrayView3;
@@ -8,7 +8,7 @@ use std::fmt;
 use std::ops::Range;
 
 /// What is called where nobody asked for counts.
-type Ignore = fn(View, Range<u32>, ArrayView3<'_, f32>) -> Result<()>;
+type Ignore = fn(Exposure, Range<u32>, ArrayView3<'_, f32>) -> Result<()>;
 
 /// Calls `on_band(view, rows, data)` for every band, `data` being intensities
 /// `[step][row][column]`, and `on_counts` in the same way for detector numbers.
@@ -20,7 +20,7 @@ pub struct CallbackSink<F, C = Ignore> {
 
 impl<F> CallbackSink<F>
 where
-    F: FnMut(View, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
+    F: FnMut(Exposure, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
 {
     /// A sink that hands every band to `on_band`; an error from it ends the run.
     pub fn new(on_band: F) -> Self {
@@ -30,7 +30,7 @@ where
     /// The same with detector numbers handed to `on_counts`, where the scene asks for noise.
     pub fn with_counts<C>(self, on_counts: C) -> CallbackSink<F, C>
     where
-        C: FnMut(View, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
+        C: FnMut(Exposure, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
     {
         CallbackSink { on_band: self.on_band, on_counts, record: self.record }
     }
@@ -51,28 +51,28 @@ impl<F, C> fmt::Debug for CallbackSink<F, C> {
 
 impl<F, C> Sink for CallbackSink<F, C>
 where
-    F: FnMut(View, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
-    C: FnMut(View, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
+    F: FnMut(Exposure, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
+    C: FnMut(Exposure, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
 {
     fn begin(&mut self, _scene: &Scene, _start: &RunStart) -> Result<()> {
         self.record = None;
         Ok(())
     }
 
-    fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
+    fn write(&mut self, view: Exposure, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
         (self.on_band)(view, rows, data)
     }
 
     fn write_counts(
         &mut self,
-        view: View,
+        view: Exposure,
         rows: Range<u32>,
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()> {
         (self.on_counts)(view, rows, numbers)
     }
 
-    fn commit(&mut self, _view: View) -> Result<()> {
+    fn commit(&mut self, _view: Exposure) -> Result<()> {
         Ok(())
     }
 

@@ -6,7 +6,7 @@
 
 use super::npy::{hex, le_bytes};
 use super::read::read_exr;
-use super::{Extent, View};
+use super::{Exposure, Extent};
 use crate::scene::Scene;
 use crate::{Error, Result, reserve};
 use exr::prelude::*;
@@ -42,7 +42,7 @@ impl ExrFrames {
 
     pub(super) fn write(
         &mut self,
-        view: View,
+        view: Exposure,
         rows: &Range<u32>,
         data: ArrayView3<'_, f32>,
     ) -> Result<()> {
@@ -90,7 +90,7 @@ impl ExrFrames {
     }
 
     /// Puts the frames of the view in place and syncs them; their checksum.
-    pub(super) fn commit(&mut self, view: View) -> Result<String> {
+    pub(super) fn commit(&mut self, view: Exposure) -> Result<String> {
         if let Some(spool) = self.spool.take() {
             self.converted = Some(self.convert(view, spool)?);
         }
@@ -107,7 +107,7 @@ impl ExrFrames {
     }
 
     /// Spooled values to frames, one frame in memory at a time.
-    fn convert(&self, view: View, mut spool: File) -> Result<String> {
+    fn convert(&self, view: Exposure, mut spool: File) -> Result<String> {
         let path = self.spool_path();
         let unread = failed(&path, "cannot be read");
         let mut hasher = Sha256::new();
@@ -127,7 +127,7 @@ impl ExrFrames {
         Ok(hex(&hasher.finalize()))
     }
 
-    fn write_frame(&self, view: View, step: u32, values: Vec<f32>) -> Result<()> {
+    fn write_frame(&self, view: Exposure, step: u32, values: Vec<f32>) -> Result<()> {
         let path = self.root.join(PARTIAL).join(self.step_name(step));
         let size = (self.extent.columns as usize, self.extent.rows as usize);
         let software_name = Some(Text::from(concat!("beamlet ", env!("CARGO_PKG_VERSION"))));
@@ -159,7 +159,7 @@ impl ExrFrames {
     }
 
     /// Renames the frames to where they belong.
-    fn put_in_place(&self, view: View, partial: &Path) -> Result<()> {
+    fn put_in_place(&self, view: Exposure, partial: &Path) -> Result<()> {
         let target = self.root.join(view_directory(self.extent, view));
         let parent = target.parent().unwrap_or(&self.root).to_path_buf();
         fs::create_dir_all(&parent).map_err(failed(&parent, "cannot be created"))?;
@@ -173,8 +173,8 @@ impl ExrFrames {
         } else {
             fs::rename(partial, &target).map_err(failed(&target, "cannot be renamed to"))?;
         }
-        super::whole_file::sync_directory(&target)?;
-        super::whole_file::sync_directory(&parent)
+        crate::whole_file::sync_directory(&target)?;
+        crate::whole_file::sync_directory(&parent)
     }
 
     fn is_small(&self) -> bool {
@@ -207,11 +207,11 @@ const ENCODING: Encoding = Encoding {
 };
 
 /// Directory of a view's frames, relative to the run directory.
-pub(super) fn view_directory(extent: Extent, view: View) -> PathBuf {
+pub(super) fn view_directory(extent: Extent, view: Exposure) -> PathBuf {
     match view {
-        View::Flat => "flat".into(),
-        View::Dark => "dark".into(),
-        View::Sample(index) => {
+        Exposure::Flat => "flat".into(),
+        Exposure::Dark => "dark".into(),
+        Exposure::Sample(index) => {
             let width = digits(extent.views).max(4);
             Path::new("sample").join(format!("view_{index:0width$}"))
         }
@@ -230,7 +230,7 @@ fn digits(count: u32) -> usize {
 }
 
 /// SHA-256 of a view as it stands in its frames under `root`.
-pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String> {
+pub(super) fn checksum(root: &Path, extent: Extent, view: Exposure) -> Result<String> {
     let directory = root.join(view_directory(extent, view));
     let mut hasher = Sha256::new();
     let shape = [extent.rows as usize, extent.columns as usize];
@@ -292,14 +292,14 @@ impl About {
         }
     }
 
-    fn of_frame(&self, view: View, step: u32) -> String {
+    fn of_frame(&self, view: Exposure, step: u32) -> String {
         let mut about = self.shared.clone();
         about.insert("mask_step".into(), step.into());
         about.insert(
             "mask_offset".into(),
             self.scene.scan.mask_offsets.get(step as usize).copied().into(),
         );
-        if let View::Sample(index) = view {
+        if let Exposure::Sample(index) = view {
             about.insert("view".into(), index.into());
             if let Some(&angle) = self.scene.scan.angles.get(index as usize) {
                 about.insert("angle".into(), angle.into());

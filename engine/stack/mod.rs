@@ -13,51 +13,42 @@ mod npy;
 mod own_files;
 mod progress_log;
 mod read;
+mod record;
 mod run_directory;
 mod run_file;
 mod scene_file;
 mod verify;
-mod whole_file;
 
 pub use apart::{is_of_run, is_same_place, refuse_overlap};
 pub use array::ArraySink;
 pub use callback::CallbackSink;
 pub(crate) use npy::{le_bytes, npy_header};
 pub use read::{Maps, OpenRun, StackFile};
+pub use record::{RunRecord, SamplingSummary};
 pub use run_directory::{Format, RunDirectory};
 pub use run_file::{RunFile, RunState};
 pub use verify::{RunCheck, check_run};
-pub use whole_file::write_file;
-pub(crate) use whole_file::{refuse_link, sibling, sync_directory, sync_path};
 
-use crate::run::Backend;
-use crate::scene::{Scene, limits};
+use crate::accel::Backend;
+use crate::scene::{Exposure, Scene, limits};
 use crate::{Error, Result};
 use ndarray::{Array3, Array4, ArrayView3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// A view is the unit of commit. The flat field is a view of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum View {
-    /// Without the sample.
-    Flat,
-    /// Without light: the dark frames, of which there are counts alone.
-    Dark,
-    /// With the sample, index into the scene's angles.
-    Sample(u32),
-}
-
 /// Every view of a run of `scene`: the flat, the dark frames where there are counts, then the
 /// angles in order.
 ///
 /// # Errors
 /// As [`Extent::of`].
-pub fn views(scene: &Scene) -> Result<impl Iterator<Item = View> + use<>> {
+pub fn views(scene: &Scene) -> Result<impl Iterator<Item = Exposure> + use<>> {
     let extent = Extent::of(scene)?;
-    let dark = scene.detector.counts.map(|_| View::Dark);
-    Ok([Some(View::Flat), dark].into_iter().flatten().chain((0..extent.views).map(View::Sample)))
+    let dark = scene.detector.counts.map(|_| Exposure::Dark);
+    Ok([Some(Exposure::Flat), dark]
+        .into_iter()
+        .flatten()
+        .chain((0..extent.views).map(Exposure::Sample)))
 }
 
 /// What is known when a run begins: the part of its record that does not depend on its outcome.
@@ -80,7 +71,7 @@ pub struct RunStart {
 
 /// Takes stacks band by band. Calls come in this order: `begin`, then for each view `write`
 /// for each band of rows (top to bottom) and one `commit`, then `finish`. Where the scene asks for
-/// noise, `write_counts` follows each `write`; of [`View::Dark`] there are counts alone.
+/// noise, `write_counts` follows each `write`; of [`Exposure::Dark`] there are counts alone.
 pub trait Sink {
     /// A run begins. Nothing may have been written before this returns.
     ///
@@ -92,7 +83,7 @@ pub trait Sink {
     ///
     /// # Errors
     /// Where the data cannot be kept.
-    fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()>;
+    fn write(&mut self, view: Exposure, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()>;
 
     /// The same band as detector numbers: with noise, gain, offset and bit depth.
     ///
@@ -100,7 +91,7 @@ pub trait Sink {
     /// Where the data cannot be kept.
     fn write_counts(
         &mut self,
-        view: View,
+        view: Exposure,
         rows: Range<u32>,
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()>;
@@ -109,7 +100,7 @@ pub trait Sink {
     ///
     /// # Errors
     /// Where the counts cannot be kept.
-    fn tally(&mut self, _view: View, _tally: &crate::Tally) -> Result<()> {
+    fn tally(&mut self, _view: Exposure, _tally: &crate::Tally) -> Result<()> {
         Ok(())
     }
 
@@ -117,13 +108,13 @@ pub trait Sink {
     ///
     /// # Errors
     /// Where the data cannot be kept.
-    fn commit(&mut self, view: View) -> Result<()>;
+    fn commit(&mut self, view: Exposure) -> Result<()>;
 
     /// The run is over; every view is committed.
     ///
     /// # Errors
     /// Where the record of the run cannot be kept.
-    fn finish(&mut self, record: &crate::RunRecord) -> Result<()>;
+    fn finish(&mut self, record: &RunRecord) -> Result<()>;
 }
 
 /// Stacks in memory, with the record of their run.
@@ -136,7 +127,7 @@ pub struct Stacks {
     /// Detector numbers, where the scene asks for noise.
     pub counts: Option<CountStacks>,
     /// Provenance and counts.
-    pub record: crate::RunRecord,
+    pub record: RunRecord,
 }
 
 /// Detector numbers in memory.
@@ -236,12 +227,12 @@ impl Extent {
     }
 
     /// Whether a view lies within.
-    fn has(&self, view: View) -> bool {
-        !matches!(view, View::Sample(index) if index >= self.views)
+    fn has(&self, view: Exposure) -> bool {
+        !matches!(view, Exposure::Sample(index) if index >= self.views)
     }
 
     /// Every view with light: the flat, then the angles in order.
-    pub fn all_views(&self) -> impl Iterator<Item = View> + use<> {
-        std::iter::once(View::Flat).chain((0..self.views).map(View::Sample))
+    pub fn all_views(&self) -> impl Iterator<Item = Exposure> + use<> {
+        std::iter::once(Exposure::Flat).chain((0..self.views).map(Exposure::Sample))
     }
 }

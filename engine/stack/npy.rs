@@ -4,7 +4,7 @@
 //! numpy, and everything that memory-maps, reads it as it is. Until a run is done the views
 //! that are not committed read as zero or as a part; progress.log tells which count.
 
-use super::{Extent, View};
+use super::{Exposure, Extent};
 use crate::{Error, Result, input_file, reserve};
 use ndarray::ArrayView3;
 use sha2::{Digest, Sha256};
@@ -63,7 +63,7 @@ impl NpyFrames {
 
     pub(super) fn write(
         &mut self,
-        view: View,
+        view: Exposure,
         rows: &Range<u32>,
         data: ArrayView3<'_, f32>,
     ) -> Result<()> {
@@ -84,7 +84,7 @@ impl NpyFrames {
     }
 
     /// Syncs the view; its checksum.
-    pub(super) fn commit(&mut self, view: View) -> Result<String> {
+    pub(super) fn commit(&mut self, view: Exposure) -> Result<String> {
         let (array, _) = self.locate(view)?;
         let synced = array.file.sync_data();
         synced.map_err(|error| Error::output(&array.path, "cannot be synced", Some(error)))?;
@@ -92,11 +92,11 @@ impl NpyFrames {
     }
 
     /// The file of a view and the offset of its first value.
-    fn locate(&mut self, view: View) -> Result<(&mut Array, u64)> {
+    fn locate(&mut self, view: Exposure) -> Result<(&mut Array, u64)> {
         let (array, index) = match view {
-            View::Flat => (&mut self.flat, 0),
-            View::Sample(index) => (&mut self.sample, index),
-            View::Dark => match &mut self.dark {
+            Exposure::Flat => (&mut self.flat, 0),
+            Exposure::Sample(index) => (&mut self.sample, index),
+            Exposure::Dark => match &mut self.dark {
                 Some(dark) => (dark, 0),
                 None => return Err(Error::output(&self.root, "has no dark frames", None)),
             },
@@ -156,12 +156,12 @@ pub(super) fn header_problems(root: &Path, extent: Extent, dark: bool) -> Vec<St
 }
 
 /// SHA-256 of a view as it stands in the files under `root`.
-pub(super) fn checksum(root: &Path, extent: Extent, view: View) -> Result<String> {
+pub(super) fn checksum(root: &Path, extent: Extent, view: Exposure) -> Result<String> {
     let [flat, sample] = headers(extent);
     let (name, header, start) = match view {
-        View::Flat => (FLAT, flat, 0),
-        View::Dark => (DARK, flat, 0),
-        View::Sample(index) => (SAMPLE, sample, extent.view_bytes() * u64::from(index)),
+        Exposure::Flat => (FLAT, flat, 0),
+        Exposure::Dark => (DARK, flat, 0),
+        Exposure::Sample(index) => (SAMPLE, sample, extent.view_bytes() * u64::from(index)),
     };
     let path = root.join(name);
     let read = || {

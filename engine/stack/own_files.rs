@@ -2,8 +2,8 @@
 //! and no link is followed.
 
 use super::run_directory::{COUNTS, LOG, RUN, SCENE};
-use super::whole_file::refuse_link;
-use super::{Extent, RunFile, View, exr_frames, npy};
+use super::{Exposure, Extent, RunFile, exr_frames, npy};
+use crate::whole_file::refuse_link;
 use crate::{Error, Result};
 use std::fs;
 use std::io::ErrorKind;
@@ -15,7 +15,7 @@ pub(super) const SPOOL: &str = "spool.f32";
 const NEW: [&str; 2] = ["scene.toml.new", "run.json.new"];
 /// Folders of a run.
 const FOLDERS: [&str; 6] =
-    ["flat", "sample", "dark", COUNTS, exr_frames::PARTIAL, crate::kept::file::DIRECTORY];
+    ["flat", "sample", "dark", COUNTS, exr_frames::PARTIAL, crate::moments::DIRECTORY];
 
 /// Names that stand in a run directory.
 pub(super) fn owned_names() -> impl Iterator<Item = &'static str> {
@@ -114,8 +114,8 @@ fn number(name: &str, (start, end): (&str, &str)) -> Option<u32> {
 }
 
 /// Removes the stacks under `root` of a run with this extent, but for the views in `keep`.
-pub(super) fn remove_stacks(root: &Path, extent: Extent, keep: &[View]) -> Result<()> {
-    for view in [View::Flat, View::Dark] {
+pub(super) fn remove_stacks(root: &Path, extent: Extent, keep: &[Exposure]) -> Result<()> {
+    for view in [Exposure::Flat, Exposure::Dark] {
         if !keep.contains(&view) {
             remove_frames(&root.join(exr_frames::view_directory(extent, view)), extent)?;
         }
@@ -125,7 +125,7 @@ pub(super) fn remove_stacks(root: &Path, extent: Extent, keep: &[View]) -> Resul
         let Some(index) = number(name, ("view_", "")).filter(|index| *index < extent.views) else {
             return Ok(());
         };
-        let view = View::Sample(index);
+        let view = Exposure::Sample(index);
         let directory = root.join(exr_frames::view_directory(extent, view));
         match directory == entry.path() && !keep.contains(&view) {
             true => remove_frames(&directory, extent),

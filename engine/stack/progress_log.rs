@@ -8,8 +8,8 @@
 //! (`counts/sample/0`) stands before the line of the view, and the view counts with both.
 //! A fourth word, `tally:` and JSON, has the counts of the view's rays that are not zero.
 
-use super::View;
-use super::whole_file::refuse_link;
+use super::Exposure;
+use crate::whole_file::refuse_link;
 use crate::{Error, Result, Tally, input_file};
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
@@ -113,7 +113,7 @@ impl ProgressLog {
     }
 
     /// Appends a line and syncs it.
-    pub(super) fn append(&mut self, view: View, entry: &Entry) -> Result<()> {
+    pub(super) fn append(&mut self, view: Exposure, entry: &Entry) -> Result<()> {
         let (name, bytes) = (name(view), entry.bytes);
         let mut lines = String::new();
         if let Some(counts) = &entry.counts {
@@ -144,7 +144,7 @@ const fn is_at(_: &File, _: &Path) -> bool {
 }
 
 /// Reads a log; the last line of a view counts. A missing log is an empty one.
-pub(super) fn read(path: &Path) -> Result<BTreeMap<View, Entry>> {
+pub(super) fn read(path: &Path) -> Result<BTreeMap<Exposure, Entry>> {
     let text = match input_file::read(path, MOST) {
         // What is no text is no line, and named below.
         Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
@@ -172,15 +172,15 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<View, Entry>> {
     Ok(entries)
 }
 
-/// View, entry, and whether the line is one of counts.
-fn parse(line: &str) -> Option<(View, Entry, bool)> {
+/// Exposure, entry, and whether the line is one of counts.
+fn parse(line: &str) -> Option<(Exposure, Entry, bool)> {
     let mut words = line.split(' ');
     let name = words.next()?;
     let of_counts = name.starts_with(COUNTS);
     let view = match name.strip_prefix(COUNTS).unwrap_or(name) {
-        "flat" => View::Flat,
-        "dark" => View::Dark,
-        word => View::Sample(word.strip_prefix("sample/")?.parse().ok()?),
+        "flat" => Exposure::Flat,
+        "dark" => Exposure::Dark,
+        word => Exposure::Sample(word.strip_prefix("sample/")?.parse().ok()?),
     };
     let bytes = words.next()?.parse().ok()?;
     let sha256 = words.next()?.strip_prefix("sha256:")?.to_owned();
@@ -204,11 +204,11 @@ fn tally_word(tally: &Tally) -> String {
 }
 
 /// The view's name in the log.
-pub(super) fn name(view: View) -> String {
+pub(super) fn name(view: Exposure) -> String {
     match view {
-        View::Flat => "flat".into(),
-        View::Dark => "dark".into(),
-        View::Sample(index) => format!("sample/{index}"),
+        Exposure::Flat => "flat".into(),
+        Exposure::Dark => "dark".into(),
+        Exposure::Sample(index) => format!("sample/{index}"),
     }
 }
 
@@ -232,11 +232,11 @@ mod tests {
         let path = directory.path().join("progress.log");
         let whole = Entry { counts: Some("d".repeat(64)), ..entry('a') };
         let mut log = open(&path);
-        log.append(View::Sample(3), &whole).unwrap();
-        log.append(View::Dark, &entry('b')).unwrap();
+        log.append(Exposure::Sample(3), &whole).unwrap();
+        log.append(Exposure::Dark, &entry('b')).unwrap();
         let there = read(&path).unwrap();
-        assert_eq!(there[&View::Sample(3)], whole);
-        assert_eq!(there[&View::Dark], entry('b'));
+        assert_eq!(there[&Exposure::Sample(3)], whole);
+        assert_eq!(there[&Exposure::Dark], entry('b'));
         // Cut after the line of the counts: nothing is committed.
         let text = std::fs::read_to_string(&path).unwrap();
         let first = text.find('\n').unwrap() + 1;
@@ -249,32 +249,32 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("progress.log");
         let mut log = open(&path);
-        log.append(View::Flat, &entry('a')).unwrap();
-        log.append(View::Sample(12345), &entry('b')).unwrap();
+        log.append(Exposure::Flat, &entry('a')).unwrap();
+        log.append(Exposure::Sample(12345), &entry('b')).unwrap();
         let counted = Entry { tally: Some(Tally { rays: 7, ..Tally::default() }), ..entry('d') };
-        log.append(View::Sample(0), &counted).unwrap();
-        log.append(View::Flat, &entry('c')).unwrap();
+        log.append(Exposure::Sample(0), &counted).unwrap();
+        log.append(Exposure::Flat, &entry('c')).unwrap();
         let read = read(&path).unwrap();
         assert_eq!(read.len(), 3);
-        assert_eq!(read[&View::Sample(0)], counted);
+        assert_eq!(read[&Exposure::Sample(0)], counted);
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.contains(" tally:{\"rays\":7}\n"), "{text}");
-        assert_eq!(read[&View::Flat], entry('c'));
-        assert_eq!(read[&View::Sample(12345)], entry('b'));
+        assert_eq!(read[&Exposure::Flat], entry('c'));
+        assert_eq!(read[&Exposure::Sample(12345)], entry('b'));
     }
 
     #[test]
     fn a_line_cut_short_does_not_count_and_is_not_appended_to() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("progress.log");
-        open(&path).append(View::Flat, &entry('a')).unwrap();
+        open(&path).append(Exposure::Flat, &entry('a')).unwrap();
         let mut text = std::fs::read_to_string(&path).unwrap();
         text.push_str("sample/0 44 sha256:bbbb");
         std::fs::write(&path, &text).unwrap();
         assert_eq!(read(&path).unwrap().len(), 1);
-        open(&path).append(View::Sample(1), &entry('c')).unwrap();
-        let views: Vec<View> = read(&path).unwrap().into_keys().collect();
-        assert_eq!(views, [View::Flat, View::Sample(1)]);
+        open(&path).append(Exposure::Sample(1), &entry('c')).unwrap();
+        let views: Vec<Exposure> = read(&path).unwrap().into_keys().collect();
+        assert_eq!(views, [Exposure::Flat, Exposure::Sample(1)]);
     }
 
     #[test]

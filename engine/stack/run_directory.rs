@@ -11,10 +11,10 @@ use super::npy::{self, NpyFrames};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::progress_log::{Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
-use super::whole_file::{sync_directory, write_whole};
-use super::{Extent, RunStart, Sink, View, scene_file};
+use super::{Exposure, Extent, RunStart, Sink, scene_file};
 use crate::scene::Scene;
-use crate::{Error, Result, RunRecord, Tally, kept};
+use crate::whole_file::{sync_directory, write_whole};
+use crate::{Error, Result, RunRecord, Tally, moments};
 use ndarray::ArrayView3;
 use resume::{Resumed, refuse_other_scene};
 use serde::{Deserialize, Serialize};
@@ -89,14 +89,19 @@ enum Frames {
 }
 
 impl Frames {
-    fn write(&mut self, view: View, rows: &Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
+    fn write(
+        &mut self,
+        view: Exposure,
+        rows: &Range<u32>,
+        data: ArrayView3<'_, f32>,
+    ) -> Result<()> {
         match self {
             Self::Exr(frames) => frames.write(view, rows, data),
             Self::Npy(frames) => frames.write(view, rows, data),
         }
     }
 
-    fn commit(&mut self, view: View) -> Result<String> {
+    fn commit(&mut self, view: Exposure) -> Result<String> {
         match self {
             Self::Exr(frames) => frames.commit(view),
             Self::Npy(frames) => frames.commit(view),
@@ -220,7 +225,7 @@ impl RunDirectory {
             // stays, since it is the lock; run.json stays until the new one takes its place, so
             // that what a crash leaves is still known for a run.
             log.clear()?;
-            kept::file::remove(&self.path, earlier.views)?;
+            moments::file::remove(&self.path, earlier.views)?;
             for name in [npy::FLAT, npy::SAMPLE, npy::DARK] {
                 remove_file(&self.path.join(name))?;
             }
@@ -231,9 +236,9 @@ impl RunDirectory {
         // Moments that were committed are beamlet's, however little their beginning shows it.
         let recorded = self.resumed.as_ref().filter(|run| run.file.keep_moments == Some(true));
         for view in recorded.map_or(&[][..], |resumed| &resumed.again) {
-            if let View::Sample(index) = view {
-                let directory = self.path.join(kept::file::DIRECTORY);
-                remove_file(&kept::file::path_of(&directory, *index))?;
+            if let Exposure::Sample(index) = view {
+                let directory = self.path.join(moments::DIRECTORY);
+                remove_file(&moments::file::path_of(&directory, *index))?;
             }
         }
         remove_stacks(&counts, earlier, keep)?;
@@ -294,7 +299,7 @@ impl Sink for RunDirectory {
         Ok(())
     }
 
-    fn write(&mut self, view: View, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
+    fn write(&mut self, view: Exposure, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
         follows(&self.path, open.file.extent, view, open.next_row, &rows, data.dim())?;
         open.next_row = rows.end;
@@ -303,7 +308,7 @@ impl Sink for RunDirectory {
 
     fn write_counts(
         &mut self,
-        view: View,
+        view: Exposure,
         rows: Range<u32>,
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()> {
@@ -311,7 +316,7 @@ impl Sink for RunDirectory {
         follows(&self.path, open.file.extent, view, open.next_counts, &rows, numbers.dim())?;
         let frames = match view {
             // Dark frames stand beside the intensities: no light is no light.
-            View::Dark => Some(&mut open.frames),
+            Exposure::Dark => Some(&mut open.frames),
             _ => open.counts.as_mut(),
         };
         let missing = || Error::output(&self.path, "the scene asks for no counts", None);
@@ -319,16 +324,16 @@ impl Sink for RunDirectory {
         frames.ok_or_else(missing)?.write(view, &rows, numbers)
     }
 
-    fn tally(&mut self, _view: View, tally: &Tally) -> Result<()> {
+    fn tally(&mut self, _view: Exposure, tally: &Tally) -> Result<()> {
         opened(&mut self.open, &self.path)?.tally = Some(*tally);
         Ok(())
     }
 
-    fn commit(&mut self, view: View) -> Result<()> {
+    fn commit(&mut self, view: Exposure) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
         let extent = open.file.extent;
         let rows = match view {
-            View::Dark => open.next_counts,
+            Exposure::Dark => open.next_counts,
             _ if open.counts.is_some() => open.next_row.min(open.next_counts),
             _ => open.next_row,
         };
@@ -338,7 +343,7 @@ impl Sink for RunDirectory {
         }
         (open.next_row, open.next_counts) = (0, 0);
         let counts = match &mut open.counts {
-            Some(frames) if view != View::Dark => Some(frames.commit(view)?),
+            Some(frames) if view != Exposure::Dark => Some(frames.commit(view)?),
             _ => None,
         };
         let sha256 = open.frames.commit(view)?;
@@ -378,7 +383,7 @@ fn opened<'a>(open: &'a mut Option<Open>, path: &Path) -> Result<&'a mut Open> {
 fn follows(
     path: &Path,
     extent: Extent,
-    view: View,
+    view: Exposure,
     next: u32,
     rows: &Range<u32>,
     found: (usize, usize, usize),

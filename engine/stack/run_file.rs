@@ -90,6 +90,6 @@ impl RunFile {
         let mut text = serde_json::to_string_pretty(self)
             .map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))?;
         text.push('\n');
-        super::whole_file::write_whole(path, text.as_bytes())
+        crate::whole_file::write_whole(path, text.as_bytes())
     }
 }

@@ -3,8 +3,8 @@
 use super::progress_log::{self, Entry};
 use super::read::read_scene;
 use super::run_directory::{COUNTS, LOG, RUN, SCENE};
-use super::{Extent, Format, RunFile, RunState, View, exr_frames, npy};
-use crate::{Result, kept};
+use super::{Exposure, Extent, Format, RunFile, RunState, exr_frames, npy};
+use crate::{Result, moments};
 use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -46,8 +46,8 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
     }
     let found = frames(path, file.format, extent, scene.detector.counts.is_some(), &entries);
     problems.extend(found.problems.into_iter().map(|(_, problem)| problem));
-    let all: Vec<View> = super::views(&scene)?.collect();
-    let missing: Vec<&View> = all.iter().filter(|view| !entries.contains_key(view)).collect();
+    let all: Vec<Exposure> = super::views(&scene)?.collect();
+    let missing: Vec<&Exposure> = all.iter().filter(|view| !entries.contains_key(view)).collect();
     if let Some(first) = missing.first() {
         let (count, first) = (missing.len(), progress_log::name(**first));
         let of = all.len();
@@ -55,9 +55,9 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
     } else if file.state != RunState::Done {
         problems.push(format!("{place}: every view is committed, but the run has not ended"));
     }
-    let keeps = file.keep_moments.unwrap_or_else(|| kept::file::is_there(path));
+    let keeps = file.keep_moments.unwrap_or_else(|| moments::file::is_there(path));
     let lost = if keeps { moments(path, &found.whole) } else { Vec::new() };
-    let of_sample = found.whole.iter().filter(|view| matches!(view, View::Sample(_))).count();
+    let of_sample = found.whole.iter().filter(|view| matches!(view, Exposure::Sample(_))).count();
     let kept = keeps.then_some(of_sample - lost.len());
     problems.extend(lost.into_iter().map(|(_, problem)| problem));
     let changed = scene.changed_files();
@@ -75,9 +75,9 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
 #[derive(Debug, Default)]
 pub(super) struct Verified {
     /// Views whose frames, and counts where there are some, have the checksums of the log.
-    pub(super) whole: Vec<View>,
+    pub(super) whole: Vec<Exposure>,
     /// What is wrong with the others, and with headers: one message each.
-    pub(super) problems: Vec<(Option<View>, String)>,
+    pub(super) problems: Vec<(Option<Exposure>, String)>,
 }
 
 /// Compares the frames under `path` with the `entries` of its log. `counts`: views have detector
@@ -87,7 +87,7 @@ pub(super) fn frames(
     format: Format,
     extent: Extent,
     counts: bool,
-    entries: &BTreeMap<View, Entry>,
+    entries: &BTreeMap<Exposure, Entry>,
 ) -> Verified {
     let mut found = Verified::default();
     if format == Format::Npy && !entries.is_empty() {
@@ -97,8 +97,8 @@ pub(super) fn frames(
         }
         found.problems = problems.into_iter().map(|problem| (None, problem)).collect();
     }
-    let of_view = |(view, entry): (&View, &Entry)| {
-        let counts = counts && *view != View::Dark;
+    let of_view = |(view, entry): (&Exposure, &Entry)| {
+        let counts = counts && *view != Exposure::Dark;
         (*view, problem_of_view(path, format, extent, counts, *view, entry))
     };
     let views: Vec<_> = entries.par_iter().map(of_view).collect();
@@ -112,13 +112,13 @@ pub(super) fn frames(
 }
 
 /// Views among `views` whose kept moments are missing or damaged, with what is wrong.
-pub(super) fn moments(path: &Path, views: &[View]) -> Vec<(View, String)> {
-    let of_view = |view: &View| match view {
-        View::Sample(index) => {
-            let error = kept::file::check(path, *index).err()?;
+pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)> {
+    let of_view = |view: &Exposure| match view {
+        Exposure::Sample(index) => {
+            let error = moments::file::check(path, *index).err()?;
             Some((*view, format!("{error} ({})", progress_log::name(*view))))
         }
-        View::Flat | View::Dark => None,
+        Exposure::Flat | Exposure::Dark => None,
     };
     views.par_iter().filter_map(of_view).collect()
 }
@@ -129,7 +129,7 @@ fn problem_of_view(
     format: Format,
     extent: Extent,
     counts: bool,
-    view: View,
+    view: Exposure,
     entry: &Entry,
 ) -> Option<String> {
     let name = progress_log::name(view);

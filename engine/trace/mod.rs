@@ -3,6 +3,7 @@
 mod crossings;
 mod media;
 mod moments;
+mod tally;
 mod tracer;
 mod upload;
 
@@ -11,6 +12,7 @@ pub use crossings::CrossingFinder;
 pub use media::Media;
 pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};
+pub use tally::Tally;
 pub use tracer::{TraceKernels, Tracer, push_bytes};
 pub use upload::DeviceSample;
 pub(crate) use upload::{FIRST_ORDER_ERROR, hash as object_hash, least_cosine};

@@ -5,13 +5,14 @@ mod kernels;
 mod ordered;
 
 use super::upload::DeviceSample;
+use crate::accel::Backend;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory};
 use crate::interface::{
     Crossing, Law, MATERIALS_IN_REGISTERS, Ray, TALLY_COUNTERS, TALLY_DROPPED, TALLY_NOT_FINITE,
     TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED, TracePush,
 };
-use crate::run::{Backend, Tally};
 use crate::scene::Transport;
+use crate::trace::Tally;
 use crate::{Result, reserve};
 use batch::{Batch, stride};
 use kernels::OrderFree;

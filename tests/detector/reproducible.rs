@@ -4,9 +4,10 @@ use super::reference::scenes;
 use super::reference::stack::Setup;
 use super::reference::surfaces::{body, star};
 use super::support::{CARBON, Worst, engine_with};
-use beamlet::kept::{Kept, KeptWriter};
+use beamlet::moments::{Kept, KeptWriter};
+use beamlet::scene::Exposure;
 use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
-use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks, View};
+use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks};
 use beamlet::{Backend, Control, EngineOptions, Error, Progress};
 use ndarray::Array2;
 use std::fs;
@@ -131,7 +132,7 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
             &mut sink,
             Control {
                 progress: Some(&mut |progress| {
-                    if matches!(&progress, Progress::Views(views) if views.view == View::Sample(1))
+                    if matches!(&progress, Progress::Views(views) if views.view == Exposure::Sample(1))
                     {
                         cancel.store(true, Ordering::Relaxed);
                     }
@@ -143,7 +144,7 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
         assert!(matches!(ended, Err(Error::Interrupted)));
         drop(sink);
         let mut sink = RunDirectory::resume(&broken, &scene).unwrap();
-        assert_eq!(sink.committed(), [View::Flat, View::Dark, View::Sample(0)]);
+        assert_eq!(sink.committed(), [Exposure::Flat, Exposure::Dark, Exposure::Sample(0)]);
         // Counts that were changed since do not count.
         if format == Format::Npy {
             // A run is locked from the first look on.
@@ -153,7 +154,7 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
             *bytes.last_mut().unwrap() ^= 1;
             fs::write(&path, bytes).unwrap();
             sink = RunDirectory::resume(&broken, &scene).unwrap();
-            assert_eq!(sink.committed(), [View::Dark, View::Sample(0)]);
+            assert_eq!(sink.committed(), [Exposure::Dark, Exposure::Sample(0)]);
         }
         let skip = sink.committed().to_vec();
         engine.run(&scene, &mut sink, Control { skip, ..Control::default() }).unwrap();

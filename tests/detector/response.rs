@@ -1,7 +1,7 @@
 //! Signal of a photon by its energy.
 
-use beamlet::detector::response;
 use beamlet::scene::Scene;
+use beamlet::spectrum::response;
 
 const SCENE: &str = r#"
 [source]

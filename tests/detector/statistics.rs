@@ -7,8 +7,7 @@ use super::support::{CARBON, engine};
 use super::z_test::Scores;
 use beamlet::Backend;
 use beamlet::detector::Noise;
-use beamlet::scene::{Counts, DetectorMode, Scene};
-use beamlet::stack::View;
+use beamlet::scene::{Counts, DetectorMode, Exposure, Scene};
 use ndarray::{Array3, ArrayView2, Axis, s};
 
 const STEPS: usize = 4;
@@ -24,7 +23,7 @@ fn scene(pixels: [u32; 2], steps: usize, counts: Counts) -> Scene {
 }
 
 /// Counts of an even intensity of 1/2.
-fn frames(scene: &Scene, excess: f64, view: View) -> Array3<f32> {
+fn frames(scene: &Scene, excess: f64, view: Exposure) -> Array3<f32> {
     let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
     let even = Array3::from_elem((scene.scan.mask_offsets.len(), rows, columns), 0.5_f32);
     let noise = Noise::of(scene, excess).unwrap();
@@ -66,7 +65,7 @@ fn poisson_scores(mean: f64, stacks: &[(&str, Array3<f32>)]) -> Scores {
 }
 
 fn stacks(scene: &Scene) -> Stacks {
-    [("flat", View::Flat), ("view 0", View::Sample(0)), ("view 1", View::Sample(1))]
+    [("flat", Exposure::Flat), ("view 0", Exposure::Sample(0)), ("view 1", Exposure::Sample(1))]
         .map(|(name, view)| (name, frames(scene, 1.0, view)))
         .to_vec()
 }
@@ -116,7 +115,7 @@ fn wrong_statistics_are_found_out() {
 fn every_pixel_has_its_mean() {
     for mean in [0.5, 50.0, 1e6] {
         let scene = scene([48, 32], 400, Counts::of_photons(2.0 * mean));
-        let stack = frames(&scene, 1.0, View::Sample(7));
+        let stack = frames(&scene, 1.0, Exposure::Sample(7));
         let score = |stack: &Array3<f32>| {
             let mut scores = Scores::default();
             for ((row, column), sum) in stack.mapv(f64::from).sum_axis(Axis(0)).indexed_iter() {
@@ -147,7 +146,7 @@ fn dark_frames_hold_offset_and_electronic_noise_of_their_own() {
     let scene = scene([160, 128], STEPS, counts);
     let dark = Noise::of(&scene, 1.0).unwrap().dark(0..128).numbers;
     // Without photons the flat is another dark frame; rounding adds 1/12.
-    let flat = frames(&scene, 1.0, View::Flat);
+    let flat = frames(&scene, 1.0, Exposure::Flat);
     let deviation = (2.5_f64 * 2.5 + 1.0 / 12.0).sqrt();
     let z = |frame: ArrayView2<'_, f32>| standard(frame, 100.0, deviation);
     let mut scores = Scores::default();
@@ -169,7 +168,7 @@ fn gain_offset_and_electronic_noise_make_the_numbers() {
     let counts =
         Counts { electronic_noise: 30.0, gain: 4.0, offset: -50.0, ..Counts::of_photons(400.0) };
     let scene = scene([160, 128], STEPS, counts);
-    let stack = frames(&scene, 1.0, View::Flat);
+    let stack = frames(&scene, 1.0, Exposure::Flat);
     let (mean, variance) = (4.0 * 200.0 - 50.0, 16.0 * 200.0 + 900.0_f64);
     let mut scores = Scores::default();
     // Fourth cumulant of the photons alone.
@@ -187,7 +186,7 @@ fn integrating_detector_has_the_excess_noise_of_its_swank_factor() {
         scene.detector.mode = DetectorMode::Integrating;
         let excess = beamlet::detector::excess_noise(&scene.detector, &[[30.0, 1.0]]);
         assert!((excess - 1.0 / swank).abs() < 1e-12);
-        let stack = frames(&scene, excess, View::Flat);
+        let stack = frames(&scene, excess, Exposure::Flat);
         let mean = 0.5 * photons;
         let variance = mean / swank;
         // Cumulants of a compound Poisson number: the mean number of photons times the moments of
@@ -215,7 +214,7 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
     let free = Counts { electronic_noise: 20.0, gain: 2.0, ..Counts::of_photons(240.0) };
     let clipped = Counts { bit_depth: Some(8), ..free };
     let scenes = [free, clipped].map(|counts| scene([64, 32], STEPS, counts));
-    let [free, numbers] = scenes.each_ref().map(|scene| frames(scene, 1.0, View::Flat));
+    let [free, numbers] = scenes.each_ref().map(|scene| frames(scene, 1.0, Exposure::Flat));
     for (number, free) in numbers.iter().zip(&free) {
         // f32 holds the unrounded number to 1e-5: ties may round either way.
         let want = free.clamp(0.0, 255.0);
@@ -223,7 +222,7 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
     }
     let noise = Noise::of(&scenes[1], 1.0).unwrap();
     let even = Array3::from_elem((STEPS, 32, 64), 0.5_f32);
-    let saturated = noise.counts(View::Flat, 0, even.view()).unwrap().saturated;
+    let saturated = noise.counts(Exposure::Flat, 0, even.view()).unwrap().saturated;
     assert_eq!(saturated, free.iter().filter(|number| number.round() > 255.0).count() as u64);
     assert!(saturated > 1000);
     // Without light and offset half of the electronic noise is below zero.

@@ -10,7 +10,7 @@ use crate::picture::profile::{self, Line, Panel};
 use crate::picture::quantity::Quantity;
 use crate::picture::text::short;
 use crate::run_reader::RunReader;
-use beamlet::memory;
+use beamlet::run::memory;
 use beamlet::stack::StackFile;
 use clap::ValueEnum;
 use ndarray::Array2;

@@ -10,8 +10,8 @@ mod philox;
 mod poisson;
 
 use crate::Result;
+use crate::scene::Exposure;
 use crate::scene::{Counts, Scene};
-use crate::stack::View;
 use ndarray::{Array3, ArrayView3};
 use philox::Draws;
 use poisson::{gamma, poisson};
@@ -66,7 +66,7 @@ impl Noise {
     /// [`crate::Error::Output`] where the band has another shape than the scene's.
     pub fn counts(
         &self,
-        view: View,
+        view: Exposure,
         first_row: u32,
         intensities: ArrayView3<'_, f32>,
     ) -> Result<Frame> {
@@ -84,21 +84,21 @@ impl Noise {
     /// Numbers of the dark frames, one of each step, in a band of rows.
     #[must_use]
     pub fn dark(&self, rows: Range<u32>) -> Frame {
-        self.frame(View::Dark, rows.start, rows.len(), |_| 0.0)
+        self.frame(Exposure::Dark, rows.start, rows.len(), |_| 0.0)
     }
 
     fn frame(
         &self,
-        view: View,
+        view: Exposure,
         first_row: u32,
         rows: usize,
         intensity: impl Fn(usize) -> f32 + Sync,
     ) -> Frame {
         let mut numbers = Array3::zeros((self.steps, rows, self.columns));
         let (kind, view) = match view {
-            View::Flat => (1, 0),
-            View::Sample(index) => (2, index),
-            View::Dark => (3, 0),
+            Exposure::Flat => (1, 0),
+            Exposure::Sample(index) => (2, index),
+            Exposure::Dark => (3, 0),
         };
         let line = |(index, line): (usize, &mut [f32])| {
             let (step, row) = (index / rows, first_row + (index % rows) as u32);

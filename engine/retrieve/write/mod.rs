@@ -6,7 +6,7 @@ mod sheet;
 
 pub use record::Record;
 
-use crate::stack::{refuse_link, sibling, sync_directory};
+use crate::whole_file::{refuse_link, sibling, sync_directory};
 use crate::{Error, Result};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};

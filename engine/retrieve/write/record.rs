@@ -1,6 +1,6 @@
 //! retrieved.json: what the images are, in which units, and what their flags say.
 
-use crate::stack::write_file;
+use crate::whole_file::write_file;
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};

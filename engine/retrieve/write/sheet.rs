@@ -1,7 +1,7 @@
 //! The images of one name, view after view, in one of the formats.
 
 use super::ImageFormat;
-use crate::stack::{sync_directory, sync_path};
+use crate::whole_file::{sync_directory, sync_path};
 use crate::{Error, Result, reserve};
 use exr::prelude::*;
 use ndarray::{ArrayBase, ArrayView2, Data, Ix2};

@@ -5,7 +5,7 @@ use super::checksums::{Checksums, Compared};
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, Entry};
 use crate::stack::run_directory::{COUNTS, LOG, RUN, SCENE};
-use crate::stack::{Extent, Format, RunFile, View};
+use crate::stack::{Exposure, Extent, Format, RunFile};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub struct OpenRun {
     scene: Scene,
     file: RunFile,
     /// progress.log.
-    committed: BTreeMap<View, Entry>,
+    committed: BTreeMap<Exposure, Entry>,
     compared: Compared,
     /// Views from the first on that are committed.
     views: usize,
@@ -45,10 +45,9 @@ impl OpenRun {
             let problem = format!("claims {:?}; {SCENE} has {of_scene:?}", file.extent);
             return Err(Error::output(path.join(RUN), problem, None));
         }
-        let is_there = |view: &u32| committed.contains_key(&View::Sample(*view));
+        let is_there = |view: &u32| committed.contains_key(&Exposure::Sample(*view));
         let views = (0..file.extent.views).take_while(is_there).count();
-        let is_sample =
-            |view: &&View| matches!(view, View::Sample(index) if *index < file.extent.views);
+        let is_sample = |view: &&Exposure| matches!(view, Exposure::Sample(index) if *index < file.extent.views);
         let count = committed.keys().filter(is_sample).count();
         if count != views {
             let problem =
@@ -88,7 +87,7 @@ impl OpenRun {
     /// # Errors
     /// [`Error::Output`] where it is not committed or does not have the shape of run.json.
     pub fn flat(&self) -> Result<StackFile> {
-        if !self.is_committed(View::Flat) {
+        if !self.is_committed(Exposure::Flat) {
             return Err(Error::output(
                 &self.path,
                 "the flat is not committed: resume the run",
@@ -114,7 +113,7 @@ impl OpenRun {
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn counts_flat(&self) -> Result<Option<StackFile>> {
-        self.optional("counts/flat", 1, self.is_committed(View::Flat))
+        self.optional("counts/flat", 1, self.is_committed(Exposure::Flat))
     }
 
     /// Detector numbers with the sample, where the scene asks for noise.
@@ -130,10 +129,10 @@ impl OpenRun {
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn dark(&self) -> Result<Option<StackFile>> {
-        self.optional("dark", 1, self.is_committed(View::Dark))
+        self.optional("dark", 1, self.is_committed(Exposure::Dark))
     }
 
-    fn is_committed(&self, view: View) -> bool {
+    fn is_committed(&self, view: Exposure) -> bool {
         self.committed.contains_key(&view)
     }
 
@@ -141,9 +140,9 @@ impl OpenRun {
     fn checksums(&self, name: &str, views: usize, steps: usize) -> Result<Checksums> {
         let of_view = |index: usize| {
             let view = match name {
-                "flat" | "counts/flat" => View::Flat,
-                "dark" => View::Dark,
-                _ => View::Sample(u32::try_from(index).unwrap_or(u32::MAX)),
+                "flat" | "counts/flat" => Exposure::Flat,
+                "dark" => Exposure::Dark,
+                _ => Exposure::Sample(u32::try_from(index).unwrap_or(u32::MAX)),
             };
             let entry = self.committed.get(&view);
             let counts = name.starts_with(COUNTS);

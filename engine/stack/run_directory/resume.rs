@@ -3,19 +3,19 @@
 use super::{LOG, RUN, RunDirectory, SCENE};
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, ProgressLog};
-use crate::stack::{Extent, RunFile, View, own_files, scene_file, verify};
-use crate::{Error, Result, RunRecord, Tally, kept};
+use crate::stack::{Exposure, Extent, RunFile, own_files, scene_file, verify};
+use crate::{Error, Result, RunRecord, Tally, moments};
 use std::path::{Path, PathBuf};
 
 /// What stood in the directory when the run was resumed.
 #[derive(Debug)]
 pub(super) struct Resumed {
     pub(super) file: RunFile,
-    pub(super) committed: Vec<View>,
+    pub(super) committed: Vec<Exposure>,
     /// Views whose frames are whole, even where their moments are not.
-    pub(super) intact: Vec<View>,
+    pub(super) intact: Vec<Exposure>,
     /// Views of the log that are made again.
-    pub(super) again: Vec<View>,
+    pub(super) again: Vec<Exposure>,
     /// What is not as it was committed.
     pub(super) problems: Vec<String>,
     /// Counts of the committed views, and the number of those without.
@@ -50,7 +50,7 @@ impl RunDirectory {
             })
             .collect();
         let mut committed = found.whole.clone();
-        let keep_moments = file.keep_moments.unwrap_or_else(|| kept::file::is_there(&path));
+        let keep_moments = file.keep_moments.unwrap_or_else(|| moments::file::is_there(&path));
         if keep_moments {
             for (view, problem) in verify::moments(&path, &found.whole) {
                 committed.retain(|other| *other != view);
@@ -86,7 +86,7 @@ impl RunDirectory {
 
     /// Views that are committed already, for [`crate::Control::skip`].
     #[must_use]
-    pub fn committed(&self) -> &[View] {
+    pub fn committed(&self) -> &[Exposure] {
         self.resumed.as_ref().map_or(&[], |resumed| &resumed.committed)
     }
 
@@ -108,7 +108,7 @@ impl RunDirectory {
     #[must_use]
     pub fn keeps_moments(&self) -> Option<bool> {
         let recorded = self.resumed.as_ref().and_then(|resumed| resumed.file.keep_moments);
-        recorded.or_else(|| kept::file::is_there(&self.path).then_some(true))
+        recorded.or_else(|| moments::file::is_there(&self.path).then_some(true))
     }
 
     /// run.json of the run that is resumed.

@@ -1,9 +1,9 @@
 //! Kernels of the walks.
 
 use super::push_bytes;
+use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{BUNDLE_LANES, ExactPush, GROUP, RAYS_PER_LANE, TracePush};
-use crate::run::Backend;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 

@@ -2,9 +2,9 @@
 
 use super::{LONG, NUDGES, Tracer};
 use crate::Result;
+use crate::accel::Backend;
 use crate::gpu::{Buffer, Kernel};
 use crate::interface::{ExactPush, GROUP, LONGEST_LIST, Law, Ray};
-use crate::run::Backend;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::Duration;

@@ -1,7 +1,7 @@
 //! A small run, made by the library's own sink: no device has part in it.
 
 use crate::{PLACE, write};
-use beamlet::kept::Kept;
+use beamlet::moments::Kept;
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, View, check_run, views};
 use beamlet::{Backend, RunRecord, SamplingSummary, Tally};
@@ -34,7 +34,7 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
     let rows = 0..scene.detector.pixels[1];
     for view in views(&scene).expect("few views") {
         let [intensities, counts] = [false, true].map(|counts| values(&scene, view, counts));
-        if view != View::Dark {
+        if view != Exposure::Dark {
             sink.write(view, rows.clone(), intensities.view()).expect("written");
         }
         sink.write_counts(view, rows.clone(), counts.view()).expect("written");
@@ -69,9 +69,9 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
 fn values(scene: &Scene, view: View, counts: bool) -> Array3<f32> {
     let [columns, rows] = scene.detector.pixels.map(|side| side as usize);
     let of_view = match view {
-        View::Flat => 1.0,
-        View::Dark => 2.0,
-        View::Sample(index) => 3.0 + index as f32,
+        Exposure::Flat => 1.0,
+        Exposure::Dark => 2.0,
+        Exposure::Sample(index) => 3.0 + index as f32,
     };
     let scale = if counts { 1000.0 } else { 0.25 };
     Array3::from_shape_fn((scene.scan.mask_offsets.len(), rows, columns), |(s, y, x)| {
@@ -92,22 +92,22 @@ pub fn read(path: &Path) {
         assert_eq!(found, wanted, "{view:?}");
     };
     if let Ok(flat) = run.flat() {
-        same(View::Flat, false, flat.view(0));
+        same(Exposure::Flat, false, flat.view(0));
     }
     if let Ok(sample) = run.sample() {
         for view in 0..run.views() {
             let index = u32::try_from(view).expect("one view");
-            same(View::Sample(index), false, sample.view(view));
+            same(Exposure::Sample(index), false, sample.view(view));
         }
     }
     if let Ok(Some(flat)) = run.counts_flat() {
-        same(View::Flat, true, flat.view(0));
+        same(Exposure::Flat, true, flat.view(0));
     }
     if let Ok(Some(sample)) = run.counts_sample() {
-        same(View::Sample(0), true, sample.view(0));
+        same(Exposure::Sample(0), true, sample.view(0));
     }
     if let Ok(Some(dark)) = run.dark() {
-        same(View::Dark, true, dark.view(0));
+        same(Exposure::Dark, true, dark.view(0));
     }
     let record = run.record();
     if let Ok(checked) = checked

@@ -4,9 +4,10 @@
 use super::{Work, bands};
 use crate::Result;
 use crate::run::RunEstimate;
+use crate::run::simulation::Simulation;
 use crate::sampling::{self, RowsCost, Shadow, Strips};
+use crate::scene::Exposure;
 use crate::scene::Scheme;
-use crate::simulation::Simulation;
 use crate::stack;
 use crate::trace::Tracer;
 use std::collections::HashSet;
@@ -51,7 +52,7 @@ impl Simulation<'_> {
     /// As [`Simulation::run`], but for those of a sink.
     pub fn estimate(&self) -> Result<RunEstimate> {
         let begin = Instant::now();
-        let views: Vec<stack::View> = stack::views(&self.scene)?.collect();
+        let views: Vec<Exposure> = stack::views(&self.scene)?.collect();
         let mut work = Work::new(self, &views)?;
         let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
         let mut estimate = if self.scene.sampling.scheme == Scheme::Random {
@@ -224,7 +225,7 @@ impl Work<'_> {
         let begin = Instant::now();
         let rows = middle..(middle + TIMED_ROWS).min(all);
         let timed = (rows.end - rows.start) as f64;
-        self.random_rows(stack::View::Sample(0), &shadows, &rows)?;
+        self.random_rows(Exposure::Sample(0), &shadows, &rows)?;
         let seconds = begin.elapsed().as_secs_f64() * all as f64 / timed;
         let [x, z] = self.simulation.scene.sampling.rays.map(f64::from);
         let pixels = self.simulation.detection.lit().detector.pixels.map(f64::from);

@@ -1,12 +1,14 @@
 //! The engine: a Vulkan device that serves many scenes.
 
 use crate::Result;
+use crate::accel::Backend;
 use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault};
 use crate::illuminate::CellKernels;
-use crate::kept::Kept;
-use crate::run::{Backend, Control, RunRecord};
+use crate::moments::Kept;
+use crate::run::Control;
+use crate::run::simulation::{Kernels, Simulation};
 use crate::scene::Scene;
-use crate::simulation::{Kernels, Simulation};
+use crate::stack::RunRecord;
 use crate::stack::{ArraySink, Sink, Stacks};
 use crate::trace::TraceKernels;
 use std::sync::Arc;
@@ -29,7 +31,7 @@ pub struct EngineOptions {
     /// and up to 1 GiB for a band. Results do not depend on it.
     pub memory_limit: Option<u64>,
     /// Prepare runs whose moments are kept ([`Control::keep`]): rays are flagged for materials
-    /// that refract up to [`crate::kept::STRONGER`] times as strongly.
+    /// that refract up to [`crate::moments::STRONGER`] times as strongly.
     pub keep_moments: bool,
     /// Calls of Vulkan that fail (for tests).
     pub faults: Vec<Fault>,

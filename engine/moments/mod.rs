@@ -12,6 +12,7 @@ mod relattice;
 mod same;
 mod shared;
 
+pub(crate) use file::DIRECTORY;
 pub use file::KeptWriter;
 
 use crate::detector::Detection;
@@ -62,7 +63,7 @@ impl Kept {
                 path.display()
             );
         }
-        let directory = run.join(file::DIRECTORY);
+        let directory = run.join(DIRECTORY);
         if !directory.is_dir() {
             let problem = "has no moments: simulate with --keep-moments";
             return Err(Error::output(run, problem, None));

@@ -8,7 +8,7 @@ use super::content::Bounds;
 use crate::illuminate::NARROW;
 use crate::interface::{Cell, Law, MOMENTS_PER_MATERIAL, Strip};
 use crate::sampling::{CellMoments, ExactCell, Strips};
-use crate::stack::refuse_link;
+use crate::whole_file::refuse_link;
 use crate::{Error, Result, input_file};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
@@ -161,7 +161,7 @@ impl KeptWriter {
             .and_then(|()| open.file.get_ref().sync_all())
             .and_then(|()| fs::rename(&partial, &path))
             .map_err(|error| Error::output(&path, "cannot be written", Some(error)))?;
-        crate::stack::sync_directory(&directory)
+        crate::whole_file::sync_directory(&directory)
     }
 }
 

@@ -10,18 +10,19 @@
 mod crossings;
 mod work;
 
+use crate::accel::Backend;
 use crate::detector::Detection;
-use crate::engine::{Engine, EngineOptions};
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
 use crate::illuminate::{self, Spectral};
-use crate::kept::{self, Kept, KeptSource};
-use crate::memory::{self, MemoryEstimate};
-use crate::run::{self, Backend, Control, RunRecord, Tally};
+use crate::moments::{self, Kept, KeptSource};
+use crate::run::engine::{Engine, EngineOptions};
+use crate::run::memory::{self, MemoryEstimate};
+use crate::run::{self, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, Response, Shadow, Strips};
-use crate::scene::{Scene, Scheme};
-use crate::stack::{self, RunStart, Sink};
-use crate::trace::{DeviceSample, Law, Media, Moments, Ray, TraceKernels, Tracer};
+use crate::scene::{Exposure, Scene, Scheme};
+use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
+use crate::trace::{DeviceSample, Law, Media, Moments, Ray, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -98,7 +99,7 @@ impl<'e> Simulation<'e> {
         let lit = detection.lit();
         let media = Media::of(scene)?;
         let lattice = lattice_of(lit, &media)?;
-        let stronger = if engine.options().keep_moments { kept::STRONGER } else { 1.0 };
+        let stronger = if engine.options().keep_moments { moments::STRONGER } else { 1.0 };
         let several = media.energies.len() > 1 || engine.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
             let flagged = stronger * media.strongest();
@@ -444,7 +445,7 @@ impl<'e> Simulation<'e> {
             return Err(Error::scene("moments", found, "a simulation that traces"));
         }
         let begin = Instant::now();
-        let views: Vec<stack::View> =
+        let views: Vec<Exposure> =
             stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();
         let mut work = Work::new(self, &views)?;
         // Last of all, so that a run that cannot start writes nothing.
@@ -456,7 +457,7 @@ impl<'e> Simulation<'e> {
             let own = tally.since(before);
             sink.tally(view, &own)?;
             (before, counted) = (tally, counted + own);
-            if let (stack::View::Sample(index), Some(keep)) = (view, control.keep.as_mut()) {
+            if let (Exposure::Sample(index), Some(keep)) = (view, control.keep.as_mut()) {
                 keep.commit(index, self.moment_words())?;
             }
             sink.commit(view)?;
@@ -473,7 +474,7 @@ impl<'e> Simulation<'e> {
             calibration: self.start.calibration.clone(),
             seed: self.scene.sampling.seed,
             tally,
-            sampling: tally.sampling(self.budget.light),
+            sampling: SamplingSummary::of(&tally, self.budget.light),
             seconds: [
                 ("prepare", self.prepared_in),
                 ("trace", work.seconds.trace),

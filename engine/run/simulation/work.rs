@@ -17,10 +17,12 @@ use crate::illuminate::{
     Cast, CellIlluminator, KnownBars, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
 };
 use crate::interface::Pixel;
-use crate::run::{Control, Progress, Tally, ViewProgress};
+use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{self, Shadow, Strips};
+use crate::scene::Exposure;
 use crate::scene::Scheme;
-use crate::stack::{self, Sink};
+use crate::stack::Sink;
+use crate::trace::Tally;
 use crate::trace::Tracer;
 use std::ops::Range;
 use std::sync::Arc;
@@ -58,13 +60,13 @@ pub(super) struct Work<'s> {
 }
 
 impl<'s> Work<'s> {
-    pub(super) fn new(simulation: &'s Simulation<'_>, views: &[stack::View]) -> Result<Self> {
+    pub(super) fn new(simulation: &'s Simulation<'_>, views: &[Exposure]) -> Result<Self> {
         let scene = simulation.detection.lit();
         let device = simulation.device().clone();
         let band = simulation.band_rows();
         let grid = simulation.detection.grid();
         let lit_rows = || bands(grid.pixels[1], band).map(|rows| grid.lit_rows(&rows).len());
-        let lit_views = views.iter().filter(|view| **view != stack::View::Dark).count();
+        let lit_views = views.iter().filter(|view| **view != Exposure::Dark).count();
         let [columns, _] = scene.detector.pixels;
         let steps = scene.scan.mask_offsets.len();
         let random = scene.sampling.scheme == Scheme::Random;
@@ -110,19 +112,19 @@ impl<'s> Work<'s> {
 
     pub(super) fn view(
         &mut self,
-        view: stack::View,
+        view: Exposure,
         sink: &mut dyn Sink,
         control: &mut Control<'_>,
     ) -> Result<()> {
         let rows = self.simulation.scene.detector.pixels[1];
         // The largest of a view are its own.
         (self.tally.most_patch_rays, self.tally.worst_error) = (0, 0);
-        if view == stack::View::Dark {
+        if view == Exposure::Dark {
             return self.dark(sink);
         }
         let detection = &self.simulation.detection;
         let shadows = match view {
-            stack::View::Sample(i)
+            Exposure::Sample(i)
                 if !self.simulation.sample.triangles.is_empty()
                     && self.simulation.kept.is_none() =>
             {
@@ -161,7 +163,7 @@ impl<'s> Work<'s> {
             self.seconds.noise += begin.elapsed().as_secs_f64();
             self.tally.saturated += frame.saturated;
             let begin = Instant::now();
-            sink.write_counts(stack::View::Dark, band, frame.numbers.view())?;
+            sink.write_counts(Exposure::Dark, band, frame.numbers.view())?;
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
         Ok(())
@@ -171,7 +173,7 @@ impl<'s> Work<'s> {
     /// those of its rows that no other band counts.
     fn band(
         &mut self,
-        view: stack::View,
+        view: Exposure,
         shadows: &[Shadow],
         band: &Range<u32>,
         own: &Range<u32>,
@@ -222,7 +224,7 @@ impl<'s> Work<'s> {
         (self.simulation.memory.rays_at_once / per_row.max(1)).max(1) as i64
     }
 
-    fn report(&mut self, view: stack::View, control: &mut Control<'_>) -> Result<()> {
+    fn report(&mut self, view: Exposure, control: &mut Control<'_>) -> Result<()> {
         if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
             return Err(Error::Interrupted);
         }
@@ -239,7 +241,7 @@ impl<'s> Work<'s> {
 
     fn cell_rows(
         &mut self,
-        view: stack::View,
+        view: Exposure,
         shadows: &[Shadow],
         rows: &Range<i64>,
         inner: &Range<i64>,
@@ -277,7 +279,7 @@ impl<'s> Work<'s> {
                 tally.landed_off += strips.landed_off;
                 *tally = *tally + strips.tally;
             }
-            if let (true, stack::View::Sample(index), Some(keep)) = (kept, view, keep.as_mut()) {
+            if let (true, Exposure::Sample(index), Some(keep)) = (kept, view, keep.as_mut()) {
                 keep.write(index, words, strips)?;
             }
             match &simulation.spectral {
@@ -286,11 +288,11 @@ impl<'s> Work<'s> {
             }
         };
         match (view, &simulation.kept, &simulation.spectral) {
-            (stack::View::Sample(index), Some(kept), Some(spectral)) => {
+            (Exposure::Sample(index), Some(kept), Some(spectral)) => {
                 let gather = |strips: &Strips| gather(tracer, spectral, strips);
                 kept.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
-            (stack::View::Sample(index), ..) if !shadows.is_empty() => {
+            (Exposure::Sample(index), ..) if !shadows.is_empty() => {
                 let view = simulation.view(index, shadows);
                 let at_once = simulation.memory.rays_at_once as usize;
                 sampling::sample_rows(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
@@ -310,12 +312,7 @@ impl<'s> Work<'s> {
         Ok(())
     }
 
-    fn random_rows(
-        &mut self,
-        view: stack::View,
-        shadows: &[Shadow],
-        rows: &Range<i64>,
-    ) -> Result<()> {
+    fn random_rows(&mut self, view: Exposure, shadows: &[Shadow], rows: &Range<i64>) -> Result<()> {
         let Some(kernels) = &self.random else { return Ok(()) };
         let begin = Instant::now();
         let scene = self.simulation.detection.lit();
@@ -338,8 +335,8 @@ impl<'s> Work<'s> {
             }
         }
         let view = match view {
-            stack::View::Flat | stack::View::Dark => 0,
-            stack::View::Sample(i) => i,
+            Exposure::Flat | Exposure::Dark => 0,
+            Exposure::Sample(i) => i,
         };
         for (pixels, empty) in [(&met, false), (&missed, true)] {
             if !pixels.is_empty() {

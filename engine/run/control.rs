@@ -1,0 +1,72 @@
+//! What a caller may steer while a run goes on, and what it learns of its progress.
+
+use crate::geometry::{LoadProgress, Watcher};
+use crate::moments::KeptWriter;
+use crate::scene::Exposure;
+use crate::trace::Tally;
+use std::fmt;
+use std::sync::atomic::AtomicBool;
+
+/// What a caller may steer while a run goes on.
+#[derive(Default)]
+pub struct Control<'a> {
+    /// Called from the calling thread: at each step of the loading of objects and ten times a
+    /// second while it lasts, then now and then while views are made.
+    pub progress: Option<&'a mut dyn FnMut(Progress)>,
+    /// Set to true to end the run with [`crate::Error::Interrupted`].
+    pub cancel: Option<&'a AtomicBool>,
+    /// Views that are committed already and are not computed again.
+    pub skip: Vec<Exposure>,
+    /// What was counted while those were made ([`crate::stack::RunDirectory::counted`]); it is
+    /// added to the run's own tally.
+    pub counted: Tally,
+    /// Keeps the moments of the rays, for [`crate::Engine::reilluminate`]; the engine must have
+    /// been opened with [`crate::EngineOptions::keep_moments`]. Cells only; refused where the scene
+    /// is itself made from kept moments.
+    pub keep: Option<&'a mut KeptWriter>,
+}
+
+/// Calls `work` with a watcher of the loading of objects that reports to `progress`.
+pub(crate) fn watching<T>(
+    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+    cancel: Option<&AtomicBool>,
+    work: impl FnOnce(Watcher<'_>) -> T,
+) -> T {
+    match progress {
+        None => work(Watcher { progress: None, cancel }),
+        Some(progress) => {
+            let mut told = |loading| progress(Progress::Loading(loading));
+            work(Watcher { progress: Some(&mut told), cancel })
+        }
+    }
+}
+
+impl fmt::Debug for Control<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Control").field("skip", &self.skip).finish_non_exhaustive()
+    }
+}
+
+/// How far a run is.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Progress {
+    /// Objects are read and checked, before the first ray.
+    Loading(LoadProgress),
+    /// Views are made.
+    Views(ViewProgress),
+}
+
+/// How far the views of a run are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct ViewProgress {
+    /// Work done, in pixel rows (over all views, the flat included).
+    pub rows_done: u64,
+    /// All work of this run.
+    pub rows_total: u64,
+    /// The view in work.
+    pub view: Exposure,
+    /// Rays traced so far.
+    pub rays: u64,
+}

@@ -1,0 +1,18 @@
+//! What a run is estimated to cost.
+
+use serde::Serialize;
+
+/// What a run is estimated to cost, from a sparse look at its scene ([`crate::Simulation::estimate`]).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct RunEstimate {
+    /// Rays of one view, mean over the views.
+    pub rays_per_view: f64,
+    /// Rays of all views. The flat needs none.
+    pub rays: f64,
+    /// Cells that refinement splits, of all views.
+    pub splits: f64,
+    /// Seconds on this device: preparation, tracing and illumination, without noise and output.
+    pub seconds: f64,
+    /// Patches (beamlet and detector row) that were refined for the estimate.
+    pub patches_refined: f64,
+}

@@ -1,0 +1,13 @@
+//! One run: every view of a scene, traced, illuminated and handed to a sink.
+
+mod control;
+mod engine;
+mod estimate;
+pub mod memory;
+mod simulation;
+
+pub(crate) use control::watching;
+pub use control::{Control, Progress, ViewProgress};
+pub use engine::{Engine, EngineOptions};
+pub use estimate::RunEstimate;
+pub use simulation::Simulation;

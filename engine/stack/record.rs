@@ -1,0 +1,68 @@
+//! What run.json records.
+
+use crate::accel::Backend;
+use crate::trace::Tally;
+use serde::{Deserialize, Serialize};
+
+/// Provenance of a run, stored as run.json.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRecord {
+    /// Version of beamlet.
+    pub version: String,
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Backend used.
+    pub backend: Backend,
+    /// Why that backend.
+    pub backend_reason: String,
+    /// Calibration: million rays a second by backend name.
+    pub calibration: std::collections::BTreeMap<String, f64>,
+    /// Seed.
+    pub seed: u64,
+    /// Counts.
+    pub tally: Tally,
+    /// Rays and errors of the patches that the sample touches; `None` where none was sampled.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sampling: Option<SamplingSummary>,
+    /// Seconds by stage.
+    pub seconds: std::collections::BTreeMap<String, f64>,
+}
+
+/// How finely patches (beamlet and detector row) were sampled, and what that is estimated to have
+/// left in recorded values: of each patch the error of the mask step that has the largest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SamplingSummary {
+    /// Patches that the sample touches.
+    pub patches: u64,
+    /// Rays of a patch, mean.
+    pub mean_rays: f64,
+    /// Rays of the patch that has the most.
+    pub most_rays: u64,
+    /// Estimated error, root mean square over the patches, share of open beam.
+    pub rms_error: f64,
+    /// Largest estimated error, share of open beam.
+    pub worst_error: f64,
+    /// Error that was allowed, share of open beam.
+    pub tolerance: f64,
+    /// Patches that may exceed it.
+    pub beyond_tolerance: u64,
+}
+
+impl SamplingSummary {
+    /// From the counts of a run, where `tolerance` was allowed; `None` where nothing was sampled.
+    pub(crate) fn of(tally: &Tally, tolerance: f64) -> Option<Self> {
+        #[allow(clippy::cast_precision_loss, reason = "means of many")]
+        let float = |count: u64| count as f64;
+        (tally.patches > 0).then(|| Self {
+            patches: tally.patches,
+            mean_rays: float(tally.patch_rays) / float(tally.patches),
+            most_rays: tally.most_patch_rays,
+            rms_error: 1e-9 * (float(tally.error_squares) / float(tally.patches)).sqrt(),
+            worst_error: 1e-9 * float(tally.worst_error),
+            tolerance,
+            beyond_tolerance: tally.beyond_tolerance,
+        })
+    }
+}
