@@ -7,17 +7,19 @@
 //!
 //! The engine never prints, exits or panics on input; messages go through the `log` crate.
 
-pub mod accel;
+mod accel;
 pub mod check;
 pub mod compare;
-pub mod detector;
+mod detector;
 mod error;
 pub mod geometry;
-pub mod gpu;
-pub mod illuminate;
-pub mod image;
+mod gpu;
+mod illuminate;
+mod image;
 mod input_file;
-pub mod interface;
+mod interface;
+#[doc(hidden)]
+pub mod internals;
 pub mod material;
 pub mod moments;
 mod npy_header;
@@ -25,19 +27,23 @@ mod parallel;
 pub mod printed;
 mod reserve;
 pub mod retrieve;
-pub mod run;
-pub mod sampling;
+mod run;
+mod sampling;
 pub mod scene;
 pub mod spectrum;
-pub mod spot;
+mod spot;
 pub mod stack;
-pub mod trace;
+mod trace;
 pub mod units;
 mod whole_file;
 
 pub use accel::Backend;
 pub use error::{Error, Place, Result};
-pub use run::{Control, Engine, EngineOptions, Progress, RunEstimate, Simulation, ViewProgress};
+pub use gpu::DeviceDescription;
+pub use run::{
+    Control, Engine, EngineOptions, Progress, RunEstimate, Simulation, ViewProgress, devices,
+    require_memory,
+};
 pub use stack::{RunRecord, SamplingSummary};
-pub use trace::Tally;
+pub use trace::{MetSurface, Ray, Tally};
 pub use whole_file::write_file;

@@ -9,10 +9,10 @@
 mod reference;
 mod support;
 
-use beamlet::interface::{FLAG_EXACT, FLAG_UNBALANCED};
+use beamlet::internals::interface::{FLAG_EXACT, FLAG_UNBALANCED};
+use beamlet::internals::trace::Ray;
 use beamlet::scene::{MaterialSpec, Object, Placement, Scene, Shape, ShapeOrMesh, Transport};
 use beamlet::stack::Stacks;
-use beamlet::trace::Ray;
 use beamlet::{Backend, EngineOptions};
 use reference::scenes;
 use reference::stack::Setup;

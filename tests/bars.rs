@@ -4,9 +4,9 @@ mod reference;
 mod support;
 
 use beamlet::Backend;
+use beamlet::internals::trace::Media;
 use beamlet::material::constants_at;
 use beamlet::scene::{Anode, Beam, Filter, MaskBody, Scene, SpectrumOrigin, SpectrumSpec};
-use beamlet::trace::Media;
 use reference::masks::{Bars, Mask};
 use reference::rays::Order;
 use reference::scenes;

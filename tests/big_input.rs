@@ -12,7 +12,7 @@
     reason = "a test that cannot go on has failed; sizes are the result"
 )]
 
-use beamlet::gpu::{Device, DeviceKind, DeviceOptions};
+use beamlet::internals::gpu::{Device, DeviceKind, DeviceOptions};
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::Path;

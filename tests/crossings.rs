@@ -8,7 +8,7 @@ mod support;
 
 use beamlet::Backend;
 use beamlet::scene::Scene;
-use beamlet::trace::{MetSurface, Ray};
+use beamlet::{MetSurface, Ray};
 use reference::rays::{Order, Sample};
 use reference::scenes;
 use reference::stack::Setup;

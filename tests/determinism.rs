@@ -3,9 +3,9 @@
 mod reference;
 mod support;
 
+use beamlet::internals::trace::{Law, Ray};
 use beamlet::scene::{Scene, Scheme, Transport};
 use beamlet::stack::Stacks;
-use beamlet::trace::{Law, Ray};
 use beamlet::{Backend, EngineOptions};
 use reference::scenes;
 use reference::stack::Setup;

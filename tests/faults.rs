@@ -4,11 +4,13 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use beamlet::geometry::{self, ObjectSummary};
-use beamlet::gpu::FaultAnswer::{self, DeviceLost, OutOfDeviceMemory, OutOfHostMemory, Timeout};
-use beamlet::gpu::{Fault, FaultyCall};
+use beamlet::internals::gpu::FaultAnswer::{
+    self, DeviceLost, OutOfDeviceMemory, OutOfHostMemory, Timeout,
+};
+use beamlet::internals::gpu::{Fault, FaultyCall};
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, RunDirectory};
-use beamlet::{Backend, Control, Engine, EngineOptions, Error, RunRecord, run::memory};
+use beamlet::{Backend, Control, Engine, EngineOptions, Error, RunRecord, internals::memory};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};

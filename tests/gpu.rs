@@ -8,7 +8,7 @@
 )]
 
 use beamlet::Error;
-use beamlet::gpu::{AccelerationStructure, Device, DeviceOptions, Memory};
+use beamlet::internals::gpu::{AccelerationStructure, Device, DeviceOptions, Memory};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use std::process::Command;
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! Compares the structs that kernels and host share: names, offsets and sizes, as compiled.
 #![allow(clippy::unwrap_used, reason = "tests panic")]
 
-use beamlet::gpu::shaders;
-use beamlet::interface;
+use beamlet::internals::gpu::shaders;
+use beamlet::internals::interface;
 use beamlet::shared_structs;
 use std::collections::HashMap;
 

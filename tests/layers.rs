@@ -36,7 +36,8 @@ fn module_of(path: &Path) -> String {
 fn used(source: &str) -> Vec<String> {
     let code = source.split("#[cfg(test)]").next().unwrap();
     let lines = code.lines().map(|line| line.split("//").next().unwrap());
-    let code = lines.collect::<Vec<_>>().join("\n");
+    // Macros that tests use, too, name what they can reach.
+    let code = lines.collect::<Vec<_>>().join("\n").replace("$crate::", "");
     let mut names = Vec::new();
     for rest in code.split("crate::").skip(1) {
         let is_name = |c: char| c.is_alphanumeric() || c == '_';
@@ -70,6 +71,7 @@ fn home(name: &str) -> &str {
         "Control" | "Engine" | "EngineOptions" | "Progress" | "RunEstimate" | "Simulation"
         | "ViewProgress" => "run",
         "write_file" => "whole_file",
+        "DeviceDescription" => "gpu",
         other => other,
     }
 }
@@ -83,7 +85,7 @@ fn modules_use_only_what_stands_below_them() {
     let mut edges = 0;
     for file in files {
         let module = module_of(&file);
-        if module == "lib" {
+        if module == "lib" || module == "internals" {
             continue;
         }
         let own = ranks.get(&module);

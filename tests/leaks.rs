@@ -10,10 +10,10 @@
 mod reference;
 mod support;
 
-use beamlet::gpu::{Device, DeviceOptions};
-use beamlet::interface::{FLAG_DROPPED, FLAG_UNBALANCED};
+use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::interface::{FLAG_DROPPED, FLAG_UNBALANCED};
+use beamlet::internals::trace::{DeviceSample, Law, Media, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
-use beamlet::trace::{DeviceSample, Law, Media, Ray, TraceKernels, Tracer};
 use beamlet::{Backend, geometry};
 use reference::scenes;
 use reference::stack::Setup;

@@ -10,10 +10,10 @@
 mod reference;
 mod support;
 
-use beamlet::gpu::{Device, DeviceOptions};
-use beamlet::interface::{FLAG_EXACT, FLAG_UNBALANCED};
+use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::interface::{FLAG_EXACT, FLAG_UNBALANCED};
+use beamlet::internals::trace::{DeviceSample, Law, Media, Ray, TraceKernels, Tracer};
 use beamlet::scene::Transport;
-use beamlet::trace::{DeviceSample, Law, Media, Ray, TraceKernels, Tracer};
 use beamlet::{Backend, geometry};
 use glam::DVec3;
 use reference::rays::{Order, Sample, Trace};

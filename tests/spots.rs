@@ -10,7 +10,7 @@ mod support;
 use beamlet::Backend;
 use beamlet::retrieve::Method;
 use beamlet::scene::{Scene, Scheme};
-use beamlet::spot::{Spot, SpotPart};
+use beamlet::scene::{Spot, SpotPart};
 use ndarray::{Array2, array};
 use reference::closed_form::blurred_overlap;
 use reference::masks::Bars;

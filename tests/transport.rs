@@ -11,9 +11,9 @@ mod reference;
 mod support;
 
 use beamlet::Backend;
-use beamlet::interface::{FLAG_EXACT, FLAG_REFLECTED};
+use beamlet::internals::interface::{FLAG_EXACT, FLAG_REFLECTED};
+use beamlet::internals::trace::{Law, Moments, Ray};
 use beamlet::scene::Transport;
-use beamlet::trace::{Law, Moments, Ray};
 use reference::closed_form::{critical_angle, cylinder_deflection};
 use reference::rays::{Order, Sample, Trace};
 use reference::scenes;

@@ -2,11 +2,10 @@
 
 use crate::args::Devices;
 use crate::failure::Failure;
-use beamlet::gpu::Device;
 use std::io::Write;
 
 pub(super) fn run(arguments: &Devices, out: &mut impl Write) -> Result<(), Failure> {
-    let devices = Device::list()?;
+    let devices = beamlet::devices()?;
     if arguments.json {
         return super::write_json(&devices, out);
     }

@@ -12,8 +12,7 @@ use super::palette::{colour_of, colour_of_object, materials};
 use super::text::length;
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
-use beamlet::trace::{MetSurface, Ray};
-use beamlet::{Engine, EngineOptions, Result, memory};
+use beamlet::{Engine, EngineOptions, MetSurface, Ray, Result, require_memory};
 
 /// Where the sample is looked at from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -161,7 +160,7 @@ impl Picture {
 
 fn render(engine: &Engine, turned: &Scene, picture: &Picture, side: usize) -> Result<Vec<Rgb>> {
     let simulation = engine.prepare(turned)?;
-    memory::ask(WHILE_MADE, "the picture of the sample")?;
+    require_memory(WHILE_MADE, "the picture of the sample")?;
     let at = |index: f64| (index + 0.5) / side as f64 * 2.0 - 1.0;
     let rays: Vec<Ray> = (0..side * side)
         .map(|i| picture.ray(at((i % side) as f64), -at((i / side) as f64)))

@@ -12,7 +12,7 @@ use crate::run_reader::RunReader;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use beamlet::geometry::{self, Sample};
-use beamlet::run::memory;
+use beamlet::require_memory;
 use std::fmt::Write as _;
 
 /// Images of a view beside its steps: retrieved ones, flags, the parts of a fit.
@@ -35,7 +35,7 @@ pub(crate) fn page(run: &RunReader, most: u64) -> Result<String, Failure> {
     let frame = rows.saturating_mul(columns);
     let images = (views + 1).saturating_mul(steps + IMAGES).saturating_mul(2 * frame).min(most);
     let needed = COPIES.saturating_mul(images).saturating_add(OF_FRAME.saturating_mul(frame));
-    memory::ask(needed, "the page of a report")?;
+    require_memory(needed, "the page of a report")?;
     let data = data::collect(run, most)?;
     let mut arrays = String::new();
     for (name, words) in &data.arrays {

@@ -21,7 +21,7 @@ const MOST_IN_LEAF: u32 = 3;
 
 /// Nodes and leaves as the shaders read them.
 #[derive(Debug, Clone, Default)]
-pub struct Bvh {
+pub(crate) struct Bvh {
     /// Nodes; the root is the first.
     pub nodes: Vec<Node>,
     /// Triangles in the order of the BVH.
@@ -39,7 +39,7 @@ impl Bvh {
     /// # Errors
     /// [`Error::Mesh`] where the tree would be deeper than the shaders' stack, or there are
     /// more surfaces than a leaf can name.
-    pub fn build(sample: &Sample, across: &[[u32; 3]]) -> Result<Self> {
+    pub(crate) fn build(sample: &Sample, across: &[[u32; 3]]) -> Result<Self> {
         if sample.triangles.is_empty() {
             return Ok(Self::default());
         }

@@ -4,4 +4,4 @@ mod backend;
 mod bvh;
 
 pub use backend::Backend;
-pub use bvh::Bvh;
+pub(crate) use bvh::Bvh;

@@ -12,5 +12,5 @@ mod spread;
 
 pub use detection::Detection;
 pub use excess::excess_noise;
-pub use grid::LightGrid;
-pub use noise::{Frame, Noise};
+pub(crate) use grid::LightGrid;
+pub use noise::Noise;

@@ -26,7 +26,7 @@ const STEPS_EACH: u32 = 16;
 
 /// The kernels of cells.
 #[derive(Debug)]
-pub struct CellKernels {
+pub(crate) struct CellKernels {
     near: LazyKernel,
     /// For light that lands more than a row away.
     far: LazyKernel,
@@ -35,7 +35,7 @@ pub struct CellKernels {
 impl CellKernels {
     /// Kernels of a device.
     #[must_use]
-    pub fn new(device: &Arc<Device>) -> Self {
+    pub(crate) fn new(device: &Arc<Device>) -> Self {
         let kernel =
             |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<IlluminatePush>());
         Self {
@@ -50,7 +50,7 @@ const CELLS_TOGETHER: usize = 1 << 16;
 
 /// Illuminates cells.
 #[derive(Debug)]
-pub struct CellIlluminator {
+pub(crate) struct CellIlluminator {
     device: Arc<Device>,
     kernels: Arc<CellKernels>,
     strips: Option<Buffer>,
@@ -67,7 +67,7 @@ impl CellIlluminator {
     ///
     /// # Errors
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
-    pub fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>) -> Result<Self> {
+    pub(crate) fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>) -> Result<Self> {
         kernels.near.get()?;
         Ok(Self {
             device: device.clone(),
@@ -84,7 +84,7 @@ impl CellIlluminator {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Device`].
-    pub fn add<'l>(
+    pub(crate) fn add<'l>(
         &mut self,
         lists: impl Iterator<Item = (&'l LightRecord, &'l Strips)>,
         sums: &Sums,

@@ -27,7 +27,7 @@ const MOST_ALIKE: u32 = 5;
 
 /// Which light a record is of.
 #[derive(Debug, Clone, Copy)]
-pub enum Part {
+pub(crate) enum Part {
     /// That of one energy (keV), with its share of the spectrum.
     Node {
         /// keV.
@@ -166,7 +166,7 @@ pub(crate) fn alike_rows(scene: &Scene, media: &Media) -> Result<u32> {
 
 /// The light stages' parameters on the device. The band of rows varies, the rest stays.
 #[derive(Debug)]
-pub struct LightRecord {
+pub(crate) struct LightRecord {
     /// For cells one record for each part of the focal spot, for random rays one in all; rows of a
     /// band are set with [`LightRecord::set_band`].
     buffer: Buffer,
@@ -302,7 +302,7 @@ impl LightRecord {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], or as [`material::constants`].
-    pub fn of_cells(
+    pub(crate) fn of_cells(
         device: &Arc<Device>,
         scene: &Scene,
         lattice: &Lattice,
@@ -323,7 +323,7 @@ impl LightRecord {
     ///
     /// # Errors
     /// As [`LightRecord::of_cells`].
-    pub fn of_pixels(
+    pub(crate) fn of_pixels(
         device: &Arc<Device>,
         scene: &Scene,
         pixels: &Range<i64>,
@@ -348,7 +348,7 @@ impl LightRecord {
     ///
     /// # Errors
     /// [`crate::Error::Device`].
-    pub fn set_band(&mut self, rows: &Range<u32>) -> Result<()> {
+    pub(crate) fn set_band(&mut self, rows: &Range<u32>) -> Result<()> {
         for light in &mut self.lights {
             light.first_row = rows.start as i32;
             light.row_count = rows.end - rows.start;

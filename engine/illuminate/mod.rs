@@ -6,10 +6,10 @@ mod random;
 mod spectral;
 mod sums;
 
-pub use cells::{CellIlluminator, CellKernels};
+pub(crate) use cells::{CellIlluminator, CellKernels};
 pub(crate) use light::alike_rows;
-pub use light::{LightRecord, Part};
-pub use random::{Cast, RandomKernels, cast};
+pub(crate) use light::{LightRecord, Part};
+pub(crate) use random::{Cast, RandomKernels, cast};
 pub(crate) use spectral::NARROW;
-pub use spectral::{KnownBars, Spectral};
-pub use sums::Sums;
+pub(crate) use spectral::{KnownBars, Spectral};
+pub(crate) use sums::Sums;

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 /// Kernels of the random scheme.
 #[derive(Debug)]
-pub struct RandomKernels {
+pub(crate) struct RandomKernels {
     rays: Kernel,
     light: Kernel,
 }
@@ -28,7 +28,7 @@ impl RandomKernels {
     ///
     /// # Errors
     /// [`crate::Error::Device`].
-    pub fn new(device: &Arc<Device>) -> Result<Self> {
+    pub(crate) fn new(device: &Arc<Device>) -> Result<Self> {
         let (rays, light) = (push_bytes::<RandomRaysPush>(), push_bytes::<RandomLightPush>());
         Ok(Self {
             rays: device.kernel("random_rays", shaders::RANDOM_RAYS, rays)?,
@@ -39,7 +39,7 @@ impl RandomKernels {
 
 /// What one call casts.
 #[derive(Debug, Clone, Copy)]
-pub struct Cast<'a> {
+pub(crate) struct Cast<'a> {
     /// Pixels, inside the detector or beside it.
     pub pixels: &'a [Pixel],
     /// Index of the view.
@@ -52,7 +52,7 @@ pub struct Cast<'a> {
 ///
 /// # Errors
 /// [`crate::Error::Memory`], [`crate::Error::Device`].
-pub fn cast(
+pub(crate) fn cast(
     device: &Arc<Device>,
     kernels: &RandomKernels,
     scene: &Scene,

@@ -35,7 +35,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use sums::{Sums, Terms};
 
-pub use bars::KnownBars;
+pub(crate) use bars::KnownBars;
 pub(crate) use ordered::NARROW;
 
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
@@ -56,7 +56,7 @@ const STRIPS_AT_ONCE: usize = 1 << 6;
 
 /// What the gathering needs of a scene.
 #[derive(Debug, Clone)]
-pub struct Spectral {
+pub(crate) struct Spectral {
     weights: Vec<f64>,
     /// `[node][material]`, behind the nodes the mean constants.
     mu: Vec<f64>,
@@ -133,7 +133,7 @@ impl Spectral {
     ///
     /// `reference`: constants that ordered walks were made at; `flagged`: the strongest delta
     /// that rays were flagged for.
-    pub fn new(
+    pub(crate) fn new(
         scene: &Scene,
         media: &Media,
         lattice: &Lattice,
@@ -234,7 +234,7 @@ impl Spectral {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], or as [`crate::material::constants_at_for`].
-    pub fn lights(
+    pub(crate) fn lights(
         &self,
         device: &Arc<Device>,
         scene: &Scene,
@@ -275,7 +275,7 @@ impl Spectral {
     ///
     /// # Errors
     /// As [`Tracer::trace`], by which the ordered walks are repeated at each node.
-    pub fn lists(
+    pub(crate) fn lists(
         &self,
         tracer: &mut Tracer,
         known: &mut KnownBars,

@@ -21,7 +21,7 @@ const PART: usize = 1 << 20;
 /// Sums of a band, `[step][row][column]`, and behind the last step those of light that is the same
 /// at every step.
 #[derive(Debug)]
-pub struct Sums {
+pub(crate) struct Sums {
     /// Two words per pixel and step.
     pub buffer: Buffer,
     device: Arc<Device>,
@@ -33,7 +33,12 @@ impl Sums {
     ///
     /// # Errors
     /// [`Error::Memory`].
-    pub fn new(device: &Arc<Device>, steps: usize, rows: usize, columns: usize) -> Result<Self> {
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        steps: usize,
+        rows: usize,
+        columns: usize,
+    ) -> Result<Self> {
         let bytes = (steps as u64 + 1) * rows as u64 * columns as u64 * 8;
         let buffer = device.buffer("sums of light", bytes, Memory::Device)?;
         Ok(Self { buffer, device: device.clone(), shape: [steps, rows, columns] })
@@ -48,7 +53,7 @@ impl Sums {
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn clear(&mut self, rows: &Range<u32>) -> Result<()> {
+    pub(crate) fn clear(&mut self, rows: &Range<u32>) -> Result<()> {
         self.shape[1] = (rows.end - rows.start) as usize;
         let bytes = (self.shape[0] as u64 + 1) * self.frame() as u64 * 8;
         self.device.run(|r| {
@@ -61,7 +66,7 @@ impl Sums {
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn intensities(&self) -> Result<Array3<f32>> {
+    pub(crate) fn intensities(&self) -> Result<Array3<f32>> {
         let whole = |[low, high]: [u32; 2]| u64::from(high) << 32 | u64::from(low);
         let mut values = reserve::zeroed::<f32>(self.shape.iter().product(), "a band of a view")?;
         let every_step = self.buffer.read::<[u32; 2]>(8 * values.len() as u64, self.frame())?;

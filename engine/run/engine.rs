@@ -156,3 +156,11 @@ impl Engine {
         sink.into_stacks().ok_or(crate::Error::Interrupted)
     }
 }
+
+/// Every device that Vulkan shows, usable or not.
+///
+/// # Errors
+/// [`crate::Error::Device`] without a Vulkan loader, driver or device.
+pub fn devices() -> Result<Vec<DeviceDescription>> {
+    Device::list()
+}

@@ -137,7 +137,7 @@ pub fn estimate(
 ///
 /// # Errors
 /// [`Error::Memory`] where they cannot.
-pub fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
+pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
     let triangles = geometry::triangles_in_files(scene);
     let needed = PROGRAM.saturating_add(BUILD.saturating_mul(triangles));
     match limit {
@@ -156,7 +156,7 @@ pub fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Memory`] where they are not to be had.
-pub fn ask(bytes: u64, purpose: &str) -> Result<()> {
+pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
     reserve::ask(bytes, purpose, reserve::REMEDY)
 }
 

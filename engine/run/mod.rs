@@ -3,11 +3,12 @@
 mod control;
 mod engine;
 mod estimate;
-pub mod memory;
+pub(crate) mod memory;
 mod simulation;
 
 pub(crate) use control::watching;
 pub use control::{Control, Progress, ViewProgress};
-pub use engine::{Engine, EngineOptions};
+pub use engine::{Engine, EngineOptions, devices};
 pub use estimate::RunEstimate;
+pub use memory::require_memory;
 pub use simulation::Simulation;

@@ -125,7 +125,7 @@ fn reach_of(strip: Strip, cells: &[Cell]) -> Strip {
 
 /// Strips of all beamlets without a sample: one cell each.
 #[must_use]
-pub fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
+pub(crate) fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
     let mut out = Strips::default();
     let cell = empty_cell(lattice);
     let first = lattice.beamlets.start;

@@ -7,7 +7,7 @@ const UNBOUNDED: f64 = 10e-9;
 
 /// What sampling may leave, by patch.
 #[derive(Debug, Clone, Copy)]
-pub struct ErrorBudget {
+pub(crate) struct ErrorBudget {
     /// Error of a recorded value, share of open beam.
     pub light: f64,
     /// Error of the mean displacement on the analyser where no silhouette crosses, m; infinite

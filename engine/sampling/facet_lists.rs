@@ -41,7 +41,7 @@ pub(super) struct SurfaceStep {
 
 /// Surfaces of a sample, for means over facets.
 #[derive(Debug)]
-pub struct SampleFacets {
+pub(crate) struct SampleFacets {
     /// By component.
     pub(super) steps: Vec<SurfaceStep>,
     /// Number of triangles by component.
@@ -55,7 +55,7 @@ impl SampleFacets {
     /// times as large. Nothing where all rays are traced in order. `across`:
     /// [`crate::geometry::across_edges`] of the sample.
     #[must_use]
-    pub fn new(
+    pub(crate) fn new(
         scene: &Scene,
         sample: &Sample,
         media: &Media,

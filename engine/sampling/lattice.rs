@@ -251,7 +251,7 @@ impl Lattice {
 }
 
 /// What depends on the direction of a beamlet's (or pixel's) central ray alone.
-pub fn column(scene: &Scene, slope: f64, analyser: f64, sample_plane: f64) -> Column {
+pub(crate) fn column(scene: &Scene, slope: f64, analyser: f64, sample_plane: f64) -> Column {
     let detector = &scene.detector;
     let columns = f64::from(detector.pixels[0]);
     let landing = slope * detector.distance / detector.pitch[0] + columns / 2.0;

@@ -20,7 +20,7 @@ const LEAST_CONTRAST: f64 = 0.05;
 
 /// For what moments are kept.
 #[derive(Debug, Clone)]
-pub struct Keep {
+pub(crate) struct Keep {
     /// Constants of the materials that rays are walked at.
     reference: Vec<Constants>,
     /// How much more strongly the sample may refract than at these constants, 1 or more.
@@ -33,7 +33,7 @@ pub struct Keep {
 impl Keep {
     /// For media walked at constants of `reference`; `in_hand`: how much more strongly than at its energies the media may refract in another scene.
     #[must_use]
-    pub fn new(media: &Media, reference: &[Constants], in_hand: f64) -> Self {
+    pub(crate) fn new(media: &Media, reference: &[Constants], in_hand: f64) -> Self {
         let of_node = media.constants.iter().flat_map(|node| node.iter().zip(reference));
         let stronger = of_node
             .filter(|(_, reference)| reference.delta != 0.0)

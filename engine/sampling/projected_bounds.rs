@@ -39,7 +39,7 @@ impl Shadow {
 const CHORD_SHARE: f64 = 0.5;
 
 /// Shadows of all components in a view.
-pub fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Shadow> {
+pub(crate) fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Shadow> {
     let [cos, sin] = view.turn();
     let scale = lattice.project(1.0, 0.0, 0.0)[0];
     let rows_per_metre = lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];

@@ -20,7 +20,7 @@ const SOFT_EDGE: f64 = 2.0;
 
 /// Light that a cell sends through the masks, per mask step and window.
 #[derive(Debug, Clone)]
-pub struct Response {
+pub(crate) struct Response {
     /// Integral of the light through one window over the landing point, m, at points from
     /// -REACH periods on.
     window: Vec<f32>,
@@ -63,7 +63,7 @@ impl Response {
     /// For the scene that is traced; `any_masks`: for moments that are stored, whose masks and
     /// steps are not known yet.
     #[must_use]
-    pub fn new(scene: &Scene, lattice: &Lattice, any_masks: bool) -> Self {
+    pub(crate) fn new(scene: &Scene, lattice: &Lattice, any_masks: bool) -> Self {
         let analyser = scene.analyser_distance();
         let detector = &scene.detector;
         let pixel = detector.pitch[0] * analyser / detector.distance;

@@ -38,7 +38,7 @@ const BLANK_AT_ONCE: usize = 1 << 12;
 
 /// What the cells of a view are made from.
 #[derive(Debug)]
-pub struct View<'a> {
+pub(crate) struct View<'a> {
     /// The scene that is traced.
     pub scene: &'a Scene,
     /// Its sample.
@@ -72,7 +72,7 @@ impl View<'_> {
 }
 
 /// Takes strips as they are ready; may trace with the tracer that it is lent.
-pub type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &Strips) -> Result<()>;
+pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &Strips) -> Result<()>;
 
 /// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
 /// which undeflected light matters; what neither stands nor lands there is left out. About
@@ -81,7 +81,7 @@ pub type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &Strips) -> Result<()>;
 ///
 /// # Errors
 /// As [`Tracer::trace`]; those of `take`.
-pub fn sample_rows(
+pub(crate) fn sample_rows(
     view: &View<'_>,
     tracer: &mut Tracer,
     rows: Range<i64>,

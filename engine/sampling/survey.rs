@@ -19,7 +19,7 @@ use std::time::Instant;
 
 /// Cost of the patches of one kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct PatchCost {
+pub(crate) struct PatchCost {
     /// Patches of this kind.
     pub patches: f64,
     /// Those of them that were refined.
@@ -41,7 +41,7 @@ impl PatchCost {
 
 /// Cost of some rows of a view.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct RowsCost {
+pub(crate) struct RowsCost {
     /// Rows.
     pub rows: f64,
     /// Base rays, of these rows and one on either side.
@@ -57,20 +57,20 @@ pub struct RowsCost {
 impl RowsCost {
     /// Rays of the rows, their base rays counted once.
     #[must_use]
-    pub fn rays(&self) -> f64 {
+    pub(crate) fn rays(&self) -> f64 {
         let own = self.rows / (self.rows + 2.0);
         own * self.base_rays + self.kinds.iter().map(|kind| kind.scale() * kind.rays).sum::<f64>()
     }
 
     /// Splits of the rows.
     #[must_use]
-    pub fn splits(&self) -> f64 {
+    pub(crate) fn splits(&self) -> f64 {
         self.kinds.iter().map(|kind| kind.scale() * kind.splits).sum()
     }
 
     /// Seconds of the rows, without what finding facets takes.
     #[must_use]
-    pub fn seconds(&self) -> f64 {
+    pub(crate) fn seconds(&self) -> f64 {
         let own = self.rows / (self.rows + 2.0);
         let kinds = self.kinds.iter().map(|kind| kind.scale() * kind.seconds);
         own * self.base_seconds + kinds.sum::<f64>()
@@ -82,7 +82,7 @@ impl RowsCost {
 ///
 /// # Errors
 /// As [`Tracer::trace`]; those of `take`.
-pub fn survey_rows(
+pub(crate) fn survey_rows(
     view: &View<'_>,
     tracer: &mut Tracer,
     rows: Range<i64>,

@@ -34,6 +34,7 @@ mod write;
 mod write_beam;
 mod write_detector;
 
+pub use crate::spot::{Spot, SpotFit, SpotPart};
 pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
 pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 pub use exposure::Exposure;

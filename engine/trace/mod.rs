@@ -13,6 +13,7 @@ pub use media::Media;
 pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};
 pub use tally::Tally;
-pub use tracer::{TraceKernels, Tracer, push_bytes};
+pub(crate) use tracer::push_bytes;
+pub use tracer::{TraceKernels, Tracer};
 pub use upload::DeviceSample;
 pub(crate) use upload::{FIRST_ORDER_ERROR, hash as object_hash, least_cosine};

@@ -33,7 +33,7 @@ const LONG: Duration = Duration::from_millis(100);
 const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
 
 /// Bytes of a push constant struct.
-pub fn push_bytes<T>() -> u32 {
+pub(crate) fn push_bytes<T>() -> u32 {
     u32::try_from(size_of::<T>()).unwrap_or(u32::MAX)
 }
 

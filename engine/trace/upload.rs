@@ -27,8 +27,6 @@ pub struct DeviceSample {
     records: Buffer,
     /// Number of materials.
     pub materials: u32,
-    /// Bytes on the device.
-    pub bytes: u64,
     _kept: Vec<Buffer>,
     acceleration: Option<AccelerationStructure>,
 }
@@ -91,9 +89,7 @@ impl DeviceSample {
         };
         let records: Vec<_> = (0..=media.weights.len() as u64).map(record).collect();
         let records = device.upload("sample", &records)?;
-        let bytes = kept.iter().map(Buffer::len).sum::<u64>()
-            + acceleration.as_ref().map_or(0, AccelerationStructure::bytes);
-        Ok(Self { records, materials: count(materials), bytes, _kept: kept, acceleration })
+        Ok(Self { records, materials: count(materials), _kept: kept, acceleration })
     }
 
     /// Address of the record that shaders start from, at a node of the spectrum or (`None`) at

@@ -2,11 +2,11 @@
 
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
 
+use beamlet::internals::trace::Ray;
 use beamlet::scene::{
     Beam, Detector, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene, ShapeOrMesh,
     Source,
 };
-use beamlet::trace::Ray;
 use std::f64::consts::TAU;
 
 /// Triangles of a scene by name.

@@ -8,9 +8,9 @@
 
 mod scenes;
 
-use beamlet::gpu::{Device, DeviceOptions};
+use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
-use beamlet::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
 use beamlet::{Backend, geometry};
 use std::fmt::Write;
 use std::fs;

@@ -18,10 +18,10 @@ mod closed;
 #[path = "../reference/mod.rs"]
 mod reference;
 
-use beamlet::gpu::{Device, DeviceOptions};
-use beamlet::interface::FLAG_UNBALANCED;
+use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::interface::FLAG_UNBALANCED;
+use beamlet::internals::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
-use beamlet::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
 use beamlet::{Backend, geometry};
 use rayon::prelude::*;
 use reference::scenes;

@@ -1,7 +1,7 @@
 //! Keys of the detector: what is refused, and that the resolved scene reads back.
 
 use beamlet::Engine;
-use beamlet::detector::Detection;
+use beamlet::internals::detector::Detection;
 use beamlet::scene::{Blur, Scatter, Scene};
 use std::collections::BTreeMap;
 

@@ -6,7 +6,7 @@ use super::reference::surfaces::{body, cylinder};
 use super::support::{CARBON, engine};
 use super::z_test::Scores;
 use beamlet::Backend;
-use beamlet::detector::Noise;
+use beamlet::internals::detector::Noise;
 use beamlet::scene::{Counts, DetectorMode, Exposure, Scene};
 use ndarray::{Array3, ArrayView2, Axis, s};
 
@@ -184,7 +184,7 @@ fn integrating_detector_has_the_excess_noise_of_its_swank_factor() {
     for (photons, swank) in [(4.0, 0.5), (100.0, 0.8), (2e4, 0.9), (100.0, 1.0)] {
         let mut scene = scene([160, 128], STEPS, Counts { swank, ..Counts::of_photons(photons) });
         scene.detector.mode = DetectorMode::Integrating;
-        let excess = beamlet::detector::excess_noise(&scene.detector, &[[30.0, 1.0]]);
+        let excess = beamlet::internals::detector::excess_noise(&scene.detector, &[[30.0, 1.0]]);
         assert!((excess - 1.0 / swank).abs() < 1e-12);
         let stack = frames(&scene, excess, Exposure::Flat);
         let mean = 0.5 * photons;

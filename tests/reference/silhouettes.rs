@@ -2,7 +2,7 @@
 
 use super::surfaces::{Body, Mesh, Random, prism, sphere};
 use super::vector::{add, cross, dot, scaled, sub, unit};
-use beamlet::trace::Ray;
+use beamlet::internals::trace::Ray;
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 

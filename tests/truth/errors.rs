@@ -2,10 +2,10 @@
 
 use super::cases::Case;
 use super::classes::{Class, classes};
-use beamlet::sampling::Lattice;
+use beamlet::internals::sampling::Lattice;
+use beamlet::internals::trace::Media;
 use beamlet::scene::{Scene, Transport};
 use beamlet::stack::ArraySink;
-use beamlet::trace::Media;
 use beamlet::{Control, Engine, SamplingSummary};
 use ndarray::{Array2, Array3};
 

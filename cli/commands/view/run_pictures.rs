@@ -10,7 +10,7 @@ use crate::picture::profile::{self, Line, Panel};
 use crate::picture::quantity::Quantity;
 use crate::picture::text::short;
 use crate::run_reader::RunReader;
-use beamlet::run::memory;
+use beamlet::require_memory;
 use beamlet::stack::StackFile;
 use clap::ValueEnum;
 use ndarray::Array2;
@@ -31,7 +31,7 @@ pub(super) fn of(path: &Path, asked: &ViewOfRun) -> Result<Pictures, Failure> {
     let run = RunReader::open(path)?;
     let [views, _, rows, columns] = run.shape().map(|side| side as u64);
     let largest = columns.saturating_mul(rows.max(views));
-    memory::ask(OF_PIXEL.saturating_mul(largest).saturating_add(DRAWING), "pictures of a run")?;
+    require_memory(OF_PIXEL.saturating_mul(largest).saturating_add(DRAWING), "pictures of a run")?;
     let chosen = Chosen::of(&run, asked)?;
     let wants = |what: Show| asked.show.is_empty() || asked.show.contains(&what);
     let has_maps = run.maps().or(run.beamlets()).is_some();

@@ -50,7 +50,7 @@ pub(super) type Place = (u32, i64);
 
 /// What bars do at the places of the strips that were gathered last: the next ones are near.
 #[derive(Debug, Default)]
-pub struct KnownBars {
+pub(crate) struct KnownBars {
     first_block: i64,
     /// `[block][column]`.
     table: Vec<Option<Bars>>,

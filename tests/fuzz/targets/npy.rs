@@ -11,7 +11,7 @@ fuzz_target!(init: seeds(npy::seeds), |input: &[u8]| {
     match control & OTHER {
         0 => frames::read_stack(&path),
         _ => {
-            let _ = beamlet::image::read(&path);
+            let _ = beamlet::internals::image::read(&path);
         }
     }
 });

@@ -1,0 +1,36 @@
+//! What the tests, benchmarks and fuzz targets of beamlet reach beyond its public interface. Nothing
+//! here is stable, and nothing in the command line uses it.
+
+/// The detector.
+pub mod detector {
+    pub use crate::detector::{Detection, Noise, excess_noise};
+}
+/// Vulkan.
+pub mod gpu {
+    pub use crate::gpu::{
+        AccelerationStructure, Buffer, Device, DeviceKind, DeviceOptions, Fault, FaultAnswer,
+        FaultyCall, Kernel, LazyKernel, Memory, PUSH_BYTES, Recorder, Submission, shaders,
+    };
+}
+/// Images of one channel.
+pub mod image {
+    pub use crate::image::read;
+}
+/// Structs and constants shared with shaders.
+pub mod interface {
+    pub use crate::interface::*;
+}
+/// Memory of a run.
+pub mod memory {
+    pub use crate::run::memory::{MemoryEstimate, estimate};
+}
+/// Lattices.
+pub mod sampling {
+    pub use crate::sampling::Lattice;
+}
+/// Rays.
+pub mod trace {
+    pub use crate::trace::{
+        CrossingFinder, DeviceSample, Law, Media, Moment, Moments, Ray, TraceKernels, Tracer,
+    };
+}
