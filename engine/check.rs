@@ -141,6 +141,18 @@ pub struct Work {
 /// Whatever would stop a run before its first ray: materials, meshes that cannot be read, a
 /// sample that would hit a mask. Meshes that a run refuses for their defects are reported, and
 /// told of in [`CheckReport::refusals`].
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::{check::check, scene::Scene};
+///
+/// let report = check(&Scene::load("scene.toml")?)?;
+/// for refusal in &report.refusals {
+///     eprintln!("{refusal}");
+/// }
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn check(scene: &Scene) -> Result<CheckReport> {
     check_within(scene, None)
 }

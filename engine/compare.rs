@@ -57,6 +57,17 @@ pub struct DifferencesTo<'a> {
 /// # Errors
 /// [`Error::Output`] where one cannot be read, where they are of unlike kinds or shapes (names
 /// both), or where the images of differences cannot be written.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::compare::compare;
+///
+/// for difference in compare("run".as_ref(), "other".as_ref(), None)? {
+///     println!("{} {}", difference.name, difference.largest);
+/// }
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn compare(a: &Path, b: &Path, to: Option<DifferencesTo<'_>>) -> Result<Vec<Difference>> {
     let pairs = pairs(a, b)?;
     for (name, [a, b]) in &pairs {

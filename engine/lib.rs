@@ -5,6 +5,15 @@
 //! `ndarray` arrays. Lengths are metres, angles radians and energies keV unless a name says
 //! otherwise. The frame of reference and the signs are those of docs/physics.md.
 //!
+//! ```no_run
+//! use beamlet::{Engine, EngineOptions, scene::Scene};
+//!
+//! let scene = Scene::load("scene.toml")?;
+//! let stacks = Engine::open(&EngineOptions::default())?.simulate(&scene)?;
+//! println!("{:?}", stacks.sample.shape());
+//! # Ok::<(), beamlet::Error>(())
+//! ```
+//!
 //! The engine never prints, exits or panics on input; messages go through the `log` crate.
 
 mod accel;
@@ -36,6 +45,8 @@ pub mod stack;
 mod trace;
 pub mod units;
 mod whole_file;
+
+pub use ndarray;
 
 pub use accel::Backend;
 pub use error::{Error, Place, Result};

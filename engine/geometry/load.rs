@@ -23,6 +23,16 @@ use crate::{input_file, reserve};
 /// Files that cannot be read, surfaces that are not closed or cross themselves (unless their
 /// object allows defects), and objects whose surfaces meet or that a later one swallows. A
 /// scene without objects is an empty sample.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::{geometry, scene::Scene};
+///
+/// let sample = geometry::load(&Scene::load("scene.toml")?)?;
+/// println!("{} triangles", sample.triangles.len());
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn load(scene: &Scene) -> Result<Sample> {
     load_watched(scene, Watcher::default())
 }

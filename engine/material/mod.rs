@@ -56,6 +56,16 @@ fn named_at(error: Error, key: &str) -> Error {
 ///
 /// # Errors
 /// As [`constants`], but for a spectrum: constants given as numbers are refused under one.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::{material::constants_at, scene::Scene};
+///
+/// let carbon = constants_at(&Scene::load("scene.toml")?, "carbon", 30.0)?;
+/// println!("mu {} 1/m, delta {}", carbon.mu, carbon.delta);
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn constants_at(scene: &Scene, name: &str, energy: f64) -> Result<Constants> {
     Ok(constants_over(scene, name, &[energy])?.first().copied().unwrap_or_default())
 }

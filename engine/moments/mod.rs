@@ -50,6 +50,14 @@ impl Kept {
     /// # Errors
     /// [`Error::Output`] where there is no run, or it kept no moments, or not those of a view;
     /// [`Error::Scene`] where its scene cannot be read.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// let moments = beamlet::moments::Kept::open("run".as_ref())?;
+    /// println!("{} bytes", moments.bytes());
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn open(run: &Path) -> Result<Self> {
         let scene_path = run.join("scene.toml");
         if !scene_path.is_file() {

@@ -243,6 +243,22 @@ impl Retriever {
     ///
     /// # Errors
     /// As [`Retriever::retrieve`].
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::retrieve::{RetrieveOptions, Retriever};
+    /// use beamlet::{Engine, EngineOptions, scene::Scene};
+    /// use ndarray::Axis;
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let scene = Scene::load("scene.toml")?;
+    /// let stacks = engine.simulate(&scene)?;
+    /// let mut retriever = Retriever::new(&engine, &scene, &RetrieveOptions::default())?;
+    /// retriever.set_flat_array(stacks.flat.view())?;
+    /// let images = retriever.retrieve_array(stacks.sample.index_axis(Axis(0), 0))?;
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn retrieve_array(&self, sample: ArrayView3<'_, f32>) -> Result<Images> {
         let (_, rows, columns) = sample.dim();
         if self.flat.as_ref().is_some_and(|flat| flat.rows != rows) {

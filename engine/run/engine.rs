@@ -34,6 +34,7 @@ pub struct EngineOptions {
     /// that refract up to [`crate::moments::STRONGER`] times as strongly.
     pub keep_moments: bool,
     /// Calls of Vulkan that fail (for tests).
+    #[doc(hidden)]
     pub faults: Vec<Fault>,
 }
 
@@ -50,6 +51,19 @@ impl Engine {
     ///
     /// # Errors
     /// [`crate::Error::Device`] without a Vulkan loader or a device that can serve.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::{Backend, Engine, EngineOptions};
+    ///
+    /// let engine = Engine::open(&EngineOptions {
+    ///     backend: Some(Backend::Bvh),
+    ///     ..EngineOptions::default()
+    /// })?;
+    /// println!("{}", engine.description().name);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn open(options: &EngineOptions) -> Result<Self> {
         let device = Device::open(&DeviceOptions {
             choice: options.device.clone(),
@@ -114,6 +128,19 @@ impl Engine {
     ///
     /// # Errors
     /// See [`crate::Error`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::stack::{Format, RunDirectory};
+    /// use beamlet::{Control, Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let mut directory = RunDirectory::create("run", Format::Exr, false)?;
+    /// let record = engine.run(&Scene::load("scene.toml")?, &mut directory, Control::default())?;
+    /// println!("{} rays", record.tally.rays);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn run(
         &self,
         scene: &Scene,
@@ -129,6 +156,20 @@ impl Engine {
     /// # Errors
     /// As [`Engine::prepare`]; [`crate::Error::Scene`] where the scene differs from that of the
     /// run in more than masks, steps, spot, spectrum, materials' constants and detector.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::stack::ArraySink;
+    /// use beamlet::{Control, Engine, EngineOptions, moments::Kept, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let moments = Kept::open("run".as_ref())?;
+    /// let other = Scene::load_with("run/scene.toml", &["scan.mask_offsets=[\"0 um\"]".to_owned()])?;
+    /// let mut sink = ArraySink::new();
+    /// engine.reilluminate(&moments, &other)?.run(&mut sink, Control::default())?;
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn reilluminate<'e>(&'e self, moments: &'e Kept, scene: &Scene) -> Result<Simulation<'e>> {
         self.reilluminate_with(moments, scene, &mut Control::default())
     }
@@ -150,6 +191,18 @@ impl Engine {
     ///
     /// # Errors
     /// As [`Engine::run`].
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::{Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let stacks = engine.simulate(&Scene::load("scene.toml")?)?;
+    /// // [step][row][column] and [view][step][row][column], 1 is the open beam.
+    /// println!("{:?} {:?}", stacks.flat.shape(), stacks.sample.shape());
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn simulate(&self, scene: &Scene) -> Result<Stacks> {
         let mut sink = ArraySink::new();
         self.run(scene, &mut sink, Control::default())?;
@@ -161,6 +214,15 @@ impl Engine {
 ///
 /// # Errors
 /// [`crate::Error::Device`] without a Vulkan loader, driver or device.
+///
+/// # Example
+///
+/// ```no_run
+/// for device in beamlet::devices()? {
+///     println!("{} {}", device.index, device.name);
+/// }
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn devices() -> Result<Vec<DeviceDescription>> {
     Device::list()
 }

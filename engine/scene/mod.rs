@@ -57,6 +57,14 @@ impl Scene {
     ///
     /// [`Error::Output`] if the file cannot be read; [`Error::Scene`] with place, key, what was
     /// found and what is allowed otherwise.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// let scene = beamlet::scene::Scene::load("scene.toml")?;
+    /// println!("{} views", scene.scan.angles.len());
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         Self::load_with(path, &[])
     }

@@ -42,6 +42,14 @@ impl Spectrum {
     /// [`Error::Output`] if it cannot be read; [`Error::Scene`] with line and column for what is
     /// not a spectrum: no rows, energies that do not ascend, weights that are negative or no
     /// numbers, all of them 0.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// let spectrum = beamlet::spectrum::Spectrum::read("tube.csv")?;
+    /// println!("{} keV", spectrum.mean_energy());
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         file::read(path.as_ref())
     }

@@ -31,6 +31,15 @@ impl OpenRun {
     /// # Errors
     /// [`Error::Output`] where there is no run, or where a committed view follows one that is
     /// not (names it); [`Error::Scene`] where scene.toml does not read.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// let run = beamlet::stack::OpenRun::open("run")?;
+    /// let flat = run.flat()?.view(0)?;
+    /// println!("{:?}", flat.shape());
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         if !path.join(RUN).exists() {
