@@ -29,7 +29,7 @@ impl Pictures {
         let name = name.into();
         let [width, height] = drawing.pixels_at(SCALE).map(u64::from);
         let bytes = OF_PIXEL.saturating_mul(width).saturating_mul(height);
-        beamlet::memory::ask(bytes, &format!("the picture {name}"))?;
+        beamlet::require_memory(bytes, &format!("the picture {name}"))?;
         let failed = |problem| Failure::File { path: name.clone().into(), problem };
         let png = drawing.to_png(SCALE).map_err(failed)?;
         self.files.push((name, png));

@@ -8,7 +8,7 @@ use super::section::{Loop, by_object, outline, section, thinned};
 use super::text::{distance, length};
 use beamlet::geometry::Sample;
 use beamlet::scene::{MaskBody, MaskSpec, Scene};
-use beamlet::{Result, memory};
+use beamlet::{Result, require_memory};
 
 const WIDTH: f64 = 1180.0;
 const BEAM: Rgb = [250, 205, 70];
@@ -24,7 +24,7 @@ const OF_TRIANGLE: u64 = 320;
 /// Fails where there is not the memory for it.
 pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Result<Drawing> {
     let triangles = sample.triangles.len() as u64;
-    memory::ask(OF_TRIANGLE.saturating_mul(triangles), "the drawing of the set-up")?;
+    require_memory(OF_TRIANGLE.saturating_mul(triangles), "the drawing of the set-up")?;
     let mut drawing = Drawing::new(WIDTH, 944.0);
     let loops = section(sample);
     drawing.text([LEFT, 28.0], "Set-up from above", 19.0, INK, Anchor::Start);
