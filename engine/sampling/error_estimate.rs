@@ -13,7 +13,7 @@ use super::dissection::Piece;
 use super::error_budget::ErrorBudget;
 use super::patch::{Axis, Known, Node, Patch, Residuals, alike};
 use super::response::Response;
-use crate::gpu::interface::Law;
+use crate::interface::Law;
 use std::ops::Range;
 
 /// Light of a triangle at one side of an edge that cuts it, beside that of an interval.
