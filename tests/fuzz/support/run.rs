@@ -2,8 +2,8 @@
 
 use crate::{PLACE, write};
 use beamlet::moments::Kept;
-use beamlet::scene::Scene;
-use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, View, check_run, views};
+use beamlet::scene::{Exposure, Scene};
+use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, check_run, views};
 use beamlet::{Backend, RunRecord, SamplingSummary, Tally};
 use ndarray::{Array3, ArrayD};
 use std::collections::BTreeMap;
@@ -66,7 +66,7 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
 }
 
 /// What a view of the run holds, `[step][row][column]`.
-fn values(scene: &Scene, view: View, counts: bool) -> Array3<f32> {
+fn values(scene: &Scene, view: Exposure, counts: bool) -> Array3<f32> {
     let [columns, rows] = scene.detector.pixels.map(|side| side as usize);
     let of_view = match view {
         Exposure::Flat => 1.0,
@@ -85,7 +85,7 @@ pub fn read(path: &Path) {
     let checked = check_run(path);
     let scene = scene();
     let Ok(run) = OpenRun::open(path) else { return };
-    let same = |view: View, counts: bool, found: beamlet::Result<Array3<f32>>| {
+    let same = |view: Exposure, counts: bool, found: beamlet::Result<Array3<f32>>| {
         let Ok(found) = found else { return };
         let (found, wanted): (ArrayD<f32>, ArrayD<f32>) =
             (found.into_dyn(), values(&scene, view, counts).into_dyn());
