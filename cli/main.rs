@@ -58,7 +58,9 @@ fn log_to_stderr(verbosity: args::Verbosity) {
         args::Verbosity::Normal => "warn",
         args::Verbosity::Verbose => "debug",
     };
-    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(level))
+    // What pictures leave out, tiny_skia warns of: areas without height.
+    let filter = format!("{level},tiny_skia=error,tiny_skia_path=error");
+    env_logger::Builder::from_env(env_logger::Env::default().default_filter_or(filter))
         .format(|out, record| {
             let level = record.level().as_str().to_lowercase();
             writeln!(Printed::new(out), "{level}: {}", record.args())

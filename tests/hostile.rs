@@ -216,10 +216,39 @@ fn values_out_of_range_are_refused_with_the_range() {
         ("count = 3", "count = 4294967297", &["scan.mask_offsets.count", "4294967297"]),
         ("count = 3", "count = 0", &["scan.mask_offsets.count", "found the number 0"]),
         ("rays = [10, 1]", "rays = [10, 2000000000]", &["sampling.rays[1]", "from 1 to 1000000"]),
+        (
+            "rays = [10, 1]",
+            "cells = 1000\nrows = 1000",
+            &["sampling.cells", "1000000 in 1000 rows", "up to 10000"],
+        ),
+        (
+            "rays = [10, 1]",
+            "rays = [65536, 65536]",
+            &["sampling.rays", "4294967296 in a pixel", "up to 400000"],
+        ),
+        ("rays = [10, 1]", "rows = 1001", &["sampling.rows", "from 1 to 1000"]),
         ("seed = 1", "seed = -1", &["sampling.seed", "18446744073709551615"]),
         ("seed = 1", "seed = 18446744073709551616", &["sampling.seed"]),
         ("seed = 1", "seed = 1e400", &["sampling.seed"]),
         ("[\"0 deg\", \"90 deg\"]", "[]", &["scan.angles", "a list of 0"]),
+    ]);
+}
+
+#[test]
+fn more_apertures_than_can_be_summed_are_refused() {
+    let tiny = "aperture = \"1 pm\"\nperiod = \"2 pm\"";
+    scenes(&[
+        (
+            "aperture = \"20 um\"",
+            tiny,
+            &["sample_mask.period: found 2 pm", "at least 100 nm, 1000 apertures in a pixel"],
+        ),
+        (
+            "projected_aperture = \"30 um\"",
+            tiny,
+            &["detector_mask.period: found 2 pm", "1000 apertures in a pixel"],
+        ),
+        ("-25 um", "-1e9 m", &["sample_mask: found light of", "up to 16777216 apertures"]),
     ]);
 }
 

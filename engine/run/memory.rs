@@ -30,6 +30,11 @@ const REFINEMENT: u64 = 680;
 const KEPT_MOMENTS: u64 = 40;
 /// Bytes on the host per ray under a spectrum: cells by their way through the masks.
 const GATHERED: u64 = 160;
+/// Bytes on the host and on the device per beamlet whose light reaches the detector: its place, and
+/// what the masks are to it.
+const BEAMLET: u64 = 96;
+/// Most beamlets of a scene: 256 for every column of the largest detector.
+const BEAMLETS: u64 = 1 << 24;
 /// Bytes on the device of a ray besides its moments, and of the cells made from it.
 const RAY: u64 = 140;
 /// Bytes on the device of lists of crossings.
@@ -88,8 +93,11 @@ struct Needs {
     /// Rows beside a band whose light it needs.
     beside: u64,
     frame: u64,
+    beamlets: u64,
     /// Rays of a view, before refinement.
     rays: u64,
+    /// The same of a row of pixels, which are refined together.
+    row_rays: u64,
     ray_host: u64,
     ray_device: u64,
     cells: bool,
@@ -187,12 +195,14 @@ impl Needs {
         materials.sort_unstable();
         materials.dedup();
         let cells = scene.sampling.scheme == Scheme::Cells;
+        let beamlets = beamlets(&lit)?;
         let [columns, rows] = lit.detector.pixels.map(u64::from);
-        let rays = if cells {
+        let [rays, row_rays] = if cells {
             cell_rays(&lit, objects)
         } else {
             let [x, z] = lit.sampling.rays.map(u64::from);
-            columns.saturating_mul(rows).saturating_mul(x).saturating_mul(z)
+            // Parts of a row are traced by themselves.
+            [columns.saturating_mul(rows).saturating_mul(x).saturating_mul(z), 0]
         };
         let of_mesh = |(object, summary): (&crate::scene::Object, &ObjectSummary)| {
             let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));
@@ -223,7 +233,9 @@ impl Needs {
             row,
             beside: 2 * u64::from(grid.margin[1] + grid.scatter_rows),
             frame: extent.frame_bytes(),
+            beamlets,
             rays,
+            row_rays,
             ray_host,
             ray_device,
             cells,
@@ -263,11 +275,15 @@ impl Needs {
 
     /// While views are traced and illuminated in bands of so many rows.
     fn run(&self, band_rows: u32, rays_at_once: u64) -> Bytes {
-        let rays = rays_at_once.min(self.rays);
+        let rays = rays_at_once.max(self.row_rays).min(self.rays);
         let band = u64::from(band_rows) + self.beside;
         let refined = if self.cells { self.ray_host * rays } else { 0 };
-        let host =
-            PROGRAM + KEPT * self.triangles + refined + 64 * self.views + FRAME_COPIES * self.frame;
+        let host = PROGRAM
+            + KEPT * self.triangles
+            + BEAMLET * self.beamlets
+            + refined
+            + 64 * self.views
+            + FRAME_COPIES * self.frame;
         let device =
             LISTS + (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
         Bytes {
@@ -298,8 +314,26 @@ impl Needs {
     }
 }
 
-/// Rays of the beamlets and rows that the objects touch in any view, before refinement.
-fn cell_rays(scene: &Scene, objects: &[ObjectSummary]) -> u64 {
+/// Beamlets whose light reaches the detector of the scene that is traced.
+fn beamlets(scene: &Scene) -> Result<u64> {
+    let lattice = Lattice::of(scene, 0.0);
+    let count = lattice.beamlets.end.abs_diff(lattice.beamlets.start);
+    if count <= BEAMLETS {
+        return Ok(count);
+    }
+    Err(Error::scene(
+        "sample_mask",
+        format!("light of {count} apertures on the detector"),
+        format!(
+            "up to {BEAMLETS} apertures: a larger period, a mask farther from the source, smaller \
+             mask offsets or a smaller focal spot"
+        ),
+    ))
+}
+
+/// Rays of the beamlets and rows that the objects touch in any view, before refinement, and those
+/// of one row.
+fn cell_rays(scene: &Scene, objects: &[ObjectSummary]) -> [u64; 2] {
     let lattice = Lattice::of(scene, 0.0);
     let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start) as f64;
     let rows = f64::from(scene.detector.pixels[1]);
@@ -313,16 +347,20 @@ fn cell_rays(scene: &Scene, objects: &[ObjectSummary]) -> u64 {
         let width = 2.0 * reach * lattice.plane / near / lattice.period + 2.0;
         let pitch = scene.detector.pitch[1] * near / scene.detector.distance;
         let height = (high.z - low.z) / pitch + 2.0;
-        width.min(beamlets) * height.min(rows)
+        (width.min(beamlets), height.min(rows))
     });
     // A line of a beamlet has two rays per cell; each part of a row takes about two lines.
-    let of_beamlet = (4 * lattice.cells + 2) * scene.sampling.rows;
-    let rays = touched.sum::<f64>().min(beamlets * rows) * f64::from(of_beamlet);
+    let of_beamlet = f64::from((4 * lattice.cells + 2) * scene.sampling.rows);
+    let (mut all, mut widths) = (0.0, 0.0);
+    for (width, height) in touched {
+        all += width * height;
+        widths += width;
+    }
     #[allow(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "an estimate, not negative; the cast saturates"
     )]
-    let rays = rays as u64;
+    let rays = [all.min(beamlets * rows), widths.min(beamlets)].map(|it| (it * of_beamlet) as u64);
     rays
 }

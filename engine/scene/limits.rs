@@ -7,8 +7,18 @@ pub(crate) const PIXELS: u32 = 65_536;
 pub(super) const BIT_DEPTH: u32 = 24;
 /// Standard deviation of a detector's blur, pixels.
 pub(super) const BLUR: f64 = 100.0;
-/// Rays or cells per pixel and direction.
+/// Rays per pixel and direction, and of a beamlet and row.
 pub(super) const RAYS: u32 = 1_000_000;
+/// Rays of a pixel under the scheme `random`. Each adds its light in units of 2^-32 of the open beam,
+/// rounded down: more rays lose more than 1e-4 of the open beam.
+pub(super) const RAYS_OF_PIXEL: u64 = 400_000;
+/// Cells of a beamlet in a row of pixels before refinement, times parts of that row: they begin with
+/// about four times as many rays.
+pub(super) const CELLS: u32 = 10_000;
+/// Parts of a row of pixels.
+pub(super) const ROWS: u32 = 1000;
+/// Apertures of a mask that a pixel sees: each is a window of light of its own.
+pub(super) const APERTURES_PER_PIXEL: f64 = 1000.0;
 /// Error that sampling may leave in a recorded value, share of open beam.
 pub(super) const TOLERANCE: std::ops::RangeInclusive<f64> = 1e-6..=1e-2;
 /// Gaussians, or points, of a focal spot.

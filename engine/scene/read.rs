@@ -159,8 +159,8 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
     let get = |key| table.get(key);
     Ok(Sampling {
         scheme: get("scheme").map_or(Ok(default.scheme), |item| item.choice(&schemes))?,
-        cells: get("cells").map(|item| item.integer(count.clone())).transpose()?,
-        rows: get("rows").map_or(Ok(default.rows), |item| item.integer(count.clone()))?,
+        cells: get("cells").map(|item| item.integer(1..=limits::CELLS)).transpose()?,
+        rows: get("rows").map_or(Ok(default.rows), |item| item.integer(1..=limits::ROWS))?,
         tolerance: get("tolerance").map_or(Ok(default.tolerance), |item| read_tolerance(&item))?,
         angle_tolerance: table
             .optional_quantity("angle_tolerance", Angle)?

@@ -28,6 +28,7 @@ impl Scene {
             }
         }
         self.validate_order()?;
+        self.validate_periods()?;
         self.validate_sampling()?;
         self.validate_scan()?;
         for (name, spec) in &self.materials {
@@ -50,6 +51,29 @@ impl Scene {
             source.distance < detector.distance,
             format!("more than source.distance, {}", Length.format(source.distance)),
         )
+    }
+
+    /// Time grows with the apertures that a pixel sees.
+    fn validate_periods(&self) -> Result<()> {
+        let detector = &self.detector;
+        let most = limits::APERTURES_PER_PIXEL;
+        for (table, mask) in
+            [("sample_mask", &self.sample_mask), ("detector_mask", &self.detector_mask)]
+        {
+            let Some(mask) = mask else { continue };
+            let pixel = detector.pitch[0] * mask.distance / detector.distance;
+            if pixel / mask.period > most {
+                return Err(Error::scene(
+                    format!("{table}.period"),
+                    Length.format(mask.period),
+                    format!(
+                        "at least {}, {most:.0} apertures in a pixel",
+                        Length.format(pixel / most)
+                    ),
+                ));
+            }
+        }
+        Ok(())
     }
 
     /// Source, sample mask, rotation centre, detector mask, detector: in this order.
@@ -88,9 +112,15 @@ impl Scene {
     fn validate_sampling(&self) -> Result<()> {
         let sampling = &self.sampling;
         if let Some(cells) = sampling.cells {
-            count("sampling.cells", cells, 1, limits::RAYS)?;
+            count("sampling.cells", cells, 1, limits::CELLS)?;
         }
-        count("sampling.rows", sampling.rows, 1, limits::RAYS)?;
+        count("sampling.rows", sampling.rows, 1, limits::ROWS)?;
+        let cells = u64::from(sampling.cells.unwrap_or(1)) * u64::from(sampling.rows);
+        if cells > u64::from(limits::CELLS) {
+            let found = format!("{cells} in {} rows", sampling.rows);
+            let allowed = format!("cells × rows up to {}", limits::CELLS);
+            return Err(Error::scene("sampling.cells", found, allowed));
+        }
         if !limits::TOLERANCE.contains(&sampling.tolerance) {
             return Err(Error::scene(
                 "sampling.tolerance",
@@ -100,7 +130,15 @@ impl Scene {
         }
         positive("sampling.angle_tolerance", sampling.angle_tolerance, Angle)?;
         count("sampling.max_rays", sampling.max_rays, 1, limits::RAYS)?;
-        sampling.rays.iter().try_for_each(|rays| count("sampling.rays", *rays, 1, limits::RAYS))
+        sampling.rays.iter().try_for_each(|rays| count("sampling.rays", *rays, 1, limits::RAYS))?;
+        let [x, z] = sampling.rays.map(u64::from);
+        match x * z {
+            rays if rays <= limits::RAYS_OF_PIXEL => Ok(()),
+            rays => {
+                let allowed = format!("up to {} in a pixel", limits::RAYS_OF_PIXEL);
+                Err(Error::scene("sampling.rays", format!("{rays} in a pixel"), allowed))
+            }
+        }
     }
 
     fn validate_scan(&self) -> Result<()> {

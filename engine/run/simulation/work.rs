@@ -19,8 +19,7 @@ use crate::illuminate::{
 use crate::interface::Pixel;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{self, Shadow, Strips};
-use crate::scene::Exposure;
-use crate::scene::Scheme;
+use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack::Sink;
 use crate::trace::Tally;
 use crate::trace::Tracer;
@@ -196,7 +195,7 @@ impl<'s> Work<'s> {
             let own = own.contains(&rows.start);
             let kept = own || beside;
             if self.simulation.scene.sampling.scheme == Scheme::Random {
-                self.random_rows(view, shadows, &rows)?;
+                self.random_rows(self.simulation.detection.lit(), view, shadows, &rows)?;
             } else {
                 self.cell_rows(view, shadows, &rows, &inner, [own, kept], control)?;
             }
@@ -312,10 +311,15 @@ impl<'s> Work<'s> {
         Ok(())
     }
 
-    fn random_rows(&mut self, view: Exposure, shadows: &[Shadow], rows: &Range<i64>) -> Result<()> {
+    fn random_rows(
+        &mut self,
+        scene: &Scene,
+        view: Exposure,
+        shadows: &[Shadow],
+        rows: &Range<i64>,
+    ) -> Result<()> {
         let Some(kernels) = &self.random else { return Ok(()) };
         let begin = Instant::now();
-        let scene = self.simulation.detection.lit();
         let detector_rows = 0..i64::from(scene.detector.pixels[1]);
         let detector_columns = 0..i64::from(scene.detector.pixels[0]);
         let (mut met, mut missed) = (Vec::new(), Vec::new());

@@ -6,8 +6,7 @@ use crate::Result;
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::sampling::{self, RowsCost, Shadow, Strips};
-use crate::scene::Exposure;
-use crate::scene::Scheme;
+use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack;
 use crate::trace::Tracer;
 use std::collections::HashSet;
@@ -32,6 +31,8 @@ const SECONDS_OF_A_KIND: f64 = 0.08;
 const TIMED_ROWS: i64 = 8;
 /// Times that the flat's are timed.
 const TIMES: u32 = 3;
+/// Random rays that are timed, about.
+const TIMED_RAYS: f64 = 2e6;
 /// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 
@@ -212,7 +213,11 @@ impl Work<'_> {
                 None => vec![strips],
             };
             self.cells.add(self.lights.iter().zip(&lists), &self.sums, steps)?;
-            least = least.min(begin.elapsed().as_secs_f64());
+            let seconds = begin.elapsed().as_secs_f64();
+            least = least.min(seconds);
+            if seconds > SECONDS {
+                break;
+            }
         }
         Ok(least * share)
     }
@@ -225,10 +230,20 @@ impl Work<'_> {
         let begin = Instant::now();
         let rows = middle..(middle + TIMED_ROWS).min(all);
         let timed = (rows.end - rows.start) as f64;
-        self.random_rows(Exposure::Sample(0), &shadows, &rows)?;
-        let seconds = begin.elapsed().as_secs_f64() * all as f64 / timed;
+        // Fewer rays of each pixel where these are many.
+        let lit = self.simulation.detection.lit();
+        let mut sparse = lit.clone();
+        let of_pixel = |scene: &Scene| scene.sampling.rays.map(f64::from).iter().product::<f64>();
+        let most = TIMED_RAYS / (timed * f64::from(lit.detector.pixels[0]));
+        while of_pixel(&sparse) > most.max(1.0) {
+            let [x, z] = sparse.sampling.rays;
+            sparse.sampling.rays = if x >= z { [x.div_ceil(2), z] } else { [x, z.div_ceil(2)] };
+        }
+        self.random_rows(&sparse, Exposure::Sample(0), &shadows, &rows)?;
+        let share = timed / all as f64 * of_pixel(&sparse) / of_pixel(lit);
+        let seconds = begin.elapsed().as_secs_f64() / share;
         let [x, z] = self.simulation.scene.sampling.rays.map(f64::from);
-        let pixels = self.simulation.detection.lit().detector.pixels.map(f64::from);
+        let pixels = lit.detector.pixels.map(f64::from);
         let rays = pixels[0] * pixels[1] * x * z;
         let views = self.view_count();
         Ok(RunEstimate {
