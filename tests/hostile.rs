@@ -241,12 +241,12 @@ fn more_apertures_than_can_be_summed_are_refused() {
         (
             "aperture = \"20 um\"",
             tiny,
-            &["sample_mask.period: found 2 pm", "at least 100 nm, 1000 apertures in a pixel"],
+            &["sample_mask.period: found 0.002 nm", "at least 100 nm, 1000 apertures in a pixel"],
         ),
         (
             "projected_aperture = \"30 um\"",
             tiny,
-            &["detector_mask.period: found 2 pm", "1000 apertures in a pixel"],
+            &["detector_mask.period: found 0.002 nm", "1000 apertures in a pixel"],
         ),
         ("-25 um", "-1e9 m", &["sample_mask: found light of", "up to 16777216 apertures"]),
     ]);

@@ -1,7 +1,7 @@
 //! The files that a scene refers to, by the SHA-256 of what they hold. Meshes carry their hash
 //! on their object.
 
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
@@ -131,8 +131,12 @@ impl Scene {
 /// SHA-256 of a file, hexadecimal.
 pub(super) fn hash(path: &Path) -> Result<String> {
     let read = || {
-        let mut file = input_file::open(path)?;
         let mut hasher = Sha256::new();
+        let mut file = match input_file::open(path) {
+            // What an empty file lacks, its reader tells by line.
+            Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(hasher.finalize()),
+            opened => opened?,
+        };
         let mut block = vec![0_u8; 1 << 16];
         loop {
             match file.read(&mut block)? {
