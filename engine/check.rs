@@ -1,7 +1,7 @@
 //! What a scene amounts to, told before hours are spent on it: geometry of the set-up,
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
-use crate::detector::{Detection, LightGrid};
+use crate::detector::{DetectorModel, SubpixelGrid};
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
 use crate::run::RunEstimate;
@@ -68,7 +68,7 @@ pub struct Setup {
     /// Extent of the stacks.
     pub extent: Extent,
     /// Where the detector blurs, the grid that takes the light.
-    pub light_grid: Option<LightGrid>,
+    pub light_grid: Option<SubpixelGrid>,
 }
 
 /// The focal spot.
@@ -174,7 +174,7 @@ pub fn check_watched(
     memory_limit: Option<u64>,
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,
 ) -> Result<CheckReport> {
-    let mut report = inspect(scene, memory_limit, progress)?.0;
+    let mut report = load_lenient(scene, memory_limit, progress)?.0;
     report.work.no_estimate = Some("it needs a device".into());
     Ok(report)
 }
@@ -198,7 +198,7 @@ pub fn check_on_watched(
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,
 ) -> Result<CheckReport> {
     let begin = Instant::now();
-    let (mut report, sample) = inspect(scene, engine.options().memory_limit, progress)?;
+    let (mut report, sample) = load_lenient(scene, engine.options().memory_limit, progress)?;
     let loaded_in = begin.elapsed().as_secs_f64();
     if !report.refusals.is_empty() {
         report.work.no_estimate = Some("a run refuses the sample".into());
@@ -217,18 +217,18 @@ pub fn check_on_watched(
 }
 
 /// The report without an estimate, and the geometry.
-fn inspect(
+fn load_lenient(
     scene: &Scene,
     memory_limit: Option<u64>,
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,
 ) -> Result<(CheckReport, Sample)> {
     let extent = Extent::of(scene)?;
-    let detection = Detection::of(scene)?;
+    let detection = DetectorModel::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
     let materials = materials(scene, nodes.mean_energy())?;
     memory::check_before_loading(scene, memory_limit)?;
     let (sample, refusals) =
-        run::watching(progress, None, |watcher| geometry::inspect_watched(scene, watcher))?;
+        run::watching(progress, None, |watcher| geometry::load_lenient_watched(scene, watcher))?;
     geometry::check_clearance(scene, &sample)?;
     let mut warnings = geometry::fov_warnings(scene, &sample);
     for material in materials.iter().filter(|material| material.shadows_builtin) {
@@ -262,7 +262,7 @@ fn setup(
     sample: &Sample,
     extent: Extent,
     nodes: Nodes,
-    detection: &Detection,
+    detection: &DetectorModel,
 ) -> Setup {
     let swept = geometry::swept(sample);
     let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(

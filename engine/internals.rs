@@ -3,7 +3,7 @@
 
 /// The detector.
 pub mod detector {
-    pub use crate::detector::{Detection, Noise, excess_noise};
+    pub use crate::detector::{DetectorModel, Noise, excess_noise};
 }
 /// Vulkan.
 pub mod gpu {
@@ -31,6 +31,7 @@ pub mod sampling {
 /// Rays.
 pub mod trace {
     pub use crate::trace::{
-        CrossingFinder, DeviceSample, Law, Media, Moment, Moments, Ray, TraceKernels, Tracer,
+        CrossingFinder, DeviceSample, Law, MaterialTable, Moment, Moments, Ray, TraceKernels,
+        Tracer,
     };
 }

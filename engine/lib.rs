@@ -56,5 +56,5 @@ pub use run::{
     require_memory,
 };
 pub use stack::{RunRecord, SamplingSummary};
-pub use trace::{MetSurface, Ray, Tally};
+pub use trace::{Ray, SurfaceCrossing, Tally};
 pub use whole_file::write_file;

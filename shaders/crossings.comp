@@ -48,7 +48,7 @@ void main() {
         Crossing crossing = list_at(list, i);
         vec3 normal = sample_.leaves.at[crossing.facet & FACET_LEAF].normal;
         push.met.at[index * push.capacity + i] =
-            MetSurface(crossing.y, object_of(crossing),
+            SurfaceCrossing(crossing.y, object_of(crossing),
                        (crossing.facet & FACET_ENTERED) != 0u ? 1u : 0u,
                        beam_from_world(beam, normal));
     }

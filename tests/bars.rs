@@ -4,7 +4,7 @@ mod reference;
 mod support;
 
 use beamlet::Backend;
-use beamlet::internals::trace::Media;
+use beamlet::internals::trace::MaterialTable;
 use beamlet::material::constants_at;
 use beamlet::scene::{Anode, Beam, Filter, MaskBody, Scene, SpectrumOrigin, SpectrumSpec};
 use reference::masks::{Bars, Mask};
@@ -249,7 +249,7 @@ fn compare_energies(
     let (setup, offsets) = (case.setup(), steps(47e-6, 5));
     let folder = tempfile::tempdir().expect("a folder");
     let scene = under_a_spectrum(&setup, &offsets, (light, bars_of), folder.path());
-    let media = Media::of(&scene).expect("media");
+    let media = MaterialTable::of(&scene).expect("media");
     let stack = engine.simulate(&scene).expect("a flat").flat;
     // Columns at 2.5 to 10 mrad besides: somewhere there energies cease to share edges.
     for column in PLACES.into_iter().chain([630, 675, 690, 720]) {

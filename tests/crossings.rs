@@ -8,7 +8,7 @@ mod support;
 
 use beamlet::Backend;
 use beamlet::scene::Scene;
-use beamlet::{MetSurface, Ray};
+use beamlet::{Ray, SurfaceCrossing};
 use reference::rays::{Order, Sample};
 use reference::scenes;
 use reference::stack::Setup;
@@ -33,7 +33,7 @@ fn parallel(x: f32, z: f32) -> Ray {
     Ray { x, z, slope_x: 0.0, slope_z: 0.0, view: 0 }
 }
 
-fn crossings(rays: &[Ray], most: u32) -> Vec<Vec<MetSurface>> {
+fn crossings(rays: &[Ray], most: u32) -> Vec<Vec<SurfaceCrossing>> {
     let scene = Scene::from_toml(BOXES, ".").unwrap();
     let engine = support::engine(Backend::Bvh);
     let simulation = engine.prepare(&scene).unwrap();
@@ -51,7 +51,7 @@ fn crossings(rays: &[Ray], most: u32) -> Vec<Vec<MetSurface>> {
 fn crossings_come_front_to_back_with_place_object_and_normal() {
     let x = 0.3e-3_f32;
     let found = crossings(&[parallel(x, 0.1e-3), parallel(1.5e-3, 0.0), parallel(3e-3, 0.0)], 16);
-    let words = |met: &MetSurface| (met.object, met.entering);
+    let words = |met: &SurfaceCrossing| (met.object, met.entering);
     assert_eq!(found[0].iter().map(words).collect::<Vec<_>>(), [(0, 1), (1, 1), (1, 0), (0, 0)]);
     assert_eq!(found[1].iter().map(words).collect::<Vec<_>>(), [(0, 1), (0, 0)]);
     assert!(found[2].is_empty(), "beside the sample");
@@ -123,7 +123,7 @@ fn y_is_that_of_the_plane_on_long_facets_that_lean_towards_the_beam() {
             let mut setup = Setup::paper([16, 16]);
             (setup.sample_mask, setup.detector_mask) = (None, None);
             let simulation = engine.prepare(&scenes::scene(&setup, &bodies, &[0.0])).unwrap();
-            let compare = |ray: usize, met: &[MetSurface]| {
+            let compare = |ray: usize, met: &[SurfaceCrossing]| {
                 let Ray { x, z, slope_x, slope_z, .. } = rays[ray];
                 let slope = [slope_x, slope_z].map(f64::from);
                 let from =

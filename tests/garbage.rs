@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use beamlet::geometry::{Sample, examine, load};
+use beamlet::geometry::{Sample, diagnose, load};
 use beamlet::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
 use proptest::prelude::*;
 
@@ -28,7 +28,7 @@ fn read_scene(text: &str) {
 
 fn read_mesh(bytes: &[u8]) {
     for name in ["a.stl", "a.obj"] {
-        let _ = examine(Path::new(name), bytes, 1e-3);
+        let _ = diagnose(Path::new(name), bytes, 1e-3);
     }
 }
 
@@ -302,7 +302,7 @@ proptest! {
 fn the_good_ones_are_read() {
     assert!(Scene::from_toml(PAPER, ".").is_ok() && Scene::from_json(&paper_json(), ".").is_ok());
     for (name, text) in [("a.stl", STL), ("a.obj", OBJ)] {
-        let defects = examine(Path::new(name), text.as_bytes(), 1e-3).unwrap();
+        let defects = diagnose(Path::new(name), text.as_bytes(), 1e-3).unwrap();
         assert!(!defects.refused(), "{name}: {defects:?}");
     }
 }
@@ -311,6 +311,6 @@ fn the_good_ones_are_read() {
 #[test]
 fn negative_index_before_the_first_vertex_is_refused() {
     let text = OBJ.replace("f -4 -1 -2", "f -4 -1 -5");
-    let message = examine(Path::new("a.obj"), text.as_bytes(), 1e-3).unwrap_err().to_string();
+    let message = diagnose(Path::new("a.obj"), text.as_bytes(), 1e-3).unwrap_err().to_string();
     assert!(message.contains("\"-5\" names no vertex") && message.contains("line 15"), "{message}");
 }

@@ -5,7 +5,7 @@
 
 mod support;
 
-use beamlet::moments::{Kept, KeptWriter};
+use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::scene::Scene;
 use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
 use beamlet::{Backend, Control, EngineOptions, Error};
@@ -70,12 +70,12 @@ fn keeping(band_rows: Option<u32>) -> Checked {
 /// A run of the base scene with its moments.
 fn run(directory: &Path, band_rows: Option<u32>) {
     let mut sink = RunDirectory::create(directory, Format::Npy, false).unwrap();
-    let mut keep = KeptWriter::new(directory);
+    let mut keep = MomentWriter::new(directory);
     let control = Control { keep: Some(&mut keep), ..Control::default() };
     keeping(band_rows).run(&scene(&[]), &mut sink, control).unwrap();
 }
 
-fn again(engine: &Checked, kept: &Kept, scene: &Scene) -> beamlet::Result<Stacks> {
+fn again(engine: &Checked, kept: &StoredMoments, scene: &Scene) -> beamlet::Result<Stacks> {
     let mut sink = ArraySink::new();
     engine.reilluminate(kept, scene)?.run(&mut sink, Control::default())?;
     Ok(sink.into_stacks().unwrap())
@@ -86,13 +86,13 @@ fn same_scene_gives_the_same_bits_without_a_ray() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run");
     run(&path, Some(2));
-    let kept = Kept::open(&path).unwrap();
+    let kept = StoredMoments::open(&path).unwrap();
     let stacks = again(&engine(Backend::Bvh), &kept, kept.scene()).unwrap();
     assert_eq!(stacks.record.tally.rays, 0, "nothing is traced");
     // Moments are kept of what is traced.
     let engine = keeping(None);
     let simulation = engine.reilluminate(&kept, kept.scene()).unwrap();
-    let mut keep = KeptWriter::new(directory.path());
+    let mut keep = MomentWriter::new(directory.path());
     let control = Control { keep: Some(&mut keep), ..Control::default() };
     let error = simulation.run(&mut ArraySink::new(), control).unwrap_err();
     assert!(error.to_string().contains("kept moments"), "{error}");
@@ -106,7 +106,7 @@ fn other_set_ups_are_what_a_new_simulation_gives() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run");
     run(&path, None);
-    let kept = Kept::open(&path).unwrap();
+    let kept = StoredMoments::open(&path).unwrap();
     let engine = engine(Backend::Bvh);
     let spectrum = "source.spectrum={ anode = \"tungsten\", kvp = \"60 kV\", filters = [{ \
                     material = \"Al\", thickness = \"2 mm\" }] }";
@@ -177,13 +177,13 @@ fn scenes_that_make_the_same_cells_make_them_once() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("run");
         run(&path, None);
-        let alone = Kept::open(&path).unwrap();
+        let alone = StoredMoments::open(&path).unwrap();
         let others: Vec<_> =
             others.into_iter().map(|change| [&first[..], &[change]].concat()).collect();
         let wanted = |changes: &Vec<&str>| again(&engine, &alone, &scene(changes)).unwrap();
         let want: Vec<Stacks> = alike.iter().chain(&others).map(wanted).collect();
-        let sharing = Kept::open(&path).unwrap().sharing(256 << 20);
-        let too_little = Kept::open(&path).unwrap().sharing(1 << 10);
+        let sharing = StoredMoments::open(&path).unwrap().sharing(256 << 20);
+        let too_little = StoredMoments::open(&path).unwrap().sharing(1 << 10);
         for kept in [&sharing, &too_little] {
             for (changes, want) in alike.iter().chain(&others).zip(&want) {
                 again(&engine, kept, &scene(&first)).unwrap();
@@ -207,7 +207,7 @@ fn scenes_that_make_the_same_cells_make_them_once() {
 }
 
 /// The key and the whole text of the error of a scene.
-fn refusal(kept: &Kept, scene: &Scene) -> (String, String) {
+fn refusal(kept: &StoredMoments, scene: &Scene) -> (String, String) {
     let error = again(&engine(Backend::Bvh), kept, scene).unwrap_err();
     let text = error.to_string();
     match error {
@@ -221,7 +221,7 @@ fn what_moments_cannot_follow_is_refused_by_its_key() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run");
     run(&path, None);
-    let kept = Kept::open(&path).unwrap();
+    let kept = StoredMoments::open(&path).unwrap();
     for (change, key, words) in [
         ("source.distance=1.22 m", "source.distance", "1210 mm"),
         ("scan.angles=[\"0 deg\"]", "scan.angles", "2 angles"),
@@ -245,16 +245,16 @@ fn a_run_whose_moments_are_read_is_not_overwritten_meanwhile() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("run");
     run(&path, None);
-    let kept = Kept::open(&path).unwrap();
-    let again = Kept::open(&path).unwrap();
+    let kept = StoredMoments::open(&path).unwrap();
+    let again = StoredMoments::open(&path).unwrap();
     let error = RunDirectory::create(&path, Format::Npy, true).unwrap_err().to_string();
     assert!(error.contains("another beamlet is using this run"), "{error}");
     drop((kept, again));
     let writer = RunDirectory::create(&path, Format::Npy, true).unwrap();
-    let error = Kept::open(&path).unwrap_err().to_string();
+    let error = StoredMoments::open(&path).unwrap_err().to_string();
     assert!(error.contains("another beamlet is writing this run"), "{error}");
     drop(writer);
-    Kept::open(&path).unwrap();
+    StoredMoments::open(&path).unwrap();
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn damaged_moments_are_named_and_not_used() {
     run(&path, None);
     let view = path.join("moments/view_0001.bin");
     let bytes = std::fs::read(&view).unwrap();
-    let open = || Kept::open(&path).unwrap_err().to_string();
+    let open = || StoredMoments::open(&path).unwrap_err().to_string();
     let mut changed = bytes.clone();
     changed[bytes.len() / 2] ^= 1;
     for (what, damaged) in [
@@ -279,14 +279,14 @@ fn damaged_moments_are_named_and_not_used() {
     std::fs::remove_file(&view).unwrap();
     assert!(open().contains("view_0001.bin"));
     std::fs::write(&view, bytes).unwrap();
-    Kept::open(&path).unwrap();
+    StoredMoments::open(&path).unwrap();
     let scene_path = path.join("scene.toml");
     let text = std::fs::read_to_string(&scene_path).unwrap();
     std::fs::write(&scene_path, format!("{text}\n# changed\n")).unwrap();
     assert!(open().contains("another scene"), "{}", open());
     std::fs::remove_dir_all(path.join("moments")).unwrap();
     assert!(open().contains("--keep-moments"));
-    assert!(Kept::open(directory.path()).unwrap_err().to_string().contains("scene.toml"));
+    assert!(StoredMoments::open(directory.path()).unwrap_err().to_string().contains("scene.toml"));
 }
 
 /// Random numbers that are the same on every machine (splitmix64).
@@ -365,7 +365,7 @@ fn moments_with_a_good_hash_and_a_bad_content_are_refused_by_name_or_end_in_stac
         }
         std::fs::write(&view, with_hash(bytes)).unwrap();
         let began = std::time::Instant::now();
-        let done = Kept::open(&path)
+        let done = StoredMoments::open(&path)
             .and_then(|kept| scenes.iter().try_for_each(|s| again(&engine, &kept, s).map(drop)));
         if let Err(error) = done {
             refused += 1;
@@ -376,5 +376,5 @@ fn moments_with_a_good_hash_and_a_bad_content_are_refused_by_name_or_end_in_stac
     }
     assert!(refused > rounds / 3, "{refused} of {rounds} were refused");
     std::fs::write(&view, with_hash(good)).unwrap();
-    again(&engine, &Kept::open(&path).unwrap(), &scenes[1]).unwrap();
+    again(&engine, &StoredMoments::open(&path).unwrap(), &scenes[1]).unwrap();
 }

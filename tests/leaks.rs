@@ -12,7 +12,7 @@ mod support;
 
 use beamlet::internals::gpu::{Device, DeviceOptions};
 use beamlet::internals::interface::{FLAG_DROPPED, FLAG_UNBALANCED};
-use beamlet::internals::trace::{DeviceSample, Law, Media, Ray, TraceKernels, Tracer};
+use beamlet::internals::trace::{DeviceSample, Law, MaterialTable, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
 use reference::scenes;
@@ -52,7 +52,7 @@ impl Watch {
         let device = Device::open(&DeviceOptions { validation, ..DeviceOptions::default() })
             .expect("a Vulkan device");
         let sample = geometry::load(&scene).expect("a sample");
-        let media = Media::of(&scene).expect("media");
+        let media = MaterialTable::of(&scene).expect("media");
         let query = backend == Backend::RayQuery;
         let sample = Arc::new(
             DeviceSample::upload(

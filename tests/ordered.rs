@@ -12,7 +12,7 @@ mod support;
 
 use beamlet::internals::gpu::{Device, DeviceOptions};
 use beamlet::internals::interface::{FLAG_EXACT, FLAG_UNBALANCED};
-use beamlet::internals::trace::{DeviceSample, Law, Media, Ray, TraceKernels, Tracer};
+use beamlet::internals::trace::{DeviceSample, Law, MaterialTable, Ray, TraceKernels, Tracer};
 use beamlet::scene::Transport;
 use beamlet::{Backend, geometry};
 use glam::DVec3;
@@ -75,7 +75,7 @@ impl Bench {
         (setup.sample_mask, setup.detector_mask) = (None, None);
         let mut scene = scenes::scene(&setup, bodies, &[0.0]);
         scene.sampling.transport = transport;
-        let media = Media::of(&scene).expect("media");
+        let media = MaterialTable::of(&scene).expect("media");
         let query = backend == Backend::RayQuery;
         let sample = sample_of(bodies);
         let sample = DeviceSample::upload(

@@ -5,7 +5,7 @@ use crate::args::Illuminate;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
-use beamlet::moments::Kept;
+use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
 use beamlet::stack::{Extent, Format, RunDirectory, is_same_place};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};
@@ -42,7 +42,7 @@ struct Done {
 
 pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Failure> {
     let outputs = outputs(arguments)?;
-    let mut kept = Kept::open(&arguments.run)?;
+    let mut kept = StoredMoments::open(&arguments.run)?;
     if arguments.scene.len() > 1 && arguments.memory_limit.is_none() {
         kept = kept.sharing(SHARED);
     }
@@ -124,7 +124,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
 
 fn illuminate(
     engine: &Engine,
-    kept: &Kept,
+    kept: &StoredMoments,
     mut job: Job,
     sets: &[String],
     mut reporter: Reporter,

@@ -4,7 +4,7 @@ use crate::args::Simulate;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
-use beamlet::moments::KeptWriter;
+use beamlet::moments::MomentWriter;
 use beamlet::scene::{Scene, Scheme};
 use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, SamplingSummary, Tally};
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         keep_moments,
         ..EngineOptions::default()
     })?;
-    let mut keep = keep_moments.then(|| KeptWriter::new(&arguments.output));
+    let mut keep = keep_moments.then(|| MomentWriter::new(&arguments.output));
     let (skip, counted) = (sink.committed().to_vec(), sink.counted());
     let done = engine.run(
         &scene,

@@ -12,7 +12,7 @@ use super::palette::{colour_of, colour_of_object, materials};
 use super::text::length;
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
-use beamlet::{Engine, EngineOptions, MetSurface, Ray, Result, require_memory};
+use beamlet::{Engine, EngineOptions, Ray, Result, SurfaceCrossing, require_memory};
 
 /// Where the sample is looked at from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,7 +123,7 @@ impl Picture {
 
     /// Colour behind the crossings of a ray, and what it saw first: where neighbours differ in
     /// it, more rays are traced.
-    fn seen(&self, met: &[MetSurface]) -> ([f64; 3], u64) {
+    fn seen(&self, met: &[SurfaceCrossing]) -> ([f64; 3], u64) {
         let mut light = [0.0; 3];
         let mut through = 1.0;
         let mut key = met.len() as u64;

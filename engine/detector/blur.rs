@@ -1,6 +1,6 @@
 //! From the light on the grid behind the detector mask to the detector's pixels.
 
-use super::grid::LightGrid;
+use super::grid::SubpixelGrid;
 use super::kernel::{Measured, Spread};
 use super::spread::Window;
 use crate::Result;
@@ -15,7 +15,7 @@ pub(super) struct BlurStage {
 
 impl BlurStage {
     /// The stage of a scene; `None` where every part of the grid is a pixel.
-    pub(super) fn of(scene: &Scene, grid: &LightGrid) -> Result<Option<Self>> {
+    pub(super) fn of(scene: &Scene, grid: &SubpixelGrid) -> Result<Option<Self>> {
         let weights = match &scene.detector.blur {
             None => return Ok(None),
             Some(Blur::Gaussian { .. }) if grid.margin == [0; 2] => return Ok(None),

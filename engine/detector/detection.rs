@@ -2,7 +2,7 @@
 
 use super::blur::BlurStage;
 use super::excess_noise;
-use super::grid::LightGrid;
+use super::grid::SubpixelGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
 use crate::scene::Exposure;
@@ -14,22 +14,22 @@ use std::ops::Range;
 
 /// The detector of a scene, ready.
 #[derive(Debug, Clone)]
-pub struct Detection {
-    grid: LightGrid,
+pub struct DetectorModel {
+    grid: SubpixelGrid,
     lit: Scene,
     blur: Option<BlurStage>,
     scatter: Option<ScatterStage>,
     noise: Option<Noise>,
 }
 
-impl Detection {
+impl DetectorModel {
     /// Reads the files that the detector names and makes its stages ready.
     ///
     /// # Errors
     /// [`Error::Output`] and [`Error::Scene`] for files that cannot serve, an unknown absorber, or
     /// a detector that sees nothing of the beam.
     pub fn of(scene: &Scene) -> Result<Self> {
-        let grid = LightGrid::of(scene)?;
+        let grid = SubpixelGrid::of(scene)?;
         validate_thresholds(&scene.detector, highest_energy(scene)?)?;
         let nodes = open_beam(scene)?;
         Ok(Self {
@@ -45,7 +45,7 @@ impl Detection {
     /// noise factor of the open beam. 1 without counts.
     ///
     /// # Errors
-    /// As [`Detection::of`], for the beam and the absorber.
+    /// As [`DetectorModel::of`], for the beam and the absorber.
     pub fn variance_per_value(scene: &Scene) -> Result<f64> {
         let gain = scene.detector.counts.map_or(1.0, |counts| counts.gain);
         Ok(gain * excess_noise(&scene.detector, &open_beam(scene)?))
@@ -53,7 +53,7 @@ impl Detection {
 
     /// The grid that takes the light.
     #[must_use]
-    pub const fn grid(&self) -> &LightGrid {
+    pub const fn grid(&self) -> &SubpixelGrid {
         &self.grid
     }
 
@@ -70,7 +70,7 @@ impl Detection {
     }
 
     /// Intensities of a band of the detector's rows, from the light on the grid's
-    /// [`LightGrid::lit_rows`], `[step][row][column]`.
+    /// [`SubpixelGrid::lit_rows`], `[step][row][column]`.
     #[must_use]
     pub fn intensities(&self, view: Exposure, band: &Range<u32>, lit: Array3<f32>) -> Array3<f32> {
         let needed = self.grid.needed(band);

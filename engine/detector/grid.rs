@@ -26,7 +26,7 @@ const EVEN: f64 = 2e-5;
 
 /// Parts and margins of the grid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct LightGrid {
+pub struct SubpixelGrid {
     /// Columns and rows of the detector.
     pub pixels: [u32; 2],
     /// Parts of a pixel along x and z; each takes up light of its own.
@@ -40,7 +40,7 @@ pub struct LightGrid {
     pub error: f64,
 }
 
-impl LightGrid {
+impl SubpixelGrid {
     /// The grid of a scene.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ mod noise;
 mod scatter;
 mod spread;
 
-pub use detection::Detection;
+pub use detection::DetectorModel;
 pub use excess::excess_noise;
-pub(crate) use grid::LightGrid;
+pub(crate) use grid::SubpixelGrid;
 pub use noise::Noise;

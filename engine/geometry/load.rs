@@ -53,12 +53,15 @@ pub(crate) fn load_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<Sample
 ///
 /// # Errors
 /// As [`load`], where there is no surface to tell of.
-pub fn inspect(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
-    inspect_watched(scene, Watcher::default())
+pub fn load_lenient(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
+    load_lenient_watched(scene, Watcher::default())
 }
 
-/// As [`inspect`], watched.
-pub(crate) fn inspect_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<(Sample, Vec<Error>)> {
+/// As [`load_lenient`], watched.
+pub(crate) fn load_lenient_watched(
+    scene: &Scene,
+    watcher: Watcher<'_>,
+) -> Result<(Sample, Vec<Error>)> {
     watched(&names(scene), watcher, |watch| {
         let mut loaded = read_all(scene, watch)?;
         let mut refusals: Vec<Error> =
@@ -82,7 +85,7 @@ fn names(scene: &Scene) -> Vec<String> {
 ///
 /// # Errors
 /// [`Error::Mesh`] where the bytes cannot be read as that format, or hold no solid part.
-pub fn examine(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
+pub fn diagnose(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
     let failed =
         |defect: Defect| Error::mesh(path.display().to_string(), defect.problem, defect.place);
     let alone = Task::unwatched();

@@ -83,7 +83,7 @@ pub(super) fn enumerate(instance: &Instance) -> Result<Vec<Physical>> {
     if devices.is_empty() {
         return Err(no_device());
     }
-    devices.into_iter().enumerate().map(|(index, raw)| examine(instance, index, raw)).collect()
+    devices.into_iter().enumerate().map(|(index, raw)| diagnose(instance, index, raw)).collect()
 }
 
 /// The device of that index or with that part in its name; the best usable one for `None`.
@@ -114,7 +114,7 @@ pub(super) fn choose(mut devices: Vec<Physical>, choice: Option<&str>) -> Result
     }
 }
 
-fn examine(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Result<Physical> {
+fn diagnose(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Result<Physical> {
     // SAFETY: `raw` is a device of this instance, in this function and in those it calls.
     let basic = unsafe { instance.raw.get_physical_device_properties(raw) };
     // SAFETY: as above.

@@ -11,8 +11,8 @@ use super::light::LightRecord;
 use super::sums::Sums;
 use crate::Result;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, shaders};
-use crate::interface::{Cell, GROUP, IlluminatePush, Strip};
-use crate::sampling::Strips;
+use crate::interface::{Cell, CellRow, GROUP, IlluminatePush};
+use crate::sampling::CellBatch;
 use crate::trace::push_bytes;
 use std::ops::Range;
 use std::sync::Arc;
@@ -86,7 +86,7 @@ impl CellIlluminator {
     /// [`crate::Error::Memory`], [`crate::Error::Device`].
     pub(crate) fn add<'l>(
         &mut self,
-        lists: impl Iterator<Item = (&'l LightRecord, &'l Strips)>,
+        lists: impl Iterator<Item = (&'l LightRecord, &'l CellBatch)>,
         sums: &Sums,
         steps: u32,
     ) -> Result<()> {
@@ -95,7 +95,7 @@ impl CellIlluminator {
         let mut rest = &lists[..];
         while !rest.is_empty() {
             let mut cells = 0;
-            let fits = |(_, list): &&(&LightRecord, &Strips)| {
+            let fits = |(_, list): &&(&LightRecord, &CellBatch)| {
                 cells += list.cells.len();
                 cells <= CELLS_TOGETHER
             };
@@ -109,15 +109,15 @@ impl CellIlluminator {
     /// Adds the light of lists that are on the device together.
     fn add_together(
         &mut self,
-        lists: &[(&LightRecord, &Strips)],
+        lists: &[(&LightRecord, &CellBatch)],
         sums: &Sums,
         steps: u32,
     ) -> Result<()> {
-        let count = |of: fn(&Strips) -> usize| lists.iter().map(|(_, list)| of(list)).sum();
+        let count = |of: fn(&CellBatch) -> usize| lists.iter().map(|(_, list)| of(list)).sum();
         let (strips, cells): (usize, usize) = (count(|l| l.strips.len()), count(|l| l.cells.len()));
         let device = self.device.clone();
         let cell_buffer = fit::<Cell>(&device, &mut self.cells, "cells", cells)?;
-        let strip_buffer = fit::<Strip>(&device, &mut self.strips, "strips", strips)?;
+        let strip_buffer = fit::<CellRow>(&device, &mut self.strips, "strips", strips)?;
         let mut ordered = Vec::with_capacity(strips);
         let mut pieces = Vec::new();
         let mut first_cell = 0;
@@ -125,7 +125,7 @@ impl CellIlluminator {
             cell_buffer.write((first_cell * size_of::<Cell>()) as u64, &list.cells)?;
             // Light of parts of a spot that spread differently over rows has its own kernel, as
             // has that of cells which lands far off.
-            let near = |strip: &&Strip| !light.rows_apart && lands_near(&list.cells, strip);
+            let near = |strip: &&CellRow| !light.rows_apart && lands_near(&list.cells, strip);
             let (near, far): (Vec<_>, Vec<_>) = list.strips.iter().partition(near);
             for (some, far) in [(near, false), (far, true)] {
                 if !some.is_empty() {
@@ -133,7 +133,7 @@ impl CellIlluminator {
                     pieces.push(Piece { light, far, strips: first..first + some.len() as u32 });
                 }
                 let moved =
-                    |strip: &Strip| Strip { first: strip.first + first_cell as u32, ..*strip };
+                    |strip: &CellRow| CellRow { first: strip.first + first_cell as u32, ..*strip };
                 ordered.extend(some.into_iter().map(moved));
             }
             first_cell += list.cells.len();
@@ -224,7 +224,7 @@ struct Piece<'l> {
 }
 
 /// Whether all light of a strip lands in its row and the two beside it.
-fn lands_near(cells: &[Cell], strip: &Strip) -> bool {
+fn lands_near(cells: &[Cell], strip: &CellRow) -> bool {
     let first = strip.first as usize;
     cells[first..first + strip.count as usize].iter().all(|cell| cell.above >= 0.0)
 }

@@ -12,7 +12,7 @@ use crate::interface::{Address, Aperture, Column, Light, Mask, SpotPart};
 use crate::sampling::{Lattice, column};
 use crate::scene::{MaskBody, MaskSpec, Scene};
 use crate::spot::PlacedPart;
-use crate::trace::Media;
+use crate::trace::MaterialTable;
 use crate::{Result, material};
 use std::ops::Range;
 use std::sync::Arc;
@@ -141,7 +141,7 @@ impl MaskShape {
 ///
 /// # Errors
 /// As [`material::constants_at_for`].
-pub(crate) fn alike_rows(scene: &Scene, media: &Media) -> Result<u32> {
+pub(crate) fn alike_rows(scene: &Scene, media: &MaterialTable) -> Result<u32> {
     let masks = [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)];
     // Change of the leaks, as a share of the open beam, by that of the secant.
     let mut change: f64 = 0.0;

@@ -21,11 +21,11 @@ mod sums;
 use super::light::{LightRecord, MaskShape, Part};
 use crate::Result;
 use crate::gpu::Device;
-use crate::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
 use crate::material::Constants;
-use crate::sampling::{CellMoments, Lattice, Strips};
+use crate::sampling::{CellBatch, CellMoments, Lattice};
 use crate::scene::Scene;
-use crate::trace::{Media, Tracer};
+use crate::trace::{MaterialTable, Tracer};
 use bars::{Bars, passing};
 use edges::SharedEdges;
 use join::Joining;
@@ -64,7 +64,7 @@ pub(crate) struct Spectral {
     /// Materials that do anything to light.
     acting: Vec<usize>,
     /// How much more strongly the sample refracts than at the mean constants, by node.
-    stronger: Vec<f64>,
+    delta_ratio: Vec<f64>,
     /// Share of the grazing incidence below which ordered walks are repeated, by node.
     severe: Vec<f64>,
     materials: usize,
@@ -135,7 +135,7 @@ impl Spectral {
     /// that rays were flagged for.
     pub(crate) fn new(
         scene: &Scene,
-        media: &Media,
+        media: &MaterialTable,
         lattice: &Lattice,
         reference: &[Constants],
         flagged: f64,
@@ -156,7 +156,7 @@ impl Spectral {
             media.constants.iter().flatten().chain(reference).map(of).collect()
         };
         let strength = |c: &[Constants]| c.iter().map(|c| c.delta.abs()).sum::<f64>();
-        let stronger =
+        let delta_ratio =
             |node: &Vec<Constants>| strength(node) / strength(reference).max(f64::MIN_POSITIVE);
         let (mu, delta): (Vec<f64>, Vec<f64>) = (flat(|c| c.mu), flat(|c| c.delta));
         let materials = media.names.len();
@@ -179,7 +179,7 @@ impl Spectral {
             weights: media.weights.clone(),
             mu,
             delta,
-            stronger: media.constants.iter().map(stronger).collect(),
+            delta_ratio: media.constants.iter().map(delta_ratio).collect(),
             severe: severe(scene, media, reference, flagged),
             materials,
             groups: Vec::new(),
@@ -211,8 +211,8 @@ impl Spectral {
     /// without a sample apart. Masks matter where energies are gathered by what bars do to them.
     pub(crate) fn gathers_like(&self, other: &Self) -> bool {
         let numbers = |s: &Self| [s.tolerance, s.gap, s.ratio, s.row_pitch].map(f64::to_bits);
-        let energies = [&self.weights, &self.mu, &self.delta, &self.stronger, &self.severe];
-        let others = [&other.weights, &other.mu, &other.delta, &other.stronger, &other.severe];
+        let energies = [&self.weights, &self.mu, &self.delta, &self.delta_ratio, &self.severe];
+        let others = [&other.weights, &other.mu, &other.delta, &other.delta_ratio, &other.severe];
         let alike = self.lattice.places_like(&other.lattice)
             && numbers(self) == numbers(other)
             && energies == others
@@ -238,7 +238,7 @@ impl Spectral {
         &self,
         device: &Arc<Device>,
         scene: &Scene,
-        media: &Media,
+        media: &MaterialTable,
     ) -> Result<Vec<LightRecord>> {
         let offsets = &scene.scan.mask_offsets;
         let softness = |mask: usize, leaks: [bool; 2]| {
@@ -279,15 +279,15 @@ impl Spectral {
         &self,
         tracer: &mut Tracer,
         known: &mut KnownBars,
-        strips: &Strips,
-    ) -> Result<Vec<Strips>> {
+        strips: &CellBatch,
+    ) -> Result<Vec<CellBatch>> {
         let repeated = self.repeat(tracer, strips)?;
         known.look_at(self, strips);
-        let gathered: Vec<Vec<Strips>> = strips
+        let gathered: Vec<Vec<CellBatch>> = strips
             .strips
             .par_chunks(STRIPS_AT_ONCE)
             .map_init(Scratch::default, |scratch, some| {
-                let mut lists = vec![Strips::default(); self.groups.len() + self.nodes()];
+                let mut lists = vec![CellBatch::default(); self.groups.len() + self.nodes()];
                 for strip in some {
                     self.gather(strips, strip, &repeated, known.at(self, strip), scratch);
                     for (list, cells) in lists.iter_mut().zip(&scratch.lists) {
@@ -302,7 +302,7 @@ impl Spectral {
             parts.iter_mut().zip(some).for_each(|(list, part)| list.push(part));
         }
         let list = |parts| {
-            let mut list = Strips::concat(parts);
+            let mut list = CellBatch::concat(parts);
             list.balance();
             list
         };
@@ -312,8 +312,8 @@ impl Spectral {
     /// Cells of a strip for every list, in the scratch.
     fn gather(
         &self,
-        strips: &Strips,
-        strip: &Strip,
+        strips: &CellBatch,
+        strip: &CellRow,
         repeated: &Repeated,
         bars: &Bars,
         scratch: &mut Scratch,
@@ -367,9 +367,9 @@ impl Spectral {
                 }
             }
             if bars.apart {
-                let laws = scratch.laws.iter().zip(&self.stronger);
-                for ((laws, stronger), list) in laws.zip(&mut scratch.lists[groups..]) {
-                    let spread = cell.spread * (stronger * stronger) as f32;
+                let laws = scratch.laws.iter().zip(&self.delta_ratio);
+                for ((laws, delta_ratio), list) in laws.zip(&mut scratch.lists[groups..]) {
+                    let spread = cell.spread * (delta_ratio * delta_ratio) as f32;
                     let x = [cell.x_low, cell.x_high];
                     list.push(Cell { spread, ..self.cell(strip, x, *laws) });
                 }
@@ -408,7 +408,7 @@ impl Spectral {
     }
 
     /// Ends the cell that light of a group is joined to.
-    fn push_joined(&self, strip: &Strip, group: usize, scratch: &mut Scratch) {
+    fn push_joined(&self, strip: &CellRow, group: usize, scratch: &mut Scratch) {
         if let Some((x, sums)) = scratch.joining[group].take() {
             scratch.lists[group].push(self.gathered(strip, x, &sums));
         }
@@ -425,13 +425,13 @@ impl Spectral {
     }
 
     /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
-    fn push_groups(&self, strip: &Strip, cell: &Cell, bars: &Bars, scratch: &mut Scratch) {
+    fn push_groups(&self, strip: &CellRow, cell: &Cell, bars: &Bars, scratch: &mut Scratch) {
         let x = [cell.x_low, cell.x_high];
         let nodes = self.nodes();
         scratch.terms.clear();
         let ends = scratch.laws.iter().zip(&scratch.light);
         scratch.terms.extend(ends.enumerate().map(|(node, (laws, light))| {
-            let spread = f64::from(cell.spread) * self.stronger[node] * self.stronger[node];
+            let spread = f64::from(cell.spread) * self.delta_ratio[node] * self.delta_ratio[node];
             Terms::new(laws, *light, spread, bars.shades[node])
         }));
         let of_node = bars.by_node.iter().zip(&scratch.terms);
@@ -482,7 +482,7 @@ impl Spectral {
         (self.lattice.period * FULL_SHARE / width).max(1.0)
     }
 
-    fn gathered(&self, strip: &Strip, x: [f32; 2], sums: &Sums) -> Cell {
+    fn gathered(&self, strip: &CellRow, x: [f32; 2], sums: &Sums) -> Cell {
         let end = |i: usize| NodeLaw {
             depth: -sums.light()[i].ln(),
             x: sums.x()[i],
@@ -499,7 +499,7 @@ impl Spectral {
         }
     }
 
-    fn cell(&self, strip: &Strip, x: [f32; 2], [low, high]: [NodeLaw; 2]) -> Cell {
+    fn cell(&self, strip: &CellRow, x: [f32; 2], [low, high]: [NodeLaw; 2]) -> Cell {
         let mean = |f: fn(&NodeLaw) -> f64| 0.5 * (f(&low) + f(&high));
         let z = mean(|l| l.z);
         let down = -z / self.row_pitch;

@@ -150,7 +150,7 @@ fn words(rust: &str, structs: &[Struct]) -> usize {
     }
 }
 
-/// `MetSurface` becomes `MET_SURFACE`.
+/// `SurfaceCrossing` becomes `MET_SURFACE`.
 fn upper(name: &str) -> String {
     let mut upper = String::new();
     for letter in name.chars() {

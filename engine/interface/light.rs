@@ -49,7 +49,7 @@ shared_structs! {
     }
 
     /// Cells of one beamlet in one interval of z.
-    pub struct Strip in Strips(readonly) {
+    pub struct CellRow in CellRows(readonly) {
         pub first: u32,
         pub count: u32,
         pub column: u32,
@@ -186,7 +186,7 @@ shared_structs! {
     /// Push constants of `illuminate.comp`.
     pub struct IlluminatePush {
         pub light_ref: u64 => LightRef,
-        pub strips: u64 => Strips,
+        pub strips: u64 => CellRows,
         pub cells: u64 => Cells,
         /// [step][row][column][2], light that is the same at all steps behind the last.
         pub sums: u64 => Words,

@@ -81,12 +81,12 @@ mod walk;
 pub use constants::*;
 pub use fit::{FitPush, Step};
 pub use light::{
-    Aperture, Cell, Column, IlluminatePush, Light, Mask, Pixel, RandomLightPush, RandomRaysPush,
-    SpotPart, Strip,
+    Aperture, Cell, CellRow, Column, IlluminatePush, Light, Mask, Pixel, RandomLightPush,
+    RandomRaysPush, SpotPart,
 };
 pub use walk::{
-    Constants, Crossing, CrossingsPush, ExactPush, Law, Leaf, MetSurface, Node, Ray, Sample,
-    Surface, TracePush, View,
+    Constants, Crossing, CrossingsPush, ExactPush, Law, Leaf, Node, Ray, Sample, Surface,
+    SurfaceCrossing, TracePush, View,
 };
 
 /// Every shared struct, by topic.

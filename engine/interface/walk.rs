@@ -94,7 +94,7 @@ shared_structs! {
     }
 
     /// A crossing of a ray with a surface of the sample.
-    pub struct MetSurface in MetSurfaces(writeonly) {
+    pub struct SurfaceCrossing in SurfaceCrossings(writeonly) {
         /// Along the optical axis in the beam frame, m.
         pub y: f32,
         /// Index of the object whose surface it is.
@@ -179,7 +179,7 @@ shared_structs! {
         pub sample_ref: u64 => SampleRef,
         pub rays: u64 => Rays,
         /// [ray][capacity].
-        pub met: u64 => MetSurfaces,
+        pub met: u64 => SurfaceCrossings,
         /// [ray].
         pub counts: u64 => Words,
         /// [group][capacity][stride].

@@ -1,8 +1,8 @@
 //! Whether moments that were read can be those of their run: a file may have a good hash and
 //! come from a broken program or hand. What follows indexes and loops by these numbers.
 
-use crate::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
-use crate::sampling::{ExactCell, Lattice, Strips};
+use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Law, Ray};
+use crate::sampling::{CellBatch, ExactCell, Lattice};
 use std::ops::Range;
 
 /// Rounding of places in a row or period.
@@ -34,7 +34,7 @@ impl Bounds {
     }
 
     /// What is wrong with the strips of a block of these rows.
-    pub(super) fn check(self, strips: &Strips, rows: &Range<i64>) -> Result<(), &'static str> {
+    pub(super) fn check(self, strips: &CellBatch, rows: &Range<i64>) -> Result<(), &'static str> {
         let mut next = 0_u32;
         for strip in &strips.strips {
             if strip.first != next || strip.count == 0 {
@@ -71,7 +71,7 @@ impl Bounds {
         }
     }
 
-    fn strip(self, strip: &Strip, rows: &Range<i64>) -> Result<(), &'static str> {
+    fn strip(self, strip: &CellRow, rows: &Range<i64>) -> Result<(), &'static str> {
         let last = i64::from(strip.row) + i64::from(strip.rows) - 1;
         let inside = rows.contains(&i64::from(strip.row)) && rows.contains(&last);
         if !inside || strip.column >= self.columns {

@@ -6,8 +6,8 @@
 
 use super::content::Bounds;
 use crate::illuminate::NARROW;
-use crate::interface::{Cell, Law, MOMENTS_PER_MATERIAL, Strip};
-use crate::sampling::{CellMoments, ExactCell, Strips};
+use crate::interface::{Cell, CellRow, Law, MOMENTS_PER_MATERIAL};
+use crate::sampling::{CellBatch, CellMoments, ExactCell};
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, input_file};
 use sha2::{Digest, Sha256};
@@ -44,7 +44,7 @@ pub(crate) fn path_of(directory: &Path, view: u32) -> PathBuf {
 
 /// Writes the moments of a run, view by view.
 #[derive(Debug)]
-pub struct KeptWriter {
+pub struct MomentWriter {
     run: PathBuf,
     open: Option<Open>,
 }
@@ -57,7 +57,7 @@ struct Open {
     hash: Sha256,
 }
 
-impl KeptWriter {
+impl MomentWriter {
     /// A writer beside the frames of the run in `run`. Nothing is written before the first view.
     #[must_use]
     pub fn new(run: impl Into<PathBuf>) -> Self {
@@ -69,8 +69,8 @@ impl KeptWriter {
     ///
     /// # Errors
     /// [`Error::Output`].
-    pub(crate) fn write(&mut self, view: u32, words: usize, strips: &Strips) -> Result<()> {
-        let seeing: Vec<&Strip> =
+    pub(crate) fn write(&mut self, view: u32, words: usize, strips: &CellBatch) -> Result<()> {
+        let seeing: Vec<&CellRow> =
             strips.strips.iter().filter(|s| !is_blank(strips, s, words)).collect();
         if self.open.as_ref().is_none_or(|open| open.view != view) {
             self.begin(view, words)?;
@@ -82,7 +82,7 @@ impl KeptWriter {
         let mut first = 0_u32;
         for strip in &seeing {
             let range = strip.first as usize..(strip.first + strip.count) as usize;
-            heads.push(Strip { first, ..**strip });
+            heads.push(CellRow { first, ..**strip });
             cells.extend_from_slice(bytemuck::cast_slice(&strips.cells[range.clone()]));
             ends.extend_from_slice(
                 &strips.moments.ends[2 * words * range.start..2 * words * range.end],
@@ -170,7 +170,7 @@ impl KeptWriter {
 /// # Errors
 /// [`Error::Output`].
 pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
-    KeptFile::open(&run.join(DIRECTORY), view, &seal(run)?).map(|_| ())
+    MomentFile::open(&run.join(DIRECTORY), view, &seal(run)?).map(|_| ())
 }
 
 /// Whether the run has a folder for moments.
@@ -178,7 +178,7 @@ pub(crate) fn is_there(run: &Path) -> bool {
     run.join(DIRECTORY).is_dir()
 }
 
-impl Drop for KeptWriter {
+impl Drop for MomentWriter {
     /// A view that was not committed leaves nothing behind.
     fn drop(&mut self) {
         if let Some(open) = self.open.take() {
@@ -240,7 +240,7 @@ fn is_of_beamlet(path: &Path) -> Result<bool> {
 }
 
 /// Whether a strip is one cell over a whole row and period, without a sample.
-fn is_blank(strips: &Strips, strip: &Strip, words: usize) -> bool {
+fn is_blank(strips: &CellBatch, strip: &CellRow, words: usize) -> bool {
     let cells = strip.first as usize..(strip.first + strip.count) as usize;
     let cell = &strips.cells[cells.start];
     let whole = strip.count == 1
@@ -272,7 +272,7 @@ fn ordered_of(words: &[u32]) -> ExactCell {
 
 /// The moments of one view, to be read.
 #[derive(Debug)]
-pub(super) struct KeptFile {
+pub(super) struct MomentFile {
     path: PathBuf,
     words: usize,
     blocks: Vec<Block>,
@@ -293,13 +293,13 @@ impl Block {
     /// `words` is at most [`WORDS`]: the sum stays below 2^63.
     const fn bytes(&self, words: usize) -> u64 {
         let [strips, cells, _, ordered, ..] = self.head;
-        strips as u64 * size_of::<Strip>() as u64
+        strips as u64 * size_of::<CellRow>() as u64
             + cells as u64 * (size_of::<Cell>() + 8 * words) as u64
             + ordered as u64 * 4 * ORDERED as u64
     }
 }
 
-impl KeptFile {
+impl MomentFile {
     /// Opens the file of a view, checks its hash and finds its blocks.
     pub(super) fn open(directory: &Path, view: u32, seal: &[u8; 32]) -> Result<Self> {
         let path = path_of(directory, view);
@@ -366,7 +366,7 @@ impl KeptFile {
         rows: &Range<i64>,
         words: usize,
         bounds: Bounds,
-        mut take: impl FnMut(Strips) -> Result<()>,
+        mut take: impl FnMut(CellBatch) -> Result<()>,
     ) -> Result<()> {
         let failed = |error| Error::output(&self.path, "cannot be read", Some(error));
         if self.words != words {
@@ -394,7 +394,7 @@ impl KeptFile {
     }
 }
 
-fn unpack(block: &Block, words: usize, file: &mut File) -> std::io::Result<Strips> {
+fn unpack(block: &Block, words: usize, file: &mut File) -> std::io::Result<CellBatch> {
     fn take<T: bytemuck::Pod>(file: &mut File, count: usize) -> std::io::Result<Vec<T>> {
         let lacks = |()| std::io::Error::from(ErrorKind::OutOfMemory);
         let mut items = bytemuck::allocation::try_zeroed_vec(count).map_err(lacks)?;
@@ -402,14 +402,14 @@ fn unpack(block: &Block, words: usize, file: &mut File) -> std::io::Result<Strip
         Ok(items)
     }
     let [strips, cells, _, ordered, ..] = block.head.map(|n| n as usize);
-    Ok(Strips {
+    Ok(CellBatch {
         strips: take(file, strips)?,
         cells: take(file, cells)?,
         moments: CellMoments {
             ends: take(file, 2 * words * cells)?,
             exact: take(file, ordered * ORDERED)?.chunks_exact(ORDERED).map(ordered_of).collect(),
         },
-        ..Strips::default()
+        ..CellBatch::default()
     })
 }
 

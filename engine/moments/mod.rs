@@ -2,49 +2,49 @@
 //! materials or detectors without another search through its surfaces.
 //!
 //! Moments do not depend on masks, mask steps, spot or energy. A cell of one lattice is cut and
-//! interpolated to cells of another (`relattice`); moments become laws at the energies of the
+//! interpolated to cells of another (`resample`); moments become laws at the energies of the
 //! other scene (`illuminate::Spectral`). Rays that no sum of moments can describe are traced
 //! again, which needs the meshes.
 
+mod cell_cache;
+mod compatibility;
 mod content;
 pub(crate) mod file;
-mod relattice;
-mod same;
-mod shared;
+mod resample;
 
 pub(crate) use file::DIRECTORY;
-pub use file::KeptWriter;
+pub use file::MomentWriter;
 
-use crate::detector::Detection;
+use crate::detector::DetectorModel;
 use crate::illuminate::Spectral;
-use crate::sampling::{Lattice, Strips};
+use crate::sampling::{CellBatch, Lattice};
 use crate::scene::Scene;
-use crate::trace::Media;
+use crate::trace::MaterialTable;
 use crate::{Error, Result, input_file};
+use cell_cache::{CellCache, Part};
 use content::Bounds;
-use file::KeptFile;
-use relattice::{Covered, Relattice};
-use shared::{Part, Shared};
+use file::MomentFile;
+use resample::{Covered, Resampled};
 use std::fs::{File, TryLockError};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// How much stronger than in the run that kept them moments may refract in another scene: rays
 /// are flagged with that much in hand.
-pub const STRONGER: f64 = 2.0;
+pub const DELTA_HEADROOM: f64 = 2.0;
 
 /// The moments that a run kept (`simulate --keep-moments`).
 #[derive(Debug)]
-pub struct Kept {
+pub struct StoredMoments {
     directory: PathBuf,
     scene: Scene,
-    views: Vec<KeptFile>,
-    shared: Shared,
-    /// Shared lock of the run: nobody replaces it while its moments are read.
+    views: Vec<MomentFile>,
+    shared: CellCache,
+    /// CellCache lock of the run: nobody replaces it while its moments are read.
     _lock: Option<File>,
 }
 
-impl Kept {
+impl StoredMoments {
     /// Opens what the run in `run` kept.
     ///
     /// # Errors
@@ -79,9 +79,11 @@ impl Kept {
         let lock = lock(run)?;
         let seal = file::seal(run)?;
         let views = (0..scene.scan.angles.len())
-            .map(|view| KeptFile::open(&directory, u32::try_from(view).unwrap_or(u32::MAX), &seal))
+            .map(|view| {
+                MomentFile::open(&directory, u32::try_from(view).unwrap_or(u32::MAX), &seal)
+            })
             .collect::<Result<_>>()?;
-        Ok(Self { directory, scene, views, shared: Shared::default(), _lock: lock })
+        Ok(Self { directory, scene, views, shared: CellCache::default(), _lock: lock })
     }
 
     /// Keeps up to so many bytes of the cells that the first scene makes, for the next ones that
@@ -90,7 +92,7 @@ impl Kept {
     /// the masks.
     #[must_use]
     pub fn sharing(self, bytes: u64) -> Self {
-        Self { shared: Shared::new(bytes), ..self }
+        Self { shared: CellCache::new(bytes), ..self }
     }
 
     /// The scene of the run.
@@ -108,7 +110,7 @@ impl Kept {
     /// Bytes of all views.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.views.iter().map(KeptFile::bytes).sum()
+        self.views.iter().map(MomentFile::bytes).sum()
     }
 
     /// Reads the moments of every view and cuts them to the lattice of `scene`, as the engine does
@@ -119,9 +121,9 @@ impl Kept {
     /// those of this run; [`Error::Scene`] where the scene differs in more than moments can follow.
     pub fn cells(&self, scene: &Scene) -> Result<usize> {
         scene.validate()?;
-        let detection = Detection::of(scene)?;
+        let detection = DetectorModel::of(scene)?;
         let lit = detection.lit();
-        let lattice = Lattice::of(lit, Media::of(scene)?.strongest());
+        let lattice = Lattice::of(lit, MaterialTable::of(scene)?.strongest());
         let source = self.for_scene(lit, &lattice)?;
         let rows = -lattice.halo..i64::from(lit.detector.pixels[1]) + lattice.halo;
         let mut cells = 0;
@@ -138,23 +140,23 @@ impl Kept {
     ///
     /// # Errors
     /// [`Error::Scene`] where the scene differs in more than moments can follow, and says in what.
-    pub(crate) fn for_scene(&self, scene: &Scene, lattice: &Lattice) -> Result<KeptSource<'_>> {
-        same::check(&self.scene, scene)?;
-        let detection = Detection::of(&self.scene)?;
+    pub(crate) fn for_scene(&self, scene: &Scene, lattice: &Lattice) -> Result<StoredSource<'_>> {
+        compatibility::check(&self.scene, scene)?;
+        let detection = DetectorModel::of(&self.scene)?;
         let lit = detection.lit();
-        let (base, now) = (Media::of(&self.scene)?, Media::of(scene)?);
-        let media = same::media(&self.scene, &base, scene, &now)?;
+        let (base, now) = (MaterialTable::of(&self.scene)?, MaterialTable::of(scene)?);
+        let media = compatibility::media(&self.scene, &base, scene, &now)?;
         let reference = base.mean();
         let same_constants = media.constants == base.constants && media.weights == base.weights;
         let old = Lattice::of(lit, base.strongest());
-        let relattice = Relattice::new(lit, &old, scene, lattice)?;
-        let wide = self.views.iter().any(KeptFile::has_wide);
-        Ok(KeptSource {
+        let resample = Resampled::new(lit, &old, scene, lattice)?;
+        let wide = self.views.iter().any(MomentFile::has_wide);
+        Ok(StoredSource {
             kept: self,
-            relattice,
+            resample,
             media,
             reference,
-            flagged: STRONGER * base.strongest(),
+            flagged: DELTA_HEADROOM * base.strongest(),
             retrace: wide && !(same_constants && base.energies.len() == 1),
         })
     }
@@ -174,11 +176,11 @@ fn lock(run: &Path) -> Result<Option<File>> {
 
 /// Kept moments as the strips of another scene.
 #[derive(Debug)]
-pub(crate) struct KeptSource<'k> {
-    kept: &'k Kept,
-    relattice: Relattice,
+pub(crate) struct StoredSource<'k> {
+    kept: &'k StoredMoments,
+    resample: Resampled,
     /// Materials of the other scene in the order of the moments.
-    pub(crate) media: Media,
+    pub(crate) media: MaterialTable,
     /// Constants that ordered walks were made at.
     pub(crate) reference: Vec<crate::material::Constants>,
     /// The strongest delta that rays were flagged for.
@@ -187,7 +189,7 @@ pub(crate) struct KeptSource<'k> {
     pub(crate) retrace: bool,
 }
 
-impl KeptSource<'_> {
+impl StoredSource<'_> {
     /// Lists of the strips of some rows of a view, those without a sample among them, handed over
     /// in parts: as `gather`, of `spectral`, makes them, or as it made them for a scene before.
     ///
@@ -198,14 +200,14 @@ impl KeptSource<'_> {
         spectral: &Spectral,
         view: u32,
         [rows, lit]: [&Range<i64>; 2],
-        mut gather: impl FnMut(&Strips) -> Result<Vec<Strips>>,
-        mut take: impl FnMut(&[Strips]) -> Result<()>,
+        mut gather: impl FnMut(&CellBatch) -> Result<Vec<CellBatch>>,
+        mut take: impl FnMut(&[CellBatch]) -> Result<()>,
     ) -> Result<()> {
         let shared = &self.kept.shared;
         let place = (view, rows.clone());
-        let made = shared.find(&self.relattice, spectral, &place);
+        let made = shared.find(&self.resample, spectral, &place);
         let blank = |covered: &Covered| {
-            let mut blank = self.relattice.blank(rows, lit, covered);
+            let mut blank = self.resample.blank(rows, lit, covered);
             blank.keep_nothing(self.media.names.len());
             blank
         };
@@ -213,7 +215,7 @@ impl KeptSource<'_> {
             part.lists.iter().try_for_each(|lists| take(lists))?;
             return take(&gather(&blank(&part.covered))?);
         }
-        let mut keeps = shared.takes(&self.relattice, spectral, 0);
+        let mut keeps = shared.takes(&self.resample, spectral, 0);
         let mut part = Part::default();
         let mut covered = std::mem::take(&mut part.covered);
         self.read(view, rows, &mut covered, |strips| {
@@ -221,7 +223,7 @@ impl KeptSource<'_> {
             take(&lists)?;
             if keeps {
                 part.lists.push(lists);
-                keeps = shared.takes(&self.relattice, spectral, part.bytes());
+                keeps = shared.takes(&self.resample, spectral, part.bytes());
                 if !keeps {
                     part.lists = Vec::new();
                 }
@@ -231,7 +233,7 @@ impl KeptSource<'_> {
         part.covered = covered;
         take(&gather(&blank(&part.covered))?)?;
         if keeps {
-            shared.insert(&self.relattice, spectral, place, part);
+            shared.insert(&self.resample, spectral, place, part);
         }
         Ok(())
     }
@@ -243,12 +245,12 @@ impl KeptSource<'_> {
         view: u32,
         rows: &Range<i64>,
         covered: &mut Covered,
-        mut take: impl FnMut(Strips) -> Result<()>,
+        mut take: impl FnMut(CellBatch) -> Result<()>,
     ) -> Result<()> {
         let words = self.media.names.len() * crate::interface::MOMENTS_PER_MATERIAL;
-        let bounds = Bounds::of(self.relattice.old(), view);
-        let old_rows = self.relattice.old_rows(rows);
+        let bounds = Bounds::of(self.resample.old(), view);
+        let old_rows = self.resample.old_rows(rows);
         self.kept.views[view as usize]
-            .read(&old_rows, words, bounds, |block| take(self.relattice.map(block, rows, covered)))
+            .read(&old_rows, words, bounds, |block| take(self.resample.map(block, rows, covered)))
     }
 }

@@ -1,7 +1,7 @@
 //! What is retrieved from: a run of beamlet, or measured stacks with their geometry.
 
 use super::retriever::Retriever;
-use crate::detector::Detection;
+use crate::detector::DetectorModel;
 use crate::scene::Scene;
 use crate::stack::{OpenRun, StackFile};
 use crate::{Error, Result, input_file, reserve};
@@ -65,7 +65,7 @@ impl Input {
             .and_then(|n| n.bit_depth)
             .map(|bits| crate::interface::single(libm::exp2(f64::from(bits)) - 1.0));
         let noise = match numbers {
-            Some(n) => Some([Detection::variance_per_value(&scene)?, n.electronic_noise]),
+            Some(n) => Some([DetectorModel::variance_per_value(&scene)?, n.electronic_noise]),
             None => None,
         };
         Ok(Self { scene, flat, sample, dark, saturation, noise, counts })

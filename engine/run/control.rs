@@ -1,7 +1,7 @@
 //! What a caller may steer while a run goes on, and what it learns of its progress.
 
 use crate::geometry::{LoadProgress, Watcher};
-use crate::moments::KeptWriter;
+use crate::moments::MomentWriter;
 use crate::scene::Exposure;
 use crate::trace::Tally;
 use std::fmt;
@@ -23,7 +23,7 @@ pub struct Control<'a> {
     /// Keeps the moments of the rays, for [`crate::Engine::reilluminate`]; the engine must have
     /// been opened with [`crate::EngineOptions::keep_moments`]. Cells only; refused where the scene
     /// is itself made from kept moments.
-    pub keep: Option<&'a mut KeptWriter>,
+    pub keep: Option<&'a mut MomentWriter>,
 }
 
 /// Calls `work` with a watcher of the loading of objects that reports to `progress`.

@@ -4,7 +4,7 @@ use crate::Result;
 use crate::accel::Backend;
 use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault};
 use crate::illuminate::CellKernels;
-use crate::moments::Kept;
+use crate::moments::StoredMoments;
 use crate::run::Control;
 use crate::run::simulation::{Kernels, Simulation};
 use crate::scene::Scene;
@@ -31,7 +31,7 @@ pub struct EngineOptions {
     /// and up to 1 GiB for a band. Results do not depend on it.
     pub memory_limit: Option<u64>,
     /// Prepare runs whose moments are kept ([`Control::keep`]): rays are flagged for materials
-    /// that refract up to [`crate::moments::STRONGER`] times as strongly.
+    /// that refract up to [`crate::moments::DELTA_HEADROOM`] times as strongly.
     pub keep_moments: bool,
     /// Calls of Vulkan that fail (for tests).
     #[doc(hidden)]
@@ -170,7 +170,11 @@ impl Engine {
     /// engine.reilluminate(&moments, &other)?.run(&mut sink, Control::default())?;
     /// # Ok::<(), beamlet::Error>(())
     /// ```
-    pub fn reilluminate<'e>(&'e self, moments: &'e Kept, scene: &Scene) -> Result<Simulation<'e>> {
+    pub fn reilluminate<'e>(
+        &'e self,
+        moments: &'e StoredMoments,
+        scene: &Scene,
+    ) -> Result<Simulation<'e>> {
         self.reilluminate_with(moments, scene, &mut Control::default())
     }
 
@@ -180,7 +184,7 @@ impl Engine {
     /// As [`Engine::reilluminate`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
     pub fn reilluminate_with<'e>(
         &'e self,
-        moments: &'e Kept,
+        moments: &'e StoredMoments,
         scene: &Scene,
         control: &mut Control<'_>,
     ) -> Result<Simulation<'e>> {

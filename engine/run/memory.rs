@@ -3,7 +3,7 @@
 //! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
-use crate::detector::LightGrid;
+use crate::detector::SubpixelGrid;
 use crate::geometry::{self, ObjectSummary, PEAK_PER_TRIANGLE};
 use crate::sampling::Lattice;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
@@ -188,7 +188,7 @@ pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()
 impl Needs {
     fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
         let extent = Extent::of(scene)?;
-        let grid = LightGrid::of(scene)?;
+        let grid = SubpixelGrid::of(scene)?;
         let lit = grid.lit_scene(scene);
         let mut materials: Vec<&str> = scene.objects.iter().map(|o| o.material.as_str()).collect();
         materials.push(&scene.surroundings);

@@ -11,18 +11,18 @@ mod crossings;
 mod work;
 
 use crate::accel::Backend;
-use crate::detector::Detection;
+use crate::detector::DetectorModel;
 use crate::geometry::{self, Sample};
 use crate::gpu::Device;
 use crate::illuminate::{self, Spectral};
-use crate::moments::{self, Kept, KeptSource};
+use crate::moments::{self, StoredMoments, StoredSource};
 use crate::run::engine::{Engine, EngineOptions};
 use crate::run::memory::{self, MemoryEstimate};
 use crate::run::{self, Control};
-use crate::sampling::{self, ErrorBudget, Lattice, Response, Shadow, Strips};
+use crate::sampling::{self, CellBatch, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
-use crate::trace::{DeviceSample, Law, Media, Moments, Ray, Tally, TraceKernels, Tracer};
+use crate::trace::{DeviceSample, Law, MaterialTable, Moments, Ray, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -40,12 +40,12 @@ const UNBALANCED_SHARE: f64 = 1e-5;
 
 /// What a simulation is made of, besides its geometry.
 struct Parts<'e> {
-    detection: Detection,
-    media: Media,
+    detection: DetectorModel,
+    media: MaterialTable,
     lattice: Lattice,
     spectral: Option<Spectral>,
-    kept: Option<KeptSource<'e>>,
-    stronger: f64,
+    kept: Option<StoredSource<'e>>,
+    delta_ratio: f64,
 }
 
 /// One scene, ready on a device.
@@ -54,23 +54,23 @@ pub struct Simulation<'e> {
     engine: &'e Engine,
     scene: Scene,
     /// The detector; its grid stands in the scene that is traced and illuminated.
-    detection: Detection,
+    detection: DetectorModel,
     sample: Sample,
     on_device: Arc<DeviceSample>,
     /// Surfaces of the sample, for means over facets.
     facets: Option<sampling::SampleFacets>,
-    media: Media,
+    media: MaterialTable,
     lattice: Lattice,
     /// For a spectrum or kept moments, by cells.
     spectral: Option<Spectral>,
     /// For what moments of the rays that bound cells are kept.
-    keep: Option<sampling::Keep>,
+    keep: Option<sampling::MomentRecording>,
     /// What changes of a cell do to recorded values.
     response: Response,
     /// What sampling may leave in them.
     budget: ErrorBudget,
     /// Moments that another run kept, in place of rays.
-    kept: Option<KeptSource<'e>>,
+    kept: Option<StoredSource<'e>>,
     memory: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
@@ -95,14 +95,14 @@ impl<'e> Simulation<'e> {
         scene.validate()?;
         // From here on every reader of a file compares it with its hash.
         let scene = &scene.with_file_hashes()?;
-        let detection = Detection::of(scene)?;
+        let detection = DetectorModel::of(scene)?;
         let lit = detection.lit();
-        let media = Media::of(scene)?;
+        let media = MaterialTable::of(scene)?;
         let lattice = lattice_of(lit, &media)?;
-        let stronger = if engine.options().keep_moments { moments::STRONGER } else { 1.0 };
+        let delta_ratio = if engine.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
         let several = media.energies.len() > 1 || engine.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
-            let flagged = stronger * media.strongest();
+            let flagged = delta_ratio * media.strongest();
             Some(Spectral::new(lit, &media, &lattice, &media.mean(), flagged)?)
         } else {
             None
@@ -110,7 +110,7 @@ impl<'e> Simulation<'e> {
         Self::with(
             engine,
             scene,
-            Parts { detection, media, lattice, spectral, kept: None, stronger },
+            Parts { detection, media, lattice, spectral, kept: None, delta_ratio },
             sample,
             control,
         )
@@ -118,7 +118,7 @@ impl<'e> Simulation<'e> {
 
     pub(crate) fn of_kept(
         engine: &'e Engine,
-        moments: &'e Kept,
+        moments: &'e StoredMoments,
         scene: &Scene,
         control: &mut Control<'_>,
     ) -> Result<Self> {
@@ -127,19 +127,19 @@ impl<'e> Simulation<'e> {
             return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
         }
         let scene = &scene.with_file_hashes()?;
-        let detection = Detection::of(scene)?;
+        let detection = DetectorModel::of(scene)?;
         let lit = detection.lit();
-        let own = Media::of(scene)?;
+        let own = MaterialTable::of(scene)?;
         let lattice = lattice_of(lit, &own)?;
         let source = moments.for_scene(lit, &lattice)?;
         let media = source.media.clone();
         let flagged = source.flagged;
         let spectral = Spectral::new(lit, &media, &lattice, &source.reference, flagged)?;
-        let (kept, stronger) = (Some(source), 1.0);
+        let (kept, delta_ratio) = (Some(source), 1.0);
         Self::with(
             engine,
             scene,
-            Parts { detection, media, lattice, spectral: Some(spectral), kept, stronger },
+            Parts { detection, media, lattice, spectral: Some(spectral), kept, delta_ratio },
             None,
             control,
         )
@@ -192,19 +192,18 @@ impl<'e> Simulation<'e> {
                 "use the backend bvh, or a driver with ray query",
             ));
         }
-        let keep = parts
-            .spectral
-            .as_ref()
-            .map(|_| sampling::Keep::new(&parts.media, &parts.media.mean(), parts.stronger));
+        let keep = parts.spectral.as_ref().map(|_| {
+            sampling::MomentRecording::new(&parts.media, &parts.media.mean(), parts.delta_ratio)
+        });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
-        let Parts { detection, media, lattice, spectral, kept, stronger } = parts;
+        let Parts { detection, media, lattice, spectral, kept, delta_ratio } = parts;
         let response = Response::new(detection.lit(), &lattice, options.keep_moments);
         let budget = error_budget(scene, detection.lit());
         let across = geometry::across_edges(&sample);
         let on_device =
-            DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, stronger)?;
+            DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, delta_ratio)?;
         let facets =
-            sampling::SampleFacets::new(detection.lit(), &sample, &media, stronger, across);
+            sampling::SampleFacets::new(detection.lit(), &sample, &media, delta_ratio, across);
         let mut simulation = Self {
             engine,
             scene: scene.clone(),
@@ -314,7 +313,7 @@ impl<'e> Simulation<'e> {
     /// how fast a backend is depends on their order.
     fn calibration_rays(&self) -> Vec<Ray> {
         let shadows = self.shadows(0);
-        let span = |f: fn(&Shadow) -> [f64; 2]| {
+        let span = |f: fn(&ProjectedBounds) -> [f64; 2]| {
             shadows
                 .iter()
                 .map(f)
@@ -340,7 +339,7 @@ impl<'e> Simulation<'e> {
         rays
     }
 
-    fn shadows(&self, view: u32) -> Vec<Shadow> {
+    fn shadows(&self, view: u32) -> Vec<ProjectedBounds> {
         let angle = self.scene.scan.angles[view as usize];
         sampling::shadows(&self.sample, &self.lattice, &self.scene.view_at(angle))
     }
@@ -382,7 +381,7 @@ impl<'e> Simulation<'e> {
 
     /// The detector, and the grid that takes its light.
     #[must_use]
-    pub const fn detection(&self) -> &Detection {
+    pub const fn detection(&self) -> &DetectorModel {
         &self.detection
     }
 
@@ -391,7 +390,7 @@ impl<'e> Simulation<'e> {
     ///
     /// # Errors
     /// As [`Simulation::trace`].
-    pub fn strips(&self, view: u32, rows: Range<i64>) -> Result<Strips> {
+    pub fn strips(&self, view: u32, rows: Range<i64>) -> Result<CellBatch> {
         let shadows = self.shadows(view);
         let mut tracer = self.tracer(self.start.backend)?;
         let view = self.view(view, &shadows);
@@ -401,7 +400,7 @@ impl<'e> Simulation<'e> {
             parts.push(part.clone());
             Ok(())
         })?;
-        Ok(Strips::concat(parts))
+        Ok(CellBatch::concat(parts))
     }
 
     /// Words of a ray's moments.
@@ -409,8 +408,8 @@ impl<'e> Simulation<'e> {
         self.media.names.len() * crate::interface::MOMENTS_PER_MATERIAL
     }
 
-    fn view<'a>(&'a self, index: u32, shadows: &'a [Shadow]) -> sampling::View<'a> {
-        sampling::View {
+    fn view<'a>(&'a self, index: u32, shadows: &'a [ProjectedBounds]) -> sampling::ViewContext<'a> {
+        sampling::ViewContext {
             scene: self.detection.lit(),
             sample: &self.sample,
             facets: self.facets.as_ref(),
@@ -504,7 +503,7 @@ impl<'e> Simulation<'e> {
 }
 
 /// The lattice of a scene with its blocks of rows.
-fn lattice_of(scene: &Scene, media: &Media) -> Result<Lattice> {
+fn lattice_of(scene: &Scene, media: &MaterialTable) -> Result<Lattice> {
     let mut lattice = Lattice::of(scene, media.strongest());
     lattice.alike_rows = illuminate::alike_rows(scene, media)?;
     Ok(lattice)

@@ -8,7 +8,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::View;
+use super::ViewContext;
 use super::patch::part;
 use super::patch_grid::PatchGrid;
 use crate::Result;
@@ -46,7 +46,11 @@ pub(super) struct Found {
 impl BaseLattice {
     /// Traces the base rays of the patches of `rows`, and of those around them, that a shadow
     /// touches.
-    pub(super) fn trace(view: &View<'_>, tracer: &mut Tracer, rows: &Range<i64>) -> Result<Self> {
+    pub(super) fn trace(
+        view: &ViewContext<'_>,
+        tracer: &mut Tracer,
+        rows: &Range<i64>,
+    ) -> Result<Self> {
         let rows = rows.start - 1..rows.end + 1;
         let grid = PatchGrid { rows, beamlets: view.lattice.beamlets.clone() };
         let mut places = vec![None; grid.count()];
@@ -113,7 +117,7 @@ impl BaseLattice {
     }
 
     /// The rays in an order that keeps neighbours together, and the place of each in the laws.
-    fn rays(&self, view: &View<'_>) -> (Vec<u32>, Vec<Ray>) {
+    fn rays(&self, view: &ViewContext<'_>) -> (Vec<u32>, Vec<Ray>) {
         let (mut order, mut rays) = (Vec::new(), Vec::new());
         let PatchGrid { rows, beamlets } = &self.grid;
         let mut first = rows.start;
@@ -141,7 +145,7 @@ impl BaseLattice {
 }
 
 /// Marks the patches of rows that a shadow touches.
-fn mark_occupied(view: &View<'_>, grid: &PatchGrid, places: &mut [Option<u32>]) {
+fn mark_occupied(view: &ViewContext<'_>, grid: &PatchGrid, places: &mut [Option<u32>]) {
     for shadow in view.shadows {
         let [rows, beamlets] = shadow.patches(view.lattice);
         for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {

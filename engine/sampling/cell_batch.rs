@@ -10,7 +10,7 @@
 
 use super::cell_moments::CellMoments;
 use super::lattice::Lattice;
-use crate::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
 use crate::parallel;
 use crate::trace::Tally;
 use bytemuck::Pod;
@@ -21,9 +21,9 @@ const NARROW: f32 = 2.5e-7;
 
 /// Strips and cells, ready to be illuminated.
 #[derive(Debug, Clone, Default)]
-pub struct Strips {
+pub struct CellBatch {
     /// Strips.
-    pub strips: Vec<Strip>,
+    pub strips: Vec<CellRow>,
     /// Their cells.
     pub cells: Vec<Cell>,
     /// Moments of the rays that bound the cells, where they are kept.
@@ -38,14 +38,14 @@ pub struct Strips {
     pub tally: Tally,
 }
 
-impl Strips {
+impl CellBatch {
     /// Appends a strip with its cells and their moments.
-    pub(crate) fn push(&mut self, strip: Strip, cells: &[Cell], moments: &CellMoments) {
+    pub(crate) fn push(&mut self, strip: CellRow, cells: &[Cell], moments: &CellMoments) {
         if cells.is_empty() {
             return;
         }
         let (first, count) = (self.cells.len() as u32, cells.len() as u32);
-        self.strips.push(Strip { first, count, ..reach_of(strip, cells) });
+        self.strips.push(CellRow { first, count, ..reach_of(strip, cells) });
         self.cells.extend_from_slice(cells);
         self.moments.append(moments, first);
     }
@@ -84,7 +84,10 @@ impl Strips {
 }
 
 /// What all parts have of something, which is gone from them.
-fn join<T: Pod + Send + Sync>(parts: &mut [Strips], of: fn(&mut Strips) -> &mut Vec<T>) -> Vec<T> {
+fn join<T: Pod + Send + Sync>(
+    parts: &mut [CellBatch],
+    of: fn(&mut CellBatch) -> &mut Vec<T>,
+) -> Vec<T> {
     let own: Vec<Vec<T>> = parts.iter_mut().map(|part| std::mem::take(of(part))).collect();
     match <[Vec<T>; 1]>::try_from(own) {
         Ok([only]) => only,
@@ -93,8 +96,8 @@ fn join<T: Pod + Send + Sync>(parts: &mut [Strips], of: fn(&mut Strips) -> &mut 
 }
 
 /// A strip with what its cells let through and how far their light lands.
-fn reach_of(strip: Strip, cells: &[Cell]) -> Strip {
-    let mut strip = Strip {
+fn reach_of(strip: CellRow, cells: &[Cell]) -> CellRow {
+    let mut strip = CellRow {
         light: 0.0,
         low_landing: f32::INFINITY,
         high_landing: f32::NEG_INFINITY,
@@ -125,8 +128,8 @@ fn reach_of(strip: Strip, cells: &[Cell]) -> Strip {
 
 /// Strips of all beamlets without a sample: one cell each.
 #[must_use]
-pub(crate) fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
-    let mut out = Strips::default();
+pub(crate) fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> CellBatch {
+    let mut out = CellBatch::default();
     let cell = empty_cell(lattice);
     let first = lattice.beamlets.start;
     let places = rows.flat_map(|row| lattice.direct.clone().map(move |k| (k - first, row)));
@@ -138,18 +141,18 @@ pub(crate) fn empty_strips(lattice: &Lattice, rows: Range<i64>) -> Strips {
 
 /// Strips of whole rows without a sample at places (column, row), one for rows that follow one
 /// another in a block.
-pub(crate) fn blank_strips(lattice: &Lattice, mut places: Vec<(i64, i64)>) -> Vec<Strip> {
+pub(crate) fn blank_strips(lattice: &Lattice, mut places: Vec<(i64, i64)>) -> Vec<CellRow> {
     places.sort_unstable();
     let block = |row: i64| row.div_euclid(i64::from(lattice.alike_rows));
     let alike =
         |a: &(i64, i64), b: &(i64, i64)| a.0 == b.0 && a.1 + 1 == b.1 && block(a.1) == block(b.1);
     let strip =
-        |run: &[(i64, i64)]| Strip { rows: run.len() as u32, ..empty_strip(run[0].0, run[0].1) };
+        |run: &[(i64, i64)]| CellRow { rows: run.len() as u32, ..empty_strip(run[0].0, run[0].1) };
     places.chunk_by(alike).map(strip).collect()
 }
 
-pub(crate) fn empty_strip(column: i64, row: i64) -> Strip {
-    Strip {
+pub(crate) fn empty_strip(column: i64, row: i64) -> CellRow {
+    CellRow {
         first: 0,
         count: 0,
         column: column as u32,

@@ -6,15 +6,15 @@
     reason = "counts are bounded by the scene's validation"
 )]
 
-use super::View;
+use super::ViewContext;
 use super::facet_lists::MOST_FACETS;
 use super::patch_grid::PatchGrid;
-use super::projected_bounds::Shadow;
+use super::projected_bounds::ProjectedBounds;
 
 /// Patches that are crowded as the projected bounds of components tell, and the components that
 /// stand in such patches alone: bundles of fibres, whose facets need not be looked at one by one.
-pub(super) fn bundles(view: &View<'_>, grid: &PatchGrid) -> (Vec<bool>, Vec<bool>) {
-    let each = |shadow: &Shadow, visit: &mut dyn FnMut(usize)| {
+pub(super) fn bundles(view: &ViewContext<'_>, grid: &PatchGrid) -> (Vec<bool>, Vec<bool>) {
+    let each = |shadow: &ProjectedBounds, visit: &mut dyn FnMut(usize)| {
         let [rows, beamlets] = shadow.patches(view.lattice);
         for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {
             grid.in_row(row, beamlets.clone()).for_each(&mut *visit);
@@ -30,7 +30,7 @@ pub(super) fn bundles(view: &View<'_>, grid: &PatchGrid) -> (Vec<bool>, Vec<bool
     }
     // Twice, since facets spread unevenly.
     let crowded: Vec<bool> = least.iter().map(|n| *n > 2.0 * MOST_FACETS as f32).collect();
-    let alone = |shadow: &Shadow| {
+    let alone = |shadow: &ProjectedBounds| {
         let mut alone = true;
         each(shadow, &mut |patch| alone &= crowded[patch]);
         alone

@@ -7,8 +7,8 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::View;
-use super::cell_batch::{Strips, empty_strip};
+use super::ViewContext;
+use super::cell_batch::{CellBatch, empty_strip};
 use super::cell_moments::{CellMoments, ExactCell};
 use super::error_estimate::Estimator;
 use super::moment_recording::LawEnds;
@@ -17,8 +17,8 @@ use super::patch::{Known, Patch, alike, part};
 use super::rectangle::Rectangle;
 use crate::Result;
 use crate::interface::{
-    Cell, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law, MOMENTS_PER_MATERIAL,
-    Strip,
+    Cell, CellRow, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law,
+    MOMENTS_PER_MATERIAL,
 };
 use crate::trace::Tracer;
 use rayon::prelude::*;
@@ -42,7 +42,7 @@ const FULL_SHARE: f32 = 1.0 / 40.0;
 
 /// Makes cells.
 pub(super) struct Emitter<'a> {
-    view: &'a View<'a>,
+    view: &'a ViewContext<'a>,
     estimator: &'a Estimator<'a>,
     lit: &'a Range<i64>,
     /// Analyser over detector distance.
@@ -56,7 +56,7 @@ const KIND: u32 = FLAG_EXACT | FLAG_GRAZING | FLAG_REFLECTED;
 
 impl<'a> Emitter<'a> {
     pub(super) fn new(
-        view: &'a View<'a>,
+        view: &'a ViewContext<'a>,
         estimator: &'a Estimator<'a>,
         lit: &'a Range<i64>,
     ) -> Self {
@@ -76,7 +76,7 @@ impl<'a> Emitter<'a> {
         &self,
         tracer: &mut Tracer,
         patches: &[&Patch],
-    ) -> Result<(Strips, Vec<(i64, i64)>)> {
+    ) -> Result<(CellBatch, Vec<(i64, i64)>)> {
         let rectangles: Vec<Vec<Rectangle>> =
             patches.par_iter().map(|patch| self.rectangles(patch)).collect();
         let moments = match self.view.keep {
@@ -91,11 +91,11 @@ impl<'a> Emitter<'a> {
             }
         }
         let words = tracer.materials() * MOMENTS_PER_MATERIAL;
-        let parts: Vec<Strips> = (patches, rectangles, moments)
+        let parts: Vec<CellBatch> = (patches, rectangles, moments)
             .into_par_iter()
             .map(|(patch, rectangles, moments)| self.strips(patch, &rectangles, &moments, words))
             .collect();
-        Ok((Strips::concat(parts), empty))
+        Ok((CellBatch::concat(parts), empty))
     }
 
     /// The leaves by height, then x, empty neighbours as one; none where all are empty.
@@ -231,8 +231,8 @@ impl<'a> Emitter<'a> {
         rectangles: &[Rectangle],
         moments: &[f32],
         words: usize,
-    ) -> Strips {
-        let mut out = Strips::default();
+    ) -> CellBatch {
+        let mut out = CellBatch::default();
         let words = if moments.is_empty() { 0 } else { 2 * words };
         let mut begin = 0;
         while begin < rectangles.len() {
@@ -261,7 +261,7 @@ impl<'a> Emitter<'a> {
     /// A strip of rectangles, moved along x by a shift and cut to the period.
     fn push_strip(
         &self,
-        out: &mut Strips,
+        out: &mut CellBatch,
         patch: &Patch,
         rectangles: &[Rectangle],
         z: [f32; 2],
@@ -300,7 +300,7 @@ impl<'a> Emitter<'a> {
             let pixel_shift = law.displacement_x * (1.0 - self.ratio)
                 - law.slope_x * self.estimator.gap * self.ratio;
             let down = -f64::from(displacement_z / self.estimator.row_pitch);
-            let farthest = down * self.view.stronger();
+            let farthest = down * self.view.delta_ratio();
             lands.start = lands.start.min(farthest.floor() as i64);
             lands.end = lands.end.max(farthest.ceil() as i64 + 1);
             // Its upper end may land otherwise than its lower one.
@@ -349,7 +349,7 @@ impl<'a> Emitter<'a> {
             });
         }
         if patch.row + lands.end > self.lit.start && patch.row + lands.start < self.lit.end {
-            let strip = Strip { top: z[0], bottom: z[1], ..empty_strip(column, patch.row) };
+            let strip = CellRow { top: z[0], bottom: z[1], ..empty_strip(column, patch.row) };
             out.push(strip, &cells, &kept);
         }
     }

@@ -7,14 +7,14 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::View;
+use super::ViewContext;
 use super::crowding::bundles;
 use super::lattice::Lattice;
 use super::patch_grid::PatchGrid;
 use super::polygon::Area;
 use crate::geometry::Sample;
 use crate::scene::{Scene, Transport};
-use crate::trace::{Media, least_cosine, object_hash};
+use crate::trace::{MaterialTable, least_cosine, object_hash};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -51,15 +51,15 @@ pub(crate) struct SampleFacets {
 }
 
 impl SampleFacets {
-    /// At the mean constants of the media; rays are flagged for steps of delta that are `stronger`
+    /// At the mean constants of the media; rays are flagged for steps of delta that are `delta_ratio`
     /// times as large. Nothing where all rays are traced in order. `across`:
     /// [`crate::geometry::across_edges`] of the sample.
     #[must_use]
     pub(crate) fn new(
         scene: &Scene,
         sample: &Sample,
-        media: &Media,
-        stronger: f64,
+        media: &MaterialTable,
+        delta_ratio: f64,
         across: Vec<[u32; 3]>,
     ) -> Option<Self> {
         if scene.sampling.transport == Transport::Exact {
@@ -75,7 +75,7 @@ impl SampleFacets {
                 delta: a.delta - b.delta,
                 least_cosine: match scene.sampling.transport {
                     Transport::FirstOrder => 0.0,
-                    _ => least_cosine(stronger * media.step(inside, outside)),
+                    _ => least_cosine(delta_ratio * media.step(inside, outside)),
                 },
             }
         };
@@ -225,7 +225,7 @@ pub(super) struct FacetLists<'a> {
 
 impl<'a> FacetLists<'a> {
     /// Of a view; nothing where the sample keeps no facets.
-    pub(super) fn new(view: &View<'a>, rows: &Range<i64>) -> Option<Self> {
+    pub(super) fn new(view: &ViewContext<'a>, rows: &Range<i64>) -> Option<Self> {
         let facets = view.facets?;
         let lattice = view.lattice;
         let angle = view.scene.scan.angles[view.index as usize];

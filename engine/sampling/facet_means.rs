@@ -7,7 +7,7 @@
     reason = "rounding to f32 is meant; counts of layers are small"
 )]
 
-use super::View;
+use super::ViewContext;
 use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
 use super::patch::{Patch, Residuals, middle};
@@ -107,7 +107,7 @@ pub(super) struct FacetMeans<'a> {
 }
 
 impl<'a> FacetMeans<'a> {
-    pub(super) fn new(view: &View<'a>, steps: &'a [SurfaceStep]) -> Self {
+    pub(super) fn new(view: &ViewContext<'a>, steps: &'a [SurfaceStep]) -> Self {
         let scene = view.scene;
         Self {
             steps,

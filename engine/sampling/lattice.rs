@@ -9,7 +9,7 @@
 )]
 
 use super::dissection::PieceRows;
-use super::projected_bounds::Shadow;
+use super::projected_bounds::ProjectedBounds;
 use super::row_spread::RowSpread;
 use crate::interface::{Column, Ray};
 use crate::scene::{MaskSpec, Scene};
@@ -225,7 +225,7 @@ impl Lattice {
 
     /// Whether a ray from anywhere on the spot to this pixel can meet one of the shadows.
     #[must_use]
-    pub fn pixel_meets(&self, shadows: &[Shadow], column: i64, row: i64) -> bool {
+    pub fn pixel_meets(&self, shadows: &[ProjectedBounds], column: i64, row: i64) -> bool {
         let (column, row) = (column as f64, row as f64);
         shadows.iter().any(|s| {
             let at = |x: f64| x * self.detector / self.plane / self.pitch[0] + self.pixels[0] / 2.0;

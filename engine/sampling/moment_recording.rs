@@ -2,7 +2,7 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
 
-use super::View;
+use super::ViewContext;
 use super::neighbours::Slopes;
 use super::patch::Patch;
 use super::rectangle::Rectangle;
@@ -12,7 +12,7 @@ use crate::interface::{
 };
 use crate::material::Constants;
 use crate::parallel;
-use crate::trace::{Media, Tracer, object_hash};
+use crate::trace::{MaterialTable, Tracer, object_hash};
 use rayon::prelude::*;
 
 /// Of constants on both sides of a surface, by which a law tells moments.
@@ -20,22 +20,22 @@ const LEAST_CONTRAST: f64 = 0.05;
 
 /// For what moments are kept.
 #[derive(Debug, Clone)]
-pub(crate) struct Keep {
+pub(crate) struct MomentRecording {
     /// Constants of the materials that rays are walked at.
     reference: Vec<Constants>,
     /// How much more strongly the sample may refract than at these constants, 1 or more.
-    pub(super) stronger: f64,
+    pub(super) delta_ratio: f64,
     /// Signature of a ray that goes into a body and out of it, and meets no other, with the
     /// body's material; sorted.
     alone: Vec<(u32, u32)>,
 }
 
-impl Keep {
+impl MomentRecording {
     /// For media walked at constants of `reference`; `in_hand`: how much more strongly than at its energies the media may refract in another scene.
     #[must_use]
-    pub(crate) fn new(media: &Media, reference: &[Constants], in_hand: f64) -> Self {
+    pub(crate) fn new(media: &MaterialTable, reference: &[Constants], in_hand: f64) -> Self {
         let of_node = media.constants.iter().flat_map(|node| node.iter().zip(reference));
-        let stronger = of_node
+        let delta_ratio = of_node
             .filter(|(_, reference)| reference.delta != 0.0)
             .map(|(node, reference)| (node.delta / reference.delta).abs())
             .fold(1.0, f64::max);
@@ -51,7 +51,7 @@ impl Keep {
             .flatten()
             .copied()
             .collect();
-        Self { reference: reference.to_vec(), stronger: in_hand * stronger, alone }
+        Self { reference: reference.to_vec(), delta_ratio: in_hand * delta_ratio, alone }
     }
 
     /// Whether a law tells the moments of its ray, and then of which material they are: those of a
@@ -103,7 +103,7 @@ impl Keep {
     pub(super) fn record(
         &self,
         tracer: &mut Tracer,
-        view: &View<'_>,
+        view: &ViewContext<'_>,
         patches: &[&Patch],
         rectangles: &[Vec<Rectangle>],
     ) -> Result<Vec<Vec<f32>>> {

@@ -15,7 +15,7 @@ use std::ops::Range;
 
 /// Shadow of one component from the source centre: a rectangle, and how fine it may be inside.
 #[derive(Debug, Clone, Copy)]
-pub struct Shadow {
+pub struct ProjectedBounds {
     /// x in the cell plane, m.
     pub x: [f64; 2],
     /// Row coordinates, downwards.
@@ -26,7 +26,7 @@ pub struct Shadow {
     pub height: f64,
 }
 
-impl Shadow {
+impl ProjectedBounds {
     /// Rows (of any number) and beamlets of the lattice whose patches it touches.
     pub(super) fn patches(&self, lattice: &Lattice) -> [Range<i64>; 2] {
         let [top, bottom] = self.rows.map(|row| row.floor() as i64);
@@ -39,7 +39,7 @@ impl Shadow {
 const CHORD_SHARE: f64 = 0.5;
 
 /// Shadows of all components in a view.
-pub(crate) fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Shadow> {
+pub(crate) fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<ProjectedBounds> {
     let [cos, sin] = view.turn();
     let scale = lattice.project(1.0, 0.0, 0.0)[0];
     let rows_per_metre = lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];
@@ -64,7 +64,7 @@ pub(crate) fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Sh
                 x = [x[0].min(px), x[1].max(px)];
                 rows = [rows[0].min(row), rows[1].max(row)];
             }
-            Shadow {
+            ProjectedBounds {
                 x,
                 rows,
                 width: CHORD_SHARE * chord_x * scale,

@@ -8,7 +8,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::View;
+use super::ViewContext;
 use super::alignment::Scanlines;
 use super::base_lattice::BaseLattice;
 use super::error_estimate::Estimator;
@@ -67,7 +67,7 @@ pub(super) struct Work {
 
 /// Refines patches.
 pub(super) struct Refiner<'a> {
-    view: &'a View<'a>,
+    view: &'a ViewContext<'a>,
     pub(super) estimator: Estimator<'a>,
     facets: Option<(FacetLists<'a>, FacetMeans<'a>)>,
     narrow: HashMap<(i64, i64), Vec<Narrow>>,
@@ -76,7 +76,7 @@ pub(super) struct Refiner<'a> {
 
 impl<'a> Refiner<'a> {
     pub(super) fn new(
-        view: &'a View<'a>,
+        view: &'a ViewContext<'a>,
         base: &'a BaseLattice,
         rows: &Range<i64>,
         narrow: HashMap<(i64, i64), Vec<Narrow>>,
@@ -241,7 +241,7 @@ impl<'a> Refiner<'a> {
         });
         let reach = patch.nodes.iter().map(|node| node.law.landing_z(self.estimator.gap).abs());
         let rows = f64::from(2.0 * reach.fold(0.0, f32::max) / self.estimator.row_pitch);
-        let rows = (rows * self.view.stronger()).ceil() as i64;
+        let rows = (rows * self.view.delta_ratio()).ceil() as i64;
         smooth && (row + rows < self.lit.start || row - rows >= self.lit.end)
     }
 

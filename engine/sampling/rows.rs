@@ -8,16 +8,16 @@
 )]
 
 use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
-use super::cell_batch::{Strips, blank_strips, empty_cell};
+use super::cell_batch::{CellBatch, blank_strips, empty_cell};
 use super::cell_moments::CellMoments;
 use super::emission::Emitter;
 use super::error_budget::{ErrorBudget, tally_of};
 use super::facet_lists::SampleFacets;
 use super::judgement::Narrow;
 use super::lattice::Lattice;
-use super::moment_recording::Keep;
+use super::moment_recording::MomentRecording;
 use super::patch::Patch;
-use super::projected_bounds::Shadow;
+use super::projected_bounds::ProjectedBounds;
 use super::refinement::{Refiner, Work};
 use super::response::Response;
 use crate::Result;
@@ -38,7 +38,7 @@ const BLANK_AT_ONCE: usize = 1 << 12;
 
 /// What the cells of a view are made from.
 #[derive(Debug)]
-pub(crate) struct View<'a> {
+pub(crate) struct ViewContext<'a> {
     /// The scene that is traced.
     pub scene: &'a Scene,
     /// Its sample.
@@ -50,29 +50,29 @@ pub(crate) struct View<'a> {
     /// Index of the view.
     pub index: u32,
     /// Projected bounds of the components.
-    pub shadows: &'a [Shadow],
+    pub shadows: &'a [ProjectedBounds],
     /// Keep the moments of the rays, for other energies or masks.
-    pub keep: Option<&'a Keep>,
+    pub keep: Option<&'a MomentRecording>,
     /// What changes of a law do to recorded values.
     pub response: &'a Response,
     /// What sampling may leave.
     pub budget: ErrorBudget,
 }
 
-impl View<'_> {
+impl ViewContext<'_> {
     /// The ray through a place of a beamlet (m from its centre) and row (share of it).
     pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
         self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)
     }
 
     /// How much farther than its law says light may land, at another energy.
-    pub(super) fn stronger(&self) -> f64 {
-        self.keep.map_or(1.0, |keep| keep.stronger)
+    pub(super) fn delta_ratio(&self) -> f64 {
+        self.keep.map_or(1.0, |keep| keep.delta_ratio)
     }
 }
 
 /// Takes strips as they are ready; may trace with the tracer that it is lent.
-pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &Strips) -> Result<()>;
+pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<()>;
 
 /// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
 /// which undeflected light matters; what neither stands nor lands there is left out. About
@@ -82,7 +82,7 @@ pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &Strips) -> Result<()>
 /// # Errors
 /// As [`Tracer::trace`]; those of `take`.
 pub(crate) fn sample_rows(
-    view: &View<'_>,
+    view: &ViewContext<'_>,
     tracer: &mut Tracer,
     rows: Range<i64>,
     lit: &Range<i64>,
@@ -128,7 +128,7 @@ pub(crate) fn sample_rows(
     let words = if view.keep.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
     for strips in blank_strips(view.lattice, blank).chunks(BLANK_AT_ONCE) {
-        let mut part = Strips::default();
+        let mut part = CellBatch::default();
         strips.iter().for_each(|strip| part.push(*strip, &[cell], &none));
         take(tracer, &part)?;
     }
@@ -137,12 +137,12 @@ pub(crate) fn sample_rows(
 
 /// The cells of some patches, and the places (column, row) of those that no ray of meets the sample.
 pub(super) fn refined(
-    view: &View<'_>,
+    view: &ViewContext<'_>,
     refiner: &Refiner<'_>,
     tracer: &mut Tracer,
     patches: &[(i64, i64)],
     lit: &Range<i64>,
-) -> Result<(Strips, Vec<(i64, i64)>)> {
+) -> Result<(CellBatch, Vec<(i64, i64)>)> {
     let mut work: Vec<Work> = patches.par_iter().filter_map(|at| refiner.begin(*at)).collect();
     refiner.align(tracer, &mut work)?;
     refiner.refine(tracer, &mut work)?;
@@ -167,7 +167,7 @@ fn blocks(rows: &Range<i64>) -> impl Iterator<Item = Range<i64>> {
 
 /// By beamlet and row the components that may hide between base rays, in coordinates of the patch.
 pub(super) fn narrow_components(
-    view: &View<'_>,
+    view: &ViewContext<'_>,
     rows: &Range<i64>,
     base: [u32; 2],
 ) -> HashMap<(i64, i64), Vec<Narrow>> {

@@ -8,7 +8,7 @@
     reason = "counts are small; costs are estimates"
 )]
 
-use super::View;
+use super::ViewContext;
 use super::base_lattice::BaseLattice;
 use super::refinement::Refiner;
 use super::rows::{Take, narrow_components, refined};
@@ -83,7 +83,7 @@ impl RowsCost {
 /// # Errors
 /// As [`Tracer::trace`]; those of `take`.
 pub(crate) fn survey_rows(
-    view: &View<'_>,
+    view: &ViewContext<'_>,
     tracer: &mut Tracer,
     rows: Range<i64>,
     lit: &Range<i64>,

@@ -4,7 +4,7 @@ use super::tracer::push_bytes;
 use super::upload::DeviceSample;
 use crate::Result;
 use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
-use crate::interface::{Crossing, CrossingsPush, GROUP, MetSurface, Ray};
+use crate::interface::{Crossing, CrossingsPush, GROUP, Ray, SurfaceCrossing};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ impl CrossingFinder {
             kernel: device.kernel("crossings", shaders::CROSSINGS, push)?,
             most,
             rays: make("rays", u64::from(RAYS) * size_of::<Ray>() as u64)?,
-            met: make("crossings", of_all(size_of::<MetSurface>()))?,
+            met: make("crossings", of_all(size_of::<SurfaceCrossing>()))?,
             lists: make("lists of crossings", of_all(size_of::<Crossing>()))?,
             counts: make("counts of crossings", u64::from(RAYS) * 4)?,
         })
@@ -53,7 +53,11 @@ impl CrossingFinder {
     ///
     /// # Errors
     /// [`crate::Error::Device`].
-    pub fn find(&self, rays: &[Ray], mut visit: impl FnMut(usize, &[MetSurface])) -> Result<()> {
+    pub fn find(
+        &self,
+        rays: &[Ray],
+        mut visit: impl FnMut(usize, &[SurfaceCrossing]),
+    ) -> Result<()> {
         let most = self.most as usize;
         let mut size = 4096;
         let mut done = 0;
@@ -85,7 +89,7 @@ impl CrossingFinder {
                 }
             }
             let counts = self.counts.read::<u32>(0, batch.len())?;
-            let met = self.met.read::<MetSurface>(0, batch.len() * most)?;
+            let met = self.met.read::<SurfaceCrossing>(0, batch.len() * most)?;
             for (ray, (count, met)) in counts.iter().zip(met.chunks(most)).enumerate() {
                 visit(done + ray, &met[..*count as usize]);
             }

@@ -7,7 +7,7 @@ use crate::spectrum;
 
 /// Materials by index; index 0 is the surroundings.
 #[derive(Debug, Clone)]
-pub struct Media {
+pub struct MaterialTable {
     /// Names.
     pub names: Vec<String>,
     /// Energy of each node of the beam's spectrum, keV; one for a single energy.
@@ -20,7 +20,7 @@ pub struct Media {
     pub of_object: Vec<u32>,
 }
 
-impl Media {
+impl MaterialTable {
     /// Collects the materials of a scene.
     ///
     /// # Errors

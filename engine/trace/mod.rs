@@ -7,9 +7,9 @@ mod tally;
 mod tracer;
 mod upload;
 
-pub use crate::interface::{Law, MetSurface, Ray};
+pub use crate::interface::{Law, Ray, SurfaceCrossing};
 pub use crossings::CrossingFinder;
-pub use media::Media;
+pub use media::MaterialTable;
 pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};
 pub use tally::Tally;

@@ -7,7 +7,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::media::Media;
+use super::media::MaterialTable;
 use crate::Result;
 use crate::accel::Bvh;
 use crate::geometry;
@@ -33,7 +33,7 @@ pub struct DeviceSample {
 
 impl DeviceSample {
     /// Uploads geometry, materials and views; builds acceleration structures if `ray_query`.
-    /// `across`: [`geometry::across_edges`] of the sample. Rays are flagged for steps of delta that are `stronger` times the scene's.
+    /// `across`: [`geometry::across_edges`] of the sample. Rays are flagged for steps of delta that are `delta_ratio` times the scene's.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Device`], [`crate::Error::Mesh`].
@@ -42,15 +42,15 @@ impl DeviceSample {
         scene: &Scene,
         sample: &geometry::Sample,
         across: &[[u32; 3]],
-        media: &Media,
+        media: &MaterialTable,
         ray_query: bool,
-        stronger: f64,
+        delta_ratio: f64,
     ) -> Result<Self> {
         let Bvh { nodes, leaves, boxes, neighbours } = Bvh::build(sample, across)?;
         let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
         let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
-            sample.components.iter().map(|c| surface(scene, media, c, stronger)).collect();
+            sample.components.iter().map(|c| surface(scene, media, c, delta_ratio)).collect();
         let materials = media.names.len();
         let constants: Vec<interface::Constants> = std::iter::once(&media.mean())
             .chain(&media.constants)
@@ -124,12 +124,12 @@ fn view(scene: &Scene, view: &scene::View, reach: f64) -> View {
 
 fn surface(
     scene: &Scene,
-    media: &Media,
+    media: &MaterialTable,
     component: &geometry::Component,
-    stronger: f64,
+    delta_ratio: f64,
 ) -> Surface {
     let [inside, outside] = media.sides(component.object, component.outside);
-    let jump = stronger * media.step(inside, outside);
+    let jump = delta_ratio * media.step(inside, outside);
     let grazing = match scene.sampling.transport {
         Transport::FirstOrder => 0.0,
         Transport::Auto | Transport::Exact => least_cosine(jump),

@@ -95,7 +95,7 @@ float response(Column column, Bars bars, Piece piece, float low, float high, boo
 // that meets the sample in the same place crosses the cell plane: what the sample does depends
 // on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
 // cell plane and of the detector mask on the analyser.
-Piece piece_of(Strip strip, Cell cell, float a, float b, float transmission, vec2 soft) {
+Piece piece_of(CellRow strip, Cell cell, float a, float b, float transmission, vec2 soft) {
     float span = cell.x_high - cell.x_low;
     float depth_slope = (cell.depth_high - cell.depth_low) / span;
     float bend = (cell.displacement_high - cell.displacement_low) / span;

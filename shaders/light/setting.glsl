@@ -1,7 +1,7 @@
 // What the light of a strip meets: at all steps, at one step, and in one layer of one aperture.
 
 // The strip of this invocation, its beamlet, and the bars of sample and detector mask before it.
-Strip strip;
+CellRow strip;
 Column column;
 Bars bars;
 Bars bars_behind;

@@ -7,7 +7,7 @@ const uint REFLECTION_HASH = 0x9e3779b9u;
 // A ray on its way through the sample.
 struct Walk {
     Bent ray;
-    Media media;
+    MediumSet media;
     uint constants; // of material 0
     uint material;
     float entered; // y where the material began

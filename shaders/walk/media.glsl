@@ -2,13 +2,13 @@
 
 const uint DEPTH = 16u; // objects that a point may be inside of at once
 
-struct Media {
+struct MediumSet {
     uint objects[DEPTH];
     uint count;
 };
 
 // Where the object stands in the set; DEPTH: nowhere.
-uint place_of(Media media, uint object) {
+uint place_of(MediumSet media, uint object) {
     for (uint i = 0u; i < media.count; i++) {
         if (media.objects[i] == object) return i;
     }
@@ -16,7 +16,7 @@ uint place_of(Media media, uint object) {
 }
 
 // The material once the object has been entered, or left.
-uint material_after(Media media, uint object, bool entering, uint place) {
+uint material_after(MediumSet media, uint object, bool entering, uint place) {
     uint winner = entering ? object + 1u : 0u; // object index + 1
     for (uint i = 0u; i < media.count; i++) {
         if (entering || i != place) winner = max(winner, media.objects[i] + 1u);
@@ -25,7 +25,7 @@ uint material_after(Media media, uint object, bool entering, uint place) {
 }
 
 // Enters the object, or leaves it from its place.
-void media_change(inout Media media, uint object, bool entering, uint place) {
+void media_change(inout MediumSet media, uint object, bool entering, uint place) {
     if (entering) {
         media.objects[media.count] = object;
         media.count += 1u;

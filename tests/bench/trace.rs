@@ -9,7 +9,7 @@
 mod scenes;
 
 use beamlet::internals::gpu::{Device, DeviceOptions};
-use beamlet::internals::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
+use beamlet::internals::trace::{DeviceSample, MaterialTable, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
 use std::fmt::Write;
@@ -77,7 +77,7 @@ fn tracer(scene: &Scene, backend: Backend) -> Option<Tracer> {
         return None;
     }
     let sample = geometry::load(scene).unwrap();
-    let media = Media::of(scene).unwrap();
+    let media = MaterialTable::of(scene).unwrap();
     let sample = DeviceSample::upload(
         &device,
         scene,

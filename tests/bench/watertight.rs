@@ -20,7 +20,7 @@ mod reference;
 
 use beamlet::internals::gpu::{Device, DeviceOptions};
 use beamlet::internals::interface::FLAG_UNBALANCED;
-use beamlet::internals::trace::{DeviceSample, Media, Ray, TraceKernels, Tracer};
+use beamlet::internals::trace::{DeviceSample, MaterialTable, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
 use rayon::prelude::*;
@@ -166,7 +166,7 @@ fn scene_of(bodies: &[Body]) -> Scene {
 /// A tracer of its own, so that its tally can be read.
 fn tracer(device: &Arc<Device>, backend: Backend, scene: &Scene) -> Tracer {
     let sample = geometry::load(scene).expect("a sample");
-    let media = Media::of(scene).expect("media");
+    let media = MaterialTable::of(scene).expect("media");
     let query = backend == Backend::RayQuery;
     let sample = DeviceSample::upload(
         device,

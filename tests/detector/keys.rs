@@ -1,7 +1,7 @@
 //! Keys of the detector: what is refused, and that the resolved scene reads back.
 
 use beamlet::Engine;
-use beamlet::internals::detector::Detection;
+use beamlet::internals::detector::DetectorModel;
 use beamlet::scene::{Blur, Scatter, Scene};
 use std::collections::BTreeMap;
 
@@ -108,13 +108,13 @@ fn files_and_materials_that_cannot_serve_are_refused_before_anything_runs() {
     ];
     for (text, words) in cases {
         let scene = Scene::from_toml(&format!("{SCENE}{text}"), place.path()).unwrap();
-        let message = Detection::of(&scene).expect_err(text).to_string();
+        let message = DetectorModel::of(&scene).expect_err(text).to_string();
         assert!(message.contains(words), "{text}: {message}");
         // The run and the check refuse in the same words.
         assert_eq!(beamlet::check::check(&scene).expect_err(text).to_string(), message);
     }
     let scene = load("absorber = { material = \"vacuum\", thickness = \"1 mm\" }").unwrap();
-    assert!(Detection::of(&scene).unwrap_err().to_string().contains("no signal"));
+    assert!(DetectorModel::of(&scene).unwrap_err().to_string().contains("no signal"));
     drop(Engine::open(&beamlet::EngineOptions::default()));
 }
 

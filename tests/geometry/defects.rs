@@ -1,6 +1,6 @@
 //! What is found wrong with a mesh, where, and what of it is refused.
 
-use beamlet::geometry::{Defects, Sample, inspect, load};
+use beamlet::geometry::{Defects, Sample, load, load_lenient};
 use beamlet::scene::{Object, Shape};
 
 use crate::set_up::{Arrays, at, close, scene, shape};
@@ -10,7 +10,7 @@ fn try_load(mesh: Arrays, allowed: bool) -> (beamlet::Result<Sample>, Defects) {
     let mut object = mesh.object("part");
     object.allow_defects = allowed;
     let scene = scene(vec![object]);
-    let (inspected, refusals) = inspect(&scene).unwrap();
+    let (inspected, refusals) = load_lenient(&scene).unwrap();
     let loaded = load(&scene);
     assert_eq!(loaded.is_err(), !refusals.is_empty());
     (loaded, inspected.objects[0].defects.clone())

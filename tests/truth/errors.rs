@@ -3,7 +3,7 @@
 use super::cases::Case;
 use super::classes::{Class, classes};
 use beamlet::internals::sampling::Lattice;
-use beamlet::internals::trace::Media;
+use beamlet::internals::trace::MaterialTable;
 use beamlet::scene::{Scene, Transport};
 use beamlet::stack::ArraySink;
 use beamlet::{Control, Engine, SamplingSummary};
@@ -142,7 +142,7 @@ impl Errors {
 pub(crate) fn displacements(engine: &Engine, scene: &Scene) -> Array3<f64> {
     let mask = scene.sample_mask.as_ref().expect("a sample mask");
     let half = 0.5 * mask.aperture;
-    let lattice = Lattice::of(scene, Media::of(scene).expect("media").strongest());
+    let lattice = Lattice::of(scene, MaterialTable::of(scene).expect("media").strongest());
     let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
     let steps = scene.scan.mask_offsets.len();
     let simulation = engine.prepare(scene).expect("a simulation");

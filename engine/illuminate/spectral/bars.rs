@@ -11,8 +11,8 @@
 use super::join::Limits;
 use super::{NEGLIGIBLE, Spectral};
 use crate::illuminate::light::MaskShape;
-use crate::interface::Strip;
-use crate::sampling::Strips;
+use crate::interface::CellRow;
+use crate::sampling::CellBatch;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -58,9 +58,9 @@ pub(crate) struct KnownBars {
 
 impl KnownBars {
     /// Knows the places of strips, and no others.
-    pub(super) fn look_at(&mut self, spectral: &Spectral, strips: &Strips) {
+    pub(super) fn look_at(&mut self, spectral: &Spectral, strips: &CellBatch) {
         let columns = spectral.slopes.len();
-        let block = |strip: &Strip| spectral.place(strip).1;
+        let block = |strip: &CellRow| spectral.place(strip).1;
         let first_block = strips.strips.iter().map(block).min().unwrap_or_default();
         let blocks = strips.strips.iter().map(|strip| block(strip) - first_block + 1).max();
         let mut wanted = vec![false; columns * blocks.unwrap_or_default() as usize];
@@ -84,13 +84,13 @@ impl KnownBars {
             wanted.into_par_iter().zip(known).enumerate().with_min_len(64).map(bars).collect();
     }
 
-    fn index(&self, spectral: &Spectral, strip: &Strip) -> usize {
+    fn index(&self, spectral: &Spectral, strip: &CellRow) -> usize {
         let (column, block) = spectral.place(strip);
         (block - self.first_block) as usize * spectral.slopes.len() + column as usize
     }
 
     /// Those at the place of a strip, which was looked at.
-    pub(super) fn at(&self, spectral: &Spectral, strip: &Strip) -> &Bars {
+    pub(super) fn at(&self, spectral: &Spectral, strip: &CellRow) -> &Bars {
         self.table[self.index(spectral, strip)].as_ref().expect("the place was looked at")
     }
 }
@@ -137,7 +137,7 @@ impl Spectral {
         self.masks.iter().flatten().flatten().any(closed) || !self.edges.are_close(slope)
     }
 
-    pub(super) fn place(&self, strip: &Strip) -> Place {
+    pub(super) fn place(&self, strip: &CellRow) -> Place {
         (strip.column, i64::from(strip.row).div_euclid(self.lattice.alike_rows.into()))
     }
 

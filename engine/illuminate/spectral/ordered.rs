@@ -2,11 +2,11 @@
 
 use super::{NodeLaw, Spectral};
 use crate::Result;
-use crate::interface::{Cell, FLAG_NOT_FINITE, Law, Ray, Strip};
+use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Law, Ray};
 use crate::material::Constants;
-use crate::sampling::{ExactCell, Strips};
+use crate::sampling::{CellBatch, ExactCell};
 use crate::scene::{Scene, Transport};
-use crate::trace::{Media, Tracer};
+use crate::trace::{MaterialTable, Tracer};
 use rayon::prelude::*;
 
 /// Severe cells no wider than this (m) take the mean constants' walk at every node: silhouettes
@@ -51,7 +51,7 @@ impl Repeated {
 
 impl Spectral {
     /// Repeats ordered walks at the nodes where they cannot be told from the one made.
-    pub(super) fn repeat(&self, tracer: &mut Tracer, strips: &Strips) -> Result<Repeated> {
+    pub(super) fn repeat(&self, tracer: &mut Tracer, strips: &CellBatch) -> Result<Repeated> {
         let exact = &strips.moments.exact;
         let repeats = |node: usize, width: f32, grazing: f64| {
             (width > NARROW || self.severe[node] > 1.0) && grazing < self.severe[node]
@@ -101,17 +101,18 @@ impl Spectral {
             let walked = self.walked(exact.laws.each_ref(), exact.range[end]);
             let first = self.law(reference, moments[end]);
             for (node, laws) in laws.iter_mut().enumerate() {
-                let stronger = self.stronger[node];
+                let delta_ratio = self.delta_ratio[node];
                 let law = &mut laws[end];
                 // A path that changes by refraction: linear in delta, and in mu.
                 if first.depth > 0.0 {
-                    law.depth += (walked.depth - first.depth) * stronger * law.depth / first.depth;
+                    law.depth +=
+                        (walked.depth - first.depth) * delta_ratio * law.depth / first.depth;
                 }
                 if exact.grazing() < self.severe[node] {
                     // Narrow, or not repeated: total reflection turns light by as much anywhere.
                     law.x = walked.x;
                 } else {
-                    law.x += (walked.x - first.x) * stronger * stronger;
+                    law.x += (walked.x - first.x) * delta_ratio * delta_ratio;
                 }
             }
         }
@@ -139,7 +140,7 @@ impl Spectral {
     pub(super) fn push_exact(
         &self,
         list: &mut Vec<Cell>,
-        strip: &Strip,
+        strip: &CellRow,
         cell: &Cell,
         ends: [&Law; 2],
         range: [f32; 2],
@@ -168,7 +169,7 @@ impl Spectral {
 /// reference constants does not tell the walk at a node.
 pub(super) fn severe(
     scene: &Scene,
-    media: &Media,
+    media: &MaterialTable,
     reference: &[Constants],
     flagged: f64,
 ) -> Vec<f64> {
@@ -182,8 +183,8 @@ pub(super) fn severe(
         if flagged <= 0.0 || node == reference {
             return 0.0;
         }
-        let stronger = strongest(node).max(walked) / flagged;
-        SEVERE * libm::pow(weight * stronger.powi(3), 0.2)
+        let delta_ratio = strongest(node).max(walked) / flagged;
+        SEVERE * libm::pow(weight * delta_ratio.powi(3), 0.2)
     };
     media.constants.iter().zip(&media.weights).map(share).collect()
 }

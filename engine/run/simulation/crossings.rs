@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use crate::Result;
-use crate::trace::{CrossingFinder, MetSurface, Ray};
+use crate::trace::{CrossingFinder, Ray, SurfaceCrossing};
 
 impl Simulation<'_> {
     /// Calls `visit` with the index of every ray, in order, and its first crossings with the
@@ -14,7 +14,7 @@ impl Simulation<'_> {
         &self,
         rays: &[Ray],
         most: u32,
-        visit: impl FnMut(usize, &[MetSurface]),
+        visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
         self.check_views(rays)?;
         CrossingFinder::new(self.device(), &self.on_device, most)?.find(rays, visit)

@@ -18,7 +18,7 @@ use crate::illuminate::{
 };
 use crate::interface::Pixel;
 use crate::run::{Control, Progress, ViewProgress};
-use crate::sampling::{self, Shadow, Strips};
+use crate::sampling::{self, CellBatch, ProjectedBounds};
 use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack::Sink;
 use crate::trace::Tally;
@@ -173,7 +173,7 @@ impl<'s> Work<'s> {
     fn band(
         &mut self,
         view: Exposure,
-        shadows: &[Shadow],
+        shadows: &[ProjectedBounds],
         band: &Range<u32>,
         own: &Range<u32>,
         control: &mut Control<'_>,
@@ -241,7 +241,7 @@ impl<'s> Work<'s> {
     fn cell_rows(
         &mut self,
         view: Exposure,
-        shadows: &[Shadow],
+        shadows: &[ProjectedBounds],
         rows: &Range<i64>,
         inner: &Range<i64>,
         [own, kept]: [bool; 2],
@@ -257,13 +257,13 @@ impl<'s> Work<'s> {
         let words = simulation.moment_words();
         let keep = &mut control.keep;
         // Strips as lists, one for each record of light.
-        let mut gather = |tracer: &mut Tracer, spectral: &Spectral, strips: &Strips| {
+        let mut gather = |tracer: &mut Tracer, spectral: &Spectral, strips: &CellBatch| {
             let begin = Instant::now();
             let lists = spectral.lists(tracer, bars, strips);
             illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
             lists
         };
-        let mut light = |lists: &[Strips]| {
+        let mut light = |lists: &[CellBatch]| {
             if cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
                 return Err(Error::Interrupted);
             }
@@ -272,7 +272,7 @@ impl<'s> Work<'s> {
             illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
             Ok(())
         };
-        let mut add = |tracer: &mut Tracer, strips: &Strips| {
+        let mut add = |tracer: &mut Tracer, strips: &CellBatch| {
             if own {
                 tally.split += strips.splits;
                 tally.landed_off += strips.landed_off;
@@ -288,7 +288,7 @@ impl<'s> Work<'s> {
         };
         match (view, &simulation.kept, &simulation.spectral) {
             (Exposure::Sample(index), Some(kept), Some(spectral)) => {
-                let gather = |strips: &Strips| gather(tracer, spectral, strips);
+                let gather = |strips: &CellBatch| gather(tracer, spectral, strips);
                 kept.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
             (Exposure::Sample(index), ..) if !shadows.is_empty() => {
@@ -315,7 +315,7 @@ impl<'s> Work<'s> {
         &mut self,
         scene: &Scene,
         view: Exposure,
-        shadows: &[Shadow],
+        shadows: &[ProjectedBounds],
         rows: &Range<i64>,
     ) -> Result<()> {
         let Some(kernels) = &self.random else { return Ok(()) };

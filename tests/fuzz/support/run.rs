@@ -1,7 +1,7 @@
 //! A small run, made by the library's own sink: no device has part in it.
 
 use crate::{PLACE, write};
-use beamlet::moments::Kept;
+use beamlet::moments::StoredMoments;
 use beamlet::scene::{Exposure, Scene};
 use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, check_run, views};
 use beamlet::{Backend, RunRecord, SamplingSummary, Tally};
@@ -121,7 +121,7 @@ pub fn read(path: &Path) {
 /// Reads the moments of a run and cuts them to the lattice of its own scene or of another: the
 /// number of cells, or none where they are refused.
 pub fn read_moments(path: &Path, other: bool) -> Option<usize> {
-    let kept = Kept::open(path).ok()?;
+    let kept = StoredMoments::open(path).ok()?;
     let mut scene = kept.scene().clone();
     if other {
         // Columns, rows and periods that fit nowhere together.

@@ -5,7 +5,7 @@ use super::{Work, bands};
 use crate::Result;
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
-use crate::sampling::{self, RowsCost, Shadow, Strips};
+use crate::sampling::{self, CellBatch, ProjectedBounds, RowsCost};
 use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack;
 use crate::trace::Tracer;
@@ -163,7 +163,7 @@ impl Work<'_> {
     }
 
     /// Rows of a view that shadows reach, as far as a run samples them.
-    fn rows_of(&self, shadows: &[Shadow]) -> Range<i64> {
+    fn rows_of(&self, shadows: &[ProjectedBounds]) -> Range<i64> {
         let halo = self.simulation.lattice.halo;
         let top = shadows.iter().map(|s| s.rows[0].floor() as i64).min().unwrap_or(0);
         let bottom = shadows.iter().map(|s| s.rows[1].floor() as i64 + 1).max().unwrap_or(0);
@@ -174,7 +174,7 @@ impl Work<'_> {
     fn look(
         &mut self,
         view: u32,
-        shadows: &[Shadow],
+        shadows: &[ProjectedBounds],
         rows: Range<i64>,
         chosen: ([f64; 2], f64),
     ) -> Result<RowsCost> {
@@ -183,7 +183,7 @@ impl Work<'_> {
         let lit = band.start - blur_rows..band.end + blur_rows;
         let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
         let Self { cells, bars, lights, sums, tracer, simulation, .. } = self;
-        let mut add = |tracer: &mut Tracer, strips: &Strips| match &simulation.spectral {
+        let mut add = |tracer: &mut Tracer, strips: &CellBatch| match &simulation.spectral {
             Some(spectral) => {
                 let lists = spectral.lists(tracer, bars, strips)?;
                 cells.add(lights.iter().zip(&lists), sums, steps)

@@ -8,9 +8,9 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use crate::interface::{Cell, MOMENTS_PER_MATERIAL, Strip};
+use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
 use crate::sampling::{
-    CellMoments, ExactCell, Lattice, Strips, blank_strips, empty_cell, empty_strip,
+    CellBatch, CellMoments, ExactCell, Lattice, blank_strips, empty_cell, empty_strip,
 };
 use crate::scene::Scene;
 use crate::{Error, Result};
@@ -26,7 +26,7 @@ const COVERED: f64 = 0.999;
 
 /// From the lattice of one scene to that of another with the same sample.
 #[derive(Debug, Clone)]
-pub(super) struct Relattice {
+pub(super) struct Resampled {
     old: Lattice,
     new: Lattice,
     /// Rows of the detectors.
@@ -51,7 +51,7 @@ impl Covered {
     }
 }
 
-impl Relattice {
+impl Resampled {
     /// # Errors
     /// [`Error::Scene`] where the new field of view is not inside the old one.
     pub(super) fn new(from: &Scene, old: &Lattice, to: &Scene, new: &Lattice) -> Result<Self> {
@@ -123,11 +123,16 @@ impl Relattice {
     }
 
     /// The strips of `rows` of the new detector.
-    pub(super) fn map(&self, strips: Strips, rows: &Range<i64>, covered: &mut Covered) -> Strips {
+    pub(super) fn map(
+        &self,
+        strips: CellBatch,
+        rows: &Range<i64>,
+        covered: &mut Covered,
+    ) -> CellBatch {
         if self.same_columns && self.same_rows && self.lever.to_bits() == 0 {
             return self.keep(strips, rows, covered);
         }
-        let mut out = Strips::default();
+        let mut out = CellBatch::default();
         for strip in &strips.strips {
             let at = f64::from(strip.row);
             let [top, bottom] = [strip.top, strip.bottom].map(|z| self.row(at + f64::from(z)));
@@ -142,8 +147,8 @@ impl Relattice {
     }
 
     /// Strips of the same lattice: those of `rows` stay as they are.
-    fn keep(&self, mut strips: Strips, rows: &Range<i64>, covered: &mut Covered) -> Strips {
-        let Strips { strips: all, cells, .. } = &mut strips;
+    fn keep(&self, mut strips: CellBatch, rows: &Range<i64>, covered: &mut Covered) -> CellBatch {
+        let CellBatch { strips: all, cells, .. } = &mut strips;
         all.retain_mut(|strip| {
             let beamlet = i64::from(strip.column) + self.old.beamlets.start;
             let row = i64::from(strip.row);
@@ -164,11 +169,11 @@ impl Relattice {
 
     fn map_strip(
         &self,
-        strips: &Strips,
-        strip: &Strip,
+        strips: &CellBatch,
+        strip: &CellRow,
         row: i64,
         z: [f64; 2],
-        out: &mut Strips,
+        out: &mut CellBatch,
         covered: &mut Covered,
     ) {
         let words = strips.moments.ends.len() / strips.cells.len().max(1) / 2;
@@ -234,7 +239,7 @@ impl Relattice {
         piece: &mut Piece,
         row: i64,
         z: [f64; 2],
-        out: &mut Strips,
+        out: &mut CellBatch,
         covered: &mut Covered,
     ) {
         let done = std::mem::take(piece);
@@ -248,7 +253,7 @@ impl Relattice {
         }
         let x = [first.x_low.into(), last.x_high.into()];
         covered.0.entry((row, beamlet)).or_default().push([z[0], z[1], x[0], x[1]]);
-        let strip = Strip {
+        let strip = CellRow {
             top: z[0] as f32,
             bottom: z[1] as f32,
             ..empty_strip(beamlet - self.new.beamlets.start, row)
@@ -257,8 +262,13 @@ impl Relattice {
     }
 
     /// Strips of what no kept strip covers: there is no sample there.
-    pub(super) fn blank(&self, rows: &Range<i64>, lit: &Range<i64>, covered: &Covered) -> Strips {
-        let mut out = Strips::default();
+    pub(super) fn blank(
+        &self,
+        rows: &Range<i64>,
+        lit: &Range<i64>,
+        covered: &Covered,
+    ) -> CellBatch {
+        let mut out = CellBatch::default();
         let whole = empty_cell(&self.new);
         let half = 0.5 * self.new.period;
         let mut blank = Vec::new();
@@ -302,7 +312,7 @@ impl Relattice {
                     for cell in &mut cells {
                         (cell.above, cell.below) = (above, below);
                     }
-                    let strip = Strip { top: z[0] as f32, bottom: z[1] as f32, ..strip };
+                    let strip = CellRow { top: z[0] as f32, bottom: z[1] as f32, ..strip };
                     out.push(strip, &cells, &CellMoments::default());
                 }
             }

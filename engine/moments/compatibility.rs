@@ -1,8 +1,8 @@
 //! What may differ between the run that kept moments and the scene that takes them.
 
-use super::STRONGER;
+use super::DELTA_HEADROOM;
 use crate::scene::{Mesh, Object, Scene, ShapeOrMesh};
-use crate::trace::Media;
+use crate::trace::MaterialTable;
 use crate::{Error, Result, geometry};
 
 /// Source distance, angles and the shape and place of every object must be the same.
@@ -62,7 +62,12 @@ fn other_surface(scene: &Scene, there: &Object, here: &Object) -> Result<Option<
 /// # Errors
 /// [`Error::Scene`] where objects that shared a material do not share one now, or where a
 /// material refracts more strongly than rays were flagged for.
-pub(super) fn media(base: &Scene, old: &Media, scene: &Scene, new: &Media) -> Result<Media> {
+pub(super) fn media(
+    base: &Scene,
+    old: &MaterialTable,
+    scene: &Scene,
+    new: &MaterialTable,
+) -> Result<MaterialTable> {
     let mut of_material: Vec<Option<u32>> = vec![None; old.names.len()];
     of_material[0] = Some(0);
     for (index, (was, now)) in old.of_object.iter().zip(&new.of_object).enumerate() {
@@ -80,7 +85,7 @@ pub(super) fn media(base: &Scene, old: &Media, scene: &Scene, new: &Media) -> Re
     let order: Vec<usize> = of_material.iter().map(|m| m.unwrap_or(0) as usize).collect();
     let constants: Vec<Vec<_>> =
         new.constants.iter().map(|node| order.iter().map(|&m| node[m]).collect()).collect();
-    let media = Media {
+    let media = MaterialTable {
         names: order.iter().map(|&m| new.names[m].clone()).collect(),
         energies: new.energies.clone(),
         weights: new.weights.clone(),
@@ -89,12 +94,12 @@ pub(super) fn media(base: &Scene, old: &Media, scene: &Scene, new: &Media) -> Re
     };
     for (index, name) in media.names.iter().enumerate() {
         let (now, was) = (media.delta(index), old.delta(index));
-        if now > STRONGER * was * (1.0 + 1e-9) && now > 0.0 {
+        if now > DELTA_HEADROOM * was * (1.0 + 1e-9) && now > 0.0 {
             return Err(Error::scene(
                 "source",
                 format!("\"{name}\" with a delta of {now:.3e}, {:.2} times what it was", now / was),
                 format!(
-                    "up to {STRONGER} times that of the run that kept the moments: its rays were \
+                    "up to {DELTA_HEADROOM} times that of the run that kept the moments: its rays were \
                      looked at for that; simulate this scene instead"
                 ),
             ));

@@ -1,9 +1,9 @@
 //! Cells that one scene made of kept moments, for the next ones that would make the same.
 
-use super::relattice::{Covered, Relattice};
+use super::resample::{Covered, Resampled};
 use crate::illuminate::Spectral;
-use crate::interface::{Cell, Strip};
-use crate::sampling::Strips;
+use crate::interface::{Cell, CellRow};
+use crate::sampling::CellBatch;
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -15,14 +15,15 @@ type Place = (u32, Range<i64>);
 #[derive(Debug, Default)]
 pub(super) struct Part {
     /// Lists of strips, as [`Spectral::lists`] gives them, by block of the file.
-    pub(super) lists: Vec<Vec<Strips>>,
+    pub(super) lists: Vec<Vec<CellBatch>>,
     pub(super) covered: Covered,
 }
 
 impl Part {
     pub(super) fn bytes(&self) -> u64 {
-        let of_list = |list: &Strips| {
-            list.cells.capacity() * size_of::<Cell>() + list.strips.capacity() * size_of::<Strip>()
+        let of_list = |list: &CellBatch| {
+            list.cells.capacity() * size_of::<Cell>()
+                + list.strips.capacity() * size_of::<CellRow>()
         };
         let lists: usize = self.lists.iter().flatten().map(of_list).sum();
         (lists + self.covered.bytes()) as u64
@@ -31,7 +32,7 @@ impl Part {
 
 /// What the first scene made, as far as it fits.
 #[derive(Debug, Default)]
-pub(super) struct Shared {
+pub(super) struct CellCache {
     /// Bytes kept at most.
     most: u64,
     kept: Mutex<Made>,
@@ -39,23 +40,23 @@ pub(super) struct Shared {
 
 #[derive(Debug, Default)]
 struct Made {
-    by: Option<(Relattice, Spectral)>,
+    by: Option<(Resampled, Spectral)>,
     parts: HashMap<Place, Arc<Part>>,
     bytes: u64,
 }
 
 impl Made {
-    fn is_by(&self, relattice: &Relattice, spectral: &Spectral) -> bool {
-        self.by.as_ref().is_some_and(|(r, s)| r.maps_like(relattice) && s.gathers_like(spectral))
+    fn is_by(&self, resample: &Resampled, spectral: &Spectral) -> bool {
+        self.by.as_ref().is_some_and(|(r, s)| r.maps_like(resample) && s.gathers_like(spectral))
     }
 
     /// Whether it is the first scene's or like it, and so many bytes more are not too many.
-    fn takes(&self, relattice: &Relattice, spectral: &Spectral, bytes: u64, most: u64) -> bool {
-        self.bytes + bytes <= most && (self.by.is_none() || self.is_by(relattice, spectral))
+    fn takes(&self, resample: &Resampled, spectral: &Spectral, bytes: u64, most: u64) -> bool {
+        self.bytes + bytes <= most && (self.by.is_none() || self.is_by(resample, spectral))
     }
 }
 
-impl Shared {
+impl CellCache {
     pub(super) fn new(most: u64) -> Self {
         Self { most, kept: Mutex::default() }
     }
@@ -67,31 +68,31 @@ impl Shared {
     /// What was made of a place by these.
     pub(super) fn find(
         &self,
-        relattice: &Relattice,
+        resample: &Resampled,
         spectral: &Spectral,
         place: &Place,
     ) -> Option<Arc<Part>> {
         let made = self.lock();
-        made.parts.get(place).filter(|_| made.is_by(relattice, spectral)).cloned()
+        made.parts.get(place).filter(|_| made.is_by(resample, spectral)).cloned()
     }
 
     /// Whether a part of some bytes would be kept.
-    pub(super) fn takes(&self, relattice: &Relattice, spectral: &Spectral, bytes: u64) -> bool {
-        self.lock().takes(relattice, spectral, bytes, self.most)
+    pub(super) fn takes(&self, resample: &Resampled, spectral: &Spectral, bytes: u64) -> bool {
+        self.lock().takes(resample, spectral, bytes, self.most)
     }
 
     /// Keeps a part, if it is the first scene's or like it, and fits.
     pub(super) fn insert(
         &self,
-        relattice: &Relattice,
+        resample: &Resampled,
         spectral: &Spectral,
         place: Place,
         part: Part,
     ) {
         let bytes = part.bytes();
         let mut made = self.lock();
-        if made.takes(relattice, spectral, bytes, self.most) && !made.parts.contains_key(&place) {
-            made.by.get_or_insert_with(|| (relattice.clone(), spectral.clone()));
+        if made.takes(resample, spectral, bytes, self.most) && !made.parts.contains_key(&place) {
+            made.by.get_or_insert_with(|| (resample.clone(), spectral.clone()));
             made.bytes += bytes;
             made.parts.insert(place, Arc::new(part));
         }
