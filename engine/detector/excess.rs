@@ -4,7 +4,7 @@ use crate::scene::{Detector, DetectorMode};
 
 /// Excess noise factor F of the signal of an open pixel: its variance is F times that of as many
 /// photons of equal signal. `nodes` are the energies (keV) of the beam and their shares of the
-/// signal, as photons times [`response`](super::response).
+/// signal, as photons times [`crate::spectrum::response`].
 ///
 /// With r the signal of a detected photon, `F = <r^2> / <r>^2 / A`, where A is the Swank factor of
 /// the light that a photon of one energy makes. A counting detector has F = 1.

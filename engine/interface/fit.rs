@@ -16,9 +16,9 @@ shared_structs! {
     /// Push constants of `retrieve/fit.comp`.
     pub struct FitPush {
         pub steps: u64 => Steps,
-        /// [step][pixel].
+        /// `[step][pixel]`.
         pub curves: u64 => Curves,
-        /// [value][pixel].
+        /// `[value][pixel]`.
         pub fits: u64 => Fits,
         pub step_count: u32,
         pub pixel_count: u32,

@@ -188,7 +188,7 @@ shared_structs! {
         pub light_ref: u64 => LightRef,
         pub strips: u64 => CellRows,
         pub cells: u64 => Cells,
-        /// [step][row][column][2], light that is the same at all steps behind the last.
+        /// `[step][row][column][2]`, light that is the same at all steps behind the last.
         pub sums: u64 => Words,
         /// Behind the first.
         pub strip_count: u32,

@@ -40,7 +40,7 @@ pub struct StoredMoments {
     scene: Scene,
     views: Vec<MomentFile>,
     shared: CellCache,
-    /// CellCache lock of the run: nobody replaces it while its moments are read.
+    /// Shared lock of the run: nobody replaces it while its moments are read.
     _lock: Option<File>,
 }
 

@@ -275,7 +275,7 @@ impl<'e> Simulation<'e> {
     /// By what the caller wants, what the device can, and a short calibration on the scene.
     fn choose_backend(&mut self, wanted: Option<Backend>) -> Result<()> {
         let (backend, reason) = if let Some(backend) = wanted {
-            (backend, "asked for".to_owned())
+            (backend, "requested".to_owned())
         } else if !self.on_device.has_acceleration() {
             let reason = if self.sample.triangles.is_empty() {
                 "nothing to trace"
