@@ -206,7 +206,7 @@ shared_structs! {
     pub struct RandomRaysPush {
         pub light_ref: u64 => LightRef,
         pub pixels: u64 => Pixels,
-        /// [pixel][ray of the batch].
+        /// `[pixel][ray of the batch]`.
         pub rays: u64 => RaysOut,
         pub seed: [u32; 2] => uvec2,
         /// In x and z.
@@ -222,7 +222,7 @@ shared_structs! {
     pub struct RandomLightPush {
         pub light_ref: u64 => LightRef,
         pub pixels: u64 => Pixels,
-        /// [pixel][ray of the batch], unless `empty`.
+        /// `[pixel][ray of the batch]`, unless `empty`.
         pub laws: u64 => Laws,
         pub sums: u64 => Words,
         pub seed: [u32; 2] => uvec2,

@@ -110,13 +110,13 @@ shared_structs! {
         pub nodes: u64 => Nodes,
         pub leaves: u64 => Leaves,
         pub surfaces: u64 => Surfaces,
-        /// [material].
+        /// `[material]`.
         pub constants: u64 => ConstantsTable,
         pub object_materials: u64 => ObjectMaterials,
         /// Address of the top-level acceleration structure.
         pub acceleration: u64,
         pub views: u64 => Views,
-        /// [leaf][edge opposite to a, b, c]: leaf, `NO_LEAF` at an open edge.
+        /// `[leaf][edge opposite to a, b, c]`: leaf, `NO_LEAF` at an open edge.
         pub neighbours: u64 => Neighbours,
     }
 
@@ -124,14 +124,14 @@ shared_structs! {
     pub struct TracePush {
         pub sample_ref: u64 => SampleRef,
         pub rays: u64 => Rays,
-        /// [ray][MOMENTS_HEAD + materials * MOMENTS_PER_MATERIAL].
+        /// `[ray][MOMENTS_HEAD + materials * MOMENTS_PER_MATERIAL]`.
         pub moments: u64 => Words,
         pub laws: u64 => Laws,
-        /// [0]: count, then indices of rays to trace in order.
+        /// `[0]`: count, then indices of rays to trace in order.
         pub exact: u64 => Words,
-        /// [0]: count, then indices of rays to trace again.
+        /// `[0]`: count, then indices of rays to trace again.
         pub unbalanced: u64 => Words,
-        /// [0]: count, then indices of rays to trace, where `listed`.
+        /// `[0]`: count, then indices of rays to trace, where `listed`.
         pub list: u64 => Words,
         pub tally: u64 => Words,
         pub count: u32,
@@ -148,15 +148,15 @@ shared_structs! {
         pub sample_ref: u64 => SampleRef,
         pub rays: u64 => Rays,
         pub laws: u64 => Laws,
-        /// [0]: count, then indices; not used when `all` is set; ends with one more if `runs`.
+        /// `[0]`: count, then indices; not used when `all` is set; ends with one more if `runs`.
         pub list: u64 => Words,
-        /// [0]: count, then indices of rays to trace again.
+        /// `[0]`: count, then indices of rays to trace again.
         pub unbalanced: u64 => Words,
-        /// [0]: count, then indices of rays that cross more than a list holds.
+        /// `[0]`: count, then indices of rays that cross more than a list holds.
         pub longer: u64 => Words,
-        /// [group][capacity][stride].
+        /// `[group][capacity][stride]`.
         pub lists: u64 => Crossings,
-        /// [ray]: constants of its energy; null: those of the sample.
+        /// `[ray]`: constants of its energy; null: those of the sample.
         pub nodes: u64 => Words,
         pub tally: u64 => Words,
         pub count: u32,
@@ -178,11 +178,11 @@ shared_structs! {
     pub struct CrossingsPush {
         pub sample_ref: u64 => SampleRef,
         pub rays: u64 => Rays,
-        /// [ray][capacity].
+        /// `[ray][capacity]`.
         pub met: u64 => SurfaceCrossings,
-        /// [ray].
+        /// `[ray]`.
         pub counts: u64 => Words,
-        /// [group][capacity][stride].
+        /// `[group][capacity][stride]`.
         pub lists: u64 => Crossings,
         pub count: u32,
         pub first: u32,
