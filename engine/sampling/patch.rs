@@ -15,6 +15,8 @@ use super::facet_means::Mean;
 use crate::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
 use std::ops::Range;
 
+/// Indices of facets that take as much memory as a rectangle.
+const FACETS_OF_A_RECTANGLE: usize = 32;
 /// Parts of a rectangle that is split.
 pub(super) const PARTS: u32 = 3;
 
@@ -342,6 +344,11 @@ impl Patch {
         if let Some(largest) = pieces.iter().max_by(|a, b| a.share.total_cmp(&b.share)) {
             node.law = largest.law;
         }
+    }
+
+    /// What it holds in memory, in rectangles.
+    pub(super) fn size(&self) -> usize {
+        self.nodes.len() + self.list.len() / FACETS_OF_A_RECTANGLE + self.pieces.len()
     }
 
     /// Indices of the leaves.

@@ -23,6 +23,7 @@ use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Least width of a rectangle, m: coordinates in f32 are as coarse.
 const LEAST_WIDTH: f32 = 2e-9;
@@ -352,20 +353,40 @@ impl<'a> Refiner<'a> {
         Ok(rays.iter().map(of_patch).collect())
     }
 
-    pub(super) fn refine(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
+    /// Refines patches; false where several hold more than `most` rectangles before they are done.
+    /// They can be gone on with.
+    pub(super) fn refine(
+        &self,
+        tracer: &mut Tracer,
+        work: &mut [Work],
+        most: usize,
+    ) -> Result<bool> {
+        let most = if work.len() > 1 { most } else { usize::MAX };
+        let rectangles = AtomicUsize::new(work.iter().map(|work| work.patch.size()).sum());
         loop {
-            work.par_iter_mut().filter(|work| !work.done).for_each(|work| self.judge(work));
+            let undone = work.par_iter_mut().filter(|work| !work.done);
+            undone.for_each(|work| self.judge(work, &rectangles, most));
             if work.iter().all(|work| work.done) {
-                return Ok(());
+                return Ok(true);
+            }
+            if rectangles.load(Ordering::Relaxed) > most {
+                return Ok(false);
             }
             self.trace_pending(tracer, work)?;
         }
     }
 
-    /// Judges a patch and splits the rectangles that it is wrong in, until it needs rays.
-    fn judge(&self, work: &mut Work) {
-        while work.pending.is_empty() && work.pending_pieces.is_empty() && !work.done {
+    /// Judges a patch and splits the rectangles that it is wrong in, until it needs rays or all
+    /// patches together have `most` of them.
+    fn judge(&self, work: &mut Work, rectangles: &AtomicUsize, most: usize) {
+        while work.pending.is_empty()
+            && work.pending_pieces.is_empty()
+            && !work.done
+            && rectangles.load(Ordering::Relaxed) <= most
+        {
+            let before = work.patch.size();
             self.split_once(work);
+            rectangles.fetch_add(work.patch.size() - before, Ordering::Relaxed);
         }
     }
 

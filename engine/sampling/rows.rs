@@ -118,11 +118,14 @@ pub(crate) fn sample_rows(
         };
         let (chunk, after) = rest.split_at(rest.iter().take_while(fits).count());
         rest = after;
-        let (strips, empty) = refined(view, &refiner, tracer, chunk, lit)?;
-        blank.extend(empty.into_iter().filter(|(column, row)| {
-            lit.contains(row) && view.lattice.direct.contains(&(column + first_beamlet))
-        }));
-        take(tracer, &strips)?;
+        // As many leaves as memory is reckoned for, with what they were split from.
+        let most = 2 * rays_at_once;
+        refined(view, &refiner, tracer, (chunk, most), lit, &mut |tracer, cells, empty| {
+            blank.extend(empty.into_iter().filter(|(column, row)| {
+                lit.contains(row) && view.lattice.direct.contains(&(column + first_beamlet))
+            }));
+            take(tracer, &cells)
+        })?;
     }
     let cell = empty_cell(view.lattice);
     let words = if view.keep.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
@@ -135,26 +138,41 @@ pub(crate) fn sample_rows(
     Ok(())
 }
 
-/// The cells of some patches, and the places (column, row) of those that no ray of meets the sample.
+/// Takes the cells of some patches, and the places (column, row) of those that no ray of meets the
+/// sample.
+pub(super) type TakeRefined<'a> =
+    &'a mut dyn FnMut(&mut Tracer, CellBatch, Vec<(i64, i64)>) -> Result<()>;
+
+/// Refines patches and hands their cells over, in parts. Where the patches would hold more than
+/// `most` rectangles together, one half waits for the other.
 pub(super) fn refined(
     view: &ViewContext<'_>,
     refiner: &Refiner<'_>,
     tracer: &mut Tracer,
-    patches: &[(i64, i64)],
+    (patches, most): (&[(i64, i64)], usize),
     lit: &Range<i64>,
-) -> Result<(CellBatch, Vec<(i64, i64)>)> {
+    take: TakeRefined<'_>,
+) -> Result<()> {
     let mut work: Vec<Work> = patches.par_iter().filter_map(|at| refiner.begin(*at)).collect();
     refiner.align(tracer, &mut work)?;
-    refiner.refine(tracer, &mut work)?;
     let emitter = Emitter::new(view, &refiner.estimator, lit);
-    let patches: Vec<&Patch> = work.iter().map(|work| &work.patch).collect();
-    let (mut strips, empty) = emitter.cells(tracer, &patches)?;
-    for work in &work {
-        strips.splits += u64::from(work.patch.splits);
-        strips.tally = strips.tally + tally_of(work.light, work.rays, view.budget.light);
+    let mut groups = vec![work];
+    while let Some(mut group) = groups.pop() {
+        if !refiner.refine(tracer, &mut group, most)? {
+            let waiting = group.split_off(group.len() / 2);
+            groups.extend([waiting, group]);
+            continue;
+        }
+        let patches: Vec<&Patch> = group.iter().map(|work| &work.patch).collect();
+        let (mut cells, empty) = emitter.cells(tracer, &patches)?;
+        for work in &group {
+            cells.splits += u64::from(work.patch.splits);
+            cells.tally = cells.tally + tally_of(work.light, work.rays, view.budget.light);
+        }
+        cells.balance();
+        take(tracer, cells, empty)?;
     }
-    strips.balance();
-    Ok((strips, empty))
+    Ok(())
 }
 
 /// Rows whose rays go side by side.

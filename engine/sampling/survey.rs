@@ -17,6 +17,9 @@ use crate::trace::Tracer;
 use std::ops::Range;
 use std::time::Instant;
 
+/// Most rectangles in memory at a time.
+const MOST_RECTANGLES: usize = 1 << 18;
+
 /// Cost of the patches of one kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct PatchCost {
@@ -113,15 +116,23 @@ pub(crate) fn survey_rows(
         let chosen = spread(patches, most, start);
         let begin = Instant::now();
         let before = tracer.rays_traced();
-        let (strips, _) = refined(view, &refiner, tracer, &chosen, lit)?;
-        if !strips.strips.is_empty() {
-            take(tracer, &strips)?;
-        }
+        let mut splits = 0;
+        refined(
+            view,
+            &refiner,
+            tracer,
+            (&chosen, MOST_RECTANGLES),
+            lit,
+            &mut |tracer, cells, _| {
+                splits += cells.splits;
+                if cells.strips.is_empty() { Ok(()) } else { take(tracer, &cells) }
+            },
+        )?;
         *kind = PatchCost {
             patches: patches.len() as f64,
             refined: chosen.len() as f64,
             rays: (tracer.rays_traced() - before) as f64,
-            splits: strips.splits as f64,
+            splits: splits as f64,
             seconds: begin.elapsed().as_secs_f64(),
         };
     }
