@@ -37,6 +37,7 @@ pub(in crate::stack) fn read(
     let (wanted, _) = channel(path, header)?;
     let columns = shape[1];
     let mut values = reserve::filled(f32::NAN, rows.len() * columns, "rows of a frame")?;
+    let mut found = vec![0; rows.len()];
     let unread = |error| failed(path, error);
     let meets = |top: usize, height: usize| top < rows.end && top + height > rows.start;
     let mut chunks = reader
@@ -60,7 +61,13 @@ pub(in crate::stack) fn read(
             let to = &mut values[start..start + at.sample_count];
             let kind = channels.list[wanted].sample_type;
             copy(line, kind, to).map_err(unread)?;
+            found[y - rows.start] += at.sample_count;
         }
+    }
+    // Which of two blocks at one place counts depends on the rows that are read.
+    if let Some(row) = found.iter().position(|count| *count != columns) {
+        let problem = format!("has row {} twice or not at all", rows.start + row);
+        return Err(Error::output(path, problem, None));
     }
     Ok(values)
 }
