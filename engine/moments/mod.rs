@@ -54,7 +54,7 @@ impl StoredMoments {
     /// # Example
     ///
     /// ```no_run
-    /// let moments = beamlet::moments::Kept::open("run".as_ref())?;
+    /// let moments = beamlet::moments::StoredMoments::open("run".as_ref())?;
     /// println!("{} bytes", moments.bytes());
     /// # Ok::<(), beamlet::Error>(())
     /// ```

@@ -161,10 +161,10 @@ impl Engine {
     ///
     /// ```no_run
     /// use beamlet::stack::ArraySink;
-    /// use beamlet::{Control, Engine, EngineOptions, moments::Kept, scene::Scene};
+    /// use beamlet::{Control, Engine, EngineOptions, moments::StoredMoments, scene::Scene};
     ///
     /// let engine = Engine::open(&EngineOptions::default())?;
-    /// let moments = Kept::open("run".as_ref())?;
+    /// let moments = StoredMoments::open("run".as_ref())?;
     /// let other = Scene::load_with("run/scene.toml", &["scan.mask_offsets=[\"0 um\"]".to_owned()])?;
     /// let mut sink = ArraySink::new();
     /// engine.reilluminate(&moments, &other)?.run(&mut sink, Control::default())?;
