@@ -13,7 +13,7 @@ use super::cell_moments::{CellMoments, ExactCell};
 use super::error_estimate::Estimator;
 use super::moment_recording::LawEnds;
 use super::neighbours::Slopes;
-use super::patch::{Known, Patch, alike, part};
+use super::patch::{Border, Known, Patch, alike, part};
 use super::rectangle::Rectangle;
 use crate::Result;
 use crate::interface::{
@@ -133,14 +133,14 @@ impl<'a> Emitter<'a> {
                 rectangles.extend(pieces.iter().map(of_piece));
                 continue;
             }
-            let (slopes, spread, ends_z) = if let Known::Mean(fit) = node.known {
+            let (slopes, spread, ends_z, borders) = if let Known::Mean(fit) = node.known {
                 let slopes =
                     Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] };
-                (slopes, fit.displacement.powi(2), fit.ends_z)
+                (slopes, fit.displacement.powi(2) + fit.across.powi(2), fit.ends_z, fit.borders)
             } else {
                 let neighbours = self.estimator.neighbours(patch, node);
                 let slopes = self.estimator.slopes(node, &neighbours);
-                (slopes, 0.0, [node.law.landing_z(self.estimator.gap); 2])
+                (slopes, 0.0, [node.law.landing_z(self.estimator.gap); 2], [None; 2])
             };
             rectangles.push(Rectangle {
                 x: node.x,
@@ -149,6 +149,7 @@ impl<'a> Emitter<'a> {
                 ends: LawEnds::new(&node.law, node.width(), &slopes),
                 spread,
                 ends_z,
+                borders,
                 rows: None,
             });
         }
@@ -184,7 +185,11 @@ impl<'a> Emitter<'a> {
                 depth: line(|e| e.depth),
                 displacement: line(|e| e.displacement),
             };
-            joined.push(Rectangle { x, ends, ..*widest });
+            let borders = std::array::from_fn(|end| {
+                let light = |r: &Rectangle| Some((r.x[1] - r.x[0], r.borders[end]?));
+                Border::mean(group.iter().filter_map(light))
+            });
+            joined.push(Rectangle { x, ends, borders, ..*widest });
         }
         joined
     }
@@ -257,6 +262,19 @@ impl<'a> Emitter<'a> {
         out
     }
 
+    /// Sets what lands above and below a rectangle by what crosses the borders of the row.
+    fn set_border_shares(&self, borders: &[Option<Border>; 2], z: [f32; 2], shares: &mut [f32; 2]) {
+        let [top, bottom] = z.map(f64::from);
+        for (end, border) in borders.iter().enumerate() {
+            let Some(border) = border else { continue };
+            let down = -f64::from(border.landing / self.estimator.row_pitch);
+            let own = self.view.lattice.row_shares(top, bottom, down);
+            if own[0] >= 0.0 {
+                shares[end] = (border.light * own[end]).min(1.0 - shares[1 - end]);
+            }
+        }
+    }
+
     #[allow(clippy::too_many_arguments, reason = "all describe one strip")]
     /// A strip of rectangles, moved along x by a shift and cut to the period.
     fn push_strip(
@@ -311,13 +329,17 @@ impl<'a> Emitter<'a> {
                     / f64::from(self.estimator.row_pitch)
             };
             let landing = [top + at(top), bottom + at(bottom)];
-            let [above, below] = if let Some(rows) = &rectangle.rows {
+            let mut shares = if let Some(rows) = &rectangle.rows {
                 lattice.piece_shares(rows, down)
             } else if landing[1] - landing[0] > 0.2 * (bottom - top) {
                 lattice.row_shares(landing[0], landing[1], 0.0)
             } else {
                 lattice.row_shares(top, bottom, down)
             };
+            if shares[0] >= 0.0 {
+                self.set_border_shares(&rectangle.borders, z, &mut shares);
+            }
+            let [above, below] = shares;
             if law.flags & FLAG_EXACT != 0 && self.view.keep.is_some() {
                 let [x, z] = patch.place(rectangle.ray);
                 kept.exact.push(ExactCell {

@@ -23,6 +23,13 @@ const DENSITY: f32 = 0.2;
 /// Part of a change of light along z that a row's border tells although its mean and slope are
 /// right, per square of the height over the blur.
 const BEND: f32 = 0.1;
+/// Part of a change of light along z that a row's border tells where the mean over the band beside
+/// it is right: a triangle is not a Gaussian.
+const BAND: f32 = 0.05;
+/// Part of what a mean leaves along x that changes over z, not over x.
+const ALONG_Z: f32 = 0.5;
+/// Part of a slope over z that the row beside does not have, and so does not make up for.
+const CANCELLED: f32 = 0.25;
 /// Rays that are off by more standard deviations are too few to count.
 const FARTHEST: f32 = 100.0;
 /// Share of the light at a silhouette that may land in recorded rows from outside.
@@ -170,38 +177,49 @@ impl Estimator<'_> {
         let at = self.response.landing(column, patch.place(node.centre())[0], law.displacement_x);
         let growth = (self.response.magnification + residuals.slope).abs();
         let half = 0.5 * growth * node.width();
-        let along = self.along_x(residuals, [passed, at], half);
+        let [along, across] = self.along_x(residuals, [passed, at], half);
         let whole = self.response.bend(node.width())
             + self.response.skew(residuals.displacement, residuals.farthest[0]);
         let (deviation, farthest) = (residuals.displacement_z, residuals.farthest[1]);
         let skewed = deviation * farthest.max(deviation);
-        let over = |off: f32| self.over_border(node, law, off, skewed);
+        let known = residuals.borders.iter().any(Option::is_some);
+        let over = |off: f32| self.over_border(node, known, law, off, skewed);
         let down = passed * tailed(deviation, farthest, over);
+        // A Gaussian stands for the slope over z, and what crosses the border of the row lands
+        // along x like all of the rectangle.
+        let aside = self.leak(node) * (ALONG_Z * along + CANCELLED * across);
+        let down = down.hypot(aside).hypot(passed * self.response.flat(residuals.across));
         let all = along + down;
+        let where_open = along * whole.min(1.0);
         CellError {
             node: index,
             light: area * all,
-            whole: if all > 0.0 { (along * whole.min(1.0) + down) / all } else { 0.0 },
+            whole: if all > 0.0 { (where_open + down) / all } else { 0.0 },
             moment: area * passed * residuals.displacement,
             through: area * passed,
             silhouette: false,
-            axis: if down > along { Axis::Z } else { Axis::X },
+            axis: if down > where_open { Axis::Z } else { Axis::X },
         }
     }
 
-    /// Change of the light in any window by what a mean leaves along x. Light and landing point of
-    /// the mean are given, spread over 2 `half`.
-    fn along_x(&self, residuals: &Residuals, [passed, at]: [f32; 2], half: f32) -> f32 {
+    /// Change of the light in any window by what a mean leaves along x, and by the slope over z that
+    /// it has there. Light and landing point of the mean are given, spread over 2 `half`.
+    fn along_x(&self, residuals: &Residuals, [passed, at]: [f32; 2], half: f32) -> [f32; 2] {
         let light = passed * (-residuals.depth).exp();
-        let change = |off: f32| self.response.change([passed, at], [light, at + off], half);
+        let own = self.response.landed([passed, at], half);
+        let change = |off: f32| self.response.change_from(&own, [light, at + off]);
         // Either way: a window may end at one side alone.
-        tailed(residuals.displacement, residuals.farthest[0], |off| change(off).max(change(-off)))
+        let either = |off: f32| change(off).max(change(-off));
+        let along = tailed(residuals.displacement, residuals.farthest[0], either);
+        let across = if residuals.across > 0.0 { either(residuals.across) } else { 0.0 };
+        [along, across]
     }
 
     /// Share of the light of a rectangle that may land in another row than its mean law says,
-    /// where that is off by `residual` along z, m. `skewed`: variance of the displacement times its
+    /// where that is off by `residual` along z, m. `known`: what crosses the borders of the row is
+    /// known. `skewed`: variance of the displacement times its
     /// farthest over its deviation, m2, which bounds the third moment.
-    fn over_border(&self, node: &Node, law: &Law, residual: f32, skewed: f32) -> f32 {
+    fn over_border(&self, node: &Node, known: bool, law: &Law, residual: f32, skewed: f32) -> f32 {
         let down = -law.landing_z(self.gap) / self.row_pitch;
         let off = residual / self.row_pitch;
         let skewed = skewed / (self.row_pitch * self.row_pitch);
@@ -212,10 +230,19 @@ impl Estimator<'_> {
         }
         // Mean and slope are right: a wide blur tells little more.
         let height = node.height();
-        let told = (BEND * (height * height + skewed) / self.row_blur.powi(2).max(1e-12)).min(1.0);
+        let blur2 = self.row_blur.powi(2).max(1e-12);
+        let bend = (BEND * height * height / blur2).min(if known { BAND } else { 1.0 });
+        let told = (bend + BEND * skewed / blur2).min(1.0);
         // Neighbours along x that are thinner than high err together.
         let together = (height * self.row_height / node.width()).max(1.0).sqrt();
         told * together * (off / height).min(1.0)
+    }
+
+    /// Share of the light of a rectangle that the blur takes over the borders of the row that it
+    /// touches: 1 / sqrt(2 pi) standard deviations over each.
+    fn leak(&self, node: &Node) -> f32 {
+        let borders = f32::from(u8::from(node.z[0] <= 0.0) + u8::from(node.z[1] >= 1.0));
+        (borders * 0.4 * self.row_blur / node.height()).min(1.0)
     }
 
     /// Of a rectangle that is known by a ray.

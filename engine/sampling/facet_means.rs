@@ -10,7 +10,7 @@
 use super::ViewContext;
 use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
-use super::patch::{Patch, Residuals, middle};
+use super::patch::{Border, Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
 use super::sheets::{Sums, farthest, flags, widen};
 use crate::interface::Law;
@@ -29,6 +29,11 @@ const KINKS: f64 = 0.2;
 /// An error of the displacement that moves light to other rows, pitches of them.
 const FAR_OFF: f64 = 0.1;
 
+/// Light that crosses a border of a row comes from a band beside it. A weight that falls linearly
+/// over so many standard deviations of the blur has the mean of one side of it.
+const BORDER_BAND: f64 = 2.4;
+/// Bands are at least so high, rows.
+const THINNEST_BAND: f64 = 1e-3;
 /// What the facets say of a rectangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Mean {
@@ -143,7 +148,47 @@ impl<'a> FacetMeans<'a> {
         }
         let sums = self.sums(patch, facets(), centre, half);
         let size = half.map(|half| 2.0 * half);
-        self.fit(&sums, size).map_or(Mean::Unknown, |(law, residuals)| Mean::Fit(law, residuals))
+        let Some((law, mut residuals)) = self.fit(&sums, size) else { return Mean::Unknown };
+        if !self.strict {
+            residuals.borders = self.borders(patch, facets(), [x, z], &law);
+        }
+        Mean::Fit(law, residuals)
+    }
+
+    /// What crosses the borders of the row that a rectangle touches. That light comes from a band
+    /// beside the border: it lands where the mean over the band says.
+    fn borders<'f>(
+        &self,
+        patch: &Patch,
+        facets: impl Iterator<Item = &'f PatchFacet> + Clone,
+        [x, z]: [[f64; 2]; 2],
+        law: &Law,
+    ) -> [Option<Border>; 2] {
+        let reach = (BORDER_BAND * self.lattice.row_spread.blur).max(THINNEST_BAND);
+        let band = reach.min(z[1] - z[0]);
+        // The weight falls linearly to nothing at `reach`; its mean is that at the centroid.
+        let mean_weight = 1.0 - 0.5 * band / reach;
+        let bands = [(z[0] <= 0.0, [z[0], z[0] + band]), (z[1] >= 1.0, [z[1] - band, z[1]])];
+        let border = |end: usize, z: [f64; 2]| {
+            let centre = [0.5 * (x[0] + x[1]), 0.5 * (z[0] + z[1])];
+            let half = [0.5 * (x[1] - x[0]), 0.5 * (z[1] - z[0])];
+            let whole = Area::of_rectangle(centre, half).area * mean_weight;
+            let (mut depth, mut landing) = (0.0, 0.0);
+            for facet in facets.clone() {
+                let part = facet.within(centre, half);
+                if part.area > EDGE_ON * whole {
+                    let [tau, _, shift, _, slope] = self.added(patch, facet, part.centroid).numbers;
+                    let inner =
+                        if end == 0 { part.centroid[1] - z[0] } else { z[1] - part.centroid[1] };
+                    let weight = part.area * (1.0 - inner / reach) / whole;
+                    depth += weight * tau;
+                    landing += weight * (shift + f64::from(self.gap) * slope);
+                }
+            }
+            let light = (f64::from(law.optical_depth) - depth).exp();
+            Border { landing: landing as f32, light: light as f32 }
+        };
+        std::array::from_fn(|end| bands[end].0.then(|| border(end, bands[end].1)))
     }
 
     /// Integrals over a rectangle.
@@ -181,8 +226,12 @@ impl<'a> FacetMeans<'a> {
         sums.share = sums.share.min(added.share);
         // Over the part the depth is linear.
         let centre = sums.centre;
-        let within = added.rise[0] * moments[0] + added.rise[1] * moments[1];
-        sums.depth_by_x += area * added.numbers[0] * (centroid[0] - centre[0]) + within;
+        let depth = area * added.numbers[0];
+        let [rise, rise_z] = added.rise;
+        sums.depth_by_x +=
+            depth * (centroid[0] - centre[0]) + rise * moments[0] + rise_z * moments[1];
+        sums.depth_by_z +=
+            depth * (centroid[1] - centre[1]) + rise * moments[1] + rise_z * moments[2];
         let values = added.numbers.map(|value| area * value);
         for (sum, value) in sums.law.iter_mut().zip(values) {
             *sum += value;
@@ -246,6 +295,8 @@ impl<'a> FacetMeans<'a> {
         let [x2, z2] = [width * width / 12.0, height * height / 12.0];
         let mut met = sums.whole;
         let (mut slope, mut slope_z, mut depth) = (0.0, 0.0, 0.0_f64);
+        // Of the displacement along x, over z.
+        let mut across = 0.0;
         let (mut variance, mut variance_z) = (0.0, 0.0);
         let mut farthest_by = [0.0; 2];
         for sheet in &sums.sheets {
@@ -269,6 +320,7 @@ impl<'a> FacetMeans<'a> {
             let all_z = sheet.square_z / area - mean_z * mean_z / layers;
             let own_z = (all_z - z_by_x * z_by_x * x2 - z_by_z * z_by_z * z2).max(0.0);
             slope += step.delta * by_x;
+            across += step.delta * by_z;
             slope_z += step.delta * z_by_z;
             farthest_by[0] += step.delta.abs() * farthest(sheet.range, mean, layers);
             farthest_by[1] += step.delta.abs() * farthest(sheet.range_z, mean_z, layers);
@@ -283,7 +335,14 @@ impl<'a> FacetMeans<'a> {
         if !error.is_finite() || met.balance != 0 {
             return None;
         }
-        let numbers = sums.law.map(|sum| sum / area);
+        let mut numbers = sums.law.map(|sum| sum / area);
+        if !self.strict {
+            // A cell has no slopes along z: the mean displacement is that of its light, the mean
+            // light that of a slope.
+            let rise_z = sums.depth_by_z / area / z2;
+            numbers[1] -= across * rise_z * z2;
+            numbers[0] -= (0.5 * rise_z * rise_z * z2).min(numbers[0].max(0.0));
+        }
         let law = law_of(numbers, met.signature, flags(sums.share), met.crossings);
         let passed = (-f64::from(law.optical_depth)).exp();
         let light = area * self.weight * passed * error * self.steepest;
@@ -295,8 +354,10 @@ impl<'a> FacetMeans<'a> {
             slope: slope as f32,
             slope_depth: (sums.depth_by_x / area / x2) as f32,
             ends_z: [-0.5, 0.5].map(|end| landing_z + (end * height * slope_z) as f32),
+            borders: [None; 2],
             depth: depth.sqrt() as f32,
             displacement: variance.sqrt() as f32,
+            across: (across * across * z2).sqrt() as f32,
             displacement_z: variance_z.sqrt() as f32,
             farthest: [
                 (farthest_by[0] - 0.5 * (slope * width).abs()) as f32,

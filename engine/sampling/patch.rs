@@ -35,13 +35,39 @@ pub(super) struct Residuals {
     pub(super) slope_depth: f32,
     /// Displacement on the detector along z at both ends of z, m.
     pub(super) ends_z: [f32; 2],
+    /// What crosses the upper and the lower border of the row, where it touches them.
+    pub(super) borders: [Option<Border>; 2],
     /// Standard deviations from the fit: of the optical depth, and of the displacement along x
     /// and z, m.
     pub(super) depth: f32,
     pub(super) displacement: f32,
     pub(super) displacement_z: f32,
+    /// Standard deviation of the displacement along x by its slope over z, m.
+    pub(super) across: f32,
     /// Most that the displacement along x and z of any ray leaves the fit, m.
     pub(super) farthest: [f32; 2],
+}
+
+/// Light of a rectangle near a border of the row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Border {
+    /// Its displacement on the detector along z, m.
+    pub(super) landing: f32,
+    /// Its density beside the mean over the rectangle.
+    pub(super) light: f32,
+}
+
+impl Border {
+    /// Of rectangles side by side, each with its width.
+    pub(super) fn mean(parts: impl Iterator<Item = (f32, Self)>) -> Option<Self> {
+        let (mut width, mut landing, mut light) = (0.0, 0.0, 0.0);
+        for (own, border) in parts {
+            width += own;
+            landing += own * border.landing;
+            light += own * border.light;
+        }
+        (width > 0.0).then(|| Self { landing: landing / width, light: light / width })
+    }
 }
 
 /// How the law of a rectangle is known.

@@ -3,6 +3,7 @@
 use super::dissection::{Piece, PieceRows};
 use super::moment_recording::LawEnds;
 use super::neighbours::Slopes;
+use super::patch::Border;
 
 /// Over less, m, no depth rises: nothing in f32 tells it.
 const THINNEST: f32 = 1e-12;
@@ -19,6 +20,8 @@ pub(super) struct Rectangle {
     pub(super) spread: f32,
     /// Displacement on the detector along z at both ends of z, m.
     pub(super) ends_z: [f32; 2],
+    /// What crosses the borders of the row, of a mean.
+    pub(super) borders: [Option<Border>; 2],
     /// Where its light comes from in the row, of a piece.
     pub(super) rows: Option<PieceRows>,
 }
@@ -44,6 +47,7 @@ impl Rectangle {
             ends,
             spread: magnification * magnification * wider,
             ends_z: [piece.law.landing_z(gap); 2],
+            borders: [None; 2],
             rows: Some(piece.rows),
         }
     }

@@ -156,6 +156,12 @@ impl Response {
         (0.1 * deviation * farthest.max(deviation) / self.blur.powi(2)).min(1.0)
     }
 
+    /// What windows tell of light that is spread evenly with this standard deviation, m, where a
+    /// Gaussian stands for that: its fourth cumulant, -6/5 of the square of the variance.
+    pub(super) fn flat(&self, deviation: f32) -> f32 {
+        (0.03 * (deviation / self.blur).powi(4)).min(1.0)
+    }
+
     /// Mask steps that are told apart.
     pub(super) fn steps(&self) -> usize {
         self.openings.len().max(1)
@@ -264,26 +270,54 @@ impl Response {
     /// Largest change of the light in any window between two laws: light that passes the sample
     /// and landing point of each, spread over 2 `half`.
     pub(super) fn change(&self, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
-        if self.any_masks {
-            let slope = 0.4 / self.blur;
-            return (a[0] - b[0]).abs() + a[0].max(b[0]) * ((a[1] - b[1]).abs() * slope).min(1.0);
-        }
+        self.change_from(&self.landed(a, half), b)
+    }
+
+    /// Light that passes the sample and its landing point, spread over 2 `half`, as windows see it.
+    pub(super) fn landed(&self, [light, at]: [f32; 2], half: f32) -> Landed {
         // Narrower light is told from a point by nobody, and keeps the digits of the quotient.
         let half = half.max(2.0 * self.period / POINTS_PER_PERIOD as f32);
-        let [home_a, home_b] = [a[1], b[1]].map(|at| (at / self.period).round());
-        let mut most: f32 = 0.0;
-        let mut at_window = |window: f32| {
-            let shift = window * self.period;
-            let [a, b] = [a, b].map(|[light, at]| light * self.share(at - shift, half));
-            most = most.max((a - b).abs());
-        };
-        let near = [-1.0, 0.0, 1.0];
-        near.iter().for_each(|k| at_window(home_a + k));
-        if (home_a - home_b).abs() > 0.5 {
-            near.iter().for_each(|k| at_window(home_b + k));
-        }
-        most
+        let home = (at / self.period).round();
+        let windows = if self.any_masks { [0.0; 3] } else { self.windows(light, at, home, half) };
+        Landed { light, at, half, home, windows }
     }
+
+    /// What passes the window at `home` and those beside it.
+    fn windows(&self, light: f32, at: f32, home: f32, half: f32) -> [f32; 3] {
+        [-1.0, 0.0, 1.0].map(|k| light * self.share(at - (home + k) * self.period, half))
+    }
+
+    /// Largest change of the light in any window if it had this light and landing point.
+    pub(super) fn change_from(&self, own: &Landed, [light, at]: [f32; 2]) -> f32 {
+        if self.any_masks {
+            let slope = 0.4 / self.blur;
+            let moved = ((own.at - at).abs() * slope).min(1.0);
+            return (own.light - light).abs() + own.light.max(light) * moved;
+        }
+        let most = |a: [f32; 3], b: [f32; 3]| {
+            a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        };
+        let near = most(own.windows, self.windows(light, at, own.home, own.half));
+        let home = (at / self.period).round();
+        if (home - own.home).abs() < 0.5 {
+            return near;
+        }
+        let there = self.windows(own.light, own.at, home, own.half);
+        near.max(most(there, self.windows(light, at, home, own.half)))
+    }
+}
+
+/// Light as windows see it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Landed {
+    /// That passes the sample, share of what meets it.
+    light: f32,
+    /// Where it lands, and half of what it is spread over, m.
+    at: f32,
+    half: f32,
+    /// The nearest window, and what passes that and the two beside it.
+    home: f32,
+    windows: [f32; 3],
 }
 
 /// What the shadow of thick bars of the sample mask takes of each side of an aperture, m, seen

@@ -78,8 +78,9 @@ impl Met {
 pub(super) struct Sums {
     pub(super) centre: Corner,
     pub(super) area: f64,
-    /// Of the optical depth times x from the centre.
+    /// Of the optical depth times x and z from the centre.
     pub(super) depth_by_x: f64,
+    pub(super) depth_by_z: f64,
     /// The first order is enough, and sheets are few.
     pub(super) sound: bool,
     /// Facets that fill it.
@@ -106,6 +107,7 @@ impl Sums {
             centre,
             area,
             depth_by_x: 0.0,
+            depth_by_z: 0.0,
             sound: true,
             whole: Met::default(),
             law: [0.0; 5],

@@ -120,7 +120,7 @@ impl Default for Sampling {
             cells: None,
             rows: 1,
             tolerance: 1e-4,
-            angle_tolerance: 10e-9,
+            angle_tolerance: 2e-9,
             max_rays: 200_000,
             rays: [5000, 1],
             transport: Transport::Auto,
