@@ -7,6 +7,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
+pub(crate) mod cells;
 mod crossings;
 mod work;
 
@@ -19,13 +20,12 @@ use crate::moments::{self, StoredMoments, StoredSource};
 use crate::run::engine::{Engine, EngineOptions};
 use crate::run::memory::{self, MemoryEstimate};
 use crate::run::{self, Control};
-use crate::sampling::{self, CellBatch, ErrorBudget, Lattice, ProjectedBounds, Response};
+use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
 use crate::trace::{DeviceSample, Law, MaterialTable, Moments, Ray, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -383,24 +383,6 @@ impl<'e> Simulation<'e> {
     #[must_use]
     pub const fn detection(&self) -> &DetectorModel {
         &self.detection
-    }
-
-    /// Traces and refines the strips of cells of some detector rows of a view (`cells` scheme);
-    /// with a blurred detector, of rows of its grid.
-    ///
-    /// # Errors
-    /// As [`Simulation::trace`].
-    pub fn strips(&self, view: u32, rows: Range<i64>) -> Result<CellBatch> {
-        let shadows = self.shadows(view);
-        let mut tracer = self.tracer(self.start.backend)?;
-        let view = self.view(view, &shadows);
-        let mut parts = Vec::new();
-        let at_once = self.memory.rays_at_once as usize;
-        sampling::sample_rows(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {
-            parts.push(part.clone());
-            Ok(())
-        })?;
-        Ok(CellBatch::concat(parts))
     }
 
     /// Words of a ray's moments.

@@ -18,8 +18,6 @@ pub struct View {
     pub sample_mask: Option<Pose>,
     /// Pose of the detector mask.
     pub detector_mask: Option<Pose>,
-    /// Displacement of the sample from where the scene puts it.
-    pub sample_shift: [f64; 3],
 }
 
 /// Pose of a mask: the centre of its lattice at mask offset 0, and its two directions.
@@ -52,7 +50,6 @@ impl Scene {
             row: [0.0, 0.0, -self.detector.pitch[1]],
             sample_mask: self.sample_mask.as_ref().map(pose),
             detector_mask: self.detector_mask.as_ref().map(pose),
-            sample_shift: [0.0; 3],
         }
     }
 

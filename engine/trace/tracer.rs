@@ -137,12 +137,6 @@ impl Tracer {
         self.sample.materials as usize
     }
 
-    /// Backend in use.
-    #[must_use]
-    pub const fn backend(&self) -> Backend {
-        self.backend
-    }
-
     /// Most rays that one batch on the device takes now.
     #[must_use]
     pub const fn capacity(&self) -> u32 {
