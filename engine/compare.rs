@@ -1,5 +1,6 @@
 //! Differences of two stacks, runs or retrievals, simulated or measured, image by image.
 
+use crate::numbers;
 use crate::retrieve::{ImageDirectory, ImageFormat};
 use crate::stack::{Maps, OpenRun, StackFile, refuse_overlap};
 use crate::{Error, Result};
@@ -213,9 +214,9 @@ fn difference(
     mut to: Option<&mut ImageDirectory>,
 ) -> Result<Difference> {
     let [views, steps, rows, columns] = a.shape();
-    let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+    let rows = numbers::count(rows);
     // Images are written whole; without them frames may be larger than memory.
-    let band = u32::try_from((BAND / columns.max(1)).max(1)).unwrap_or(u32::MAX);
+    let band = numbers::at_most((BAND / columns.max(1)).max(1));
     let band = if to.is_some() { rows } else { band };
     let mut sums = Sums::default();
     for view in 0..views {

@@ -1,9 +1,10 @@
 //! `beamlet material`: constants of a material, and the built-in names.
 
-use super::{beam, number};
+use super::beam;
 use crate::args::Material as Arguments;
 use crate::failure::Failure;
 use beamlet::material::{self, Constants};
+use beamlet::printed::number;
 use beamlet::scene::{Beam, MaterialSpec, Scene};
 use beamlet::spectrum::Spectrum;
 use beamlet::units::Dimension::{Density, Length};

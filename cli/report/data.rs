@@ -236,8 +236,7 @@ fn frames(
     views: &[Option<usize>],
     thinning: Thinning,
 ) -> Result<Vec<f64>, Failure> {
-    let [_, _, rows, _] = run.shape();
-    let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+    let rows = run.row_count();
     let mut values = Vec::new();
     for view in views {
         for frame in run.fitted_rows(*view, 0..rows)?.outer_iter() {

@@ -10,6 +10,7 @@ mod table;
 
 use crate::error::{Error, Result};
 use crate::scene::{Beam, MaskBody, MaskSpec, MaterialSpec, Scene};
+use crate::suggestion;
 
 pub use builtin::{Builtin, builtin, builtin_names, builtins};
 
@@ -188,16 +189,10 @@ impl<'a> Law<'a> {
 
 fn unknown(scene: &Scene, name: &str) -> Error {
     let defined: Vec<&str> = scene.materials.keys().map(String::as_str).collect();
-    let wanted = builtin::fold(name);
-    let nearest = builtin::all_spellings()
-        .chain(defined)
-        .map(|known| {
-            (strsim::normalized_damerau_levenshtein(&builtin::fold(known), &wanted), known)
-        })
-        .max_by(|a, b| a.0.total_cmp(&b.0));
+    let known = builtin::all_spellings().chain(defined);
     let mut allowed = String::from("an entry of [materials] or a built-in material");
-    if let Some((_, known)) = nearest.filter(|(likeness, _)| *likeness >= 0.6) {
-        allowed.push_str(&format!("; did you mean \"{known}\"?"));
+    if let Some(meant) = suggestion::nearest(name, known, builtin::fold) {
+        allowed.push_str(&format!(" (did you mean \"{meant}\"?)"));
     }
     Error::scene(user(scene, name), format!("\"{name}\""), allowed)
 }

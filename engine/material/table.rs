@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::Constants;
 use crate::error::{Error, Place, Result};
 use crate::input_file;
+use crate::interpolation::log_log;
 
 const COLUMNS: [&str; 3] = ["energy_keV", "mu_per_cm", "delta"];
 
@@ -61,9 +62,7 @@ impl Table {
         }
         let above = self.rows.partition_point(|row| row[0] < energy);
         let (a, b) = (self.rows[above.saturating_sub(1)], self.rows[above]);
-        // At the first row both neighbours are the same one.
-        let t = if above == 0 { 0.0 } else { (energy / a[0]).ln() / (b[0] / a[0]).ln() };
-        let between = |column: usize| a[column] * (b[column] / a[column]).powf(t);
+        let between = |column: usize| log_log(energy, [a[0], a[column]], [b[0], b[column]]);
         Ok(Constants { mu: between(1) * 100.0, delta: between(2) })
     }
 }

@@ -7,6 +7,7 @@
 use super::content::Bounds;
 use crate::illuminate::NARROW;
 use crate::interface::{Cell, CellRow, Law, MOMENTS_PER_MATERIAL};
+use crate::numbers;
 use crate::sampling::{CellBatch, CellMoments, ExactCell};
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, input_file};
@@ -136,7 +137,7 @@ impl MomentWriter {
             .map_err(|error| Error::output(&partial, "cannot be written", Some(error)))?;
         let mut open = Open { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
         open.put(&MAGIC)?;
-        open.put(bytemuck::cast_slice(&[VERSION, u32::try_from(words).unwrap_or(u32::MAX)]))?;
+        open.put(bytemuck::cast_slice(&[VERSION, numbers::count(words)]))?;
         open.put(&seal)?;
         self.open = Some(open);
         Ok(())

@@ -17,6 +17,7 @@ pub use file::MomentWriter;
 
 use crate::detector::DetectorModel;
 use crate::illuminate::Spectral;
+use crate::numbers;
 use crate::sampling::{CellBatch, Lattice};
 use crate::scene::Scene;
 use crate::trace::MaterialTable;
@@ -79,9 +80,7 @@ impl StoredMoments {
         let lock = lock(run)?;
         let seal = file::seal(run)?;
         let views = (0..scene.scan.angles.len())
-            .map(|view| {
-                MomentFile::open(&directory, u32::try_from(view).unwrap_or(u32::MAX), &seal)
-            })
+            .map(|view| MomentFile::open(&directory, numbers::count(view), &seal))
             .collect::<Result<_>>()?;
         Ok(Self { directory, scene, views, shared: CellCache::default(), _lock: lock })
     }

@@ -1,7 +1,7 @@
 //! What is known of illumination curves after a fit, whatever the method.
 
 use super::flags;
-use crate::interface::single;
+use crate::numbers::single;
 
 /// One curve in f64, fields as of [`Curves`].
 #[derive(Debug, Clone, Copy)]

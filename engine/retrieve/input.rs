@@ -2,6 +2,7 @@
 
 use super::retriever::Retriever;
 use crate::detector::DetectorModel;
+use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::{OpenRun, StackFile};
 use crate::{Error, Result, input_file, reserve};
@@ -63,7 +64,7 @@ impl Input {
         // The largest number stands for all that was clipped to it.
         let saturation = numbers
             .and_then(|n| n.bit_depth)
-            .map(|bits| crate::interface::single(libm::exp2(f64::from(bits)) - 1.0));
+            .map(|bits| numbers::single(libm::exp2(f64::from(bits)) - 1.0));
         let noise = match numbers {
             Some(n) => Some([DetectorModel::variance_per_value(&scene)?, n.electronic_noise]),
             None => None,
@@ -232,7 +233,7 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
     let sums = reserve::zeroed::<f64>(rows * columns, "the mean of dark frames")?;
     let mut sum = Array2::from_shape_vec((rows, columns), sums)
         .map_err(|error| Error::output(stack.path(), format!("cannot be read: {error}"), None))?;
-    let all = 0..u32::try_from(rows).unwrap_or(u32::MAX);
+    let all = 0..numbers::count(rows);
     for view in 0..views {
         for step in 0..steps {
             let frame = stack.frame(view, step, all.clone())?;
@@ -240,7 +241,7 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
         }
     }
     let count = (views * steps) as f64;
-    let mean = sum.mapv(|sum| crate::interface::single(sum / count));
+    let mean = sum.mapv(|sum| numbers::single(sum / count));
     match mean.iter().position(|value| !value.is_finite()) {
         None => Ok(mean),
         Some(at) => {

@@ -9,6 +9,7 @@ use super::method::Method;
 use super::options::{ReadRows, RetrieveControl, RetrieveOptions};
 use super::shape::{MaskShape, Shape};
 use super::{closed, flags};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3, s};
@@ -203,7 +204,7 @@ impl Retriever {
         let chosen = self.two_steps(flat);
         let across = flat.columns;
         let mut images = Images::new(self.names(), flat.rows, across);
-        let rows = u32::try_from(flat.rows).unwrap_or(u32::MAX);
+        let rows = numbers::count(flat.rows);
         self.bands(rows, columns, self.sample_offsets.len(), control, |band, control| {
             let mut data = read(band.clone())?;
             let mut offsets = self.sample_offsets.clone();
@@ -230,7 +231,8 @@ impl Retriever {
     /// As [`Retriever::set_flat`].
     pub fn set_flat_array(&mut self, flat: ArrayView3<'_, f32>) -> Result<()> {
         let (_, rows, columns) = flat.dim();
-        let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+        let rows = u32::try_from(rows)
+            .map_err(|_| Error::scene("flat", format!("{rows} rows"), "fewer than 2^32"))?;
         self.set_flat(
             rows,
             columns,
@@ -280,7 +282,7 @@ impl Retriever {
     ) -> Result<()> {
         let row_bytes = (4 * steps * columns).max(1);
         let bytes = if self.fitter.is_some() { BAND } else { BAND / 16 };
-        let height = u32::try_from(bytes / row_bytes).unwrap_or(u32::MAX).max(1);
+        let height = numbers::at_most(bytes / row_bytes).max(1);
         let mut start = 0;
         while start < rows {
             if control.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {

@@ -6,6 +6,7 @@ use super::options::{RetrieveControl, RetrieveOptions};
 use super::retriever::Retriever;
 use super::write::{ImageDirectory, ImageFormat, Record};
 use super::{Curves, Weights, flags};
+use crate::numbers;
 use crate::stack::refuse_overlap;
 use crate::{Engine, Error, Result};
 use ndarray::ArrayView2;
@@ -42,7 +43,7 @@ pub fn retrieve(
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
     let input = input.fitted_to(&retriever)?;
     let [rows, columns] = input.frame();
-    let row_count = u32::try_from(rows).unwrap_or(u32::MAX);
+    let row_count = numbers::count(rows);
     let all = u64::from(row_count) * (input.views() as u64 + 1);
     let mut done = 0;
     let mut outer = control.progress.take();

@@ -17,6 +17,7 @@ use crate::geometry::{self, Sample};
 use crate::gpu::Device;
 use crate::illuminate::{self, Spectral};
 use crate::moments::{self, StoredMoments, StoredSource};
+use crate::numbers;
 use crate::run::engine::{Engine, EngineOptions};
 use crate::run::memory::{self, MemoryEstimate};
 use crate::run::{self, Control};
@@ -289,7 +290,7 @@ impl<'e> Simulation<'e> {
                 let tracer = self.tracer(backend)?;
                 let n = rays.len().min(tracer.capacity() as usize);
                 tracer.rays().write(0, &rays[..n])?;
-                let n = u32::try_from(n).unwrap_or(u32::MAX);
+                let n = numbers::count(n);
                 tracer.trace_on_device(n)?; // the first dispatch pays for compilation
                 let time = tracer.trace_on_device(n)?;
                 let rate = f64::from(n) / time.as_secs_f64().max(1e-9) / 1e6;

@@ -12,6 +12,7 @@ use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::progress_log::{Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
 use super::{Exposure, Extent, RunStart, Sink, scene_file};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::whole_file::{sync_directory, write_whole};
 use crate::{Error, Result, RunRecord, Tally, moments};
@@ -263,7 +264,7 @@ impl Sink for RunDirectory {
             refuse_other_scene(&self.path, &differences.found)?;
             self.refuse_unhashed(&differences.unhashed)?;
             self.refuse_mixed(&resumed.file.record, &file.record)?;
-            file.resumed_views = u32::try_from(resumed.committed.len()).unwrap_or(u32::MAX);
+            file.resumed_views = numbers::count(resumed.committed.len());
             file.uncounted_views = resumed.uncounted;
         }
         // Locked before anything is removed: another process may be writing this run.

@@ -3,15 +3,12 @@
 use super::tracer::push_bytes;
 use super::upload::DeviceSample;
 use crate::Result;
-use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
 use crate::interface::{Crossing, CrossingsPush, GROUP, Ray, SurfaceCrossing};
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Rays whose crossings lie on the device at once.
 const RAYS: u32 = 1 << 15;
-/// Dispatches aim at this, well short of a desktop driver's time-out.
-const LONG: Duration = Duration::from_millis(100);
 
 /// Finds the first crossings of rays, with the software BVH on any device.
 #[derive(Debug)]
@@ -59,7 +56,7 @@ impl CrossingFinder {
         mut visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
         let most = self.most as usize;
-        let mut size = 4096;
+        let mut pace = Pace::new(4096, GROUP, RAYS);
         let mut done = 0;
         for batch in rays.chunks(RAYS as usize) {
             let count = u32::try_from(batch.len()).unwrap_or(RAYS);
@@ -71,7 +68,7 @@ impl CrossingFinder {
                     rays: self.rays.address(),
                     met: self.met.address(),
                     counts: self.counts.address(),
-                    count: count.min(first + size),
+                    count: count.min(first + pace.size()),
                     first,
                     lists: self.lists.address(),
                     capacity: self.most,
@@ -81,12 +78,8 @@ impl CrossingFinder {
                 let took = self.device.run(|r| {
                     r.dispatch(&self.kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
                 })?;
-                first += size;
-                if took > LONG {
-                    size = (size / 2).max(GROUP);
-                } else if took < LONG / 4 {
-                    size = (size * 2).min(RAYS);
-                }
+                first = push.count;
+                pace.adapt(took);
             }
             let counts = self.counts.read::<u32>(0, batch.len())?;
             let met = self.met.read::<SurfaceCrossing>(0, batch.len() * most)?;

@@ -1,6 +1,7 @@
 //! The images of one name, view after view, in one of the formats.
 
 use super::ImageFormat;
+use crate::numbers;
 use crate::whole_file::{sync_directory, sync_path};
 use crate::{Error, Result, reserve};
 use exr::prelude::*;
@@ -171,11 +172,12 @@ fn page<K: TiffKind>(
     image: ArrayView2<'_, f32>,
     about: &serde_json::Value,
 ) -> Result<()> {
-    let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     let values = reserve::collected(image.iter().copied(), "an image")?;
     let mut write = || {
-        let mut page =
-            encoder.new_image::<Gray32Float>(side(image.ncols()), side(image.nrows()))?;
+        let mut page = encoder.new_image::<Gray32Float>(
+            numbers::count(image.ncols()),
+            numbers::count(image.nrows()),
+        )?;
         page.encoder().write_tag(Tag::ImageDescription, about.to_string().as_str())?;
         page.write_data(&values)
     };

@@ -1,6 +1,6 @@
 //! EXR frames: the channel `Y`, or the only channel, of the first layer.
 
-use super::{refuse_hollow, refuse_shape};
+use crate::array_file::{refuse_hollow, refuse_shape};
 use crate::{Error, Result, input_file, reserve};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};

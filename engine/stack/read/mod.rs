@@ -1,30 +1,28 @@
 //! Reading stacks: beamlet's own and measured ones, frame by frame or band by band.
 //!
 //! One type serves every format, so that whoever takes frames need not know where they come
-//! from. Values become f32: u8 and u16 exactly, f64 and u32 rounded.
+//! from. Values become f32: whole numbers of 8 and 16 bits exactly, f64 and those of 32 rounded.
 
 mod checksums;
 mod exr;
 mod folder;
 mod maps;
-mod npy;
 mod run;
-mod tiff;
 
 pub(super) use exr::read as read_exr;
 pub use maps::Maps;
 pub use run::OpenRun;
 pub(super) use run::read_scene;
 
+use crate::array_file::{NpyFile, TiffPages, refuse_shape};
+use crate::numbers;
 use crate::{Error, Result, reserve};
 use checksums::Checksums;
 use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
-use npy::NpyFile;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tiff::TiffPages;
 
 /// One stack in a file or a folder, `[view][step][row][column]`.
 ///
@@ -36,7 +34,7 @@ use tiff::TiffPages;
 /// | folder of `.exr` or `.tif` files | one frame per file, in the order of the numbers in their names |
 /// | folder of such folders | one view per folder |
 ///
-/// Samples are f32, f64, u8, u16 or u32 (EXR: f16, f32, u32), one per pixel.
+/// Samples are f32, f64, or whole numbers of 8, 16 or 32 bits (EXR: f16, f32, u32), one per pixel.
 #[derive(Debug)]
 pub struct StackFile {
     path: PathBuf,
@@ -71,7 +69,7 @@ impl StackFile {
         let (shape, source) = match extension(path).as_str() {
             "npy" => {
                 let file = NpyFile::open(path)?;
-                (file.shape(), Source::Npy(file))
+                (shape_of(path, &file)?, Source::Npy(file))
             }
             "tif" | "tiff" => {
                 let pages = TiffPages::open(path)?;
@@ -231,7 +229,10 @@ impl StackFile {
         let [_, _, row_count, columns] = self.shape;
         let frame = [row_count, columns];
         match &self.source {
-            Source::Npy(file) => file.read(index, rows),
+            Source::Npy(file) => {
+                let first = (index * row_count + rows.start) as u64 * columns as u64;
+                file.read(first, rows.len() * columns)
+            }
             Source::Pages(pages) => pages.read(index, rows),
             Source::Frames(files) => {
                 let path = &files[index];
@@ -253,8 +254,10 @@ impl StackFile {
         self
     }
 
-    pub(super) fn row_count(&self) -> u32 {
-        u32::try_from(self.shape[2]).unwrap_or(u32::MAX)
+    /// Rows of a frame.
+    #[must_use]
+    pub fn row_count(&self) -> u32 {
+        numbers::count(self.shape[2])
     }
 
     /// All frames of one view as one image, for files whose steps are views (maps).
@@ -272,38 +275,29 @@ fn owned<D: Dimension>(path: &Path, part: ArrayView<'_, f32, D>) -> Result<Array
         .map_err(|error| Error::output(path, format!("cannot be read: {error}"), None))
 }
 
+/// Two to four sides, filled up with ones in front.
+fn shape_of(path: &Path, file: &NpyFile) -> Result<[usize; 4]> {
+    if file.is_fortran() {
+        let problem = "is in Fortran order; allowed is C order (numpy: np.ascontiguousarray)";
+        return Err(Error::output(path, problem, None));
+    }
+    let sides: Option<Vec<u32>> = file.sides().iter().map(|n| u32::try_from(*n).ok()).collect();
+    let sides = sides.filter(|sides| (2..=4).contains(&sides.len())).ok_or_else(|| {
+        let problem = format!(
+            "has the shape {:?}; allowed: (row, column), (step, row, column) or (view, step, \
+             row, column)",
+            file.sides()
+        );
+        Error::output(path, problem, None)
+    })?;
+    let mut shape = [1; 4];
+    for (to, from) in shape[4 - sides.len()..].iter_mut().zip(&sides) {
+        *to = *from as usize;
+    }
+    Ok(shape)
+}
+
 /// Lower-case extension of a path.
 fn extension(path: &Path) -> String {
     path.extension().map(|text| text.to_string_lossy().to_lowercase()).unwrap_or_default()
-}
-
-/// Bytes of a frame that any file may claim.
-const LEAST: u64 = 1 << 30;
-
-/// Refuses frames that claim more than their file holds, before memory is taken for them: more
-/// pixels than any compression makes of it, or more than 1 GiB of 64 times its length.
-fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
-    let found = std::fs::metadata(path)
-        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
-        .len();
-    let claimed = rows as f64 * columns as f64;
-    let most = (64 * found.min(1 << 56)).max(LEAST) as f64;
-    if claimed <= 4096.0 * found as f64 && 4.0 * claimed <= most {
-        return Ok(());
-    }
-    let problem =
-        format!("claims {rows} rows of {columns} columns in {found} bytes: cut short, or no frame");
-    Err(Error::output(path, problem, None))
-}
-
-/// Refuses a frame of another shape than the rest.
-fn refuse_shape(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Result<()> {
-    if found == expected {
-        return Ok(());
-    }
-    let problem = format!(
-        "has {} rows of {} columns; the first frame has {} rows of {}",
-        found[0], found[1], expected[0], expected[1]
-    );
-    Err(Error::output(path, problem, None))
 }

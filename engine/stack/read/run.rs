@@ -2,6 +2,7 @@
 
 use super::StackFile;
 use super::checksums::{Checksums, Compared};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, Entry};
 use crate::stack::run_directory::{COUNTS, LOG, RUN, SCENE};
@@ -151,7 +152,7 @@ impl OpenRun {
             let view = match name {
                 "flat" | "counts/flat" => Exposure::Flat,
                 "dark" => Exposure::Dark,
-                _ => Exposure::Sample(u32::try_from(index).unwrap_or(u32::MAX)),
+                _ => Exposure::Sample(numbers::count(index)),
             };
             let entry = self.committed.get(&view);
             let counts = name.starts_with(COUNTS);

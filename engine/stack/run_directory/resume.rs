@@ -1,6 +1,7 @@
 //! Going on with a run: what of it is as it was committed, and whether it may go on.
 
 use super::{LOG, RUN, RunDirectory, SCENE};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, ProgressLog};
 use crate::stack::{Exposure, Extent, RunFile, own_files, scene_file, verify};
@@ -68,7 +69,7 @@ impl RunDirectory {
             again,
             problems,
             counted,
-            uncounted: u32::try_from(uncounted).unwrap_or(u32::MAX),
+            uncounted: numbers::count(uncounted),
         });
         Ok(Self {
             path,
