@@ -26,7 +26,7 @@ pub(crate) use npy::{le_bytes, npy_header};
 pub use read::{Maps, OpenRun, StackFile};
 pub use record::{RunRecord, SamplingSummary};
 pub use run_directory::{Format, RunDirectory};
-pub use run_file::{RunFile, RunState};
+pub use run_file::{FORMAT_VERSION, RunFile, RunState};
 pub use verify::{RunCheck, check_run};
 
 use crate::accel::Backend;

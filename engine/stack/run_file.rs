@@ -16,9 +16,23 @@ pub enum RunState {
     Done,
 }
 
+/// The layout of run directories that this version writes; it reads earlier ones, too. 0 is that of
+/// run.json without a number.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// What every layout has: its number.
+#[derive(Deserialize)]
+struct Versioned {
+    #[serde(default)]
+    format_version: u32,
+}
+
 /// Contents of run.json.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunFile {
+    /// Layout of the run directory, up to [`FORMAT_VERSION`].
+    #[serde(default)]
+    pub format_version: u32,
     /// How far the run came.
     pub state: RunState,
     /// File format of the frames.
@@ -49,6 +63,7 @@ impl RunFile {
     /// The file of a run that begins.
     pub(super) fn begin(format: Format, extent: Extent, seed: u64, start: &RunStart) -> Self {
         Self {
+            format_version: FORMAT_VERSION,
             state: RunState::Running,
             format,
             extent,
@@ -73,13 +88,25 @@ impl RunFile {
     /// Reads a run.json.
     ///
     /// # Errors
-    /// [`Error::Output`] where it is missing or was not written by beamlet.
+    /// [`Error::Output`] where it is missing, was not written by beamlet, or has a layout of a later
+    /// version.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
             .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
         let refused = |problem: String| {
             Error::output(path, format!("is not the record of a beamlet run: {problem}"), None)
         };
+        let versioned = serde_json::from_str::<Versioned>(&text);
+        match versioned.map_err(|error| refused(error.to_string()))?.format_version {
+            0..=FORMAT_VERSION => {}
+            later => {
+                let problem = format!(
+                    "has the format_version {later}; this version of beamlet reads runs up to \
+                     {FORMAT_VERSION}"
+                );
+                return Err(Error::output(path, problem, None));
+            }
+        }
         let file: Self = serde_json::from_str(&text).map_err(|error| refused(error.to_string()))?;
         file.extent.check().map_err(|found| refused(format!("it claims {found}")))?;
         Ok(file)
