@@ -14,7 +14,7 @@ const PIXELS: u64 = 1 << 26;
 /// 32 bits or floats, grey. Of a TIFF the first page counts.
 ///
 /// # Errors
-/// [`Error::Output`] where the file cannot be read or holds no such image; [`Error::Memory`] for
+/// [`Error::File`] where the file cannot be read or holds no such image; [`Error::Memory`] for
 /// one of more than 2^26 pixels.
 pub fn read(path: &Path) -> Result<Array2<f64>> {
     let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
@@ -27,7 +27,7 @@ pub fn read(path: &Path) -> Result<Array2<f64>> {
 }
 
 fn refused(path: &Path, problem: impl std::fmt::Display) -> Error {
-    Error::output(path, format!("cannot be read as an image: it {problem}"), None)
+    Error::file(path, format!("cannot be read as an image: it {problem}"), None)
 }
 
 fn shaped(path: &Path, rows: u64, columns: u64, values: Vec<f64>) -> Result<Array2<f64>> {
@@ -76,8 +76,8 @@ fn read_tiff(path: &Path) -> Result<Array2<f64>> {
 
 fn read_png(path: &Path) -> Result<Array2<f64>> {
     let failed = |error| refused(path, format!("is no PNG file: {error}"));
-    let file = input_file::open(path)
-        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    let file =
+        input_file::open(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     let mut decoder = png::Decoder::new(BufReader::new(file));
     // Grey of 1, 2 or 4 bits becomes 8, with the same proportions.
     decoder.set_transformations(png::Transformations::EXPAND);

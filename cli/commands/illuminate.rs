@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
-use beamlet::stack::{Extent, Format, RunDirectory, is_same_place};
+use beamlet::stack::{Extent, Format, RunDirectory, RunFile, is_same_place};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -61,6 +61,11 @@ fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failu
 
 pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Failure> {
     let outputs = outputs(arguments)?;
+    let record = arguments.run.join("run.json");
+    if record.exists() {
+        // Moments lie in a run directory whose layout has to be known.
+        RunFile::read(&record)?;
+    }
     let mut kept = StoredMoments::open(&arguments.run)?;
     if arguments.scene.len() > 1 && arguments.memory_limit.is_none() {
         kept = kept.sharing(SHARED);

@@ -37,7 +37,7 @@ const LEAST: u64 = 1 << 30;
 /// pixels than any compression makes of it, or more than 1 GiB of 64 times its length.
 pub(crate) fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
     let found = std::fs::metadata(path)
-        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
+        .map_err(|error| Error::file(path, "cannot be read", Some(error)))?
         .len();
     let claimed = rows as f64 * columns as f64;
     let most = (64 * found.min(1 << 56)).max(LEAST) as f64;
@@ -46,7 +46,7 @@ pub(crate) fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<
     }
     let problem =
         format!("claims {rows} rows of {columns} columns in {found} bytes: cut short, or no frame");
-    Err(Error::output(path, problem, None))
+    Err(Error::file(path, problem, None))
 }
 
 /// Refuses a frame of another shape than the rest.
@@ -58,5 +58,5 @@ pub(crate) fn refuse_shape(path: &Path, found: [usize; 2], expected: [usize; 2])
         "has {} rows of {} columns; the first frame has {} rows of {}",
         found[0], found[1], expected[0], expected[1]
     );
-    Err(Error::output(path, problem, None))
+    Err(Error::file(path, problem, None))
 }

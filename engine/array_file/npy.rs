@@ -44,12 +44,12 @@ impl Sample {
 
 impl NpyFile {
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        let unread = |error| Error::output(path, "cannot be read", Some(error));
+        let unread = |error| Error::file(path, "cannot be read", Some(error));
         let mut file = BufReader::new(input_file::open(path).map_err(unread)?);
         let header = npy_header::read(&mut file).map_err(|error| {
             // A parser's message may hold the whole of what it did not understand.
             let error: String = error.to_string().chars().take(120).collect();
-            Error::output(path, format!("has no header of an NPY array: {error}"), None)
+            Error::file(path, format!("has no header of an NPY array: {error}"), None)
         })?;
         let start = file.stream_position().map_err(unread)?;
         let (sample, big_endian) = sample_of(&header.dtype()).ok_or_else(|| {
@@ -58,7 +58,7 @@ impl NpyFile {
                 "has samples of type {found}; allowed: f4, f8, u1, u2, u4, i1, i2, i4 (numpy: \
                  a.astype('f4'))"
             );
-            Error::output(path, problem, None)
+            Error::file(path, problem, None)
         })?;
         let sides = header.shape().to_vec();
         let expected = sides
@@ -73,7 +73,7 @@ impl NpyFile {
                     "is cut short: {found} bytes, but its header asks for {}",
                     expected.map_or("more than fit".to_owned(), |n| n.to_string())
                 );
-                return Err(Error::output(path, problem, None));
+                return Err(Error::file(path, problem, None));
             }
         }
         let fortran = header.order() == Order::Fortran && sides.len() > 1;
@@ -99,7 +99,7 @@ impl NpyFile {
                 file.seek(SeekFrom::Start(self.header + first * bytes as u64))?;
                 file.read_exact(&mut raw)
             })
-            .map_err(|error| Error::output(&self.path, "cannot be read", Some(error)))?;
+            .map_err(|error| Error::file(&self.path, "cannot be read", Some(error)))?;
         if self.big_endian {
             raw.chunks_exact_mut(bytes).for_each(<[u8]>::reverse);
         }

@@ -49,7 +49,7 @@ impl TiffPages {
                      has {} rows of {}",
                     found[0], found[1], frame[0], frame[1]
                 );
-                return Err(Error::output(path, problem, None));
+                return Err(Error::file(path, problem, None));
             }
             count += 1;
         }
@@ -104,8 +104,8 @@ impl TiffPages {
 
 /// A decoder at the first page, and its rows and columns.
 fn first_page(path: &Path) -> Result<(Pages, [usize; 2])> {
-    let file = input_file::open(path)
-        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    let file =
+        input_file::open(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     let mut limits = Limits::default();
     // Frames of 4 GiB in one strip do exist; a small file that claims one does not hold it.
     let most = 64 * file.metadata().map_or(0, |found| found.len()).max(LEAST >> 6);
@@ -148,14 +148,14 @@ fn refused(path: &Path, found: &str) -> Error {
     let problem = format!(
         "has {found}; allowed is one sample per pixel: f32, f64, or whole numbers of 8, 16 or 32 bits"
     );
-    Error::output(path, problem, None)
+    Error::file(path, problem, None)
 }
 
 fn failed(path: &Path, error: TiffError) -> Error {
     match error {
         TiffError::IoError(source) => {
-            Error::output(path, "cannot be read (cut short?)", Some(source))
+            Error::file(path, "cannot be read (cut short?)", Some(source))
         }
-        other => Error::output(path, format!("is no TIFF that can be read: {other}"), None),
+        other => Error::file(path, format!("is no TIFF that can be read: {other}"), None),
     }
 }

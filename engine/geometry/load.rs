@@ -162,7 +162,7 @@ const SIMPLIFY: &str = "simplify it, or lift the limit of memory that this progr
 const TEXT: u64 = 2 << 30;
 
 fn read(path: &Path) -> Result<Vec<u8>> {
-    let failed = |e| Error::output(path, "cannot read the mesh", Some(e));
+    let failed = |e| Error::file(path, "cannot read the mesh", Some(e));
     // Only what says how long it is may be longer than texts are.
     let most = if stl::triangles_in(path).is_some() { u64::MAX - 1 } else { TEXT };
     input_file::read(path, most).map_err(failed)
@@ -367,7 +367,7 @@ fn assemble(
             name,
             triangles: body.surface.triangles.len(),
             volume: body.components.iter().map(|component| component.volume).sum(),
-            bounds: body.bounds(),
+            bounds: body.bounds().map(Into::into),
             inside,
             hash,
             defects,

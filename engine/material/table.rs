@@ -18,7 +18,7 @@ pub(super) struct Table {
 impl Table {
     pub(super) fn read(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
-            .map_err(|e| Error::output(path, "cannot read the material table", Some(e)))?;
+            .map_err(|e| Error::file(path, "cannot read the material table", Some(e)))?;
         let mut rows: Vec<[f64; 3]> = Vec::new();
         let mut order = None;
         for (index, line) in text.lines().enumerate() {
@@ -46,11 +46,16 @@ impl Table {
     }
 
     /// Constants at `energy` keV, interpolated linearly in the logarithms.
-    pub(super) fn at(&self, name: &str, energy: f64) -> Result<Constants> {
+    /// `outside` makes the error, of what is found and allowed, for an energy beyond the table.
+    pub(super) fn at(
+        &self,
+        name: &str,
+        energy: f64,
+        outside: impl Fn(String, String) -> Error,
+    ) -> Result<Constants> {
         let (first, last) = (self.rows[0], self.rows[self.rows.len() - 1]);
         if !(first[0]..=last[0]).contains(&energy) {
-            return Err(Error::scene(
-                "source.energy",
+            return Err(outside(
                 format!("{energy} keV"),
                 format!(
                     "{} keV to {} keV, the range of {} for \"{name}\"",

@@ -40,6 +40,7 @@ impl Curve {
 
 /// Results of many curves, one entry per curve. `NaN` where a method does not tell.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct Curves {
     /// Area under the peak over a constant that flat and sample share; the transmission is their
     /// ratio.

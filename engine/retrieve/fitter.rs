@@ -76,26 +76,26 @@ impl Fitter {
     /// the same unit.
     ///
     /// # Errors
-    /// [`Error::Scene`] with fewer than four different offsets, one that is not finite, or a
+    /// [`Error::Argument`] with fewer than four different offsets, one that is not finite, or a
     /// gain that is not above zero; [`Error::Device`], [`Error::Memory`].
     pub fn new(engine: &Engine, offsets: &[f64], options: &FitOptions) -> Result<Self> {
         let mut sorted = offsets.to_vec();
         sorted.sort_by(f64::total_cmp);
         let different = 1 + sorted.windows(2).filter(|pair| pair[0] < pair[1]).count();
         if different < 4 || offsets.iter().any(|offset| !offset.is_finite()) {
-            return Err(Error::scene(
-                "scan.mask_offsets",
+            return Err(Error::argument(
+                "offsets",
                 format!("{} offsets, {different} of them different", offsets.len()),
                 "a fit of four unknowns needs at least 4 different, finite offsets",
             ));
         }
         if !(options.gain.is_finite() && options.gain > 0.0) {
             let found = options.gain.to_string();
-            return Err(Error::scene("gain", found, "a number above zero"));
+            return Err(Error::argument("gain", found, "a number above zero"));
         }
         if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
             let found = options.read_noise.to_string();
-            return Err(Error::scene("read noise", found, "a number of at least zero"));
+            return Err(Error::argument("read_noise", found, "a number of at least zero"));
         }
         let [low, high] = [sorted[0], sorted[sorted.len() - 1]];
         let (middle, half) = (f64::midpoint(low, high), (high - low) / 2.0);
@@ -142,13 +142,13 @@ impl Fitter {
     /// are.
     ///
     /// # Errors
-    /// [`Error::Device`], [`Error::Memory`]; [`Error::Scene`] for another number of steps than
+    /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for another number of steps than
     /// of offsets; [`Error::Interrupted`] when `cancel` was set.
     pub fn fit(&self, curves: ArrayView2<'_, f32>, cancel: Option<&AtomicBool>) -> Result<Curves> {
         let (steps, count) = curves.dim();
         if steps != self.step_count {
-            return Err(Error::scene(
-                "scan.mask_offsets",
+            return Err(Error::argument(
+                "offsets",
                 format!("{} offsets for {steps} frames", self.step_count),
                 "as many offsets as frames",
             ));

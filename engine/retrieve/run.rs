@@ -27,7 +27,7 @@ pub struct ImagesTo<'a> {
 /// Retrieves every view of an input into a directory, whole or not at all.
 ///
 /// # Errors
-/// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::Output`] where the place is taken
+/// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::File`] where the place is taken
 /// or cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
 pub fn retrieve(
     engine: &Engine,
@@ -69,7 +69,7 @@ pub fn retrieve(
     let mut images = ImageDirectory::begin(to.path, to.format, to.overwrite, about(&record))?;
     for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
         let image = ArrayView2::from_shape((rows, across), values)
-            .map_err(|error| Error::output(to.path, error.to_string(), None))?;
+            .map_err(|error| Error::file(to.path, error.to_string(), None))?;
         images.put(name, unit(name, value), 1, image)?;
     }
     for view in 0..input.views() {

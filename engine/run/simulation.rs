@@ -150,7 +150,7 @@ impl<'e> Simulation<'e> {
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         if self.kept.is_some() && control.keep.is_some() {
             let found = "moments to be kept of a scene that is itself made from kept moments";
-            return Err(Error::scene("moments", found, "a simulation that traces"));
+            return Err(Error::argument("control.keep", found, "a simulation that traces"));
         }
         let begin = Instant::now();
         let views: Vec<Exposure> =
@@ -174,13 +174,6 @@ impl<'e> Simulation<'e> {
             self.sample.objects.iter().filter(|object| object.defects.refused()).count();
         let tally = Tally { defective_objects: defective as u64, ..counted };
         let record = RunRecord {
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            device: self.start.device.clone(),
-            driver: self.start.driver.clone(),
-            backend: self.start.backend,
-            backend_reason: self.start.backend_reason.clone(),
-            calibration: self.start.calibration.clone(),
-            seed: self.scene.sampling.seed,
             tally,
             sampling: SamplingSummary::of(&tally, self.budget.light),
             seconds: [
@@ -194,6 +187,7 @@ impl<'e> Simulation<'e> {
             ]
             .map(|(stage, seconds)| (stage.to_owned(), seconds))
             .into(),
+            ..RunRecord::begin(&self.start, self.scene.sampling.seed)
         };
         if tally.unbalanced as f64 > UNBALANCED_SHARE * tally.rays as f64 {
             let problem = format!(

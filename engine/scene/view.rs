@@ -5,6 +5,7 @@ use serde::Serialize;
 
 /// Where everything stands in one view, in world coordinates (m). The sample never moves.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct View {
     /// Centre of the focal spot.
     pub source: [f64; 3],
@@ -22,6 +23,7 @@ pub struct View {
 
 /// Pose of a mask: the centre of its lattice at mask offset 0, and its two directions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Pose {
     /// Centre of the lattice, in the middle of the bars' thickness.
     pub centre: [f64; 3],

@@ -199,13 +199,13 @@ fn write_exr(path: &Path, image: ArrayView2<'_, f32>, about: &serde_json::Value)
     let channels = AnyChannels::sort([channel].into_iter().collect());
     let layer = Layer::new((image.ncols(), image.nrows()), attributes, encoding, channels);
     let done = Image::from_layer(layer).write().to_buffered(Out::create(path)?);
-    done.map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))
+    done.map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))
 }
 
 fn written(path: &Path, error: std::io::Error) -> Error {
-    Error::output(path, "cannot be written", Some(error))
+    Error::file(path, "cannot be written", Some(error))
 }
 
 fn refused(path: &Path, error: tiff::TiffError) -> Error {
-    Error::output(path, format!("cannot be written: {error}"), None)
+    Error::file(path, format!("cannot be written: {error}"), None)
 }

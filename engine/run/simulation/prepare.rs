@@ -136,12 +136,8 @@ impl<'e> Simulation<'e> {
             scene: scene.clone(),
             detection,
             start: RunStart {
-                device: description.name.clone(),
-                driver: description.driver.clone(),
-                backend: Backend::Bvh,
-                backend_reason: String::new(),
-                calibration: BTreeMap::new(),
                 mesh_hashes: mesh_hashes(scene, &sample),
+                ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
             },
             sample,
             on_device: Arc::new(on_device),

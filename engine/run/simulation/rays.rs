@@ -9,7 +9,7 @@ impl Simulation<'_> {
     /// averaged over it), in the order of the rays.
     ///
     /// # Errors
-    /// [`Error::Device`], [`Error::Memory`]; [`Error::Scene`] for a view that is not there.
+    /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
     pub fn trace(&self, rays: &[Ray]) -> Result<Vec<Law>> {
         self.check_views(rays)?;
         self.tracer(self.start.backend)?.trace(rays)
@@ -30,8 +30,8 @@ impl Simulation<'_> {
         match rays.iter().find(|r| r.view as usize >= views) {
             Some(ray) => {
                 let found = ray.view;
-                Err(Error::scene(
-                    "view",
+                Err(Error::argument(
+                    "rays",
                     format!("a ray of view {found}"),
                     format!("0 to {}", views - 1),
                 ))

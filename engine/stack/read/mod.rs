@@ -56,13 +56,13 @@ impl StackFile {
     /// Opens a stack: reads headers, no values.
     ///
     /// # Errors
-    /// [`Error::Output`] with file, what was found and what is allowed: a format, sample type or
+    /// [`Error::File`] with file, what was found and what is allowed: a format, sample type or
     /// shape that is not in the table, a file shorter than its header says, frames that are
     /// missing from a series of numbers.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let found = std::fs::metadata(path)
-            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+            .map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
         if found.is_dir() {
             return Self::open_folder(path);
         }
@@ -83,7 +83,7 @@ impl StackFile {
             _ => {
                 let problem = "is no stack: allowed are .npy, .tif, .tiff, .exr, and folders of \
                                .exr or .tif frames";
-                return Err(Error::output(path, problem, None));
+                return Err(Error::file(path, problem, None));
             }
         };
         let stack = Self { path: path.to_path_buf(), shape, source, checksums: None };
@@ -108,7 +108,7 @@ impl StackFile {
             let problem = format!(
                 "holds nothing: {views} views of {steps} steps of {rows} x {columns} pixels"
             );
-            return Err(Error::output(self.path, problem, None));
+            return Err(Error::file(self.path, problem, None));
         }
         Ok(self)
     }
@@ -116,7 +116,7 @@ impl StackFile {
     /// The same frames as views of so many steps: files of pages do not say where a view ends.
     ///
     /// # Errors
-    /// [`Error::Output`] where the number of frames is not a multiple of `steps`, or where the
+    /// [`Error::File`] where the number of frames is not a multiple of `steps`, or where the
     /// stack has views of another length already.
     pub fn with_steps(mut self, steps: usize) -> Result<Self> {
         let [views, found, ..] = self.shape;
@@ -125,7 +125,7 @@ impl StackFile {
         }
         if views > 1 || steps == 0 || found % steps != 0 {
             let problem = format!("has {views} views of {found} steps; expected {steps} steps");
-            return Err(Error::output(self.path, problem, None));
+            return Err(Error::file(self.path, problem, None));
         }
         self.shape[0] = found / steps;
         self.shape[1] = steps;
@@ -153,14 +153,14 @@ impl StackFile {
     /// Some rows of a view with all its steps, `[step][row][column]`.
     ///
     /// # Errors
-    /// [`Error::Output`] where a file cannot be read or a frame has another shape than the
+    /// [`Error::File`] where a file cannot be read or a frame has another shape than the
     /// first; where the view or the rows are not there; where a view of a run is not what was
     /// committed.
     pub fn rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
         let [views, steps, ..] = self.shape;
         if view >= views {
             let problem = format!("has {views} views; asked for view {view}, counted from 0");
-            return Err(Error::output(&self.path, problem, None));
+            return Err(Error::file(&self.path, problem, None));
         }
         if steps > 0
             && rows.start <= rows.end
@@ -181,7 +181,7 @@ impl StackFile {
         let mut all = reserve::room(steps * rows.len() * columns, "rows of a view")?;
         frames.iter().for_each(|frame| all.extend(frame));
         Array3::from_shape_vec((steps, rows.len(), columns), all)
-            .map_err(|error| Error::output(&self.path, format!("cannot be read: {error}"), None))
+            .map_err(|error| Error::file(&self.path, format!("cannot be read: {error}"), None))
     }
 
     /// A whole view, `[step][row][column]`.
@@ -204,7 +204,7 @@ impl StackFile {
                 "has {views} views, {steps} steps, {row_count} rows; asked for rows {range:?} of \
                  view {view}, step {step}, counted from 0"
             );
-            return Err(Error::output(&self.path, problem, None));
+            return Err(Error::file(&self.path, problem, None));
         }
         let index = view * steps + step;
         if let Some(whole) = self.compared(index)? {
@@ -212,7 +212,7 @@ impl StackFile {
         }
         let values = self.values(index, range.clone())?;
         Array2::from_shape_vec((range.len(), columns), values)
-            .map_err(|error| Error::output(&self.path, format!("cannot be read: {error}"), None))
+            .map_err(|error| Error::file(&self.path, format!("cannot be read: {error}"), None))
     }
 
     /// Compares the view that a frame belongs to with its checksum, where the stack has them and
@@ -272,14 +272,14 @@ impl StackFile {
 fn owned<D: Dimension>(path: &Path, part: ArrayView<'_, f32, D>) -> Result<Array<f32, D>> {
     let values = reserve::collected(part.iter().copied(), "rows of a view")?;
     Array::from_shape_vec(part.raw_dim(), values)
-        .map_err(|error| Error::output(path, format!("cannot be read: {error}"), None))
+        .map_err(|error| Error::file(path, format!("cannot be read: {error}"), None))
 }
 
 /// Two to four sides, filled up with ones in front.
 fn shape_of(path: &Path, file: &NpyFile) -> Result<[usize; 4]> {
     if file.is_fortran() {
         let problem = "is in Fortran order; allowed is C order (numpy: np.ascontiguousarray)";
-        return Err(Error::output(path, problem, None));
+        return Err(Error::file(path, problem, None));
     }
     let sides: Option<Vec<u32>> = file.sides().iter().map(|n| u32::try_from(*n).ok()).collect();
     let sides = sides.filter(|sides| (2..=4).contains(&sides.len())).ok_or_else(|| {
@@ -288,7 +288,7 @@ fn shape_of(path: &Path, file: &NpyFile) -> Result<[usize; 4]> {
              row, column)",
             file.sides()
         );
-        Error::output(path, problem, None)
+        Error::file(path, problem, None)
     })?;
     let mut shape = [1; 4];
     for (to, from) in shape[4 - sides.len()..].iter_mut().zip(&sides) {

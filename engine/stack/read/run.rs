@@ -30,7 +30,7 @@ impl OpenRun {
     /// came.
     ///
     /// # Errors
-    /// [`Error::Output`] where there is no run, or where a committed view follows one that is
+    /// [`Error::File`] where there is no run, or where a committed view follows one that is
     /// not (names it); [`Error::Scene`] where scene.toml does not read.
     ///
     /// # Example
@@ -45,7 +45,7 @@ impl OpenRun {
         let path = path.as_ref();
         if !path.join(RUN).exists() {
             let problem = "is no run directory: it has no run.json";
-            return Err(Error::output(path, problem, None));
+            return Err(Error::file(path, problem, None));
         }
         let file = RunFile::read(&path.join(RUN))?;
         let scene = read_scene(&path.join(SCENE))?;
@@ -53,7 +53,7 @@ impl OpenRun {
         let of_scene = Extent::of(&scene)?;
         if of_scene != file.extent {
             let problem = format!("claims {:?}; {SCENE} has {of_scene:?}", file.extent);
-            return Err(Error::output(path.join(RUN), problem, None));
+            return Err(Error::file(path.join(RUN), problem, None));
         }
         let is_there = |view: &u32| committed.contains_key(&Exposure::Sample(*view));
         let views = (0..file.extent.views).take_while(is_there).count();
@@ -62,7 +62,7 @@ impl OpenRun {
         if count != views {
             let problem =
                 format!("view {views} is not committed and later ones are; resume the run");
-            return Err(Error::output(path, problem, None));
+            return Err(Error::file(path, problem, None));
         }
         let path = path.to_path_buf();
         Ok(Self { path, scene, file, committed, compared: Compared::default(), views })
@@ -95,14 +95,10 @@ impl OpenRun {
     /// The flat, one view.
     ///
     /// # Errors
-    /// [`Error::Output`] where it is not committed or does not have the shape of run.json.
+    /// [`Error::File`] where it is not committed or does not have the shape of run.json.
     pub fn flat(&self) -> Result<StackFile> {
         if !self.is_committed(Exposure::Flat) {
-            return Err(Error::output(
-                &self.path,
-                "the flat is not committed: resume the run",
-                None,
-            ));
+            return Err(Error::file(&self.path, "the flat is not committed: resume the run", None));
         }
         self.stack("flat", 1)
     }
@@ -113,7 +109,7 @@ impl OpenRun {
     /// As [`OpenRun::flat`], where no view is committed.
     pub fn sample(&self) -> Result<StackFile> {
         if self.views == 0 {
-            return Err(Error::output(&self.path, "no view is committed: resume the run", None));
+            return Err(Error::file(&self.path, "no view is committed: resume the run", None));
         }
         self.stack("sample", self.views)
     }
@@ -160,7 +156,7 @@ impl OpenRun {
                 entry.and_then(|e| if counts { e.counts.as_ref() } else { Some(&e.sha256) });
             found.cloned().ok_or_else(|| {
                 let problem = format!("has no checksum of view {index} of {name}: resume the run");
-                Error::output(self.path.join(LOG), problem, None)
+                Error::file(self.path.join(LOG), problem, None)
             })
         };
         let views = (0..views).map(of_view).collect::<Result<_>>()?;
@@ -195,7 +191,7 @@ impl OpenRun {
                 "has {:?} views, steps, rows and columns; run.json says {expected:?}",
                 stack.shape()
             );
-            return Err(Error::output(path, problem, None));
+            return Err(Error::file(path, problem, None));
         }
         let checksums = self.checksums(name, views, stack.shape()[1])?;
         Ok(stack.with_checksums(checksums))
