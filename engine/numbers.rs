@@ -1,6 +1,6 @@
 //! Casts between kinds of numbers, checked: the place where their lints are off.
 
-#![allow(clippy::cast_possible_truncation, reason = "every cast here is bounded before it")]
+#![expect(clippy::cast_possible_truncation, reason = "every cast here is bounded before it")]
 
 /// A count or index of what is held below 2^32 where it is read: triangles and objects by
 /// `geometry`, rays by their batches, frames and their sides by scene and stack.

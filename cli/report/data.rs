@@ -1,6 +1,6 @@
 //! Frames and retrieved images of a run as 16-bit numbers, binned where there are too many.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "numbers are rounded to 16 bits on purpose"

@@ -2,7 +2,7 @@
 //! cut into parts small enough that where light lies within a part does not matter, and light
 //! beside the detector that blurs into it is taken up too.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "counts of pixels are bounded by the scene's validation"

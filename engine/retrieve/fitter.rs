@@ -1,6 +1,6 @@
 //! Fits of a Gaussian on a background to many illumination curves at once, on the device.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "flags are small integers; rounding to f32 is meant"

@@ -1,12 +1,5 @@
 //! A simulation: one scene made ready on a device, traced view by view and illuminated.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 mod backend;
 pub(crate) mod cells;
 mod prepare;
@@ -19,6 +12,7 @@ use crate::geometry::Sample;
 use crate::gpu::Device;
 use crate::illuminate::{self, Spectral};
 use crate::moments::StoredSource;
+use crate::numbers;
 use crate::run::Control;
 use crate::run::engine::{Engine, EngineOptions};
 use crate::run::memory::MemoryEstimate;
@@ -97,7 +91,7 @@ impl<'e> Simulation<'e> {
             backend,
             self.scene.sampling.transport,
             self.options().batch_rays,
-            self.memory.rays_at_once as u32,
+            numbers::at_most(numbers::length(self.memory.rays_at_once)),
         )
     }
 

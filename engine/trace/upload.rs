@@ -1,12 +1,5 @@
 //! The sample on the device: uploaded once, views are records.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::media::MaterialTable;
 use crate::Result;
 use crate::accel::Bvh;

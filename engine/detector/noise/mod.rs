@@ -1,6 +1,6 @@
 //! Numbers that the detector reads out: photons, electronic noise, gain, offset, bit depth.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     reason = "indices are bounded by the scene's validation; rounding to f32 is meant"
 )]

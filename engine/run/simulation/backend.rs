@@ -1,11 +1,5 @@
 //! The backend of a run: as requested, as the device can, or the faster one on the scene.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts are bounded by the scene's validation"
-)]
-
 use super::Simulation;
 use crate::accel::Backend;
 use crate::gpu::DeviceDescription;

@@ -2,6 +2,7 @@
 
 use super::Simulation;
 use crate::Result;
+use crate::numbers;
 use crate::sampling::{self, CellBatch};
 use std::ops::Range;
 
@@ -19,7 +20,7 @@ pub fn cells_of_rows(
     let mut tracer = simulation.tracer(simulation.start.backend)?;
     let view = simulation.view(view, &shadows);
     let mut parts = Vec::new();
-    let at_once = simulation.memory.rays_at_once as usize;
+    let at_once = numbers::length(simulation.memory.rays_at_once);
     sampling::sample_rows(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {
         parts.push(part.clone());
         Ok(())
