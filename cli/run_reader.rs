@@ -102,6 +102,11 @@ impl RunReader {
         self.sample.shape()
     }
 
+    /// Rows of the frames.
+    pub(crate) fn row_count(&self) -> u32 {
+        self.sample.row_count()
+    }
+
     pub(crate) const fn views(&self) -> usize {
         self.sample.shape()[0]
     }
@@ -261,8 +266,7 @@ impl RunReader {
 
     /// The mask step at which the flat is brightest, by its middle rows.
     pub(crate) fn brightest_step(&self) -> Result<usize, Failure> {
-        let [_, _, rows, _] = self.flat.shape();
-        let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+        let rows = self.flat.row_count();
         let middle = self.flat.rows(0, rows / 2..(rows / 2 + 4).min(rows))?;
         let sums: Vec<f32> = middle.outer_iter().map(|frame| frame.sum()).collect();
         let best = (0..sums.len()).max_by(|a, b| sums[*a].total_cmp(&sums[*b]));
@@ -273,7 +277,7 @@ impl RunReader {
     /// flags, or, where nothing is retrieved, where it changes the light most.
     pub(crate) fn striking_column(&self, view: usize, row: usize) -> Result<usize, Failure> {
         let [_, _, _, columns] = self.shape();
-        let at = u32::try_from(row).unwrap_or(u32::MAX);
+        let at = row_number(row)?;
         let mut merit = vec![0.0_f32; columns];
         if self.has("refraction") && view < self.maps.as_ref().map_or(0, Maps::views) {
             let (angles, flags) = (self.map("refraction", view)?, self.has("flags"));
@@ -294,4 +298,9 @@ impl RunReader {
         let told = (0..columns).filter(|column| merit[*column] > 0.0);
         Ok(told.max_by(|a, b| merit[*a].total_cmp(&merit[*b])).unwrap_or(columns / 2))
     }
+}
+
+/// A row as stacks count them.
+pub(crate) fn row_number(row: usize) -> Result<u32, Failure> {
+    u32::try_from(row).map_err(|_| Failure::Usage(format!("row {row}: a frame has fewer rows")))
 }

@@ -21,6 +21,7 @@ pub use display::count;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CheckReport {
     /// The set-up.
     pub setup: Setup,
@@ -38,6 +39,7 @@ pub struct CheckReport {
 
 /// The set-up in numbers.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Setup {
     /// Photon energy, keV; of a spectrum the mean of what the detector counts without sample.
     pub energy: f64,
@@ -73,6 +75,7 @@ pub struct Setup {
 
 /// The focal spot.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CheckedSpot {
     /// Full width at half maximum along x and z of the Gaussian with the spot's variance, m.
     pub fwhm: [f64; 2],
@@ -86,6 +89,7 @@ pub struct CheckedSpot {
 
 /// A material at the energy of the scene.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Material {
     /// Name in the scene.
     pub name: String,
@@ -103,6 +107,7 @@ pub struct Material {
 
 /// An object of the sample.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct CheckedObject {
     /// Name in the scene.
     pub name: String,
@@ -124,6 +129,7 @@ pub struct CheckedObject {
 
 /// What a run costs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Work {
     /// Rays and time, from a sparse look at the scene with the refinement of a run.
     pub estimate: Option<RunEstimate>,
@@ -366,7 +372,7 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
             material: scene.objects.get(index).map(|o| o.material.clone()).unwrap_or_default(),
             triangles: summary.triangles,
             volume: summary.volume,
-            bounds: summary.bounds.map(|corner| corner.to_array()),
+            bounds: summary.bounds,
             inside,
             hash: summary.hash.clone(),
             defects: summary.defects.clone(),

@@ -1,5 +1,6 @@
 //! Differences of two stacks, runs or retrievals, simulated or measured, image by image.
 
+use crate::numbers;
 use crate::retrieve::{ImageDirectory, ImageFormat};
 use crate::stack::{Maps, OpenRun, StackFile, refuse_overlap};
 use crate::{Error, Result};
@@ -9,6 +10,7 @@ use std::path::Path;
 
 /// What two series of images differ by. `b - a` where there is a sign.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Difference {
     /// `flat`, `sample`, the name of a retrieved image, or `stack`.
     pub name: String,
@@ -55,7 +57,7 @@ pub struct DifferencesTo<'a> {
 /// retrieved images where both have them), two directories of retrieved images, or two stacks.
 ///
 /// # Errors
-/// [`Error::Output`] where one cannot be read, where they are of unlike kinds or shapes (names
+/// [`Error::File`] where one cannot be read, where they are of unlike kinds or shapes (names
 /// both), or where the images of differences cannot be written.
 ///
 /// # Example
@@ -78,7 +80,7 @@ pub fn compare(a: &Path, b: &Path, to: Option<DifferencesTo<'_>>) -> Result<Vec<
                 a.path().display(),
                 a.shape()
             );
-            return Err(Error::output(b.path(), problem, None));
+            return Err(Error::file(b.path(), problem, None));
         }
     }
     let mut images = match to {
@@ -145,7 +147,7 @@ fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
                 a.display(),
                 found.word()
             );
-            Err(Error::output(b, problem, None))
+            Err(Error::file(b, problem, None))
         }
     }
 }
@@ -159,7 +161,7 @@ fn maps(a: &Path, b: &Path) -> Result<Vec<Pair>> {
         .collect();
     if shared.is_empty() {
         let problem = format!("has no image that {} has, too", a.display());
-        return Err(Error::output(b, problem, None));
+        return Err(Error::file(b, problem, None));
     }
     Ok(shared)
 }
@@ -213,9 +215,9 @@ fn difference(
     mut to: Option<&mut ImageDirectory>,
 ) -> Result<Difference> {
     let [views, steps, rows, columns] = a.shape();
-    let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+    let rows = numbers::count(rows);
     // Images are written whole; without them frames may be larger than memory.
-    let band = u32::try_from((BAND / columns.max(1)).max(1)).unwrap_or(u32::MAX);
+    let band = numbers::at_most((BAND / columns.max(1)).max(1));
     let band = if to.is_some() { rows } else { band };
     let mut sums = Sums::default();
     for view in 0..views {

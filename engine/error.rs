@@ -1,4 +1,4 @@
-//! One error type, by who can act on it (design: scene, mesh, device, memory, output).
+//! One error type, by who can act on it (scene, argument, mesh, device, memory, file).
 
 use crate::printed;
 use std::fmt;
@@ -44,6 +44,7 @@ impl fmt::Display for Place {
 #[non_exhaustive]
 pub enum Error {
     /// The scene asks for something that cannot be.
+    #[non_exhaustive]
     Scene {
         /// Where the key stands.
         place: Box<Place>,
@@ -54,7 +55,18 @@ pub enum Error {
         /// What is allowed there.
         allowed: String,
     },
+    /// A caller of the library gave what cannot be.
+    #[non_exhaustive]
+    Argument {
+        /// The argument or option, as `gain`.
+        name: String,
+        /// What was given.
+        found: String,
+        /// What is allowed.
+        allowed: String,
+    },
     /// A mesh or shape cannot serve as a sample.
+    #[non_exhaustive]
     Mesh {
         /// Name of the object, with its file where it has one.
         object: String,
@@ -64,6 +76,7 @@ pub enum Error {
         place: String,
     },
     /// No Vulkan device can serve, or the device failed.
+    #[non_exhaustive]
     Device {
         /// What was looked for or was being done.
         wanted: String,
@@ -73,6 +86,7 @@ pub enum Error {
         remedy: String,
     },
     /// Not enough memory.
+    #[non_exhaustive]
     Memory {
         /// What the memory is for.
         purpose: String,
@@ -84,7 +98,8 @@ pub enum Error {
         remedy: String,
     },
     /// A file or directory cannot be read or written.
-    Output {
+    #[non_exhaustive]
+    File {
         /// The path.
         path: PathBuf,
         /// What was being done, and what is allowed.
@@ -135,6 +150,15 @@ impl Error {
         self
     }
 
+    /// An error of an argument.
+    pub fn argument(
+        name: impl Into<String>,
+        found: impl Into<String>,
+        allowed: impl Into<String>,
+    ) -> Self {
+        Self::Argument { name: name.into(), found: found.into(), allowed: allowed.into() }
+    }
+
     /// A mesh error.
     pub fn mesh(
         object: impl Into<String>,
@@ -153,13 +177,13 @@ impl Error {
         Self::Device { wanted: wanted.into(), found: found.into(), remedy: remedy.into() }
     }
 
-    /// An input/output error on a path.
-    pub fn output(
+    /// An error of reading or writing a path.
+    pub fn file(
         path: impl Into<PathBuf>,
         problem: impl Into<String>,
         source: Option<std::io::Error>,
     ) -> Self {
-        Self::Output { path: path.into(), problem: problem.into(), source }
+        Self::File { path: path.into(), problem: problem.into(), source }
     }
 }
 
@@ -172,6 +196,9 @@ impl fmt::Display for Error {
                     write!(f, "\n{excerpt}")?;
                 }
                 Ok(())
+            }
+            Self::Argument { name, found, allowed } => {
+                write!(f, "{name}: found {found}; allowed: {allowed}")
             }
             Self::Mesh { object, problem, place } => {
                 write!(f, "{}: {problem}", printed::line(object))?;
@@ -195,7 +222,7 @@ impl fmt::Display for Error {
                 }
                 write!(f, "; {remedy}")
             }
-            Self::Output { path, problem, source } => {
+            Self::File { path, problem, source } => {
                 write!(f, "{}: {problem}", printed::path(path))?;
                 match source {
                     Some(source) => write!(f, ": {source}"),
@@ -211,7 +238,7 @@ impl fmt::Display for Error {
 impl std::error::Error for Error {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
-            Self::Output { source: Some(source), .. } => Some(source),
+            Self::File { source: Some(source), .. } => Some(source),
             _ => None,
         }
     }

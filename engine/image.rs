@@ -1,13 +1,11 @@
 //! Images of one channel from files, as a detector, a kernel or a focal spot was measured:
 //! NPY, TIFF or PNG by the extension.
 
-use crate::{Error, Result, input_file, npy_header, reserve};
+use crate::array_file::{NpyFile, TiffPages};
+use crate::{Error, Result, input_file, reserve};
 use ndarray::Array2;
-use npyz::{DType, NpyFile, Order, TypeChar};
-use std::fs::File;
-use std::io::{BufReader, Seek};
+use std::io::BufReader;
 use std::path::Path;
-use tiff::decoder::DecodingResult;
 
 /// Most pixels of an image.
 const PIXELS: u64 = 1 << 26;
@@ -16,24 +14,20 @@ const PIXELS: u64 = 1 << 26;
 /// 32 bits or floats, grey. Of a TIFF the first page counts.
 ///
 /// # Errors
-/// [`Error::Output`] where the file cannot be read or holds no such image; [`Error::Memory`] for
+/// [`Error::File`] where the file cannot be read or holds no such image; [`Error::Memory`] for
 /// one of more than 2^26 pixels.
 pub fn read(path: &Path) -> Result<Array2<f64>> {
     let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
-    let file = || {
-        let opened = input_file::open(path);
-        opened.map(BufReader::new).map_err(|e| Error::output(path, "cannot be read", Some(e)))
-    };
     match extension.as_deref() {
-        Some("npy") => read_npy(path, file()?),
-        Some("tif" | "tiff") => read_tiff(path, file()?),
-        Some("png") => read_png(path, file()?),
+        Some("npy") => read_npy(path),
+        Some("tif" | "tiff") => read_tiff(path),
+        Some("png") => read_png(path),
         _ => Err(refused(path, "has to end in .npy, .tif, .tiff or .png")),
     }
 }
 
 fn refused(path: &Path, problem: impl std::fmt::Display) -> Error {
-    Error::output(path, format!("cannot be read as an image: it {problem}"), None)
+    Error::file(path, format!("cannot be read as an image: it {problem}"), None)
 }
 
 fn shaped(path: &Path, rows: u64, columns: u64, values: Vec<f64>) -> Result<Array2<f64>> {
@@ -43,13 +37,15 @@ fn shaped(path: &Path, rows: u64, columns: u64, values: Vec<f64>) -> Result<Arra
         .map_err(|_| refused(path, "does not hold one value for each pixel"))
 }
 
-fn check_size(path: &Path, rows: u64, columns: u64) -> Result<()> {
+/// Pixels of an image, none of whose sides is zero.
+fn check_size(path: &Path, rows: u64, columns: u64) -> Result<usize> {
     if rows == 0 || columns == 0 {
         return Err(refused(path, "has no pixels"));
     }
-    match rows.checked_mul(columns) {
-        Some(pixels) if pixels <= PIXELS => Ok(()),
-        _ => Err(Error::Memory {
+    let pixels = rows.checked_mul(columns).filter(|pixels| *pixels <= PIXELS);
+    match pixels.and_then(|pixels| usize::try_from(pixels).ok()) {
+        Some(pixels) => Ok(pixels),
+        None => Err(Error::Memory {
             purpose: format!("the image {} of {columns} x {rows} pixels", path.display()),
             needed: rows.saturating_mul(columns).saturating_mul(8),
             available: Some(8 * PIXELS),
@@ -58,76 +54,31 @@ fn check_size(path: &Path, rows: u64, columns: u64) -> Result<()> {
     }
 }
 
-fn read_npy(path: &Path, mut file: BufReader<File>) -> Result<Array2<f64>> {
-    let failed = |e| refused(path, format!("is no NPY file: {e}"));
-    npy_header::read(&mut file).map_err(failed)?;
-    file.rewind().map_err(failed)?;
-    let array = NpyFile::new(file).map_err(failed)?;
-    let &[rows, columns] = array.shape() else {
-        let shape = array.shape();
+fn read_npy(path: &Path) -> Result<Array2<f64>> {
+    let array = NpyFile::open(path)?;
+    let &[rows, columns] = array.sides() else {
+        let shape = array.sides();
         return Err(refused(path, format!("has the shape {shape:?}; two dimensions are allowed")));
     };
-    check_size(path, rows, columns)?;
-    let dtype = array.dtype();
-    let order = array.order();
-    let values = match &dtype {
-        DType::Plain(kind) => match (kind.type_char(), kind.size_field()) {
-            (TypeChar::Float, 8) => array.into_vec::<f64>(),
-            (TypeChar::Float, 4) => floats::<f32>(array),
-            (TypeChar::Uint, 1) => floats::<u8>(array),
-            (TypeChar::Uint, 2) => floats::<u16>(array),
-            (TypeChar::Uint, 4) => floats::<u32>(array),
-            (TypeChar::Int, 2) => floats::<i16>(array),
-            (TypeChar::Int, 4) => floats::<i32>(array),
-            _ => {
-                let allowed = "float32, float64, uint8, uint16, uint32, int16, int32";
-                return Err(refused(path, format!("holds {}; allowed: {allowed}", dtype.descr())));
-            }
-        },
-        _ => return Err(refused(path, format!("holds {}, not plain numbers", dtype.descr()))),
-    };
-    let values = values.map_err(|e| Error::output(path, "cannot be read", Some(e)))?;
-    match order {
-        Order::C => shaped(path, rows, columns, values),
-        Order::Fortran => Ok(shaped(path, columns, rows, values)?.reversed_axes()),
+    let values = array.read(0, check_size(path, rows, columns)?)?;
+    if array.is_fortran() {
+        return Ok(shaped(path, columns, rows, values)?.reversed_axes());
     }
+    shaped(path, rows, columns, values)
 }
 
-fn floats<T: npyz::Deserialize + Into<f64>>(
-    array: NpyFile<BufReader<File>>,
-) -> std::io::Result<Vec<f64>> {
-    Ok(array.into_vec::<T>()?.into_iter().map(Into::into).collect())
+fn read_tiff(path: &Path) -> Result<Array2<f64>> {
+    let pages = TiffPages::first(path)?;
+    let [rows, columns] = pages.frame_shape();
+    check_size(path, rows as u64, columns as u64)?;
+    shaped(path, rows as u64, columns as u64, pages.read(0, 0..rows)?)
 }
 
-fn read_tiff(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
-    let failed = |error| refused(path, format!("is no TIFF file of a known kind: {error}"));
-    let mut decoder = tiff::decoder::Decoder::new(file).map_err(failed)?;
-    let (columns, rows) = decoder.dimensions().map_err(failed)?;
-    check_size(path, rows.into(), columns.into())?;
-    match decoder.colortype().map_err(failed)? {
-        tiff::ColorType::Gray(_) => {}
-        other => return Err(refused(path, format!("is {other:?}; one grey channel is allowed"))),
-    }
-    fn all<T: Into<f64>>(values: Vec<T>) -> Vec<f64> {
-        values.into_iter().map(Into::into).collect()
-    }
-    let values = match decoder.read_image().map_err(failed)? {
-        DecodingResult::U8(values) => all(values),
-        DecodingResult::U16(values) => all(values),
-        DecodingResult::U32(values) => all(values),
-        DecodingResult::I8(values) => all(values),
-        DecodingResult::I16(values) => all(values),
-        DecodingResult::I32(values) => all(values),
-        DecodingResult::F32(values) => all(values),
-        DecodingResult::F64(values) => values,
-        _ => return Err(refused(path, "holds numbers of 64 or half floats of 16 bits")),
-    };
-    shaped(path, rows.into(), columns.into(), values)
-}
-
-fn read_png(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
+fn read_png(path: &Path) -> Result<Array2<f64>> {
     let failed = |error| refused(path, format!("is no PNG file: {error}"));
-    let mut decoder = png::Decoder::new(file);
+    let file =
+        input_file::open(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
+    let mut decoder = png::Decoder::new(BufReader::new(file));
     // Grey of 1, 2 or 4 bits becomes 8, with the same proportions.
     decoder.set_transformations(png::Transformations::EXPAND);
     let header = decoder.read_header_info().map_err(failed)?;
@@ -155,6 +106,7 @@ fn read_png(path: &Path, file: BufReader<File>) -> Result<Array2<f64>> {
 mod tests {
     use super::*;
     use ndarray::array;
+    use std::fs::File;
 
     fn wanted() -> Array2<f64> {
         array![[0.0, 1.0, 2.0], [250.0, 128.0, 3.0]]

@@ -1,5 +1,6 @@
 //! Files that are read: regular ones, and no longer than memory bears.
 
+use crate::numbers;
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
@@ -40,7 +41,7 @@ pub(crate) fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
         length => length,
     };
     let mut bytes = Vec::new();
-    bytes.try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))?;
+    bytes.try_reserve_exact(numbers::length(length))?;
     // It may grow while it is read.
     match File::open(path)?.take(most + 1).read_to_end(&mut bytes)? as u64 {
         length if length > most => refused(length),

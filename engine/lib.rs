@@ -17,6 +17,7 @@
 //! The engine never prints, exits or panics on input; messages go through the `log` crate.
 
 mod accel;
+mod array_file;
 pub mod check;
 pub mod compare;
 mod detector;
@@ -29,9 +30,10 @@ mod input_file;
 mod interface;
 #[doc(hidden)]
 pub mod internals;
+mod interpolation;
 pub mod material;
 pub mod moments;
-mod npy_header;
+mod numbers;
 mod parallel;
 pub mod printed;
 mod reserve;
@@ -42,6 +44,7 @@ pub mod scene;
 pub mod spectrum;
 mod spot;
 pub mod stack;
+mod suggestion;
 mod trace;
 pub mod units;
 mod whole_file;

@@ -1,5 +1,5 @@
-//! Names from files and from users as they are printed: without control characters, which
-//! terminals obey, and without bidirectional ones, which reorder what is read.
+//! Text as it is printed. Names from files and from users: without control characters, which
+//! terminals obey, and without bidirectional ones, which reorder what is read. Numbers: short.
 
 use std::path::Path;
 
@@ -30,6 +30,20 @@ pub fn path(path: &Path) -> String {
     line(&path.to_string_lossy())
 }
 
+/// Five significant digits without trailing zeros, and whole numbers below 1e9 in full: 0.59,
+/// 1234567, 2.56e-7.
+#[must_use]
+pub fn number(value: f64) -> String {
+    let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
+    match value.abs() {
+        size if (1e5..1e9).contains(&size) => format!("{value:.0}"),
+        size if (1e-4..1e5).contains(&size) || size == 0.0 || !size.is_finite() => {
+            rounded.to_string()
+        }
+        _ => format!("{rounded:e}"),
+    }
+}
+
 fn escape(text: &str, keep: impl Fn(char) -> bool) -> String {
     use std::fmt::Write;
     text.chars().fold(String::with_capacity(text.len()), |mut out, c| {
@@ -45,6 +59,25 @@ fn escape(text: &str, keep: impl Fn(char) -> bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn numbers_keep_five_digits_and_no_zeros_behind() {
+        for (value, text) in [
+            (0.59, "0.59"),
+            (51.234_56, "51.235"),
+            (53_122.4, "53122"),
+            (-8.0, "-8"),
+            (0.0, "0"),
+            (2.56e-7, "2.56e-7"),
+            (1e-4, "0.0001"),
+            (1_234_567.0, "1234567"),
+            (1.234_56e12, "1.2346e12"),
+            (f64::INFINITY, "inf"),
+            (f64::NAN, "NaN"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
 
     #[test]
     fn control_and_bidirectional_characters_are_escaped_and_others_stay() {

@@ -4,51 +4,13 @@
 //! moving the decimal point in its text: "150 um" is the double nearest to 150e-6, with one
 //! rounding only, and what [`Dimension::format`] writes reads back to the same bits.
 
-use std::fmt;
+mod decimal;
+mod memory;
 
-/// Reads a size of memory such as "512 MiB" or "2 GiB" into bytes. Units: B, KiB, MiB, GiB, TiB,
-/// and the powers of ten kB, MB, GB, TB.
-///
-/// # Errors
-///
-/// [`QuantityError`] if there is no number above 0, no unit, an unknown unit, or an overflow.
-pub fn memory_size(text: &str) -> Result<u64, QuantityError> {
-    const UNITS: [(&str, u64); 9] = [
-        ("B", 1),
-        ("KiB", 1 << 10),
-        ("MiB", 1 << 20),
-        ("GiB", 1 << 30),
-        ("TiB", 1 << 40),
-        ("kB", 1_000),
-        ("MB", 1_000_000),
-        ("GB", 1_000_000_000),
-        ("TB", 1_000_000_000_000),
-    ];
-    let trimmed = text.trim();
-    let split = trimmed.find(|c: char| c.is_alphabetic()).unwrap_or(trimmed.len());
-    let (number, unit) = trimmed.split_at(split);
-    let number = number.trim().parse::<f64>().ok();
-    let unit = UNITS.iter().find(|entry| entry.0 == unit);
-    let bytes = number.zip(unit).map(|(number, (_, scale))| number * *scale as f64);
-    match bytes {
-        // Below 2^63 every whole f64 is a u64.
-        Some(bytes) if (1.0..9.2e18).contains(&bytes) => {
-            #[allow(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "the range was just checked; a part of a byte does not count"
-            )]
-            let whole = bytes as u64;
-            Ok(whole)
-        }
-        _ => Err(QuantityError {
-            found: format!("\"{text}\""),
-            allowed: "a size with its unit, such as \"2 GiB\"; units: B, KiB, MiB, GiB, TiB, kB, \
-                      MB, GB, TB"
-                .into(),
-        }),
-    }
-}
+pub use memory::memory_size;
+
+use decimal::{decimal, shifted, split_number};
+use std::fmt;
 
 /// What a quantity measures, and with it the units allowed and the base unit returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -231,65 +193,6 @@ impl Dimension {
     }
 }
 
-/// Splits "1.5e3 um" into mantissa, power of ten, and what follows.
-fn split_number(text: &str) -> Option<(&str, i64, &str)> {
-    let digits = |at: usize| text.bytes().skip(at).take_while(u8::is_ascii_digit).count();
-    let sign = usize::from(text.starts_with(['+', '-']));
-    let mut end = sign + digits(sign);
-    let mut count = end - sign;
-    if text[end..].starts_with('.') {
-        let fraction = digits(end + 1);
-        count += fraction;
-        end += 1 + fraction;
-    }
-    if count == 0 {
-        return None;
-    }
-    let mantissa = &text[..end];
-    let mut exponent = 0;
-    // "1eV" has no exponent: an e counts only if digits follow.
-    if text[end..].starts_with(['e', 'E']) {
-        let signed = usize::from(text[end + 1..].starts_with(['+', '-']));
-        let count = digits(end + 1 + signed);
-        if count > 0 {
-            let stop = end + 1 + signed + count;
-            exponent = text[end + 1..stop].parse().unwrap_or(i64::MAX);
-            end = stop;
-        }
-    }
-    Some((mantissa, exponent, text[end..].trim()))
-}
-
-fn shifted(mantissa: &str, exponent: i64) -> Option<f64> {
-    format!("{mantissa}e{exponent}").parse().ok()
-}
-
-/// The shortest digits of `value`, divided by 10^`power` by moving the point.
-fn decimal(value: f64, power: i64) -> String {
-    let text = format!("{value:e}");
-    let Some((mantissa, exponent)) = text.split_once('e') else {
-        return text; // not finite: never valid, shown as it is
-    };
-    let (sign, mantissa) = mantissa.strip_prefix('-').map_or(("", mantissa), |rest| ("-", rest));
-    let digits = mantissa.replace('.', "");
-    let exponent = exponent.parse::<i64>().unwrap_or(0) - power;
-    let body = match usize::try_from(exponent + 1) {
-        Ok(point) if point >= 1 && point >= digits.len() && point <= 16 => {
-            format!("{digits:0<point$}")
-        }
-        Ok(point) if point >= 1 && point < digits.len() => {
-            format!("{}.{}", &digits[..point], &digits[point..])
-        }
-        _ if (-4..0).contains(&exponent) => {
-            let zeros = usize::try_from(-exponent - 1).unwrap_or(0);
-            format!("0.{}{digits}", "0".repeat(zeros))
-        }
-        _ if digits.len() == 1 => format!("{digits}e{exponent}"),
-        _ => format!("{}.{}e{exponent}", &digits[..1], &digits[1..]),
-    };
-    format!("{sign}{body}")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -297,19 +200,6 @@ mod tests {
 
     fn length(text: &str) -> f64 {
         Dimension::Length.parse(text).unwrap()
-    }
-
-    #[test]
-    fn sizes_of_memory_need_a_number_above_zero_and_a_unit() {
-        for (text, bytes) in
-            [("512 MiB", 512 << 20), (" 2GiB ", 2 << 30), ("1.5 KiB", 1536), ("3 kB", 3000)]
-        {
-            assert_eq!(memory_size(text).unwrap(), bytes);
-        }
-        for text in ["", "2", "GiB", "2 gib", "-1 MiB", "0 B", "1e30 TiB", "NaN B", "1 MiB 2"] {
-            let message = memory_size(text).unwrap_err().to_string();
-            assert!(message.contains("2 GiB"), "{message}");
-        }
     }
 
     fn message(dimension: Dimension, text: &str) -> String {

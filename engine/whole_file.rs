@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 /// that is there, or that a link there leads to. A device or pipe is written to.
 ///
 /// # Errors
-/// [`Error::Output`] where it cannot be written; what was there is unchanged then.
+/// [`Error::File`] where it cannot be written; what was there is unchanged then.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let failed = |error| Error::output(path, "cannot be written", Some(error));
+    let failed = |error| Error::file(path, "cannot be written", Some(error));
     match fs::metadata(path) {
-        Ok(found) if found.is_dir() => return Err(Error::output(path, "is a directory", None)),
+        Ok(found) if found.is_dir() => return Err(Error::file(path, "is a directory", None)),
         Ok(found) if !found.is_file() => {
             let mut open = OpenOptions::new().write(true).open(path).map_err(failed)?;
             return open.write_all(bytes).and_then(|()| open.flush()).map_err(failed);
@@ -40,7 +40,7 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     refuse_link(path)?;
     File::create(&new)
         .and_then(|file| replace(path, &new, file, bytes))
-        .map_err(|error| Error::output(path, "cannot be written", Some(error)))
+        .map_err(|error| Error::file(path, "cannot be written", Some(error)))
 }
 
 fn replace(path: &Path, new: &Path, mut file: File, bytes: &[u8]) -> io::Result<()> {
@@ -69,14 +69,14 @@ pub(crate) fn refuse_link(path: &Path) -> Result<()> {
         Ok(found) if found.is_symlink() => {
             let problem = "is a link in place of what beamlet writes, and links inside a run are \
                            not followed; only the run directory itself may be one";
-            Err(Error::output(path, problem, None))
+            Err(Error::file(path, problem, None))
         }
         Ok(found) if !found.is_file() && !found.is_dir() => {
             let problem = "is neither a file nor a folder, in place of what beamlet writes";
-            Err(Error::output(path, problem, None))
+            Err(Error::file(path, problem, None))
         }
         Err(error) if error.kind() != ErrorKind::NotFound => {
-            Err(Error::output(path, "cannot be looked at", Some(error)))
+            Err(Error::file(path, "cannot be looked at", Some(error)))
         }
         _ => Ok(()),
     }
@@ -86,12 +86,12 @@ pub(crate) fn refuse_link(path: &Path) -> Result<()> {
 pub(crate) fn sync_path(path: &Path) -> Result<()> {
     File::open(path)
         .and_then(|file| file.sync_all())
-        .map_err(|error| Error::output(path, "cannot be synced", Some(error)))
+        .map_err(|error| Error::file(path, "cannot be synced", Some(error)))
 }
 
 /// Makes renames in a directory last; systems without that notion do without.
 pub(crate) fn sync_directory(path: &Path) -> Result<()> {
-    sync(path).map_err(|error| Error::output(path, "cannot be synced", Some(error)))
+    sync(path).map_err(|error| Error::file(path, "cannot be synced", Some(error)))
 }
 
 fn sync(directory: &Path) -> io::Result<()> {

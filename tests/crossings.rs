@@ -51,7 +51,7 @@ fn crossings(rays: &[Ray], most: u32) -> Vec<Vec<SurfaceCrossing>> {
 fn crossings_come_front_to_back_with_place_object_and_normal() {
     let x = 0.3e-3_f32;
     let found = crossings(&[parallel(x, 0.1e-3), parallel(1.5e-3, 0.0), parallel(3e-3, 0.0)], 16);
-    let words = |met: &SurfaceCrossing| (met.object, met.entering);
+    let words = |met: &SurfaceCrossing| (met.object, u32::from(met.entering));
     assert_eq!(found[0].iter().map(words).collect::<Vec<_>>(), [(0, 1), (1, 1), (1, 0), (0, 0)]);
     assert_eq!(found[1].iter().map(words).collect::<Vec<_>>(), [(0, 1), (0, 0)]);
     assert!(found[2].is_empty(), "beside the sample");

@@ -22,7 +22,7 @@ fn changed(from: &str, to: &str) -> Result<Scene, Error> {
 
 fn parts(result: Result<Scene, Error>) -> (Place, String, String, String) {
     match result.unwrap_err() {
-        Error::Scene { place, key, found, allowed } => (*place, key, found, allowed),
+        Error::Scene { place, key, found, allowed, .. } => (*place, key, found, allowed),
         other => panic!("not a scene error: {other}"),
     }
 }

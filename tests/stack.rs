@@ -10,7 +10,7 @@ use beamlet::stack::{
     ArraySink, CallbackSink, Extent, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState,
     Sink,
 };
-use beamlet::{Backend, Error, RunRecord, Tally};
+use beamlet::{Backend, Error, RunRecord};
 use ndarray::{Array3, Array4, s};
 use ndarray_npy::ReadNpyExt;
 use std::collections::BTreeMap;
@@ -55,30 +55,15 @@ fn scene() -> Scene {
 }
 
 fn start() -> RunStart {
-    RunStart {
-        device: "tested device".into(),
-        driver: "1.0".into(),
-        backend: Backend::Bvh,
-        backend_reason: "the test says so".into(),
-        calibration: BTreeMap::from([("bvh".into(), 2.5)]),
-        mesh_hashes: BTreeMap::new(),
-    }
+    let mut start = RunStart::new("tested device", "1.0", Backend::Bvh, "the test says so");
+    start.calibration.insert("bvh".into(), 2.5);
+    start
 }
 
 fn record() -> RunRecord {
-    let start = start();
-    RunRecord {
-        version: env!("CARGO_PKG_VERSION").into(),
-        device: start.device,
-        driver: start.driver,
-        backend: start.backend,
-        backend_reason: start.backend_reason,
-        calibration: start.calibration,
-        seed: 1,
-        tally: Tally { rays: 1234, ..Tally::default() },
-        sampling: None,
-        seconds: BTreeMap::new(),
-    }
+    let mut record = RunRecord::begin(&start(), 1);
+    record.tally.rays = 1234;
+    record
 }
 
 /// Values that differ everywhere, some of them awkward.
@@ -339,7 +324,7 @@ fn overwriting_never_takes_the_files_of_a_directory_that_is_no_run() {
     fs::write(temporary.path().join("scene.toml"), "mine").unwrap();
     for overwrite in [false, true] {
         let error = RunDirectory::create(temporary.path(), Format::Exr, overwrite).unwrap_err();
-        assert!(matches!(error, Error::Output { .. }));
+        assert!(matches!(error, Error::File { .. }));
     }
     assert_eq!(fs::read_to_string(temporary.path().join("scene.toml")).unwrap(), "mine");
 }

@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
-use beamlet::stack::{Extent, Format, RunDirectory, is_same_place};
+use beamlet::stack::{Extent, Format, RunDirectory, RunFile, is_same_place};
 use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -40,13 +40,8 @@ struct Done {
     seconds: f64,
 }
 
-pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Failure> {
-    let outputs = outputs(arguments)?;
-    let mut kept = StoredMoments::open(&arguments.run)?;
-    if arguments.scene.len() > 1 && arguments.memory_limit.is_none() {
-        kept = kept.sharing(SHARED);
-    }
-    // Every scene and directory is looked at before the first is illuminated.
+/// Every scene and directory is looked at before the first is illuminated.
+fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failure> {
     let mut jobs = Vec::new();
     for (path, output) in arguments.scene.iter().zip(outputs) {
         let scene = Scene::load_with(path, &arguments.sets)?;
@@ -61,6 +56,21 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         let sink = sink.overrides(&arguments.sets);
         jobs.push(Job { path: path.clone(), output, scene, extent, sink });
     }
+    Ok(jobs)
+}
+
+pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Failure> {
+    let outputs = outputs(arguments)?;
+    let record = arguments.run.join("run.json");
+    if record.exists() {
+        // Moments lie in a run directory whose layout has to be known.
+        RunFile::read(&record)?;
+    }
+    let mut kept = StoredMoments::open(&arguments.run)?;
+    if arguments.scene.len() > 1 && arguments.memory_limit.is_none() {
+        kept = kept.sharing(SHARED);
+    }
+    let jobs = jobs(arguments, outputs)?;
     interrupt::listen();
     let engine = Engine::open(&EngineOptions {
         device: arguments.device.clone(),

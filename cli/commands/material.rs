@@ -1,9 +1,10 @@
 //! `beamlet material`: constants of a material, and the built-in names.
 
-use super::{beam, number};
+use super::beam;
 use crate::args::Material as Arguments;
 use crate::failure::Failure;
 use beamlet::material::{self, Constants};
+use beamlet::printed::number;
 use beamlet::scene::{Beam, MaterialSpec, Scene};
 use beamlet::spectrum::Spectrum;
 use beamlet::units::Dimension::{Density, Length};
@@ -138,7 +139,7 @@ fn at_energies(
     energies: &[f64],
     thickness: Option<f64>,
 ) -> Result<Vec<Told>, Failure> {
-    let constants = material::constants_over(scene, name, energies).map_err(at_option)?;
+    let constants = material::constants_over(scene, name, energies)?;
     let told = |(energy, Constants { mu, delta }): (&f64, Constants)| Told {
         energy_kev: *energy,
         mu_per_m: mu,
@@ -148,14 +149,6 @@ fn at_energies(
         transmission: thickness.map(|thickness| (-mu * thickness).exp()),
     };
     Ok(energies.iter().zip(constants).map(told).collect())
-}
-
-/// The energy was no key of a scene.
-fn at_option(error: beamlet::Error) -> beamlet::Error {
-    match &error {
-        beamlet::Error::Scene { key, .. } if key == "source.energy" => error.at_key("--energy"),
-        _ => error,
-    }
 }
 
 /// Means over the photons of the scene's spectrum behind its filters.

@@ -40,12 +40,3 @@ fn write_json(value: &impl serde::Serialize, out: &mut impl Write) -> Result<(),
     let text = serde_json::to_string_pretty(value).map_err(std::io::Error::from)?;
     Ok(writeln!(out, "{text}")?)
 }
-
-/// Five significant digits, as short as that allows.
-fn number(value: f64) -> String {
-    let rounded: f64 = format!("{value:.4e}").parse().unwrap_or(value);
-    match rounded.abs() {
-        size if size > 0.0 && !(1e-3..1e7).contains(&size) => format!("{rounded:e}"),
-        _ => rounded.to_string(),
-    }
-}

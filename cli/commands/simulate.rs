@@ -125,7 +125,7 @@ pub(super) fn summary(
     seconds: f64,
     out: &mut impl Write,
 ) -> Result<(), Failure> {
-    let Extent { views, steps, rows, columns } = extent;
+    let Extent { views, steps, rows, columns, .. } = extent;
     // Of a resumed run the tally covers all views, and the time this part.
     let rays = record.tally.rays.saturating_sub(sink.counted().rays);
     let rate = rays as f64 / 1e6 / seconds.max(1e-9);

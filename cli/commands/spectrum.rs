@@ -1,11 +1,12 @@
 //! `beamlet spectrum`: what a source emits, before and after its filters.
 
+use super::beam;
 use super::pictures::{refuse_existing, refuse_read};
-use super::{beam, number};
 use crate::args::Spectrum as Arguments;
 use crate::failure::Failure;
 use crate::picture::drawing::Drawing;
 use crate::picture::spectrum::draw;
+use beamlet::printed::number;
 use beamlet::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec};
 use beamlet::spectrum::{Nodes, Spectrum, nodes};
 use beamlet::units::Dimension::{Angle, Length};

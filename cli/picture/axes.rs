@@ -1,6 +1,6 @@
 //! Axes: round numbers, tick marks, labels, and where values lie on the paper.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "decimals and ticks are small whole numbers"

@@ -1,7 +1,7 @@
 //! Colours of values: perceptually uniform maps, a diverging one for signed values, and scales
 //! with their bar.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "colours are small whole numbers"

@@ -1,6 +1,6 @@
 //! The one typeface of all pictures, inside the program: `DejaVu Sans` (licence beside it).
 
-#![allow(clippy::cast_possible_truncation, reason = "outlines are drawn in single precision")]
+#![expect(clippy::cast_possible_truncation, reason = "outlines are drawn in single precision")]
 
 use ab_glyph::{Font, FontRef, OutlineCurve, PxScale, ScaleFont};
 use std::sync::LazyLock;

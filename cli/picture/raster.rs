@@ -1,6 +1,6 @@
 //! A drawing as PNG.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "pixels are counted in small whole numbers, and drawn in single precision"

@@ -1,6 +1,6 @@
 //! The sample, ray-traced: materials in colours, what is around other things translucent.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "rays are single, colours and pixels small whole numbers"

@@ -15,27 +15,9 @@ pub(crate) fn distance(metres: f64) -> String {
     format!("{} m", text.trim_end_matches('0').trim_end_matches('.'))
 }
 
-/// Five significant digits without trailing zeros.
+/// Five significant digits with the minus sign of typography.
 pub(crate) fn short(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let magnitude = value.abs().log10().floor();
-    if !(-4.0..7.0).contains(&magnitude) {
-        return format!("{value:.3e}").replace('-', "−");
-    }
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at most eight decimals"
-    )]
-    let decimals = (4.0 - magnitude).max(0.0) as usize;
-    let text = format!("{value:.decimals$}");
-    let text = match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.'),
-        false => &text,
-    };
-    text.replace('-', "−")
+    beamlet::printed::number(value).replace('-', "−")
 }
 
 /// Two significant digits, for uncertainties.
@@ -56,7 +38,7 @@ mod tests {
         assert_eq!(length(1.5e-4), "150 µm");
         assert_eq!(length(0.0128), "12.8 mm");
         assert_eq!(distance(1.799_887_5), "1.799888 m");
-        assert_eq!(short(-2.56e-7), "−2.560e−7");
+        assert_eq!(short(-2.56e-7), "−2.56e−7");
         assert_eq!(
             (rough(0.021_764), rough(0.265_56), rough(21.674)),
             ("0.022".into(), "0.27".into(), "22".into())

@@ -1,6 +1,6 @@
 //! Frames and retrieved images of a run as 16-bit numbers, binned where there are too many.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "numbers are rounded to 16 bits on purpose"
@@ -106,12 +106,54 @@ impl Quantised {
     }
 }
 
+/// Names of the images of a fit to the flat or the sample.
+fn fits(of: &str) -> [String; FIT.len()] {
+    FIT.map(|part| format!("{of}_{part}"))
+}
+
+/// Frames, contrasts and fits as the page has them; their values are appended to `arrays`.
+fn images(
+    run: &RunReader,
+    kept: &[usize],
+    contrasts: &[&str],
+    fitted: bool,
+    thinning: Thinning,
+    arrays: &mut Vec<(String, Vec<u16>)>,
+) -> Result<serde_json::Map<String, Value>, Failure> {
+    let mut images = serde_json::Map::new();
+    let intensity = run.fitted_quantity();
+    let flat = frames(run, &[None], thinning)?;
+    let views: Vec<Option<usize>> = kept.iter().copied().map(Some).collect();
+    let sample = frames(run, &views, thinning)?;
+    // One scale for all steps and views: sliders show how the light changes.
+    let scale = Scale::of(intensity.map, flat.iter().chain(&sample).copied());
+    for (name, values) in [("flat", flat), ("sample", sample)] {
+        images.insert(name.into(), image(name, &values, &intensity, &scale, arrays));
+    }
+    for name in contrasts {
+        let quantity = Quantity::of_map(name);
+        let values = map(run, name, kept, &quantity, thinning)?;
+        let scale = Scale::of(quantity.map, values.iter().copied());
+        images.insert((*name).into(), image(name, &values, &quantity, &scale, arrays));
+    }
+    if fitted {
+        for (of, kept) in [("flat", &kept[..1]), ("sample", kept)] {
+            for name in fits(of) {
+                let quantity = Quantity::of_map(&name);
+                let values = map(run, &name, kept, &quantity, thinning)?;
+                let scale = Scale::of(quantity.map, values.iter().copied());
+                images.insert(name.clone(), image(&name, &values, &quantity, &scale, arrays));
+            }
+        }
+    }
+    Ok(images)
+}
+
 /// Gathers everything that the page shows as images.
 pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
     let [all_views, steps, rows, columns] = run.shape();
     let names: Vec<&str> = run.maps().map_or(Vec::new(), |maps| maps.names().collect());
     let has = |name: &str| names.contains(&name);
-    let fits = |of: &str| FIT.map(|part| format!("{of}_{part}"));
     let fitted =
         run.has_gaussians() && fits("flat").iter().chain(&fits("sample")).all(|name| has(name));
     let contrasts: Vec<&str> = CONTRASTS.into_iter().filter(|name| has(name)).collect();
@@ -124,32 +166,7 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
 
     let start = [run.striking_column(0, rows / 2)? / thinning.bin, rows / 2 / thinning.bin];
     let mut arrays = Vec::new();
-    let mut images = serde_json::Map::new();
-    let intensity = run.fitted_quantity();
-    let flat = frames(run, &[None], thinning)?;
-    let views: Vec<Option<usize>> = kept.iter().copied().map(Some).collect();
-    let sample = frames(run, &views, thinning)?;
-    // One scale for all steps and views: sliders show how the light changes.
-    let scale = Scale::of(intensity.map, flat.iter().chain(&sample).copied());
-    for (name, values) in [("flat", flat), ("sample", sample)] {
-        images.insert(name.into(), image(name, &values, &intensity, &scale, &mut arrays));
-    }
-    for name in &contrasts {
-        let quantity = Quantity::of_map(name);
-        let values = map(run, name, &kept, &quantity, thinning)?;
-        let scale = Scale::of(quantity.map, values.iter().copied());
-        images.insert((*name).into(), image(name, &values, &quantity, &scale, &mut arrays));
-    }
-    if fitted {
-        for (of, kept) in [("flat", &kept[..1]), ("sample", &kept[..])] {
-            for name in fits(of) {
-                let quantity = Quantity::of_map(&name);
-                let values = map(run, &name, kept, &quantity, thinning)?;
-                let scale = Scale::of(quantity.map, values.iter().copied());
-                images.insert(name.clone(), image(&name, &values, &quantity, &scale, &mut arrays));
-            }
-        }
-    }
+    let images = images(run, &kept, &contrasts, fitted, thinning, &mut arrays)?;
     let mut flags = vec![String::new()];
     if has("flags") {
         arrays.push(("flags".into(), flag_indices(run, &kept, thinning, &mut flags)?));
@@ -236,8 +253,7 @@ fn frames(
     views: &[Option<usize>],
     thinning: Thinning,
 ) -> Result<Vec<f64>, Failure> {
-    let [_, _, rows, _] = run.shape();
-    let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+    let rows = run.row_count();
     let mut values = Vec::new();
     for view in views {
         for frame in run.fitted_rows(*view, 0..rows)?.outer_iter() {

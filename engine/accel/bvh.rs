@@ -2,7 +2,8 @@
 //! triangles in the same order: drivers that split in input order need it.
 
 use crate::geometry::Sample;
-use crate::interface::{Leaf, NO_LEAF, Node, STACK, SURFACE_INDEX, single};
+use crate::interface::{Leaf, NO_LEAF, Node, STACK, SURFACE_INDEX};
+use crate::numbers::{self, single};
 use crate::{Error, Result};
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
@@ -101,7 +102,7 @@ impl Bvh {
 /// surface area, but stays shallow where that one becomes a chain: the slivers of a fan, as a
 /// disc of a thousand sides is often cut into, lie in one another's boxes.
 fn balanced(boxes: &[Aabb]) -> CwBvh {
-    let mut order: Vec<u32> = (0..u32::try_from(boxes.len()).unwrap_or(u32::MAX)).collect();
+    let mut order: Vec<u32> = (0..numbers::count(boxes.len())).collect();
     let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0)];
     let mut open = vec![(0_usize, 0..boxes.len())];
     while let Some((index, range)) = open.pop() {
@@ -109,7 +110,7 @@ fn balanced(boxes: &[Aabb]) -> CwBvh {
         let of = |i: u32| &boxes[i as usize];
         let all = mine.iter().fold(Aabb::empty(), |all, &i| all.union(of(i)));
         if let [_] = mine {
-            nodes[index] = Bvh2Node::new(all, 1, u32::try_from(range.start).unwrap_or(u32::MAX));
+            nodes[index] = Bvh2Node::new(all, 1, numbers::count(range.start));
             continue;
         }
         let centres: Vec<Vec3A> = mine.iter().map(|&i| of(i).center()).collect();
@@ -119,7 +120,7 @@ fn balanced(boxes: &[Aabb]) -> CwBvh {
         mine.select_nth_unstable_by(half, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
         let first = nodes.len();
         nodes.extend([nodes[index]; 2]);
-        nodes[index] = Bvh2Node::new(all, 0, u32::try_from(first).unwrap_or(u32::MAX));
+        nodes[index] = Bvh2Node::new(all, 0, numbers::count(first));
         open.push((first, range.start..range.start + half));
         open.push((first + 1, range.start + half..range.end));
     }

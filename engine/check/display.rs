@@ -1,6 +1,7 @@
 //! The report as aligned text for a terminal.
 
 use super::{CheckReport, CheckedObject, Material, Work};
+use crate::printed::number;
 use std::fmt::{self, Display, Formatter};
 
 impl Display for CheckReport {
@@ -138,24 +139,6 @@ fn line(f: &mut Formatter<'_>, label: &str, text: String) -> fmt::Result {
     writeln!(f, "  {label:<22}{text}")
 }
 
-/// Five significant digits without trailing zeros.
-fn number(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let magnitude = value.abs().log10().floor();
-    if !(-4.0..9.0).contains(&magnitude) {
-        return format!("{value:.4e}");
-    }
-    let decimals = [0, 1, 2, 3, 4, 5, 6, 7, 8];
-    let decimals = decimals.into_iter().find(|&d| f64::from(d) >= 4.0 - magnitude).unwrap_or(8);
-    let text = format!("{value:.*}", usize::try_from(decimals).unwrap_or(0));
-    match text.contains('.') {
-        true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
-        false => text,
-    }
-}
-
 /// A length in the unit that suits it.
 fn length(metres: f64) -> String {
     let (scale, unit) = match metres.abs() {
@@ -226,12 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_keep_five_digits_and_lengths_their_unit() {
-        assert_eq!(number(0.59), "0.59");
-        assert_eq!(number(51.234_56), "51.235");
-        assert_eq!(number(53_122.4), "53122");
-        assert_eq!(number(-8.0), "-8");
-        assert_eq!(number(2.56e-7), "2.5600e-7");
+    fn lengths_counts_and_times_keep_their_unit_and_digits() {
         assert_eq!(length(1.5e-4), "150 um");
         assert_eq!(length(0.0128), "12.8 mm");
         assert_eq!(count(1_234_567), "1 234 567");

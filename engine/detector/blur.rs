@@ -1,7 +1,7 @@
 //! From the light on the grid behind the detector mask to the detector's pixels.
 
 use super::grid::SubpixelGrid;
-use super::kernel::{Measured, Spread};
+use super::kernel::{KernelOf, Measured, Spread};
 use super::spread::Window;
 use crate::Result;
 use crate::scene::{Blur, Scene};
@@ -30,7 +30,7 @@ impl BlurStage {
                 Array2::from_shape_fn((1, count), |(_, i)| weight(i))
             }
             Some(Blur::Kernel(kernel)) => {
-                let measured = Measured::read(scene, kernel, "detector.blur")?;
+                let measured = Measured::read(scene, kernel, KernelOf::Blur)?;
                 measured.weights(grid.margin, grid.parts)
             }
         };

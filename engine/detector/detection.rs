@@ -26,7 +26,7 @@ impl DetectorModel {
     /// Reads the files that the detector names and makes its stages ready.
     ///
     /// # Errors
-    /// [`Error::Output`] and [`Error::Scene`] for files that cannot serve, an unknown absorber, or
+    /// [`Error::File`] and [`Error::Scene`] for files that cannot serve, an unknown absorber, or
     /// a detector that sees nothing of the beam.
     pub fn of(scene: &Scene) -> Result<Self> {
         let grid = SubpixelGrid::of(scene)?;

@@ -2,13 +2,13 @@
 //! cut into parts small enough that where light lies within a part does not matter, and light
 //! beside the detector that blurs into it is taken up too.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "counts of pixels are bounded by the scene's validation"
 )]
 
-use super::kernel::{Measured, Spread};
+use super::kernel::{KernelOf, Measured, Spread};
 use crate::Result;
 use crate::scene::{Blur, Scatter, Scene};
 use crate::spot::deviation;
@@ -44,7 +44,7 @@ impl SubpixelGrid {
     /// The grid of a scene.
     ///
     /// # Errors
-    /// [`crate::Error::Output`], [`crate::Error::Scene`] for a kernel that cannot be read.
+    /// [`crate::Error::File`], [`crate::Error::Scene`] for a kernel that cannot be read.
     pub fn of(scene: &Scene) -> Result<Self> {
         let detector = &scene.detector;
         let spread = match &detector.blur {
@@ -54,7 +54,7 @@ impl SubpixelGrid {
                 [Some(Spread::Gaussian(sigma[0] / detector.pitch[0])), None]
             }
             Some(Blur::Kernel(kernel)) => {
-                let measured = Measured::read(scene, kernel, "detector.blur")?;
+                let measured = Measured::read(scene, kernel, KernelOf::Blur)?;
                 [Some(measured.profile(0)), Some(measured.profile(1))]
             }
             None => [None, None],
@@ -83,7 +83,7 @@ impl SubpixelGrid {
             grid.error = grid.error.max(chosen_error);
         }
         if let Some(Scatter::Kernel { kernel, .. }) = &detector.scatter {
-            let spread = Measured::read(scene, kernel, "detector.scatter")?.profile(1);
+            let spread = Measured::read(scene, kernel, KernelOf::Scatter)?.profile(1);
             grid.scatter_rows = spread.reach().ceil() as u32;
         }
         Ok(grid)

@@ -104,6 +104,13 @@ pub(super) fn sample_landing(from: [f64; 2], low: f64, width: f64) -> f64 {
     (landed(from[1]) - landed(from[0])) / (from[1] - from[0])
 }
 
+/// What a kernel does.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum KernelOf {
+    Blur,
+    Scatter,
+}
+
 /// A kernel from a file: samples that sum to 1, and their size in pixels of the detector.
 #[derive(Debug, Clone)]
 pub(super) struct Measured {
@@ -114,13 +121,16 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    /// Reads the kernel of `table`, a key of the scene.
-    pub(super) fn read(scene: &Scene, kernel: &KernelFile, table: &str) -> Result<Self> {
+    /// Reads a kernel that the scene names.
+    pub(super) fn read(scene: &Scene, kernel: &KernelFile, of: KernelOf) -> Result<Self> {
         let path = scene.checked(&kernel.path)?;
         let samples = image::read(&path)?;
-        let key = format!("{table}.kernel");
+        let (key, most) = match of {
+            KernelOf::Blur => ("detector.blur.kernel", BLUR),
+            KernelOf::Scatter => ("detector.scatter.kernel", SCATTER),
+        };
         let refuse = |found: String, allowed: &str| {
-            Error::scene(&key, format!("{}: {found}", path.display()), allowed)
+            Error::scene(key, format!("{}: {found}", path.display()), allowed)
         };
         for ((row, column), value) in samples.indexed_iter() {
             if !(value.is_finite() && *value >= 0.0) {
@@ -135,7 +145,6 @@ impl Measured {
         let pitch = scene.detector.pitch;
         let size = [0, 1].map(|axis| kernel.pixel[axis] / pitch[axis]);
         let [rows, columns] = [samples.nrows(), samples.ncols()].map(|n| n as f64);
-        let most = if table == "detector.blur" { BLUR } else { SCATTER };
         for extent in [columns * size[0], rows * size[1]] {
             if extent > most {
                 let found = format!("a kernel that is {extent:.0} pixels of the detector wide");

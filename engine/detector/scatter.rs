@@ -1,6 +1,6 @@
 //! Scattered light that the scene adds: an image, or the light itself spread by a kernel.
 
-use super::kernel::Measured;
+use super::kernel::{KernelOf, Measured};
 use super::spread::Window;
 use crate::scene::Exposure;
 use crate::scene::{Scatter, Scene};
@@ -41,7 +41,7 @@ impl ScatterStage {
                 Ok(Some(Self::Image(image)))
             }
             Some(Scatter::Kernel { kernel, fraction }) => {
-                let measured = Measured::read(scene, kernel, "detector.scatter")?;
+                let measured = Measured::read(scene, kernel, KernelOf::Scatter)?;
                 #[allow(
                     clippy::cast_possible_truncation,
                     clippy::cast_sign_loss,

@@ -1,6 +1,7 @@
 //! Which triangles share edges.
 
 use super::Sample;
+use crate::numbers;
 
 /// Triangles across the edges of each triangle, opposite to its first, second and third corner:
 /// those that run along the edge the other way. `u32::MAX` at an open edge.
@@ -11,7 +12,7 @@ pub fn across_edges(sample: &Sample) -> Vec<[u32; 3]> {
         let corners = triangles[slot as usize / 3];
         [corners[(slot as usize + 1) % 3], corners[(slot as usize + 2) % 3]].map(|v| v as usize)
     };
-    let slots = 0..3 * u32::try_from(triangles.len()).unwrap_or(u32::MAX);
+    let slots = 0..3 * numbers::count(triangles.len());
     // Edges by the vertex that they leave: those of v end before ends[v].
     let mut ends = vec![0_u32; sample.vertices.len() + 1];
     slots.clone().for_each(|slot| ends[edge(slot)[0] + 1] += 1);

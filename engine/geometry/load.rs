@@ -14,6 +14,7 @@ use super::topology::{self, Edge};
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
 use super::{ObjectSummary, Sample, nesting, obj, placement, shapes, stl};
 use crate::error::{Error, Result};
+use crate::numbers;
 use crate::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
 use crate::{input_file, reserve};
 
@@ -109,7 +110,7 @@ fn read_all(scene: &Scene, watch: &Watch<'_>) -> Result<Vec<Loaded>> {
     scene
         .objects
         .par_iter()
-        .zip(0_u32..u32::try_from(scene.objects.len()).unwrap_or(u32::MAX))
+        .zip(0_u32..numbers::count(scene.objects.len()))
         .map(|(object, number)| read_object(scene, object, number, watch.object(number as usize)))
         .collect()
 }
@@ -161,7 +162,7 @@ const SIMPLIFY: &str = "simplify it, or lift the limit of memory that this progr
 const TEXT: u64 = 2 << 30;
 
 fn read(path: &Path) -> Result<Vec<u8>> {
-    let failed = |e| Error::output(path, "cannot read the mesh", Some(e));
+    let failed = |e| Error::file(path, "cannot read the mesh", Some(e));
     // Only what says how long it is may be longer than texts are.
     let most = if stl::triangles_in(path).is_some() { u64::MAX - 1 } else { TEXT };
     input_file::read(path, most).map_err(failed)
@@ -354,7 +355,7 @@ fn assemble(
         ));
     }
     let mut sample = Sample::default();
-    let number = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
+    let number = numbers::count;
     for ((body, name), (hash, defects)) in bodies.into_iter().zip(names).zip(notes) {
         let mut inside = Vec::new();
         for component in body.components.iter().filter(|component| component.volume > 0.0) {
@@ -366,7 +367,7 @@ fn assemble(
             name,
             triangles: body.surface.triangles.len(),
             volume: body.components.iter().map(|component| component.volume).sum(),
-            bounds: body.bounds(),
+            bounds: body.bounds().map(Into::into),
             inside,
             hash,
             defects,

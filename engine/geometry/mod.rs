@@ -69,6 +69,7 @@ pub struct Component {
 
 /// What `check` tells of an object.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct ObjectSummary {
     /// Name in the scene.
     pub name: String,
@@ -76,8 +77,8 @@ pub struct ObjectSummary {
     pub triangles: usize,
     /// Volume of its outer surfaces less its voids, m3.
     pub volume: f64,
-    /// Bounding box, m.
-    pub bounds: [DVec3; 2],
+    /// Least and greatest corner of its bounding box, m.
+    pub bounds: [[f64; 3]; 2],
     /// Objects that it stands in, by its components (`None`: the surroundings).
     pub inside: Vec<Option<u32>>,
     /// SHA-256 of the mesh as read (file bytes, or arrays), hexadecimal; empty for shapes.

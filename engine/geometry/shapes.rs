@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use super::surface::{Defect, Surface};
+use crate::numbers;
 use crate::scene::Shape;
 
 /// More facets than this serve nobody and fill the memory.
@@ -71,7 +72,7 @@ fn within(key: &str, value: u32, least: u32, most: u32) -> Result<(), Defect> {
 }
 
 fn index(value: usize) -> u32 {
-    u32::try_from(value).unwrap_or(u32::MAX)
+    numbers::count(value)
 }
 
 /// A convex polygon, counter-clockwise, drawn from -z to +z.

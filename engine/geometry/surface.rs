@@ -1,5 +1,6 @@
 //! A triangle surface before it is part of a sample, and what can be wrong with it.
 
+use crate::numbers;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -98,7 +99,7 @@ impl Surface {
             let first = vertex_of[corner] as usize;
             vertex_of[corner] = if first == corner {
                 vertices.push(self.vertices[*vertex as usize]);
-                u32::try_from(vertices.len() - 1).unwrap_or(u32::MAX)
+                numbers::count(vertices.len() - 1)
             } else {
                 vertex_of[first]
             };
@@ -147,7 +148,7 @@ impl Surface {
         for corner in self.triangles.as_flattened_mut() {
             *corner = *moved[*corner as usize].get_or_insert_with(|| {
                 vertices.push(self.vertices[*corner as usize]);
-                u32::try_from(vertices.len() - 1).unwrap_or(u32::MAX)
+                numbers::count(vertices.len() - 1)
             });
         }
         self.vertices = vertices;

@@ -58,7 +58,7 @@ pub fn swept(sample: &Sample) -> Swept {
         .map(|(points, object)| Outline {
             name: object.name.clone(),
             hull: hull(points),
-            z: [object.bounds[0].z, object.bounds[1].z],
+            z: object.bounds.map(|[_, _, z]| z),
         })
         .collect();
     Swept { outlines }

@@ -1,5 +1,6 @@
 //! Edges of a surface, and the connected components that they make.
 
+use crate::numbers;
 use rayon::prelude::*;
 
 use super::surface::Surface;
@@ -27,7 +28,7 @@ pub(super) fn edges(surface: &Surface) -> Vec<Edge> {
     let each: Vec<[Edge; 3]> = surface
         .triangles
         .par_iter()
-        .zip(0_u32..u32::try_from(surface.triangles.len()).unwrap_or(u32::MAX))
+        .zip(0_u32..numbers::count(surface.triangles.len()))
         .map(|([a, b, c], triangle)| {
             [(*a, *b), (*b, *c), (*c, *a)].map(|(from, to)| {
                 let key = u64::from(from.min(to)) << 32 | u64::from(from.max(to));

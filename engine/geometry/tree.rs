@@ -9,6 +9,7 @@ mod build;
 mod query;
 mod slab;
 
+use crate::numbers;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -68,7 +69,7 @@ impl Tree {
         bounds: impl Fn(u32) -> [DVec3; 2] + Sync,
         surface: Option<&Surface>,
     ) -> Self {
-        let mut members: Vec<(Vec3, u32)> = (0..u32::try_from(count).unwrap_or(u32::MAX))
+        let mut members: Vec<(Vec3, u32)> = (0..numbers::count(count))
             .into_par_iter()
             .map(|member| {
                 let [low, high] = bounds(member);
@@ -127,7 +128,7 @@ impl Tree {
 
     /// The leaves, in the order of the members.
     pub(super) fn leaves(&self) -> Vec<u32> {
-        (0..u32::try_from(self.nodes.len()).unwrap_or(u32::MAX))
+        (0..numbers::count(self.nodes.len()))
             .filter(|node| self.nodes[*node as usize].count > 0)
             .collect()
     }

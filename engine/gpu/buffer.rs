@@ -4,6 +4,7 @@ use super::device::Device;
 use super::failure;
 use super::retire::Retired;
 use crate::Result;
+use crate::numbers;
 use ash::vk;
 use bytemuck::{AnyBitPattern, NoUninit, Pod};
 use gpu_allocator::vulkan::Allocation;
@@ -155,7 +156,7 @@ impl Buffer {
         }
         let Some(staging) = self.staging(bytes.len() as u64)? else { return Ok(()) };
         let mut at = offset;
-        for part in bytes.chunks(usize::try_from(staging.len).unwrap_or(usize::MAX)) {
+        for part in bytes.chunks(numbers::length(staging.len)) {
             staging.write(0, part)?;
             self.device.run(|r| r.copy(&staging, 0, self, at, part.len() as u64))?;
             at += part.len() as u64;
@@ -197,7 +198,7 @@ impl Buffer {
         }
         let Some(staging) = self.staging(bytes.len() as u64)? else { return Ok(()) };
         let mut at = offset;
-        for part in bytes.chunks_mut(usize::try_from(staging.len).unwrap_or(usize::MAX)) {
+        for part in bytes.chunks_mut(numbers::length(staging.len)) {
             self.device.run(|r| r.copy(self, at, &staging, 0, part.len() as u64))?;
             staging.read_into(0, part)?;
             at += part.len() as u64;

@@ -138,16 +138,6 @@ impl Device {
         self.physical.limits.max_compute_work_group_count
     }
 
-    /// Folds a row of workgroups into x and y where it is longer than a dispatch may be. A kernel
-    /// counts them as `gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x`; there may be
-    /// more than asked for.
-    pub fn fold_groups(&self, groups: u64) -> [u32; 3] {
-        let rows = groups.div_ceil(u64::from(self.max_groups()[0])).max(1);
-        let columns = groups.div_ceil(rows);
-        let clamp = |n: u64| u32::try_from(n).unwrap_or(u32::MAX);
-        [clamp(columns), clamp(rows), 1]
-    }
-
     /// The queue, for one thread at a time as Vulkan demands.
     pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
         lock(&self.queue)

@@ -26,6 +26,7 @@ pub enum DeviceKind {
 
 /// A device and what matters of it here.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct DeviceDescription {
     /// Position in Vulkan's list: serves as a choice.
     pub index: usize,

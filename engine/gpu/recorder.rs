@@ -18,7 +18,7 @@ pub struct Recorder<'a> {
 
 impl Recorder<'_> {
     /// Runs a kernel with so many workgroups in x, y and z. More than [`Device::max_groups`] make
-    /// the submission fail; see [`Device::fold_groups`].
+    /// the submission fail.
     ///
     /// # Panics
     /// Where the push constants are not as long as the kernel's.

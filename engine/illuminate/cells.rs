@@ -10,16 +10,12 @@
 use super::light::LightRecord;
 use super::sums::Sums;
 use crate::Result;
-use crate::gpu::{Buffer, Device, LazyKernel, Memory, shaders};
+use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace, shaders};
 use crate::interface::{Cell, CellRow, GROUP, IlluminatePush};
 use crate::sampling::CellBatch;
 use crate::trace::push_bytes;
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Duration;
-
-/// Dispatches longer than this are cut.
-const LONG: Duration = Duration::from_millis(100);
 
 /// Mask steps of an invocation: what it reads of a strip serves all of them.
 const STEPS_EACH: u32 = 16;
@@ -55,8 +51,8 @@ pub(crate) struct CellIlluminator {
     kernels: Arc<CellKernels>,
     strips: Option<Buffer>,
     cells: Option<Buffer>,
-    /// Strips times steps of a submission, adapted.
-    load: u64,
+    /// Strips times steps of a submission.
+    pace: Pace,
     /// Dispatches of the next submission, to the far kernel or not, and their cost.
     planned: Vec<(bool, IlluminatePush)>,
     planned_cost: u64,
@@ -74,7 +70,7 @@ impl CellIlluminator {
             kernels: kernels.clone(),
             strips: None,
             cells: None,
-            load: 1 << 16,
+            pace: Pace::new(1 << 16, 1024, 1 << 26),
             planned: Vec::new(),
             planned_cost: 0,
         })
@@ -159,9 +155,9 @@ impl CellIlluminator {
             let mut first_strip = strips.start;
             while first_strip < strips.end {
                 let left = strips.end - first_strip;
-                let strip_count = left.min(self.load.min(1 << 20) as u32).max(1);
-                let at_once = ((self.load / u64::from(strip_count)).clamp(1, 4096) as u32)
-                    .min(steps.end - steps.start);
+                let strip_count = left.min(self.pace.size().min(1 << 20)).max(1);
+                let at_once =
+                    (self.pace.size() / strip_count).clamp(1, 4096).min(steps.end - steps.start);
                 let mut first_step = steps.start;
                 while first_step < steps.end {
                     let last_step = steps.end.min(first_step + at_once);
@@ -176,7 +172,7 @@ impl CellIlluminator {
                         ..template
                     };
                     let cost = u64::from(strip_count) * u64::from(last_step - first_step);
-                    if self.planned_cost + cost > self.load {
+                    if self.planned_cost + cost > u64::from(self.pace.size()) {
                         self.run()?;
                     }
                     self.planned.push((*far, push));
@@ -207,11 +203,7 @@ impl CellIlluminator {
                 r.dispatch(kernel, bytemuck::bytes_of(push), groups);
             }
         })?;
-        if time > LONG {
-            self.load = (self.load / 2).max(1024);
-        } else if time < LONG / 4 {
-            self.load = (self.load * 2).min(1 << 26);
-        }
+        self.pace.adapt(time);
         Ok(())
     }
 }

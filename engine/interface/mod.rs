@@ -109,9 +109,3 @@ const _: () = {
     assert!(in_one_row(offset_of!(Node, min_y)) && in_one_row(offset_of!(Node, max_y)));
     assert!(in_one_row(offset_of!(Node, min_z)) && in_one_row(offset_of!(Node, max_z)));
 };
-
-/// A number as the shaders hold it.
-#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-pub(crate) fn single(value: f64) -> f32 {
-    value as f32
-}

@@ -10,12 +10,14 @@ use crate::units::Dimension;
 
 /// Mu from the total cross section (Elam: photoabsorption, coherent and incoherent
 /// scattering, all of which take light out of the beam), delta from f1 (Chantler).
-/// `density` in g/cm3, `energies` in keV.
+/// `density` in g/cm3, `energies` in keV; `outside` makes the error, of what is found and allowed,
+/// where one has no constants.
 pub(super) fn constants(
     name: &str,
     formula: &str,
     density: f64,
     energies: &[f64],
+    outside: impl Fn(String, String) -> Error,
 ) -> Result<Vec<Constants>> {
     let failed = |error| unreadable(name, formula, density, &error);
     let db = database()?.map_err(failed)?;
@@ -23,10 +25,9 @@ pub(super) fn constants(
     for (element, _) in &elements {
         // The tables clamp: an energy beyond their end would quietly get the end's value.
         let (low, high) = element_range(&db, element).map_err(failed)?;
-        let outside = |energy: &&f64| !(low..=high).contains(&(**energy * 1e3));
-        if let Some(energy) = energies.iter().find(outside) {
-            return Err(Error::scene(
-                "source.energy",
+        let is_outside = |energy: &&f64| !(low..=high).contains(&(**energy * 1e3));
+        if let Some(energy) = energies.iter().find(is_outside) {
+            return Err(outside(
                 Dimension::Energy.format(*energy),
                 format!(
                     "{} keV to {} keV, the range of the tables for {element} in \"{name}\"",

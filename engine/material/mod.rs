@@ -10,6 +10,7 @@ mod table;
 
 use crate::error::{Error, Result};
 use crate::scene::{Beam, MaskBody, MaskSpec, MaterialSpec, Scene};
+use crate::suggestion;
 
 pub use builtin::{Builtin, builtin, builtin_names, builtins};
 
@@ -30,25 +31,21 @@ pub struct Constants {
 /// file that cannot be read.
 pub fn constants(scene: &Scene, name: &str) -> Result<Constants> {
     match scene.source.beam.single_energy() {
-        Some(energy) => constants_at(scene, name, energy),
+        Some(energy) => {
+            let of_scene = Asked { scene, name, key: None, of_scene: true };
+            Ok(of_scene.constants(&[energy])?.first().copied().unwrap_or_default())
+        }
         None => Err(Error::scene("source.spectrum", "a spectrum", "one energy for this")),
     }
 }
 
-/// As [`constants_at`]; an unknown name is an error at `key`, where the scene names it.
+/// As [`constants_at`], at an energy of the scene's beam; an unknown name is an error at `key`, where
+/// the scene names it.
 ///
 /// # Errors
-/// As [`constants_at`].
+/// As [`constants_at`], for keys of the scene.
 pub fn constants_at_for(scene: &Scene, name: &str, energy: f64, key: &str) -> Result<Constants> {
-    constants_at(scene, name, energy).map_err(|error| named_at(error, key))
-}
-
-/// The error for an unknown name belongs to the key that has the name.
-fn named_at(error: Error, key: &str) -> Error {
-    match &error {
-        Error::Scene { key: own, .. } if own == "material" => error.at_key(key),
-        _ => error,
-    }
+    Ok(constants_over_for(scene, name, &[energy], key)?.first().copied().unwrap_or_default())
 }
 
 /// Constants of the material `name` at `energy` keV. Constants given as numbers are returned
@@ -75,25 +72,21 @@ pub fn constants_at(scene: &Scene, name: &str, energy: f64) -> Result<Constants>
 /// # Errors
 /// As [`constants_at`].
 pub fn constants_over(scene: &Scene, name: &str, energies: &[f64]) -> Result<Vec<Constants>> {
-    over(scene, name, energies).map_err(|error| match (&error, &scene.source.beam) {
-        (Error::Scene { key, .. }, Beam::Spectrum(_)) if key == "source.energy" => {
-            error.at_key("source.spectrum")
-        }
-        _ => error,
-    })
+    Asked { scene, name, key: None, of_scene: false }.constants(energies)
 }
 
-/// As [`constants_over`]; an unknown name is an error at `key`, where the scene names it.
+/// As [`constants_over`], at energies of the scene's beam; an unknown name is an error at `key`, where
+/// the scene names it.
 ///
 /// # Errors
-/// As [`constants_over`].
+/// As [`constants_over`], for keys of the scene.
 pub fn constants_over_for(
     scene: &Scene,
     name: &str,
     energies: &[f64],
     key: &str,
 ) -> Result<Vec<Constants>> {
-    constants_over(scene, name, energies).map_err(|error| named_at(error, key))
+    Asked { scene, name, key: Some(key), of_scene: true }.constants(energies)
 }
 
 /// Constants of a built-in material at `energies`, keV, whatever a scene calls by its name.
@@ -102,11 +95,14 @@ pub fn constants_over_for(
 /// An unknown name; an energy outside the tables.
 pub fn of_builtin(name: &str, energies: &[f64]) -> Result<Vec<Constants>> {
     let Some(found) = builtin(name) else {
-        return Err(Error::scene("material", format!("{name:?}"), "a built-in material"));
+        return Err(Error::argument("material", format!("{name:?}"), "a built-in material"));
     };
     match found.formula {
         "" => Ok(vec![Constants::default(); energies.len()]),
-        formula => formula::constants(name, formula, found.density, energies),
+        formula => {
+            let outside = |found, allowed| Error::argument("energy", found, allowed);
+            formula::constants(name, formula, found.density, energies, outside)
+        }
     }
 }
 
@@ -116,8 +112,7 @@ pub fn of_builtin(name: &str, energies: &[f64]) -> Result<Vec<Constants>> {
 /// # Errors
 /// As [`constants_over_for`].
 pub fn edges(scene: &Scene, name: &str, key: &str) -> Result<Vec<f64>> {
-    let law = Law::of(scene, name).map_err(|error| named_at(error, key))?;
-    match &law {
+    match &Law::of(scene, name, Some(key))? {
         Law::Numbers(_) => Ok(Vec::new()),
         Law::Formula { formula, density } => formula::edges(name, formula, *density),
         Law::Table(table) => Ok(table.edges()),
@@ -129,21 +124,49 @@ pub fn edges(scene: &Scene, name: &str, key: &str) -> Result<Vec<f64>> {
 /// # Errors
 /// As [`constants_over`].
 pub fn range(scene: &Scene, name: &str) -> Result<[f64; 2]> {
-    match &Law::of(scene, name)? {
+    match &Law::of(scene, name, None)? {
         Law::Numbers(_) => Ok([0.0, f64::INFINITY]),
         Law::Formula { formula, density } => formula::range(name, formula, *density),
         Law::Table(table) => Ok(table.range()),
     }
 }
 
-fn over(scene: &Scene, name: &str, energies: &[f64]) -> Result<Vec<Constants>> {
-    if let Some(energy) = energies.iter().find(|energy| !(energy.is_finite() && **energy > 0.0)) {
-        return Err(Error::scene("source.energy", format!("{energy} keV"), "an energy above 0"));
+/// A material whose constants are wanted, and what an error about it belongs to.
+struct Asked<'a> {
+    scene: &'a Scene,
+    name: &'a str,
+    /// Key of the scene that names it; the first one is looked up where it is not known.
+    key: Option<&'a str>,
+    /// The energies are those of the scene's beam, and not of the caller.
+    of_scene: bool,
+}
+
+impl Asked<'_> {
+    fn constants(&self, energies: &[f64]) -> Result<Vec<Constants>> {
+        let Self { scene, name, key, .. } = *self;
+        let bad = energies.iter().find(|energy| !(energy.is_finite() && **energy > 0.0));
+        if let Some(energy) = bad {
+            return Err(self.outside(format!("{energy} keV"), "an energy above 0".into()));
+        }
+        let outside = |found, allowed| self.outside(found, allowed);
+        match &Law::of(scene, name, key)? {
+            Law::Numbers(constants) => Ok(vec![*constants; energies.len()]),
+            Law::Formula { formula, density } => {
+                formula::constants(name, formula, *density, energies, outside)
+            }
+            Law::Table(table) => {
+                energies.iter().map(|energy| table.at(name, *energy, outside)).collect()
+            }
+        }
     }
-    match &Law::of(scene, name)? {
-        Law::Numbers(constants) => Ok(vec![*constants; energies.len()]),
-        Law::Formula { formula, density } => formula::constants(name, formula, *density, energies),
-        Law::Table(table) => energies.iter().map(|energy| table.at(name, *energy)).collect(),
+
+    /// An energy without constants.
+    fn outside(&self, found: String, allowed: String) -> Error {
+        match &self.scene.source.beam {
+            _ if !self.of_scene => Error::argument("energy", found, allowed),
+            Beam::Energy(_) => Error::scene("source.energy", found, allowed),
+            Beam::Spectrum(_) => Error::scene("source.spectrum", found, allowed),
+        }
     }
 }
 
@@ -159,9 +182,9 @@ enum Law<'a> {
 }
 
 impl<'a> Law<'a> {
-    fn of(scene: &'a Scene, name: &str) -> Result<Self> {
+    fn of(scene: &'a Scene, name: &str, key: Option<&str>) -> Result<Self> {
         let Some(spec) = scene.materials.get(name) else {
-            let found = builtin(name).ok_or_else(|| unknown(scene, name))?;
+            let found = builtin(name).ok_or_else(|| unknown(scene, name, key))?;
             return Ok(match found.formula {
                 "" => Self::Numbers(Constants::default()),
                 formula => Self::Formula { formula, density: found.density },
@@ -186,39 +209,35 @@ impl<'a> Law<'a> {
     }
 }
 
-fn unknown(scene: &Scene, name: &str) -> Error {
+fn unknown(scene: &Scene, name: &str, key: Option<&str>) -> Error {
     let defined: Vec<&str> = scene.materials.keys().map(String::as_str).collect();
-    let wanted = builtin::fold(name);
-    let nearest = builtin::all_spellings()
-        .chain(defined)
-        .map(|known| {
-            (strsim::normalized_damerau_levenshtein(&builtin::fold(known), &wanted), known)
-        })
-        .max_by(|a, b| a.0.total_cmp(&b.0));
+    let known = builtin::all_spellings().chain(defined);
     let mut allowed = String::from("an entry of [materials] or a built-in material");
-    if let Some((_, known)) = nearest.filter(|(likeness, _)| *likeness >= 0.6) {
-        allowed.push_str(&format!("; did you mean \"{known}\"?"));
+    if let Some(meant) = suggestion::nearest(name, known, builtin::fold) {
+        allowed.push_str(&format!(" (did you mean \"{meant}\"?)"));
     }
-    Error::scene(user(scene, name), format!("\"{name}\""), allowed)
+    let found = format!("\"{name}\"");
+    match user(scene, name).or_else(|| key.map(str::to_owned)) {
+        Some(key) => Error::scene(key, found, allowed),
+        None => Error::argument("material", found, allowed),
+    }
 }
 
 /// The first key of the scene that names a material.
-fn user(scene: &Scene, name: &str) -> String {
+fn user(scene: &Scene, name: &str) -> Option<String> {
     let bars = |mask: &Option<MaskSpec>| match mask {
         Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => material == name,
         _ => false,
     };
     if scene.surroundings == name {
-        return "surroundings.material".into();
+        return Some("surroundings.material".into());
     }
     if bars(&scene.sample_mask) {
-        return "sample_mask.material".into();
+        return Some("sample_mask.material".into());
     }
     if bars(&scene.detector_mask) {
-        return "detector_mask.material".into();
+        return Some("detector_mask.material".into());
     }
-    match scene.objects.iter().position(|object| object.material == name) {
-        Some(index) => format!("object[{index}].material"),
-        None => "material".into(),
-    }
+    let object = scene.objects.iter().position(|object| object.material == name);
+    object.map(|index| format!("object[{index}].material"))
 }

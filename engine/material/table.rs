@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::Constants;
 use crate::error::{Error, Place, Result};
 use crate::input_file;
+use crate::interpolation::log_log;
 
 const COLUMNS: [&str; 3] = ["energy_keV", "mu_per_cm", "delta"];
 
@@ -17,7 +18,7 @@ pub(super) struct Table {
 impl Table {
     pub(super) fn read(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
-            .map_err(|e| Error::output(path, "cannot read the material table", Some(e)))?;
+            .map_err(|e| Error::file(path, "cannot read the material table", Some(e)))?;
         let mut rows: Vec<[f64; 3]> = Vec::new();
         let mut order = None;
         for (index, line) in text.lines().enumerate() {
@@ -45,11 +46,16 @@ impl Table {
     }
 
     /// Constants at `energy` keV, interpolated linearly in the logarithms.
-    pub(super) fn at(&self, name: &str, energy: f64) -> Result<Constants> {
+    /// `outside` makes the error, of what is found and allowed, for an energy beyond the table.
+    pub(super) fn at(
+        &self,
+        name: &str,
+        energy: f64,
+        outside: impl Fn(String, String) -> Error,
+    ) -> Result<Constants> {
         let (first, last) = (self.rows[0], self.rows[self.rows.len() - 1]);
         if !(first[0]..=last[0]).contains(&energy) {
-            return Err(Error::scene(
-                "source.energy",
+            return Err(outside(
                 format!("{energy} keV"),
                 format!(
                     "{} keV to {} keV, the range of {} for \"{name}\"",
@@ -61,9 +67,7 @@ impl Table {
         }
         let above = self.rows.partition_point(|row| row[0] < energy);
         let (a, b) = (self.rows[above.saturating_sub(1)], self.rows[above]);
-        // At the first row both neighbours are the same one.
-        let t = if above == 0 { 0.0 } else { (energy / a[0]).ln() / (b[0] / a[0]).ln() };
-        let between = |column: usize| a[column] * (b[column] / a[column]).powf(t);
+        let between = |column: usize| log_log(energy, [a[0], a[column]], [b[0], b[column]]);
         Ok(Constants { mu: between(1) * 100.0, delta: between(2) })
     }
 }

@@ -8,7 +8,7 @@ use crate::{Error, Result, geometry};
 /// Source distance, angles and the shape and place of every object must be the same.
 ///
 /// # Errors
-/// [`Error::Scene`] with the key that differs; [`Error::Output`] where a mesh cannot be read.
+/// [`Error::Scene`] with the key that differs; [`Error::File`] where a mesh cannot be read.
 pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
     let differs = |key: &str, found: String, there: String| {
         Err(Error::scene(key, found, format!("{there}, as in the run that kept the moments")))

@@ -7,6 +7,7 @@
 use super::content::Bounds;
 use crate::illuminate::NARROW;
 use crate::interface::{Cell, CellRow, Law, MOMENTS_PER_MATERIAL};
+use crate::numbers;
 use crate::sampling::{CellBatch, CellMoments, ExactCell};
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, input_file};
@@ -33,7 +34,7 @@ const BLOCK: usize = 6;
 pub(super) fn seal(run: &Path) -> Result<[u8; 32]> {
     let path = run.join("scene.toml");
     let text = input_file::read(&path, input_file::TEXT)
-        .map_err(|error| Error::output(&path, "cannot be read", Some(error)))?;
+        .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
     Ok(Sha256::digest(text).into())
 }
 
@@ -68,7 +69,7 @@ impl MomentWriter {
     /// lies before.
     ///
     /// # Errors
-    /// [`Error::Output`].
+    /// [`Error::File`].
     pub(crate) fn write(&mut self, view: u32, words: usize, strips: &CellBatch) -> Result<()> {
         let seeing: Vec<&CellRow> =
             strips.strips.iter().filter(|s| !is_blank(strips, s, words)).collect();
@@ -128,15 +129,15 @@ impl MomentWriter {
         for path in [&path, &partial] {
             if !is_of_beamlet(path)? {
                 let problem = "was not written by beamlet and would be replaced";
-                return Err(Error::output(path, problem, None));
+                return Err(Error::file(path, problem, None));
             }
         }
         let file = fs::create_dir_all(&directory)
             .and_then(|()| File::create(&partial))
-            .map_err(|error| Error::output(&partial, "cannot be written", Some(error)))?;
+            .map_err(|error| Error::file(&partial, "cannot be written", Some(error)))?;
         let mut open = Open { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
         open.put(&MAGIC)?;
-        open.put(bytemuck::cast_slice(&[VERSION, u32::try_from(words).unwrap_or(u32::MAX)]))?;
+        open.put(bytemuck::cast_slice(&[VERSION, numbers::count(words)]))?;
         open.put(&seal)?;
         self.open = Some(open);
         Ok(())
@@ -145,7 +146,7 @@ impl MomentWriter {
     /// The view is whole. A view that no ray met has a file too.
     ///
     /// # Errors
-    /// [`Error::Output`].
+    /// [`Error::File`].
     pub(crate) fn commit(&mut self, view: u32, words: usize) -> Result<()> {
         if self.open.as_ref().is_none_or(|open| open.view != view) {
             self.begin(view, words)?;
@@ -160,7 +161,7 @@ impl MomentWriter {
             .and_then(|()| open.file.flush())
             .and_then(|()| open.file.get_ref().sync_all())
             .and_then(|()| fs::rename(&partial, &path))
-            .map_err(|error| Error::output(&path, "cannot be written", Some(error)))?;
+            .map_err(|error| Error::file(&path, "cannot be written", Some(error)))?;
         crate::whole_file::sync_directory(&directory)
     }
 }
@@ -168,7 +169,7 @@ impl MomentWriter {
 /// Checks that the moments of a view stand, whole and of this run.
 ///
 /// # Errors
-/// [`Error::Output`].
+/// [`Error::File`].
 pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
     MomentFile::open(&run.join(DIRECTORY), view, &seal(run)?).map(|_| ())
 }
@@ -192,7 +193,7 @@ impl Open {
         self.hash.update(bytes);
         self.file
             .write_all(bytes)
-            .map_err(|error| Error::output(&self.partial, "cannot be written", Some(error)))
+            .map_err(|error| Error::file(&self.partial, "cannot be written", Some(error)))
     }
 }
 
@@ -200,7 +201,7 @@ impl Open {
 /// stay, whatever their names.
 ///
 /// # Errors
-/// [`Error::Output`].
+/// [`Error::File`].
 pub(crate) fn remove(run: &Path, views: u32) -> Result<()> {
     let directory = run.join(DIRECTORY);
     let Ok(entries) = fs::read_dir(&directory) else { return Ok(()) };
@@ -222,7 +223,7 @@ pub(crate) fn remove(run: &Path, views: u32) -> Result<()> {
                 continue;
             }
             fs::remove_file(&path)
-                .map_err(|error| Error::output(&path, "cannot be removed", Some(error)))?;
+                .map_err(|error| Error::file(&path, "cannot be removed", Some(error)))?;
         }
     }
     let _ = fs::remove_dir(&directory);
@@ -235,7 +236,7 @@ fn is_of_beamlet(path: &Path) -> Result<bool> {
     match File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut head)) {
         Ok(_) => Ok(MAGIC.starts_with(&head)),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(true),
-        Err(error) => Err(Error::output(path, "cannot be read", Some(error))),
+        Err(error) => Err(Error::file(path, "cannot be read", Some(error))),
     }
 }
 
@@ -303,8 +304,8 @@ impl MomentFile {
     /// Opens the file of a view, checks its hash and finds its blocks.
     pub(super) fn open(directory: &Path, view: u32, seal: &[u8; 32]) -> Result<Self> {
         let path = path_of(directory, view);
-        let failed = |error| Error::output(&path, "cannot be read", Some(error));
-        let damaged = |what: &str| Error::output(&path, format!("{what}: simulate again"), None);
+        let failed = |error| Error::file(&path, "cannot be read", Some(error));
+        let damaged = |what: &str| Error::file(&path, format!("{what}: simulate again"), None);
         let file = input_file::open(&path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
         if bytes < (HEADER + HASH) as u64 {
@@ -368,13 +369,13 @@ impl MomentFile {
         bounds: Bounds,
         mut take: impl FnMut(CellBatch) -> Result<()>,
     ) -> Result<()> {
-        let failed = |error| Error::output(&self.path, "cannot be read", Some(error));
+        let failed = |error| Error::file(&self.path, "cannot be read", Some(error));
         if self.words != words {
             let problem = format!(
                 "has {} words of moments a ray, the scene's materials have {words}",
                 self.words
             );
-            return Err(Error::output(&self.path, problem, None));
+            return Err(Error::file(&self.path, problem, None));
         }
         let mut file = File::open(&self.path).map_err(failed)?;
         for block in &self.blocks {
@@ -386,7 +387,7 @@ impl MomentFile {
             let strips = unpack(block, words, &mut file).map_err(failed)?;
             bounds.check(&strips, &there).map_err(|problem| {
                 let problem = format!("holds {problem}: simulate again");
-                Error::output(&self.path, problem, None)
+                Error::file(&self.path, problem, None)
             })?;
             take(strips)?;
         }
@@ -414,7 +415,7 @@ fn unpack(block: &Block, words: usize, file: &mut File) -> std::io::Result<CellB
 }
 
 fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {
-    let failed = |error| Error::output(path, "cannot be read", Some(error));
+    let failed = |error| Error::file(path, "cannot be read", Some(error));
     let mut hash = Sha256::new();
     let mut rest = bytes;
     let mut buffer = vec![0_u8; 1 << 20];
@@ -427,7 +428,7 @@ fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {
     let mut recorded = [0_u8; HASH];
     file.read_exact(&mut recorded).map_err(failed)?;
     if hash.finalize()[..] != recorded {
-        return Err(Error::output(path, "is not what was written: simulate again", None));
+        return Err(Error::file(path, "is not what was written: simulate again", None));
     }
     Ok(())
 }

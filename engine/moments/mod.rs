@@ -17,6 +17,7 @@ pub use file::MomentWriter;
 
 use crate::detector::DetectorModel;
 use crate::illuminate::Spectral;
+use crate::numbers;
 use crate::sampling::{CellBatch, Lattice};
 use crate::scene::Scene;
 use crate::trace::MaterialTable;
@@ -48,7 +49,7 @@ impl StoredMoments {
     /// Opens what the run in `run` kept.
     ///
     /// # Errors
-    /// [`Error::Output`] where there is no run, or it kept no moments, or not those of a view;
+    /// [`Error::File`] where there is no run, or it kept no moments, or not those of a view;
     /// [`Error::Scene`] where its scene cannot be read.
     ///
     /// # Example
@@ -61,7 +62,7 @@ impl StoredMoments {
     pub fn open(run: &Path) -> Result<Self> {
         let scene_path = run.join("scene.toml");
         if !scene_path.is_file() {
-            return Err(Error::output(run, "is not a run directory: it has no scene.toml", None));
+            return Err(Error::file(run, "is not a run directory: it has no scene.toml", None));
         }
         let scene = Scene::load(&scene_path)?;
         for path in scene.files_without_hash() {
@@ -74,14 +75,12 @@ impl StoredMoments {
         let directory = run.join(DIRECTORY);
         if !directory.is_dir() {
             let problem = "has no moments: simulate with --keep-moments";
-            return Err(Error::output(run, problem, None));
+            return Err(Error::file(run, problem, None));
         }
         let lock = lock(run)?;
         let seal = file::seal(run)?;
         let views = (0..scene.scan.angles.len())
-            .map(|view| {
-                MomentFile::open(&directory, u32::try_from(view).unwrap_or(u32::MAX), &seal)
-            })
+            .map(|view| MomentFile::open(&directory, numbers::count(view), &seal))
             .collect::<Result<_>>()?;
         Ok(Self { directory, scene, views, shared: CellCache::default(), _lock: lock })
     }
@@ -117,7 +116,7 @@ impl StoredMoments {
     /// before it makes light of them, but without a device: the number of cells.
     ///
     /// # Errors
-    /// [`Error::Output`] names the file of a view that cannot be read, or whose numbers cannot be
+    /// [`Error::File`] names the file of a view that cannot be read, or whose numbers cannot be
     /// those of this run; [`Error::Scene`] where the scene differs in more than moments can follow.
     pub fn cells(&self, scene: &Scene) -> Result<usize> {
         scene.validate()?;
@@ -168,7 +167,7 @@ fn lock(run: &Path) -> Result<Option<File>> {
     let Ok(file) = input_file::open(&path) else { return Ok(None) };
     match file.try_lock_shared() {
         Err(TryLockError::WouldBlock) => {
-            Err(Error::output(path, "another beamlet is writing this run", None))
+            Err(Error::file(path, "another beamlet is writing this run", None))
         }
         _ => Ok(Some(file)),
     }
@@ -194,7 +193,7 @@ impl StoredSource<'_> {
     /// in parts: as `gather`, of `spectral`, makes them, or as it made them for a scene before.
     ///
     /// # Errors
-    /// [`Error::Output`] where the file cannot be read or is damaged; those of `gather` and `take`.
+    /// [`Error::File`] where the file cannot be read or is damaged; those of `gather` and `take`.
     pub(crate) fn lists(
         &self,
         spectral: &Spectral,

@@ -1,6 +1,6 @@
 //! Beam tracking: the light of each aperture of a sample mask over the pixels it falls on.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "pixel and beamlet counts are bounded by the scene's validation"

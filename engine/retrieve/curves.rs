@@ -1,7 +1,7 @@
 //! What is known of illumination curves after a fit, whatever the method.
 
 use super::flags;
-use crate::interface::single;
+use crate::numbers::single;
 
 /// One curve in f64, fields as of [`Curves`].
 #[derive(Debug, Clone, Copy)]
@@ -40,6 +40,7 @@ impl Curve {
 
 /// Results of many curves, one entry per curve. `NaN` where a method does not tell.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct Curves {
     /// Area under the peak over a constant that flat and sample share; the transmission is their
     /// ratio.

@@ -1,28 +1,26 @@
 //! Fits of a Gaussian on a background to many illumination curves at once, on the device.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "flags are small integers; rounding to f32 is meant"
 )]
 
 use super::curves::Curves;
-use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
+use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
 use crate::interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
     FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, GROUP, Step,
 };
+use crate::trace::push_bytes;
 use crate::{Engine, Error, Result};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 /// Curves on the device at once: 84 MB with 11 steps.
 const AT_ONCE: usize = 1 << 20;
-/// Dispatches are kept below this: desktop drivers end long ones.
-const LONG: Duration = Duration::from_millis(80);
 
 /// How values of a curve count in a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
@@ -78,26 +76,26 @@ impl Fitter {
     /// the same unit.
     ///
     /// # Errors
-    /// [`Error::Scene`] with fewer than four different offsets, one that is not finite, or a
+    /// [`Error::Argument`] with fewer than four different offsets, one that is not finite, or a
     /// gain that is not above zero; [`Error::Device`], [`Error::Memory`].
     pub fn new(engine: &Engine, offsets: &[f64], options: &FitOptions) -> Result<Self> {
         let mut sorted = offsets.to_vec();
         sorted.sort_by(f64::total_cmp);
         let different = 1 + sorted.windows(2).filter(|pair| pair[0] < pair[1]).count();
         if different < 4 || offsets.iter().any(|offset| !offset.is_finite()) {
-            return Err(Error::scene(
-                "scan.mask_offsets",
+            return Err(Error::argument(
+                "offsets",
                 format!("{} offsets, {different} of them different", offsets.len()),
                 "a fit of four unknowns needs at least 4 different, finite offsets",
             ));
         }
         if !(options.gain.is_finite() && options.gain > 0.0) {
             let found = options.gain.to_string();
-            return Err(Error::scene("gain", found, "a number above zero"));
+            return Err(Error::argument("gain", found, "a number above zero"));
         }
         if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
             let found = options.read_noise.to_string();
-            return Err(Error::scene("read noise", found, "a number of at least zero"));
+            return Err(Error::argument("read_noise", found, "a number of at least zero"));
         }
         let [low, high] = [sorted[0], sorted[sorted.len() - 1]];
         let (middle, half) = (f64::midpoint(low, high), (high - low) / 2.0);
@@ -116,7 +114,7 @@ impl Fitter {
             })
             .collect();
         let device = engine.device().clone();
-        let push = u32::try_from(size_of::<FitPush>()).unwrap_or(u32::MAX);
+        let push = push_bytes::<FitPush>();
         Ok(Self {
             kernel: device.kernel("fit", shaders::FIT, push)?,
             steps: device.upload("mask steps", &steps)?,
@@ -144,13 +142,13 @@ impl Fitter {
     /// are.
     ///
     /// # Errors
-    /// [`Error::Device`], [`Error::Memory`]; [`Error::Scene`] for another number of steps than
+    /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for another number of steps than
     /// of offsets; [`Error::Interrupted`] when `cancel` was set.
     pub fn fit(&self, curves: ArrayView2<'_, f32>, cancel: Option<&AtomicBool>) -> Result<Curves> {
         let (steps, count) = curves.dim();
         if steps != self.step_count {
-            return Err(Error::scene(
-                "scan.mask_offsets",
+            return Err(Error::argument(
+                "offsets",
                 format!("{} offsets for {steps} frames", self.step_count),
                 "as many offsets as frames",
             ));
@@ -159,7 +157,7 @@ impl Fitter {
         let room = count.min(AT_ONCE) as u64;
         let input = self.device.buffer("curves", room * steps as u64 * 4, Memory::Device)?;
         let output = self.device.buffer("fits", room * FIT_VALUES as u64 * 4, Memory::Device)?;
-        let mut batch = 1_u32 << 15;
+        let mut pace = Pace::new(1 << 15, 1024, 1 << 20);
         for start in (0..count).step_by(AT_ONCE) {
             let n = (count - start).min(AT_ONCE);
             for (step, curve) in curves.outer_iter().enumerate() {
@@ -173,7 +171,7 @@ impl Fitter {
                     }
                 }
             }
-            self.dispatch(&input, &output, n as u32, &mut batch, cancel)?;
+            self.dispatch(&input, &output, n as u32, &mut pace, cancel)?;
             let values: Vec<f32> = output.read(0, n * FIT_VALUES)?;
             self.take(&values, start, &mut all);
         }
@@ -185,7 +183,7 @@ impl Fitter {
         input: &Buffer,
         output: &Buffer,
         count: u32,
-        batch: &mut u32,
+        pace: &mut Pace,
         cancel: Option<&AtomicBool>,
     ) -> Result<()> {
         let mut first = 0;
@@ -193,7 +191,7 @@ impl Fitter {
             if cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
                 return Err(Error::Interrupted);
             }
-            let n = (count - first).min(*batch);
+            let n = (count - first).min(pace.size());
             let push = FitPush {
                 steps: self.steps.address(),
                 curves: input.address(),
@@ -212,11 +210,7 @@ impl Fitter {
                 r.dispatch(&self.kernel, bytemuck::bytes_of(&push), groups);
             })?;
             first += n;
-            if time > LONG {
-                *batch = (*batch / 2).max(1024);
-            } else if time < LONG / 4 {
-                *batch = (*batch * 2).min(1 << 20);
-            }
+            pace.adapt(time);
         }
         Ok(())
     }

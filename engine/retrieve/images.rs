@@ -3,7 +3,7 @@
 
 use super::curves::Curves;
 use super::flags;
-use crate::interface::single;
+use crate::numbers::single;
 use ndarray::Array2;
 use std::ops::Range;
 

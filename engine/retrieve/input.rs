@@ -2,6 +2,7 @@
 
 use super::retriever::Retriever;
 use crate::detector::DetectorModel;
+use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::{OpenRun, StackFile};
 use crate::{Error, Result, input_file, reserve};
@@ -31,7 +32,7 @@ impl Input {
     /// then those of the scene's detector, and the mean of the run's dark frames is subtracted.
     ///
     /// # Errors
-    /// [`Error::Output`] where it has none, or cannot be read.
+    /// [`Error::File`] where it has none, or cannot be read.
     pub fn of_run(run: &OpenRun, counts: bool) -> Result<Self> {
         let scene = run.scene().clone();
         let all = run.record().extent.views;
@@ -56,14 +57,14 @@ impl Input {
         }
         let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
             let problem = "has no counts: its scene has no detector.photons";
-            return Err(Error::output(run.path(), problem, None));
+            return Err(Error::file(run.path(), problem, None));
         };
         let dark = run.dark()?.map(|dark| mean(&dark)).transpose()?;
         let numbers = scene.detector.counts;
         // The largest number stands for all that was clipped to it.
         let saturation = numbers
             .and_then(|n| n.bit_depth)
-            .map(|bits| crate::interface::single(libm::exp2(f64::from(bits)) - 1.0));
+            .map(|bits| numbers::single(libm::exp2(f64::from(bits)) - 1.0));
         let noise = match numbers {
             Some(n) => Some([DetectorModel::variance_per_value(&scene)?, n.electronic_noise]),
             None => None,
@@ -75,7 +76,7 @@ impl Input {
     /// The dark is averaged over its frames and subtracted from both.
     ///
     /// # Errors
-    /// [`Error::Output`] where shapes do not agree, naming both files; where a file that the scene
+    /// [`Error::File`] where shapes do not agree, naming both files; where a file that the scene
     /// refers to does not have the hash that the scene has of it.
     pub fn measured(
         scene: &Scene,
@@ -90,7 +91,7 @@ impl Input {
         let [views, _, rows, columns] = flat.shape();
         if views != 1 {
             let problem = format!("has {views} views; a flat has one");
-            return Err(Error::output(flat.path(), problem, None));
+            return Err(Error::file(flat.path(), problem, None));
         }
         for other in std::iter::once(&sample).chain(dark) {
             let [_, _, other_rows, other_columns] = other.shape();
@@ -100,7 +101,7 @@ impl Input {
                      {columns}",
                     flat.path().display()
                 );
-                return Err(Error::output(other.path(), problem, None));
+                return Err(Error::file(other.path(), problem, None));
             }
         }
         let dark = dark.map(mean).transpose()?;
@@ -170,20 +171,20 @@ impl Input {
     /// Splits the sample's frames into views of as many steps as `retriever` has offsets.
     ///
     /// # Errors
-    /// [`Error::Output`] where frames and offsets do not agree in number, naming the file.
+    /// [`Error::File`] where frames and offsets do not agree in number, naming the file.
     pub fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
         let [flat, sample] = retriever.steps();
         let frames = self.flat.shape()[1];
         if frames != flat {
             let problem = format!("has {frames} frames for {flat} mask offsets");
-            return Err(Error::output(self.flat.path(), problem, None));
+            return Err(Error::file(self.flat.path(), problem, None));
         }
         let path = self.sample.path().to_path_buf();
         let [views, frames, ..] = self.sample.shape();
         self.sample = self.sample.with_steps(sample).map_err(|_| {
             let problem =
                 format!("has {frames} frames in each of {views} views for {sample} mask offsets");
-            Error::output(path, problem, None)
+            Error::file(path, problem, None)
         })?;
         Ok(self)
     }
@@ -231,8 +232,8 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
     let [views, steps, rows, columns] = stack.shape();
     let sums = reserve::zeroed::<f64>(rows * columns, "the mean of dark frames")?;
     let mut sum = Array2::from_shape_vec((rows, columns), sums)
-        .map_err(|error| Error::output(stack.path(), format!("cannot be read: {error}"), None))?;
-    let all = 0..u32::try_from(rows).unwrap_or(u32::MAX);
+        .map_err(|error| Error::file(stack.path(), format!("cannot be read: {error}"), None))?;
+    let all = 0..numbers::count(rows);
     for view in 0..views {
         for step in 0..steps {
             let frame = stack.frame(view, step, all.clone())?;
@@ -240,12 +241,12 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
         }
     }
     let count = (views * steps) as f64;
-    let mean = sum.mapv(|sum| crate::interface::single(sum / count));
+    let mean = sum.mapv(|sum| numbers::single(sum / count));
     match mean.iter().position(|value| !value.is_finite()) {
         None => Ok(mean),
         Some(at) => {
             let problem = format!("is not finite in row {}, column {}", at / columns, at % columns);
-            Err(Error::output(stack.path(), problem, None))
+            Err(Error::file(stack.path(), problem, None))
         }
     }
 }
@@ -253,13 +254,12 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
 /// Mask offsets from a list such as "-10 um, 0 um, 10 um", or from a file with one per line.
 ///
 /// # Errors
-/// [`Error::Output`] for a file that cannot be read; [`Error::Scene`] for a value without a unit,
+/// [`Error::File`] for a file that cannot be read; [`Error::Argument`] for a value without a unit,
 /// naming its place in the list.
 pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
     let path = Path::new(list_or_file);
     let text = if path.is_file() {
-        input_file::text(path)
-            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
+        input_file::text(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?
     } else {
         list_or_file.to_owned()
     };
@@ -275,12 +275,12 @@ pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
             crate::units::Dimension::Length.parse(word).map_err(|error| {
                 let allowed = "lengths with units, as in \"-10 um, 0 um, 10 um\", or a file with \
                                one on each line";
-                Error::scene(format!("offsets[{index}]"), format!("{word:?} ({error})"), allowed)
+                Error::argument(format!("offsets[{index}]"), format!("{word:?} ({error})"), allowed)
             })
         })
         .collect::<Result<_>>()?;
     if offsets.is_empty() {
-        return Err(Error::scene("offsets", "nothing", "at least one length"));
+        return Err(Error::argument("offsets", "nothing", "at least one length"));
     }
     Ok(offsets)
 }

@@ -88,38 +88,11 @@ pub(super) fn fit(shape: Shape, scan: &Scan, curve: impl Iterator<Item = f32>) -
     let points = &values.points;
     let [area, centre, deviation] = moments(points, values.least);
     let [scale, spread] = shape.guess(area, deviation);
-    let mut p = [scale, centre, spread, values.least];
+    let p = [scale, centre, spread, values.least];
     // Steps are judged in these.
     let [least_spread, spread_unit] = shape.limits(unit);
     let units = [values.most - values.least, unit, spread_unit, values.most - values.least];
-    let (mut equations, mut squares) = normal(shape, points, &p);
-    let (mut damping, mut settled) = (1e-3, false);
-    for _ in 0..200 {
-        let Some(step) = solve(&equations, damping) else { break };
-        let mut next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
-        next[2] = next[2].clamp(0.1 * p[2], 10.0 * p[2]).max(least_spread);
-        let (next_equations, next_squares) = normal(shape, points, &next);
-        let length = (0..4).map(|i| (next[i] - p[i]).abs() / units[i]).fold(0.0, f64::max);
-        if next_squares <= squares {
-            // Nielsen's rule: by how well the step was foretold.
-            let foretold: f64 = (0..4)
-                .map(|i| step[i] * (damping * equations[i][i] * step[i] + equations[i][4]))
-                .sum();
-            let ratio = (squares - next_squares) / foretold.max(f64::MIN_POSITIVE);
-            let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
-            (p, equations, squares) = (next, next_equations, next_squares);
-            damping = (damping * factor).clamp(1e-12, 1e12);
-            // What is left is a part of this step.
-            settled = length < SETTLED;
-        } else {
-            damping *= 8.0;
-            // No better place near: at the bottom, to the last digits.
-            settled = length < 10.0 * SETTLED;
-        }
-        if settled || damping > 1e12 {
-            break;
-        }
-    }
+    let Descent { p, equations, squares, settled } = descend(shape, points, p, least_spread, units);
     let mut flags = values.flags | if settled { 0 } else { flags::NOT_CONVERGED };
     let freedom = points.len() as f64 - 4.0;
     let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
@@ -159,6 +132,53 @@ pub(super) fn fit(shape: Shape, scan: &Scan, curve: impl Iterator<Item = f32>) -
         condition,
         flags,
     }
+}
+
+/// Where the descent to the least squares ended.
+struct Descent {
+    p: [f64; 4],
+    equations: Equations,
+    squares: f64,
+    settled: bool,
+}
+
+/// Levenberg-Marquardt from `p`; steps are judged in `units`.
+fn descend(
+    shape: Shape,
+    points: &[[f64; 3]],
+    mut p: [f64; 4],
+    least_spread: f64,
+    units: [f64; 4],
+) -> Descent {
+    let (mut equations, mut squares) = normal(shape, points, &p);
+    let (mut damping, mut settled) = (1e-3, false);
+    for _ in 0..200 {
+        let Some(step) = solve(&equations, damping) else { break };
+        let mut next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
+        next[2] = next[2].clamp(0.1 * p[2], 10.0 * p[2]).max(least_spread);
+        let (next_equations, next_squares) = normal(shape, points, &next);
+        let length = (0..4).map(|i| (next[i] - p[i]).abs() / units[i]).fold(0.0, f64::max);
+        if next_squares <= squares {
+            // Nielsen's rule: by how well the step was foretold.
+            let foretold: f64 = (0..4)
+                .map(|i| step[i] * (damping * equations[i][i] * step[i] + equations[i][4]))
+                .sum();
+            let ratio = (squares - next_squares) / foretold.max(f64::MIN_POSITIVE);
+            let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
+            (p, equations, squares) = (next, next_equations, next_squares);
+            damping = (damping * factor).clamp(1e-12, 1e12);
+            // What is left is a part of this step.
+            settled = length < SETTLED;
+        } else {
+            damping *= 8.0;
+            // No better place near: at the bottom, to the last digits.
+            settled = length < 10.0 * SETTLED;
+        }
+        if settled || damping > 1e12 {
+            break;
+        }
+    }
+    Descent { p, equations, squares, settled }
 }
 
 type Equations = [[f64; 5]; 4];

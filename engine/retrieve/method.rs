@@ -89,7 +89,7 @@ impl Method {
                 return Err(Error::scene(key, "nothing", allowed));
             }
         }
-        let shape = super::shape::MaskShape::of(scene);
+        let shape = super::shape::CurveGeometry::of(scene);
         let blur = shape.blur / shape.half_base();
         match self {
             Self::Triangle | Self::Trapezoid if blur > SMALL_BLUR => Err(Error::scene(

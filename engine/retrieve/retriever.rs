@@ -7,8 +7,9 @@ use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::least_squares::{self, Scan};
 use super::method::Method;
 use super::options::{ReadRows, RetrieveControl, RetrieveOptions};
-use super::shape::{MaskShape, Shape};
+use super::shape::{CurveGeometry, Shape};
 use super::{closed, flags};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3, s};
@@ -28,7 +29,7 @@ pub struct Retriever {
     sample_offsets: Vec<f64>,
     fitter: Option<Fitter>,
     beamlets: Option<Beamlets>,
-    shape: MaskShape,
+    shape: CurveGeometry,
     /// Refraction angle per shift of the centre.
     arm: f64,
     flat: Option<Flat>,
@@ -49,7 +50,8 @@ impl Retriever {
     /// Makes a method ready for the set-up and the mask offsets of `scene`.
     ///
     /// # Errors
-    /// [`Error::Scene`] where the method cannot serve the set-up or the offsets;
+    /// [`Error::Argument`] for options that cannot be; [`Error::Scene`] where the method cannot serve
+    /// the set-up or the offsets;
     /// [`Error::Device`], [`Error::Memory`].
     pub fn new(engine: &Engine, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let method = options.method;
@@ -58,28 +60,36 @@ impl Retriever {
         let fits = matches!(method, Method::Gaussian | Method::TwoStep | Method::Beamlet);
         if options.weights == Weights::Poisson && !fits {
             let allowed = "weights of counts serve the methods gaussian, two-step and beamlet";
-            return Err(Error::scene("weights", format!("poisson with {method}"), allowed));
+            return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }
         if options.gain.is_some_and(|gain| !(gain.is_finite() && gain > 0.0)) {
-            return Err(Error::scene("gain", format!("{:?}", options.gain), "above zero"));
+            return Err(Error::argument("gain", format!("{:?}", options.gain), "above zero"));
         }
         if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
             let found = format!("{}", options.read_noise);
-            return Err(Error::scene("read noise", found, "a finite number from 0 on"));
+            return Err(Error::argument("read_noise", found, "a finite number from 0 on"));
         }
         if let Some(value) = options.saturation.filter(|value| !(value.is_finite() && *value > 0.0))
         {
-            return Err(Error::scene("saturation", format!("{value}"), "a finite number above 0"));
+            return Err(Error::argument(
+                "saturation",
+                format!("{value}"),
+                "a finite number above 0",
+            ));
         }
         if options.steps.is_some() && method != Method::TwoStep {
-            return Err(Error::scene("steps", format!("steps with {method}"), "only for two-step"));
+            return Err(Error::argument(
+                "steps",
+                format!("steps with {method}"),
+                "only for two-step",
+            ));
         }
         let sample_offsets = match (&options.sample_offsets, method) {
             (None, _) => offsets.clone(),
             (Some(other), Method::TwoStep) if other.len() >= 2 => other.clone(),
             (Some(other), _) => {
-                return Err(Error::scene(
-                    "sample offsets",
+                return Err(Error::argument(
+                    "sample_offsets",
                     format!("{} offsets of their own with {method}", other.len()),
                     "only two-step takes them, two or more",
                 ));
@@ -89,7 +99,7 @@ impl Retriever {
             && (i == j || i.max(j) >= sample_offsets.len())
         {
             let allowed = format!("two different steps below {}", sample_offsets.len());
-            return Err(Error::scene("steps", format!("{i} and {j}"), allowed));
+            return Err(Error::argument("steps", format!("{i} and {j}"), allowed));
         }
         let beamlets = if method == Method::Beamlet { Some(Beamlets::of(scene)?) } else { None };
         let fit_options = FitOptions {
@@ -105,7 +115,7 @@ impl Retriever {
             fitter: if fits { Some(Fitter::new(engine, &along, &fit_options)?) } else { None },
             arm: if beamlets.is_some() { 1.0 / lever } else { -scene.magnification() / lever },
             beamlets,
-            shape: MaskShape::of(scene),
+            shape: CurveGeometry::of(scene),
             offsets,
             sample_offsets,
             flat: None,
@@ -194,16 +204,20 @@ impl Retriever {
         control: &mut RetrieveControl<'_>,
     ) -> Result<Images> {
         let Some(flat) = &self.flat else {
-            return Err(Error::scene("flat", "no flat was taken", "the flat, then the views"));
+            return Err(Error::argument("flat", "no flat was taken", "the flat, then the views"));
         };
         if columns != flat.frame_columns {
             let found = format!("frames of {columns} columns after {}", flat.frame_columns);
-            return Err(Error::scene("sample", found, "frames of one shape for flat and sample"));
+            return Err(Error::argument(
+                "sample",
+                found,
+                "frames of one shape for flat and sample",
+            ));
         }
         let chosen = self.two_steps(flat);
         let across = flat.columns;
         let mut images = Images::new(self.names(), flat.rows, across);
-        let rows = u32::try_from(flat.rows).unwrap_or(u32::MAX);
+        let rows = numbers::count(flat.rows);
         self.bands(rows, columns, self.sample_offsets.len(), control, |band, control| {
             let mut data = read(band.clone())?;
             let mut offsets = self.sample_offsets.clone();
@@ -230,7 +244,8 @@ impl Retriever {
     /// As [`Retriever::set_flat`].
     pub fn set_flat_array(&mut self, flat: ArrayView3<'_, f32>) -> Result<()> {
         let (_, rows, columns) = flat.dim();
-        let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+        let rows = u32::try_from(rows)
+            .map_err(|_| Error::argument("flat", format!("{rows} rows"), "fewer than 2^32"))?;
         self.set_flat(
             rows,
             columns,
@@ -263,7 +278,7 @@ impl Retriever {
         let (_, rows, columns) = sample.dim();
         if self.flat.as_ref().is_some_and(|flat| flat.rows != rows) {
             let allowed = "frames of one shape for flat and sample";
-            return Err(Error::scene("sample", format!("{rows} rows"), allowed));
+            return Err(Error::argument("sample", format!("{rows} rows"), allowed));
         }
         let mut read = |band| Ok(part(sample, &band));
         self.retrieve(columns, &mut read, &mut RetrieveControl::default())
@@ -280,7 +295,7 @@ impl Retriever {
     ) -> Result<()> {
         let row_bytes = (4 * steps * columns).max(1);
         let bytes = if self.fitter.is_some() { BAND } else { BAND / 16 };
-        let height = u32::try_from(bytes / row_bytes).unwrap_or(u32::MAX).max(1);
+        let height = numbers::at_most(bytes / row_bytes).max(1);
         let mut start = 0;
         while start < rows {
             if control.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
@@ -341,9 +356,9 @@ impl Retriever {
         };
         if let (Some(fitter), None) = (&self.fitter, known) {
             let (steps, rows, across) = data.dim();
-            let flat = data
-                .into_shape_with_order((steps, rows * across))
-                .map_err(|error| Error::scene("frames", error.to_string(), "frames in C order"))?;
+            let flat = data.into_shape_with_order((steps, rows * across)).map_err(|error| {
+                Error::argument("frames", error.to_string(), "frames in C order")
+            })?;
             return fitter.fit(flat.view(), cancel);
         }
         let scan = self.scan(offsets);

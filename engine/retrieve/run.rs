@@ -6,6 +6,7 @@ use super::options::{RetrieveControl, RetrieveOptions};
 use super::retriever::Retriever;
 use super::write::{ImageDirectory, ImageFormat, Record};
 use super::{Curves, Weights, flags};
+use crate::numbers;
 use crate::stack::refuse_overlap;
 use crate::{Engine, Error, Result};
 use ndarray::ArrayView2;
@@ -26,7 +27,7 @@ pub struct ImagesTo<'a> {
 /// Retrieves every view of an input into a directory, whole or not at all.
 ///
 /// # Errors
-/// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::Output`] where the place is taken
+/// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::File`] where the place is taken
 /// or cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
 pub fn retrieve(
     engine: &Engine,
@@ -42,7 +43,7 @@ pub fn retrieve(
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
     let input = input.fitted_to(&retriever)?;
     let [rows, columns] = input.frame();
-    let row_count = u32::try_from(rows).unwrap_or(u32::MAX);
+    let row_count = numbers::count(rows);
     let all = u64::from(row_count) * (input.views() as u64 + 1);
     let mut done = 0;
     let mut outer = control.progress.take();
@@ -68,7 +69,7 @@ pub fn retrieve(
     let mut images = ImageDirectory::begin(to.path, to.format, to.overwrite, about(&record))?;
     for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
         let image = ArrayView2::from_shape((rows, across), values)
-            .map_err(|error| Error::output(to.path, error.to_string(), None))?;
+            .map_err(|error| Error::file(to.path, error.to_string(), None))?;
         images.put(name, unit(name, value), 1, image)?;
     }
     for view in 0..input.views() {

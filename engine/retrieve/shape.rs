@@ -9,7 +9,7 @@ const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
 
 /// What the masks make of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct MaskShape {
+pub(super) struct CurveGeometry {
     /// Widths of both apertures on the analyser, m.
     pub(super) projected: [f64; 2],
     /// Blur of the focal spot on the analyser, standard deviation, m.
@@ -18,7 +18,7 @@ pub(super) struct MaskShape {
     pub(super) magnification: f64,
 }
 
-impl MaskShape {
+impl CurveGeometry {
     /// Of a scene with both masks; zero widths without.
     pub(super) fn of(scene: &Scene) -> Self {
         let magnification = scene.magnification();

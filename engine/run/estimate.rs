@@ -4,6 +4,7 @@ use serde::Serialize;
 
 /// What a run is estimated to cost, from a sparse look at its scene ([`crate::Simulation::estimate`]).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RunEstimate {
     /// Rays of one view, mean over the views.
     pub rays_per_view: f64,

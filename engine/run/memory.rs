@@ -49,6 +49,7 @@ const RAYS: [u64; 2] = [1 << 18, 1 << 12];
 
 /// Memory of a run at its peak, in bytes. On a CPU device host and device are one process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct MemoryEstimate {
     /// Rows of a band.
     pub band_rows: u32,
@@ -339,7 +340,7 @@ fn cell_rays(scene: &Scene, objects: &[ObjectSummary]) -> [u64; 2] {
     let rows = f64::from(scene.detector.pixels[1]);
     let source = scene.source.distance;
     let touched = objects.iter().map(|object| {
-        let [low, high] = object.bounds;
+        let [low, high] = object.bounds.map(glam::DVec3::from);
         let widest = low.abs().max(high.abs());
         let reach = widest.truncate().length();
         // Nearest to the source it looks largest.

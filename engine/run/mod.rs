@@ -4,7 +4,7 @@ mod control;
 mod engine;
 mod estimate;
 pub(crate) mod memory;
-mod simulation;
+pub(crate) mod simulation;
 
 pub(crate) use control::watching;
 pub use control::{Control, Progress, ViewProgress};

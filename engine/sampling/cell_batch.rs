@@ -32,8 +32,6 @@ pub struct CellBatch {
     pub splits: u64,
     /// Cells whose light lands too far off to follow, or outside the detector.
     pub landed_off: u64,
-    /// Cells left out because a law is not finite.
-    pub not_finite: u64,
     /// Patches that they are of: rays and estimated errors.
     pub tally: Tally,
 }
@@ -68,7 +66,6 @@ impl CellBatch {
             first += part.cells.len() as u32;
             all.splits += part.splits;
             all.landed_off += part.landed_off;
-            all.not_finite += part.not_finite;
             all.tally = all.tally + part.tally;
         }
         all.strips = join(&mut parts, |part| &mut part.strips);

@@ -304,8 +304,8 @@ impl<'a> Emitter<'a> {
             if x[1] <= x[0] {
                 continue;
             }
+            // The tally has its ray.
             if law.flags & FLAG_NOT_FINITE != 0 {
-                out.not_finite += 1;
                 continue;
             }
             let share = x.map(|x| (x - whole[0]) / (whole[1] - whole[0]));

@@ -3,6 +3,7 @@
 use super::error_estimate::{CellError, Estimator, SPREAD};
 use super::patch::{Axis, Known, Patch};
 use super::response::Opening;
+use crate::numbers;
 
 /// Rectangles that would hold this part of the budget, were all like them, are not split.
 const NEGLIGIBLE: f64 = 0.01;
@@ -109,7 +110,7 @@ impl Estimator<'_> {
                 let first = judged.shares.len();
                 shares(patch, leaf, openings, &mut judged.shares);
                 let range = [first, judged.shares.len()];
-                judged.seen[index] = Some(range.map(|n| u32::try_from(n).unwrap_or(u32::MAX)));
+                judged.seen[index] = Some(range.map(|n| numbers::count(n)));
             }
         }
     }

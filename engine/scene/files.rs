@@ -61,7 +61,7 @@ impl Scene {
     /// what the files hold now, the others are added. A file that is not there gets none.
     ///
     /// # Errors
-    /// [`Error::Output`] for a file that does not have the hash of the scene, or cannot be read.
+    /// [`Error::File`] for a file that does not have the hash of the scene, or cannot be read.
     pub fn with_file_hashes(&self) -> Result<Self> {
         let mut scene = self.clone();
         for path in self.referenced_files() {
@@ -124,7 +124,7 @@ impl Scene {
             "is not the file that the scene was made with: sha256 {found}, the scene records \
              {recorded}"
         );
-        Err(Error::output(path, problem, None))
+        Err(Error::file(path, problem, None))
     }
 }
 
@@ -145,6 +145,6 @@ pub(super) fn hash(path: &Path) -> Result<String> {
             }
         }
     };
-    let digest = read().map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    let digest = read().map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
 }

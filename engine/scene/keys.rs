@@ -112,22 +112,3 @@ pub const fn known_keys() -> &'static [(&'static str, &'static [&'static str])] 
 pub(super) fn keys_of(table: &str) -> &'static [&'static str] {
     KNOWN.iter().find(|entry| entry.0 == table).map_or(&[], |entry| entry.1)
 }
-
-/// The candidate that was probably meant by `word`.
-pub(super) fn suggestion<'a>(
-    word: &str,
-    candidates: impl IntoIterator<Item = &'a str>,
-) -> Option<&'a str> {
-    let word = word.to_lowercase();
-    let likeness = |candidate: &str| {
-        let inside = candidate.contains(&word) || word.contains(candidate);
-        let bonus = if inside && !word.is_empty() { 0.3 } else { 0.0 };
-        strsim::normalized_damerau_levenshtein(&word, candidate) + bonus
-    };
-    candidates
-        .into_iter()
-        .map(|candidate| (likeness(candidate), candidate))
-        .filter(|pair| pair.0 > 0.5)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|pair| pair.1)
-}

@@ -55,7 +55,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Output`] if the file cannot be read; [`Error::Scene`] with place, key, what was
+    /// [`Error::File`] if the file cannot be read; [`Error::Scene`] with place, key, what was
     /// found and what is allowed otherwise.
     ///
     /// # Example
@@ -100,11 +100,11 @@ impl Scene {
             Some("json") => parse::json,
             _ => {
                 let problem = "the scene file has to end in .toml or .json".to_owned();
-                return Err(Error::output(path, problem, None));
+                return Err(Error::file(path, problem, None));
             }
         };
         let text = input_file::text(path)
-            .map_err(|source| Error::output(path, "cannot read the scene", Some(source)))?;
+            .map_err(|source| Error::file(path, "cannot read the scene", Some(source)))?;
         let mut document = parse(&text, file)?;
         for set in sets {
             set::apply(&mut document, set)?;
@@ -150,7 +150,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Output`] if a path is not Unicode or the working directory is gone.
+    /// [`Error::File`] if a path is not Unicode or the working directory is gone.
     pub fn to_toml(
         &self,
         directory: impl AsRef<Path>,

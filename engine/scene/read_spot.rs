@@ -83,7 +83,7 @@ fn placed(table: &Table<'_>, item: &Item<'_>, error: Error) -> Error {
             let found = if name == "image" { format!("{file}: {found}") } else { found };
             at.error(found, allowed)
         }
-        Error::Output { .. } => item.error(error.to_string(), "a file that can be read"),
+        Error::File { .. } => item.error(error.to_string(), "a file that can be read"),
         other => other,
     }
 }

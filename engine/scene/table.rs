@@ -5,11 +5,11 @@ use std::collections::HashSet;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 
-use super::keys::{keys_of, suggestion};
+use super::keys::keys_of;
 use super::path;
 use super::tree::{Document, Entry, Node, Origin, Value};
 use crate::units::{Dimension, QuantityError};
-use crate::{Error, Result};
+use crate::{Error, Result, suggestion};
 
 /// A value in the document and the path that leads to it.
 #[derive(Debug, Clone)]
@@ -243,7 +243,7 @@ pub(super) fn with_suggestion<'a>(
     word: &str,
     candidates: impl IntoIterator<Item = &'a str>,
 ) -> String {
-    if let Some(meant) = suggestion(word, candidates) {
+    if let Some(meant) = suggestion::nearest(word, candidates, str::to_lowercase) {
         let _ = write!(allowed, " (did you mean `{meant}`?)");
     }
     allowed

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 /// Where everything stands in one view, in world coordinates (m). The sample never moves.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct View {
     /// Centre of the focal spot.
     pub source: [f64; 3],
@@ -18,12 +19,11 @@ pub struct View {
     pub sample_mask: Option<Pose>,
     /// Pose of the detector mask.
     pub detector_mask: Option<Pose>,
-    /// Displacement of the sample from where the scene puts it.
-    pub sample_shift: [f64; 3],
 }
 
 /// Pose of a mask: the centre of its lattice at mask offset 0, and its two directions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Pose {
     /// Centre of the lattice, in the middle of the bars' thickness.
     pub centre: [f64; 3],
@@ -52,7 +52,6 @@ impl Scene {
             row: [0.0, 0.0, -self.detector.pitch[1]],
             sample_mask: self.sample_mask.as_ref().map(pose),
             detector_mask: self.detector_mask.as_ref().map(pose),
-            sample_shift: [0.0; 3],
         }
     }
 

@@ -257,14 +257,14 @@ fn shape_table(shape: &Shape) -> String {
 pub(super) fn file(path: &Path, scene: &Scene, directory: &Path) -> Result<String> {
     let unicode = |path: &Path| {
         let problem = "the path has to be Unicode to be written into a scene";
-        path.to_str().map(str::to_owned).ok_or_else(|| Error::output(path, problem, None))
+        path.to_str().map(str::to_owned).ok_or_else(|| Error::file(path, problem, None))
     };
     if directory == scene.directory {
         return unicode(path);
     }
     let path = scene.resolve(path);
     let absolute = std::path::absolute(&path)
-        .map_err(|source| Error::output(&path, "cannot make the path absolute", Some(source)))?;
+        .map_err(|source| Error::file(&path, "cannot make the path absolute", Some(source)))?;
     unicode(&absolute)
 }
 

@@ -22,7 +22,7 @@ const COLUMNS: [&str; 2] = ["energy_keV", "weight"];
 
 pub(super) fn read(path: &Path) -> Result<Spectrum> {
     let text = input_file::text(path)
-        .map_err(|error| Error::output(path, "cannot read the spectrum", Some(error)))?;
+        .map_err(|error| Error::file(path, "cannot read the spectrum", Some(error)))?;
     let mut spectrum = Spectrum { energies_kev: Vec::new(), weights: Vec::new() };
     let mut order = None;
     for (index, line) in text.lines().enumerate() {

@@ -39,7 +39,7 @@ impl Spectrum {
     /// exports.
     ///
     /// # Errors
-    /// [`Error::Output`] if it cannot be read; [`Error::Scene`] with line and column for what is
+    /// [`Error::File`] if it cannot be read; [`Error::Scene`] with line and column for what is
     /// not a spectrum: no rows, energies that do not ascend, weights that are negative or no
     /// numbers, all of them 0.
     ///

@@ -22,6 +22,7 @@ const MOST: usize = 32;
 
 /// Energies that stand for a spectrum.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Nodes {
     /// Energies, keV, ascending.
     pub energies: Vec<f64>,

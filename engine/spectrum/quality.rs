@@ -1,6 +1,7 @@
 //! Quality of a beam: the half-value layer of its air kerma in aluminium.
 
 use super::Spectrum;
+use crate::interpolation::log_log;
 use crate::material::{self, Constants};
 use crate::{Error, Result};
 
@@ -41,9 +42,7 @@ const AIR: [(f64, f64); 28] = [
 /// first two or last two rows beyond them.
 fn absorption_of_air(energy: f64) -> f64 {
     let above = AIR.partition_point(|row| row.0 < energy).clamp(1, AIR.len() - 1);
-    let (a, b) = (AIR[above - 1], AIR[above]);
-    let t = (energy / a.0).ln() / (b.0 / a.0).ln();
-    a.1 * (b.1 / a.1).powf(t)
+    log_log(energy, AIR[above - 1].into(), AIR[above].into())
 }
 
 /// First half-value layer, m.

@@ -13,8 +13,8 @@ pub fn response(scene: &Scene, energy_kev: f64) -> Result<f64> {
     let detector = &scene.detector;
     let absorbed = match &detector.absorber {
         Some(absorber) => {
-            let constants = material::constants_at(scene, &absorber.material, energy_kev);
-            let mu = constants.map_err(absorber_error)?.mu;
+            let (name, key) = (&absorber.material, "detector.absorber.material");
+            let mu = material::constants_at_for(scene, name, energy_kev, key)?.mu;
             -libm::expm1(-mu * absorber.thickness)
         }
         None => 1.0,
@@ -28,14 +28,4 @@ pub fn response(scene: &Scene, energy_kev: f64) -> Result<f64> {
         DetectorMode::Integrating => energy_kev,
     };
     Ok(absorbed * signal)
-}
-
-/// An unknown name is reported where the absorber has it.
-fn absorber_error(error: crate::Error) -> crate::Error {
-    match &error {
-        crate::Error::Scene { key, .. } if key == "material" => {
-            error.at_key("detector.absorber.material")
-        }
-        _ => error,
-    }
 }

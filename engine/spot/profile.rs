@@ -20,11 +20,11 @@ impl Spot {
     /// Reads a symmetric profile.
     ///
     /// # Errors
-    /// [`Error::Output`] where the file cannot be read; [`Error::Scene`] with the line for other
+    /// [`Error::File`] where the file cannot be read; [`Error::Scene`] with the line for other
     /// columns, positions that do not ascend from 0 or above, values below 0, or none above.
     pub fn read_profile(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
-            .map_err(|error| Error::output(path, "cannot read the profile", Some(error)))?;
+            .map_err(|error| Error::file(path, "cannot read the profile", Some(error)))?;
         let profile = Profile::parse(path, &text)?;
         let mut spot = profile.spot()?;
         if let Some(fit) = &mut spot.fit {

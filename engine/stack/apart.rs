@@ -44,7 +44,7 @@ pub fn is_of_run(run: &Path, path: &Path) -> bool {
 /// Refuses to write a file or folder at `written` that is one of `read`, holds one or lies in one.
 ///
 /// # Errors
-/// [`Error::Output`] that names both.
+/// [`Error::File`] that names both.
 pub fn refuse_overlap(written: &Path, read: &[PathBuf]) -> Result<()> {
     let place = canonical(written);
     let overlaps = |input: &&PathBuf| {
@@ -59,7 +59,7 @@ impl RunDirectory {
     /// files that are read for it. Other files may stand beside a run's own.
     ///
     /// # Errors
-    /// [`Error::Output`] that names both.
+    /// [`Error::File`] that names both.
     pub fn reading(path: &Path, read: &[PathBuf]) -> Result<()> {
         let clash = |input: &&PathBuf| {
             is_same_place(path, input)
@@ -75,7 +75,7 @@ fn refused(written: &Path, read: &Path) -> Error {
         "would replace {}, which this command reads; choose another place to write to",
         printed::path(read)
     );
-    Error::output(written, problem, None)
+    Error::file(written, problem, None)
 }
 
 #[cfg(test)]

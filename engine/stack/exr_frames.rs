@@ -151,10 +151,8 @@ impl ExrFrames {
             write.to_buffered(BufWriter::new(file))
         });
         written.map_err(|error| match error {
-            exr::error::Error::Io(source) => {
-                Error::output(&path, "cannot be written", Some(source))
-            }
-            other => Error::output(&path, format!("cannot be written: {other}"), None),
+            exr::error::Error::Io(source) => Error::file(&path, "cannot be written", Some(source)),
+            other => Error::file(&path, format!("cannot be written: {other}"), None),
         })
     }
 
@@ -242,7 +240,7 @@ pub(super) fn checksum(root: &Path, extent: Extent, view: Exposure) -> Result<St
 }
 
 fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Error + 'a {
-    move |error| Error::output(path, problem, Some(error))
+    move |error| Error::file(path, problem, Some(error))
 }
 
 /// What the header of a frame tells, as JSON in the attribute `beamlet`.

@@ -26,7 +26,7 @@ pub(crate) use npy::{le_bytes, npy_header};
 pub use read::{Maps, OpenRun, StackFile};
 pub use record::{RunRecord, SamplingSummary};
 pub use run_directory::{Format, RunDirectory};
-pub use run_file::{RunFile, RunState};
+pub use run_file::{FORMAT_VERSION, RunFile, RunState};
 pub use verify::{RunCheck, check_run};
 
 use crate::accel::Backend;
@@ -53,6 +53,7 @@ pub fn views(scene: &Scene) -> Result<impl Iterator<Item = Exposure> + use<>> {
 
 /// What is known when a run begins: the part of its record that does not depend on its outcome.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct RunStart {
     /// Device name.
     pub device: String,
@@ -67,6 +68,25 @@ pub struct RunStart {
     /// SHA-256 of the meshes by the name of their object, as
     /// [`crate::geometry::ObjectSummary::hash`]; shapes have none.
     pub mesh_hashes: BTreeMap<String, String>,
+}
+
+impl RunStart {
+    /// A run on a device and backend, for reasons in words; nothing was calibrated, and no mesh read.
+    pub fn new(
+        device: impl Into<String>,
+        driver: impl Into<String>,
+        backend: Backend,
+        backend_reason: impl Into<String>,
+    ) -> Self {
+        Self {
+            device: device.into(),
+            driver: driver.into(),
+            backend,
+            backend_reason: backend_reason.into(),
+            calibration: BTreeMap::new(),
+            mesh_hashes: BTreeMap::new(),
+        }
+    }
 }
 
 /// Takes stacks band by band. Calls come in this order: `begin`, then for each view `write`
@@ -119,6 +139,7 @@ pub trait Sink {
 
 /// Stacks in memory, with the record of their run.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Stacks {
     /// Without the sample, `[step][row][column]`.
     pub flat: Array3<f32>,
@@ -132,6 +153,7 @@ pub struct Stacks {
 
 /// Detector numbers in memory.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct CountStacks {
     /// Without the sample, `[step][row][column]`.
     pub flat: Array3<f32>,
@@ -143,6 +165,7 @@ pub struct CountStacks {
 
 /// Extent of the stacks of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Extent {
     /// Views with the sample (the flat is one more).
     pub views: u32,

@@ -77,7 +77,7 @@ impl NpyFrames {
                 .file
                 .seek(SeekFrom::Start(offset))
                 .and_then(|_| array.file.write_all(&bytes))
-                .map_err(|error| Error::output(&array.path, "cannot be written", Some(error)))?;
+                .map_err(|error| Error::file(&array.path, "cannot be written", Some(error)))?;
             offset += frame_bytes;
         }
         Ok(())
@@ -87,7 +87,7 @@ impl NpyFrames {
     pub(super) fn commit(&mut self, view: Exposure) -> Result<String> {
         let (array, _) = self.locate(view)?;
         let synced = array.file.sync_data();
-        synced.map_err(|error| Error::output(&array.path, "cannot be synced", Some(error)))?;
+        synced.map_err(|error| Error::file(&array.path, "cannot be synced", Some(error)))?;
         checksum(&self.root, self.extent, view)
     }
 
@@ -98,7 +98,7 @@ impl NpyFrames {
             Exposure::Sample(index) => (&mut self.sample, index),
             Exposure::Dark => match &mut self.dark {
                 Some(dark) => (dark, 0),
-                None => return Err(Error::output(&self.root, "has no dark frames", None)),
+                None => return Err(Error::file(&self.root, "has no dark frames", None)),
             },
         };
         let start = array.header + self.extent.view_bytes() * u64::from(index);
@@ -120,7 +120,7 @@ impl Array {
             Ok(file)
         };
         let file =
-            create().map_err(|error| Error::output(&path, "cannot be created", Some(error)))?;
+            create().map_err(|error| Error::file(&path, "cannot be created", Some(error)))?;
         Ok(Self { file, path, header: header.len() as u64 })
     }
 }
@@ -178,7 +178,7 @@ pub(super) fn checksum(root: &Path, extent: Extent, view: Exposure) -> Result<St
         }
         Ok(hex(&hasher.finalize()))
     };
-    read().map_err(|error| Error::output(&path, "cannot be read", Some(error)))
+    read().map_err(|error| Error::file(&path, "cannot be read", Some(error)))
 }
 
 /// Headers of flat.npy and sample.npy.

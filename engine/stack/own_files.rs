@@ -30,7 +30,7 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
     let entries = match fs::read_dir(path) {
         Ok(entries) => entries,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(Error::output(path, "cannot hold a run", Some(error))),
+        Err(error) => return Err(Error::file(path, "cannot hold a run", Some(error))),
     };
     let empty = entries.count() == 0 || has_only_begun(path);
     let is_run = RunFile::read(&path.join(RUN)).is_ok();
@@ -41,14 +41,14 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
             "is not empty; choose another directory (or overwrite: files that are not of a run \
              stay)"
         };
-        return Err(Error::output(path, problem, None));
+        return Err(Error::file(path, problem, None));
     }
     if !is_run
         && !has_only_begun(path)
         && let Some(name) = first_of_our_names(path)
     {
         let problem = "was not written by beamlet and would be replaced; choose another directory";
-        return Err(Error::output(path.join(name), problem, None));
+        return Err(Error::file(path.join(name), problem, None));
     }
     refuse_links(path)
 }
@@ -154,7 +154,7 @@ pub(super) fn remove_file(path: &Path) -> Result<()> {
     refuse_link(path)?;
     match fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => {
-            Err(Error::output(path, "cannot be removed", Some(error)))
+            Err(Error::file(path, "cannot be removed", Some(error)))
         }
         _ => Ok(()),
     }
@@ -182,5 +182,5 @@ fn each_entry(
 }
 
 fn unread(folder: &Path) -> impl Fn(std::io::Error) -> Error + '_ {
-    move |error| Error::output(folder, "cannot be read", Some(error))
+    move |error| Error::file(folder, "cannot be read", Some(error))
 }

@@ -53,7 +53,7 @@ impl ProgressLog {
     pub(super) fn lock_if_there(path: &Path) -> Result<Option<Self>> {
         match Self::locked(path, false) {
             Ok(log) => Ok(Some(log)),
-            Err(Error::Output { source: Some(source), .. })
+            Err(Error::File { source: Some(source), .. })
                 if matches!(
                     source.kind(),
                     ErrorKind::NotFound
@@ -77,17 +77,17 @@ impl ProgressLog {
             .read(true)
             .write(true)
             .open(path)
-            .map_err(|error| Error::output(path, "cannot be opened", Some(error)))?;
+            .map_err(|error| Error::file(path, "cannot be opened", Some(error)))?;
         let held = matches!(file.try_lock(), Err(std::fs::TryLockError::WouldBlock));
         if held || !is_at(&file, path) {
-            return Err(Error::output(path, "another beamlet is using this run", None));
+            return Err(Error::file(path, "another beamlet is using this run", None));
         }
         Ok(Self { file, path: path.to_path_buf() })
     }
 
     /// Cuts off what a crash left of a last line, and goes on behind the lines that are whole.
     pub(super) fn mend(&mut self) -> Result<()> {
-        let fail = |what: &str, error| Error::output(&self.path, what, Some(error));
+        let fail = |what: &str, error| Error::file(&self.path, what, Some(error));
         let mut text = Vec::new();
         self.file
             .seek(SeekFrom::Start(0))
@@ -109,7 +109,7 @@ impl ProgressLog {
             .set_len(0)
             .and_then(|()| self.file.seek(SeekFrom::Start(0)))
             .and_then(|_| self.file.sync_all())
-            .map_err(|error| Error::output(&self.path, "cannot be cleared", Some(error)))
+            .map_err(|error| Error::file(&self.path, "cannot be cleared", Some(error)))
     }
 
     /// Appends a line and syncs it.
@@ -124,7 +124,7 @@ impl ProgressLog {
         self.file
             .write_all(lines.as_bytes())
             .and_then(|()| self.file.sync_data())
-            .map_err(|error| Error::output(&self.path, "cannot be written", Some(error)))
+            .map_err(|error| Error::file(&self.path, "cannot be written", Some(error)))
     }
 }
 
@@ -149,7 +149,7 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<Exposure, Entry>> {
         // What is no text is no line, and named below.
         Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(BTreeMap::new()),
-        Err(error) => return Err(Error::output(path, "cannot be read", Some(error))),
+        Err(error) => return Err(Error::file(path, "cannot be read", Some(error))),
     };
     let mut entries = BTreeMap::new();
     let mut counts = BTreeMap::new();
@@ -160,7 +160,7 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<Exposure, Entry>> {
                 "line {} is not \"view bytes sha256:checksum [tally:{{…}}]\": found {line:?}",
                 index + 1
             );
-            Error::output(path, problem, None)
+            Error::file(path, problem, None)
         })?;
         if of_counts {
             counts.insert(view, entry.sha256);

@@ -1,11 +1,14 @@
 //! What run.json records.
 
+use super::RunStart;
 use crate::accel::Backend;
 use crate::trace::Tally;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Provenance of a run, stored as run.json.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct RunRecord {
     /// Version of beamlet.
     pub version: String,
@@ -18,7 +21,7 @@ pub struct RunRecord {
     /// Why that backend.
     pub backend_reason: String,
     /// Calibration: million rays a second by backend name.
-    pub calibration: std::collections::BTreeMap<String, f64>,
+    pub calibration: BTreeMap<String, f64>,
     /// Seed.
     pub seed: u64,
     /// Counts.
@@ -27,12 +30,32 @@ pub struct RunRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sampling: Option<SamplingSummary>,
     /// Seconds by stage.
-    pub seconds: std::collections::BTreeMap<String, f64>,
+    pub seconds: BTreeMap<String, f64>,
+}
+
+impl RunRecord {
+    /// The record of a run that begins: nothing is counted yet.
+    #[must_use]
+    pub fn begin(start: &RunStart, seed: u64) -> Self {
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            device: start.device.clone(),
+            driver: start.driver.clone(),
+            backend: start.backend,
+            backend_reason: start.backend_reason.clone(),
+            calibration: start.calibration.clone(),
+            seed,
+            tally: Tally::default(),
+            sampling: None,
+            seconds: BTreeMap::new(),
+        }
+    }
 }
 
 /// How finely patches (beamlet and detector row) were sampled, and what that is estimated to have
 /// left in recorded values: of each patch the error of the mask step that has the largest.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct SamplingSummary {
     /// Patches that the sample touches.
     pub patches: u64,

@@ -12,6 +12,7 @@ use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::progress_log::{Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
 use super::{Exposure, Extent, RunStart, Sink, scene_file};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::whole_file::{sync_directory, write_whole};
 use crate::{Error, Result, RunRecord, Tally, moments};
@@ -113,7 +114,7 @@ impl RunDirectory {
     /// A directory for a new run. Only looks; it is made when the run begins.
     ///
     /// # Errors
-    /// [`Error::Output`] where `path` is taken: a run, or anything else that is not an empty
+    /// [`Error::File`] where `path` is taken: a run, or anything else that is not an empty
     /// directory. With `overwrite` the files of an earlier run there are replaced and files of
     /// others are left; it is still an error where a file of others has the name of one of ours.
     pub fn create(path: impl Into<PathBuf>, format: Format, overwrite: bool) -> Result<Self> {
@@ -193,7 +194,7 @@ impl RunDirectory {
             return Ok(log);
         }
         fs::create_dir_all(&self.path)
-            .map_err(|error| Error::output(&self.path, "cannot be created", Some(error)))?;
+            .map_err(|error| Error::file(&self.path, "cannot be created", Some(error)))?;
         let path = self.path.join(LOG);
         let fresh = fs::symlink_metadata(&path).is_err();
         let log = ProgressLog::lock(&path)?;
@@ -263,7 +264,7 @@ impl Sink for RunDirectory {
             refuse_other_scene(&self.path, &differences.found)?;
             self.refuse_unhashed(&differences.unhashed)?;
             self.refuse_mixed(&resumed.file.record, &file.record)?;
-            file.resumed_views = u32::try_from(resumed.committed.len()).unwrap_or(u32::MAX);
+            file.resumed_views = numbers::count(resumed.committed.len());
             file.uncounted_views = resumed.uncounted;
         }
         // Locked before anything is removed: another process may be writing this run.
@@ -286,7 +287,7 @@ impl Sink for RunDirectory {
             true => {
                 let root = self.path.join(COUNTS);
                 fs::create_dir_all(&root)
-                    .map_err(|error| Error::output(&root, "cannot be created", Some(error)))?;
+                    .map_err(|error| Error::file(&root, "cannot be created", Some(error)))?;
                 Some(frames(&root, Values::Numbers, false)?)
             }
             false => None,
@@ -319,7 +320,7 @@ impl Sink for RunDirectory {
             Exposure::Dark => Some(&mut open.frames),
             _ => open.counts.as_mut(),
         };
-        let missing = || Error::output(&self.path, "the scene asks for no counts", None);
+        let missing = || Error::file(&self.path, "the scene asks for no counts", None);
         open.next_counts = rows.end;
         frames.ok_or_else(missing)?.write(view, &rows, numbers)
     }
@@ -339,7 +340,7 @@ impl Sink for RunDirectory {
         };
         if rows != extent.rows {
             let problem = format!("{view:?} has {rows} of {} rows", extent.rows);
-            return Err(Error::output(&self.path, problem, None));
+            return Err(Error::file(&self.path, problem, None));
         }
         (open.next_row, open.next_counts) = (0, 0);
         let counts = match &mut open.counts {
@@ -376,7 +377,7 @@ impl Drop for RunDirectory {
 }
 
 fn opened<'a>(open: &'a mut Option<Open>, path: &Path) -> Result<&'a mut Open> {
-    open.as_mut().ok_or_else(|| Error::output(path, "no run has begun here", None))
+    open.as_mut().ok_or_else(|| Error::file(path, "no run has begun here", None))
 }
 
 /// Whether a band of a view comes where it should, in its shape.
@@ -394,5 +395,5 @@ fn follows(
     }
     let problem =
         format!("rows {rows:?} of {view:?} as {found:?} do not follow row {next} as {shape:?}");
-    Err(Error::output(path, problem, None))
+    Err(Error::file(path, problem, None))
 }

@@ -2,7 +2,7 @@
 
 use super::{Extent, Format, RunStart};
 use crate::input_file;
-use crate::{Error, Result, RunRecord, Tally};
+use crate::{Error, Result, RunRecord};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -16,9 +16,24 @@ pub enum RunState {
     Done,
 }
 
+/// The layout of run directories that this version writes; it reads earlier ones, too. 0 is that of
+/// run.json without a number.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// What every layout has: its number.
+#[derive(Deserialize)]
+struct Versioned {
+    #[serde(default)]
+    format_version: u32,
+}
+
 /// Contents of run.json.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct RunFile {
+    /// Layout of the run directory, up to [`FORMAT_VERSION`].
+    #[serde(default)]
+    pub format_version: u32,
     /// How far the run came.
     pub state: RunState,
     /// File format of the frames.
@@ -49,37 +64,39 @@ impl RunFile {
     /// The file of a run that begins.
     pub(super) fn begin(format: Format, extent: Extent, seed: u64, start: &RunStart) -> Self {
         Self {
+            format_version: FORMAT_VERSION,
             state: RunState::Running,
             format,
             extent,
             resumed_views: 0,
             uncounted_views: 0,
             keep_moments: None,
-            record: RunRecord {
-                version: env!("CARGO_PKG_VERSION").into(),
-                device: start.device.clone(),
-                driver: start.driver.clone(),
-                backend: start.backend,
-                backend_reason: start.backend_reason.clone(),
-                calibration: start.calibration.clone(),
-                seed,
-                tally: Tally::default(),
-                sampling: None,
-                seconds: std::collections::BTreeMap::new(),
-            },
+            record: RunRecord::begin(start, seed),
         }
     }
 
     /// Reads a run.json.
     ///
     /// # Errors
-    /// [`Error::Output`] where it is missing or was not written by beamlet.
+    /// [`Error::File`] where it is missing, was not written by beamlet, or has a layout of a later
+    /// version.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
-            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+            .map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
         let refused = |problem: String| {
-            Error::output(path, format!("is not the record of a beamlet run: {problem}"), None)
+            Error::file(path, format!("is not the record of a beamlet run: {problem}"), None)
         };
+        let versioned = serde_json::from_str::<Versioned>(&text);
+        match versioned.map_err(|error| refused(error.to_string()))?.format_version {
+            0..=FORMAT_VERSION => {}
+            later => {
+                let problem = format!(
+                    "has the format_version {later}; this version of beamlet reads runs up to \
+                     {FORMAT_VERSION}"
+                );
+                return Err(Error::file(path, problem, None));
+            }
+        }
         let file: Self = serde_json::from_str(&text).map_err(|error| refused(error.to_string()))?;
         file.extent.check().map_err(|found| refused(format!("it claims {found}")))?;
         Ok(file)
@@ -88,7 +105,7 @@ impl RunFile {
     /// Writes it whole or not at all.
     pub(super) fn write(&self, path: &Path) -> Result<()> {
         let mut text = serde_json::to_string_pretty(self)
-            .map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))?;
+            .map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))?;
         text.push('\n');
         crate::whole_file::write_whole(path, text.as_bytes())
     }

@@ -33,8 +33,8 @@ pub(super) fn differences(
     scene: &Scene,
     mesh_hashes: Option<&BTreeMap<String, String>>,
 ) -> Result<Differences> {
-    let text = input_file::text(path)
-        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    let text =
+        input_file::text(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     let mut stored = parse(path, &text)?;
     let directory = path.parent().unwrap_or(path);
     let none = BTreeMap::new();
@@ -72,7 +72,7 @@ fn take_files(scene: &mut Value) -> toml::Table {
 fn parse(path: &Path, text: &str) -> Result<Value> {
     toml::from_str::<toml::Table>(text)
         .map(Value::Table)
-        .map_err(|error| Error::output(path, format!("is not a scene: {error}"), None))
+        .map_err(|error| Error::file(path, format!("is not a scene: {error}"), None))
 }
 
 /// Leaves that differ, as key and "there …, here …".

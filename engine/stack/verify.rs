@@ -31,7 +31,7 @@ pub struct RunCheck {
 /// Reads all of a run and compares it with its checksums.
 ///
 /// # Errors
-/// [`crate::Error::Output`] where there is no run, or its record or log cannot be read;
+/// [`crate::Error::File`] where there is no run, or its record or log cannot be read;
 /// [`crate::Error::Scene`] where its scene cannot.
 pub fn check_run(path: &Path) -> Result<RunCheck> {
     let file = RunFile::read(&path.join(RUN))?;

@@ -3,15 +3,32 @@
 use super::tracer::push_bytes;
 use super::upload::DeviceSample;
 use crate::Result;
-use crate::gpu::{Buffer, Device, Kernel, Memory, shaders};
-use crate::interface::{Crossing, CrossingsPush, GROUP, Ray, SurfaceCrossing};
+use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
+use crate::interface::{self, Crossing, CrossingsPush, GROUP, Ray};
 use std::sync::Arc;
-use std::time::Duration;
 
 /// Rays whose crossings lie on the device at once.
 const RAYS: u32 = 1 << 15;
-/// Dispatches aim at this, well short of a desktop driver's time-out.
-const LONG: Duration = Duration::from_millis(100);
+
+/// A crossing of a ray with a surface of the sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct SurfaceCrossing {
+    /// Along the optical axis in the beam frame, m.
+    pub y: f32,
+    /// Index of the object whose surface it is.
+    pub object: u32,
+    /// The ray goes into the object here, and does not leave it.
+    pub entering: bool,
+    /// Unit normal, away from the object's material, beam frame.
+    pub normal: [f32; 3],
+}
+
+impl From<&interface::SurfaceCrossing> for SurfaceCrossing {
+    fn from(met: &interface::SurfaceCrossing) -> Self {
+        Self { y: met.y, object: met.object, entering: met.entering != 0, normal: met.normal }
+    }
+}
 
 /// Finds the first crossings of rays, with the software BVH on any device.
 #[derive(Debug)]
@@ -42,7 +59,7 @@ impl CrossingFinder {
             kernel: device.kernel("crossings", shaders::CROSSINGS, push)?,
             most,
             rays: make("rays", u64::from(RAYS) * size_of::<Ray>() as u64)?,
-            met: make("crossings", of_all(size_of::<SurfaceCrossing>()))?,
+            met: make("crossings", of_all(size_of::<interface::SurfaceCrossing>()))?,
             lists: make("lists of crossings", of_all(size_of::<Crossing>()))?,
             counts: make("counts of crossings", u64::from(RAYS) * 4)?,
         })
@@ -59,8 +76,9 @@ impl CrossingFinder {
         mut visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
         let most = self.most as usize;
-        let mut size = 4096;
+        let mut pace = Pace::new(4096, GROUP, RAYS);
         let mut done = 0;
+        let mut met_by_ray = Vec::with_capacity(most);
         for batch in rays.chunks(RAYS as usize) {
             let count = u32::try_from(batch.len()).unwrap_or(RAYS);
             self.rays.write(0, batch)?;
@@ -71,7 +89,7 @@ impl CrossingFinder {
                     rays: self.rays.address(),
                     met: self.met.address(),
                     counts: self.counts.address(),
-                    count: count.min(first + size),
+                    count: count.min(first + pace.size()),
                     first,
                     lists: self.lists.address(),
                     capacity: self.most,
@@ -81,17 +99,15 @@ impl CrossingFinder {
                 let took = self.device.run(|r| {
                     r.dispatch(&self.kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
                 })?;
-                first += size;
-                if took > LONG {
-                    size = (size / 2).max(GROUP);
-                } else if took < LONG / 4 {
-                    size = (size * 2).min(RAYS);
-                }
+                first = push.count;
+                pace.adapt(took);
             }
             let counts = self.counts.read::<u32>(0, batch.len())?;
-            let met = self.met.read::<SurfaceCrossing>(0, batch.len() * most)?;
+            let met = self.met.read::<interface::SurfaceCrossing>(0, batch.len() * most)?;
             for (ray, (count, met)) in counts.iter().zip(met.chunks(most)).enumerate() {
-                visit(done + ray, &met[..*count as usize]);
+                met_by_ray.clear();
+                met_by_ray.extend(met[..*count as usize].iter().map(SurfaceCrossing::from));
+                visit(done + ray, &met_by_ray);
             }
             done += batch.len();
         }

@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::material::{self, Constants};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::spectrum;
 
@@ -35,7 +36,7 @@ impl MaterialTable {
                 keys.push(format!("object[{number}].material"));
                 names.len() - 1
             });
-            of_object.push(u32::try_from(index).unwrap_or(u32::MAX));
+            of_object.push(numbers::count(index));
         }
         let nodes = spectrum::nodes(scene)?;
         let at = |energy: f64| -> Result<Vec<Constants>> {

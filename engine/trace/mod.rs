@@ -7,8 +7,8 @@ mod tally;
 mod tracer;
 mod upload;
 
-pub use crate::interface::{Law, Ray, SurfaceCrossing};
-pub use crossings::CrossingFinder;
+pub use crate::interface::{Law, Ray};
+pub use crossings::{CrossingFinder, SurfaceCrossing};
 pub use media::MaterialTable;
 pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Counts of a run: shaders cannot return errors.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct Tally {
     /// Rays traced to first order.
     pub rays: u64,

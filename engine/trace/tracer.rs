@@ -6,11 +6,12 @@ mod ordered;
 
 use super::upload::DeviceSample;
 use crate::accel::Backend;
-use crate::gpu::{Buffer, Device, LazyKernel, Memory};
+use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace};
 use crate::interface::{
     Crossing, Law, MATERIALS_IN_REGISTERS, Ray, TALLY_COUNTERS, TALLY_DROPPED, TALLY_NOT_FINITE,
     TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED, TracePush,
 };
+use crate::numbers;
 use crate::scene::Transport;
 use crate::trace::Tally;
 use crate::{Result, reserve};
@@ -24,17 +25,17 @@ use std::time::Duration;
 
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
 const FIRST_BATCH: u32 = 1 << 16;
+/// Fewest rays of a batch that adapts.
+const SMALLEST_BATCH: u32 = 1024;
 /// Most rays of a batch.
 const LARGEST_BATCH: u32 = 1 << 19;
-/// Dispatches longer than this are cut, well short of a desktop driver's time-out.
-const LONG: Duration = Duration::from_millis(100);
 /// Unbalanced rays are tried again this far to the side, m: far below any accuracy wanted, far
 /// above the rounding of coordinates that made an edge ambiguous.
 const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
 
 /// Bytes of a push constant struct.
-pub(crate) fn push_bytes<T>() -> u32 {
-    u32::try_from(size_of::<T>()).unwrap_or(u32::MAX)
+pub(crate) const fn push_bytes<T>() -> u32 {
+    const { numbers::count(size_of::<T>()) }
 }
 
 /// Traces rays through a sample on the device.
@@ -88,7 +89,7 @@ impl Tracer {
         fixed_batch: Option<u32>,
         most: u32,
     ) -> Result<Self> {
-        let most = most.clamp(1024, LARGEST_BATCH);
+        let most = most.clamp(SMALLEST_BATCH, LARGEST_BATCH);
         let capacity = fixed_batch.unwrap_or(FIRST_BATCH.min(most)).clamp(1, LARGEST_BATCH);
         Ok(Self {
             device: device.clone(),
@@ -135,12 +136,6 @@ impl Tracer {
     #[must_use]
     pub fn materials(&self) -> usize {
         self.sample.materials as usize
-    }
-
-    /// Backend in use.
-    #[must_use]
-    pub const fn backend(&self) -> Backend {
-        self.backend
     }
 
     /// Most rays that one batch on the device takes now.
@@ -209,7 +204,7 @@ impl Tracer {
         while first < rays.len() {
             let n = (rays.len() - first).min(self.batch.capacity as usize);
             self.batch.rays.write(0, &rays[first..first + n])?;
-            let time = self.trace_batch(u32::try_from(n).unwrap_or(u32::MAX), wanted)?;
+            let time = self.trace_batch(numbers::count(n), wanted)?;
             if wanted != Wanted::Moments {
                 self.batch.laws.read_into(0, &mut laws[first..first + n])?;
             }
@@ -226,14 +221,11 @@ impl Tracer {
         if self.fixed_batch.is_some() || n < capacity as usize {
             return Ok(());
         }
-        let next = if time > LONG && capacity > 1024 {
-            capacity / 2
-        } else if time < LONG / 4 && capacity < self.most {
-            capacity * 2
-        } else {
-            return Ok(());
-        };
-        self.batch = Batch::new(&self.device, next, self.sample.materials)?;
+        let mut pace = Pace::new(capacity, SMALLEST_BATCH.min(capacity), self.most);
+        pace.adapt(time);
+        if pace.size() != capacity {
+            self.batch = Batch::new(&self.device, pace.size(), self.sample.materials)?;
+        }
         Ok(())
     }
 

@@ -1,18 +1,12 @@
 //! The sample on the device: uploaded once, views are records.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::media::MaterialTable;
 use crate::Result;
 use crate::accel::Bvh;
 use crate::geometry;
 use crate::gpu::{AccelerationStructure, Buffer, Device};
-use crate::interface::{self, Surface, View, single};
+use crate::interface::{self, Surface, View};
+use crate::numbers::{count, single};
 use crate::scene::{self, Scene, Transport};
 use std::sync::Arc;
 
@@ -155,8 +149,4 @@ pub(crate) fn hash(object: u32) -> u32 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((z ^ (z >> 31)) >> 32) as u32 | 1
-}
-
-fn count(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
 }

@@ -101,7 +101,7 @@ fn folded_sheet_without_volume_is_left_out() {
     folded.1.extend([[first, first + 1, first + 2], [first, first + 2, first + 1]]);
     let sample = folded.clone().load().unwrap();
     assert_eq!((sample.components.len(), sample.triangles.len()), (1, 12));
-    assert!(sample.objects[0].bounds[1].x < 2e-3);
+    assert!(sample.objects[0].bounds[1][0] < 2e-3);
     folded.1.drain(..12);
     assert!(folded.load().unwrap_err().to_string().contains("no volume"));
 }

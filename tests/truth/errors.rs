@@ -2,7 +2,7 @@
 
 use super::cases::Case;
 use super::classes::{Class, classes};
-use beamlet::internals::sampling::Lattice;
+use beamlet::internals::sampling::{Lattice, cells_of_rows};
 use beamlet::internals::trace::MaterialTable;
 use beamlet::scene::{Scene, Transport};
 use beamlet::stack::ArraySink;
@@ -146,7 +146,7 @@ pub(crate) fn displacements(engine: &Engine, scene: &Scene) -> Array3<f64> {
     let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
     let steps = scene.scan.mask_offsets.len();
     let simulation = engine.prepare(scene).expect("a simulation");
-    let strips = simulation.strips(0, 0..rows as i64).expect("strips");
+    let strips = cells_of_rows(&simulation, 0, 0..rows as i64).expect("strips");
     let mut light = Array3::<f64>::zeros((steps, rows, columns));
     let mut moved = light.clone();
     for strip in &strips.strips {

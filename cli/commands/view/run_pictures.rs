@@ -9,7 +9,7 @@ use crate::picture::image::{self, Words};
 use crate::picture::profile::{self, Line, Panel};
 use crate::picture::quantity::Quantity;
 use crate::picture::text::short;
-use crate::run_reader::RunReader;
+use crate::run_reader::{RunReader, row_number};
 use beamlet::require_memory;
 use beamlet::stack::StackFile;
 use clap::ValueEnum;
@@ -182,8 +182,7 @@ impl<'a> Chosen<'a> {
     }
 
     fn frame(&self, stack: &StackFile, view: usize) -> Result<Array2<f64>, Failure> {
-        let [_, _, rows, _] = stack.shape();
-        let rows = u32::try_from(rows).unwrap_or(u32::MAX);
+        let rows = stack.row_count();
         Ok(stack.frame(view, self.step, 0..rows)?.mapv(f64::from))
     }
 
@@ -217,7 +216,7 @@ impl<'a> Chosen<'a> {
 
     fn profiles(&self, pictures: &mut Pictures) -> Result<(), Failure> {
         let [_, _, _, columns] = self.run.shape();
-        let row = u32::try_from(self.row).unwrap_or(u32::MAX);
+        let row = row_number(self.row)?;
         let line = |stack: &StackFile, view: usize| -> Result<Vec<f64>, Failure> {
             let frame = stack.frame(view, self.step, row..row + 1)?;
             Ok(frame.iter().map(|value| f64::from(*value)).collect())
@@ -261,7 +260,7 @@ impl<'a> Chosen<'a> {
 
     fn curve(&self, pictures: &mut Pictures) -> Result<(), Failure> {
         let [column, row] = self.pixel;
-        let at = u32::try_from(row).unwrap_or(u32::MAX);
+        let at = row_number(row)?;
         let values = |view: Option<usize>| -> Result<Vec<f64>, Failure> {
             let rows = self.run.fitted_rows(view, at..at + 1)?;
             Ok(rows.outer_iter().map(|frame| f64::from(frame[[0, column]])).collect())
@@ -300,7 +299,7 @@ impl<'a> Chosen<'a> {
             Some(_) => self.names(asked),
             None => Vec::new(),
         };
-        let row = u32::try_from(self.row).unwrap_or(u32::MAX);
+        let row = row_number(self.row)?;
         if names.is_empty() {
             let mut values = Array2::zeros((views, columns));
             for (view, mut line) in values.outer_iter_mut().enumerate() {

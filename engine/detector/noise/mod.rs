@@ -1,6 +1,6 @@
 //! Numbers that the detector reads out: photons, electronic noise, gain, offset, bit depth.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     reason = "indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
@@ -63,7 +63,7 @@ impl Noise {
     /// Numbers of a band of rows from `first_row` on, of intensities `[step][row][column]`.
     ///
     /// # Errors
-    /// [`crate::Error::Output`] where the band has another shape than the scene's.
+    /// [`crate::Error::File`] where the band has another shape than the scene's.
     pub fn counts(
         &self,
         view: Exposure,
@@ -74,7 +74,7 @@ impl Noise {
         if (steps, columns) != (self.steps, self.columns) {
             let problem =
                 format!("a band of {steps} steps and {columns} columns is not the scene's");
-            return Err(crate::Error::output("counts", problem, None));
+            return Err(crate::Error::file("counts", problem, None));
         }
         let values = intensities.as_standard_layout();
         let values = values.as_slice().unwrap_or_default();

@@ -2,7 +2,7 @@
 //! changes a bit. Philox4x32-10 of Salmon, Moraes, Dror and Shaw 2011, "Parallel random numbers:
 //! as easy as 1, 2, 3".
 
-#![allow(clippy::cast_possible_truncation, reason = "the halves of a product of words are words")]
+#![expect(clippy::cast_possible_truncation, reason = "the halves of a product of words are words")]
 
 use super::normal::normal_quantile;
 

@@ -25,6 +25,7 @@ pub const PLACES: usize = 10;
 
 /// Defects of the surface of one object after welding.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Defects {
     /// Edges of one triangle only: a hole or a gap.
     pub open_edges: Found,

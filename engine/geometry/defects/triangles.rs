@@ -4,11 +4,12 @@ use rayon::prelude::*;
 
 use super::Found;
 use crate::geometry::surface::{Surface, Welded, bounds_of};
+use crate::numbers;
 
 /// Triangles that welding left out, and those that are no wider than `resolved`.
 pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> Found {
     let thin = |triangle: &u32| width(surface.corners(*triangle as usize)) <= resolved;
-    let mut all: Vec<_> = (0..u32::try_from(surface.triangles.len()).unwrap_or(u32::MAX))
+    let mut all: Vec<_> = (0..numbers::count(surface.triangles.len()))
         .into_par_iter()
         .filter(thin)
         .map(|triangle| {
@@ -36,7 +37,7 @@ pub(super) fn duplicate(surface: &Surface) -> Found {
     let mut sorted: Vec<([u32; 3], u32)> = surface
         .triangles
         .par_iter()
-        .zip(0..u32::try_from(surface.triangles.len()).unwrap_or(u32::MAX))
+        .zip(0..numbers::count(surface.triangles.len()))
         .map(|(corners, triangle)| {
             let mut corners = *corners;
             corners.sort_unstable();

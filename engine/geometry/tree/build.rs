@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use super::slab::{self, Slab};
 use super::{Band, LEAF, NONE, Node, outwards};
 use crate::geometry::surface::Surface;
+use crate::numbers;
 
 /// Fewer members than this are not worth a task of their own.
 const TASK: usize = 4096;
@@ -26,7 +27,6 @@ impl<B: Fn(u32) -> [DVec3; 2] + Sync> Builder<'_, B> {
     /// Builds the node that is the first of `nodes`, and what is below it. `start`: places of
     /// the first node and the first member in the tree.
     pub(super) fn build(&self, members: &mut [(Vec3, u32)], nodes: &mut [Node], start: [u32; 2]) {
-        let number = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
         let [first_node, first_member] = start;
         if members.len() <= LEAF {
             nodes[0] = self.leaf(members, first_member);
@@ -45,8 +45,8 @@ impl<B: Fn(u32) -> [DVec3; 2] + Sync> Builder<'_, B> {
         let (left, right) = members.split_at_mut(half);
         let (node, below) = nodes.split_at_mut(1);
         let (left_nodes, right_nodes) = below.split_at_mut(nodes_of(half));
-        let next = first_node + 1 + number(left_nodes.len());
-        let starts = [[first_node + 1, first_member], [next, first_member + number(half)]];
+        let next = first_node + 1 + numbers::count(left_nodes.len());
+        let starts = [[first_node + 1, first_member], [next, first_member + numbers::count(half)]];
         if left.len() > TASK {
             rayon::join(
                 || self.build(left, left_nodes, starts[0]),

@@ -58,7 +58,7 @@ impl ImageDirectory {
     pub(super) fn check(path: &Path, overwrite: bool) -> Result<()> {
         let Ok(mut entries) = fs::read_dir(path) else {
             return match fs::symlink_metadata(path).is_ok() {
-                true => Err(Error::output(path, "is not a directory", None)),
+                true => Err(Error::file(path, "is not a directory", None)),
                 false => Ok(()),
             };
         };
@@ -67,12 +67,12 @@ impl ImageDirectory {
         }
         if !path.join(RECORD).exists() {
             let problem = "is not empty and holds no retrieved images; choose another directory";
-            return Err(Error::output(path, problem, None));
+            return Err(Error::file(path, problem, None));
         }
         if !overwrite {
             let problem = "holds retrieved images already; overwrite them or choose another \
                            directory";
-            return Err(Error::output(path, problem, None));
+            return Err(Error::file(path, problem, None));
         }
         let names = Record::names(&path.join(RECORD))?;
         refuse_others(path, &|name| names.contains(name))
@@ -93,7 +93,7 @@ impl ImageDirectory {
         };
         Self::check(&place, overwrite)?;
         if place.file_name().is_none() {
-            return Err(Error::output(path, "has no name of its own: name a directory", None));
+            return Err(Error::file(path, "has no name of its own: name a directory", None));
         }
         let replaced = sibling(&place, REPLACED);
         if fs::symlink_metadata(&replaced).is_ok() {
@@ -186,12 +186,12 @@ fn claim(partial: &Path) -> Result<File> {
     if !empty && !mark.is_file() {
         let problem = "is not of beamlet, and its name is needed for images in the making; move \
                        it, or choose another directory for the images";
-        return Err(Error::output(partial, problem, None));
+        return Err(Error::file(partial, problem, None));
     }
     refuse_link(&mark)?;
     let file = File::create(&mark).map_err(failed(&mark, "cannot be created"))?;
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
-        return Err(Error::output(partial, "another beamlet is making images here", None));
+        return Err(Error::file(partial, "another beamlet is making images here", None));
     }
     sweep(partial)?;
     Ok(file)
@@ -241,7 +241,7 @@ fn refuse_others(path: &Path, is_name: &dyn Fn(&str) -> bool) -> Result<()> {
             _ => false,
         };
         if !ours {
-            return Err(Error::output(place, OF_OTHERS, None));
+            return Err(Error::file(place, OF_OTHERS, None));
         }
     }
     Ok(())
@@ -258,12 +258,12 @@ fn refuse_beside_views(folder: &Path) -> Result<()> {
             .and_then(|name| name.strip_prefix("view_")?.strip_suffix(".exr"))
             .is_some_and(|digits| digits.bytes().all(|digit| digit.is_ascii_digit()));
         if !is_view || !entry.file_type().map_err(&unread)?.is_file() {
-            return Err(Error::output(entry.path(), OF_OTHERS, None));
+            return Err(Error::file(entry.path(), OF_OTHERS, None));
         }
     }
     Ok(())
 }
 
 fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Error + 'a {
-    move |error| Error::output(path, problem, Some(error))
+    move |error| Error::file(path, problem, Some(error))
 }

@@ -56,18 +56,18 @@ impl Record {
     /// Reads a retrieved.json.
     ///
     /// # Errors
-    /// [`Error::Output`] where it is missing or was not written by beamlet.
+    /// [`Error::File`] where it is missing or was not written by beamlet.
     pub fn read(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
-            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+            .map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
         serde_json::from_str(&text).map_err(|error| {
-            Error::output(path, format!("is not the record of a retrieval: {error}"), None)
+            Error::file(path, format!("is not the record of a retrieval: {error}"), None)
         })
     }
 
     pub(super) fn write(&self, path: &Path) -> Result<()> {
         let mut text = serde_json::to_string_pretty(self)
-            .map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))?;
+            .map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))?;
         text.push('\n');
         write_file(path, text.as_bytes())
     }

@@ -1,6 +1,7 @@
 //! The images of one name, view after view, in one of the formats.
 
 use super::ImageFormat;
+use crate::numbers;
 use crate::whole_file::{sync_directory, sync_path};
 use crate::{Error, Result, reserve};
 use exr::prelude::*;
@@ -171,11 +172,12 @@ fn page<K: TiffKind>(
     image: ArrayView2<'_, f32>,
     about: &serde_json::Value,
 ) -> Result<()> {
-    let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     let values = reserve::collected(image.iter().copied(), "an image")?;
     let mut write = || {
-        let mut page =
-            encoder.new_image::<Gray32Float>(side(image.ncols()), side(image.nrows()))?;
+        let mut page = encoder.new_image::<Gray32Float>(
+            numbers::count(image.ncols()),
+            numbers::count(image.nrows()),
+        )?;
         page.encoder().write_tag(Tag::ImageDescription, about.to_string().as_str())?;
         page.write_data(&values)
     };
@@ -197,13 +199,13 @@ fn write_exr(path: &Path, image: ArrayView2<'_, f32>, about: &serde_json::Value)
     let channels = AnyChannels::sort([channel].into_iter().collect());
     let layer = Layer::new((image.ncols(), image.nrows()), attributes, encoding, channels);
     let done = Image::from_layer(layer).write().to_buffered(Out::create(path)?);
-    done.map_err(|error| Error::output(path, format!("cannot be written: {error}"), None))
+    done.map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))
 }
 
 fn written(path: &Path, error: std::io::Error) -> Error {
-    Error::output(path, "cannot be written", Some(error))
+    Error::file(path, "cannot be written", Some(error))
 }
 
 fn refused(path: &Path, error: tiff::TiffError) -> Error {
-    Error::output(path, format!("cannot be written: {error}"), None)
+    Error::file(path, format!("cannot be written: {error}"), None)
 }

@@ -1,6 +1,6 @@
 //! The run in progress: bands of rows, traced and illuminated in groups, handed to the sink.
 
-#![allow(
+#![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_possible_wrap,

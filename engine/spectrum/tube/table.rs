@@ -1,6 +1,7 @@
 //! The table of an anode, as tests/tables/tube.py lays it out.
 
 use super::grid::Place;
+use crate::interpolation::log_log;
 
 /// Lines grow about as this power of the voltage above their edge; what is left is smooth.
 const GROWTH: f64 = 1.6;
@@ -73,8 +74,8 @@ impl Table {
     pub(super) fn attenuation(&self, energy: f64) -> f64 {
         let [energies, values] = &self.attenuation;
         let above = energies.partition_point(|known| *known <= energy).clamp(1, values.len() - 1);
-        let t = (energy / energies[above - 1]).ln() / (energies[above] / energies[above - 1]).ln();
-        values[above - 1] * (values[above] / values[above - 1]).powf(t)
+        let point = |index: usize| [energies[index], values[index]];
+        log_log(energy, point(above - 1), point(above))
     }
 
     /// Continuum at a depth of the table, linear between its other entries.

@@ -79,7 +79,7 @@ impl Checksums {
             return Ok(None);
         }
         let whole = Array3::from_shape_vec((self.steps, rows, columns), values)
-            .map_err(|error| Error::output(path, format!("cannot be read: {error}"), None))?;
+            .map_err(|error| Error::file(path, format!("cannot be read: {error}"), None))?;
         let whole = Arc::new(whole);
         *lock(&self.last) = Some((view, Arc::clone(&whole)));
         Ok(Some(whole))
@@ -97,7 +97,7 @@ impl Checksums {
                 stack => stack.to_owned(),
             }
         );
-        Err(Error::output(path, problem, None))
+        Err(Error::file(path, problem, None))
     }
 }
 

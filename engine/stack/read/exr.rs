@@ -1,6 +1,6 @@
 //! EXR frames: the channel `Y`, or the only channel, of the first layer.
 
-use super::{refuse_hollow, refuse_shape};
+use crate::array_file::{refuse_hollow, refuse_shape};
 use crate::{Error, Result, input_file, reserve};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
@@ -67,7 +67,7 @@ pub(in crate::stack) fn read(
     // Which of two blocks at one place counts depends on the rows that are read.
     if let Some(row) = found.iter().position(|count| *count != columns) {
         let problem = format!("has row {} twice or not at all", rows.start + row);
-        return Err(Error::output(path, problem, None));
+        return Err(Error::file(path, problem, None));
     }
     Ok(values)
 }
@@ -92,19 +92,19 @@ fn copy(line: LineRef<'_>, kind: SampleType, to: &mut [f32]) -> exr::error::Unit
 }
 
 fn open(path: &Path) -> Result<FrameReader> {
-    let file = input_file::open(path)
-        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+    let file =
+        input_file::open(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     Reader::read_from_buffered(BufReader::new(file), true).map_err(|error| failed(path, error))
 }
 
 /// The first layer. B44 halves the precision of f16, and its decoder is written for arithmetic
 /// that wraps: where overflow is checked it panics on files that are right.
 fn first<'a>(path: &Path, headers: &'a [Header]) -> Result<&'a Header> {
-    let header = headers.first().ok_or_else(|| Error::output(path, "has no layer", None))?;
+    let header = headers.first().ok_or_else(|| Error::file(path, "has no layer", None))?;
     match header.compression {
         Compression::B44 | Compression::B44A => {
             let problem = "has the lossy compression B44; allowed: none, RLE, ZIP, PIZ, PXR24";
-            Err(Error::output(path, problem, None))
+            Err(Error::file(path, problem, None))
         }
         _ => Ok(header),
     }
@@ -126,7 +126,7 @@ fn channel(path: &Path, header: &Header) -> Result<(usize, SampleType)> {
                 "has the channels {}; allowed: one channel, or one that is named Y",
                 names.join(", ")
             );
-            Err(Error::output(path, problem, None))
+            Err(Error::file(path, problem, None))
         }
     }
 }
@@ -134,8 +134,8 @@ fn channel(path: &Path, header: &Header) -> Result<(usize, SampleType)> {
 fn failed(path: &Path, error: exr::error::Error) -> Error {
     match error {
         exr::error::Error::Io(source) => {
-            Error::output(path, "cannot be read (cut short?)", Some(source))
+            Error::file(path, "cannot be read (cut short?)", Some(source))
         }
-        other => Error::output(path, format!("is no EXR frame that can be read: {other}"), None),
+        other => Error::file(path, format!("is no EXR frame that can be read: {other}"), None),
     }
 }

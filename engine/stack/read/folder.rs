@@ -23,7 +23,7 @@ pub(super) fn frames(path: &Path) -> Result<(usize, Vec<PathBuf>)> {
             Some((before, count)) if *count != files.len() => {
                 let problem =
                     format!("holds {} frames; {} holds {count}", files.len(), before.display());
-                return Err(Error::output(folder, problem, None));
+                return Err(Error::file(folder, problem, None));
             }
             Some(_) => {}
             None => first = Some((folder.clone(), files.len())),
@@ -32,7 +32,7 @@ pub(super) fn frames(path: &Path) -> Result<(usize, Vec<PathBuf>)> {
         views += 1;
     }
     if all.is_empty() {
-        return Err(Error::output(
+        return Err(Error::file(
             path,
             "holds no frames: .exr or .tif files, or folders of \
                                         them",
@@ -44,7 +44,7 @@ pub(super) fn frames(path: &Path) -> Result<(usize, Vec<PathBuf>)> {
 
 /// Frames in order, and folders, of a folder.
 fn listing(path: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
-    let unread = |error| Error::output(path, "cannot be read", Some(error));
+    let unread = |error| Error::file(path, "cannot be read", Some(error));
     let (mut frames, mut folders) = (Vec::new(), Vec::new());
     for entry in fs::read_dir(path).map_err(unread)? {
         let entry = entry.map_err(unread)?.path();
@@ -60,7 +60,7 @@ fn listing(path: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
     }
     let exr = frames.iter().filter(|frame| extension(frame) == "exr").count();
     if exr != 0 && exr != frames.len() {
-        return Err(Error::output(path, "holds EXR and TIFF frames; allowed is one format", None));
+        return Err(Error::file(path, "holds EXR and TIFF frames; allowed is one format", None));
     }
     Ok((in_order(frames)?, folders))
 }
@@ -84,7 +84,7 @@ fn in_order(mut paths: Vec<PathBuf>) -> Result<Vec<PathBuf>> {
                 "is followed by {}: number {missing} is missing",
                 pair[1].1.file_name().unwrap_or_default().display()
             );
-            return Err(Error::output(&pair[0].1, problem, None));
+            return Err(Error::file(&pair[0].1, problem, None));
         }
     }
     Ok(keyed.into_iter().map(|(_, path)| path).collect())

@@ -19,10 +19,10 @@ impl Maps {
     /// view, or `NAME/view_0000.exr`.
     ///
     /// # Errors
-    /// [`Error::Output`] where there are none, or where they differ in shape.
+    /// [`Error::File`] where there are none, or where they differ in shape.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let unread = |error| Error::output(path, "cannot be read", Some(error));
+        let unread = |error| Error::file(path, "cannot be read", Some(error));
         let mut maps = BTreeMap::new();
         for entry in std::fs::read_dir(path).map_err(unread)? {
             let entry = entry.map_err(unread)?.path();
@@ -33,7 +33,7 @@ impl Maps {
             }
         }
         let Some(most) = maps.values().max_by_key(|map| map.shape()[1]) else {
-            return Err(Error::output(path, "holds no retrieved images", None));
+            return Err(Error::file(path, "holds no retrieved images", None));
         };
         let [_, views, rows, columns] = most.shape();
         // What belongs to the flat is one image for all views.
@@ -48,7 +48,7 @@ impl Maps {
                 most.path().display(),
                 &most.shape()[1..]
             );
-            return Err(Error::output(other.path(), problem, None));
+            return Err(Error::file(other.path(), problem, None));
         }
         Ok(Self { path: path.to_path_buf(), maps, views })
     }
@@ -72,18 +72,18 @@ impl Maps {
     /// The image of a view, `[row][column]` (the same for all views where it is the flat's), in the unit that `retrieved.json` names.
     ///
     /// # Errors
-    /// [`Error::Output`] for a name or view that is not there (says what is), or where the file
+    /// [`Error::File`] for a name or view that is not there (says what is), or where the file
     /// cannot be read.
     pub fn map(&self, name: &str, view: usize) -> Result<Array2<f32>> {
         let Some(map) = self.maps.get(name) else {
             let names: Vec<&str> = self.names().collect();
             let problem = format!("has no image {name}; it has {}", names.join(", "));
-            return Err(Error::output(&self.path, problem, None));
+            return Err(Error::file(&self.path, problem, None));
         };
         if view >= self.views {
             let problem =
                 format!("has {} views; asked for view {view}, counted from 0", self.views);
-            return Err(Error::output(map.path(), problem, None));
+            return Err(Error::file(map.path(), problem, None));
         }
         map.only_frame(view.min(map.shape()[1] - 1))
     }

@@ -1,30 +1,28 @@
 //! Reading stacks: beamlet's own and measured ones, frame by frame or band by band.
 //!
 //! One type serves every format, so that whoever takes frames need not know where they come
-//! from. Values become f32: u8 and u16 exactly, f64 and u32 rounded.
+//! from. Values become f32: whole numbers of 8 and 16 bits exactly, f64 and those of 32 rounded.
 
 mod checksums;
 mod exr;
 mod folder;
 mod maps;
-mod npy;
 mod run;
-mod tiff;
 
 pub(super) use exr::read as read_exr;
 pub use maps::Maps;
 pub use run::OpenRun;
 pub(super) use run::read_scene;
 
+use crate::array_file::{NpyFile, TiffPages, refuse_shape};
+use crate::numbers;
 use crate::{Error, Result, reserve};
 use checksums::Checksums;
 use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
-use npy::NpyFile;
 use rayon::prelude::*;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use tiff::TiffPages;
 
 /// One stack in a file or a folder, `[view][step][row][column]`.
 ///
@@ -36,7 +34,7 @@ use tiff::TiffPages;
 /// | folder of `.exr` or `.tif` files | one frame per file, in the order of the numbers in their names |
 /// | folder of such folders | one view per folder |
 ///
-/// Samples are f32, f64, u8, u16 or u32 (EXR: f16, f32, u32), one per pixel.
+/// Samples are f32, f64, or whole numbers of 8, 16 or 32 bits (EXR: f16, f32, u32), one per pixel.
 #[derive(Debug)]
 pub struct StackFile {
     path: PathBuf,
@@ -58,20 +56,20 @@ impl StackFile {
     /// Opens a stack: reads headers, no values.
     ///
     /// # Errors
-    /// [`Error::Output`] with file, what was found and what is allowed: a format, sample type or
+    /// [`Error::File`] with file, what was found and what is allowed: a format, sample type or
     /// shape that is not in the table, a file shorter than its header says, frames that are
     /// missing from a series of numbers.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let found = std::fs::metadata(path)
-            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
+            .map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
         if found.is_dir() {
             return Self::open_folder(path);
         }
         let (shape, source) = match extension(path).as_str() {
             "npy" => {
                 let file = NpyFile::open(path)?;
-                (file.shape(), Source::Npy(file))
+                (shape_of(path, &file)?, Source::Npy(file))
             }
             "tif" | "tiff" => {
                 let pages = TiffPages::open(path)?;
@@ -85,7 +83,7 @@ impl StackFile {
             _ => {
                 let problem = "is no stack: allowed are .npy, .tif, .tiff, .exr, and folders of \
                                .exr or .tif frames";
-                return Err(Error::output(path, problem, None));
+                return Err(Error::file(path, problem, None));
             }
         };
         let stack = Self { path: path.to_path_buf(), shape, source, checksums: None };
@@ -110,7 +108,7 @@ impl StackFile {
             let problem = format!(
                 "holds nothing: {views} views of {steps} steps of {rows} x {columns} pixels"
             );
-            return Err(Error::output(self.path, problem, None));
+            return Err(Error::file(self.path, problem, None));
         }
         Ok(self)
     }
@@ -118,7 +116,7 @@ impl StackFile {
     /// The same frames as views of so many steps: files of pages do not say where a view ends.
     ///
     /// # Errors
-    /// [`Error::Output`] where the number of frames is not a multiple of `steps`, or where the
+    /// [`Error::File`] where the number of frames is not a multiple of `steps`, or where the
     /// stack has views of another length already.
     pub fn with_steps(mut self, steps: usize) -> Result<Self> {
         let [views, found, ..] = self.shape;
@@ -127,7 +125,7 @@ impl StackFile {
         }
         if views > 1 || steps == 0 || found % steps != 0 {
             let problem = format!("has {views} views of {found} steps; expected {steps} steps");
-            return Err(Error::output(self.path, problem, None));
+            return Err(Error::file(self.path, problem, None));
         }
         self.shape[0] = found / steps;
         self.shape[1] = steps;
@@ -155,14 +153,14 @@ impl StackFile {
     /// Some rows of a view with all its steps, `[step][row][column]`.
     ///
     /// # Errors
-    /// [`Error::Output`] where a file cannot be read or a frame has another shape than the
+    /// [`Error::File`] where a file cannot be read or a frame has another shape than the
     /// first; where the view or the rows are not there; where a view of a run is not what was
     /// committed.
     pub fn rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
         let [views, steps, ..] = self.shape;
         if view >= views {
             let problem = format!("has {views} views; asked for view {view}, counted from 0");
-            return Err(Error::output(&self.path, problem, None));
+            return Err(Error::file(&self.path, problem, None));
         }
         if steps > 0
             && rows.start <= rows.end
@@ -183,7 +181,7 @@ impl StackFile {
         let mut all = reserve::room(steps * rows.len() * columns, "rows of a view")?;
         frames.iter().for_each(|frame| all.extend(frame));
         Array3::from_shape_vec((steps, rows.len(), columns), all)
-            .map_err(|error| Error::output(&self.path, format!("cannot be read: {error}"), None))
+            .map_err(|error| Error::file(&self.path, format!("cannot be read: {error}"), None))
     }
 
     /// A whole view, `[step][row][column]`.
@@ -206,7 +204,7 @@ impl StackFile {
                 "has {views} views, {steps} steps, {row_count} rows; asked for rows {range:?} of \
                  view {view}, step {step}, counted from 0"
             );
-            return Err(Error::output(&self.path, problem, None));
+            return Err(Error::file(&self.path, problem, None));
         }
         let index = view * steps + step;
         if let Some(whole) = self.compared(index)? {
@@ -214,7 +212,7 @@ impl StackFile {
         }
         let values = self.values(index, range.clone())?;
         Array2::from_shape_vec((range.len(), columns), values)
-            .map_err(|error| Error::output(&self.path, format!("cannot be read: {error}"), None))
+            .map_err(|error| Error::file(&self.path, format!("cannot be read: {error}"), None))
     }
 
     /// Compares the view that a frame belongs to with its checksum, where the stack has them and
@@ -231,7 +229,10 @@ impl StackFile {
         let [_, _, row_count, columns] = self.shape;
         let frame = [row_count, columns];
         match &self.source {
-            Source::Npy(file) => file.read(index, rows),
+            Source::Npy(file) => {
+                let first = (index * row_count + rows.start) as u64 * columns as u64;
+                file.read(first, rows.len() * columns)
+            }
             Source::Pages(pages) => pages.read(index, rows),
             Source::Frames(files) => {
                 let path = &files[index];
@@ -253,8 +254,10 @@ impl StackFile {
         self
     }
 
-    pub(super) fn row_count(&self) -> u32 {
-        u32::try_from(self.shape[2]).unwrap_or(u32::MAX)
+    /// Rows of a frame.
+    #[must_use]
+    pub fn row_count(&self) -> u32 {
+        numbers::count(self.shape[2])
     }
 
     /// All frames of one view as one image, for files whose steps are views (maps).
@@ -269,41 +272,32 @@ impl StackFile {
 fn owned<D: Dimension>(path: &Path, part: ArrayView<'_, f32, D>) -> Result<Array<f32, D>> {
     let values = reserve::collected(part.iter().copied(), "rows of a view")?;
     Array::from_shape_vec(part.raw_dim(), values)
-        .map_err(|error| Error::output(path, format!("cannot be read: {error}"), None))
+        .map_err(|error| Error::file(path, format!("cannot be read: {error}"), None))
+}
+
+/// Two to four sides, filled up with ones in front.
+fn shape_of(path: &Path, file: &NpyFile) -> Result<[usize; 4]> {
+    if file.is_fortran() {
+        let problem = "is in Fortran order; allowed is C order (numpy: np.ascontiguousarray)";
+        return Err(Error::file(path, problem, None));
+    }
+    let sides: Option<Vec<u32>> = file.sides().iter().map(|n| u32::try_from(*n).ok()).collect();
+    let sides = sides.filter(|sides| (2..=4).contains(&sides.len())).ok_or_else(|| {
+        let problem = format!(
+            "has the shape {:?}; allowed: (row, column), (step, row, column) or (view, step, \
+             row, column)",
+            file.sides()
+        );
+        Error::file(path, problem, None)
+    })?;
+    let mut shape = [1; 4];
+    for (to, from) in shape[4 - sides.len()..].iter_mut().zip(&sides) {
+        *to = *from as usize;
+    }
+    Ok(shape)
 }
 
 /// Lower-case extension of a path.
 fn extension(path: &Path) -> String {
     path.extension().map(|text| text.to_string_lossy().to_lowercase()).unwrap_or_default()
-}
-
-/// Bytes of a frame that any file may claim.
-const LEAST: u64 = 1 << 30;
-
-/// Refuses frames that claim more than their file holds, before memory is taken for them: more
-/// pixels than any compression makes of it, or more than 1 GiB of 64 times its length.
-fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
-    let found = std::fs::metadata(path)
-        .map_err(|error| Error::output(path, "cannot be read", Some(error)))?
-        .len();
-    let claimed = rows as f64 * columns as f64;
-    let most = (64 * found.min(1 << 56)).max(LEAST) as f64;
-    if claimed <= 4096.0 * found as f64 && 4.0 * claimed <= most {
-        return Ok(());
-    }
-    let problem =
-        format!("claims {rows} rows of {columns} columns in {found} bytes: cut short, or no frame");
-    Err(Error::output(path, problem, None))
-}
-
-/// Refuses a frame of another shape than the rest.
-fn refuse_shape(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Result<()> {
-    if found == expected {
-        return Ok(());
-    }
-    let problem = format!(
-        "has {} rows of {} columns; the first frame has {} rows of {}",
-        found[0], found[1], expected[0], expected[1]
-    );
-    Err(Error::output(path, problem, None))
 }

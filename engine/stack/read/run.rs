@@ -2,6 +2,7 @@
 
 use super::StackFile;
 use super::checksums::{Checksums, Compared};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, Entry};
 use crate::stack::run_directory::{COUNTS, LOG, RUN, SCENE};
@@ -29,7 +30,7 @@ impl OpenRun {
     /// came.
     ///
     /// # Errors
-    /// [`Error::Output`] where there is no run, or where a committed view follows one that is
+    /// [`Error::File`] where there is no run, or where a committed view follows one that is
     /// not (names it); [`Error::Scene`] where scene.toml does not read.
     ///
     /// # Example
@@ -44,7 +45,7 @@ impl OpenRun {
         let path = path.as_ref();
         if !path.join(RUN).exists() {
             let problem = "is no run directory: it has no run.json";
-            return Err(Error::output(path, problem, None));
+            return Err(Error::file(path, problem, None));
         }
         let file = RunFile::read(&path.join(RUN))?;
         let scene = read_scene(&path.join(SCENE))?;
@@ -52,7 +53,7 @@ impl OpenRun {
         let of_scene = Extent::of(&scene)?;
         if of_scene != file.extent {
             let problem = format!("claims {:?}; {SCENE} has {of_scene:?}", file.extent);
-            return Err(Error::output(path.join(RUN), problem, None));
+            return Err(Error::file(path.join(RUN), problem, None));
         }
         let is_there = |view: &u32| committed.contains_key(&Exposure::Sample(*view));
         let views = (0..file.extent.views).take_while(is_there).count();
@@ -61,7 +62,7 @@ impl OpenRun {
         if count != views {
             let problem =
                 format!("view {views} is not committed and later ones are; resume the run");
-            return Err(Error::output(path, problem, None));
+            return Err(Error::file(path, problem, None));
         }
         let path = path.to_path_buf();
         Ok(Self { path, scene, file, committed, compared: Compared::default(), views })
@@ -94,14 +95,10 @@ impl OpenRun {
     /// The flat, one view.
     ///
     /// # Errors
-    /// [`Error::Output`] where it is not committed or does not have the shape of run.json.
+    /// [`Error::File`] where it is not committed or does not have the shape of run.json.
     pub fn flat(&self) -> Result<StackFile> {
         if !self.is_committed(Exposure::Flat) {
-            return Err(Error::output(
-                &self.path,
-                "the flat is not committed: resume the run",
-                None,
-            ));
+            return Err(Error::file(&self.path, "the flat is not committed: resume the run", None));
         }
         self.stack("flat", 1)
     }
@@ -112,7 +109,7 @@ impl OpenRun {
     /// As [`OpenRun::flat`], where no view is committed.
     pub fn sample(&self) -> Result<StackFile> {
         if self.views == 0 {
-            return Err(Error::output(&self.path, "no view is committed: resume the run", None));
+            return Err(Error::file(&self.path, "no view is committed: resume the run", None));
         }
         self.stack("sample", self.views)
     }
@@ -151,7 +148,7 @@ impl OpenRun {
             let view = match name {
                 "flat" | "counts/flat" => Exposure::Flat,
                 "dark" => Exposure::Dark,
-                _ => Exposure::Sample(u32::try_from(index).unwrap_or(u32::MAX)),
+                _ => Exposure::Sample(numbers::count(index)),
             };
             let entry = self.committed.get(&view);
             let counts = name.starts_with(COUNTS);
@@ -159,7 +156,7 @@ impl OpenRun {
                 entry.and_then(|e| if counts { e.counts.as_ref() } else { Some(&e.sha256) });
             found.cloned().ok_or_else(|| {
                 let problem = format!("has no checksum of view {index} of {name}: resume the run");
-                Error::output(self.path.join(LOG), problem, None)
+                Error::file(self.path.join(LOG), problem, None)
             })
         };
         let views = (0..views).map(of_view).collect::<Result<_>>()?;
@@ -194,7 +191,7 @@ impl OpenRun {
                 "has {:?} views, steps, rows and columns; run.json says {expected:?}",
                 stack.shape()
             );
-            return Err(Error::output(path, problem, None));
+            return Err(Error::file(path, problem, None));
         }
         let checksums = self.checksums(name, views, stack.shape()[1])?;
         Ok(stack.with_checksums(checksums))

@@ -1,6 +1,7 @@
 //! Going on with a run: what of it is as it was committed, and whether it may go on.
 
 use super::{LOG, RUN, RunDirectory, SCENE};
+use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, ProgressLog};
 use crate::stack::{Exposure, Extent, RunFile, own_files, scene_file, verify};
@@ -28,7 +29,7 @@ impl RunDirectory {
     /// has its checksum, is told by [`RunDirectory::committed`].
     ///
     /// # Errors
-    /// [`Error::Output`] where there is no run, or one of another scene (says what differs).
+    /// [`Error::File`] where there is no run, or one of another scene (says what differs).
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
         let log = ProgressLog::lock_if_there(&path.join(LOG))?;
@@ -68,7 +69,7 @@ impl RunDirectory {
             again,
             problems,
             counted,
-            uncounted: u32::try_from(uncounted).unwrap_or(u32::MAX),
+            uncounted: numbers::count(uncounted),
         });
         Ok(Self {
             path,
@@ -127,7 +128,7 @@ impl RunDirectory {
              told; start anew, or allow it (--allow-unhashed)",
             files.join(", ")
         );
-        Err(Error::output(&self.path, problem, None))
+        Err(Error::file(&self.path, problem, None))
     }
 
     /// Refuses a device, driver, backend or version other than those that began the run.
@@ -147,7 +148,7 @@ impl RunDirectory {
                     "was begun with {what} {before}, this is {now}; results may differ in the \
                      last digits: go back to the first, start anew, or allow a mixed run"
                 );
-                return Err(Error::output(&self.path, problem, None));
+                return Err(Error::file(&self.path, problem, None));
             }
             log::warn!("{}: {what} changes from {before} to {now}", self.path.display());
         }
@@ -160,5 +161,5 @@ pub(super) fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<
         return Ok(());
     }
     let problem = format!("holds a run of another scene:\n  {}", differences.join("\n  "));
-    Err(Error::output(path, problem, None))
+    Err(Error::file(path, problem, None))
 }

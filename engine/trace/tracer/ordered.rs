@@ -1,10 +1,11 @@
 //! Rays in order: several attempts, and lists of crossings as long as each ray needs.
 
-use super::{LONG, NUDGES, Tracer};
+use super::{NUDGES, Tracer};
 use crate::Result;
 use crate::accel::Backend;
-use crate::gpu::{Buffer, Kernel};
+use crate::gpu::{Buffer, Kernel, Pace};
 use crate::interface::{ExactPush, GROUP, LONGEST_LIST, Law, Ray};
+use crate::numbers::count;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
@@ -157,26 +158,18 @@ impl Tracer {
         let most = if room < GROUP { room } else { room / GROUP * GROUP };
         let stride = most.min(GROUP);
         let mut time = Duration::ZERO;
-        let mut size = most.min(4096);
+        let mut pace = Pace::new(most.min(4096), stride, most);
         let mut first = 0;
         while first < push.count {
-            let count = push.count.min(first + size);
+            let count = push.count.min(first + pace.size());
             let push = ExactPush { first, count, stride, ..push };
             let groups = [(count - first).div_ceil(GROUP), 1, 1];
             let took =
                 self.device.run(|r| r.dispatch(kernel, bytemuck::bytes_of(&push), groups))?;
             first = count;
             time += took;
-            if took > LONG {
-                size = (size / 2).max(stride);
-            } else if took < LONG / 4 {
-                size = (size * 2).min(most);
-            }
+            pace.adapt(took);
         }
         Ok(time)
     }
-}
-
-fn count(n: usize) -> u32 {
-    u32::try_from(n).unwrap_or(u32::MAX)
 }

@@ -22,14 +22,8 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
     let path = PLACE.join(name);
     let scene = scene();
     let mut sink = RunDirectory::create(&path, format, false).expect("a new folder");
-    let start = RunStart {
-        device: "none".into(),
-        driver: "none".into(),
-        backend: Backend::Bvh,
-        backend_reason: "requested".into(),
-        calibration: BTreeMap::from([("bvh".into(), 1.5)]),
-        mesh_hashes: BTreeMap::new(),
-    };
+    let mut start = RunStart::new("none", "none", Backend::Bvh, "requested");
+    start.calibration.insert("bvh".into(), 1.5);
     sink.begin(&scene, &start).expect("the run begins");
     let rows = 0..scene.detector.pixels[1];
     for view in views(&scene).expect("few views") {
@@ -38,29 +32,22 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
             sink.write(view, rows.clone(), intensities.view()).expect("written");
         }
         sink.write_counts(view, rows.clone(), counts.view()).expect("written");
-        sink.tally(view, &Tally { rays: 7, ..Tally::default() }).expect("noted");
+        let mut tally = Tally::default();
+        tally.rays = 7;
+        sink.tally(view, &tally).expect("noted");
         sink.commit(view).expect("committed");
     }
-    let record = RunRecord {
-        version: env!("CARGO_PKG_VERSION").into(),
-        device: start.device,
-        driver: start.driver,
-        backend: start.backend,
-        backend_reason: start.backend_reason,
-        calibration: start.calibration,
-        seed: scene.sampling.seed,
-        tally: Tally::default(),
-        sampling: Some(SamplingSummary {
-            patches: 5,
-            mean_rays: 2.5,
-            most_rays: 9,
-            rms_error: 1e-7,
-            worst_error: 3e-7,
-            tolerance: 1e-6,
-            beyond_tolerance: 1,
-        }),
-        seconds: BTreeMap::from([("total".into(), 0.5)]),
-    };
+    let mut sampling = SamplingSummary::default();
+    sampling.patches = 5;
+    sampling.mean_rays = 2.5;
+    sampling.most_rays = 9;
+    sampling.rms_error = 1e-7;
+    sampling.worst_error = 3e-7;
+    sampling.tolerance = 1e-6;
+    sampling.beyond_tolerance = 1;
+    let mut record = RunRecord::begin(&start, scene.sampling.seed);
+    record.sampling = Some(sampling);
+    record.seconds = BTreeMap::from([("total".into(), 0.5)]);
     sink.finish(&record).expect("the run ends");
     path
 }

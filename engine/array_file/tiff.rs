@@ -1,6 +1,7 @@
 //! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`.
 
-use super::{LEAST, refuse_hollow, refuse_shape};
+use super::{LEAST, Value, refuse_hollow, refuse_shape};
+use crate::numbers;
 use crate::{Error, Result, input_file, reserve};
 use std::fmt;
 use std::fs::File;
@@ -14,7 +15,7 @@ use tiff::{ColorType, TiffError};
 type Pages = Decoder<BufReader<File>>;
 
 /// A file of pages, each a frame of the same shape.
-pub(super) struct TiffPages {
+pub(crate) struct TiffPages {
     path: PathBuf,
     /// Rows and columns.
     frame: [usize; 2],
@@ -34,17 +35,10 @@ impl fmt::Debug for TiffPages {
 }
 
 impl TiffPages {
-    pub(super) fn open(path: &Path) -> Result<Self> {
+    /// All pages of a file, which have one shape.
+    pub(crate) fn open(path: &Path) -> Result<Self> {
         let unread = |error| failed(path, error);
-        let file = input_file::open(path)
-            .map_err(|error| Error::output(path, "cannot be read", Some(error)))?;
-        let mut limits = Limits::default();
-        // Frames of 4 GiB in one strip do exist; a small file that claims one does not hold it.
-        let most = 64 * file.metadata().map_or(0, |found| found.len()).max(LEAST >> 6);
-        limits.decoding_buffer_size = usize::try_from(most.min(1 << 32)).unwrap_or(usize::MAX);
-        let mut pages = Decoder::new(BufReader::new(file)).map_err(unread)?.with_limits(limits);
-        let frame = frame_of(path, &mut pages)?;
-        refuse_hollow(path, frame)?;
+        let (mut pages, frame) = first_page(path)?;
         let mut count = 1;
         while pages.more_images() {
             pages.next_image().map_err(unread)?;
@@ -55,23 +49,31 @@ impl TiffPages {
                      has {} rows of {}",
                     found[0], found[1], frame[0], frame[1]
                 );
-                return Err(Error::output(path, problem, None));
+                return Err(Error::file(path, problem, None));
             }
             count += 1;
         }
         Ok(Self { path: path.to_path_buf(), frame, count, pages: Mutex::new(pages) })
     }
 
-    pub(super) const fn frame_shape(&self) -> [usize; 2] {
+    /// The first page alone; others may have any shape.
+    pub(crate) fn first(path: &Path) -> Result<Self> {
+        let (pages, frame) = first_page(path)?;
+        Ok(Self { path: path.to_path_buf(), frame, count: 1, pages: Mutex::new(pages) })
+    }
+
+    /// Rows and columns of a page.
+    pub(crate) const fn frame_shape(&self) -> [usize; 2] {
         self.frame
     }
 
-    pub(super) const fn count(&self) -> usize {
+    /// Pages.
+    pub(crate) const fn count(&self) -> usize {
         self.count
     }
 
     /// Some rows of a page.
-    pub(super) fn read(&self, page: usize, rows: Range<usize>) -> Result<Vec<f32>> {
+    pub(crate) fn read<T: Value>(&self, page: usize, rows: Range<usize>) -> Result<Vec<T>> {
         let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
         let unread = |error| failed(&self.path, error);
         pages.seek_to_image(page).map_err(unread)?;
@@ -80,12 +82,13 @@ impl TiffPages {
         let (width, height) = pages.chunk_dimensions();
         let [width, height] = [width as usize, height as usize].map(|side| side.max(1));
         let across = columns.div_ceil(width);
-        let mut values = reserve::filled(f32::NAN, rows.len() * columns, "rows of a frame")?;
+        let mut values =
+            reserve::filled(T::rounded(f64::NAN), rows.len() * columns, "rows of a frame")?;
         for down in rows.start / height..rows.end.div_ceil(height) {
             for right in 0..across {
-                let chunk = u32::try_from(down * across + right).unwrap_or(u32::MAX);
+                let chunk = numbers::count(down * across + right);
                 let wide = pages.chunk_data_dimensions(chunk).0 as usize;
-                let samples = floats(pages.read_chunk(chunk).map_err(unread)?)
+                let samples: Vec<T> = numbers(pages.read_chunk(chunk).map_err(unread)?)
                     .ok_or_else(|| refused(&self.path, "samples of another type"))?;
                 for (y, line) in (down * height..).zip(samples.chunks_exact(wide.max(1))) {
                     if rows.contains(&y) {
@@ -99,6 +102,21 @@ impl TiffPages {
     }
 }
 
+/// A decoder at the first page, and its rows and columns.
+fn first_page(path: &Path) -> Result<(Pages, [usize; 2])> {
+    let file =
+        input_file::open(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
+    let mut limits = Limits::default();
+    // Frames of 4 GiB in one strip do exist; a small file that claims one does not hold it.
+    let most = 64 * file.metadata().map_or(0, |found| found.len()).max(LEAST >> 6);
+    limits.decoding_buffer_size = numbers::length(most.min(1 << 32));
+    let decoder = Decoder::new(BufReader::new(file)).map_err(|error| failed(path, error))?;
+    let mut pages = decoder.with_limits(limits);
+    let frame = frame_of(path, &mut pages)?;
+    refuse_hollow(path, frame)?;
+    Ok((pages, frame))
+}
+
 /// Rows and columns of the page in turn; refuses what is not one number per pixel.
 fn frame_of(path: &Path, pages: &mut Pages) -> Result<[usize; 2]> {
     match pages.colortype().map_err(|error| failed(path, error))? {
@@ -109,28 +127,35 @@ fn frame_of(path: &Path, pages: &mut Pages) -> Result<[usize; 2]> {
     Ok([rows as usize, columns as usize])
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
-fn floats(samples: DecodingResult) -> Option<Vec<f32>> {
+fn numbers<T: Value>(samples: DecodingResult) -> Option<Vec<T>> {
+    fn all<S: Into<f64>, T: Value>(samples: Vec<S>) -> Vec<T> {
+        samples.into_iter().map(|sample| T::rounded(sample.into())).collect()
+    }
     Some(match samples {
-        DecodingResult::F32(values) => values,
-        DecodingResult::F64(values) => values.into_iter().map(|v| v as f32).collect(),
-        DecodingResult::U8(values) => values.into_iter().map(f32::from).collect(),
-        DecodingResult::U16(values) => values.into_iter().map(f32::from).collect(),
-        DecodingResult::U32(values) => values.into_iter().map(|v| v as f32).collect(),
+        DecodingResult::F32(samples) => all(samples),
+        DecodingResult::F64(samples) => all(samples),
+        DecodingResult::U8(samples) => all(samples),
+        DecodingResult::U16(samples) => all(samples),
+        DecodingResult::U32(samples) => all(samples),
+        DecodingResult::I8(samples) => all(samples),
+        DecodingResult::I16(samples) => all(samples),
+        DecodingResult::I32(samples) => all(samples),
         _ => return None,
     })
 }
 
 fn refused(path: &Path, found: &str) -> Error {
-    let problem = format!("has {found}; allowed is one sample per pixel, f32, f64, u8, u16 or u32");
-    Error::output(path, problem, None)
+    let problem = format!(
+        "has {found}; allowed is one sample per pixel: f32, f64, or whole numbers of 8, 16 or 32 bits"
+    );
+    Error::file(path, problem, None)
 }
 
 fn failed(path: &Path, error: TiffError) -> Error {
     match error {
         TiffError::IoError(source) => {
-            Error::output(path, "cannot be read (cut short?)", Some(source))
+            Error::file(path, "cannot be read (cut short?)", Some(source))
         }
-        other => Error::output(path, format!("is no TIFF that can be read: {other}"), None),
+        other => Error::file(path, format!("is no TIFF that can be read: {other}"), None),
     }
 }

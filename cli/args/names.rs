@@ -1,0 +1,121 @@
+//! Words that stand for a choice of the engine.
+
+use beamlet::Backend;
+use beamlet::retrieve::{ImageFormat, Method, Weights};
+use beamlet::stack::Format;
+use clap::ValueEnum;
+
+/// `--format`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FormatName {
+    /// One 32-bit float EXR file per frame
+    Exr,
+    /// Two arrays for numpy: flat.npy and sample.npy
+    Npy,
+}
+
+impl From<FormatName> for Format {
+    fn from(name: FormatName) -> Self {
+        match name {
+            FormatName::Exr => Self::Exr,
+            FormatName::Npy => Self::Npy,
+        }
+    }
+}
+
+/// `--format` of images
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ImageFormatName {
+    /// One 32-bit float EXR file per view
+    Exr,
+    /// One array for numpy per image: (view, row, column)
+    Npy,
+    /// One 32-bit float TIFF per image, a page per view
+    Tiff,
+}
+
+impl From<ImageFormatName> for ImageFormat {
+    fn from(name: ImageFormatName) -> Self {
+        match name {
+            ImageFormatName::Exr => Self::Exr,
+            ImageFormatName::Npy => Self::Npy,
+            ImageFormatName::Tiff => Self::Tiff,
+        }
+    }
+}
+
+/// `--method`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MethodName {
+    /// Gaussian on a background by least squares; 4 steps or more
+    Gaussian,
+    /// Gaussian without background through 3 steps
+    ThreeStep,
+    /// Two steps on the flat's fitted curve; no dark field
+    TwoStep,
+    /// Area, centroid and variance of curves that end within the scan
+    Moments,
+    /// Triangle, for small spots and apertures of one projected width
+    Triangle,
+    /// Trapezoid, for small spots
+    Trapezoid,
+    /// The masks' own curve, blurred: free of the Gaussian's bias
+    ExactCurve,
+    /// Gaussian per beamlet over neighbouring pixels: single mask
+    Beamlet,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Gaussian => Self::Gaussian,
+            MethodName::ThreeStep => Self::ThreeStep,
+            MethodName::TwoStep => Self::TwoStep,
+            MethodName::Moments => Self::Moments,
+            MethodName::Triangle => Self::Triangle,
+            MethodName::Trapezoid => Self::Trapezoid,
+            MethodName::ExactCurve => Self::ExactCurve,
+            MethodName::Beamlet => Self::Beamlet,
+        }
+    }
+}
+
+/// `--weights`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum WeightsName {
+    /// All values alike
+    None,
+    /// Of counts, from the fit: the maximum of the Poisson likelihood
+    Poisson,
+}
+
+impl From<WeightsName> for Weights {
+    fn from(name: WeightsName) -> Self {
+        match name {
+            WeightsName::None => Self::None,
+            WeightsName::Poisson => Self::Poisson,
+        }
+    }
+}
+
+/// `--backend`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum BackendName {
+    /// The faster one on this scene
+    Auto,
+    /// The driver's acceleration structures
+    RayQuery,
+    /// Our own tree, in a compute shader
+    Bvh,
+}
+
+impl BackendName {
+    /// `None` leaves the choice to the engine.
+    pub(crate) fn choice(self) -> Option<Backend> {
+        match self {
+            Self::Auto => None,
+            Self::RayQuery => Some(Backend::RayQuery),
+            Self::Bvh => Some(Backend::Bvh),
+        }
+    }
+}

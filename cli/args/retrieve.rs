@@ -1,0 +1,86 @@
+//! `retrieve`.
+
+use super::names::{ImageFormatName, MethodName, WeightsName};
+use super::values::{above_zero, from_zero, key_value, single, two_steps};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet retrieve run\n  \
+    beamlet retrieve run --method exact-curve --format npy --overwrite\n  \
+    beamlet retrieve --flat flat.tif --sample sample.tif --dark dark.tif \\\n    \
+      --offsets '-12 um, -6 um, 0 um, 6 um, 12 um' --geometry scene.toml -o images\n\n\
+    Images go to RUN/retrieved, or to DIR: transmission, refraction (rad), dark_field (rad^2), \
+    their 1-sigma uncertainties, flags, and the parameters of the fits; retrieved.json tells \
+    units and the meaning of the flags. docs/retrieval.md has formulas, validity and bias.")]
+pub(crate) struct Retrieve {
+    /// Run directory of `beamlet simulate`
+    #[arg(required_unless_present = "flat",
+        conflicts_with_all = ["flat", "sample", "dark", "geometry", "offsets", "sets"])]
+    pub(crate) run: Option<PathBuf>,
+    /// Flat frames: NPY, EXR, TIFF, or a folder of frames
+    #[arg(long, value_name = "FILE", requires_all = ["sample", "geometry", "output"])]
+    pub(crate) flat: Option<PathBuf>,
+    /// Sample frames, one view or several
+    #[arg(long, value_name = "FILE", requires = "flat")]
+    pub(crate) sample: Option<PathBuf>,
+    /// Frames without beam; their mean is subtracted
+    #[arg(long, value_name = "FILE", requires = "flat")]
+    pub(crate) dark: Option<PathBuf>,
+    /// Offsets of the sample mask: a list with units, or a file with one on each line
+    /// [default: those of the geometry's scan]
+    #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]
+    pub(crate) offsets: Option<String>,
+    /// Scene file whose distances and masks the frames were taken with
+    #[arg(long, value_name = "SCENE", requires = "flat")]
+    pub(crate) geometry: Option<PathBuf>,
+    /// Change a value of the geometry: key.path=value (may be repeated)
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value, requires = "geometry")]
+    pub(crate) sets: Vec<String>,
+    /// Directory of the images [default: RUN/retrieved]
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: Option<PathBuf>,
+    /// The estimator
+    #[arg(long, value_enum, default_value_t = MethodName::Gaussian)]
+    pub(crate) method: MethodName,
+    /// Weights of a fit's values
+    #[arg(long, value_enum, default_value_t = WeightsName::None)]
+    pub(crate) weights: WeightsName,
+    /// Take the run's detector numbers instead of its intensities
+    #[arg(long, requires = "run")]
+    pub(crate) counts: bool,
+    /// Detector number of one photon, for the uncertainties of counts [default: that of a run's
+    /// scene, else 1]
+    #[arg(long, value_name = "NUMBER", value_parser = above_zero, allow_negative_numbers = true)]
+    pub(crate) gain: Option<f64>,
+    /// Standard deviation of a number without light, for --weights poisson [default: that of a
+    /// run's scene, else 0]
+    #[arg(long, value_name = "NUMBER", value_parser = from_zero, allow_negative_numbers = true)]
+    pub(crate) read_noise: Option<f64>,
+    /// Leave out values from here on, as they are in the files [default: the largest number of
+    /// a run's detector]
+    #[arg(long, value_name = "NUMBER", value_parser = single, allow_negative_numbers = true)]
+    pub(crate) saturation: Option<f32>,
+    /// Two-step: steps of the sample, counted from 0 [default: those nearest to the slopes]
+    #[arg(long, value_name = "I,J", value_parser = two_steps)]
+    pub(crate) steps: Option<[usize; 2]>,
+    /// Two-step: offsets of the sample's steps, where they are not those of the flat
+    #[arg(long, value_name = "LIST|FILE", allow_hyphen_values = true)]
+    pub(crate) sample_offsets: Option<String>,
+    /// File format of the images
+    #[arg(long, value_enum, default_value_t = ImageFormatName::Exr)]
+    pub(crate) format: ImageFormatName,
+    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
+    #[arg(long, value_name = "N|NAME")]
+    pub(crate) device: Option<String>,
+    /// Replace images that are there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// Print retrieved.json instead of a summary
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, errors only
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+}

@@ -1,0 +1,100 @@
+//! What makes a run: `simulate` and `illuminate`.
+
+use super::SceneArguments;
+use super::names::{BackendName, FormatName};
+use super::values::{key_value, memory_size};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet simulate scene.toml -o run\n  \
+    beamlet simulate scene.toml -o run --resume\n  \
+    beamlet simulate scene.toml -o run40 --format npy --set 'source.energy=40 keV'\n\n\
+    The run directory holds scene.toml (the scene with every default), run.json (device, \
+    counts, times), progress.log (what is committed) and the frames: flat and sample. \
+    Ctrl-C ends a run so that --resume goes on with it.")]
+pub(crate) struct Simulate {
+    #[command(flatten)]
+    pub(crate) scene: SceneArguments,
+    /// Run directory to write
+    #[arg(short, long, value_name = "RUN")]
+    pub(crate) output: PathBuf,
+    /// File format of the frames [default: exr; with --resume that of the run]
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<FormatName>,
+    /// How rays find triangles: auto measures both on the scene
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    pub(crate) backend: BackendName,
+    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
+    #[arg(long, value_name = "N|NAME")]
+    pub(crate) device: Option<String>,
+    /// Most memory of the run, host and device together, such as "2 GiB" [default: what the
+    /// geometry needs, and up to 1 GiB for a band]
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) memory_limit: Option<u64>,
+    /// Go on with an interrupted run
+    #[arg(long, conflicts_with = "overwrite")]
+    pub(crate) resume: bool,
+    /// With --resume: accept another device, driver, backend or version than the run began with
+    #[arg(long, requires = "resume")]
+    pub(crate) allow_mixed: bool,
+    /// With --resume: go on where the run recorded no hashes of the files that its scene names
+    #[arg(long, requires = "resume")]
+    pub(crate) allow_unhashed: bool,
+    /// Replace an earlier run; files that are not of a run stay
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// Keep the moments of the rays in RUN/moments, for `beamlet illuminate`
+    #[arg(long)]
+    pub(crate) keep_moments: bool,
+    /// No progress, errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// More of what is going on
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet simulate scene.toml -o run --keep-moments\n  \
+    beamlet illuminate run --scene wider.toml -o wider\n  \
+    beamlet illuminate run --scene a.toml --scene b.toml -o designs\n\n\
+    Source distance, angles and the place and shape of every object must be those of the run; \
+    masks, mask offsets, spot, spectrum, the materials' constants and the detector may differ. \
+    Several scenes are written to directories of their names.")]
+pub(crate) struct Illuminate {
+    /// Run directory with moments (`simulate --keep-moments`)
+    pub(crate) run: PathBuf,
+    /// Scene to illuminate them with, TOML or JSON (may be repeated)
+    #[arg(long, value_name = "SCENE", required = true)]
+    pub(crate) scene: Vec<PathBuf>,
+    /// Change a value of every scene: key.path=value (may be repeated)
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub(crate) sets: Vec<String>,
+    /// Run directory to write; with several scenes, the directory of their run directories
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) output: PathBuf,
+    /// File format of the frames [default: exr]
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<FormatName>,
+    /// How rays that are walked again find triangles: auto measures both on the scene
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    pub(crate) backend: BackendName,
+    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
+    #[arg(long, value_name = "N|NAME")]
+    pub(crate) device: Option<String>,
+    /// Most memory of the run, host and device together, such as "2 GiB"
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) memory_limit: Option<u64>,
+    /// Replace earlier runs; files that are not of a run stay
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    /// No progress, errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// More of what is going on
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
+}

@@ -1,0 +1,57 @@
+//! Values that are checked as they are typed.
+
+pub(super) fn two_steps(text: &str) -> Result<[usize; 2], String> {
+    let steps: Option<Vec<usize>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    match steps.as_deref() {
+        Some(&[first, second]) if first != second => Ok([first, second]),
+        _ => Err("write two steps that differ, as in 3,7; they count from 0".into()),
+    }
+}
+
+fn number(text: &str, allowed: &str, is_allowed: impl Fn(f64) -> bool) -> Result<f64, String> {
+    let found = text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    found.filter(|value| is_allowed(*value)).ok_or_else(|| format!("allowed: {allowed}"))
+}
+
+pub(super) fn above_zero(text: &str) -> Result<f64, String> {
+    number(text, "a finite number above 0", |value| value > 0.0)
+}
+
+pub(super) fn from_zero(text: &str) -> Result<f64, String> {
+    number(text, "a finite number from 0 on", |value| value >= 0.0)
+}
+
+/// A value of frames, which are of 32 bits.
+pub(super) fn single(text: &str) -> Result<f32, String> {
+    let most = f64::from(f32::MAX);
+    let value = number(text, "a number above 0, up to 3.4e38", |v| v > 0.0 && v <= most)?;
+    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
+    let value = value as f32;
+    Ok(value)
+}
+
+pub(super) fn memory_size(text: &str) -> Result<u64, String> {
+    beamlet::units::memory_size(text).map_err(|error| error.to_string())
+}
+
+pub(super) fn degrees(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(angle) if angle.abs() <= 360.0 => Ok(angle),
+        _ => Err("a number of degrees from -360 to 360".into()),
+    }
+}
+
+pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {
+    let parts: Vec<_> = text.split(',').map(|part| part.trim().parse::<u32>()).collect();
+    match parts[..] {
+        [Ok(column), Ok(row)] => Ok([column, row]),
+        _ => Err("write column,row as in 80,64; both count from 0, rows from the top".into()),
+    }
+}
+
+pub(super) fn key_value(text: &str) -> Result<String, String> {
+    match text.split_once('=') {
+        Some((key, _)) if !key.trim().is_empty() => Ok(text.to_owned()),
+        _ => Err("write key.path=value, as in 'source.energy=40 keV'".into()),
+    }
+}

@@ -1,0 +1,107 @@
+//! Pictures: `view` and `report`.
+
+use super::values::{degrees, key_value, memory_size, pixel};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet view scene.toml -o pictures\n  \
+    beamlet view run -o pictures\n  \
+    beamlet view run -o pictures --show curve --pixel 80,64\n  \
+    beamlet view run -o pictures --show retrieved --map refraction,refraction_sigma --view 3\n\n\
+    Prints the names of the files that it wrote. Nothing is written where anything is wrong. \
+    docs/pictures.md tells what each picture shows.")]
+pub(crate) struct View {
+    /// Scene file (TOML or JSON), or run directory
+    pub(crate) what: PathBuf,
+    /// Directory to write the pictures to
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Replace pictures that are there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    #[command(flatten)]
+    pub(crate) of_scene: ViewOfScene,
+    #[command(flatten)]
+    pub(crate) of_run: ViewOfRun,
+}
+
+/// What is asked of the pictures of a scene.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Pictures of a scene")]
+pub(crate) struct ViewOfScene {
+    /// Change a value of the scene: key.path=value (may be repeated)
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]
+    pub(crate) sets: Vec<String>,
+    /// Where the sample is looked at from: degrees from the source's side towards +x [default:
+    /// 35]
+    #[arg(long, value_name = "DEG", value_parser = degrees, allow_hyphen_values = true)]
+    pub(crate) azimuth: Option<f64>,
+    /// Degrees above the horizontal plane [default: 24]
+    #[arg(long, value_name = "DEG", value_parser = degrees, allow_hyphen_values = true)]
+    pub(crate) elevation: Option<f64>,
+    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
+    #[arg(long, value_name = "N|NAME")]
+    pub(crate) device: Option<String>,
+}
+
+/// What is asked of the pictures of a run.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Pictures of a run")]
+pub(crate) struct ViewOfRun {
+    /// What to draw [default: everything that the run has]
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    pub(crate) show: Vec<Show>,
+    /// Retrieved images to draw, by name [default: the three contrasts]
+    #[arg(long = "map", value_delimiter = ',', value_name = "NAME")]
+    pub(crate) maps: Vec<String>,
+    /// Number of the view, from 0 [default: 0]
+    #[arg(long, value_name = "N")]
+    pub(crate) view: Option<u32>,
+    /// Number of the mask step, from 0 [default: the brightest of the flat]
+    #[arg(long, value_name = "N")]
+    pub(crate) step: Option<u32>,
+    /// Row of profiles and sinograms, from 0 on top [default: the middle]
+    #[arg(long, value_name = "N")]
+    pub(crate) row: Option<u32>,
+    /// Pixel of the illumination curve [default: where the sample deflects most in the row]
+    #[arg(long, value_name = "COL,ROW", value_parser = pixel)]
+    pub(crate) pixel: Option<[u32; 2]>,
+}
+
+/// `--show`
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Show {
+    /// A frame of the flat and of a view
+    Frames,
+    /// Retrieved images
+    Retrieved,
+    /// Intensities and retrieved values along a row
+    Profiles,
+    /// The illumination curve of a pixel with its fit
+    Curve,
+    /// A row over all views
+    Sinograms,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet report run\n  \
+    beamlet report run -o page.html --most 64MiB\n\n\
+    The page needs no network and no server: open it in a browser. Runs whose frames would make \
+    it larger than --most are shown with pixels, views and steps binned or left out; the page \
+    says so.")]
+pub(crate) struct Report {
+    /// Run directory
+    pub(crate) run: PathBuf,
+    /// File to write [default: RUN/report.html]
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Most bytes of image data in the page, such as "64 MiB" [default: 24 MiB]
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) most: Option<u64>,
+    /// Replace the file if it is there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}

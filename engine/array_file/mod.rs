@@ -1,0 +1,62 @@
+//! Arrays of numbers in NPY and TIFF files, and any part of their values.
+//!
+//! Samples are f32, f64, or whole numbers of 8, 16 or 32 bits.
+
+mod npy;
+mod npy_header;
+mod tiff;
+
+pub(crate) use npy::NpyFile;
+pub(crate) use tiff::TiffPages;
+
+use crate::{Error, Result, numbers};
+use std::path::Path;
+
+/// What samples become.
+pub(crate) trait Value: Copy {
+    /// The nearest value.
+    fn rounded(sample: f64) -> Self;
+}
+
+impl Value for f64 {
+    fn rounded(sample: f64) -> Self {
+        sample
+    }
+}
+
+impl Value for f32 {
+    fn rounded(sample: f64) -> Self {
+        numbers::single(sample)
+    }
+}
+
+/// Bytes of a frame that any file may claim.
+const LEAST: u64 = 1 << 30;
+
+/// Refuses frames that claim more than their file holds, before memory is taken for them: more
+/// pixels than any compression makes of it, or more than 1 GiB of 64 times its length.
+pub(crate) fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
+    let found = std::fs::metadata(path)
+        .map_err(|error| Error::file(path, "cannot be read", Some(error)))?
+        .len();
+    let claimed = rows as f64 * columns as f64;
+    let most = (64 * found.min(1 << 56)).max(LEAST) as f64;
+    if claimed <= 4096.0 * found as f64 && 4.0 * claimed <= most {
+        return Ok(());
+    }
+    let problem =
+        format!("claims {rows} rows of {columns} columns in {found} bytes: cut short, or no frame");
+    Err(Error::file(path, problem, None))
+}
+
+/// Refuses a frame of another shape than the rest.
+pub(crate) fn refuse_shape(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Result<()> {
+    if found == expected {
+        return Ok(());
+    }
+    let problem = format!(
+        "has {} rows of {} columns; the first frame has {} rows of {}",
+        found[0], found[1], expected[0], expected[1]
+    );
+    Err(Error::file(path, problem, None))
+}

@@ -1,0 +1,29 @@
+//! The cells of a view as they go to the illumination, for tests.
+
+use super::Simulation;
+use crate::Result;
+use crate::numbers;
+use crate::sampling::{self, CellBatch};
+use std::ops::Range;
+
+/// The cells of some detector rows of a view (scheme `cells`); of a detector with blur, of rows of
+/// its grid.
+///
+/// # Errors
+/// As [`Simulation::run`].
+pub fn cells_of_rows(
+    simulation: &Simulation<'_>,
+    view: u32,
+    rows: Range<i64>,
+) -> Result<CellBatch> {
+    let shadows = simulation.shadows(view);
+    let mut tracer = simulation.tracer(simulation.start.backend)?;
+    let view = simulation.view(view, &shadows);
+    let mut parts = Vec::new();
+    let at_once = numbers::length(simulation.memory.rays_at_once);
+    sampling::sample_rows(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {
+        parts.push(part.clone());
+        Ok(())
+    })?;
+    Ok(CellBatch::concat(parts))
+}

@@ -1,0 +1,227 @@
+//! A scene made ready on a device, from its meshes or from kept moments.
+
+use super::{Simulation, backend};
+use crate::accel::Backend;
+use crate::detector::DetectorModel;
+use crate::geometry::{self, Sample};
+use crate::illuminate::{self, Spectral};
+use crate::moments::{self, StoredMoments, StoredSource};
+use crate::run::engine::Engine;
+use crate::run::memory;
+use crate::run::{self, Control};
+use crate::sampling::{self, ErrorBudget, Lattice, Response};
+use crate::scene::{Scene, Scheme};
+use crate::stack::RunStart;
+use crate::trace::{DeviceSample, MaterialTable};
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+
+/// What a simulation is made of, besides its geometry.
+struct Parts<'e> {
+    detection: DetectorModel,
+    media: MaterialTable,
+    lattice: Lattice,
+    spectral: Option<Spectral>,
+    kept: Option<StoredSource<'e>>,
+    delta_ratio: f64,
+}
+
+impl<'e> Simulation<'e> {
+    pub(crate) fn new(
+        engine: &'e Engine,
+        scene: &Scene,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        Self::of_loaded(engine, scene, None, control)
+    }
+
+    /// The same with geometry that was loaded and checked before.
+    pub(crate) fn of_loaded(
+        engine: &'e Engine,
+        scene: &Scene,
+        sample: Option<Sample>,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        scene.validate()?;
+        // From here on every reader of a file compares it with its hash.
+        let scene = &scene.with_file_hashes()?;
+        let detection = DetectorModel::of(scene)?;
+        let lit = detection.lit();
+        let media = MaterialTable::of(scene)?;
+        let lattice = lattice_of(lit, &media)?;
+        let delta_ratio = if engine.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
+        let several = media.energies.len() > 1 || engine.options().keep_moments;
+        let spectral = if several && scene.sampling.scheme == Scheme::Cells {
+            let flagged = delta_ratio * media.strongest();
+            Some(Spectral::new(lit, &media, &lattice, &media.mean(), flagged)?)
+        } else {
+            None
+        };
+        Self::with(
+            engine,
+            scene,
+            Parts { detection, media, lattice, spectral, kept: None, delta_ratio },
+            sample,
+            control,
+        )
+    }
+
+    pub(crate) fn of_kept(
+        engine: &'e Engine,
+        moments: &'e StoredMoments,
+        scene: &Scene,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        scene.validate()?;
+        if scene.sampling.scheme != Scheme::Cells {
+            return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
+        }
+        let scene = &scene.with_file_hashes()?;
+        let detection = DetectorModel::of(scene)?;
+        let lit = detection.lit();
+        let own = MaterialTable::of(scene)?;
+        let lattice = lattice_of(lit, &own)?;
+        let source = moments.for_scene(lit, &lattice)?;
+        let media = source.media.clone();
+        let flagged = source.flagged;
+        let spectral = Spectral::new(lit, &media, &lattice, &source.reference, flagged)?;
+        let (kept, delta_ratio) = (Some(source), 1.0);
+        Self::with(
+            engine,
+            scene,
+            Parts { detection, media, lattice, spectral: Some(spectral), kept, delta_ratio },
+            None,
+            control,
+        )
+    }
+
+    fn with(
+        engine: &'e Engine,
+        scene: &Scene,
+        parts: Parts<'e>,
+        loaded: Option<Sample>,
+        control: &mut Control<'_>,
+    ) -> Result<Self> {
+        let begin = Instant::now();
+        let options = engine.options();
+        let sample = match loaded {
+            Some(sample) => sample,
+            None => load(scene, &parts, options.memory_limit, control)?,
+        };
+        let memory =
+            memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
+        memory::ask_for_run(scene, &memory)?;
+        tell_of_spot(scene);
+        let device = engine.device();
+        let wanted = options.backend;
+        let description = device.description();
+        backend::check(wanted, description)?;
+        let keep = parts.spectral.as_ref().map(|_| {
+            sampling::MomentRecording::new(&parts.media, &parts.media.mean(), parts.delta_ratio)
+        });
+        let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
+        let Parts { detection, media, lattice, spectral, kept, delta_ratio } = parts;
+        let response = Response::new(detection.lit(), &lattice, options.keep_moments);
+        let budget = error_budget(scene, detection.lit());
+        let across = geometry::across_edges(&sample);
+        let on_device =
+            DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, delta_ratio)?;
+        let facets =
+            sampling::SampleFacets::new(detection.lit(), &sample, &media, delta_ratio, across);
+        let mut simulation = Self {
+            engine,
+            scene: scene.clone(),
+            detection,
+            start: RunStart {
+                mesh_hashes: mesh_hashes(scene, &sample),
+                ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
+            },
+            sample,
+            on_device: Arc::new(on_device),
+            facets,
+            media,
+            lattice,
+            spectral,
+            response,
+            budget,
+            keep,
+            kept,
+            memory,
+            prepared_in: 0.0,
+        };
+        simulation.choose_backend(wanted)?;
+        simulation.prepared_in = begin.elapsed().as_secs_f64();
+        Ok(simulation)
+    }
+}
+
+/// The sample, where rays will be traced through it.
+fn load(
+    scene: &Scene,
+    parts: &Parts<'_>,
+    memory_limit: Option<u64>,
+    control: &mut Control<'_>,
+) -> Result<Sample> {
+    if parts.kept.as_ref().is_some_and(|kept| !kept.retrace) {
+        return Ok(Sample::default());
+    }
+    memory::check_before_loading(scene, memory_limit)?;
+    let progress = control.progress.as_deref_mut();
+    let sample =
+        run::watching(progress, control.cancel, |watcher| geometry::load_watched(scene, watcher))?;
+    if control.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
+        return Err(Error::Interrupted);
+    }
+    for object in &sample.objects {
+        object.warnings.iter().for_each(|text| log::warn!("\"{}\": {text}", object.name));
+    }
+    geometry::check_clearance(scene, &sample)?;
+    Ok(sample)
+}
+
+/// Logs what stands for a focal spot that is not one Gaussian.
+fn tell_of_spot(scene: &Scene) {
+    let spot = &scene.source.spot;
+    let Some(fit) = spot.fit() else { return };
+    let (parts, samples) = (spot.parts().len(), fit.samples);
+    log::info!("focal spot {}: {parts} Gaussians for {samples} pixels", fit.file);
+    spot.warnings().iter().for_each(|text| log::warn!("{text}"));
+}
+
+/// The lattice of a scene with its blocks of rows.
+fn lattice_of(scene: &Scene, media: &MaterialTable) -> Result<Lattice> {
+    let mut lattice = Lattice::of(scene, media.strongest());
+    lattice.alike_rows = illuminate::alike_rows(scene, media)?;
+    Ok(lattice)
+}
+
+/// SHA-256 of the meshes by object: as loaded, or as the scene records them.
+fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
+    if sample.objects.is_empty() {
+        let recorded = |o: &crate::scene::Object| Some((o.name.clone(), o.sha256.clone()?));
+        return scene.objects.iter().filter_map(recorded).collect();
+    }
+    let loaded = sample.objects.iter().filter(|o| !o.hash.is_empty());
+    loaded.map(|o| (o.name.clone(), o.hash.clone())).collect()
+}
+
+/// What sampling may leave in a value of the grid that is traced, `lit`, so that pixels of the
+/// detector hold the tolerance.
+fn error_budget(scene: &Scene, lit: &Scene) -> ErrorBudget {
+    let sampling = &scene.sampling;
+    let pixel = |scene: &Scene| scene.detector.pitch[0] * scene.detector.pitch[1];
+    let parts = pixel(scene) / pixel(lit);
+    let angles = scene.sample_mask.is_some();
+    ErrorBudget {
+        light: sampling.tolerance * parts.sqrt(),
+        displacement: if angles {
+            sampling.angle_tolerance * scene.lever_arm()
+        } else {
+            f64::INFINITY
+        },
+        max_rays: sampling.max_rays,
+    }
+}
