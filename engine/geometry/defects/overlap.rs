@@ -157,7 +157,7 @@ pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Conta
     }
     let in_one_plane = level(of_a) || level(of_b);
     let (through_a, through_b) = (straddles(of_b), straddles(of_a));
-    if !in_one_plane && !(through_a && through_b) {
+    if !(in_one_plane || through_a && through_b) {
         // An edge of the one lies in the other, or a corner touches it and nothing more.
         let edge_of = match (through_a, through_b) {
             (true, _) => of_a,
