@@ -151,7 +151,7 @@ fn a_frame_that_claims_40_gb_is_refused_by_the_length_of_its_file() {
     bytes.extend(format!("{header:<117}\n").bytes());
     fs::write(place.path().join("a.npy"), bytes).unwrap();
     let message = ends(place.path(), &["compare", "a.npy", "a.npy"], &[2]);
-    assert!(message.contains("a.npy is cut short: 128 bytes"), "{message}");
+    assert!(message.contains("a.npy: is cut short: 128 bytes"), "{message}");
     assert!(message.contains("40000000128"), "{message}");
 }
 

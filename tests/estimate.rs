@@ -11,10 +11,17 @@ use reference::scenes;
 use reference::silhouettes::{bumpy, fibres};
 use reference::stack::Setup;
 use reference::surfaces::{Body, Mesh, body, cylinder};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use support::{CARBON, Worst, engine};
 
 const OFFSETS: [f64; 3] = [-15e-6, 0.0, 15e-6];
+
+/// An estimate looks at as much as it can in a second: one beside another sees less.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 fn carbon(mesh: Mesh) -> Body {
     body(mesh.rounded(), CARBON[0], CARBON[1])
@@ -27,6 +34,7 @@ fn ran(engine: &Engine, scene: &Scene) -> RunRecord {
 /// The estimate may be wrong by a factor of two: it looks at a part of the patches, and those with
 /// a silhouette differ by as much.
 fn compare(name: &'static str, scene: &Scene) {
+    let _alone = alone();
     let engine = engine(Backend::Bvh);
     let report = check_on(&engine, scene).expect("a report");
     let estimate = report.work.estimate.expect("an estimate");
@@ -92,6 +100,7 @@ fn a_hundred_thousand_mask_steps_are_estimated_from_some_of_them() {
         (0..count).map(|i| 50e-6 * (f64::from(i) / f64::from(count) - 0.5)).collect()
     };
     let setup = Setup::paper([16, 4]);
+    let _alone = alone();
     let engine = engine(Backend::Bvh);
     let told = |count| {
         let scene = scenes::scene(&setup, std::slice::from_ref(&ball), &offsets(count));
@@ -108,6 +117,7 @@ fn a_hundred_thousand_mask_steps_are_estimated_from_some_of_them() {
 
 #[test]
 fn patches_full_of_silhouettes_are_in_the_memory_that_is_told() {
+    let _alone = alone();
     // A star: every second corner lies near the axis, and caps are fans about it.
     let n = 1002_u32;
     let corner = |k: u32| {
