@@ -111,7 +111,7 @@ impl Work<'_> {
         let count = looks.len().max(1) as f64;
         let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
         // Groups of rows have the base rays of one row on either side, too.
-        let group = self.group_rows() as f64;
+        let group = self.group_rows(true) as f64;
         let border = 1.0 + 2.0 / group;
         let base = |cost: &RowsCost, of: f64| of * cost.rows / (cost.rows + 2.0);
         let per_view =
