@@ -211,10 +211,14 @@ pub fn check_on_watched(
         return Ok(report);
     }
     let control = &mut Control::default();
+    let limit = engine.options().memory_limit;
+    let objects = sample.objects.clone();
     let made = Simulation::of_loaded(engine, scene, Some(sample), control);
     match made.and_then(|made| made.estimate()) {
         Ok(estimate) => {
             let seconds = loaded_in + estimate.seconds;
+            let rays = estimate.rays_per_view;
+            report.work.memory = memory::estimate_refined(scene, &objects, limit, rays)?;
             report.work.estimate = Some(RunEstimate { seconds, ..estimate });
         }
         Err(error) => report.work.no_estimate = Some(error.to_string()),

@@ -5,7 +5,9 @@ use crate::retrieve::{ImageDirectory, ImageFormat};
 use crate::stack::{Maps, OpenRun, StackFile, refuse_overlap};
 use crate::{Error, Result};
 use ndarray::{Array2, Zip};
+use rayon::prelude::*;
 use serde::Serialize;
+use std::ops::Range;
 use std::path::Path;
 
 /// What two series of images differ by. `b - a` where there is a sign.
@@ -193,8 +195,12 @@ fn kind(path: &Path) -> Kind {
     }
 }
 
-/// Pixels of a frame that are compared at a time.
-const BAND: usize = 1 << 24;
+/// Pixels of a frame that are compared at a time, of files that any rows can be read of,
+const BAND: usize = 1 << 20;
+/// and of files that are decoded in larger pieces.
+const DECODED_BAND: usize = 1 << 24;
+/// Bands that are compared side by side.
+const BANDS: usize = 16;
 
 /// Sums over pixels.
 #[derive(Default)]
@@ -211,27 +217,35 @@ struct Sums {
 
 fn difference(
     name: &str,
-    [a, b]: &[StackFile; 2],
-    mut to: Option<&mut ImageDirectory>,
+    pair: &[StackFile; 2],
+    to: Option<&mut ImageDirectory>,
 ) -> Result<Difference> {
-    let [views, steps, rows, columns] = a.shape();
-    let rows = numbers::count(rows);
-    // Images are written whole; without them frames may be larger than memory.
-    let band = numbers::at_most((BAND / columns.max(1)).max(1));
-    let band = if to.is_some() { rows } else { band };
+    let [views, steps, rows, columns] = pair[0].shape();
     let mut sums = Sums::default();
-    for view in 0..views {
-        for step in 0..steps {
-            for first in (0..rows).step_by(band as usize) {
-                let range = first..rows.min(first.saturating_add(band));
-                let of_a = a.frame(view, step, range.clone())?;
-                let of_b = b.frame(view, step, range)?;
-                sums.take(&of_a, &of_b, [view, step, first as usize]);
-                if let Some(to) = &mut to {
-                    let (name, mut image) = (name.replace('/', "_"), of_b);
-                    image -= &of_a;
-                    to.put(&name, "that of a and b", views * steps, image.view())?;
-                }
+    if let Some(to) = to {
+        // Images are written whole; without them frames may be larger than memory.
+        let name = name.replace('/', "_");
+        for (view, step) in (0..views).flat_map(|view| (0..steps).map(move |step| (view, step))) {
+            let (own, [of_a, mut image]) = compared(pair, view, step, 0..rows)?;
+            sums.add(&own);
+            image -= &of_a;
+            to.put(&name, "that of a and b", views * steps, image.view())?;
+        }
+    } else {
+        let any_rows = pair.iter().all(StackFile::reads_any_rows);
+        let pixels = if any_rows { BAND } else { DECODED_BAND };
+        let band = (pixels / columns.max(1)).max(1);
+        let side_by_side = if any_rows { BANDS } else { 1 };
+        let bands: Vec<Range<usize>> =
+            (0..rows).step_by(band).map(|first| first..rows.min(first + band)).collect();
+        for (view, step) in (0..views).flat_map(|view| (0..steps).map(move |step| (view, step))) {
+            for bands in bands.chunks(side_by_side) {
+                let each: Vec<Sums> = bands
+                    .par_iter()
+                    .map(|band| Ok(compared(pair, view, step, band.clone())?.0))
+                    .collect::<Result<_>>()?;
+                // In their order, whatever the number of threads.
+                each.iter().for_each(|own| sums.add(own));
             }
         }
     }
@@ -253,7 +267,36 @@ fn difference(
     })
 }
 
+/// Sums over some rows of a frame, and these rows.
+fn compared(
+    [a, b]: &[StackFile; 2],
+    view: usize,
+    step: usize,
+    rows: Range<usize>,
+) -> Result<(Sums, [Array2<f32>; 2])> {
+    let first = rows.start;
+    let rows = [rows.start, rows.end].map(numbers::count);
+    let of_a = a.frame(view, step, rows[0]..rows[1])?;
+    let of_b = b.frame(view, step, rows[0]..rows[1])?;
+    let mut sums = Sums::default();
+    sums.take(&of_a, &of_b, [view, step, first]);
+    Ok((sums, [of_a, of_b]))
+}
+
 impl Sums {
+    fn add(&mut self, other: &Self) {
+        self.pixels += other.pixels;
+        self.unlike += other.unlike;
+        self.a += other.a;
+        self.b += other.b;
+        self.squares_a += other.squares_a;
+        self.squares += other.squares;
+        if other.largest > self.largest {
+            self.largest = other.largest;
+            self.largest_at = other.largest_at;
+        }
+    }
+
     fn take(&mut self, a: &Array2<f32>, b: &Array2<f32>, [view, step, first]: [usize; 3]) {
         Zip::indexed(a).and(b).for_each(|(row, column), a, b| {
             let row = first + row;

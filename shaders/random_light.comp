@@ -41,6 +41,12 @@ float mask_transmission(Mask mask, float x, float shift, float slope, float sec)
     return open > 0.5 ? 1.0 : mask.transmission;
 }
 
+// Threshold of a ray for rounding: multiples of the golden ratio fill [0, 1) evenly, so that equal
+// terms are rounded up as often as they should be, whatever the batches are.
+float rounding_threshold(uint ray) {
+    return float((ray * 2654435769u) >> 8u) / 16777216.0;
+}
+
 void main() {
     uint p = gl_GlobalInvocationID.x;
     uint mask_step = push.first_step + gl_GlobalInvocationID.y;
@@ -72,12 +78,13 @@ void main() {
         float land_z = d.target.y + law.displacement_z + law.slope_z * gap;
         int to_column = int(floor(land_x / light.column_pitch + 0.5));
         int to_row = int(floor(-land_z / light.row_pitch + 0.5));
+        uvec2 fixed_value = fixed_point(value, rounding_threshold(push.first_ray + r));
         if (to_column == 0 && to_row == 0) {
-            own = plus(own, fixed_point(value));
+            own = plus(own, fixed_value);
         } else {
             uint index;
             if (place_of_light(light, pixel.row + to_row, pixel.column + to_column, mask_step, index)) {
-                add_light(push.sums, index, value);
+                add_words(push.sums, index, fixed_value);
             }
         }
     }

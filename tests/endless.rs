@@ -144,6 +144,18 @@ fn frames_larger_than_memory_are_compared_in_bands() {
 }
 
 #[test]
+fn a_frame_that_claims_40_gb_is_refused_by_the_length_of_its_file() {
+    let place = workplace();
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (100000, 100000), }";
+    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    fs::write(place.path().join("a.npy"), bytes).unwrap();
+    let message = ends(place.path(), &["compare", "a.npy", "a.npy"], &[2]);
+    assert!(message.contains("a.npy: is cut short: 128 bytes"), "{message}");
+    assert!(message.contains("40000000128"), "{message}");
+}
+
+#[test]
 fn a_frame_that_grows_a_thousandfold_is_refused() {
     let place = workplace();
     let side = 17_000_u32;

@@ -11,9 +11,17 @@ use reference::scenes;
 use reference::silhouettes::{bumpy, fibres};
 use reference::stack::Setup;
 use reference::surfaces::{Body, Mesh, body, cylinder};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 use support::{CARBON, Worst, engine};
 
 const OFFSETS: [f64; 3] = [-15e-6, 0.0, 15e-6];
+
+/// An estimate looks at as much as it can in a second: one beside another sees less.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 fn carbon(mesh: Mesh) -> Body {
     body(mesh.rounded(), CARBON[0], CARBON[1])
@@ -26,6 +34,7 @@ fn ran(engine: &Engine, scene: &Scene) -> RunRecord {
 /// The estimate may be wrong by a factor of two: it looks at a part of the patches, and those with
 /// a silhouette differ by as much.
 fn compare(name: &'static str, scene: &Scene) {
+    let _alone = alone();
     let engine = engine(Backend::Bvh);
     let report = check_on(&engine, scene).expect("a report");
     let estimate = report.work.estimate.expect("an estimate");
@@ -81,6 +90,59 @@ fn random_rays_are_counted_as_they_are() {
     let report = check_on(&engine(Backend::Bvh), &scene).expect("a report");
     let estimate = report.work.estimate.expect("an estimate");
     assert!((estimate.rays - 32.0 * 16.0 * 40.0).abs() < 0.5, "{estimate:?}");
+}
+
+/// Light of all steps was summed to time it: minutes.
+#[test]
+fn a_hundred_thousand_mask_steps_are_estimated_from_some_of_them() {
+    let ball = carbon(bumpy(1.0e-3, 3));
+    let offsets = |count: u32| -> Vec<f64> {
+        (0..count).map(|i| 50e-6 * (f64::from(i) / f64::from(count) - 0.5)).collect()
+    };
+    let setup = Setup::paper([16, 4]);
+    let _alone = alone();
+    let engine = engine(Backend::Bvh);
+    let told = |count| {
+        let scene = scenes::scene(&setup, std::slice::from_ref(&ball), &offsets(count));
+        let begin = Instant::now();
+        let report = check_on(&engine, &scene).expect("a report");
+        let estimate = report.work.estimate.expect("an estimate");
+        (estimate.seconds, begin.elapsed().as_secs_f64())
+    };
+    told(100);
+    let (some, all) = (told(1000), told(100_000));
+    let grown = all.0 / some.0;
+    assert!(grown > 10.0 && all.0 > 2.0 * all.1, "{some:?} {all:?}");
+}
+
+#[test]
+fn patches_full_of_silhouettes_are_in_the_memory_that_is_told() {
+    let _alone = alone();
+    // A star: every second corner lies near the axis, and caps are fans about it.
+    let n = 1002_u32;
+    let corner = |k: u32| {
+        let (sine, cosine) = (std::f64::consts::TAU * f64::from(k) / f64::from(n)).sin_cos();
+        let radius = if k.is_multiple_of(2) { 1.2e-3 } else { 0.2e-3 };
+        [radius * cosine, radius * sine]
+    };
+    let mut teeth = Mesh { vertices: Vec::new(), triangles: Vec::new() };
+    for z in [-1e-3, 1e-3] {
+        teeth.vertices.extend((0..n).map(corner).map(|[x, y]| [x, y, z]));
+    }
+    teeth.vertices.extend([[0.0, 0.0, -1e-3], [0.0, 0.0, 1e-3]]);
+    for i in 0..n {
+        let j = (i + 1) % n;
+        let side = [[i, j, n + j], [i, n + j, n + i]];
+        teeth.triangles.extend(side.into_iter().chain([[2 * n, j, i], [2 * n + 1, n + i, n + j]]));
+    }
+    let teeth = carbon(teeth);
+    let scene = scenes::scene(&Setup::paper([16, 4]), &[teeth], &[0.0]);
+    let blind = check::check(&scene).expect("a report").work.memory;
+    let told = check_on(&engine(Backend::Bvh), &scene).expect("a report").work.memory;
+    assert_eq!(told.rays_at_once, blind.rays_at_once);
+    assert!(told.peak_bytes > blind.peak_bytes + (64 << 20), "{told:?} {blind:?}");
+    // Patches that wait for one another bound it.
+    assert!(told.peak_bytes < 2 << 30, "{told:?}");
 }
 
 #[test]

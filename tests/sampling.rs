@@ -91,6 +91,32 @@ fn random_flat_scatters_about_the_closed_form_by_its_known_variance() {
     scores.judge(["sampling, random flat, mean score", "sampling, random flat, spread"], 0.0);
 }
 
+/// Every ray adds a few thousand units of the sums for each energy: rounded down they lost 1.2e-4.
+#[test]
+fn many_random_rays_of_many_energies_lose_no_light() {
+    let scene = r#"
+        [source]
+        distance = "1.6 m"
+        spot = "0 um"
+        spectrum = { anode = "tungsten", kvp = "60 kV", nodes = 32 }
+
+        [detector]
+        distance = "1.8 m"
+        pixels = [2, 2]
+        pitch = "150 um"
+
+        [sampling]
+        scheme = "random"
+        rays = [200, 200]
+    "#;
+    let scene = Scene::from_toml(scene, ".").expect("a scene");
+    let flat = engine(Backend::Bvh).simulate(&scene).expect("a flat").flat;
+    let mut worst = Worst::new("sampling, light of many random rays and energies", 1e-6);
+    for got in &flat {
+        worst.take(f64::from(*got) - 1.0, || format!("{got}"));
+    }
+}
+
 /// An absorber with a horizontal upper edge at height `edge`, thin along the beam.
 fn ledge(edge: f64) -> Body {
     let block = cuboid([8e-3, 4e-6, 4e-3]).moved([0.0, 0.0, edge - 2e-3]);

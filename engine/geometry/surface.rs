@@ -68,7 +68,9 @@ impl Surface {
 
     /// The three corners of a triangle.
     pub(super) fn corners(&self, triangle: usize) -> [DVec3; 3] {
-        self.triangles[triangle].map(|vertex| self.vertices[vertex as usize])
+        // Spelled out: the compiler leaves a call of `map` where it is, a tenth of the time.
+        let [a, b, c] = self.triangles[triangle];
+        [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
 
     /// Merges vertices that are equal in f32, the precision of STL files and of the device;

@@ -10,6 +10,7 @@ mod query;
 mod slab;
 
 use crate::numbers;
+use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -19,7 +20,13 @@ pub(super) use query::Query;
 use slab::Slab;
 
 /// Members of a leaf at most.
-const LEAF: usize = 4;
+pub(super) const LEAF: usize = 4;
+/// Nodes from which the search of leaves that stand together begins, at most.
+const STARTS: usize = 64;
+/// Where a search of the whole tree begins.
+const ROOT: [u32; 1] = [0];
+/// Leaves that are compared with another at a time.
+const REACHED: usize = 64;
 /// In place of a vertex.
 const NONE: u32 = u32::MAX;
 
@@ -41,6 +48,16 @@ pub(super) struct Node {
     count: u32,
     band: Option<Box<Band>>,
     plate: Option<Box<Slab>>,
+}
+
+/// A leaf that triangles of another came to.
+struct Reached<'a> {
+    /// Which of them, bit by bit.
+    by: u8,
+    /// Whether it stands behind theirs, or is it.
+    later: bool,
+    members: &'a [u32],
+    boxes: ArrayVec<[DVec3; 2], LEAF>,
 }
 
 /// What the triangles of a node have in common if they lie side by side.
@@ -87,7 +104,8 @@ impl Tree {
 
     /// Calls `visit` with members near `query`, until it returns false. Some may be further away.
     pub(super) fn near(&self, query: &Query, mut visit: impl FnMut(u32) -> bool) {
-        self.walk(0, |node| query.reaches(node), |_, members| members.iter().all(|it| visit(*it)));
+        let reaches = |node: &Node| query.reaches(node);
+        self.walk(&ROOT, 0, reaches, |_, members| members.iter().all(|it| visit(*it)));
     }
 
     /// Calls `visit` with members whose boxes, rounded outwards, enclose `inner`.
@@ -96,7 +114,7 @@ impl Tree {
             let (low, high) = (node.low.as_dvec3(), node.high.as_dvec3());
             low.cmple(inner[0]).all() && inner[1].cmple(high).all()
         };
-        self.walk(0, encloses, |_, members| {
+        self.walk(&ROOT, 0, encloses, |_, members| {
             members.iter().for_each(|it| visit(*it));
             true
         });
@@ -123,7 +141,7 @@ impl Tree {
             }
             leave >= 0.0 && enter <= leave * (1.0 + 1e-12)
         };
-        self.walk(0, meets, |_, members| members.iter().all(|it| visit(*it)))
+        self.walk(&ROOT, 0, meets, |_, members| members.iter().all(|it| visit(*it)))
     }
 
     /// The leaves, in the order of the members.
@@ -133,6 +151,43 @@ impl Tree {
             .collect()
     }
 
+    /// Triangles of one of the [`Tree::leaves`].
+    pub(super) fn triangles(&self, leaf: u32) -> &[u32] {
+        self.members(&self.nodes[leaf as usize])
+    }
+
+    /// Where the search for what comes within `margin` of some of the [`Tree::leaves`] begins, in
+    /// the order of the nodes: those that stand together ask the upper nodes once.
+    pub(super) fn start(&self, leaves: &[u32], margin: f64) -> Vec<u32> {
+        let (low, high) = leaves
+            .iter()
+            .map(|leaf| &self.nodes[*leaf as usize])
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), node| {
+                (low.min(node.low), high.max(node.high))
+            });
+        let [low, high] = outwards([low.as_dvec3(), high.as_dvec3()], margin);
+        let meets = |at: &u32| {
+            let node = &self.nodes[*at as usize];
+            low.cmple(node.high).all() && node.low.cmple(high).all()
+        };
+        let mut start = vec![0];
+        loop {
+            let below: Vec<u32> = start
+                .iter()
+                .flat_map(|at| match &self.nodes[*at as usize] {
+                    Node { count: 0, next, .. } => [Some(at + 1), Some(*next)],
+                    _ => [Some(*at), None],
+                })
+                .flatten()
+                .filter(meets)
+                .collect();
+            if below.len() > STARTS || below == start {
+                return start;
+            }
+            start = below;
+        }
+    }
+
     /// Calls `visit` with triangles of one of the [`Tree::leaves`] and others that come within
     /// `margin` of them, until it returns false. Of all leaves every pair is visited; some of those
     /// with a vertex in common twice.
@@ -140,10 +195,13 @@ impl Tree {
     /// Two triangles with one vertex in common meet beyond it only where the opposite side of one
     /// meets the other, so in leaves of long thin ones only those are looked for: the thousands
     /// of a fan all meet in one vertex.
+    ///
+    /// `start`: what [`Tree::start`] gives for the leaf and its neighbours.
     pub(super) fn pairs(
         &self,
         surface: &Surface,
         leaf: u32,
+        start: &[u32],
         margin: f64,
         mut visit: impl FnMut(u32, u32) -> bool,
     ) {
@@ -158,6 +216,7 @@ impl Tree {
             let corners = own.iter().flat_map(|one| surface.corners(*one as usize));
             let query = Query::of_leaf(node, corners.collect(), margin);
             self.walk(
+                start,
                 leaf,
                 |node| query.reaches(node),
                 |other, members| {
@@ -172,45 +231,83 @@ impl Tree {
             );
             return;
         }
-        for first in own {
-            let vertices = surface.triangles[*first as usize];
-            let query = Query::new(surface.corners(*first as usize), Some(vertices), margin);
-            self.walk(
-                0,
-                |node| query.reaches(node),
-                |other, members| {
-                    // Leaves stand behind the nodes before them.
-                    let later = other.next >= node.next;
-                    members.iter().filter(|second| *second != first).all(|second| {
-                        let common = || {
+        let queries: ArrayVec<Query, LEAF> = own
+            .iter()
+            .map(|first| {
+                let vertices = surface.triangles[*first as usize];
+                Query::new(surface.corners(*first as usize), Some(vertices), margin)
+            })
+            .collect();
+        // They reach about the same leaves, whose triangles are fetched once.
+        let mut reached = ArrayVec::<Reached<'_>, REACHED>::new();
+        // Those that the visit ended.
+        let mut ended = [false; LEAF];
+        // A fan comes together in vertices that all of a leaf have, which [`Query::reaches`] leaves
+        // out: only those triangles are looked for among earlier leaves as well.
+        let hubs = node.band.as_ref().map_or([NONE; 3], |band| band.shared);
+        let fan = hubs.iter().any(|hub| *hub != NONE);
+        let mut compare = |reached: &mut ArrayVec<Reached<'_>, REACHED>| {
+            for (number, (first, query)) in own.iter().zip(&queries).enumerate() {
+                let of_it = reached.iter().filter(|leaf| leaf.by & 1 << number != 0);
+                let mut others = of_it.flat_map(|leaf| {
+                    leaf.members.iter().zip(&leaf.boxes).map(|it| (leaf.later, it))
+                });
+                ended[number] = ended[number]
+                    || !others.all(|(later, (second, bounds))| {
+                        let in_fan = || {
                             let others = surface.triangles[*second as usize];
-                            others.iter().any(|vertex| vertices.contains(vertex))
+                            others.iter().any(|vertex| hubs.contains(vertex))
                         };
-                        !(later || common()) || visit(*first, *second)
-                    })
-                },
-            );
-        }
+                        second == first
+                            || !query.meets_box(*bounds)
+                            || !(later || in_fan())
+                            || visit(*first, *second)
+                    });
+            }
+            reached.clear();
+            !ended[..own.len()].iter().all(|ended| *ended)
+        };
+        self.walk(
+            start,
+            if fan { 0 } else { leaf },
+            |node| queries.iter().any(|query| query.reaches(node)),
+            |other, members| {
+                let by =
+                    queries.iter().rev().fold(0, |by, it| by << 1 | u8::from(it.reaches(other)));
+                let corners = |second: &u32| surface.corners(*second as usize).into_iter();
+                let boxes = members.iter().map(|second| bounds_of(corners(second))).collect();
+                // Leaves stand behind the nodes before them.
+                reached.push(Reached { by, later: other.next >= node.next, members, boxes });
+                !reached.is_full() || compare(&mut reached)
+            },
+        );
+        compare(&mut reached);
     }
 
     fn members(&self, leaf: &Node) -> &[u32] {
         &self.order[leaf.next as usize..(leaf.next + leaf.count) as usize]
     }
 
-    /// Visits the leaves of the nodes to enter, from the node `from` on, until a visit returns
-    /// false; whether none did.
-    fn walk(
-        &self,
+    /// Visits the leaves of the nodes to enter, below the nodes `start` and from the node `from`
+    /// on, until a visit returns false; whether none did.
+    fn walk<'a>(
+        &'a self,
+        start: &[u32],
         from: u32,
         enter: impl Fn(&Node) -> bool,
-        mut visit: impl FnMut(&Node, &[u32]) -> bool,
+        mut visit: impl FnMut(&'a Node, &'a [u32]) -> bool,
     ) -> bool {
         if self.nodes.is_empty() {
             return true;
         }
         // One entry per level, and nodes halve their members.
-        let mut stack = [0_u32; 64];
-        let mut height = 1;
+        let mut stack = [0_u32; 64 + STARTS];
+        let before = start.partition_point(|at| *at <= from).saturating_sub(1);
+        let mut height = 0;
+        for at in start[before..].iter().rev() {
+            stack[height] = *at;
+            height += 1;
+        }
         while height > 0 {
             height -= 1;
             let at = stack[height];

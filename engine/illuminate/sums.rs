@@ -49,12 +49,17 @@ impl Sums {
         self.shape[1] * self.shape[2]
     }
 
+    /// Makes them those of a band of `rows` rows, whatever they are.
+    pub(crate) const fn set_rows(&mut self, rows: &Range<u32>) {
+        self.shape[1] = (rows.end - rows.start) as usize;
+    }
+
     /// Sets all sums of a band of `rows` rows to zero.
     ///
     /// # Errors
     /// [`Error::Device`].
     pub(crate) fn clear(&mut self, rows: &Range<u32>) -> Result<()> {
-        self.shape[1] = (rows.end - rows.start) as usize;
+        self.set_rows(rows);
         let bytes = (self.shape[0] as u64 + 1) * self.frame() as u64 * 8;
         self.device.run(|r| {
             r.fill(&self.buffer, 0, bytes, 0);

@@ -26,6 +26,13 @@ const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its law, segments of its line, cells.
 /// For curved bodies, which refine most; flat ones take less.
 const REFINEMENT: u64 = 680;
+/// Rays of a scene after refinement for each before, as far as [`REFINEMENT`] counts them.
+const REFINED_USUALLY: u64 = 4;
+/// Bytes on the host, and what little there is on the device, per ray beyond these: its rectangle,
+/// and what judges it. Measured with a star of 501 teeth.
+const CROWDED: u64 = 1400;
+/// Beyond so many, patches wait for one another.
+const MOST_CROWDED: u64 = 2 * RAYS[0];
 /// Bytes on the host per ray and material under a spectrum: moments at both ends of cells.
 const KEPT_MOMENTS: u64 = 40;
 /// Bytes on the host per ray under a spectrum: cells by their way through the masks.
@@ -102,6 +109,8 @@ struct Needs {
     ray_host: u64,
     ray_device: u64,
     cells: bool,
+    /// Rays of a view that refinement adds beyond what `ray_host` counts.
+    crowded: u64,
 }
 
 /// Chooses the bands of a run and tells what it takes at its peak, with trees for both
@@ -117,29 +126,29 @@ pub fn estimate(
     limit: Option<u64>,
     band_rows: Option<u32>,
 ) -> Result<MemoryEstimate> {
-    let needs = Needs::of(scene, objects)?;
-    let mut rays = RAYS[0];
-    let all = needs.rows;
-    if let Some(rows) = band_rows {
-        return Ok(needs.at(rows.clamp(1, all), rays));
+    Needs::of(scene, objects)?.estimate(scene, limit, band_rows)
+}
+
+/// As [`estimate`], of a scene whose views take so many rays after refinement.
+///
+/// # Errors
+/// As [`estimate`].
+pub(crate) fn estimate_refined(
+    scene: &Scene,
+    objects: &[ObjectSummary],
+    limit: Option<u64>,
+    rays_per_view: f64,
+) -> Result<MemoryEstimate> {
+    let mut needs = Needs::of(scene, objects)?;
+    let told = estimate(scene, objects, limit, None)?;
+    if needs.cells {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
+        let rays = rays_per_view as u64;
+        needs.crowded = rays.saturating_sub(REFINED_USUALLY.saturating_mul(needs.rays));
     }
-    let Some(limit) = limit else {
-        let rows = (BAND / needs.row_bytes().max(1)).clamp(1, all.into());
-        return Ok(needs.at(u32::try_from(rows).unwrap_or(all), rays));
-    };
-    // Rays get up to half of what one row leaves: small groups keep a device less busy.
-    let one_row = needs.run(1, 0).sum();
-    let half = limit.saturating_sub(one_row) / 2;
-    while rays > RAYS[1] && needs.run(1, rays).sum() - one_row > half {
-        rays /= 2;
-    }
-    let least = needs.at(1, rays);
-    if least.peak_bytes > limit {
-        return Err(needs.refuse(scene, &least, limit));
-    }
-    let fixed = needs.run(0, rays).sum();
-    let rows = ((limit - fixed) / needs.row_bytes().max(1)).clamp(1, all.into());
-    Ok(needs.at(u32::try_from(rows).unwrap_or(all), rays))
+    // A run knows nothing of this: its bands are those that were told before. Nor does a limit bound
+    // it, for a single patch may hold most of it.
+    Ok(needs.at(told.band_rows, told.rays_at_once))
 }
 
 /// Refuses meshes that cannot fit in the limit before they are read.
@@ -240,7 +249,38 @@ impl Needs {
             ray_host,
             ray_device,
             cells,
+            crowded: 0,
         })
+    }
+
+    fn estimate(
+        &self,
+        scene: &Scene,
+        limit: Option<u64>,
+        band_rows: Option<u32>,
+    ) -> Result<MemoryEstimate> {
+        let mut rays = RAYS[0];
+        let all = self.rows;
+        if let Some(rows) = band_rows {
+            return Ok(self.at(rows.clamp(1, all), rays));
+        }
+        let Some(limit) = limit else {
+            let rows = (BAND / self.row_bytes().max(1)).clamp(1, all.into());
+            return Ok(self.at(u32::try_from(rows).unwrap_or(all), rays));
+        };
+        // Rays get up to half of what one row leaves: small groups keep a device less busy.
+        let one_row = self.run(1, 0).sum();
+        let half = limit.saturating_sub(one_row) / 2;
+        while rays > RAYS[1] && self.run(1, rays).sum() - one_row > half {
+            rays /= 2;
+        }
+        let least = self.at(1, rays);
+        if least.peak_bytes > limit {
+            return Err(self.refuse(scene, &least, limit));
+        }
+        let fixed = self.run(0, rays).sum();
+        let rows = ((limit - fixed) / self.row_bytes().max(1)).clamp(1, all.into());
+        Ok(self.at(u32::try_from(rows).unwrap_or(all), rays))
     }
 
     /// Sums on the device, intensities on the host.
@@ -283,6 +323,7 @@ impl Needs {
             + KEPT * self.triangles
             + BEAMLET * self.beamlets
             + refined
+            + CROWDED * self.crowded.min(MOST_CROWDED)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
         let device =

@@ -11,14 +11,19 @@
 use super::ViewContext;
 use super::base_lattice::BaseLattice;
 use super::refinement::Refiner;
-use super::rows::{Take, narrow_components, refined};
+use super::rows::{narrow_components, refined};
 use crate::Result;
+use crate::sampling::CellBatch;
 use crate::trace::Tracer;
 use std::ops::Range;
 use std::time::Instant;
 
 /// Most rectangles in memory at a time.
 const MOST_RECTANGLES: usize = 1 << 18;
+
+/// Takes cells as [`super::rows::Take`] does, and tells the seconds that a run takes for them
+/// beyond those that it took itself.
+pub(crate) type TakePart<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<f64>;
 
 /// Cost of the patches of one kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -81,7 +86,8 @@ impl RowsCost {
 }
 
 /// Samples at most `most` patches of each kind (without and with a silhouette) of some rows, evenly
-/// spread from the share `start` of their distance on, and hands their cells to `take` as [`super::sample_rows`] does.
+/// spread from the share `start` of their distance on, and hands
+/// their cells to `take`.
 ///
 /// # Errors
 /// As [`Tracer::trace`]; those of `take`.
@@ -91,7 +97,7 @@ pub(crate) fn survey_rows(
     rows: Range<i64>,
     lit: &Range<i64>,
     (most, start): ([f64; 2], f64),
-    take: Take<'_>,
+    take: TakePart<'_>,
 ) -> Result<RowsCost> {
     let begin = Instant::now();
     let before = tracer.rays_traced();
@@ -116,7 +122,7 @@ pub(crate) fn survey_rows(
         let chosen = spread(patches, most, start);
         let begin = Instant::now();
         let before = tracer.rays_traced();
-        let mut splits = 0;
+        let (mut splits, mut beyond) = (0, 0.0);
         refined(
             view,
             &refiner,
@@ -125,7 +131,10 @@ pub(crate) fn survey_rows(
             lit,
             &mut |tracer, cells, _| {
                 splits += cells.splits;
-                if cells.strips.is_empty() { Ok(()) } else { take(tracer, &cells) }
+                if !cells.strips.is_empty() {
+                    beyond += take(tracer, &cells)?;
+                }
+                Ok(())
             },
         )?;
         *kind = PatchCost {
@@ -133,7 +142,7 @@ pub(crate) fn survey_rows(
             refined: chosen.len() as f64,
             rays: (tracer.rays_traced() - before) as f64,
             splits: splits as f64,
-            seconds: begin.elapsed().as_secs_f64(),
+            seconds: begin.elapsed().as_secs_f64() + beyond,
         };
     }
     Ok(cost)

@@ -10,7 +10,7 @@ pub(super) const BLUR: f64 = 100.0;
 /// Rays per pixel and direction, and of a beamlet and row.
 pub(super) const RAYS: u32 = 1_000_000;
 /// Rays of a pixel under the scheme `random`. Each adds its light in units of 2^-32 of the open beam,
-/// rounded down: more rays lose more than 1e-4 of the open beam.
+/// of which this many rays have some 10,000 each.
 pub(super) const RAYS_OF_PIXEL: u64 = 400_000;
 /// Cells of a beamlet in a row of pixels before refinement, times parts of that row: they begin with
 /// about four times as many rays.

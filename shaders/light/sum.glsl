@@ -8,6 +8,16 @@ uvec2 fixed_point(float value) {
     return uvec2(uint((value - whole) * 4294967296.0), uint(whole));
 }
 
+// The same, rounded up where what is left of it exceeds the threshold in [0, 1): thousands of small
+// terms that are all rounded down would lose a part of their sum.
+uvec2 fixed_point(float value, float threshold) {
+    if (!(value > 0.0)) return uvec2(0u);
+    float whole = floor(value);
+    float scaled = (value - whole) * 4294967296.0;
+    float below = floor(scaled);
+    return uvec2(uint(below) + (scaled - below > threshold ? 1u : 0u), uint(whole));
+}
+
 uvec2 plus(uvec2 a, uvec2 b) {
     uint low = a.x + b.x;
     return uvec2(low, a.y + b.y + (low < a.x ? 1u : 0u));

@@ -2,17 +2,20 @@
 
 use std::collections::HashMap;
 
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
 use super::Found;
-use super::overlap::{Contact, contact};
+use super::overlap::{Contact, Facet, contact};
 use crate::geometry::surface::Surface;
-use crate::geometry::tree::Tree;
+use crate::geometry::tree::{LEAF, Tree};
 use crate::geometry::watch::{LoadStep, Task};
 use crate::{Error, Result};
 
 /// Leaves tried between two looks at the count: a soup of triangles would take for ever.
 const CHUNK: usize = 1024;
+/// Leaves whose search begins together.
+const TOGETHER: usize = 32;
 /// Pairs after which counting ends.
 const ENOUGH: usize = 100_000;
 /// Pairs of one leaf after which it is left alone.
@@ -35,8 +38,8 @@ pub(super) fn find(surface: &Surface, tree: &Tree, resolved: f64, task: Task<'_>
             return Err(Error::Interrupted);
         }
         task.reach((number * CHUNK) as u64);
-        let partners = |leaf: &u32| partners(surface, tree, *leaf, resolved);
-        let chunk: Vec<Met> = chunk.par_iter().flat_map_iter(partners).collect();
+        let partners = |leaves: &[u32]| partners(surface, tree, leaves, resolved);
+        let chunk: Vec<Met> = chunk.par_chunks(TOGETHER).flat_map_iter(partners).collect();
         passed += chunk.iter().filter(|it| matches!(it.2, Contact::Crossing(_))).count();
         met.extend(chunk);
         // Some pairs are found twice.
@@ -65,16 +68,27 @@ pub(super) fn find(surface: &Surface, tree: &Tree, resolved: f64, task: Task<'_>
     Ok(found)
 }
 
-/// Pairs of triangles of a leaf and others, in their order.
-fn partners(surface: &Surface, tree: &Tree, leaf: u32, resolved: f64) -> Vec<Met> {
+/// Pairs of triangles of leaves that stand together and others, in their order.
+fn partners(surface: &Surface, tree: &Tree, leaves: &[u32], resolved: f64) -> Vec<Met> {
     let mut met = Vec::new();
-    tree.pairs(surface, leaf, 2.0 * resolved, |one, other| {
-        let (first, second) = (one.min(other), one.max(other));
-        if let Some(contact) = contact(surface, first, second, resolved) {
-            met.push((first, second, contact));
-        }
-        met.len() < ENOUGH_OF_ONE
-    });
+    let margin = 2.0 * resolved;
+    let start = tree.start(leaves, margin);
+    for leaf in leaves {
+        let before = met.len();
+        let own: ArrayVec<Facet, LEAF> =
+            tree.triangles(*leaf).iter().map(|one| Facet::new(surface, *one)).collect();
+        tree.pairs(surface, *leaf, &start, margin, |one, other| {
+            let other = Facet::new(surface, other);
+            let of_leaf = own.iter().find(|facet| facet.number() == one);
+            if let Some(one) = of_leaf
+                && let Some(contact) = contact(one, &other, resolved)
+            {
+                let (first, second) = (one.number(), other.number());
+                met.push((first.min(second), first.max(second), contact));
+            }
+            met.len() - before < ENOUGH_OF_ONE
+        });
+    }
     met
 }
 
@@ -117,7 +131,8 @@ mod tests {
             let count = u32::try_from(surface.triangles.len()).unwrap();
             let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
             let met = |&(a, b): &(u32, u32)| {
-                matches!(contact(&surface, a, b, resolved), Some(Contact::Crossing(_)))
+                let [a, b] = [a, b].map(|it| Facet::new(&surface, it));
+                matches!(contact(&a, &b, resolved), Some(Contact::Crossing(_)))
             };
             let want: Vec<_> = all.filter(met).take(100_000).collect();
             assert_eq!(found.count, want.len(), "{mixed} {tilt}");
@@ -172,7 +187,8 @@ mod tests {
                 let count = u32::try_from(surface.triangles.len()).unwrap();
                 let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
                 let met = |&(a, b): &(u32, u32)| {
-                    matches!(contact(&surface, a, b, resolved), Some(Contact::Crossing(_)))
+                    let [a, b] = [a, b].map(|it| Facet::new(&surface, it));
+                    matches!(contact(&a, &b, resolved), Some(Contact::Crossing(_)))
                 };
                 let want = all.filter(met).count();
                 // Edges that graze count besides, in the order of the triangles.
@@ -191,7 +207,7 @@ mod tests {
             let tree = Tree::of_triangles(&surface);
             let mut looked_at = 0;
             for leaf in tree.leaves() {
-                tree.pairs(&surface, leaf, 1e-9, |_, _| {
+                tree.pairs(&surface, leaf, &tree.start(&[leaf], 1e-9), 1e-9, |_, _| {
                     looked_at += 1;
                     true
                 });
@@ -207,7 +223,7 @@ mod tests {
         let tree = Tree::of_triangles(&surface);
         let mut looked_at = 0;
         for leaf in tree.leaves() {
-            tree.pairs(&surface, leaf, 1e-9, |_, _| {
+            tree.pairs(&surface, leaf, &tree.start(&[leaf], 1e-9), 1e-9, |_, _| {
                 looked_at += 1;
                 true
             });

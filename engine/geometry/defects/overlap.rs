@@ -26,8 +26,45 @@ pub(super) enum Contact {
     },
 }
 
-/// A triangle with its normal, of unit length where planes meet, and the heights of its corners
-/// above the other's plane.
+/// A triangle and its plane.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Facet {
+    number: u32,
+    vertices: [u32; 3],
+    corners: [DVec3; 3],
+    /// As long as twice the area.
+    normal: DVec3,
+    /// One over the length of the normal; 0 without area, for then there is no plane.
+    per_metre: f64,
+}
+
+impl Facet {
+    pub(super) fn new(surface: &Surface, number: u32) -> Self {
+        let corners @ [a, b, c] = surface.corners(number as usize);
+        let normal = (b - a).cross(c - a);
+        let per_metre = normal.length_recip();
+        let per_metre = if per_metre.is_finite() { per_metre } else { 0.0 };
+        let vertices = surface.triangles[number as usize];
+        Self { number, vertices, corners, normal, per_metre }
+    }
+
+    pub(super) const fn number(&self) -> u32 {
+        self.number
+    }
+
+    /// Heights of its corners above the plane of `other`.
+    fn above(&self, other: &Self, resolved: f64) -> [f64; 3] {
+        let [p, q, r] = self.corners;
+        let [i, j, k] = self.vertices;
+        [(p, i), (q, j), (r, k)].map(|(corner, vertex)| {
+            let height = other.normal.dot(corner - other.corners[0]) * other.per_metre;
+            let shared = other.vertices.contains(&vertex);
+            if shared || height.abs() <= resolved { 0.0 } else { height }
+        })
+    }
+}
+
+/// A triangle with its unit normal, and the heights of its corners above the other's plane.
 struct Side {
     number: u32,
     vertices: [u32; 3],
@@ -37,35 +74,9 @@ struct Side {
 }
 
 impl Side {
-    fn new(surface: &Surface, number: u32) -> Self {
-        let corners @ [a, b, c] = surface.corners(number as usize);
-        let normal = (b - a).cross(c - a);
-        let vertices = surface.triangles[number as usize];
-        Self { number, vertices, corners, normal, heights: [0.0; 3] }
-    }
-
-    /// Measures the corners above the plane of `other`.
-    fn measure(&mut self, other: &Self, resolved: f64) {
-        // Triangles without area have no plane: all heights are 0.
-        let per_metre = other.normal.length_recip();
-        let per_metre = if per_metre.is_finite() { per_metre } else { 0.0 };
-        for (k, vertex) in self.vertices.iter().enumerate() {
-            let height = other.normal.dot(self.corners[k] - other.corners[0]) * per_metre;
-            let shared = other.vertices.contains(vertex);
-            self.heights[k] = if shared || height.abs() <= resolved { 0.0 } else { height };
-        }
-    }
-
-    fn one_sided(&self) -> bool {
-        self.heights.iter().all(|h| *h > 0.0) || self.heights.iter().all(|h| *h < 0.0)
-    }
-
-    fn level(&self) -> bool {
-        self.heights.iter().all(|height| height.abs() <= 0.0)
-    }
-
-    fn straddles(&self) -> bool {
-        self.heights.iter().any(|h| *h > 0.0) && self.heights.iter().any(|h| *h < 0.0)
+    fn new(facet: &Facet, heights: [f64; 3]) -> Self {
+        let Facet { number, vertices, corners, normal, .. } = *facet;
+        Self { number, vertices, corners, normal: normal.normalize_or_zero(), heights }
     }
 
     /// Where the line in which the planes meet passes through the triangle.
@@ -98,40 +109,71 @@ impl Side {
 
     /// The one edge in the other's plane, and whether the triangle is in front of that plane.
     fn edge_in_plane(&self) -> Option<([u32; 2], bool)> {
-        let off = self.heights.iter().position(|height| height.abs() > 0.0)?;
-        let (a, b) = ((off + 1) % 3, (off + 2) % 3);
-        let level = self.heights[a].abs() <= 0.0 && self.heights[b].abs() <= 0.0;
-        let [a, b] = [self.vertices[a], self.vertices[b]];
-        level.then_some(([a.min(b), a.max(b)], self.heights[off] > 0.0))
+        let off = off_plane(self.heights)?;
+        let [a, b] = [self.vertices[(off + 1) % 3], self.vertices[(off + 2) % 3]];
+        Some(([a.min(b), a.max(b)], self.heights[off] > 0.0))
     }
 }
 
-/// How two triangles meet beyond the corners that they share, if they do.
-pub(super) fn contact(surface: &Surface, a: u32, b: u32, resolved: f64) -> Option<Contact> {
-    let (mut a, mut b) = (Side::new(surface, a), Side::new(surface, b));
+/// Whether a triangle lies wholly on one side of a plane, from the heights of its corners.
+fn one_sided(heights: [f64; 3]) -> bool {
+    heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0)
+}
+
+/// Whether it lies in the plane.
+fn level(heights: [f64; 3]) -> bool {
+    heights.iter().all(|height| height.abs() <= 0.0)
+}
+
+/// Whether it has corners on both sides.
+fn straddles(heights: [f64; 3]) -> bool {
+    heights.iter().any(|h| *h > 0.0) && heights.iter().any(|h| *h < 0.0)
+}
+
+/// The one corner that is not in the plane.
+fn off_plane(heights: [f64; 3]) -> Option<usize> {
+    let off = heights.iter().position(|height| height.abs() > 0.0)?;
+    let (a, b) = ((off + 1) % 3, (off + 2) % 3);
+    (heights[a].abs() <= 0.0 && heights[b].abs() <= 0.0).then_some(off)
+}
+
+/// How two triangles meet beyond the corners that they share, if they do. Either may be the first.
+///
+/// Most pairs that are looked at are neighbours, and most of the rest pass each other: these are
+/// told by the heights alone.
+pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Contact> {
+    let (a, b) = if one.number < other.number { (one, other) } else { (other, one) };
     if a.vertices.iter().all(|vertex| b.vertices.contains(vertex)) {
         // The same triangle twice is another kind of defect.
         return None;
     }
-    b.measure(&a, resolved);
-    if b.one_sided() {
+    let of_b = b.above(a, resolved);
+    if one_sided(of_b) {
         return None;
     }
-    a.measure(&b, resolved);
+    let of_a = a.above(b, resolved);
+    if one_sided(of_a) {
+        return None;
+    }
+    let in_one_plane = level(of_a) || level(of_b);
+    let (through_a, through_b) = (straddles(of_b), straddles(of_a));
+    if !(in_one_plane || through_a && through_b) {
+        // An edge of the one lies in the other, or a corner touches it and nothing more.
+        let edge_of = match (through_a, through_b) {
+            (true, _) => of_a,
+            (_, true) => of_b,
+            _ => return None,
+        };
+        off_plane(edge_of)?;
+    }
     // A sliver is a line to the device; whatever crosses it crosses its neighbours as well.
-    if a.one_sided() || width(a.corners) <= resolved || width(b.corners) <= resolved {
+    if width(a.corners) <= resolved || width(b.corners) <= resolved {
         return None;
     }
-    for side in [&mut a, &mut b] {
-        side.normal = side.normal.normalize_or_zero();
-    }
-    if a.level() || b.level() {
-        let plane = if a.level() { b.normal } else { a.normal };
+    let (a, b) = (Side::new(a, of_a), Side::new(b, of_b));
+    if in_one_plane {
+        let plane = if level(of_a) { b.normal } else { a.normal };
         return common_area(a.corners, b.corners, plane, resolved).map(Contact::Crossing);
-    }
-    let (through_a, through_b) = (b.straddles(), a.straddles());
-    if !through_a && !through_b {
-        return None;
     }
     let along = a.normal.cross(b.normal).normalize_or_zero();
     let (of_a, of_b) = (a.interval(along), b.interval(along));

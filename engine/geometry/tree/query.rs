@@ -11,6 +11,9 @@ pub(in crate::geometry) struct Query {
     corners: [DVec3; 3],
     vertices: [u32; 3],
     margin: f64,
+    /// Its box, widened by the margin.
+    bounds: [DVec3; 2],
+    /// The same, rounded outwards.
     low: Vec3,
     high: Vec3,
     /// A long thin triangle, across its longest side.
@@ -30,13 +33,15 @@ impl Query {
         vertices: Option<[u32; 3]>,
         margin: f64,
     ) -> Self {
-        let [low, high] = outwards(bounds_of(corners.into_iter()), margin);
+        let bounds = bounds_of(corners.into_iter());
+        let [low, high] = outwards(bounds, margin);
         let slab = |across| Slab::around(across, corners, [low, high], margin);
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).try_normalize();
         Self {
             corners,
             vertices: vertices.unwrap_or([NONE; 3]),
             margin,
+            bounds: [bounds[0] - margin, bounds[1] + margin],
             low,
             high,
             band: slab::across(corners).and_then(slab),
@@ -53,12 +58,18 @@ impl Query {
             corners: [bounds[0].midpoint(bounds[1]); 3],
             vertices: [NONE; 3],
             margin,
+            bounds: [bounds[0] - margin, bounds[1] + margin],
             low,
             high,
             band: None,
             plate: leaf.plate.as_ref().map(|plate| plate.widened(margin)),
             leaf: corners,
         }
+    }
+
+    /// Whether its box, with the margin, meets another.
+    pub(super) fn meets_box(&self, [low, high]: [DVec3; 2]) -> bool {
+        self.bounds[0].cmple(high).all() && low.cmple(self.bounds[1]).all()
     }
 
     pub(super) fn reaches(&self, node: &Node) -> bool {

@@ -150,6 +150,11 @@ impl StackFile {
         self.shape
     }
 
+    /// Whether a few rows cost no more than their share: nothing is decoded or compared whole.
+    pub(crate) const fn reads_any_rows(&self) -> bool {
+        matches!(self.source, Source::Npy(_)) && self.checksums.is_none()
+    }
+
     /// Some rows of a view with all its steps, `[step][row][column]`.
     ///
     /// # Errors

@@ -15,6 +15,8 @@ use std::time::Instant;
 
 /// Rows of a view that are looked at together: as many as the base rays of a run go side by side.
 const ROWS: i64 = 4;
+/// Mask steps that are illuminated; others cost as much each.
+const STEPS: u32 = 128;
 /// Most looks,
 const MOST_LOOKS: u32 = 24;
 /// looks that are taken whatever the time,
@@ -71,6 +73,16 @@ impl Work<'_> {
         self.simulation.detection.lit().detector.pixels[1].into()
     }
 
+    /// Mask steps that are illuminated.
+    fn steps(&self) -> u32 {
+        (self.simulation.scene.scan.mask_offsets.len() as u32).min(STEPS)
+    }
+
+    /// The others, for each of these.
+    fn steps_left_out(&self) -> f64 {
+        self.simulation.scene.scan.mask_offsets.len() as f64 / f64::from(self.steps()) - 1.0
+    }
+
     fn view_count(&self) -> f64 {
         self.simulation.scene.scan.angles.len() as f64
     }
@@ -86,7 +98,8 @@ impl Work<'_> {
                 lit = own;
             }
         }
-        self.sums.clear(&lit)?;
+        // What light there is before does not matter to what more of it costs.
+        self.sums.set_rows(&lit);
         self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
         Ok(i64::from(lit.start)..i64::from(lit.end))
     }
@@ -98,7 +111,7 @@ impl Work<'_> {
         let count = looks.len().max(1) as f64;
         let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
         // Groups of rows have the base rays of one row on either side, too.
-        let group = self.group_rows() as f64;
+        let group = self.group_rows(true) as f64;
         let border = 1.0 + 2.0 / group;
         let base = |cost: &RowsCost, of: f64| of * cost.rows / (cost.rows + 2.0);
         let per_view =
@@ -181,14 +194,18 @@ impl Work<'_> {
         let band = self.begin_band(rows.start)?;
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = band.start - blur_rows..band.end + blur_rows;
-        let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
+        let steps = self.steps();
+        let left_out = self.steps_left_out();
         let Self { cells, bars, lights, sums, tracer, simulation, .. } = self;
-        let mut add = |tracer: &mut Tracer, strips: &CellBatch| match &simulation.spectral {
-            Some(spectral) => {
-                let lists = spectral.lists(tracer, bars, strips)?;
-                cells.add(lights.iter().zip(&lists), sums, steps)
-            }
-            None => cells.add(lights.iter().zip([strips]), sums, steps),
+        let mut add = |tracer: &mut Tracer, strips: &CellBatch| {
+            let gathered = match &simulation.spectral {
+                Some(spectral) => Some(spectral.lists(tracer, bars, strips)?),
+                None => None,
+            };
+            let lists = gathered.as_deref().unwrap_or(std::slice::from_ref(strips));
+            let begin = Instant::now();
+            cells.add(lights.iter().zip(lists), sums, steps)?;
+            Ok(left_out * begin.elapsed().as_secs_f64())
         };
         let view = simulation.view(view, shadows);
         sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
@@ -200,7 +217,6 @@ impl Work<'_> {
         let band = self.begin_band(0)?;
         let rows = band.start..band.end.min(band.start + TIMED_ROWS);
         let share = self.lit_rows_of_all() as f64 / (rows.end - rows.start).max(1) as f64;
-        let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
         let mut least = f64::INFINITY;
         for _ in 0..TIMES {
             let begin = Instant::now();
@@ -212,10 +228,12 @@ impl Work<'_> {
                 }
                 None => vec![strips],
             };
-            self.cells.add(self.lights.iter().zip(&lists), &self.sums, steps)?;
-            let seconds = begin.elapsed().as_secs_f64();
+            let light = Instant::now();
+            self.cells.add(self.lights.iter().zip(&lists), &self.sums, self.steps())?;
+            let left_out = self.steps_left_out() * light.elapsed().as_secs_f64();
+            let seconds = begin.elapsed().as_secs_f64() + left_out;
             least = least.min(seconds);
-            if seconds > SECONDS {
+            if begin.elapsed().as_secs_f64() > SECONDS {
                 break;
             }
         }
