@@ -202,9 +202,9 @@ const DECODED_BAND: usize = 1 << 24;
 /// Bands that are compared side by side.
 const BANDS: usize = 16;
 
-/// Sums over pixels.
+/// DifferenceSums over pixels.
 #[derive(Default)]
-struct Sums {
+struct DifferenceSums {
     pixels: u64,
     unlike: u64,
     a: f64,
@@ -221,7 +221,7 @@ fn difference(
     to: Option<&mut ImageDirectory>,
 ) -> Result<Difference> {
     let [views, steps, rows, columns] = pair[0].shape();
-    let mut sums = Sums::default();
+    let mut sums = DifferenceSums::default();
     if let Some(to) = to {
         // Images are written whole; without them frames may be larger than memory.
         let name = name.replace('/', "_");
@@ -240,7 +240,7 @@ fn difference(
             (0..rows).step_by(band).map(|first| first..rows.min(first + band)).collect();
         for (view, step) in (0..views).flat_map(|view| (0..steps).map(move |step| (view, step))) {
             for bands in bands.chunks(side_by_side) {
-                let each: Vec<Sums> = bands
+                let each: Vec<DifferenceSums> = bands
                     .par_iter()
                     .map(|band| Ok(compared(pair, view, step, band.clone())?.0))
                     .collect::<Result<_>>()?;
@@ -267,23 +267,23 @@ fn difference(
     })
 }
 
-/// Sums over some rows of a frame, and these rows.
+/// DifferenceSums over some rows of a frame, and these rows.
 fn compared(
     [a, b]: &[StackFile; 2],
     view: usize,
     step: usize,
     rows: Range<usize>,
-) -> Result<(Sums, [Array2<f32>; 2])> {
+) -> Result<(DifferenceSums, [Array2<f32>; 2])> {
     let first = rows.start;
     let rows = [rows.start, rows.end].map(numbers::count);
     let of_a = a.frame(view, step, rows[0]..rows[1])?;
     let of_b = b.frame(view, step, rows[0]..rows[1])?;
-    let mut sums = Sums::default();
+    let mut sums = DifferenceSums::default();
     sums.take(&of_a, &of_b, [view, step, first]);
     Ok((sums, [of_a, of_b]))
 }
 
-impl Sums {
+impl DifferenceSums {
     fn add(&mut self, other: &Self) {
         self.pixels += other.pixels;
         self.unlike += other.unlike;

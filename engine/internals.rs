@@ -32,7 +32,7 @@ pub mod sampling {
 /// Rays.
 pub mod trace {
     pub use crate::trace::{
-        CrossingFinder, DeviceSample, Law, MaterialTable, Moment, Moments, Ray, TraceKernels,
+        CrossingFinder, DeviceSample, MaterialTable, Moment, Moments, Ray, RayResult, TraceKernels,
         Tracer,
     };
 }

@@ -40,21 +40,21 @@ void give_up(uint index, uint flags) {
     }
     atomicAdd(push.tally.at[TALLY_UNORDERED], 1u);
     if ((flags & FLAG_DROPPED) != 0u) atomicAdd(push.tally.at[TALLY_DROPPED], 1u);
-    push.laws.at[index].flags |= flags | FLAG_UNBALANCED;
+    push.results.at[index].flags |= flags | FLAG_UNBALANCED;
 }
 
-// The law of a ray that has gone through.
+// The result of a ray that has gone through.
 void write(uint index, Walk walk) {
     vec2 displacement = walk.ray.displacement;
-    Law law = Law(walk.depth, displacement.x, displacement.y, walk.ray.before.x, walk.ray.before.y,
+    RayResult result = RayResult(walk.depth, displacement.x, displacement.y, walk.ray.before.x, walk.ray.before.y,
                   walk.signature, walk.flags, walk.crossings);
     float sum = abs(walk.depth) + abs(displacement.x) + abs(displacement.y);
     if (!(sum < 1e30)) {
-        law.flags |= FLAG_NOT_FINITE;
+        result.flags |= FLAG_NOT_FINITE;
         atomicAdd(push.tally.at[TALLY_NOT_FINITE], 1u);
     }
     if ((walk.flags & FLAG_REFLECTED) != 0u) atomicAdd(push.tally.at[TALLY_REFLECTED], 1u);
-    push.laws.at[index] = law;
+    push.results.at[index] = result;
 }
 
 void main() {
@@ -70,7 +70,7 @@ void main() {
     bool known = false;
     do {
         uint constants = uvec2(push.nodes) == uvec2(0u) ? 0u : push.nodes.at[index];
-        Walk walk = walk_begin(line, push.laws.at[index].flags, constants);
+        Walk walk = walk_begin(line, push.results.at[index].flags, constants);
         uint outcome = follow(walk, list, known);
         if (outcome == THROUGH) {
             write(index, walk);

@@ -51,7 +51,7 @@ void main() {
     uint p = gl_GlobalInvocationID.x;
     uint mask_step = push.first_step + gl_GlobalInvocationID.y;
     if (p >= push.pixel_count) return;
-    Light light = push.light_ref.at[0];
+    IlluminationParams light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[p];
     Column column = Columns(light.columns).at[pixel.table];
     float one = light.part / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));
@@ -61,9 +61,9 @@ void main() {
     uvec2 own = uvec2(0u); // sum of the pixel's own light
     for (uint r = 0u; r < push.batch; r++) {
         Draw d = draw(light, pixel, push.view, push.seed, push.first_ray + r, push.rays_per_pixel);
-        Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u);
-        if (push.empty == 0u) law = push.laws.at[p * push.batch + r];
-        if ((law.flags & FLAG_NOT_FINITE) != 0u) continue;
+        RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u);
+        if (push.empty == 0u) result = push.results.at[p * push.batch + r];
+        if ((result.flags & FLAG_NOT_FINITE) != 0u) continue;
         float slope = column.slope + (d.target.x - d.source.x) / light.detector;
         float slope_z = row_z + (d.target.y - d.source.y) / light.detector;
         float sec = secant(slope, slope_z);
@@ -71,11 +71,11 @@ void main() {
         float shift = light.sample_mask.present == 0u ? 0.0
             : Offsets(light.offsets).at[mask_step] - column.sample_offset;
         float value = one * mask_transmission(light.sample_mask, x, shift, slope, sec);
-        float u = d.source.x * (1.0 - light.ratio) + d.target.x * light.ratio + law.displacement_x;
+        float u = d.source.x * (1.0 - light.ratio) + d.target.x * light.ratio + result.displacement_x;
         value *= mask_transmission(light.detector_mask, u, -column.aperture_offset, slope, sec);
-        value *= exp(-law.optical_depth);
-        float land_x = d.target.x + law.displacement_x + law.slope_x * gap;
-        float land_z = d.target.y + law.displacement_z + law.slope_z * gap;
+        value *= exp(-result.optical_depth);
+        float land_x = d.target.x + result.displacement_x + result.slope_x * gap;
+        float land_z = d.target.y + result.displacement_z + result.slope_z * gap;
         int to_column = int(floor(land_x / light.column_pitch + 0.5));
         int to_row = int(floor(-land_z / light.row_pitch + 0.5));
         uvec2 fixed_value = fixed_point(value, rounding_threshold(push.first_ray + r));

@@ -16,7 +16,7 @@ layout(local_size_x = GROUP) in;
 void main() {
     uint index = gl_GlobalInvocationID.x;
     if (index >= push.pixel_count * push.batch) return;
-    Light light = push.light_ref.at[0];
+    IlluminationParams light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[index / push.batch];
     uint ray = push.first_ray + index % push.batch;
     Draw d = draw(light, pixel, push.view, push.seed, ray, push.rays_per_pixel);

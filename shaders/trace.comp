@@ -1,5 +1,5 @@
 #version 460
-// Traces a list of rays to first order: moments, and their law at one energy.
+// Traces a list of rays to first order: moments, and their result at one energy.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require

@@ -1,4 +1,4 @@
-//! The software BVH and the driver's ray query give the same stacks and laws.
+//! The software BVH and the driver's ray query give the same stacks and results.
 
 #![allow(
     clippy::cast_possible_truncation,
@@ -81,7 +81,7 @@ fn stacks_of_100_thousand_triangles_are_the_same() {
 #[test]
 fn stacks_of_a_million_triangles_are_the_same() {
     let mut scene = ball(1010);
-    // Each facet has a law of its own: a wider tolerance keeps the number of rays down.
+    // Each facet has a result of its own: a wider tolerance keeps the number of rays down.
     scene.sampling.tolerance = 3e-4;
     let count = triangles(&scene);
     assert!((900_000..2_000_000).contains(&count), "{count}");
@@ -100,7 +100,7 @@ fn stacks_with_rays_traced_in_order_are_the_same() {
 }
 
 #[test]
-fn laws_are_the_same_ray_by_ray() {
+fn results_are_the_same_ray_by_ray() {
     let mut setup = Setup::paper([16, 16]);
     setup.sample_mask = None;
     let bodies = [
@@ -123,14 +123,14 @@ fn laws_are_the_same_ray_by_ray() {
         let mut scene = scenes::scene(&setup, &bodies, &[0.0]);
         scene.scan.angles = vec![0.0, 0.7, 2.0];
         scene.sampling.transport = transport;
-        let laws: Vec<_> = backends()
+        let results: Vec<_> = backends()
             .into_iter()
-            .map(|b| engine(b).prepare(&scene).expect("a sample").trace(&rays).expect("laws"))
+            .map(|b| engine(b).prepare(&scene).expect("a sample").trace(&rays).expect("results"))
             .collect();
         depth.take(0.0, || "one backend".into());
         shift.take(0.0, || "one backend".into());
-        for other in &laws[1..] {
-            for ((ray, a), b) in rays.iter().zip(&laws[0]).zip(other) {
+        for other in &results[1..] {
+            for ((ray, a), b) in rays.iter().zip(&results[0]).zip(other) {
                 assert_eq!(a.signature, b.signature, "{ray:?}");
                 assert_eq!(a.crossings, b.crossings, "{ray:?}");
                 assert_eq!(a.flags & FLAG_UNBALANCED, 0);
@@ -143,7 +143,7 @@ fn laws_are_the_same_ray_by_ray() {
                 shift.take(f64::from(a.displacement_z - b.displacement_z), || format!("{ray:?}"));
             }
         }
-        assert!(transport == Transport::FirstOrder || laws.len() == 1 || moved > 100);
+        assert!(transport == Transport::FirstOrder || results.len() == 1 || moved > 100);
     }
 }
 

@@ -3,7 +3,7 @@
 mod reference;
 mod support;
 
-use beamlet::internals::trace::{Law, Ray};
+use beamlet::internals::trace::{Ray, RayResult};
 use beamlet::scene::{Scene, Scheme, Transport};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
@@ -128,13 +128,13 @@ fn random_rays_serve_every_step_alike() {
     }
 }
 
-/// A law as bits.
-fn bits(law: &Law) -> [u32; 8] {
-    bytemuck::cast(*law)
+/// A result as bits.
+fn bits(result: &RayResult) -> [u32; 8] {
+    bytemuck::cast(*result)
 }
 
 #[test]
-fn law_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
+fn result_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
     // Rods with materials of their own around one another: runs of crossings end in
     // the midst of a walk. With 3 materials sums stay in registers, with 7 they do not.
     for count in [2_u32, 6] {
@@ -161,23 +161,28 @@ fn law_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
         for backend in backends() {
             let engine = engine(backend);
             let simulation = engine.prepare(&scene).expect("a sample");
-            let laws = simulation.trace(&rays).expect("laws");
-            let met = laws.iter().filter(|law| law.crossings > 2).count();
-            assert!(met * 4 > laws.len(), "{met} of {} rays", laws.len());
-            let (with_moments, _) = simulation.moments(&rays).expect("laws");
+            let results = simulation.trace(&rays).expect("results");
+            let met = results.iter().filter(|result| result.crossings > 2).count();
+            assert!(met * 4 > results.len(), "{met} of {} rays", results.len());
+            let (with_moments, _) = simulation.moments(&rays).expect("results");
             // Neighbours far apart, and of all views.
             let apart: Vec<usize> = (0..rays.len()).map(|i| i * 2_503 % rays.len()).collect();
             let shuffled: Vec<Ray> = apart.iter().map(|&i| rays[i]).collect();
-            let shuffled = simulation.trace(&shuffled).expect("laws");
-            for (i, law) in laws.iter().enumerate() {
-                assert_eq!(bits(law), bits(&with_moments[i]), "moments asked for: {:?}", rays[i]);
+            let shuffled = simulation.trace(&shuffled).expect("results");
+            for (i, result) in results.iter().enumerate() {
+                assert_eq!(
+                    bits(result),
+                    bits(&with_moments[i]),
+                    "moments asked for: {:?}",
+                    rays[i]
+                );
             }
-            for (&i, law) in apart.iter().zip(&shuffled) {
-                assert_eq!(bits(law), bits(&laws[i]), "other company: {:?}", rays[i]);
+            for (&i, result) in apart.iter().zip(&shuffled) {
+                assert_eq!(bits(result), bits(&results[i]), "other company: {:?}", rays[i]);
             }
             for i in (0..rays.len()).step_by(601) {
-                let alone = simulation.trace(&rays[i..=i]).expect("a law");
-                assert_eq!(bits(&alone[0]), bits(&laws[i]), "alone: {:?}", rays[i]);
+                let alone = simulation.trace(&rays[i..=i]).expect("a result");
+                assert_eq!(bits(&alone[0]), bits(&results[i]), "alone: {:?}", rays[i]);
             }
         }
     }

@@ -130,7 +130,7 @@ fn other_set_ups_are_what_a_new_simulation_gives() {
         ("spectrum", &[spectrum]),
     ];
     for (name, changes) in designs {
-        // Cells were refined for the run's own set-up: elsewhere their law is as linear, to 1 nm
+        // Cells were refined for the run's own set-up: elsewhere their result is as linear, to 1 nm
         // at its analyser; at silhouettes, which cells of other lattices cut elsewhere, more.
         let mut flat = Worst::new("kept moments, flat", 1e-6);
         let mut mean = Worst::new("kept moments, mean deviation", 2e-5);

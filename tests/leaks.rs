@@ -12,7 +12,9 @@ mod support;
 
 use beamlet::internals::gpu::{Device, DeviceOptions};
 use beamlet::internals::interface::{FLAG_DROPPED, FLAG_UNBALANCED};
-use beamlet::internals::trace::{DeviceSample, Law, MaterialTable, Ray, TraceKernels, Tracer};
+use beamlet::internals::trace::{
+    DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer,
+};
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
 use reference::scenes;
@@ -75,13 +77,13 @@ impl Watch {
 
     /// Traces rays; every one of them must be balanced.
     fn trace(&mut self, rays: &[Ray]) {
-        let (laws, words) = self.tracer.trace_with_moments(rays).expect("laws");
+        let (results, words) = self.tracer.trace_with_moments(rays).expect("results");
         let stride = HEAD + self.materials * PER_MATERIAL;
-        for ((ray, law), words) in rays.iter().zip(&laws).zip(words.chunks(stride)) {
+        for ((ray, result), words) in rays.iter().zip(&results).zip(words.chunks(stride)) {
             assert_eq!(words[1], 0, "{ray:?} left a body other than as often as it entered");
-            assert_eq!(law.flags & FLAG_UNBALANCED, 0, "{ray:?}");
-            assert_eq!(law.crossings % 2, 0, "{ray:?}");
-            self.met += usize::from(law.crossings > 0);
+            assert_eq!(result.flags & FLAG_UNBALANCED, 0, "{ray:?}");
+            assert_eq!(result.crossings % 2, 0, "{ray:?}");
+            self.met += usize::from(result.crossings > 0);
         }
         self.rays += rays.len();
     }
@@ -200,22 +202,22 @@ fn closed_mesh_never_leaks() {
     assert_eq!(total, 10_000_000);
 }
 
-fn laws(
+fn results(
     backend: Backend,
     bodies: &[Body],
     transport: Transport,
     rays: &[Ray],
-) -> (Vec<Law>, Vec<(f64, u32, u32)>) {
+) -> (Vec<RayResult>, Vec<(f64, u32, u32)>) {
     let engine = engine(backend);
     let mut scene = scene_of(bodies, &[0.0], transport);
     // Sheets that lie on one another are a defect of a mesh; the walks count them all the same.
     scene.objects.iter_mut().for_each(|object| object.allow_defects = true);
     let simulation = engine.prepare(&scene).expect("a sample");
-    let (laws, moments) = simulation.moments(rays).expect("laws");
+    let (results, moments) = simulation.moments(rays).expect("results");
     let each = (0..rays.len())
         .map(|i| (f64::from(moments.of(i, 1).path), moments.balance(i), moments.crossings(i)))
         .collect();
-    (laws, each)
+    (results, each)
 }
 
 /// One mesh of many boxes; no vertex of one is a vertex of another.
@@ -246,14 +248,16 @@ fn ray_with_2000_crossings_counts_them_all() {
     let mut worst = Worst::new("leaks, 2,000 crossings, path (m)", 0.05e-6);
     for backend in backends() {
         for transport in [Transport::FirstOrder, Transport::Exact] {
-            let (laws, moments) = laws(backend, &bodies, transport, &rays);
-            for ((ray, law), (path, balance, crossings)) in rays.iter().zip(&laws).zip(moments) {
-                assert_eq!((balance, crossings, law.crossings), (0, 2000, 2000), "{ray:?}");
-                assert_eq!(law.flags & (FLAG_UNBALANCED | FLAG_DROPPED), 0);
+            let (results, moments) = results(backend, &bodies, transport, &rays);
+            for ((ray, result), (path, balance, crossings)) in
+                rays.iter().zip(&results).zip(moments)
+            {
+                assert_eq!((balance, crossings, result.crossings), (0, 2000, 2000), "{ray:?}");
+                assert_eq!(result.flags & (FLAG_UNBALANCED | FLAG_DROPPED), 0);
                 let slope = [ray.slope_x, ray.slope_z].map(f64::from);
                 let want = 2e-3 * (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
                 worst.take(path - want, || format!("{backend}, {transport:?}, {ray:?}"));
-                let depth = f64::from(law.optical_depth) / CARBON[0];
+                let depth = f64::from(result.optical_depth) / CARBON[0];
                 worst.take(depth - want, || format!("{backend}, {transport:?}, {ray:?}"));
             }
         }
@@ -278,14 +282,16 @@ fn ray_through_300_coincident_sheets_counts_both_sides_of_each() {
     let mut worst = Worst::new("leaks, 300 coincident pairs, path (m)", 0.05e-6);
     for backend in backends() {
         for transport in [Transport::FirstOrder, Transport::Exact] {
-            let (laws, moments) = laws(backend, &bodies, transport, &rays);
-            for ((ray, law), (path, balance, crossings)) in rays.iter().zip(&laws).zip(moments) {
+            let (results, moments) = results(backend, &bodies, transport, &rays);
+            for ((ray, result), (path, balance, crossings)) in
+                rays.iter().zip(&results).zip(moments)
+            {
                 assert_eq!((balance, crossings), (0, 602), "{ray:?}");
-                assert_eq!(law.flags & (FLAG_UNBALANCED | FLAG_DROPPED), 0);
+                assert_eq!(result.flags & (FLAG_UNBALANCED | FLAG_DROPPED), 0);
                 let slope = [ray.slope_x, ray.slope_z].map(f64::from);
                 let want = 301.0 * 8e-6 * (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
                 worst.take(path - want, || format!("{backend}, {transport:?}, {ray:?}"));
-                let depth = f64::from(law.optical_depth) / CARBON[0];
+                let depth = f64::from(result.optical_depth) / CARBON[0];
                 worst.take(depth - want, || format!("{backend}, {transport:?}, {ray:?}"));
             }
         }

@@ -144,7 +144,7 @@ fn table(directory: &Path, text: &str, energy: f64) -> beamlet::Result<(f64, f64
 #[test]
 fn table_is_interpolated_in_the_logarithms() {
     let directory = tempfile::tempdir().unwrap();
-    // Power laws, so that the interpolation is exact: mu ~ E^-3, delta ~ E^-2.
+    // Power results, so that the interpolation is exact: mu ~ E^-3, delta ~ E^-2.
     let text =
         "# measured\nenergy_keV,mu_per_cm,delta\n10,8.0,4e-6\n20,1.0,1e-6\n\n40,0.125,2.5e-7\n";
     for energy in [10.0, 14.0, 20.0, 33.0, 40.0_f64] {

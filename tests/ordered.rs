@@ -12,7 +12,9 @@ mod support;
 
 use beamlet::internals::gpu::{Device, DeviceOptions};
 use beamlet::internals::interface::{FLAG_EXACT, FLAG_UNBALANCED};
-use beamlet::internals::trace::{DeviceSample, Law, MaterialTable, Ray, TraceKernels, Tracer};
+use beamlet::internals::trace::{
+    DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer,
+};
 use beamlet::scene::Transport;
 use beamlet::{Backend, geometry};
 use glam::DVec3;
@@ -109,10 +111,11 @@ fn reference(sample: &Sample, ray: &Ray, by: [f64; 2]) -> Trace {
     sample.trace(from, [slope[0], 1.0, slope[1]], LEVER, Order::Exact)
 }
 
-/// Whether a law is that of the reference, or lies between those a hair beside the ray. Slopes
+/// Whether a result is that of the reference, or lies between those a hair beside the ray. Slopes
 /// are held to 1e-6 of their change: facets side by side differ by 4e-4 at least.
-fn is_true(sample: &Sample, ray: &Ray, law: &Law) -> bool {
-    let got = [law.slope_x, law.slope_z, law.displacement_x, law.displacement_z].map(f64::from);
+fn is_true(sample: &Sample, ray: &Ray, result: &RayResult) -> bool {
+    let got = [result.slope_x, result.slope_z, result.displacement_x, result.displacement_z]
+        .map(f64::from);
     let [mut low, mut high] = [[f64::MAX; 4], [f64::MIN; 4]];
     let ways = [[0.0, 0.0], [HAIR, 0.0], [-HAIR, 0.0], [0.0, HAIR], [0.0, -HAIR]];
     ways.into_iter().any(|by| {
@@ -182,20 +185,25 @@ fn rays_in_order_take_the_way_of_the_f64_reference() {
         for (name, bodies, allowed) in all() {
             let sample = Sample::brute_force(&bodies, SOURCE, 0.0);
             let rays = near_silhouettes(&bodies, SOURCE, 2000, &mut random);
-            let laws = bench.tracer(backend, &bodies, Transport::Auto).trace(&rays).expect("laws");
-            let flagged = rays.iter().zip(&laws).filter(|(_, law)| law.flags & FLAG_EXACT != 0);
-            let flagged: Vec<(&Ray, &Law)> = flagged.take(most).collect();
-            assert!(flagged.iter().all(|(_, law)| law.flags & FLAG_UNBALANCED == 0), "{name}");
+            let results =
+                bench.tracer(backend, &bodies, Transport::Auto).trace(&rays).expect("results");
+            let flagged =
+                rays.iter().zip(&results).filter(|(_, result)| result.flags & FLAG_EXACT != 0);
+            let flagged: Vec<(&Ray, &RayResult)> = flagged.take(most).collect();
+            assert!(
+                flagged.iter().all(|(_, result)| result.flags & FLAG_UNBALANCED == 0),
+                "{name}"
+            );
             let wrong: Vec<_> =
-                flagged.iter().filter(|(ray, law)| !is_true(&sample, ray, law)).collect();
+                flagged.iter().filter(|(ray, result)| !is_true(&sample, ray, result)).collect();
             println!("measured {backend}, {name}: {} of {} differ", wrong.len(), flagged.len());
             compared += flagged.len();
             // The only way to differ is what the bent ray meets and the straight one misses.
             let too_many = wrong.len() as f64 > (allowed * flagged.len() as f64).ceil();
-            for (ray, law) in wrong {
+            for (ray, result) in wrong {
                 let want = reference(&sample, ray, [0.0; 2]);
-                if too_many || want.crossings <= law.crossings as usize {
-                    failed.push(format!("{backend}, {name}: {ray:?} {law:?} for {want:?}"));
+                if too_many || want.crossings <= result.crossings as usize {
+                    failed.push(format!("{backend}, {name}: {ray:?} {result:?} for {want:?}"));
                 }
             }
         }
@@ -233,7 +241,7 @@ fn follow_around_silhouettes(each: usize) -> [u64; 2] {
             let mut random = Random::new(41);
             for _ in 0..each.div_ceil(10_000 * share) {
                 let rays = near_silhouettes(&bodies, SOURCE, 10_000, &mut random);
-                tracer.trace(&rays).expect("laws");
+                tracer.trace(&rays).expect("results");
             }
             let tally = tracer.tally().expect("a tally");
             let failed = [tally.unbalanced, tally.unordered, tally.dropped, tally.not_finite];

@@ -12,7 +12,7 @@ mod support;
 
 use beamlet::Backend;
 use beamlet::internals::interface::{FLAG_EXACT, FLAG_REFLECTED};
-use beamlet::internals::trace::{Law, Moments, Ray};
+use beamlet::internals::trace::{Moments, Ray, RayResult};
 use beamlet::scene::Transport;
 use reference::closed_form::{critical_angle, cylinder_deflection};
 use reference::rays::{Order, Sample, Trace};
@@ -52,7 +52,7 @@ fn trace(
     angles: &[f64],
     transport: Transport,
     rays: &[Ray],
-) -> (Vec<Law>, Moments) {
+) -> (Vec<RayResult>, Moments) {
     // Bodies here may be wider than the space behind a mask.
     let mut setup = Setup::paper([16, 16]);
     setup.sample_mask = None;
@@ -60,7 +60,7 @@ fn trace(
     scene.scan.angles = angles.to_vec();
     scene.sampling.transport = transport;
     let simulation = engine.prepare(&scene).expect("a sample");
-    simulation.moments(rays).expect("laws")
+    simulation.moments(rays).expect("results")
 }
 
 /// The very same ray in the reference, f32 numbers and all.
@@ -99,22 +99,22 @@ impl Deviations {
         }
     }
 
-    fn take(&mut self, law: &Law, path: Option<f64>, want: &Trace, place: &str) {
+    fn take(&mut self, result: &RayResult, path: Option<f64>, want: &Trace, place: &str) {
         self.rays += 1;
         assert!(want.balanced, "{place}");
-        if law.crossings as usize != want.crossings {
+        if result.crossings as usize != want.crossings {
             self.other += 1;
             return;
         }
         if want.crossings == 0 {
-            assert_eq!(bytes(law), [0; 5], "{place}");
+            assert_eq!(bytes(result), [0; 5], "{place}");
             return;
         }
         let room = slope_room(want);
-        let got = [law.slope_x, law.slope_z].map(f64::from);
-        let shift = [law.displacement_x, law.displacement_z].map(f64::from);
+        let got = [result.slope_x, result.slope_z].map(f64::from);
+        let shift = [result.displacement_x, result.displacement_z].map(f64::from);
         for k in 0..2 {
-            let place = || format!("{place}: {law:?} for {want:?}");
+            let place = || format!("{place}: {result:?} for {want:?}");
             self.slope.take((got[k] - want.slope[k]) / room, place);
             // The lever is rounded to f32, and the hit moves by the slope's error before it.
             let room = room * LEVER + 1e-6 * want.displacement[k].abs();
@@ -122,7 +122,7 @@ impl Deviations {
         }
         if let Some(path) = path {
             let want: f64 = want.path.iter().sum();
-            self.path.take(path - want, || format!("{place}: {law:?}"));
+            self.path.take(path - want, || format!("{place}: {result:?}"));
         }
     }
 }
@@ -134,16 +134,19 @@ fn slab_attenuates_by_its_thickness() {
     let mut random = Random::new(1);
     let rays: Vec<Ray> =
         (0..2000).map(|_| cone(random.between(-3e-3, 3e-3), random.between(-3e-3, 3e-3))).collect();
-    let (laws, moments) = trace(&engine(Backend::Bvh), &slab, &[0.0], Transport::Auto, &rays);
-    for (i, (ray, law)) in rays.iter().zip(&laws).enumerate() {
+    let (results, moments) = trace(&engine(Backend::Bvh), &slab, &[0.0], Transport::Auto, &rays);
+    for (i, (ray, result)) in rays.iter().zip(&results).enumerate() {
         let slope = [ray.slope_x, ray.slope_z].map(f64::from);
         let want = 5e-3 * (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
         worst.take(f64::from(moments.of(i, 1).path) - want, || format!("{ray:?}"));
-        worst.take(f64::from(law.optical_depth) / CARBON[0] - want, || format!("{ray:?}"));
+        worst.take(f64::from(result.optical_depth) / CARBON[0] - want, || format!("{ray:?}"));
         // The surroundings lose what the slab takes.
         worst.take(f64::from(moments.of(i, 0).path) + want, || format!("{ray:?}"));
         // Both faces bend alike, backwards and forwards, 5 mm apart.
-        assert!(law.slope_x.abs() < 1e-14 && law.displacement_x.abs() < 1.1 * 5e-3 * 4.6e-7 * 3e-3);
+        assert!(
+            result.slope_x.abs() < 1e-14
+                && result.displacement_x.abs() < 1.1 * 5e-3 * 4.6e-7 * 3e-3
+        );
     }
 }
 
@@ -187,10 +190,10 @@ fn cylinder_and_sphere_deflect_as_lenses() {
         let engine = engine(Backend::Bvh);
         let scale = cylinder_deflection(CARBON[1], 4e-3, 3.5e-3) * LEVER;
         for transport in [Transport::FirstOrder, Transport::Exact] {
-            let (laws, moments) = trace(&engine, &bodies, &[0.0], transport, &rays);
+            let (results, moments) = trace(&engine, &bodies, &[0.0], transport, &rays);
             for (i, &x) in heights.iter().enumerate() {
                 let want = cylinder_deflection(CARBON[1], 4e-3, x) * LEVER;
-                let got = f64::from(laws[i].displacement_x);
+                let got = f64::from(results[i].displacement_x);
                 assert!(got.signum() == x.signum(), "delta > 0 spreads light");
                 worst.take((got - want) / scale, || format!("x = {x}: {got} for {want}"));
                 let want = 2.0 * (16e-6 - x * x).sqrt();
@@ -217,7 +220,7 @@ fn nested_shells_and_voids_count_where_nothing_lies_inside() {
     for (transport, order) in
         [(Transport::FirstOrder, Order::First), (Transport::Exact, Order::Exact)]
     {
-        let (laws, moments) = trace(&engine, &shells, &[0.0], transport, &rays);
+        let (results, moments) = trace(&engine, &shells, &[0.0], transport, &rays);
         for (i, ray) in rays.iter().enumerate() {
             let want = reference(&sample, ray, order);
             assert_eq!((moments.balance(i), want.balanced), (0, true));
@@ -225,7 +228,7 @@ fn nested_shells_and_voids_count_where_nothing_lies_inside() {
                 let got = f64::from(moments.of(i, body + 1).path);
                 deviations.take(got - want, || format!("body {body}, {ray:?}"));
             }
-            let depth = f64::from(laws[i].optical_depth) - want.optical_depth;
+            let depth = f64::from(results[i].optical_depth) - want.optical_depth;
             deviations.take(depth / CARBON[0], || format!("depth, {transport:?}, {ray:?}"));
         }
     }
@@ -254,14 +257,17 @@ fn flat_face_reflects_below_the_critical_angle_and_refracts_above() {
         let slope = f64::from((share * critical).tan() as f32);
         // Meets the face x = 0 at y = 0.
         let rays = [ray(0.0, 0.0, [-slope, 0.0], 0)];
-        let law = trace(&engine, &bodies, &[0.0], Transport::Auto, &rays).0[0];
-        assert!(law.flags & FLAG_EXACT != 0, "{share} of the critical angle is not traced again");
-        let (got, depth) = (f64::from(law.slope_x), law.optical_depth);
+        let result = trace(&engine, &bodies, &[0.0], Transport::Auto, &rays).0[0];
+        assert!(
+            result.flags & FLAG_EXACT != 0,
+            "{share} of the critical angle is not traced again"
+        );
+        let (got, depth) = (f64::from(result.slope_x), result.optical_depth);
         let want = if share < 1.0 {
-            assert!(law.flags & FLAG_REFLECTED != 0 && depth == 0.0, "{share}: {law:?}");
+            assert!(result.flags & FLAG_REFLECTED != 0 && depth == 0.0, "{share}: {result:?}");
             2.0 * slope
         } else {
-            assert!(law.flags & FLAG_REFLECTED == 0 && depth > 0.0, "{share}: {law:?}");
+            assert!(result.flags & FLAG_REFLECTED == 0 && depth > 0.0, "{share}: {result:?}");
             // Out of the back face: cos is kept times n, from the face's side to its back.
             let n = 1.0 - CARBON[1];
             let grazing = slope.atan();
@@ -311,15 +317,15 @@ fn f32_walk_is_the_f64_walk_on_random_meshes() {
             (&mut first, Transport::FirstOrder, Order::First),
             (&mut exact, Transport::Exact, Order::Exact),
         ] {
-            let (laws, moments) = trace(&engine, &bodies, &[0.0], transport, &rays);
+            let (results, moments) = trace(&engine, &bodies, &[0.0], transport, &rays);
             for (i, ray) in rays.iter().enumerate() {
                 let want = reference(&sample, ray, order);
                 // The exact walk gives no path, but this depth is of one material.
                 let path = match order {
                     Order::First => (1..3).map(|m| f64::from(moments.of(i, m).path)).sum(),
-                    Order::Exact => f64::from(laws[i].optical_depth) / CARBON[0],
+                    Order::Exact => f64::from(results[i].optical_depth) / CARBON[0],
                 };
-                deviations.take(&laws[i], Some(path), &want, &format!("seed {seed}, {ray:?}"));
+                deviations.take(&results[i], Some(path), &want, &format!("seed {seed}, {ray:?}"));
             }
         }
     }
@@ -343,11 +349,11 @@ fn f32_walk_is_the_f64_walk_in_turned_views() {
     let bodies = [carbon(star(0.8e-3, 1.5e-3, 3, 77).moved([0.4e-3, -0.2e-3, 0.1e-3]))];
     let samples = angles.map(|angle| Sample::new(&bodies, SOURCE, angle));
     let rays = rays_over(1.6e-3, 10_000, 5, &mut random);
-    let (laws, moments) = trace(&engine, &bodies, &angles, Transport::FirstOrder, &rays);
+    let (results, moments) = trace(&engine, &bodies, &angles, Transport::FirstOrder, &rays);
     for (i, ray) in rays.iter().enumerate() {
         let want = reference(&samples[ray.view as usize], ray, Order::First);
         let path = f64::from(moments.of(i, 1).path);
-        first.take(&laws[i], Some(path), &want, &format!("{ray:?}"));
+        first.take(&results[i], Some(path), &want, &format!("{ray:?}"));
     }
     assert!(first.other <= 1, "{} of {}", first.other, first.rays);
 }
@@ -374,7 +380,13 @@ fn first_order_departs_from_exact_by_second_order_alone() {
     assert!((1..2000).contains(&again), "{again} rays were traced again");
 }
 
-fn bytes(law: &Law) -> [u32; 5] {
-    [law.optical_depth, law.displacement_x, law.displacement_z, law.slope_x, law.slope_z]
-        .map(f32::to_bits)
+fn bytes(result: &RayResult) -> [u32; 5] {
+    [
+        result.optical_depth,
+        result.displacement_x,
+        result.displacement_z,
+        result.slope_x,
+        result.slope_z,
+    ]
+    .map(f32::to_bits)
 }

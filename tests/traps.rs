@@ -109,7 +109,7 @@ fn a_bump_between_two_lines() {
 }
 
 #[test]
-fn a_rim_between_two_rays_with_equal_laws() {
+fn a_rim_between_two_rays_with_equal_results() {
     check_sheets("traps, wire between rays", &[([1.0, 2.5], [0.5, 3.5])]);
 }
 

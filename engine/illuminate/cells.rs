@@ -7,7 +7,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::light::LightRecord;
+use super::light::IlluminationBuffer;
 use super::sums::Sums;
 use crate::Result;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace, shaders};
@@ -82,7 +82,7 @@ impl CellIlluminator {
     /// [`crate::Error::Memory`], [`crate::Error::Device`].
     pub(crate) fn add<'l>(
         &mut self,
-        lists: impl Iterator<Item = (&'l LightRecord, &'l CellBatch)>,
+        lists: impl Iterator<Item = (&'l IlluminationBuffer, &'l CellBatch)>,
         sums: &Sums,
         steps: u32,
     ) -> Result<()> {
@@ -91,7 +91,7 @@ impl CellIlluminator {
         let mut rest = &lists[..];
         while !rest.is_empty() {
             let mut cells = 0;
-            let fits = |(_, list): &&(&LightRecord, &CellBatch)| {
+            let fits = |(_, list): &&(&IlluminationBuffer, &CellBatch)| {
                 cells += list.cells.len();
                 cells <= CELLS_TOGETHER
             };
@@ -105,7 +105,7 @@ impl CellIlluminator {
     /// Adds the light of lists that are on the device together.
     fn add_together(
         &mut self,
-        lists: &[(&LightRecord, &CellBatch)],
+        lists: &[(&IlluminationBuffer, &CellBatch)],
         sums: &Sums,
         steps: u32,
     ) -> Result<()> {
@@ -126,7 +126,11 @@ impl CellIlluminator {
             for (some, far) in [(near, false), (far, true)] {
                 if !some.is_empty() {
                     let first = ordered.len() as u32;
-                    pieces.push(Piece { light, far, strips: first..first + some.len() as u32 });
+                    pieces.push(DispatchPart {
+                        light,
+                        far,
+                        strips: first..first + some.len() as u32,
+                    });
                 }
                 let moved =
                     |strip: &CellRow| CellRow { first: strip.first + first_cell as u32, ..*strip };
@@ -147,8 +151,13 @@ impl CellIlluminator {
     }
 
     /// Plans the dispatches of a piece; runs those before it as they fill a submission.
-    fn plan(&mut self, piece: &Piece<'_>, template: IlluminatePush, steps: u32) -> Result<()> {
-        let Piece { light, far, strips } = piece;
+    fn plan(
+        &mut self,
+        piece: &DispatchPart<'_>,
+        template: IlluminatePush,
+        steps: u32,
+    ) -> Result<()> {
+        let DispatchPart { light, far, strips } = piece;
         // Light that no sample mask moves is the same at every step, and has its own sums.
         let steps = if light.same_at_all_steps { steps..steps + 1 } else { 0..steps };
         for light_ref in light.addresses() {
@@ -209,8 +218,8 @@ impl CellIlluminator {
 }
 
 /// Strips for one kernel.
-struct Piece<'l> {
-    light: &'l LightRecord,
+struct DispatchPart<'l> {
+    light: &'l IlluminationBuffer,
     far: bool,
     strips: Range<u32>,
 }

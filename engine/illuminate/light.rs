@@ -8,7 +8,7 @@
 )]
 
 use crate::gpu::{Buffer, Device};
-use crate::interface::{Address, Aperture, Column, Light, Mask, SpotPart};
+use crate::interface::{Address, Aperture, Column, IlluminationParams, Mask, SpotPart};
 use crate::sampling::{Lattice, column};
 use crate::scene::{MaskBody, MaskSpec, Scene};
 use crate::spot::PlacedPart;
@@ -27,7 +27,7 @@ const MOST_ALIKE: u32 = 5;
 
 /// Which light a record is of.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Part {
+pub(crate) enum SpectralBand {
     /// That of one energy (keV), with its share of the spectrum.
     Node {
         /// keV.
@@ -166,19 +166,19 @@ pub(crate) fn alike_rows(scene: &Scene, media: &MaterialTable) -> Result<u32> {
 
 /// The light stages' parameters on the device. The band of rows varies, the rest stays.
 #[derive(Debug)]
-pub(crate) struct LightRecord {
+pub(crate) struct IlluminationBuffer {
     /// For cells one record for each part of the focal spot, for random rays one in all; rows of a
-    /// band are set with [`LightRecord::set_band`].
+    /// band are set with [`IlluminationBuffer::set_band`].
     buffer: Buffer,
     /// No sample mask tells the mask steps apart.
     pub(super) same_at_all_steps: bool,
     /// Shares of rows that cells hold are not those of some part of the spot.
     pub(super) rows_apart: bool,
-    lights: Vec<Light>,
+    lights: Vec<IlluminationParams>,
     _kept: Vec<Buffer>,
 }
 
-impl LightRecord {
+impl IlluminationBuffer {
     /// Uploads the parameters for `columns` (of the lattice, or of pixels).
     fn upload(
         device: &Arc<Device>,
@@ -186,7 +186,7 @@ impl LightRecord {
         cell_plane: f64,
         columns: &[Column],
         offsets: &[f64],
-        part: &Part,
+        part: &SpectralBand,
         parts: &[PlacedPart],
     ) -> Result<Self> {
         let analyser = scene.analyser_distance();
@@ -197,11 +197,11 @@ impl LightRecord {
             let name = ["sample_mask", "detector_mask"][index];
             let Some(spec) = spec else { return Ok(bytemuck::Zeroable::zeroed()) };
             let (energy, softness) = match part {
-                Part::Node { energy, .. } => (Some(*energy), None),
-                Part::Group { softness } if softness[index].is_none() => {
+                SpectralBand::Node { energy, .. } => (Some(*energy), None),
+                SpectralBand::Group { softness } if softness[index].is_none() => {
                     return Ok(bytemuck::Zeroable::zeroed());
                 }
-                Part::Group { softness } => (None, softness[index]),
+                SpectralBand::Group { softness } => (None, softness[index]),
             };
             let shape = MaskShape::of(scene, name, spec, plane, energy)?;
             let apertures = device.upload(name, &shape.apertures)?;
@@ -227,8 +227,8 @@ impl LightRecord {
         let offsets: Vec<f32> = offsets.iter().map(|&f| f as f32).collect();
         let offsets = device.upload("mask offsets", &offsets)?;
         let share = match part {
-            Part::Node { weight, .. } => *weight,
-            Part::Group { .. } => 1.0,
+            SpectralBand::Node { weight, .. } => *weight,
+            SpectralBand::Group { .. } => 1.0,
         };
         let table = device.upload("focal spot", &table(&source.spot.placed()))?;
         let narrow = |value: f64| value as f32;
@@ -242,7 +242,7 @@ impl LightRecord {
             offset * (detector.distance - source.distance) / source.distance / detector.pitch[1]
         };
         let base = parts.first().map_or(0.0, |part| part.deviation[1]);
-        let of_part = |part: &PlacedPart| Light {
+        let of_part = |part: &PlacedPart| IlluminationParams {
             sample_mask,
             detector_mask,
             columns: columns.address(),
@@ -276,7 +276,7 @@ impl LightRecord {
             column_pitch: detector.pitch[0] as f32,
             part: share as f32,
         };
-        let lights: Vec<Light> = parts.iter().map(of_part).collect();
+        let lights: Vec<IlluminationParams> = parts.iter().map(of_part).collect();
         let buffer = device.upload("light", &lights)?;
         kept.extend([columns, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
@@ -295,7 +295,8 @@ impl LightRecord {
     /// The records of the parts of the focal spot.
     pub(super) fn addresses(&self) -> impl Iterator<Item = Address> {
         let first = self.buffer.address();
-        (0..self.lights.len() as u64).map(move |part| first + part * size_of::<Light>() as u64)
+        (0..self.lights.len() as u64)
+            .map(move |part| first + part * size_of::<IlluminationParams>() as u64)
     }
 
     /// For cells: one column per beamlet of the lattice.
@@ -307,7 +308,7 @@ impl LightRecord {
         scene: &Scene,
         lattice: &Lattice,
         offsets: &[f64],
-        part: &Part,
+        part: &SpectralBand,
     ) -> Result<Self> {
         let parts = scene.source.spot.placed();
         let columns = lattice.columns(scene);
@@ -322,12 +323,12 @@ impl LightRecord {
     /// For random rays: one column per pixel of `pixels`.
     ///
     /// # Errors
-    /// As [`LightRecord::of_cells`].
+    /// As [`IlluminationBuffer::of_cells`].
     pub(crate) fn of_pixels(
         device: &Arc<Device>,
         scene: &Scene,
         pixels: &Range<i64>,
-        part: &Part,
+        part: &SpectralBand,
     ) -> Result<Self> {
         let detector = &scene.detector;
         let plane = scene.cell_plane_distance();

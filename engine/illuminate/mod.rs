@@ -1,4 +1,4 @@
-//! Illumination: from the laws of cells or rays to the light in the pixels at every mask step.
+//! Illumination: from the results of cells or rays to the light in the pixels at every mask step.
 
 mod cells;
 mod light;
@@ -8,8 +8,8 @@ mod sums;
 
 pub(crate) use cells::{CellIlluminator, CellKernels};
 pub(crate) use light::alike_rows;
-pub(crate) use light::{LightRecord, Part};
+pub(crate) use light::{IlluminationBuffer, SpectralBand};
 pub(crate) use random::{Cast, RandomKernels, cast};
 pub(crate) use spectral::NARROW;
-pub(crate) use spectral::{KnownBars, Spectral};
+pub(crate) use spectral::{EnergyBinning, MaskTransmissionCache};
 pub(crate) use sums::Sums;

@@ -7,7 +7,7 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use super::light::LightRecord;
+use super::light::IlluminationBuffer;
 use super::sums::Sums;
 use crate::Result;
 use crate::gpu::{Device, Kernel, shaders};
@@ -57,7 +57,7 @@ pub(crate) fn cast(
     kernels: &RandomKernels,
     scene: &Scene,
     tracer: &mut Tracer,
-    light: &LightRecord,
+    light: &IlluminationBuffer,
     sums: &Sums,
     job: Cast<'_>,
 ) -> Result<()> {
@@ -98,7 +98,7 @@ pub(crate) fn cast(
                 let push = RandomLightPush {
                     light_ref: light.address(),
                     pixels: buffer.address(),
-                    laws: tracer.laws().address(),
+                    results: tracer.results().address(),
                     sums: sums.buffer.address(),
                     seed,
                     rays_per_pixel,

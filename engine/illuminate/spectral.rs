@@ -18,7 +18,7 @@ mod join;
 mod ordered;
 mod sums;
 
-use super::light::{LightRecord, MaskShape, Part};
+use super::light::{IlluminationBuffer, MaskShape, SpectralBand};
 use crate::Result;
 use crate::gpu::Device;
 use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
@@ -26,7 +26,7 @@ use crate::material::Constants;
 use crate::sampling::{CellBatch, CellMoments, Lattice};
 use crate::scene::Scene;
 use crate::trace::{MaterialTable, Tracer};
-use bars::{Bars, passing};
+use bars::{MaskTransmission, passing};
 use edges::SharedEdges;
 use join::Joining;
 use ordered::{Repeated, severe};
@@ -35,7 +35,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use sums::{Sums, Terms};
 
-pub(crate) use bars::KnownBars;
+pub(crate) use bars::MaskTransmissionCache;
 pub(crate) use ordered::NARROW;
 
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
@@ -56,7 +56,7 @@ const STRIPS_AT_ONCE: usize = 1 << 6;
 
 /// What the gathering needs of a scene.
 #[derive(Debug, Clone)]
-pub(crate) struct Spectral {
+pub(crate) struct EnergyBinning {
     weights: Vec<f64>,
     /// `[node][material]`, behind the nodes the mean constants.
     mu: Vec<f64>,
@@ -85,9 +85,9 @@ pub(crate) struct Spectral {
     middle_row: f64,
 }
 
-/// Law of a ray at a node, all that light needs.
+/// Result of a ray at a node, all that light needs.
 #[derive(Debug, Clone, Copy, Default)]
-struct NodeLaw {
+struct NodeResult {
     depth: f64,
     x: f64,
     /// At the detector.
@@ -95,7 +95,7 @@ struct NodeLaw {
     slope_x: f64,
 }
 
-impl NodeLaw {
+impl NodeResult {
     /// Share of the light that passes.
     fn light(&self) -> f64 {
         f64::from((-self.depth as f32).exp())
@@ -111,10 +111,10 @@ fn of_material(moments: &[f32], material: usize) -> [f64; MOMENTS_PER_MATERIAL] 
 /// What gathering works with, kept from strip to strip.
 #[derive(Default)]
 struct Scratch {
-    /// First-order laws at either end of a cell, by node, and the light there.
-    first_order: [Vec<(NodeLaw, f64)>; 2],
-    /// Laws at both ends, by node.
-    laws: Vec<[NodeLaw; 2]>,
+    /// First-order results at either end of a cell, by node, and the light there.
+    first_order: [Vec<(NodeResult, f64)>; 2],
+    /// Results at both ends, by node.
+    results: Vec<[NodeResult; 2]>,
     /// Light there.
     light: Vec<[f64; 2]>,
     /// Light of a cell, by node.
@@ -125,7 +125,7 @@ struct Scratch {
     lists: Vec<Vec<Cell>>,
 }
 
-impl Spectral {
+impl EnergyBinning {
     /// For the lattice of a scene.
     ///
     /// # Errors
@@ -230,7 +230,7 @@ impl Spectral {
         passing([0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[node].leak(1.0))), group)
     }
 
-    /// Light records of the lists of [`Spectral::lists`], in their order.
+    /// Illumination parameters of the lists of [`EnergyBinning::lists`], in their order.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], or as [`crate::material::constants_at_for`].
@@ -239,7 +239,7 @@ impl Spectral {
         device: &Arc<Device>,
         scene: &Scene,
         media: &MaterialTable,
-    ) -> Result<Vec<LightRecord>> {
+    ) -> Result<Vec<IlluminationBuffer>> {
         let offsets = &scene.scan.mask_offsets;
         let softness = |mask: usize, leaks: [bool; 2]| {
             let shapes = self.masks[mask].as_ref().filter(|_| !leaks[mask])?;
@@ -259,14 +259,13 @@ impl Spectral {
             // Either edge moves by half of what the shade differs from its mean.
             Some((softness + 0.25 * (shade2 - shade * shade)) as f32)
         };
-        let groups = self
-            .groups
-            .iter()
-            .map(|&leaks| Part::Group { softness: [softness(0, leaks), softness(1, leaks)] });
+        let groups = self.groups.iter().map(|&leaks| SpectralBand::Group {
+            softness: [softness(0, leaks), softness(1, leaks)],
+        });
         let nodes = media.energies.iter().zip(&media.weights);
         groups
-            .chain(nodes.map(|(&energy, &weight)| Part::Node { energy, weight }))
-            .map(|part| LightRecord::of_cells(device, scene, &self.lattice, offsets, &part))
+            .chain(nodes.map(|(&energy, &weight)| SpectralBand::Node { energy, weight }))
+            .map(|part| IlluminationBuffer::of_cells(device, scene, &self.lattice, offsets, &part))
             .collect()
     }
 
@@ -278,7 +277,7 @@ impl Spectral {
     pub(crate) fn lists(
         &self,
         tracer: &mut Tracer,
-        known: &mut KnownBars,
+        known: &mut MaskTransmissionCache,
         strips: &CellBatch,
     ) -> Result<Vec<CellBatch>> {
         let repeated = self.repeat(tracer, strips)?;
@@ -315,7 +314,7 @@ impl Spectral {
         strips: &CellBatch,
         strip: &CellRow,
         repeated: &Repeated,
-        bars: &Bars,
+        bars: &MaskTransmission,
         scratch: &mut Scratch,
     ) {
         let groups = self.groups.len();
@@ -335,31 +334,33 @@ impl Spectral {
             if low == before {
                 scratch.first_order.swap(0, 1);
             } else {
-                self.laws(low, &mut scratch.first_order[0]);
+                self.results(low, &mut scratch.first_order[0]);
             }
-            self.laws(high, &mut scratch.first_order[1]);
+            self.results(high, &mut scratch.first_order[1]);
             before = high;
-            let [low_laws, high_laws] = &scratch.first_order;
-            scratch.laws.clear();
+            let [low_results, high_results] = &scratch.first_order;
+            scratch.results.clear();
             scratch.light.clear();
-            for (low, high) in low_laws.iter().zip(high_laws) {
-                scratch.laws.push([low.0, high.0]);
+            for (low, high) in low_results.iter().zip(high_results) {
+                scratch.results.push([low.0, high.0]);
                 scratch.light.push([low.1, high.1]);
             }
             if exact.get(at).is_some_and(|e| e.cell as usize == index) {
                 let walked = at;
                 at += 1;
-                self.correct(&exact[walked], [low, high], &mut scratch.laws);
-                for (light, laws) in scratch.light.iter_mut().zip(&scratch.laws) {
-                    *light = laws.map(|law| law.light());
+                self.correct(&exact[walked], [low, high], &mut scratch.results);
+                for (light, results) in scratch.light.iter_mut().zip(&scratch.results) {
+                    *light = results.map(|result| result.light());
                 }
                 if let Some(nodes) = repeated.of(walked) {
                     let lists = &mut scratch.lists[groups..];
-                    for ((laws, again), list) in scratch.laws.iter().zip(nodes).zip(lists) {
+                    for ((results, again), list) in scratch.results.iter().zip(nodes).zip(lists) {
                         match again {
-                            None => list.push(self.cell(strip, [cell.x_low, cell.x_high], *laws)),
-                            Some(laws) => {
-                                self.push_exact(list, strip, cell, laws, exact[walked].range);
+                            None => {
+                                list.push(self.cell(strip, [cell.x_low, cell.x_high], *results))
+                            }
+                            Some(results) => {
+                                self.push_exact(list, strip, cell, results, exact[walked].range);
                             }
                         }
                     }
@@ -367,11 +368,11 @@ impl Spectral {
                 }
             }
             if bars.apart {
-                let laws = scratch.laws.iter().zip(&self.delta_ratio);
-                for ((laws, delta_ratio), list) in laws.zip(&mut scratch.lists[groups..]) {
+                let results = scratch.results.iter().zip(&self.delta_ratio);
+                for ((results, delta_ratio), list) in results.zip(&mut scratch.lists[groups..]) {
                     let spread = cell.spread * (delta_ratio * delta_ratio) as f32;
                     let x = [cell.x_low, cell.x_high];
-                    list.push(Cell { spread, ..self.cell(strip, x, *laws) });
+                    list.push(Cell { spread, ..self.cell(strip, x, *results) });
                 }
             } else {
                 self.push_groups(strip, cell, bars, scratch);
@@ -382,29 +383,34 @@ impl Spectral {
         }
     }
 
-    /// First-order laws at all nodes, and the light.
-    fn laws(&self, moments: &[f32], laws: &mut Vec<(NodeLaw, f64)>) {
-        laws.clear();
-        laws.resize(self.nodes(), (NodeLaw::default(), 1.0));
+    /// First-order results at all nodes, and the light.
+    fn results(&self, moments: &[f32], results: &mut Vec<(NodeResult, f64)>) {
+        results.clear();
+        results.resize(self.nodes(), (NodeResult::default(), 1.0));
         for &material in &self.acting {
             let m = of_material(moments, material);
             // Few of the materials are on the way of a ray.
             if m.iter().any(|m| *m != 0.0) {
-                for (node, (law, _)) in laws.iter_mut().enumerate() {
-                    self.add_law(node * self.materials + material, &m, law);
+                for (node, (result, _)) in results.iter_mut().enumerate() {
+                    self.add_result(node * self.materials + material, &m, result);
                 }
             }
         }
-        laws.iter_mut().for_each(|(law, light)| *light = law.light());
+        results.iter_mut().for_each(|(result, light)| *light = result.light());
     }
 
     /// Adds what the moments in a material (behind those of the nodes before) make.
-    fn add_law(&self, constants: usize, m: &[f64; MOMENTS_PER_MATERIAL], law: &mut NodeLaw) {
+    fn add_result(
+        &self,
+        constants: usize,
+        m: &[f64; MOMENTS_PER_MATERIAL],
+        result: &mut NodeResult,
+    ) {
         let (mu, delta) = (self.mu[constants], self.delta[constants]);
-        law.depth += mu * m[0];
-        law.x += delta * m[1];
-        law.z += delta * (m[2] + m[4] * self.gap);
-        law.slope_x += delta * m[3];
+        result.depth += mu * m[0];
+        result.x += delta * m[1];
+        result.z += delta * (m[2] + m[4] * self.gap);
+        result.slope_x += delta * m[3];
     }
 
     /// Ends the cell that light of a group is joined to.
@@ -414,25 +420,31 @@ impl Spectral {
         }
     }
 
-    /// First-order law at a node.
-    fn law(&self, node: usize, moments: &[f32]) -> NodeLaw {
-        let mut law = NodeLaw::default();
+    /// First-order result at a node.
+    fn result(&self, node: usize, moments: &[f32]) -> NodeResult {
+        let mut result = NodeResult::default();
         for &material in &self.acting {
             let m = of_material(moments, material);
-            self.add_law(node * self.materials + material, &m, &mut law);
+            self.add_result(node * self.materials + material, &m, &mut result);
         }
-        law
+        result
     }
 
     /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
-    fn push_groups(&self, strip: &CellRow, cell: &Cell, bars: &Bars, scratch: &mut Scratch) {
+    fn push_groups(
+        &self,
+        strip: &CellRow,
+        cell: &Cell,
+        bars: &MaskTransmission,
+        scratch: &mut Scratch,
+    ) {
         let x = [cell.x_low, cell.x_high];
         let nodes = self.nodes();
         scratch.terms.clear();
-        let ends = scratch.laws.iter().zip(&scratch.light);
-        scratch.terms.extend(ends.enumerate().map(|(node, (laws, light))| {
+        let ends = scratch.results.iter().zip(&scratch.light);
+        scratch.terms.extend(ends.enumerate().map(|(node, (results, light))| {
             let spread = f64::from(cell.spread) * self.delta_ratio[node] * self.delta_ratio[node];
-            Terms::new(laws, *light, spread, bars.shades[node])
+            Terms::new(results, *light, spread, bars.shades[node])
         }));
         let of_node = bars.by_node.iter().zip(&scratch.terms);
         let all: f64 = of_node.map(|(share, term)| share * term.light()).sum();
@@ -483,7 +495,7 @@ impl Spectral {
     }
 
     fn gathered(&self, strip: &CellRow, x: [f32; 2], sums: &Sums) -> Cell {
-        let end = |i: usize| NodeLaw {
+        let end = |i: usize| NodeResult {
             depth: -sums.light()[i].ln(),
             x: sums.x()[i],
             z: sums.z(),
@@ -499,8 +511,8 @@ impl Spectral {
         }
     }
 
-    fn cell(&self, strip: &CellRow, x: [f32; 2], [low, high]: [NodeLaw; 2]) -> Cell {
-        let mean = |f: fn(&NodeLaw) -> f64| 0.5 * (f(&low) + f(&high));
+    fn cell(&self, strip: &CellRow, x: [f32; 2], [low, high]: [NodeResult; 2]) -> Cell {
+        let mean = |f: fn(&NodeResult) -> f64| 0.5 * (f(&low) + f(&high));
         let z = mean(|l| l.z);
         let down = -z / self.row_pitch;
         let [above, below] = self.lattice.row_shares(strip.top.into(), strip.bottom.into(), down);

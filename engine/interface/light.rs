@@ -70,7 +70,7 @@ shared_structs! {
         pub bend: f32,
     }
 
-    /// A cell: x interval in the cell plane, relative to the beamlet's centre; laws at its ends.
+    /// A cell: x interval in the cell plane, relative to the beamlet's centre; results at its ends.
     pub struct Cell in Cells(readonly) {
         pub x_low: f32,
         pub x_high: f32,
@@ -112,7 +112,7 @@ shared_structs! {
     /// Everything that the light stages need to know of a band, for cells of one part of the focal
     /// spot. What lies at an offset moves against the rays from the source centre, which is where
     /// cells stand (docs/physics.md, "Focal spot").
-    pub struct Light in LightRef(readonly) {
+    pub struct IlluminationParams in IlluminationParamsRef(readonly) {
         pub sample_mask: Mask,
         pub detector_mask: Mask,
         /// Address of `Columns`.
@@ -185,7 +185,7 @@ shared_structs! {
 
     /// Push constants of `illuminate.comp`.
     pub struct IlluminatePush {
-        pub light_ref: u64 => LightRef,
+        pub light_ref: u64 => IlluminationParamsRef,
         pub strips: u64 => CellRows,
         pub cells: u64 => Cells,
         /// `[step][row][column][2]`, light that is the same at all steps behind the last.
@@ -204,7 +204,7 @@ shared_structs! {
 
     /// Push constants of `random_rays.comp`.
     pub struct RandomRaysPush {
-        pub light_ref: u64 => LightRef,
+        pub light_ref: u64 => IlluminationParamsRef,
         pub pixels: u64 => Pixels,
         /// `[pixel][ray of the batch]`.
         pub rays: u64 => RaysOut,
@@ -220,10 +220,10 @@ shared_structs! {
 
     /// Push constants of `random_light.comp`.
     pub struct RandomLightPush {
-        pub light_ref: u64 => LightRef,
+        pub light_ref: u64 => IlluminationParamsRef,
         pub pixels: u64 => Pixels,
         /// `[pixel][ray of the batch]`, unless `empty`.
-        pub laws: u64 => Laws,
+        pub results: u64 => RayResults,
         pub sums: u64 => Words,
         pub seed: [u32; 2] => uvec2,
         pub rays_per_pixel: [u32; 2] => uvec2,
@@ -231,7 +231,7 @@ shared_structs! {
         pub batch: u32,
         pub pixel_count: u32,
         pub view: u32,
-        /// No sample: every law is zero.
+        /// No sample: every result is zero.
         pub empty: u32,
         pub first_step: u32,
     }

@@ -81,11 +81,11 @@ mod walk;
 pub use constants::*;
 pub use fit::{FitPush, Step};
 pub use light::{
-    Aperture, Cell, CellRow, Column, IlluminatePush, Light, Mask, Pixel, RandomLightPush,
-    RandomRaysPush, SpotPart,
+    Aperture, Cell, CellRow, Column, IlluminatePush, IlluminationParams, Mask, Pixel,
+    RandomLightPush, RandomRaysPush, SpotPart,
 };
 pub use walk::{
-    Constants, Crossing, CrossingsPush, ExactPush, Law, Leaf, Node, Ray, Sample, Surface,
+    Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Ray, RayResult, Sample, Surface,
     SurfaceCrossing, TracePush, View,
 };
 

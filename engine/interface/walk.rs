@@ -73,7 +73,7 @@ shared_structs! {
     }
 
     /// Optical depth and deflection of a ray at one energy.
-    pub struct Law in Laws {
+    pub struct RayResult in RayResults {
         pub optical_depth: f32,
         /// At the analyser.
         pub displacement_x: f32,
@@ -126,7 +126,7 @@ shared_structs! {
         pub rays: u64 => Rays,
         /// `[ray][MOMENTS_HEAD + materials * MOMENTS_PER_MATERIAL]`.
         pub moments: u64 => Words,
-        pub laws: u64 => Laws,
+        pub results: u64 => RayResults,
         /// `[0]`: count, then indices of rays to trace in order.
         pub exact: u64 => Words,
         /// `[0]`: count, then indices of rays to trace again.
@@ -147,7 +147,7 @@ shared_structs! {
     pub struct ExactPush {
         pub sample_ref: u64 => SampleRef,
         pub rays: u64 => Rays,
-        pub laws: u64 => Laws,
+        pub results: u64 => RayResults,
         /// `[0]`: count, then indices; not used when `all` is set; ends with one more if `runs`.
         pub list: u64 => Words,
         /// `[0]`: count, then indices of rays to trace again.

@@ -1,7 +1,7 @@
 //! Cells that one scene made of kept moments, for the next ones that would make the same.
 
 use super::resample::{Covered, Resampled};
-use crate::illuminate::Spectral;
+use crate::illuminate::EnergyBinning;
 use crate::interface::{Cell, CellRow};
 use crate::sampling::CellBatch;
 use std::collections::HashMap;
@@ -14,7 +14,7 @@ type Place = (u32, Range<i64>);
 /// Cells of some rows of a view, ready to be illuminated.
 #[derive(Debug, Default)]
 pub(super) struct Part {
-    /// Lists of strips, as [`Spectral::lists`] gives them, by block of the file.
+    /// Lists of strips, as [`EnergyBinning::lists`] gives them, by block of the file.
     pub(super) lists: Vec<Vec<CellBatch>>,
     pub(super) covered: Covered,
 }
@@ -40,18 +40,18 @@ pub(super) struct CellCache {
 
 #[derive(Debug, Default)]
 struct Made {
-    by: Option<(Resampled, Spectral)>,
+    by: Option<(Resampled, EnergyBinning)>,
     parts: HashMap<Place, Arc<Part>>,
     bytes: u64,
 }
 
 impl Made {
-    fn is_by(&self, resample: &Resampled, spectral: &Spectral) -> bool {
+    fn is_by(&self, resample: &Resampled, spectral: &EnergyBinning) -> bool {
         self.by.as_ref().is_some_and(|(r, s)| r.maps_like(resample) && s.gathers_like(spectral))
     }
 
     /// Whether it is the first scene's or like it, and so many bytes more are not too many.
-    fn takes(&self, resample: &Resampled, spectral: &Spectral, bytes: u64, most: u64) -> bool {
+    fn takes(&self, resample: &Resampled, spectral: &EnergyBinning, bytes: u64, most: u64) -> bool {
         self.bytes + bytes <= most && (self.by.is_none() || self.is_by(resample, spectral))
     }
 }
@@ -69,7 +69,7 @@ impl CellCache {
     pub(super) fn find(
         &self,
         resample: &Resampled,
-        spectral: &Spectral,
+        spectral: &EnergyBinning,
         place: &Place,
     ) -> Option<Arc<Part>> {
         let made = self.lock();
@@ -77,7 +77,7 @@ impl CellCache {
     }
 
     /// Whether a part of some bytes would be kept.
-    pub(super) fn takes(&self, resample: &Resampled, spectral: &Spectral, bytes: u64) -> bool {
+    pub(super) fn takes(&self, resample: &Resampled, spectral: &EnergyBinning, bytes: u64) -> bool {
         self.lock().takes(resample, spectral, bytes, self.most)
     }
 
@@ -85,7 +85,7 @@ impl CellCache {
     pub(super) fn insert(
         &self,
         resample: &Resampled,
-        spectral: &Spectral,
+        spectral: &EnergyBinning,
         place: Place,
         part: Part,
     ) {

@@ -1,7 +1,7 @@
 //! Whether moments that were read can be those of their run: a file may have a good hash and
 //! come from a broken program or hand. What follows indexes and loops by these numbers.
 
-use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Law, Ray};
+use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
 use crate::sampling::{CellBatch, ExactCell, Lattice};
 use std::ops::Range;
 
@@ -90,11 +90,13 @@ impl Bounds {
             let floats = [ray.x, ray.z, ray.slope_x, ray.slope_z];
             ray.view == self.view && floats.iter().all(|value| value.abs() <= WALKED)
         };
-        let law = |law: &Law| {
-            let Law { optical_depth, displacement_x, displacement_z, slope_x, slope_z, .. } = *law;
+        let result = |result: &RayResult| {
+            let RayResult {
+                optical_depth, displacement_x, displacement_z, slope_x, slope_z, ..
+            } = *result;
             let floats = [optical_depth, displacement_x, displacement_z, slope_x, slope_z];
-            law.flags & FLAG_NOT_FINITE != 0 || floats.iter().all(|value| value.abs() <= WALKED)
+            result.flags & FLAG_NOT_FINITE != 0 || floats.iter().all(|value| value.abs() <= WALKED)
         };
-        cell.ends.iter().all(ray) && cell.laws.iter().all(law)
+        cell.ends.iter().all(ray) && cell.results.iter().all(result)
     }
 }

@@ -6,7 +6,7 @@
 
 use super::content::Bounds;
 use crate::illuminate::NARROW;
-use crate::interface::{Cell, CellRow, Law, MOMENTS_PER_MATERIAL};
+use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL, RayResult};
 use crate::numbers;
 use crate::sampling::{CellBatch, CellMoments, ExactCell};
 use crate::whole_file::refuse_link;
@@ -252,14 +252,14 @@ fn is_blank(strips: &CellBatch, strip: &CellRow, words: usize) -> bool {
     whole && moments.all(|moment| moment.abs() <= 0.0)
 }
 
-/// An ordered cell as words: cell, and for both ends ray and law.
+/// An ordered cell as words: cell, and for both ends ray and result.
 const ORDERED: usize = 1 + 2 * (5 + 8);
 
 fn words_of(cell: &ExactCell) -> Vec<u32> {
     let mut words = vec![cell.cell];
-    for (ray, law) in cell.ends.iter().zip(&cell.laws) {
+    for (ray, result) in cell.ends.iter().zip(&cell.results) {
         words.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(ray)));
-        words.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(law)));
+        words.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(result)));
     }
     words
 }
@@ -267,8 +267,14 @@ fn words_of(cell: &ExactCell) -> Vec<u32> {
 fn ordered_of(words: &[u32]) -> ExactCell {
     let end = |i: usize| &words[1 + 13 * i..1 + 13 * (i + 1)];
     let ray = |i: usize| bytemuck::pod_read_unaligned(bytemuck::cast_slice(&end(i)[..5]));
-    let law = |i: usize| bytemuck::pod_read_unaligned::<Law>(bytemuck::cast_slice(&end(i)[5..]));
-    ExactCell { cell: words[0], ends: [ray(0), ray(1)], laws: [law(0), law(1)], range: [0.0, 1.0] }
+    let result =
+        |i: usize| bytemuck::pod_read_unaligned::<RayResult>(bytemuck::cast_slice(&end(i)[5..]));
+    ExactCell {
+        cell: words[0],
+        ends: [ray(0), ray(1)],
+        results: [result(0), result(1)],
+        range: [0.0, 1.0],
+    }
 }
 
 /// The moments of one view, to be read.

@@ -2,8 +2,8 @@
 //! materials or detectors without another search through its surfaces.
 //!
 //! Moments do not depend on masks, mask steps, spot or energy. A cell of one lattice is cut and
-//! interpolated to cells of another (`resample`); moments become laws at the energies of the
-//! other scene (`illuminate::Spectral`). Rays that no sum of moments can describe are traced
+//! interpolated to cells of another (`resample`); moments become results at the energies of the
+//! other scene (`illuminate::EnergyBinning`). Rays that no sum of moments can describe are traced
 //! again, which needs the meshes.
 
 mod cell_cache;
@@ -16,7 +16,7 @@ pub(crate) use file::DIRECTORY;
 pub use file::MomentWriter;
 
 use crate::detector::DetectorModel;
-use crate::illuminate::Spectral;
+use crate::illuminate::EnergyBinning;
 use crate::numbers;
 use crate::sampling::{CellBatch, Lattice};
 use crate::scene::Scene;
@@ -196,7 +196,7 @@ impl StoredSource<'_> {
     /// [`Error::File`] where the file cannot be read or is damaged; those of `gather` and `take`.
     pub(crate) fn lists(
         &self,
-        spectral: &Spectral,
+        spectral: &EnergyBinning,
         view: u32,
         [rows, lit]: [&Range<i64>; 2],
         mut gather: impl FnMut(&CellBatch) -> Result<Vec<CellBatch>>,

@@ -181,7 +181,7 @@ impl Resampled {
         let scale = self.new.plane / self.old.plane;
         let first = strip.first as usize;
         let mut from = strips.moments.exact.partition_point(|e| (e.cell as usize) < first);
-        let mut piece = Piece::default();
+        let mut piece = Overlap::default();
         for index in first..first + strip.count as usize {
             let cell = &strips.cells[index];
             let ends = &strips.moments.ends[2 * words * index..2 * words * (index + 1)];
@@ -236,7 +236,7 @@ impl Resampled {
     /// Appends the strip of a beamlet.
     fn flush(
         &self,
-        piece: &mut Piece,
+        piece: &mut Overlap,
         row: i64,
         z: [f64; 2],
         out: &mut CellBatch,
@@ -326,13 +326,13 @@ impl Resampled {
 
 /// Cells of one new beamlet in the making.
 #[derive(Default)]
-struct Piece {
+struct Overlap {
     beamlet: Option<i64>,
     cells: Vec<Cell>,
     moments: CellMoments,
 }
 
-impl Piece {
+impl Overlap {
     /// Takes the part `share` of a cell, to an analyser farther by `lever`.
     fn push(
         &mut self,
@@ -365,10 +365,10 @@ impl Piece {
             self.moments.exact.push(ExactCell {
                 cell: self.cells.len() as u32,
                 range: share.map(|t| ordered.range[0] + range * t),
-                laws: ordered.laws.map(|mut law| {
-                    law.displacement_x += (f64::from(law.slope_x) * lever) as f32;
-                    law.displacement_z += (f64::from(law.slope_z) * lever) as f32;
-                    law
+                results: ordered.results.map(|mut result| {
+                    result.displacement_x += (f64::from(result.slope_x) * lever) as f32;
+                    result.displacement_z += (f64::from(result.slope_z) * lever) as f32;
+                    result
                 }),
                 ..*ordered
             });

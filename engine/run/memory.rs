@@ -23,7 +23,7 @@ const TREE: u64 = 92;
 const STRUCTURE: u64 = 60;
 /// Bytes on the device per triangle while that is built: boxes and scratch.
 const SCRATCH: u64 = 60;
-/// Bytes on the host per ray of a group of rows: the ray, its law, segments of its line, cells.
+/// Bytes on the host per ray of a group of rows: the ray, its result, segments of its line, cells.
 /// For curved bodies, which refine most; flat ones take less.
 const REFINEMENT: u64 = 680;
 /// Rays of a scene after refinement for each before, as far as [`REFINEMENT`] counts them.

@@ -10,7 +10,7 @@ use crate::accel::Backend;
 use crate::detector::DetectorModel;
 use crate::geometry::Sample;
 use crate::gpu::Device;
-use crate::illuminate::{self, Spectral};
+use crate::illuminate::{self, EnergyBinning};
 use crate::moments::StoredSource;
 use crate::numbers;
 use crate::run::Control;
@@ -23,7 +23,7 @@ use crate::trace::{DeviceSample, MaterialTable, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
 use std::sync::Arc;
 use std::time::Instant;
-use work::Work;
+use work::ViewWork;
 
 /// A run fails when more than this share of its rays stays unbalanced.
 const UNBALANCED_SHARE: f64 = 1e-5;
@@ -42,7 +42,7 @@ pub struct Simulation<'e> {
     media: MaterialTable,
     lattice: Lattice,
     /// For a spectrum or kept moments, by cells.
-    spectral: Option<Spectral>,
+    spectral: Option<EnergyBinning>,
     /// For what moments of the rays that bound cells are kept.
     keep: Option<sampling::MomentRecording>,
     /// What changes of a cell do to recorded values.
@@ -149,7 +149,7 @@ impl<'e> Simulation<'e> {
         let begin = Instant::now();
         let views: Vec<Exposure> =
             stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();
-        let mut work = Work::new(self, &views)?;
+        let mut work = ViewWork::new(self, &views)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
         let (mut before, mut counted) = (Tally::default(), control.counted);

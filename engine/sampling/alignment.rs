@@ -3,7 +3,7 @@
 #![allow(clippy::cast_possible_truncation, reason = "a scanline has few rays")]
 
 use super::patch::alike;
-use crate::interface::Law;
+use crate::interface::RayResult;
 
 /// Heights of the scanlines, share of the row.
 const HEIGHTS: [f32; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
@@ -25,7 +25,7 @@ pub(super) struct Slant {
 /// Scanlines at three heights, with the rays that bracket silhouettes.
 #[derive(Debug)]
 pub(super) struct Scanlines {
-    lines: [Vec<(f32, Law)>; 3],
+    lines: [Vec<(f32, RayResult)>; 3],
     pending: Vec<(usize, f32)>,
     halvings: u32,
 }
@@ -45,10 +45,10 @@ impl Scanlines {
         self.pending.iter().map(|(line, x)| [*x, HEIGHTS[*line]]).collect()
     }
 
-    /// Takes the laws of the rays wanted.
-    pub(super) fn accept(&mut self, laws: &[Law]) {
-        for ((line, x), law) in std::mem::take(&mut self.pending).into_iter().zip(laws) {
-            self.lines[line].push((x, *law));
+    /// Takes the results of the rays wanted.
+    pub(super) fn accept(&mut self, results: &[RayResult]) {
+        for ((line, x), result) in std::mem::take(&mut self.pending).into_iter().zip(results) {
+            self.lines[line].push((x, *result));
         }
         self.lines.iter_mut().for_each(|line| line.sort_unstable_by(|a, b| a.0.total_cmp(&b.0)));
         if self.halvings == HALVINGS {
@@ -75,7 +75,9 @@ impl Scanlines {
                 });
                 if let Some((index, other)) = same {
                     taken[index] = true;
-                    let middle = |(low, high): (&(f32, Law), &(f32, Law))| 0.5 * (low.0 + high.0);
+                    let middle = |(low, high): (&(f32, RayResult), &(f32, RayResult))| {
+                        0.5 * (low.0 + high.0)
+                    };
                     slants.push((middle(other) - middle((low, high))) / rise);
                 } else {
                     unmatched += 1;
@@ -90,7 +92,9 @@ impl Scanlines {
 }
 
 /// Neighbouring rays of a line that crossed different objects.
-fn brackets(line: &[(f32, Law)]) -> impl Iterator<Item = (&(f32, Law), &(f32, Law))> {
+fn brackets(
+    line: &[(f32, RayResult)],
+) -> impl Iterator<Item = (&(f32, RayResult), &(f32, RayResult))> {
     line.windows(2).filter(|pair| !alike(&pair[0].1, &pair[1].1)).map(|pair| (&pair[0], &pair[1]))
 }
 
@@ -107,12 +111,12 @@ mod tests {
             if places.is_empty() {
                 break;
             }
-            let law = |[x, z]: &[f32; 2]| Law {
+            let result = |[x, z]: &[f32; 2]| RayResult {
                 signature: u32::from(*x > edge(*z)),
                 ..bytemuck::Zeroable::zeroed()
             };
-            let laws: Vec<Law> = places.iter().map(law).collect();
-            lines.accept(&laws);
+            let results: Vec<RayResult> = places.iter().map(result).collect();
+            lines.accept(&results);
         }
         let slant = lines.slant().unwrap();
         assert!((slant.shear - 17e-6).abs() < 0.05e-6 && slant.straight, "{slant:?}");

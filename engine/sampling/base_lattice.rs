@@ -12,7 +12,7 @@ use super::ViewContext;
 use super::patch::part;
 use super::patch_grid::PatchGrid;
 use crate::Result;
-use crate::interface::{Law, Ray};
+use crate::interface::{Ray, RayResult};
 use crate::trace::Tracer;
 use std::ops::Range;
 
@@ -20,24 +20,24 @@ use std::ops::Range;
 /// one x of a few rows are closer than those of one row.
 pub(super) const ROWS_TOGETHER: i64 = 4;
 
-/// Laws of the base rays of some rows and beamlets.
+/// Results of the base rays of some rows and beamlets.
 #[derive(Debug)]
 pub(super) struct BaseLattice {
     grid: PatchGrid,
     /// Rectangles of a patch in x and z.
     pub(super) base: [u32; 2],
     period: f32,
-    /// Place of the laws of a patch, by row and beamlet; none where no shadow falls.
+    /// Place of the results of a patch, by row and beamlet; none where no shadow falls.
     places: Vec<Option<u32>>,
-    laws: Vec<Law>,
+    results: Vec<RayResult>,
     /// Of rays that meet nothing.
-    empty: Law,
+    empty: RayResult,
 }
 
-/// A law found beside a rectangle, with the centre that it holds for.
+/// A result found beside a rectangle, with the centre that it holds for.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Found {
-    pub(super) law: Law,
+    pub(super) result: RayResult,
     /// From the centre of the patch's own beamlet, and from its own row.
     pub(super) x: f32,
     pub(super) z: f32,
@@ -67,22 +67,22 @@ impl BaseLattice {
             base,
             period: view.lattice.period as f32,
             places,
-            laws: Vec::new(),
+            results: Vec::new(),
             empty: bytemuck::Zeroable::zeroed(),
         };
         let (order, rays) = lattice.rays(view);
         let traced = tracer.trace(&rays)?;
-        lattice.laws = bytemuck::zeroed_vec(count as usize);
-        for (at, law) in order.iter().zip(traced) {
-            lattice.laws[*at as usize] = law;
+        lattice.results = bytemuck::zeroed_vec(count as usize);
+        for (at, result) in order.iter().zip(traced) {
+            lattice.results[*at as usize] = result;
         }
         Ok(lattice)
     }
 
-    /// Laws of a patch by z, then x; nothing where no shadow falls.
-    pub(super) fn patch(&self, beamlet: i64, row: i64) -> Option<&[Law]> {
+    /// Results of a patch by z, then x; nothing where no shadow falls.
+    pub(super) fn patch(&self, beamlet: i64, row: i64) -> Option<&[RayResult]> {
         let first = self.places[self.grid.index(beamlet, row)?]? as usize;
-        Some(&self.laws[first..first + (self.base[0] * self.base[1]) as usize])
+        Some(&self.results[first..first + (self.base[0] * self.base[1]) as usize])
     }
 
     /// Centre of a base rectangle.
@@ -110,13 +110,14 @@ impl BaseLattice {
         let cell = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
         let column = cell((x - shift_x) / self.period + 0.5, self.base[0]);
         let line = cell(z - shift_z, self.base[1]);
-        let law = self.places[index]
-            .map_or(self.empty, |first| self.laws[(first + line * self.base[0] + column) as usize]);
+        let result = self.places[index].map_or(self.empty, |first| {
+            self.results[(first + line * self.base[0] + column) as usize]
+        });
         let [x, z] = self.centre(column, line);
-        Some(Found { law, x: x + shift_x, z: z + shift_z })
+        Some(Found { result, x: x + shift_x, z: z + shift_z })
     }
 
-    /// The rays in an order that keeps neighbours together, and the place of each in the laws.
+    /// The rays in an order that keeps neighbours together, and the place of each in the results.
     fn rays(&self, view: &ViewContext<'_>) -> (Vec<u32>, Vec<Ray>) {
         let (mut order, mut rays) = (Vec::new(), Vec::new());
         let PatchGrid { rows, beamlets } = &self.grid;

@@ -1,6 +1,6 @@
 //! Moments kept with cells, for other energies, masks or steps than those they were traced for.
 
-use crate::interface::{Law, Ray};
+use crate::interface::{Ray, RayResult};
 use crate::trace::grazing;
 
 /// Moments of the rays that bound cells.
@@ -18,10 +18,10 @@ pub struct CellMoments {
 pub struct ExactCell {
     /// Index of the cell.
     pub cell: u32,
-    /// The rays whose laws hold at the two ends that it was traced with.
+    /// The rays whose results hold at the two ends that it was traced with.
     pub ends: [Ray; 2],
-    /// Their laws, at the mean constants of the spectrum.
-    pub laws: [Law; 2],
+    /// Their results, at the mean constants of the spectrum.
+    pub results: [RayResult; 2],
     /// Which part of the cell that was traced this is: 0 and 1 are its ends.
     pub range: [f32; 2],
 }
@@ -31,7 +31,7 @@ impl ExactCell {
     /// enough.
     #[must_use]
     pub fn grazing(&self) -> f64 {
-        grazing(&self.laws[0]).min(grazing(&self.laws[1]))
+        grazing(&self.results[0]).min(grazing(&self.results[1]))
     }
 }
 

@@ -5,12 +5,12 @@
 #![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
 
 use super::facet_lists::{Overlap, PatchFacet};
-use super::facet_means::{EDGE_ON, FacetMeans, law_of};
+use super::facet_means::{EDGE_ON, FacetMeans, result_of};
 use super::layout::stand;
 use super::patch::{Patch, middle};
-use super::polygon::{Area, Line, Moments, NEAR, Polygon, Side};
+use super::polygon::{Area, CuttingLine, Moments, NEAR, Polygon, Side};
 use super::sheets::{Met, flags};
-use crate::interface::Law;
+use crate::interface::RayResult;
 use arrayvec::ArrayVec;
 
 /// Rectangles with more facets are split instead: an overlay takes time by the square of them.
@@ -50,7 +50,7 @@ pub(super) struct Piece {
     pub(super) bounds: [[f32; 2]; 2],
     /// Variance of x, m2.
     pub(super) variance: f32,
-    pub(super) law: Law,
+    pub(super) result: RayResult,
     /// Where in the row its light comes from.
     pub(super) rows: PieceRows,
     /// How unlike the light of the part along x and z is to that of an interval of its variance:
@@ -58,7 +58,7 @@ pub(super) struct Piece {
     pub(super) outline: [f32; 2],
     /// Change of the optical depth along x, 1/m.
     pub(super) slope_depth: f32,
-    /// The first order is not enough: its law is to be that of the ray through its centroid.
+    /// The first order is not enough: its result is to be that of the ray through its centroid.
     pub(super) by_ray: bool,
 }
 
@@ -188,7 +188,7 @@ impl FacetMeans<'_> {
         if met.balance != 0 || !finite {
             return None;
         }
-        let law = law_of(numbers, met.signature, flags(share), met.crossings);
+        let result = result_of(numbers, met.signature, flags(share), met.crossings);
         let light = moments.area * self.weight * (-numbers[0]).exp();
         if error > self.far && light < NOTHING * self.light {
             return Some(None);
@@ -228,7 +228,7 @@ impl FacetMeans<'_> {
                 moments.reach[axis].map(|at| (centre[axis] + at) as f32)
             }),
             variance: xx as f32,
-            law,
+            result,
             rows: PieceRows {
                 whole: [centroid[1] - high, centroid[1] + high],
                 borders: [border(0), border(1)],
@@ -257,7 +257,7 @@ fn lay(
     half: [f64; 2],
     regions: &mut Vec<Region>,
 ) -> Option<()> {
-    let lines = facet.edges.map(|[a, b, c]| Line {
+    let lines = facet.edges.map(|[a, b, c]| CuttingLine {
         numbers: [a, b, a * centre[0] + b * centre[1] + c],
         near: NEAR * (a.abs() * half[0] + b.abs() * half[1]),
     });

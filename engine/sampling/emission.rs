@@ -11,14 +11,14 @@ use super::ViewContext;
 use super::cell_batch::{CellBatch, empty_strip};
 use super::cell_moments::{CellMoments, ExactCell};
 use super::error_estimate::Estimator;
-use super::moment_recording::LawEnds;
+use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::{Border, Known, Patch, alike, part};
 use super::rectangle::Rectangle;
 use crate::Result;
 use crate::interface::{
-    Cell, CellRow, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, Law,
-    MOMENTS_PER_MATERIAL,
+    Cell, CellRow, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, MOMENTS_PER_MATERIAL,
+    RayResult,
 };
 use crate::trace::Tracer;
 use rayon::prelude::*;
@@ -118,7 +118,7 @@ impl<'a> Emitter<'a> {
             if node.is_empty()
                 && let Some(last) = rectangles.last_mut()
                 && last.rows.is_none()
-                && last.ends.law.crossings == 0
+                && last.ends.result.crossings == 0
                 && last.x[1].to_bits() == node.x[0].to_bits()
                 && last.z.map(f32::to_bits) == node.z.map(f32::to_bits)
             {
@@ -140,13 +140,13 @@ impl<'a> Emitter<'a> {
             } else {
                 let neighbours = self.estimator.neighbours(patch, node);
                 let slopes = self.estimator.slopes(node, &neighbours);
-                (slopes, 0.0, [node.law.landing_z(self.estimator.gap); 2], [None; 2])
+                (slopes, 0.0, [node.result.landing_z(self.estimator.gap); 2], [None; 2])
             };
             rectangles.push(Rectangle {
                 x: node.x,
                 z: node.z,
                 ray: node.centre(),
-                ends: LawEnds::new(&node.law, node.width(), &slopes),
+                ends: LinearModel::new(&node.result, node.width(), &slopes),
                 spread,
                 ends_z,
                 borders,
@@ -156,7 +156,7 @@ impl<'a> Emitter<'a> {
         self.join(rectangles)
     }
 
-    /// Neighbours that are one straight law as one: splits towards a jump leave chains of them.
+    /// Neighbours that are one straight line as one: splits towards a jump leave chains of them.
     fn join(&self, rectangles: Vec<Rectangle>) -> Vec<Rectangle> {
         let mut joined: Vec<Rectangle> = Vec::with_capacity(rectangles.len());
         let mut rest = &rectangles[..];
@@ -175,13 +175,13 @@ impl<'a> Emitter<'a> {
             let width = |r: &&Rectangle| r.x[1] - r.x[0];
             let widest = group.iter().max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(first);
             let x = [first.x[0], last.x[1]];
-            let line = |of: fn(&LawEnds) -> [f32; 2]| {
+            let line = |of: fn(&LinearModel) -> [f32; 2]| {
                 let middle = |r: &Rectangle| 0.5 * (of(&r.ends)[0] + of(&r.ends)[1]);
                 let slope = (middle(&last) - middle(first)) / (last.ray[0] - first.ray[0]);
                 x.map(|x| middle(first) + slope * (x - first.ray[0]))
             };
-            let ends = LawEnds {
-                law: widest.ends.law,
+            let ends = LinearModel {
+                result: widest.ends.result,
                 depth: line(|e| e.depth),
                 displacement: line(|e| e.displacement),
             };
@@ -194,13 +194,13 @@ impl<'a> Emitter<'a> {
         joined
     }
 
-    /// Whether rectangles that follow one another are one straight law at all of their rays.
+    /// Whether rectangles that follow one another are one straight line at all of their rays.
     fn is_one(&self, group: &[Rectangle]) -> bool {
         let (first, last) = (&group[0], &group[group.len() - 1]);
         let before = &group[group.len() - 2];
         let width = last.x[1] - first.x[0];
         let period = self.view.lattice.period as f32;
-        let (a, b) = (&first.ends.law, &last.ends.law);
+        let (a, b) = (&first.ends.result, &last.ends.result);
         let piece = group.iter().any(|r| r.rows.is_some());
         let stands = last.x[0].to_bits() == before.x[1].to_bits()
             && last.z.map(f32::to_bits) == first.z.map(f32::to_bits)
@@ -217,16 +217,16 @@ impl<'a> Emitter<'a> {
         }
         let room = (FULL_SHARE * period / width).max(1.0);
         let apart = last.ray[0] - first.ray[0];
-        let straight = |of: fn(&Law) -> f32, limit: f32| {
+        let straight = |of: fn(&RayResult) -> f32, limit: f32| {
             let slope = (of(b) - of(a)) / apart;
             group.iter().all(|r| {
                 let line = of(a) + slope * (r.ray[0] - first.ray[0]);
-                (of(&r.ends.law) - line).abs() <= limit * room
+                (of(&r.ends.result) - line).abs() <= limit * room
             })
         };
-        straight(|law| law.displacement_x, self.joined)
-            && straight(|law| law.displacement_z, 100.0 * self.joined)
-            && straight(|law| law.optical_depth, DEPTH_JOINED)
+        straight(|result| result.displacement_x, self.joined)
+            && straight(|result| result.displacement_z, 100.0 * self.joined)
+            && straight(|result| result.optical_depth, DEPTH_JOINED)
     }
 
     /// The strips of a patch; `moments`: `[rectangle][end][material][moment]`, where they are kept.
@@ -298,25 +298,25 @@ impl<'a> Emitter<'a> {
         let mut cells = Vec::with_capacity(rectangles.len());
         let mut kept = CellMoments::default();
         for (index, rectangle) in rectangles.iter().enumerate() {
-            let LawEnds { law, depth, displacement } = &rectangle.ends;
+            let LinearModel { result, depth, displacement } = &rectangle.ends;
             let whole = rectangle.x.map(|x| x + shift);
             let x = whole.map(|x| x.clamp(-half, half));
             if x[1] <= x[0] {
                 continue;
             }
             // The tally has its ray.
-            if law.flags & FLAG_NOT_FINITE != 0 {
+            if result.flags & FLAG_NOT_FINITE != 0 {
                 continue;
             }
             let share = x.map(|x| (x - whole[0]) / (whole[1] - whole[0]));
             let between = |[low, high]: [f32; 2]| share.map(|share| low + (high - low) * share);
             let (depth, displacement) = (between(*depth), between(*displacement));
-            let displacement_z = law.landing_z(self.estimator.gap);
+            let displacement_z = result.landing_z(self.estimator.gap);
             if displacement_z.abs() > lattice.halo as f32 * self.estimator.row_pitch {
                 out.landed_off += 1;
             }
-            let pixel_shift = law.displacement_x * (1.0 - self.ratio)
-                - law.slope_x * self.estimator.gap * self.ratio;
+            let pixel_shift = result.displacement_x * (1.0 - self.ratio)
+                - result.slope_x * self.estimator.gap * self.ratio;
             let down = -f64::from(displacement_z / self.estimator.row_pitch);
             let farthest = down * self.view.delta_ratio();
             lands.start = lands.start.min(farthest.floor() as i64);
@@ -340,12 +340,12 @@ impl<'a> Emitter<'a> {
                 self.set_border_shares(&rectangle.borders, z, &mut shares);
             }
             let [above, below] = shares;
-            if law.flags & FLAG_EXACT != 0 && self.view.keep.is_some() {
+            if result.flags & FLAG_EXACT != 0 && self.view.keep.is_some() {
                 let [x, z] = patch.place(rectangle.ray);
                 kept.exact.push(ExactCell {
                     cell: cells.len() as u32,
                     ends: [self.view.ray(patch.beamlet, patch.row, x, z); 2],
-                    laws: rectangle.ends.laws(),
+                    results: rectangle.ends.results(),
                     range: share,
                 });
             }

@@ -1,7 +1,7 @@
-//! Error of one rectangle of a patch: what recorded values may miss because its law is that of one
+//! Error of one rectangle of a patch: what recorded values may miss because its result is that of one
 //! ray, or the linear one that fits it best.
 //!
-//! By a ray: the law is linear, with slopes from its neighbours. Its error is taken from the
+//! By a ray: the result is linear, with slopes from its neighbours. Its error is taken from the
 //! neighbours that it predicts worst: the change of the recorded light if the rectangle were like
 //! that neighbour, times 1 / sqrt(12), the standard deviation of a place spread evenly over a step.
 //! By its best fit: the standard deviation of what the facets do from the fit counts, and only
@@ -13,7 +13,7 @@ use super::dissection::Piece;
 use super::error_budget::ErrorBudget;
 use super::patch::{Axis, Known, Node, Patch, Residuals, alike};
 use super::response::Response;
-use crate::interface::Law;
+use crate::interface::RayResult;
 use std::ops::Range;
 
 /// Light of a triangle at one side of an edge that cuts it, beside that of an interval.
@@ -109,7 +109,7 @@ impl Estimator<'_> {
         }
     }
 
-    /// Of a rectangle that is known by its pieces. Their areas, centroids, variances and laws are
+    /// Of a rectangle that is known by its pieces. Their areas, centroids, variances and results are
     /// exact; the outline of a piece that an edge cuts is not.
     fn pieces_error(&self, patch: &Patch, index: u32, pieces: &[Piece]) -> CellError {
         let node = &patch.nodes[index as usize];
@@ -117,8 +117,8 @@ impl Estimator<'_> {
         let (mut cut, mut told, mut all) = (0.0_f32, 0.0_f32, 0.0);
         let rectangle = node.width() * node.height() * self.response.weight;
         for piece in pieces {
-            let light = rectangle * piece.share * (-piece.law.optical_depth).exp();
-            let at = self.response.landing(column, piece.centroid[0], piece.law.displacement_x);
+            let light = rectangle * piece.share * (-piece.result.optical_depth).exp();
+            let at = self.response.landing(column, piece.centroid[0], piece.result.displacement_x);
             let half = self.response.magnification * (3.0 * piece.variance).sqrt();
             let apart = piece.centroid[0] - 0.5 * (piece.x[0] + piece.x[1]);
             let aside = (apart.abs() / node.width()).min(1.0);
@@ -157,7 +157,7 @@ impl Estimator<'_> {
     /// Share of the light of a piece that its outline may move over the border of a row.
     #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
     fn beyond_border(&self, piece: &Piece) -> f32 {
-        let down = -piece.law.landing_z(self.gap) / self.row_pitch;
+        let down = -piece.result.landing_z(self.gap) / self.row_pitch;
         let [top, bottom] = piece.rows.whole.map(|z| z as f32);
         let height = bottom - top;
         // Beyond a sharp border; a blur hides outlines that are smaller.
@@ -170,11 +170,12 @@ impl Estimator<'_> {
     /// Of a rectangle that is known as a mean.
     fn mean_error(&self, patch: &Patch, index: u32, residuals: &Residuals) -> CellError {
         let node = &patch.nodes[index as usize];
-        let law = &node.law;
+        let result = &node.result;
         let column = self.column(patch.beamlet);
         let area = node.width() * node.height() * self.response.weight;
-        let passed = (-law.optical_depth).exp();
-        let at = self.response.landing(column, patch.place(node.centre())[0], law.displacement_x);
+        let passed = (-result.optical_depth).exp();
+        let at =
+            self.response.landing(column, patch.place(node.centre())[0], result.displacement_x);
         let growth = (self.response.magnification + residuals.slope).abs();
         let half = 0.5 * growth * node.width();
         let [along, across] = self.along_x(residuals, [passed, at], half);
@@ -183,7 +184,7 @@ impl Estimator<'_> {
         let (deviation, farthest) = (residuals.displacement_z, residuals.farthest[1]);
         let skewed = deviation * farthest.max(deviation);
         let known = residuals.borders.iter().any(Option::is_some);
-        let over = |off: f32| self.over_border(node, known, law, off, skewed);
+        let over = |off: f32| self.over_border(node, known, result, off, skewed);
         let down = passed * tailed(deviation, farthest, over);
         // A Gaussian stands for the slope over z, and what crosses the border of the row lands
         // along x like all of the rectangle.
@@ -215,12 +216,19 @@ impl Estimator<'_> {
         [along, across]
     }
 
-    /// Share of the light of a rectangle that may land in another row than its mean law says,
+    /// Share of the light of a rectangle that may land in another row than its mean result says,
     /// where that is off by `residual` along z, m. `known`: what crosses the borders of the row is
     /// known. `skewed`: variance of the displacement times its
     /// farthest over its deviation, m2, which bounds the third moment.
-    fn over_border(&self, node: &Node, known: bool, law: &Law, residual: f32, skewed: f32) -> f32 {
-        let down = -law.landing_z(self.gap) / self.row_pitch;
+    fn over_border(
+        &self,
+        node: &Node,
+        known: bool,
+        result: &RayResult,
+        residual: f32,
+        skewed: f32,
+    ) -> f32 {
+        let down = -result.landing_z(self.gap) / self.row_pitch;
         let off = residual / self.row_pitch;
         let skewed = skewed / (self.row_pitch * self.row_pitch);
         let reach = off + self.row_blur;
@@ -251,7 +259,7 @@ impl Estimator<'_> {
         let neighbours = self.neighbours(patch, node);
         let slopes = self.slopes(node, &neighbours);
         let column = self.column(patch.beamlet);
-        let own = &node.law;
+        let own = &node.result;
         let centre = node.centre();
         let area = node.width() * node.height() * self.response.weight;
         let passed = (-own.optical_depth).exp();
@@ -259,41 +267,47 @@ impl Estimator<'_> {
         let at = self.response.landing(column, x, own.displacement_x);
         let half =
             0.5 * (self.response.magnification + slopes.displacement[0]).abs() * node.width();
-        let landing_z = |law: &Law| law.landing_z(self.gap);
+        let landing_z = |result: &RayResult| result.landing_z(self.gap);
         let at_border = node.z[0] <= 0.0 || node.z[1] >= 1.0;
         // From a row beside the recorded ones, only light that lands there counts.
         let beside = (self.lit.start - patch.row).max(patch.row + 1 - self.lit.end).max(0);
-        let reaches = |law: &Law| 2.0 * landing_z(law).abs() > beside as f32 * self.row_pitch;
+        let reaches =
+            |result: &RayResult| 2.0 * landing_z(result).abs() > beside as f32 * self.row_pitch;
         let mut change = [0.0_f32; 2];
         let mut silhouette = false;
         let mut moved: f32 = 0.0;
         for (number, found) in neighbours.iter().enumerate() {
             let Some(found) = found else { continue };
-            let law = &found.law;
+            let result = &found.result;
             let axis = number / 6;
-            let light = if beside > 0 && !reaches(own) && !reaches(law) {
-                if alike(own, law) { 0.0 } else { THROWN * passed.max((-law.optical_depth).exp()) }
-            } else if alike(own, law) {
+            let light = if beside > 0 && !reaches(own) && !reaches(result) {
+                if alike(own, result) {
+                    0.0
+                } else {
+                    THROWN * passed.max((-result.optical_depth).exp())
+                }
+            } else if alike(own, result) {
                 let apart = [found.x - centre[0], found.z - centre[1]];
-                let off = |of: fn(&Law) -> f32, slopes: [f32; 2]| {
-                    of(law) - of(own) - slopes[0] * apart[0] - slopes[1] * apart[1]
+                let off = |of: fn(&RayResult) -> f32, slopes: [f32; 2]| {
+                    of(result) - of(own) - slopes[0] * apart[0] - slopes[1] * apart[1]
                 };
-                let depth = off(|law| law.optical_depth, slopes.depth);
-                let displacement = off(|law| law.displacement_x, slopes.displacement);
+                let depth = off(|result| result.optical_depth, slopes.depth);
+                let displacement = off(|result| result.displacement_x, slopes.displacement);
                 moved = moved.max(displacement.abs());
                 let other = [passed * (-depth).exp(), at + displacement];
                 let mut light = self.response.change([passed, at], other, half);
                 if at_border {
                     // Light that moves over the border of the row.
-                    let down = (landing_z(law) - landing_z(own)).abs() / self.row_pitch;
+                    let down = (landing_z(result) - landing_z(own)).abs() / self.row_pitch;
                     light += passed * (down / node.height()).min(1.0);
                 }
                 light
             } else {
                 silhouette = true;
-                let there = (-law.optical_depth).exp();
-                let moved = self.response.landing(column, x, law.displacement_x);
-                let share = SILHOUETTE_CROSSINGS / own.crossings.max(law.crossings).max(1) as f32;
+                let there = (-result.optical_depth).exp();
+                let moved = self.response.landing(column, x, result.displacement_x);
+                let share =
+                    SILHOUETTE_CROSSINGS / own.crossings.max(result.crossings).max(1) as f32;
                 let all = share.min(1.0) * passed.max(there);
                 self.response.change([passed, at], [there, moved], half).max(all)
             };

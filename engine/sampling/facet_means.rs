@@ -12,8 +12,8 @@ use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
 use super::patch::{Border, Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
-use super::sheets::{Sums, farthest, flags, widen};
-use crate::interface::Law;
+use super::sheets::{RectangleSums, farthest, flags, widen};
+use crate::interface::RayResult;
 use crate::trace::FIRST_ORDER_ERROR;
 
 /// Sheets cover a rectangle a whole number of times to this.
@@ -37,15 +37,15 @@ const THINNEST_BAND: f64 = 1e-3;
 /// What the facets say of a rectangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Mean {
-    /// The linear law that fits it best, to first order: means over all its rays.
-    Fit(Law, Residuals),
+    /// The linear model that fits it best, to first order: means over all its rays.
+    Fit(RayResult, Residuals),
     /// A silhouette crosses it. Mean number of crossings of its rays.
     Silhouette { crossings: f32 },
     /// The first order is not enough, or the facets are not sound.
     Unknown,
 }
 
-/// What a facet adds to the law of a ray.
+/// What a facet adds to the result of a ray.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Added {
     /// Optical depth, displacement (m) and slope along x and z.
@@ -71,11 +71,16 @@ impl Added {
     }
 }
 
-/// A law of these numbers: optical depth, displacement and slope along x and z.
-pub(super) fn law_of(numbers: [f64; 5], signature: u32, flags: u32, crossings: u32) -> Law {
+/// A result of these numbers: optical depth, displacement and slope along x and z.
+pub(super) fn result_of(
+    numbers: [f64; 5],
+    signature: u32,
+    flags: u32,
+    crossings: u32,
+) -> RayResult {
     let [optical_depth, displacement_x, displacement_z, slope_x, slope_z] =
         numbers.map(|number| number as f32);
-    Law {
+    RayResult {
         optical_depth,
         displacement_x,
         displacement_z,
@@ -148,11 +153,11 @@ impl<'a> FacetMeans<'a> {
         }
         let sums = self.sums(patch, facets(), centre, half);
         let size = half.map(|half| 2.0 * half);
-        let Some((law, mut residuals)) = self.fit(&sums, size) else { return Mean::Unknown };
+        let Some((result, mut residuals)) = self.fit(&sums, size) else { return Mean::Unknown };
         if !self.strict {
-            residuals.borders = self.borders(patch, facets(), [x, z], &law);
+            residuals.borders = self.borders(patch, facets(), [x, z], &result);
         }
-        Mean::Fit(law, residuals)
+        Mean::Fit(result, residuals)
     }
 
     /// What crosses the borders of the row that a rectangle touches. That light comes from a band
@@ -162,7 +167,7 @@ impl<'a> FacetMeans<'a> {
         patch: &Patch,
         facets: impl Iterator<Item = &'f PatchFacet> + Clone,
         [x, z]: [[f64; 2]; 2],
-        law: &Law,
+        result: &RayResult,
     ) -> [Option<Border>; 2] {
         let reach = (BORDER_BAND * self.lattice.row_spread.blur).max(THINNEST_BAND);
         let band = reach.min(z[1] - z[0]);
@@ -185,7 +190,7 @@ impl<'a> FacetMeans<'a> {
                     landing += weight * (shift + f64::from(self.gap) * slope);
                 }
             }
-            let light = (f64::from(law.optical_depth) - depth).exp();
+            let light = (f64::from(result.optical_depth) - depth).exp();
             Border { landing: landing as f32, light: light as f32 }
         };
         std::array::from_fn(|end| bands[end].0.then(|| border(end, bands[end].1)))
@@ -198,9 +203,9 @@ impl<'a> FacetMeans<'a> {
         facets: impl Iterator<Item = &'f PatchFacet>,
         centre: Corner,
         half: [f64; 2],
-    ) -> Sums {
+    ) -> RectangleSums {
         let whole = Area::of_rectangle(centre, half);
-        let mut sums = Sums::new(centre, whole.area);
+        let mut sums = RectangleSums::new(centre, whole.area);
         for facet in facets {
             let part = facet.within(centre, half);
             // Edge-on facets take no light, and their normals say nothing.
@@ -213,7 +218,13 @@ impl<'a> FacetMeans<'a> {
 
     /// Adds what a facet does over a part of the rectangle; nothing where the first order is not
     /// enough, or there are too many sheets.
-    fn add(&self, patch: &Patch, facet: &PatchFacet, part: &Area, sums: &mut Sums) -> Option<()> {
+    fn add(
+        &self,
+        patch: &Patch,
+        facet: &PatchFacet,
+        part: &Area,
+        sums: &mut RectangleSums,
+    ) -> Option<()> {
         let Area { area, centroid, moments } = *part;
         let added = self.added(patch, facet, centroid);
         let step = &self.steps[facet.component as usize];
@@ -233,7 +244,7 @@ impl<'a> FacetMeans<'a> {
         sums.depth_by_z +=
             depth * (centroid[1] - centre[1]) + rise * moments[1] + rise_z * moments[2];
         let values = added.numbers.map(|value| area * value);
-        for (sum, value) in sums.law.iter_mut().zip(values) {
+        for (sum, value) in sums.result.iter_mut().zip(values) {
             *sum += value;
         }
         if area >= (1.0 - WHOLE) * sums.area {
@@ -257,7 +268,7 @@ impl<'a> FacetMeans<'a> {
         Some(())
     }
 
-    /// What a facet adds to the law of the ray through a place (x from the beamlet's centre, m;
+    /// What a facet adds to the result of the ray through a place (x from the beamlet's centre, m;
     /// share of the row).
     pub(super) fn added(&self, patch: &Patch, facet: &PatchFacet, [x, z]: Corner) -> Added {
         let step = &self.steps[facet.component as usize];
@@ -287,7 +298,11 @@ impl<'a> FacetMeans<'a> {
         }
     }
 
-    fn fit(&self, sums: &Sums, [width, height]: [f64; 2]) -> Option<(Law, Residuals)> {
+    fn fit(
+        &self,
+        sums: &RectangleSums,
+        [width, height]: [f64; 2],
+    ) -> Option<(RayResult, Residuals)> {
         if !sums.sound {
             return None;
         }
@@ -335,7 +350,7 @@ impl<'a> FacetMeans<'a> {
         if !error.is_finite() || met.balance != 0 {
             return None;
         }
-        let mut numbers = sums.law.map(|sum| sum / area);
+        let mut numbers = sums.result.map(|sum| sum / area);
         if !self.strict {
             // A cell has no slopes along z: the mean displacement is that of its light, the mean
             // light that of a slope.
@@ -343,13 +358,13 @@ impl<'a> FacetMeans<'a> {
             numbers[1] -= across * rise_z * z2;
             numbers[0] -= (0.5 * rise_z * rise_z * z2).min(numbers[0].max(0.0));
         }
-        let law = law_of(numbers, met.signature, flags(sums.share), met.crossings);
-        let passed = (-f64::from(law.optical_depth)).exp();
+        let result = result_of(numbers, met.signature, flags(sums.share), met.crossings);
+        let passed = (-f64::from(result.optical_depth)).exp();
         let light = area * self.weight * passed * error * self.steepest;
         if error > self.displacement && light > self.light {
             return None;
         }
-        let landing_z = law.landing_z(self.gap);
+        let landing_z = result.landing_z(self.gap);
         let residuals = Residuals {
             slope: slope as f32,
             slope_depth: (sums.depth_by_x / area / x2) as f32,
@@ -364,6 +379,6 @@ impl<'a> FacetMeans<'a> {
                 (farthest_by[1] - 0.5 * (slope_z * height).abs()) as f32,
             ],
         };
-        Some((law, residuals))
+        Some((result, residuals))
     }
 }

@@ -275,7 +275,7 @@ pub(crate) fn column(scene: &Scene, slope: f64, analyser: f64, sample_plane: f64
     }
 }
 
-/// Enough cells that the linear law holds in them almost everywhere before refinement: four to
+/// Enough cells that the linear model holds in them almost everywhere before refinement: four to
 /// an aperture, within reason.
 fn default_cells(period: f64, aperture: f64) -> u32 {
     ((2.0 * period / aperture).ceil() as u32).clamp(6, 64)

@@ -98,7 +98,7 @@ mod tests {
             centroid: [x, z].map(|[low, high]| 0.5 * (low + high)),
             bounds: [x, z],
             variance: 0.0,
-            law: bytemuck::Zeroable::zeroed(),
+            result: bytemuck::Zeroable::zeroed(),
             rows: PieceRows { whole: [0.0, 1.0], borders: [([0.0, 1.0], 1.0); 2] },
             outline: [0.0; 2],
             slope_depth: 0.0,

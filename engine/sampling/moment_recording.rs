@@ -8,14 +8,15 @@ use super::patch::Patch;
 use super::rectangle::Rectangle;
 use crate::Result;
 use crate::interface::{
-    FLAG_EXACT, FLAG_NOT_FINITE, FLAG_UNBALANCED, Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray,
+    FLAG_EXACT, FLAG_NOT_FINITE, FLAG_UNBALANCED, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray,
+    RayResult,
 };
 use crate::material::Constants;
 use crate::parallel;
 use crate::trace::{MaterialTable, Tracer, object_hash};
 use rayon::prelude::*;
 
-/// Of constants on both sides of a surface, by which a law tells moments.
+/// Of constants on both sides of a surface, by which a result tells moments.
 const LEAST_CONTRAST: f64 = 0.05;
 
 /// For what moments are kept.
@@ -54,21 +55,21 @@ impl MomentRecording {
         Self { reference: reference.to_vec(), delta_ratio: in_hand * delta_ratio, alone }
     }
 
-    /// Whether a law tells the moments of its ray, and then of which material they are: those of a
+    /// Whether a result tells the moments of its ray, and then of which material they are: those of a
     /// ray through one body alone are its numbers over the constants. Nothing is told by ordered
     /// walks, or where the constants do not differ from those of the surroundings.
-    pub(super) fn told_by(&self, law: &Law) -> Option<usize> {
-        if law.crossings == 0 {
+    pub(super) fn told_by(&self, result: &RayResult) -> Option<usize> {
+        if result.crossings == 0 {
             return Some(0);
         }
         let unlike = FLAG_EXACT | FLAG_UNBALANCED | FLAG_NOT_FINITE;
-        if law.crossings != 2 || law.flags & unlike != 0 {
+        if result.crossings != 2 || result.flags & unlike != 0 {
             return None;
         }
-        let at = self.alone.binary_search_by_key(&law.signature, |(signature, _)| *signature);
+        let at = self.alone.binary_search_by_key(&result.signature, |(signature, _)| *signature);
         let material = self.alone[at.ok()?].1 as usize;
         let (inside, outside) = (&self.reference[material], &self.reference[0]);
-        // A law is the difference of what either side does, rounded.
+        // A result is the difference of what either side does, rounded.
         let tells = |of: fn(&Constants) -> f64| {
             let (inside, outside) = (of(inside), of(outside));
             (inside - outside).abs() > LEAST_CONTRAST * inside.abs().max(outside.abs())
@@ -82,15 +83,15 @@ impl MomentRecording {
         [inside.mu - outside.mu, inside.delta - outside.delta]
     }
 
-    /// Appends the moments that a law tells.
-    fn push_told(&self, law: &Law, material: usize, moments: &mut Vec<f32>) {
+    /// Appends the moments that a result tells.
+    fn push_told(&self, result: &RayResult, material: usize, moments: &mut Vec<f32>) {
         let first = moments.len();
         moments.resize(first + self.reference.len() * MOMENTS_PER_MATERIAL, 0.0);
-        if law.crossings == 0 {
+        if result.crossings == 0 {
             return;
         }
         let [mu, delta] = self.step(material);
-        for (i, number) in numbers(law).into_iter().enumerate() {
+        for (i, number) in numbers(result).into_iter().enumerate() {
             let moment = (number / if i == 0 { mu } else { delta }) as f32;
             moments[first + material * MOMENTS_PER_MATERIAL + i] = moment;
             moments[first + i] = -moment;
@@ -98,7 +99,7 @@ impl MomentRecording {
     }
 
     /// Moments of the rectangles of patches at both ends of x,
-    /// `[rectangle][end][material][moment]` for each patch. Rays whose laws do not tell them, few of
+    /// `[rectangle][end][material][moment]` for each patch. Rays whose results do not tell them, few of
     /// a patch, are traced once more.
     pub(super) fn record(
         &self,
@@ -108,7 +109,7 @@ impl MomentRecording {
         rectangles: &[Vec<Rectangle>],
     ) -> Result<Vec<Vec<f32>>> {
         let unknown = |(patch, rectangles): (&&Patch, &Vec<Rectangle>)| -> Vec<Ray> {
-            let unknown = rectangles.iter().filter(|r| self.told_by(&r.ends.law).is_none());
+            let unknown = rectangles.iter().filter(|r| self.told_by(&r.ends.result).is_none());
             unknown
                 .map(|r| {
                     let [x, z] = patch.place(r.ray);
@@ -135,8 +136,8 @@ impl MomentRecording {
             for rectangle in rectangles {
                 let ends = &rectangle.ends;
                 of_ray.clear();
-                if let Some(material) = self.told_by(&ends.law) {
-                    self.push_told(&ends.law, material, &mut of_ray);
+                if let Some(material) = self.told_by(&ends.result) {
+                    self.push_told(&ends.result, material, &mut of_ray);
                 } else {
                     let words = traced.next().and_then(|words| words.get(MOMENTS_HEAD..));
                     of_ray
@@ -146,9 +147,10 @@ impl MomentRecording {
                     let first = moments.len();
                     moments.extend_from_slice(&of_ray);
                     let mut by = Numbers::default();
-                    by[0] = f64::from(ends.depth[end]) - f64::from(ends.law.optical_depth);
-                    by[1] = f64::from(ends.displacement[end]) - f64::from(ends.law.displacement_x);
-                    move_law(&mut moments[first..], by, &self.reference);
+                    by[0] = f64::from(ends.depth[end]) - f64::from(ends.result.optical_depth);
+                    by[1] =
+                        f64::from(ends.displacement[end]) - f64::from(ends.result.displacement_x);
+                    move_result(&mut moments[first..], by, &self.reference);
                 }
             }
             moments
@@ -157,53 +159,59 @@ impl MomentRecording {
     }
 }
 
-/// The linear law of a rectangle: that of its ray, and optical depth and displacement at both ends
+/// The linear model of a rectangle: that of its ray, and optical depth and displacement at both ends
 /// of x.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LawEnds {
-    pub(super) law: Law,
+pub(super) struct LinearModel {
+    pub(super) result: RayResult,
     pub(super) depth: [f32; 2],
     pub(super) displacement: [f32; 2],
 }
 
-impl LawEnds {
+impl LinearModel {
     /// With these slopes over a width, m. Matter attenuates at either end.
-    pub(super) fn new(law: &Law, width: f32, slopes: &Slopes) -> Self {
+    pub(super) fn new(result: &RayResult, width: f32, slopes: &Slopes) -> Self {
         let spread = |value: f32, slope: f32| {
             let change = 0.5 * width * slope;
             [value - change, value + change]
         };
-        let depth = law.optical_depth;
+        let depth = result.optical_depth;
         let steepest = 2.0 * depth.max(0.0) / width;
         Self {
-            law: *law,
+            result: *result,
             depth: spread(depth, slopes.depth[0].clamp(-steepest, steepest)),
-            displacement: spread(law.displacement_x, slopes.displacement[0]),
+            displacement: spread(result.displacement_x, slopes.displacement[0]),
         }
     }
 
-    /// As laws.
-    pub(super) fn laws(&self) -> [Law; 2] {
-        [0, 1].map(|end| Law {
+    /// As results.
+    pub(super) fn results(&self) -> [RayResult; 2] {
+        [0, 1].map(|end| RayResult {
             optical_depth: self.depth[end],
             displacement_x: self.displacement[end],
-            ..self.law
+            ..self.result
         })
     }
 }
 
-/// Numbers of a law that light goes by: optical depth, displacement and slope along x and z.
+/// Numbers of a result that light goes by: optical depth, displacement and slope along x and z.
 type Numbers = [f64; 5];
 
-/// Numbers of a law, in the order of a ray's moments.
-fn numbers(law: &Law) -> Numbers {
-    [law.optical_depth, law.displacement_x, law.displacement_z, law.slope_x, law.slope_z]
-        .map(f64::from)
+/// Numbers of a result, in the order of a ray's moments.
+fn numbers(result: &RayResult) -> Numbers {
+    [
+        result.optical_depth,
+        result.displacement_x,
+        result.displacement_z,
+        result.slope_x,
+        result.slope_z,
+    ]
+    .map(f64::from)
 }
 
-/// Moves the law that moments make with these constants, by the material that has the largest part
+/// Moves the result that moments make with these constants, by the material that has the largest part
 /// in each of its numbers.
-fn move_law(moments: &mut [f32], by: Numbers, constants: &[Constants]) {
+fn move_result(moments: &mut [f32], by: Numbers, constants: &[Constants]) {
     for (i, by) in by.into_iter().enumerate() {
         let constant = |c: &Constants| if i == 0 { c.mu } else { c.delta };
         let part = |(moment, c): &(&mut f32, &Constants)| (f64::from(**moment) * constant(c)).abs();

@@ -1,9 +1,9 @@
-//! Neighbours of a rectangle, and the slopes of its law that they tell.
+//! Neighbours of a rectangle, and the slopes of its result that they tell.
 
 use super::base_lattice::Found;
 use super::error_estimate::Estimator;
 use super::patch::{Node, Patch, alike};
-use crate::interface::Law;
+use crate::interface::RayResult;
 
 /// Neighbours are compared with a rectangle where their centres stand no farther aside than this
 /// part of its size: as far as those of rectangles three times as large do.
@@ -32,8 +32,8 @@ fn limited(slopes: [Option<f32>; 2]) -> f32 {
 }
 
 impl Estimator<'_> {
-    /// The law of a base ray around a patch, at coordinates of the patch.
-    fn around(&self, patch: &Patch, own: &Law, [x, z]: [f32; 2]) -> Option<Found> {
+    /// The result of a base ray around a patch, at coordinates of the patch.
+    fn around(&self, patch: &Patch, own: &RayResult, [x, z]: [f32; 2]) -> Option<Found> {
         let place = patch.place([x, z]);
         let at = |shift: f32| {
             let place = [place[0] + shift, place[1]];
@@ -42,13 +42,13 @@ impl Estimator<'_> {
             Some(found)
         };
         let nearest = at(0.0)?;
-        if (0.0..1.0).contains(&z) || alike(&nearest.law, own) {
+        if (0.0..1.0).contains(&z) || alike(&nearest.result, own) {
             return Some(nearest);
         }
         // In the rows above and below rays stand far apart: a silhouette between two of them says
         // nothing of a narrow rectangle.
         let beside = [-self.base.width(), self.base.width()].into_iter().filter_map(at);
-        Some(beside.into_iter().find(|found| alike(&found.law, own)).unwrap_or(nearest))
+        Some(beside.into_iter().find(|found| alike(&found.result, own)).unwrap_or(nearest))
     }
 
     /// Coordinates beside a rectangle, three on each side: at lower and higher x, above and below.
@@ -88,9 +88,9 @@ impl Estimator<'_> {
                 last = Some(leaf);
                 let leaf = &patch.nodes[leaf as usize];
                 let [x, z] = leaf.centre();
-                Found { law: leaf.law, x, z }
+                Found { result: leaf.result, x, z }
             } else if index % 3 == 1 {
-                self.around(patch, &node.law, at)?
+                self.around(patch, &node.result, at)?
             } else {
                 return None;
             };
@@ -98,7 +98,7 @@ impl Estimator<'_> {
             let near = if !patch.straight {
                 true
             } else if index < 6 {
-                (found.z - z).abs() <= height || !alike(&found.law, &node.law)
+                (found.z - z).abs() <= height || !alike(&found.result, &node.result)
             } else {
                 (found.x - x).abs() <= width
             };
@@ -106,7 +106,7 @@ impl Estimator<'_> {
         })
     }
 
-    /// Leaves beside a rectangle in its own patch, whose errors follow its law.
+    /// Leaves beside a rectangle in its own patch, whose errors follow its result.
     pub(super) fn leaves_beside<'p>(
         &self,
         patch: &'p Patch,
@@ -123,23 +123,24 @@ impl Estimator<'_> {
         })
     }
 
-    /// Slopes of the law of a rectangle, from neighbours that crossed the same objects.
+    /// Slopes of the result of a rectangle, from neighbours that crossed the same objects.
     pub(super) fn slopes(&self, node: &Node, neighbours: &[Option<Found>; 12]) -> Slopes {
         let centre = node.centre();
-        let own = &node.law;
-        let slope = |of: fn(&Law) -> f32| {
+        let own = &node.result;
+        let slope = |of: fn(&RayResult) -> f32| {
             let mut slopes = [0.0_f32; 2];
             // Neighbours of other sizes stand aslant: what the other axis explains is taken off.
             for axis in [1, 0, 1] {
                 let along = [2 * axis, 2 * axis + 1].map(|side| {
                     let found = neighbours[3 * side..3 * side + 3].iter().flatten();
                     let apart = |found: &Found| [found.x - centre[0], found.z - centre[1]];
-                    let nearest = found.filter(|found| alike(&found.law, own)).min_by(|a, b| {
-                        let off = |found: &Found| apart(found)[1 - axis].abs();
-                        off(a).total_cmp(&off(b))
-                    })?;
+                    let nearest =
+                        found.filter(|found| alike(&found.result, own)).min_by(|a, b| {
+                            let off = |found: &Found| apart(found)[1 - axis].abs();
+                            off(a).total_cmp(&off(b))
+                        })?;
                     let apart = apart(nearest);
-                    let rise = of(&nearest.law) - of(own) - slopes[1 - axis] * apart[1 - axis];
+                    let rise = of(&nearest.result) - of(own) - slopes[1 - axis] * apart[1 - axis];
                     Some(rise / apart[axis])
                 });
                 slopes[axis] = limited(along);
@@ -147,8 +148,8 @@ impl Estimator<'_> {
             slopes
         };
         Slopes {
-            depth: slope(|law| law.optical_depth),
-            displacement: slope(|law| law.displacement_x),
+            depth: slope(|result| result.optical_depth),
+            displacement: slope(|result| result.displacement_x),
         }
     }
 }

@@ -12,7 +12,7 @@
 use super::dissection::Piece;
 use super::facet_lists::{Overlap, PatchFacet};
 use super::facet_means::Mean;
-use crate::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, Law};
+use crate::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
 use std::ops::Range;
 
 /// Indices of facets that take as much memory as a rectangle.
@@ -27,7 +27,7 @@ pub(super) enum Axis {
     Z,
 }
 
-/// What the linear law that fits a rectangle best leaves of what its facets do.
+/// What the linear model that fits a rectangle best leaves of what its facets do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Residuals {
     /// Slopes along x which the fit has, of displacement and optical depth.
@@ -70,25 +70,25 @@ impl Border {
     }
 }
 
-/// How the law of a rectangle is known.
+/// How the result of a rectangle is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Known {
     /// By the ray through its centre.
     Ray,
-    /// As the linear law that fits it best.
+    /// As the linear model that fits it best.
     Mean(Residuals),
     /// By the pieces that its facets cut it into: the first of them, and their end.
     Pieces([u32; 2]),
 }
 
-/// A rectangle and its law.
+/// A rectangle and its result.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
     /// From the beamlet's centre in the cell plane at the middle of the row, m.
     pub(super) x: [f32; 2],
     /// Share of the row, downwards.
     pub(super) z: [f32; 2],
-    pub(super) law: Law,
+    pub(super) result: RayResult,
     pub(super) known: Known,
     /// Mean number of crossings of all its rays, where a silhouette crosses it and it is known.
     crossings: Option<f32>,
@@ -98,8 +98,8 @@ pub(super) struct Node {
 }
 
 impl Node {
-    pub(super) fn new(x: [f32; 2], z: [f32; 2], law: Law) -> Self {
-        Self { x, z, law, known: Known::Ray, crossings: None, facets: [0; 2], split: None }
+    pub(super) fn new(x: [f32; 2], z: [f32; 2], result: RayResult) -> Self {
+        Self { x, z, result, known: Known::Ray, crossings: None, facets: [0; 2], split: None }
     }
 
     /// Centre (x, z).
@@ -122,7 +122,7 @@ impl Node {
 
     /// Share of its rays that cross other surfaces than its own ray, at least.
     pub(super) fn hidden(&self) -> f32 {
-        let off = |mean: f32| (0.5 * (mean - self.law.crossings as f32).abs()).min(1.0);
+        let off = |mean: f32| (0.5 * (mean - self.result.crossings as f32).abs()).min(1.0);
         self.crossings.map_or(0.0, off)
     }
 
@@ -133,7 +133,7 @@ impl Node {
 
     /// Whether no ray of it meets the sample.
     pub(super) fn is_empty(&self) -> bool {
-        self.law.crossings == 0 && !matches!(self.known, Known::Pieces(_))
+        self.result.crossings == 0 && !matches!(self.known, Known::Pieces(_))
     }
 
     pub(super) fn is_leaf(&self) -> bool {
@@ -143,7 +143,7 @@ impl Node {
 
 /// Whether two rays crossed the same objects in the same way, so that what lies between may be
 /// interpolated.
-pub(super) fn alike(a: &Law, b: &Law) -> bool {
+pub(super) fn alike(a: &RayResult, b: &RayResult) -> bool {
     a.signature == b.signature
         && (a.flags ^ b.flags) & FLAG_REFLECTED == 0
         && (a.flags | b.flags) & FLAG_NOT_FINITE == 0
@@ -192,16 +192,22 @@ pub(super) fn part(range: [f32; 2], index: u32, count: u32) -> [f32; 2] {
 }
 
 impl Patch {
-    /// A patch of base rectangles that cover the period, with these laws, by z, then x.
-    pub(super) fn new(beamlet: i64, row: i64, period: f32, base: [u32; 2], laws: &[Law]) -> Self {
+    /// A patch of base rectangles that cover the period, with these results, by z, then x.
+    pub(super) fn new(
+        beamlet: i64,
+        row: i64,
+        period: f32,
+        base: [u32; 2],
+        results: &[RayResult],
+    ) -> Self {
         let mut patch = Self::sheared(beamlet, row, 0.5 * period, 0.0, base);
-        for (node, law) in patch.nodes.iter_mut().zip(laws) {
-            node.law = *law;
+        for (node, result) in patch.nodes.iter_mut().zip(results) {
+            node.result = *result;
         }
         patch
     }
 
-    /// A patch of base rectangles whose laws are to be set.
+    /// A patch of base rectangles whose results are to be set.
     pub(super) fn sheared(
         beamlet: i64,
         row: i64,
@@ -214,7 +220,7 @@ impl Patch {
         Self { shear, ..Self::slabs(beamlet, row, borders, base[1]) }
     }
 
-    /// A patch of upright rectangles with these borders on this number of lines, whose laws are to
+    /// A patch of upright rectangles with these borders on this number of lines, whose results are to
     /// be set.
     pub(super) fn slabs(beamlet: i64, row: i64, borders: Vec<f32>, lines: u32) -> Self {
         let columns = borders.len().saturating_sub(1);
@@ -310,7 +316,7 @@ impl Patch {
         &self.list[first as usize..end as usize]
     }
 
-    /// Splits a leaf; its parts begin with its law.
+    /// Splits a leaf; its parts begin with its result.
     pub(super) fn split(&mut self, index: u32, axis: Axis) -> Range<u32> {
         let parent = self.nodes[index as usize];
         let first = self.nodes.len() as u32;
@@ -321,7 +327,7 @@ impl Patch {
                 Axis::X => (part(parent.x, i, PARTS), parent.z),
                 Axis::Z => (parent.x, part(parent.z, i, PARTS)),
             };
-            self.nodes.push(Node::new(x, z, parent.law));
+            self.nodes.push(Node::new(x, z, parent.result));
             self.list_facets(self.nodes.len() - 1, &some);
         }
         self.splits += 1;
@@ -333,10 +339,10 @@ impl Patch {
         self.place(self.nodes[node as usize].centre())
     }
 
-    /// Sets the law of a rectangle to that of its ray.
-    pub(super) fn set_law(&mut self, node: u32, law: &Law) {
+    /// Sets the result of a rectangle to that of its ray.
+    pub(super) fn set_result(&mut self, node: u32, result: &RayResult) {
         let node = &mut self.nodes[node as usize];
-        (node.law, node.known) = (*law, Known::Ray);
+        (node.result, node.known) = (*result, Known::Ray);
     }
 
     /// The pieces of a rectangle that is known by them.
@@ -350,8 +356,8 @@ impl Patch {
         let node = &mut self.nodes[index as usize];
         (node.known, node.crossings) = (Known::Ray, None);
         match mean {
-            Mean::Fit(law, residuals) => {
-                (node.law, node.known) = (*law, Known::Mean(*residuals));
+            Mean::Fit(result, residuals) => {
+                (node.result, node.known) = (*result, Known::Mean(*residuals));
                 return true;
             }
             Mean::Silhouette { crossings } => node.crossings = Some(*crossings),
@@ -368,7 +374,7 @@ impl Patch {
         node.known = Known::Pieces([first, self.pieces.len()].map(|n| n as u32));
         // Neighbours see the largest.
         if let Some(largest) = pieces.iter().max_by(|a, b| a.share.total_cmp(&b.share)) {
-            node.law = largest.law;
+            node.result = largest.result;
         }
     }
 
@@ -389,8 +395,8 @@ mod tests {
 
     #[test]
     fn every_place_lies_in_the_leaf_that_is_found_for_it() {
-        let laws = vec![<Law as bytemuck::Zeroable>::zeroed(); 6];
-        let mut patch = Patch::new(0, 0, 100e-6, [3, 2], &laws);
+        let results = vec![<RayResult as bytemuck::Zeroable>::zeroed(); 6];
+        let mut patch = Patch::new(0, 0, 100e-6, [3, 2], &results);
         let mut next = 7_u32;
         for _ in 0..200 {
             next = next.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -68,12 +68,12 @@ pub(super) enum Side {
 
 /// A line a x + b z + c = 0, positive inside, and how near to it corners count as on it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
+pub(super) struct CuttingLine {
     pub(super) numbers: [f64; 3],
     pub(super) near: f64,
 }
 
-impl Line {
+impl CuttingLine {
     /// Positive inside, 0 on the line.
     fn at(&self, [x, z]: Corner) -> f64 {
         let [a, b, c] = self.numbers;
@@ -92,7 +92,7 @@ impl Polygon {
         &self.corners
     }
 
-    pub(super) fn side(&self, line: &Line) -> Side {
+    pub(super) fn side(&self, line: &CuttingLine) -> Side {
         let (mut inside, mut outside) = (false, false);
         for corner in self.corners() {
             let at = line.at(*corner);
@@ -107,7 +107,7 @@ impl Polygon {
     }
 
     /// Leaves what lies inside a line that it is across of, and gives what lies outside.
-    pub(super) fn split(&mut self, line: &Line) -> Self {
+    pub(super) fn split(&mut self, line: &CuttingLine) -> Self {
         let (mut inside, mut outside) = (Self::default(), Self::default());
         let Some(mut a) = self.corners().last().copied() else { return outside };
         let mut from = line.at(a);

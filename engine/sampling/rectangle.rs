@@ -1,22 +1,22 @@
 //! Rectangles of a patch as cells are made of them.
 
 use super::dissection::{Piece, PieceRows};
-use super::moment_recording::LawEnds;
+use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::Border;
 
 /// Over less, m, no depth rises: nothing in f32 tells it.
 const THINNEST: f32 = 1e-12;
 
-/// A rectangle as a cell: its law at both ends of x.
+/// A rectangle as a cell: its result at both ends of x.
 #[derive(Clone, Copy)]
 pub(super) struct Rectangle {
     pub(super) x: [f32; 2],
     pub(super) z: [f32; 2],
     /// Coordinates of its ray.
     pub(super) ray: [f32; 2],
-    pub(super) ends: LawEnds,
-    /// Variance of the displacement about the law, m2.
+    pub(super) ends: LinearModel,
+    /// Variance of the displacement about the result, m2.
     pub(super) spread: f32,
     /// Displacement on the detector along z at both ends of z, m.
     pub(super) ends_z: [f32; 2],
@@ -34,7 +34,7 @@ impl Rectangle {
         // Depth rises by as much as over the part.
         let own = (12.0 * piece.variance).sqrt().max(width);
         let slopes = Slopes { depth: [piece.slope_depth, 0.0], displacement: [0.0; 2] };
-        let mut ends = LawEnds::new(&piece.law, own.max(THINNEST), &slopes);
+        let mut ends = LinearModel::new(&piece.result, own.max(THINNEST), &slopes);
         // Where its light lands has the mean and the variance of the part.
         let magnification = magnification.unwrap_or(0.0);
         let apart = piece.centroid[0] - 0.5 * (piece.x[0] + piece.x[1]);
@@ -46,7 +46,7 @@ impl Rectangle {
             ray: piece.centroid,
             ends,
             spread: magnification * magnification * wider,
-            ends_z: [piece.law.landing_z(gap); 2],
+            ends_z: [piece.result.landing_z(gap); 2],
             borders: [None; 2],
             rows: Some(piece.rows),
         }

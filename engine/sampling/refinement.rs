@@ -18,7 +18,7 @@ use super::judgement::{Judged, Narrow};
 use super::patch::{Known, Node, Patch, alike};
 use super::response::Opening;
 use crate::Result;
-use crate::interface::{Law, Ray};
+use crate::interface::{Ray, RayResult};
 use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -49,7 +49,7 @@ const LINES: u32 = 3;
 
 /// A patch in refinement.
 #[derive(Debug)]
-pub(super) struct Work {
+pub(super) struct PatchWork {
     pub(super) patch: Patch,
     openings: Vec<Opening>,
     narrow: Vec<Narrow>,
@@ -105,20 +105,20 @@ impl<'a> Refiner<'a> {
     }
 
     /// A patch with its base rays; nothing where no light of it can reach the lit rows.
-    pub(super) fn begin(&self, (beamlet, row): (i64, i64)) -> Option<Work> {
+    pub(super) fn begin(&self, (beamlet, row): (i64, i64)) -> Option<PatchWork> {
         let base = self.estimator.base;
-        let laws = base.patch(beamlet, row)?;
+        let results = base.patch(beamlet, row)?;
         let period = self.view.lattice.period as f32;
-        let patch = Patch::new(beamlet, row, period, base.base, laws);
+        let patch = Patch::new(beamlet, row, period, base.base, results);
         let narrow = self.narrow.get(&(beamlet, row)).cloned().unwrap_or_default();
         if narrow.is_empty() && self.misses(&patch) {
             return None;
         }
         let column = self.estimator.column(beamlet);
-        let mut work = Work {
+        let mut work = PatchWork {
             openings: self.view.response.openings(column),
             narrow,
-            rays: laws.len() as u32,
+            rays: results.len() as u32,
             light: 0.0,
             changed: Vec::new(),
             pending: Vec::new(),
@@ -143,7 +143,7 @@ impl<'a> Refiner<'a> {
 
     /// Lets means over facets take the place of rays in a patch that has not been split, unless
     /// its rays are enough.
-    fn take_facets(&self, work: &mut Work) {
+    fn take_facets(&self, work: &mut PatchWork) {
         let Some((lists, _)) = &self.facets else { return };
         let Patch { beamlet, row, .. } = work.patch;
         let silhouette = lists.has_silhouette(beamlet, row);
@@ -172,9 +172,9 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Sets the law of a rectangle to the mean over its facets, where there is one, or cuts it
+    /// Sets the result of a rectangle to the mean over its facets, where there is one, or cuts it
     /// into its pieces.
-    fn take_mean(&self, work: &mut Work, node: u32) -> bool {
+    fn take_mean(&self, work: &mut PatchWork, node: u32) -> bool {
         let Some((_, means)) = &self.facets else { return false };
         let patch = &mut work.patch;
         if patch.facets.is_none() {
@@ -187,7 +187,7 @@ impl<'a> Refiner<'a> {
 
     /// Cuts a rectangle into the pieces that its facets make of it, where they are few and it is
     /// not known by them yet. Pieces that need rays wait for them.
-    fn dissect(&self, work: &mut Work, node: u32) -> bool {
+    fn dissect(&self, work: &mut PatchWork, node: u32) -> bool {
         let Some((_, means)) = &self.facets else { return false };
         let patch = &mut work.patch;
         let Node { x, z, known, .. } = patch.nodes[node as usize];
@@ -203,7 +203,7 @@ impl<'a> Refiner<'a> {
     }
 
     /// Cuts a rectangle that is known as a mean into its pieces, where that errs less.
-    fn dissect_mean(&self, work: &mut Work, node: u32) -> bool {
+    fn dissect_mean(&self, work: &mut PatchWork, node: u32) -> bool {
         let error = self.estimator.cell_error(&work.patch, node);
         let facets = work.patch.facets_of(node).len();
         if error.light * error.whole < LEAST_ERROR_OF_PIECES * error.through
@@ -235,28 +235,28 @@ impl<'a> Refiner<'a> {
         if self.lit.contains(&row) {
             return false;
         }
-        let first = &patch.nodes[0].law;
+        let first = &patch.nodes[0].result;
         let smooth = patch.nodes.iter().all(|node| {
             let neighbours = self.estimator.neighbours(patch, node);
-            neighbours.iter().flatten().all(|found| alike(&found.law, first))
+            neighbours.iter().flatten().all(|found| alike(&found.result, first))
         });
-        let reach = patch.nodes.iter().map(|node| node.law.landing_z(self.estimator.gap).abs());
+        let reach = patch.nodes.iter().map(|node| node.result.landing_z(self.estimator.gap).abs());
         let rows = f64::from(2.0 * reach.fold(0.0, f32::max) / self.estimator.row_pitch);
         let rows = (rows * self.view.delta_ratio()).ceil() as i64;
         smooth && (row + rows < self.lit.start || row - rows >= self.lit.end)
     }
 
     /// Lets the rectangles of patches with silhouettes slant as these do.
-    pub(super) fn align(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
+    pub(super) fn align(&self, tracer: &mut Tracer, work: &mut [PatchWork]) -> Result<()> {
         let period = self.view.lattice.period as f32;
         let base = self.estimator.base.base;
-        let slants = |work: &&mut Work| {
+        let slants = |work: &&mut PatchWork| {
             let few = |count: u32| count <= MOST_ALIGNED;
             work.narrow.is_empty()
                 && work.patch.facets.is_none()
                 && self.silhouettes(&work.patch).is_some_and(few)
         };
-        let mut slanting: Vec<(&mut Work, Scanlines)> = work
+        let mut slanting: Vec<(&mut PatchWork, Scanlines)> = work
             .par_iter_mut()
             .filter(slants)
             .map(|work| (work, Scanlines::new(period, base[0])))
@@ -268,8 +268,8 @@ impl<'a> Refiner<'a> {
                 break;
             }
             let patches = slanting.iter().map(|(work, _)| &work.patch).collect();
-            let laws = self.trace(tracer, patches, &places)?;
-            for ((work, lines), own) in slanting.iter_mut().zip(&laws) {
+            let results = self.trace(tracer, patches, &places)?;
+            for ((work, lines), own) in slanting.iter_mut().zip(&results) {
                 lines.accept(own);
                 work.rays += own.len() as u32;
             }
@@ -293,23 +293,24 @@ impl<'a> Refiner<'a> {
     }
 
     /// Traces the rays that patches wait for.
-    fn trace_pending(&self, tracer: &mut Tracer, work: &mut [Work]) -> Result<()> {
-        let places = |work: &Work| -> Vec<[f32; 2]> {
+    fn trace_pending(&self, tracer: &mut Tracer, work: &mut [PatchWork]) -> Result<()> {
+        let places = |work: &PatchWork| -> Vec<[f32; 2]> {
             let of_piece = |piece: &u32| work.patch.pieces[*piece as usize].centroid;
             let rays = work.pending.iter().map(|node| work.patch.ray(*node));
             rays.chain(work.pending_pieces.iter().map(of_piece)).collect()
         };
         let places: Vec<Vec<[f32; 2]>> = work.par_iter().map(places).collect();
         let patches = work.iter().map(|work| &work.patch).collect();
-        let laws = self.trace(tracer, patches, &places)?;
-        for (work, own) in work.iter_mut().zip(&laws) {
+        let results = self.trace(tracer, patches, &places)?;
+        for (work, own) in work.iter_mut().zip(&results) {
             let (of_nodes, of_pieces) = own.split_at(work.pending.len());
-            for (node, law) in std::mem::take(&mut work.pending).into_iter().zip(of_nodes) {
-                work.patch.set_law(node, law);
+            for (node, result) in std::mem::take(&mut work.pending).into_iter().zip(of_nodes) {
+                work.patch.set_result(node, result);
             }
-            for (piece, law) in std::mem::take(&mut work.pending_pieces).into_iter().zip(of_pieces)
+            for (piece, result) in
+                std::mem::take(&mut work.pending_pieces).into_iter().zip(of_pieces)
             {
-                work.patch.pieces[piece as usize].law = *law;
+                work.patch.pieces[piece as usize].result = *result;
             }
             work.rays += own.len() as u32;
         }
@@ -323,7 +324,7 @@ impl<'a> Refiner<'a> {
         for node in &patch.nodes {
             let neighbours = self.estimator.neighbours(patch, node);
             for (index, found) in neighbours.iter().enumerate() {
-                if found.as_ref().is_some_and(|found| !alike(&found.law, &node.law)) {
+                if found.as_ref().is_some_and(|found| !alike(&found.result, &node.result)) {
                     count = Some(count.unwrap_or(0) + u32::from(index < 3));
                 }
             }
@@ -331,20 +332,20 @@ impl<'a> Refiner<'a> {
         count
     }
 
-    /// Laws of the rays through places of patches, by patch. All go to the device together.
+    /// Results of the rays through places of patches, by patch. All go to the device together.
     fn trace(
         &self,
         tracer: &mut Tracer,
         patches: Vec<&Patch>,
         places: &[Vec<[f32; 2]>],
-    ) -> Result<Vec<Vec<Law>>> {
+    ) -> Result<Vec<Vec<RayResult>>> {
         let rays = |(patch, places): (&Patch, &Vec<[f32; 2]>)| -> Vec<Ray> {
             let ray = |[x, z]: &[f32; 2]| self.view.ray(patch.beamlet, patch.row, *x, *z);
             places.iter().map(ray).collect()
         };
         let rays: Vec<Vec<Ray>> = patches.into_par_iter().zip(places).map(rays).collect();
-        let laws = tracer.trace(&crate::parallel::concat(&rays))?;
-        let mut rest = &laws[..];
+        let results = tracer.trace(&crate::parallel::concat(&rays))?;
+        let mut rest = &results[..];
         let of_patch = |rays: &Vec<Ray>| {
             let (own, after) = rest.split_at(rays.len());
             rest = after;
@@ -358,7 +359,7 @@ impl<'a> Refiner<'a> {
     pub(super) fn refine(
         &self,
         tracer: &mut Tracer,
-        work: &mut [Work],
+        work: &mut [PatchWork],
         most: usize,
     ) -> Result<bool> {
         let most = if work.len() > 1 { most } else { usize::MAX };
@@ -378,7 +379,7 @@ impl<'a> Refiner<'a> {
 
     /// Judges a patch and splits the rectangles that it is wrong in, until it needs rays or all
     /// patches together have `most` of them.
-    fn judge(&self, work: &mut Work, rectangles: &AtomicUsize, most: usize) {
+    fn judge(&self, work: &mut PatchWork, rectangles: &AtomicUsize, most: usize) {
         while work.pending.is_empty()
             && work.pending_pieces.is_empty()
             && !work.done
@@ -390,8 +391,8 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    fn split_once(&self, work: &mut Work) {
-        let Work { patch, openings, narrow, judged, .. } = work;
+    fn split_once(&self, work: &mut PatchWork) {
+        let PatchWork { patch, openings, narrow, judged, .. } = work;
         // Neighbours of new rectangles are judged anew.
         for node in std::mem::take(&mut work.changed) {
             let node = &patch.nodes[node as usize];

@@ -1,4 +1,4 @@
-//! How a change of a cell's law changes what pixels record: the openings of the sample mask by
+//! How a change of a cell's result changes what pixels record: the openings of the sample mask by
 //! mask step, and the blurred windows of the analyser.
 
 #![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
@@ -267,7 +267,7 @@ impl Response {
         (self.integral(at + half) - self.integral(at - half)) / (2.0 * half)
     }
 
-    /// Largest change of the light in any window between two laws: light that passes the sample
+    /// Largest change of the light in any window between two results: light that passes the sample
     /// and landing point of each, spread over 2 `half`.
     pub(super) fn change(&self, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
         self.change_from(&self.landed(a, half), b)

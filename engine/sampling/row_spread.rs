@@ -7,10 +7,10 @@
     reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
 )]
 
-use crate::interface::Law;
+use crate::interface::RayResult;
 use std::f64::consts::{PI, SQRT_2};
 
-impl Law {
+impl RayResult {
     /// Displacement along z on the detector, m; `gap`: from analyser to detector, m.
     pub(super) fn landing_z(&self, gap: f32) -> f32 {
         self.displacement_z + gap * self.slope_z

@@ -18,7 +18,7 @@ use super::lattice::Lattice;
 use super::moment_recording::MomentRecording;
 use super::patch::Patch;
 use super::projected_bounds::ProjectedBounds;
-use super::refinement::{Refiner, Work};
+use super::refinement::{PatchWork, Refiner};
 use super::response::Response;
 use crate::Result;
 use crate::geometry::Sample;
@@ -53,7 +53,7 @@ pub(crate) struct ViewContext<'a> {
     pub shadows: &'a [ProjectedBounds],
     /// Keep the moments of the rays, for other energies or masks.
     pub keep: Option<&'a MomentRecording>,
-    /// What changes of a law do to recorded values.
+    /// What changes of a result do to recorded values.
     pub response: &'a Response,
     /// What sampling may leave.
     pub budget: ErrorBudget,
@@ -65,7 +65,7 @@ impl ViewContext<'_> {
         self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)
     }
 
-    /// How much farther than its law says light may land, at another energy.
+    /// How much farther than its result says light may land, at another energy.
     pub(super) fn delta_ratio(&self) -> f64 {
         self.keep.map_or(1.0, |keep| keep.delta_ratio)
     }
@@ -153,7 +153,7 @@ pub(super) fn refined(
     lit: &Range<i64>,
     take: TakeRefined<'_>,
 ) -> Result<()> {
-    let mut work: Vec<Work> = patches.par_iter().filter_map(|at| refiner.begin(*at)).collect();
+    let mut work: Vec<PatchWork> = patches.par_iter().filter_map(|at| refiner.begin(*at)).collect();
     refiner.align(tracer, &mut work)?;
     let emitter = Emitter::new(view, &refiner.estimator, lit);
     let mut groups = vec![work];

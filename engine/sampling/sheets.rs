@@ -75,7 +75,7 @@ impl Met {
 }
 
 /// Integrals over a rectangle.
-pub(super) struct Sums {
+pub(super) struct RectangleSums {
     pub(super) centre: Corner,
     pub(super) area: f64,
     /// Of the optical depth times x and z from the centre.
@@ -85,8 +85,8 @@ pub(super) struct Sums {
     pub(super) sound: bool,
     /// Facets that fill it.
     pub(super) whole: Met,
-    /// Of the numbers of the law.
-    pub(super) law: [f64; 5],
+    /// Of the numbers of the result.
+    pub(super) result: [f64; 5],
     pub(super) sheets: ArrayVec<Sheet, MOST_SHEETS>,
     /// Of what the first order leaves in the displacement.
     pub(super) first_order: f64,
@@ -94,14 +94,14 @@ pub(super) struct Sums {
     pub(super) share: f64,
 }
 
-/// Flags of a law whose least cosine of incidence is this share of that which the first order
+/// Flags of a result whose least cosine of incidence is this share of that which the first order
 /// needs.
 pub(super) fn flags(share: f64) -> u32 {
     let share = (255.0 * share.min(1.0)) as u32;
     share << FLAG_SHARE_SHIFT
 }
 
-impl Sums {
+impl RectangleSums {
     pub(super) fn new(centre: Corner, area: f64) -> Self {
         Self {
             centre,
@@ -110,7 +110,7 @@ impl Sums {
             depth_by_z: 0.0,
             sound: true,
             whole: Met::default(),
-            law: [0.0; 5],
+            result: [0.0; 5],
             sheets: ArrayVec::new(),
             first_order: 0.0,
             share: f64::INFINITY,

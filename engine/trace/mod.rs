@@ -1,4 +1,4 @@
-//! Tracing: rays through the sample, to laws and moments.
+//! Tracing: rays through the sample, to results and moments.
 
 mod crossings;
 mod media;
@@ -7,7 +7,7 @@ mod tally;
 mod tracer;
 mod upload;
 
-pub use crate::interface::{Law, Ray};
+pub use crate::interface::{Ray, RayResult};
 pub use crossings::{CrossingFinder, SurfaceCrossing};
 pub use media::MaterialTable;
 pub(crate) use moments::grazing;

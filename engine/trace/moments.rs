@@ -1,13 +1,13 @@
 //! Moments of rays: sums over crossings that do not depend on energy, masks or steps.
 
 use crate::interface::{
-    FLAG_SHARE_SHIFT, Law, MOMENTS_BALANCE, MOMENTS_CROSSINGS, MOMENTS_HEAD, MOMENTS_LEVER,
-    MOMENTS_PATH, MOMENTS_PER_MATERIAL, MOMENTS_SLOPE,
+    FLAG_SHARE_SHIFT, MOMENTS_BALANCE, MOMENTS_CROSSINGS, MOMENTS_HEAD, MOMENTS_LEVER,
+    MOMENTS_PATH, MOMENTS_PER_MATERIAL, MOMENTS_SLOPE, RayResult,
 };
 
 /// Least cosine of incidence of a ray over that below which rays are walked in order.
-pub(crate) fn grazing(law: &Law) -> f64 {
-    f64::from(law.flags >> FLAG_SHARE_SHIFT) / 255.0
+pub(crate) fn grazing(result: &RayResult) -> f64 {
+    f64::from(result.flags >> FLAG_SHARE_SHIFT) / 255.0
 }
 
 /// First-order moments of rays, by ray and material. Material 0 is the surroundings.

@@ -1,4 +1,4 @@
-//! The tracer: rays in, laws out, in batches, on either backend.
+//! The tracer: rays in, results out, in batches, on either backend.
 
 mod batch;
 mod kernels;
@@ -8,8 +8,8 @@ use super::upload::DeviceSample;
 use crate::accel::Backend;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace};
 use crate::interface::{
-    Crossing, Law, MATERIALS_IN_REGISTERS, Ray, TALLY_COUNTERS, TALLY_DROPPED, TALLY_NOT_FINITE,
-    TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED, TracePush,
+    Crossing, MATERIALS_IN_REGISTERS, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
+    TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED, TracePush,
 };
 use crate::numbers;
 use crate::scene::Transport;
@@ -55,19 +55,19 @@ pub struct Tracer {
     lists: Buffer,
     fixed_batch: Option<u32>,
     most: u32,
-    counts: Counts,
+    counts: DeviceCounts,
 }
 
 /// What is asked of rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Wanted {
-    Laws,
+    RayResults,
     Moments,
     Both,
 }
 
 #[derive(Debug, Default)]
-struct Counts {
+struct DeviceCounts {
     rays: AtomicU64,
     exact: AtomicU64,
     retraced: AtomicU64,
@@ -108,11 +108,11 @@ impl Tracer {
             )?,
             fixed_batch,
             most,
-            counts: Counts::default(),
+            counts: DeviceCounts::default(),
         })
     }
 
-    /// Makes the kernels that laws take, so that a run that cannot have them does not begin.
+    /// Makes the kernels that results take, so that a run that cannot have them does not begin.
     ///
     /// # Errors
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
@@ -127,7 +127,7 @@ impl Tracer {
         if self.few { &trace.few } else { &trace.many }
     }
 
-    /// Laws from now on are those of a node of the spectrum, or (`None`) at its mean constants.
+    /// RayResults from now on are those of a node of the spectrum, or (`None`) at its mean constants.
     pub const fn set_node(&mut self, node: Option<usize>) {
         self.node = node;
     }
@@ -150,33 +150,33 @@ impl Tracer {
         &self.batch.rays
     }
 
-    /// Laws of the batch on the device, for kernels that use them there.
+    /// Results of the batch on the device, for kernels that use them there.
     #[must_use]
-    pub const fn laws(&self) -> &Buffer {
-        &self.batch.laws
+    pub const fn results(&self) -> &Buffer {
+        &self.batch.results
     }
 
-    /// Traces rays given by the host; one law per ray.
+    /// Traces rays given by the host; one result per ray.
     ///
     /// # Errors
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
-    pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Law>> {
-        let mut laws = bytemuck::zeroed_vec(rays.len());
-        self.each_batch(rays, &mut laws, Wanted::Laws, |_, _, _| Ok(()))?;
-        Ok(laws)
+    pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<RayResult>> {
+        let mut results = bytemuck::zeroed_vec(rays.len());
+        self.each_batch(rays, &mut results, Wanted::RayResults, |_, _, _| Ok(()))?;
+        Ok(results)
     }
 
     /// Traces rays and keeps their moments, `[ray][word]` (see [`super::Moments`]).
     ///
     /// # Errors
     /// As [`Tracer::trace`].
-    pub fn trace_with_moments(&mut self, rays: &[Ray]) -> Result<(Vec<Law>, Vec<u32>)> {
-        let mut laws = bytemuck::zeroed_vec(rays.len());
-        let moments = self.read_moments(rays, &mut laws, Wanted::Both)?;
-        Ok((laws, moments))
+    pub fn trace_with_moments(&mut self, rays: &[Ray]) -> Result<(Vec<RayResult>, Vec<u32>)> {
+        let mut results = bytemuck::zeroed_vec(rays.len());
+        let moments = self.read_moments(rays, &mut results, Wanted::Both)?;
+        Ok((results, moments))
     }
 
-    /// Moments of rays whose laws are known, `[ray][word]`: none is walked in order.
+    /// Moments of rays whose results are known, `[ray][word]`: none is walked in order.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -184,10 +184,15 @@ impl Tracer {
         self.read_moments(rays, &mut [], Wanted::Moments)
     }
 
-    fn read_moments(&mut self, rays: &[Ray], laws: &mut [Law], wanted: Wanted) -> Result<Vec<u32>> {
+    fn read_moments(
+        &mut self,
+        rays: &[Ray],
+        results: &mut [RayResult],
+        wanted: Wanted,
+    ) -> Result<Vec<u32>> {
         let words = stride(self.sample.materials);
         let mut moments = reserve::zeroed::<u32>(rays.len() * words, "moments of rays")?;
-        self.each_batch(rays, laws, wanted, |batch, first, n| {
+        self.each_batch(rays, results, wanted, |batch, first, n| {
             batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
         })?;
         Ok(moments)
@@ -196,7 +201,7 @@ impl Tracer {
     fn each_batch(
         &mut self,
         rays: &[Ray],
-        laws: &mut [Law],
+        results: &mut [RayResult],
         wanted: Wanted,
         mut after: impl FnMut(&Batch, usize, usize) -> Result<()>,
     ) -> Result<()> {
@@ -206,7 +211,7 @@ impl Tracer {
             self.batch.rays.write(0, &rays[first..first + n])?;
             let time = self.trace_batch(numbers::count(n), wanted)?;
             if wanted != Wanted::Moments {
-                self.batch.laws.read_into(0, &mut laws[first..first + n])?;
+                self.batch.results.read_into(0, &mut results[first..first + n])?;
             }
             after(&self.batch, first, n)?;
             first += n;
@@ -229,16 +234,16 @@ impl Tracer {
         Ok(())
     }
 
-    /// Traces the first `n` rays of the batch where they are; the laws stay on the device.
+    /// Traces the first `n` rays of the batch where they are; the results stay on the device.
     ///
     /// # Errors
     /// [`crate::Error::Device`].
     pub fn trace_on_device(&self, n: u32) -> Result<Duration> {
-        self.trace_batch(n, Wanted::Laws)
+        self.trace_batch(n, Wanted::RayResults)
     }
 
     fn trace_batch(&self, n: u32, wanted: Wanted) -> Result<Duration> {
-        let moments = wanted != Wanted::Laws;
+        let moments = wanted != Wanted::RayResults;
         let (trace, exact) = self.kernels.of(self.backend);
         let mut time = self.pass(trace, moments, n, false, 0.0, false)?;
         self.counts.rays.fetch_add(u64::from(n), Ordering::Relaxed);
@@ -287,7 +292,7 @@ impl Tracer {
             sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),
             moments: if keep { b.moments.address() } else { 0 },
-            laws: b.laws.address(),
+            results: b.results.address(),
             exact: b.exact.address(),
             unbalanced: b.unbalanced.address(),
             list: b.list.address(),
@@ -317,7 +322,7 @@ impl Tracer {
         self.counts.rays.load(Ordering::Relaxed)
     }
 
-    /// Counts so far.
+    /// DeviceCounts so far.
     ///
     /// # Errors
     /// [`crate::Error::Device`].

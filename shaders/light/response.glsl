@@ -5,7 +5,7 @@ const float FAINT = 1e-5;      // where in its pixel the light of leaks below th
 
 // Everything about the band. Here rather than handed from function to function: copies of so much
 // take their time when a driver makes the kernel.
-Light light;
+IlluminationParams light;
 
 // Width of the focal spot, m, standard deviation.
 float source_spot() {

@@ -34,7 +34,7 @@ void add_light(Words sums, uint index, float value) {
 }
 
 // Index of a pixel and step of the band; false outside it.
-bool place_of_light(Light light, int row, int pixel, uint mask_step, out uint index) {
+bool place_of_light(IlluminationParams light, int row, int pixel, uint mask_step, out uint index) {
     int r = row - light.first_row;
     index = (mask_step * light.row_count + uint(r)) * light.column_count + uint(pixel);
     return r >= 0 && r < int(light.row_count) && pixel >= 0 && pixel < int(light.column_count);

@@ -15,7 +15,7 @@ struct Draw {
     vec2 target; // from the pixel's centre, x and z, m
 };
 
-Draw draw(Light light, Pixel pixel, uint view, uvec2 seed, uint ray, uvec2 rays) {
+Draw draw(IlluminationParams light, Pixel pixel, uint view, uvec2 seed, uint ray, uvec2 rays) {
     uvec4 key = pcg4d(uvec4(seed, view, uint(pixel.row)));
     uvec4 bits = pcg4d(key ^ uvec4(uint(pixel.column), ray, 0u, 0u));
     float u = (float(bits.x >> 8) + 1.0) / 16777216.0;

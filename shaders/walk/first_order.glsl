@@ -1,4 +1,4 @@
-// What the kernels of the order-free walk share: what they are given, and where laws go.
+// What the kernels of the order-free walk share: what they are given, and where results go.
 
 #include "interface/TracePush.glsl"
 
@@ -33,30 +33,30 @@ void visit(Beam beam, Facet facet, Surface surface, vec3 normal_, inout Gathered
               place_of(slope_of(beam), facet, normal_), facet.entering);
 }
 
-bool finite(Law law) {
-    float sum = abs(law.optical_depth) + abs(law.displacement_x) + abs(law.displacement_z);
+bool finite(RayResult result) {
+    float sum = abs(result.optical_depth) + abs(result.displacement_x) + abs(result.displacement_z);
     return sum < 1e30; // false for NaN too
 }
 
-// Writes the law of a ray, and puts it on the list of those that need more.
+// Writes the result of a ray, and puts it on the list of those that need more.
 void finish(uint index, inout Gathered all) {
     run_flush(all.sums, all.run);
     if (all.run.balance != 0u) all.run.flags |= FLAG_UNBALANCED;
     if (all.run.grazing < 1.0) all.run.flags |= FLAG_GRAZING;
     all.run.flags |= uint(255.0 * min(all.run.grazing, 1.0)) << FLAG_SHARE_SHIFT;
-    Law law = law_of(all.sums, all.run);
-    if (!finite(law)) law.flags |= FLAG_NOT_FINITE;
-    push.laws.at[index] = law;
-    sums_end(all.sums, index, law, all.run.balance);
-    if ((law.flags & FLAG_NOT_FINITE) != 0u) atomicAdd(push.tally.at[TALLY_NOT_FINITE], 1u);
-    if ((law.flags & FLAG_UNBALANCED) != 0u) {
+    RayResult result = result_of(all.sums, all.run);
+    if (!finite(result)) result.flags |= FLAG_NOT_FINITE;
+    push.results.at[index] = result;
+    sums_end(all.sums, index, result, all.run.balance);
+    if ((result.flags & FLAG_NOT_FINITE) != 0u) atomicAdd(push.tally.at[TALLY_NOT_FINITE], 1u);
+    if ((result.flags & FLAG_UNBALANCED) != 0u) {
         if (push.last != 0u) {
             atomicAdd(push.tally.at[TALLY_UNBALANCED], 1u);
         } else {
             uint slot = atomicAdd(push.unbalanced.at[0], 1u);
             push.unbalanced.at[1u + slot] = index;
         }
-    } else if ((law.flags & FLAG_GRAZING) != 0u) {
+    } else if ((result.flags & FLAG_GRAZING) != 0u) {
         uint slot = atomicAdd(push.exact.at[0], 1u);
         push.exact.at[1u + slot] = index;
     }

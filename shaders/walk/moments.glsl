@@ -23,11 +23,11 @@ Floats floats_of(Words words) {
     return Floats(uvec2(words));
 }
 
-void head_of_moments(uint head, Law law, uint balance) {
-    push.moments.at[head + MOMENTS_SIGNATURE] = law.signature;
+void head_of_moments(uint head, RayResult result, uint balance) {
+    push.moments.at[head + MOMENTS_SIGNATURE] = result.signature;
     push.moments.at[head + MOMENTS_BALANCE] = balance;
-    push.moments.at[head + MOMENTS_FLAGS] = law.flags;
-    push.moments.at[head + MOMENTS_CROSSINGS] = law.crossings;
+    push.moments.at[head + MOMENTS_FLAGS] = result.flags;
+    push.moments.at[head + MOMENTS_CROSSINGS] = result.crossings;
 }
 
 #ifdef SUMS_IN_REGISTERS
@@ -58,25 +58,25 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
     }
 }
 
-Law law_of(Sums sums, Run run) {
-    Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
+RayResult result_of(Sums sums, Run run) {
+    RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
     EACH_MATERIAL {
         Constants k = sample_.constants.at[min(m, push.materials - 1u)];
         if (m < push.materials) {
-            law.optical_depth += k.mu * sums.path[m];
-            law.displacement_x += k.delta * sums.lever[m].x;
-            law.displacement_z += k.delta * sums.lever[m].y;
-            law.slope_x += k.delta * sums.slope[m].x;
-            law.slope_z += k.delta * sums.slope[m].y;
+            result.optical_depth += k.mu * sums.path[m];
+            result.displacement_x += k.delta * sums.lever[m].x;
+            result.displacement_z += k.delta * sums.lever[m].y;
+            result.slope_x += k.delta * sums.slope[m].x;
+            result.slope_z += k.delta * sums.slope[m].y;
         }
     }
-    return law;
+    return result;
 }
 
-void sums_end(Sums sums, uint index, Law law, uint balance) {
+void sums_end(Sums sums, uint index, RayResult result, uint balance) {
     if (uvec2(push.moments) == uvec2(0u)) return;
     uint head = index * (MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL);
-    head_of_moments(head, law, balance);
+    head_of_moments(head, result, balance);
     Floats moments = floats_of(push.moments);
     EACH_MATERIAL {
         uint first = head + MOMENTS_HEAD + m * MOMENTS_PER_MATERIAL;
@@ -117,23 +117,23 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
     moments.at[m + MOMENTS_SLOPE + 1u] += sign_ * run.slope.y;
 }
 
-Law law_of(Sums sums, Run run) {
+RayResult result_of(Sums sums, Run run) {
     Floats moments = floats_of(push.moments);
-    Law law = Law(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
+    RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
     for (uint m = 0u; m < push.materials; m++) {
         Constants k = sample_.constants.at[m];
         uint base = sums_place(sums, m);
-        law.optical_depth += k.mu * moments.at[base + MOMENTS_PATH];
-        law.displacement_x += k.delta * moments.at[base + MOMENTS_LEVER];
-        law.displacement_z += k.delta * moments.at[base + MOMENTS_LEVER + 1u];
-        law.slope_x += k.delta * moments.at[base + MOMENTS_SLOPE];
-        law.slope_z += k.delta * moments.at[base + MOMENTS_SLOPE + 1u];
+        result.optical_depth += k.mu * moments.at[base + MOMENTS_PATH];
+        result.displacement_x += k.delta * moments.at[base + MOMENTS_LEVER];
+        result.displacement_z += k.delta * moments.at[base + MOMENTS_LEVER + 1u];
+        result.slope_x += k.delta * moments.at[base + MOMENTS_SLOPE];
+        result.slope_z += k.delta * moments.at[base + MOMENTS_SLOPE + 1u];
     }
-    return law;
+    return result;
 }
 
-void sums_end(Sums sums, uint index, Law law, uint balance) {
-    head_of_moments(sums.head, law, balance);
+void sums_end(Sums sums, uint index, RayResult result, uint balance) {
+    head_of_moments(sums.head, result, balance);
 }
 #endif
 

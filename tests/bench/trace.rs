@@ -48,8 +48,8 @@ fn main() {
         for (backend, rate) in [Backend::Bvh, Backend::RayQuery].into_iter().zip(&mut rates) {
             // Not every device has ray query.
             let Some(mut tracer) = tracer(&scene, backend) else { continue };
-            let laws = tracer.trace(&rays).unwrap();
-            let found: Vec<u32> = laws.iter().map(|law| law.crossings).collect();
+            let results = tracer.trace(&rays).unwrap();
+            let found: Vec<u32> = results.iter().map(|result| result.crossings).collect();
             assert!(counts.as_ref().is_none_or(|c| *c == found), "the backends differ on {name}");
             counts = Some(found);
             *rate = (0..ATTEMPTS).map(|_| rate_of(&mut tracer, &rays)).fold(0.0, f64::max);
@@ -93,7 +93,7 @@ fn tracer(scene: &Scene, backend: Backend) -> Option<Tracer> {
     Tracer::new(&device, &kernels, &Arc::new(sample), backend, transport, None, u32::MAX).ok()
 }
 
-/// Million rays per second of processor time: rays from host memory, laws back to it.
+/// Million rays per second of processor time: rays from host memory, results back to it.
 fn rate_of(tracer: &mut Tracer, rays: &[Ray]) -> f64 {
     let before = processor_time();
     let mut traced = 0;

@@ -136,10 +136,10 @@ fn trace(backend: Backend, bodies: &[Body], rays: Range<u64>) -> Option<Counts> 
     for first in rays.clone().step_by(CHUNK as usize) {
         let last = rays.end.min(first + CHUNK);
         let chunk: Vec<Ray> = (first..last).into_par_iter().map(|i| aim.ray(i)).collect();
-        for law in tracer.trace(&chunk).expect("laws") {
-            counts.met += u64::from(law.crossings > 0);
-            counts.crossings += u64::from(law.crossings);
-            counts.unbalanced += u64::from(law.flags & FLAG_UNBALANCED != 0);
+        for result in tracer.trace(&chunk).expect("results") {
+            counts.met += u64::from(result.crossings > 0);
+            counts.crossings += u64::from(result.crossings);
+            counts.unbalanced += u64::from(result.flags & FLAG_UNBALANCED != 0);
         }
     }
     let tally = tracer.tally().expect("a tally");

@@ -9,7 +9,7 @@
 )]
 
 use super::join::Limits;
-use super::{NEGLIGIBLE, Spectral};
+use super::{EnergyBinning, NEGLIGIBLE};
 use crate::illuminate::light::MaskShape;
 use crate::interface::CellRow;
 use crate::sampling::CellBatch;
@@ -30,7 +30,7 @@ const FAINT: f64 = 1e-3;
 /// What the masks do to the light of a column in a block of rows: by node and group, and how much
 /// they shade.
 #[derive(Debug)]
-pub(super) struct Bars {
+pub(super) struct MaskTransmission {
     /// `[group][node]`.
     pub(super) shares: Vec<f64>,
     /// `[node]`: shares of all groups together.
@@ -50,15 +50,15 @@ pub(super) type Place = (u32, i64);
 
 /// What bars do at the places of the strips that were gathered last: the next ones are near.
 #[derive(Debug, Default)]
-pub(crate) struct KnownBars {
+pub(crate) struct MaskTransmissionCache {
     first_block: i64,
     /// `[block][column]`.
-    table: Vec<Option<Bars>>,
+    table: Vec<Option<MaskTransmission>>,
 }
 
-impl KnownBars {
+impl MaskTransmissionCache {
     /// Knows the places of strips, and no others.
-    pub(super) fn look_at(&mut self, spectral: &Spectral, strips: &CellBatch) {
+    pub(super) fn look_at(&mut self, spectral: &EnergyBinning, strips: &CellBatch) {
         let columns = spectral.slopes.len();
         let block = |strip: &CellRow| spectral.place(strip).1;
         let first_block = strips.strips.iter().map(block).min().unwrap_or_default();
@@ -74,9 +74,9 @@ impl KnownBars {
             let at = usize::try_from(index as i64 - moved).ok().filter(|_| *wanted)?;
             before.get_mut(at)?.take()
         };
-        let known: Vec<Option<Bars>> = wanted.iter().enumerate().map(known).collect();
+        let known: Vec<Option<MaskTransmission>> = wanted.iter().enumerate().map(known).collect();
         drop(before);
-        let bars = |(index, (wanted, known)): (usize, (bool, Option<Bars>))| {
+        let bars = |(index, (wanted, known)): (usize, (bool, Option<MaskTransmission>))| {
             let place = || ((index % columns) as u32, first_block + (index / columns) as i64);
             wanted.then(|| known.unwrap_or_else(|| spectral.bars(place())))
         };
@@ -84,13 +84,13 @@ impl KnownBars {
             wanted.into_par_iter().zip(known).enumerate().with_min_len(64).map(bars).collect();
     }
 
-    fn index(&self, spectral: &Spectral, strip: &CellRow) -> usize {
+    fn index(&self, spectral: &EnergyBinning, strip: &CellRow) -> usize {
         let (column, block) = spectral.place(strip);
         (block - self.first_block) as usize * spectral.slopes.len() + column as usize
     }
 
     /// Those at the place of a strip, which was looked at.
-    pub(super) fn at(&self, spectral: &Spectral, strip: &CellRow) -> &Bars {
+    pub(super) fn at(&self, spectral: &EnergyBinning, strip: &CellRow) -> &MaskTransmission {
         self.table[self.index(spectral, strip)].as_ref().expect("the place was looked at")
     }
 }
@@ -115,7 +115,7 @@ fn with_light(shares: &[f64]) -> Range<usize> {
     first..(shares.len() - dark(&mut shares.iter().rev())).max(first)
 }
 
-impl Spectral {
+impl EnergyBinning {
     /// Whether bars do the same to the light of every column, row and energy as in another scene.
     pub(super) fn bars_like(&self, other: &Self) -> bool {
         let mask = |(these, others): (&Option<Vec<MaskShape>>, &Option<Vec<MaskShape>>)| {
@@ -141,9 +141,9 @@ impl Spectral {
         (strip.column, i64::from(strip.row).div_euclid(self.lattice.alike_rows.into()))
     }
 
-    pub(super) fn bars(&self, (column, block): Place) -> Bars {
+    pub(super) fn bars(&self, (column, block): Place) -> MaskTransmission {
         if self.groups.is_empty() {
-            return Bars {
+            return MaskTransmission {
                 shares: Vec::new(),
                 by_node: Vec::new(),
                 nodes: Vec::new(),
@@ -185,7 +185,7 @@ impl Spectral {
                 }
             })
         };
-        Bars {
+        MaskTransmission {
             nodes: shares.chunks(self.nodes()).map(with_light).collect(),
             joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
             by_node: by_node.chunks(groups).map(|shares| shares.iter().sum()).collect(),

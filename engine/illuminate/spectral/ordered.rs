@@ -1,8 +1,8 @@
 //! Ordered walks under a spectrum: made once, repeated at the energies that they do not tell of.
 
-use super::{NodeLaw, Spectral};
+use super::{EnergyBinning, NodeResult};
 use crate::Result;
-use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Law, Ray};
+use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
 use crate::material::Constants;
 use crate::sampling::{CellBatch, ExactCell};
 use crate::scene::{Scene, Transport};
@@ -24,32 +24,32 @@ pub(super) struct Repeated {
     nodes: Vec<AtNode>,
 }
 
-/// Places of the laws of two ends.
+/// Places of the results of two ends.
 type Places = Vec<Option<[usize; 2]>>;
 
 /// Ordered walks at a node.
 #[derive(Debug, Default)]
 struct AtNode {
-    laws: Vec<Law>,
-    /// For each of the cells above the laws of its two ends, where they were repeated here.
+    results: Vec<RayResult>,
+    /// For each of the cells above the results of its two ends, where they were repeated here.
     places: Places,
 }
 
 impl AtNode {
-    fn at(&self, cell: usize) -> Option<[&Law; 2]> {
-        Some(self.places[cell]?.map(|place| &self.laws[place]))
+    fn at(&self, cell: usize) -> Option<[&RayResult; 2]> {
+        Some(self.places[cell]?.map(|place| &self.results[place]))
     }
 }
 
 impl Repeated {
-    /// Laws at the ends of an ordered cell, by node, where it was repeated at some.
-    pub(super) fn of(&self, cell: usize) -> Option<impl Iterator<Item = Option<[&Law; 2]>>> {
+    /// Results at the ends of an ordered cell, by node, where it was repeated at some.
+    pub(super) fn of(&self, cell: usize) -> Option<impl Iterator<Item = Option<[&RayResult; 2]>>> {
         let at = self.cells.binary_search_by_key(&cell, |cell| *cell as usize).ok()?;
         Some(self.nodes.iter().map(move |node| node.at(at)))
     }
 }
 
-impl Spectral {
+impl EnergyBinning {
     /// Repeats ordered walks at the nodes where they cannot be told from the one made.
     pub(super) fn repeat(&self, tracer: &mut Tracer, strips: &CellBatch) -> Result<Repeated> {
         let exact = &strips.moments.exact;
@@ -83,51 +83,52 @@ impl Spectral {
         };
         let (rays, places): (Vec<Vec<Ray>>, Vec<Places>) =
             (0..self.nodes()).into_par_iter().map(at_node).unzip();
-        let laws = tracer.walk_at_nodes(&rays)?;
-        let nodes = laws.into_iter().zip(places).map(|(laws, places)| AtNode { laws, places });
+        let results = tracer.walk_at_nodes(&rays)?;
+        let nodes =
+            results.into_iter().zip(places).map(|(results, places)| AtNode { results, places });
         Ok(Repeated { cells, nodes: nodes.collect() })
     }
 
-    /// Adds to the laws of the nodes what the ordered walk found beyond the first order: that is
+    /// Adds to the results of the nodes what the ordered walk found beyond the first order: that is
     /// of second order, so it grows with the square of delta.
     pub(super) fn correct(
         &self,
         exact: &ExactCell,
         moments: [&[f32]; 2],
-        laws: &mut [[NodeLaw; 2]],
+        results: &mut [[NodeResult; 2]],
     ) {
         let reference = self.nodes();
         for end in 0..2 {
-            let walked = self.walked(exact.laws.each_ref(), exact.range[end]);
-            let first = self.law(reference, moments[end]);
-            for (node, laws) in laws.iter_mut().enumerate() {
+            let walked = self.walked(exact.results.each_ref(), exact.range[end]);
+            let first = self.result(reference, moments[end]);
+            for (node, results) in results.iter_mut().enumerate() {
                 let delta_ratio = self.delta_ratio[node];
-                let law = &mut laws[end];
+                let result = &mut results[end];
                 // A path that changes by refraction: linear in delta, and in mu.
                 if first.depth > 0.0 {
-                    law.depth +=
-                        (walked.depth - first.depth) * delta_ratio * law.depth / first.depth;
+                    result.depth +=
+                        (walked.depth - first.depth) * delta_ratio * result.depth / first.depth;
                 }
                 if exact.grazing() < self.severe[node] {
                     // Narrow, or not repeated: total reflection turns light by as much anywhere.
-                    law.x = walked.x;
+                    result.x = walked.x;
                 } else {
-                    law.x += (walked.x - first.x) * delta_ratio * delta_ratio;
+                    result.x += (walked.x - first.x) * delta_ratio * delta_ratio;
                 }
             }
         }
     }
 
-    /// Law between the ends that were walked in order.
-    fn walked(&self, ends: [&Law; 2], at: f32) -> NodeLaw {
-        let [a, b] = ends.map(|law| NodeLaw {
-            depth: law.optical_depth.into(),
-            x: law.displacement_x.into(),
-            z: f64::from(law.displacement_z) + f64::from(law.slope_z) * self.gap,
-            slope_x: law.slope_x.into(),
+    /// RayResult between the ends that were walked in order.
+    fn walked(&self, ends: [&RayResult; 2], at: f32) -> NodeResult {
+        let [a, b] = ends.map(|result| NodeResult {
+            depth: result.optical_depth.into(),
+            x: result.displacement_x.into(),
+            z: f64::from(result.displacement_z) + f64::from(result.slope_z) * self.gap,
+            slope_x: result.slope_x.into(),
         });
-        let mix = |f: fn(&NodeLaw) -> f64| f(&a) + (f(&b) - f(&a)) * f64::from(at);
-        NodeLaw {
+        let mix = |f: fn(&NodeResult) -> f64| f(&a) + (f(&b) - f(&a)) * f64::from(at);
+        NodeResult {
             depth: mix(|l| l.depth),
             x: mix(|l| l.x),
             z: mix(|l| l.z),
@@ -135,22 +136,22 @@ impl Spectral {
         }
     }
 
-    /// The cell of a repeated walk at one node. Where its ends met other surfaces the law is
+    /// The cell of a repeated walk at one node. Where its ends met other surfaces the result is
     /// constant on either side.
     pub(super) fn push_exact(
         &self,
         list: &mut Vec<Cell>,
         strip: &CellRow,
         cell: &Cell,
-        ends: [&Law; 2],
+        ends: [&RayResult; 2],
         range: [f32; 2],
     ) {
-        if ends.iter().any(|law| law.flags & FLAG_NOT_FINITE != 0) {
+        if ends.iter().any(|result| result.flags & FLAG_NOT_FINITE != 0) {
             return;
         }
         if ends[0].signature == ends[1].signature {
-            let laws = range.map(|at| self.walked(ends, at));
-            list.push(self.cell(strip, [cell.x_low, cell.x_high], laws));
+            let results = range.map(|at| self.walked(ends, at));
+            list.push(self.cell(strip, [cell.x_low, cell.x_high], results));
             return;
         }
         let width = cell.x_high - cell.x_low;
@@ -158,8 +159,8 @@ impl Spectral {
         let middle = cell.x_low + share * width;
         for (x, at) in [([cell.x_low, middle], 0.0), ([middle, cell.x_high], 1.0)] {
             if x[1] > x[0] {
-                let law = self.walked(ends, at);
-                list.push(self.cell(strip, x, [law, law]));
+                let result = self.walked(ends, at);
+                list.push(self.cell(strip, x, [result, result]));
             }
         }
     }

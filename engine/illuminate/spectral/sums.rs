@@ -1,6 +1,6 @@
 //! Light of a cell summed over a band of energies, and how far one cell can stand for it.
 
-use super::NodeLaw;
+use super::NodeResult;
 use std::ops::Range;
 
 /// Light of a cell at one energy, by the weight of which it is summed: all that sums are made of.
@@ -19,10 +19,10 @@ const SHADE: usize = 9;
 const SHADE_X: usize = 11;
 
 impl Terms {
-    /// Of a cell with these laws at its ends, which lets these shares through there; `spread`:
+    /// Of a cell with these results at its ends, which lets these shares through there; `spread`:
     /// variance of its displacement about a straight line.
     pub(super) fn new(
-        [low, high]: &[NodeLaw; 2],
+        [low, high]: &[NodeResult; 2],
         light: [f64; 2],
         spread: f64,
         shades: [f64; 2],
@@ -160,9 +160,9 @@ mod tests {
 
     #[test]
     fn a_joined_cell_has_the_light_of_its_parts() {
-        let law = |x: f64| NodeLaw { x, ..NodeLaw::default() };
+        let result = |x: f64| NodeResult { x, ..NodeResult::default() };
         let cell = |light: [f64; 2], x: [f64; 2]| {
-            let terms = [Terms::new(&x.map(law), light, 0.0, [0.0; 2])];
+            let terms = [Terms::new(&x.map(result), light, 0.0, [0.0; 2])];
             Sums::over(0..1, &[1.0], &terms)
         };
         let mut parts = Sums::default();

@@ -4,7 +4,7 @@ use super::{Simulation, backend};
 use crate::accel::Backend;
 use crate::detector::DetectorModel;
 use crate::geometry::{self, Sample};
-use crate::illuminate::{self, Spectral};
+use crate::illuminate::{self, EnergyBinning};
 use crate::moments::{self, StoredMoments, StoredSource};
 use crate::run::engine::Engine;
 use crate::run::memory;
@@ -24,7 +24,7 @@ struct Parts<'e> {
     detection: DetectorModel,
     media: MaterialTable,
     lattice: Lattice,
-    spectral: Option<Spectral>,
+    spectral: Option<EnergyBinning>,
     kept: Option<StoredSource<'e>>,
     delta_ratio: f64,
 }
@@ -56,7 +56,7 @@ impl<'e> Simulation<'e> {
         let several = media.energies.len() > 1 || engine.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
             let flagged = delta_ratio * media.strongest();
-            Some(Spectral::new(lit, &media, &lattice, &media.mean(), flagged)?)
+            Some(EnergyBinning::new(lit, &media, &lattice, &media.mean(), flagged)?)
         } else {
             None
         };
@@ -87,7 +87,7 @@ impl<'e> Simulation<'e> {
         let source = moments.for_scene(lit, &lattice)?;
         let media = source.media.clone();
         let flagged = source.flagged;
-        let spectral = Spectral::new(lit, &media, &lattice, &source.reference, flagged)?;
+        let spectral = EnergyBinning::new(lit, &media, &lattice, &source.reference, flagged)?;
         let (kept, delta_ratio) = (Some(source), 1.0);
         Self::with(
             engine,

@@ -1,28 +1,28 @@
-//! Single rays through the sample: their laws, moments and crossings.
+//! Single rays through the sample: their results, moments and crossings.
 
 use super::Simulation;
-use crate::trace::{CrossingFinder, Law, Moments, Ray, SurfaceCrossing};
+use crate::trace::{CrossingFinder, Moments, Ray, RayResult, SurfaceCrossing};
 use crate::{Error, Result};
 
 impl Simulation<'_> {
-    /// Traces rays and returns their laws at the scene's energy (for a spectrum at the constants
+    /// Traces rays and returns their results at the scene's energy (for a spectrum at the constants
     /// averaged over it), in the order of the rays.
     ///
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
-    pub fn trace(&self, rays: &[Ray]) -> Result<Vec<Law>> {
+    pub fn trace(&self, rays: &[Ray]) -> Result<Vec<RayResult>> {
         self.check_views(rays)?;
         self.tracer(self.start.backend)?.trace(rays)
     }
 
-    /// Traces rays and returns their laws and first-order moments.
+    /// Traces rays and returns their results and first-order moments.
     ///
     /// # Errors
     /// As [`Simulation::trace`].
-    pub fn moments(&self, rays: &[Ray]) -> Result<(Vec<Law>, Moments)> {
+    pub fn moments(&self, rays: &[Ray]) -> Result<(Vec<RayResult>, Moments)> {
         self.check_views(rays)?;
-        let (laws, words) = self.tracer(self.start.backend)?.trace_with_moments(rays)?;
-        Ok((laws, Moments::new(words, self.on_device.materials)))
+        let (results, words) = self.tracer(self.start.backend)?.trace_with_moments(rays)?;
+        Ok((results, Moments::new(words, self.on_device.materials)))
     }
 
     fn check_views(&self, rays: &[Ray]) -> Result<()> {

@@ -14,7 +14,8 @@ use crate::Error;
 use crate::Result;
 use crate::gpu::Device;
 use crate::illuminate::{
-    Cast, CellIlluminator, KnownBars, LightRecord, Part, RandomKernels, Spectral, Sums, cast,
+    Cast, CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, RandomKernels,
+    SpectralBand, Sums, cast,
 };
 use crate::interface::Pixel;
 use crate::run::{Control, Progress, ViewProgress};
@@ -40,15 +41,15 @@ pub(super) struct Seconds {
 }
 
 /// The run in progress.
-pub(super) struct Work<'s> {
+pub(super) struct ViewWork<'s> {
     simulation: &'s Simulation<'s>,
     device: Arc<Device>,
     tracer: Tracer,
     /// One for each list of strips.
-    lights: Vec<LightRecord>,
+    lights: Vec<IlluminationBuffer>,
     sums: Sums,
     cells: CellIlluminator,
-    bars: KnownBars,
+    bars: MaskTransmissionCache,
     random: Option<RandomKernels>,
     band: u32,
     pixel_columns: Range<i64>,
@@ -58,7 +59,7 @@ pub(super) struct Work<'s> {
     rows_total: u64,
 }
 
-impl<'s> Work<'s> {
+impl<'s> ViewWork<'s> {
     pub(super) fn new(simulation: &'s Simulation<'_>, views: &[Exposure]) -> Result<Self> {
         let scene = simulation.detection.lit();
         let device = simulation.device().clone();
@@ -75,14 +76,14 @@ impl<'s> Work<'s> {
         let media = &simulation.media;
         let lattice = &simulation.lattice;
         let nodes = media.energies.iter().zip(&media.weights);
-        let nodes = nodes.map(|(&energy, &weight)| Part::Node { energy, weight });
+        let nodes = nodes.map(|(&energy, &weight)| SpectralBand::Node { energy, weight });
         let lights = match &simulation.spectral {
             Some(spectral) => spectral.lights(&device, scene, media)?,
             None if random => nodes
-                .map(|part| LightRecord::of_pixels(&device, scene, &pixel_columns, &part))
+                .map(|part| IlluminationBuffer::of_pixels(&device, scene, &pixel_columns, &part))
                 .collect::<Result<_>>()?,
             None => nodes
-                .map(|part| LightRecord::of_cells(&device, scene, lattice, offsets, &part))
+                .map(|part| IlluminationBuffer::of_cells(&device, scene, lattice, offsets, &part))
                 .collect::<Result<_>>()?,
         };
         let tracer = simulation.tracer(simulation.start.backend)?;
@@ -94,7 +95,7 @@ impl<'s> Work<'s> {
             lights,
             sums: Sums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels())?,
-            bars: KnownBars::default(),
+            bars: MaskTransmissionCache::default(),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
             band,
             pixel_columns,
@@ -260,7 +261,7 @@ impl<'s> Work<'s> {
         let words = simulation.moment_words();
         let keep = &mut control.keep;
         // Strips as lists, one for each record of light.
-        let mut gather = |tracer: &mut Tracer, spectral: &Spectral, strips: &CellBatch| {
+        let mut gather = |tracer: &mut Tracer, spectral: &EnergyBinning, strips: &CellBatch| {
             let begin = Instant::now();
             let lists = spectral.lists(tracer, bars, strips);
             illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());

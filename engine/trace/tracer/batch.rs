@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::gpu::{Buffer, Device, Memory};
-use crate::interface::{Law, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray};
+use crate::interface::{MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, RayResult};
 use std::sync::Arc;
 
 /// Buffers of one batch.
@@ -11,7 +11,7 @@ pub(super) struct Batch {
     pub(super) capacity: u32,
     pub(super) rays: Buffer,
     pub(super) moments: Buffer,
-    pub(super) laws: Buffer,
+    pub(super) results: Buffer,
     pub(super) exact: Buffer,
     pub(super) unbalanced: Buffer,
     pub(super) list: Buffer,
@@ -29,7 +29,7 @@ impl Batch {
             capacity,
             rays: make("rays", n * size_of::<Ray>() as u64)?,
             moments: make("moments", n * words * 4)?,
-            laws: make("laws", n * size_of::<Law>() as u64)?,
+            results: make("results", n * size_of::<RayResult>() as u64)?,
             exact: make("rays to trace in order", (n + 2) * 4)?,
             unbalanced: make("unbalanced rays", (n + 1) * 4)?,
             list: make("rays to trace again", (n + 1) * 4)?,

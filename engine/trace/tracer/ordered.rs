@@ -4,7 +4,7 @@ use super::{NUDGES, Tracer};
 use crate::Result;
 use crate::accel::Backend;
 use crate::gpu::{Buffer, Kernel, Pace};
-use crate::interface::{ExactPush, GROUP, LONGEST_LIST, Law, Ray};
+use crate::interface::{ExactPush, GROUP, LONGEST_LIST, Ray, RayResult};
 use crate::numbers::count;
 use rayon::prelude::*;
 use std::sync::atomic::Ordering;
@@ -33,7 +33,7 @@ impl Tracer {
     ///
     /// # Errors
     /// As [`Tracer::trace`].
-    pub fn walk_at_nodes(&mut self, rays: &[Vec<Ray>]) -> Result<Vec<Vec<Law>>> {
+    pub fn walk_at_nodes(&mut self, rays: &[Vec<Ray>]) -> Result<Vec<Vec<RayResult>>> {
         let each = |(node, of_node): (usize, &Vec<Ray>)| {
             (0..of_node.len()).map(move |place| (node, place)).collect::<Vec<_>>()
         };
@@ -42,19 +42,19 @@ impl Tracer {
         // Equal rays side by side, neighbours in x near one another.
         let order = |r: Ray| (r.view, r.z.to_bits(), r.x.to_bits(), r.slope_x.to_bits());
         all.par_sort_by_key(|&at| (order(ray(at)), at));
-        let mut laws: Vec<Vec<Law>> =
+        let mut results: Vec<Vec<RayResult>> =
             rays.iter().map(|of| bytemuck::zeroed_vec(of.len())).collect();
         for some in all.chunks(AT_NODES.min(self.capacity()) as usize) {
             let listed: Vec<(usize, Ray)> = some.iter().map(|&at| (at.0, ray(at))).collect();
-            for (&(node, place), law) in some.iter().zip(self.trace_at_nodes(&listed)?) {
-                laws[node][place] = law;
+            for (&(node, place), result) in some.iter().zip(self.trace_at_nodes(&listed)?) {
+                results[node][place] = result;
             }
         }
-        Ok(laws)
+        Ok(results)
     }
 
     /// Traces rays in order, each at its node; equal rays stand side by side.
-    fn trace_at_nodes(&self, rays: &[(usize, Ray)]) -> Result<Vec<Law>> {
+    fn trace_at_nodes(&self, rays: &[(usize, Ray)]) -> Result<Vec<RayResult>> {
         let (trace, exact) = self.kernels.of(self.backend);
         let n = count(rays.len());
         let constants = |node: usize| count((node + 1) * self.sample.materials as usize);
@@ -77,7 +77,7 @@ impl Tracer {
         self.exact_again(true)?;
         self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
         self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
-        self.batch.laws.read(0, rays.len())
+        self.batch.results.read(0, rays.len())
     }
 
     /// Tries again the rays that could not be followed in order: a bend at an edge, or a new
@@ -117,7 +117,7 @@ impl Tracer {
         let mut push = ExactPush {
             sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),
-            laws: b.laws.address(),
+            results: b.results.address(),
             list: ordered.list.address(),
             unbalanced: b.unbalanced.address(),
             longer: b.longer.address(),

@@ -1,7 +1,7 @@
 //! What a run costs, from a sparse look at the scene: patches spread over views, rows and columns
 //! are sampled and illuminated as in a run, and stand for the others.
 
-use super::{Work, bands};
+use super::{ViewWork, bands};
 use crate::Result;
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
@@ -56,7 +56,7 @@ impl Simulation<'_> {
     pub fn estimate(&self) -> Result<RunEstimate> {
         let begin = Instant::now();
         let views: Vec<Exposure> = stack::views(&self.scene)?.collect();
-        let mut work = Work::new(self, &views)?;
+        let mut work = ViewWork::new(self, &views)?;
         let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
         let mut estimate = if self.scene.sampling.scheme == Scheme::Random {
             work.random_estimate()?
@@ -68,7 +68,7 @@ impl Simulation<'_> {
     }
 }
 
-impl Work<'_> {
+impl ViewWork<'_> {
     fn lit_rows_of_all(&self) -> i64 {
         self.simulation.detection.lit().detector.pixels[1].into()
     }
