@@ -202,7 +202,7 @@ const DECODED_BAND: usize = 1 << 24;
 /// Bands that are compared side by side.
 const BANDS: usize = 16;
 
-/// DifferenceSums over pixels.
+/// Sums over pixels.
 #[derive(Default)]
 struct DifferenceSums {
     pixels: u64,
@@ -267,7 +267,7 @@ fn difference(
     })
 }
 
-/// DifferenceSums over some rows of a frame, and these rows.
+/// Sums over some rows of a frame, and these rows.
 fn compared(
     [a, b]: &[StackFile; 2],
     view: usize,

@@ -127,7 +127,7 @@ impl Tracer {
         if self.few { &trace.few } else { &trace.many }
     }
 
-    /// RayResults from now on are those of a node of the spectrum, or (`None`) at its mean constants.
+    /// Results from now on are those of a node of the spectrum, or (`None`) at its mean constants.
     pub const fn set_node(&mut self, node: Option<usize>) {
         self.node = node;
     }
@@ -322,7 +322,7 @@ impl Tracer {
         self.counts.rays.load(Ordering::Relaxed)
     }
 
-    /// DeviceCounts so far.
+    /// Counts so far.
     ///
     /// # Errors
     /// [`crate::Error::Device`].

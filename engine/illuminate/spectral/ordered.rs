@@ -119,7 +119,7 @@ impl EnergyBinning {
         }
     }
 
-    /// RayResult between the ends that were walked in order.
+    /// Result between the ends that were walked in order.
     fn walked(&self, ends: [&RayResult; 2], at: f32) -> NodeResult {
         let [a, b] = ends.map(|result| NodeResult {
             depth: result.optical_depth.into(),
