@@ -1,4 +1,4 @@
-//! How a command fails, and the exit code that tells it.
+//! How a command fails, and its exit code.
 
 use beamlet::printed;
 use std::fmt;

@@ -39,11 +39,11 @@ impl RunReader {
         let (mut record, mut maps, mut beamlets) = (None, None, None);
         if directory.is_dir() {
             let found = Maps::open(&directory)?;
-            let told = Record::read(&directory.join("retrieved.json"))?;
+            let stored = Record::read(&directory.join("retrieved.json"))?;
             let first = found.names().next().map(str::to_owned).unwrap_or_default();
             let (rows, columns) = found.map(&first, 0)?.dim();
             let [_, _, run_rows, run_columns] = sample.shape();
-            let of_beamlets = told.method == Method::Beamlet.name();
+            let of_beamlets = stored.method == Method::Beamlet.name();
             let differs = (rows, columns) != (run_rows, run_columns);
             if differs && !of_beamlets || found.views() > sample.shape()[0] {
                 return Err(Failure::File {
@@ -57,7 +57,7 @@ impl RunReader {
                 });
             }
             *(if of_beamlets { &mut beamlets } else { &mut maps }) = Some(found);
-            record = Some(told);
+            record = Some(stored);
         }
         let counts = record.as_ref().is_some_and(|record: &Record| record.counts);
         let fitted = Input::of_run(&run, counts)?;
@@ -146,7 +146,7 @@ impl RunReader {
             return Err(Failure::File {
                 path: self.run.path().join(RETRIEVED),
                 problem: format!(
-                    "has {} views, and view {view} is asked for; retrieve the run again",
+                    "has {} views, and view {view} is requested; retrieve the run again",
                     maps.views()
                 ),
             });
@@ -295,8 +295,8 @@ impl RunReader {
             }
         }
         // The middle, where no column stands out.
-        let told = (0..columns).filter(|column| merit[*column] > 0.0);
-        Ok(told.max_by(|a, b| merit[*a].total_cmp(&merit[*b])).unwrap_or(columns / 2))
+        let known = (0..columns).filter(|column| merit[*column] > 0.0);
+        Ok(known.max_by(|a, b| merit[*a].total_cmp(&merit[*b])).unwrap_or(columns / 2))
     }
 }
 

@@ -68,7 +68,7 @@ pub(crate) struct Material {
     /// Mean over a spectrum: a spectrum file, or a scene with its filters and materials
     #[arg(long, value_name = "FILE|SCENE", requires = "name")]
     pub(crate) spectrum: Option<PathBuf>,
-    /// Thickness to tell the transmission of, such as "1 mm"
+    /// Thickness for which the transmission is printed, such as "1 mm"
     #[arg(long, value_parser = length, requires = "name")]
     pub(crate) thickness: Option<f64>,
     /// Print JSON (SI units, energies in keV, densities in g/cm3)

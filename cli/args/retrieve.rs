@@ -12,7 +12,7 @@ use std::path::PathBuf;
     beamlet retrieve --flat flat.tif --sample sample.tif --dark dark.tif \\\n    \
       --offsets '-12 um, -6 um, 0 um, 6 um, 12 um' --geometry scene.toml -o images\n\n\
     Images go to RUN/retrieved, or to DIR: transmission, refraction (rad), dark_field (rad^2), \
-    their 1-sigma uncertainties, flags, and the parameters of the fits; retrieved.json tells \
+    their 1-sigma uncertainties, flags, and the parameters of the fits; retrieved.json records \
     units and the meaning of the flags. docs/retrieval.md has formulas, validity and bias.")]
 pub(crate) struct Retrieve {
     /// Run directory of `beamlet simulate`

@@ -79,7 +79,7 @@ pub(crate) struct Illuminate {
     /// File format of the frames [default: exr]
     #[arg(long, value_enum)]
     pub(crate) format: Option<FormatName>,
-    /// How rays that are walked again find triangles: auto measures both on the scene
+    /// How rays that are traced again find triangles: auto measures both on the scene
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     pub(crate) backend: BackendName,
     /// Vulkan device, by its number or part of its name (see `beamlet devices`)

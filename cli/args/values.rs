@@ -25,7 +25,7 @@ pub(super) fn from_zero(text: &str) -> Result<f64, String> {
 pub(super) fn single(text: &str) -> Result<f32, String> {
     let most = f64::from(f32::MAX);
     let value = number(text, "a number above 0, up to 3.4e38", |v| v > 0.0 && v <= most)?;
-    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
+    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is intended")]
     let value = value as f32;
     Ok(value)
 }

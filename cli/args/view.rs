@@ -11,7 +11,7 @@ use std::path::PathBuf;
     beamlet view run -o pictures --show curve --pixel 80,64\n  \
     beamlet view run -o pictures --show retrieved --map refraction,refraction_sigma --view 3\n\n\
     Prints the names of the files that it wrote. Nothing is written where anything is wrong. \
-    docs/pictures.md tells what each picture shows.")]
+    docs/pictures.md explains each picture.")]
 pub(crate) struct View {
     /// Scene file (TOML or JSON), or run directory
     pub(crate) what: PathBuf,

@@ -109,9 +109,9 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
             match done {
                 Ok(Done { extent, sink, record, seconds }) => {
                     unfinished.remove(&index);
-                    let told = summary(&sink, extent, &record, seconds, out);
-                    failed.fetch_or(told.is_err(), Ordering::Relaxed);
-                    told?;
+                    let printed = summary(&sink, extent, &record, seconds, out);
+                    failed.fetch_or(printed.is_err(), Ordering::Relaxed);
+                    printed?;
                 }
                 Err(failure) => {
                     unfinished.insert(index, Some(failure));
@@ -140,9 +140,9 @@ fn illuminate(
     mut reporter: Reporter,
 ) -> Result<Done, Failure> {
     let began = Instant::now();
-    let mut told = |progress| reporter.update(progress);
+    let mut report = |progress| reporter.update(progress);
     let mut control = Control {
-        progress: Some(&mut told),
+        progress: Some(&mut report),
         cancel: Some(&interrupt::CANCELLED),
         ..Control::default()
     };

@@ -30,14 +30,14 @@ struct Known {
 
 /// Constants at an energy, or their mean over the photons of a spectrum.
 #[derive(Debug, Serialize)]
-struct Told {
+struct MaterialValues {
     /// Of the photon, or the mean of the photons.
     energy_kev: f64,
     mu_per_m: f64,
     delta: f64,
     beta: f64,
     critical_angle_rad: f64,
-    /// Of the thickness that was asked for.
+    /// Of the requested thickness.
     transmission: Option<f64>,
 }
 
@@ -49,7 +49,7 @@ struct Report {
     thickness_m: Option<f64>,
     /// Whether the values are means over a spectrum.
     over_spectrum: bool,
-    values: Vec<Told>,
+    values: Vec<MaterialValues>,
     tables: String,
     /// Least and greatest energy with constants; the greatest is left out where there is none.
     table_range_kev: [Option<f64>; 2],
@@ -138,9 +138,9 @@ fn at_energies(
     name: &str,
     energies: &[f64],
     thickness: Option<f64>,
-) -> Result<Vec<Told>, Failure> {
+) -> Result<Vec<MaterialValues>, Failure> {
     let constants = material::constants_over(scene, name, energies)?;
-    let told = |(energy, Constants { mu, delta }): (&f64, Constants)| Told {
+    let values = |(energy, Constants { mu, delta }): (&f64, Constants)| MaterialValues {
         energy_kev: *energy,
         mu_per_m: mu,
         delta,
@@ -148,11 +148,11 @@ fn at_energies(
         critical_angle_rad: critical_angle(delta),
         transmission: thickness.map(|thickness| (-mu * thickness).exp()),
     };
-    Ok(energies.iter().zip(constants).map(told).collect())
+    Ok(energies.iter().zip(constants).map(values).collect())
 }
 
 /// Means over the photons of the scene's spectrum behind its filters.
-fn over_spectrum(scene: &Scene, name: &str, thickness: Option<f64>) -> Result<Told, Failure> {
+fn over_spectrum(scene: &Scene, name: &str, thickness: Option<f64>) -> Result<MaterialValues, Failure> {
     let Beam::Spectrum(spec) = &scene.source.beam else {
         return Err(Failure::Usage(
             "the scene of --spectrum has one energy and no spectrum".into(),
@@ -166,7 +166,7 @@ fn over_spectrum(scene: &Scene, name: &str, thickness: Option<f64>) -> Result<To
             / spectrum.total()
     };
     let delta = mean(&|_, constants| constants.delta);
-    Ok(Told {
+    Ok(MaterialValues {
         energy_kev: spectrum.mean_energy(),
         mu_per_m: mean(&|_, constants| constants.mu),
         delta,
@@ -192,19 +192,19 @@ fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {
         write!(out, "  {formula}, {}", Density.format(density))?;
     }
     writeln!(out)?;
-    for told in &report.values {
+    for value in &report.values {
         let mut line = |name: &str, value: String| writeln!(out, "  {name:<16}{value}");
-        let energy = format!("{} keV", number(told.energy_kev));
+        let energy = format!("{} keV", number(value.energy_kev));
         if report.over_spectrum {
             line("mean energy", format!("{energy}; below, means over the photons"))?;
         } else {
             line("energy", energy)?;
         }
-        line("mu", format!("{} /m", number(told.mu_per_m)))?;
-        line("delta", number(told.delta))?;
-        line("beta", number(told.beta))?;
-        line("critical angle", format!("{} mrad", number(1e3 * told.critical_angle_rad)))?;
-        if let (Some(transmission), Some(thickness)) = (told.transmission, report.thickness_m) {
+        line("mu", format!("{} /m", number(value.mu_per_m)))?;
+        line("delta", number(value.delta))?;
+        line("beta", number(value.beta))?;
+        line("critical angle", format!("{} mrad", number(1e3 * value.critical_angle_rad)))?;
+        if let (Some(transmission), Some(thickness)) = (value.transmission, report.thickness_m) {
             let text = format!("{} of {}", number(transmission), Length.format(thickness));
             line("transmission", text)?;
         }

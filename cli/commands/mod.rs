@@ -18,7 +18,7 @@ use crate::args::{Arguments, Verb};
 use crate::failure::Failure;
 use std::io::Write;
 
-/// Runs the verb that was asked for.
+/// Runs the requested verb.
 pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),

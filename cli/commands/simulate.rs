@@ -83,7 +83,7 @@ fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failu
         ))),
         Some(keeps) => Ok(keeps),
         None if wanted && !sink.committed().is_empty() => Err(Failure::Usage(format!(
-            "{path} has no moments, and its run.json, of an earlier version, does not tell of \
+            "{path} has no moments, and its run.json, of an earlier version, does not say anything of \
              --keep-moments; it cannot go on with --keep-moments"
         ))),
         None => Ok(wanted),
@@ -134,7 +134,7 @@ pub(super) fn summary(
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
     if record.tally.rays == 0 {
         writeln!(out, "rays     none traced, in {seconds:.1} s")?;
-        return tell(&record.tally, out);
+        return print_tally(&record.tally, out);
     }
     writeln!(out, "backend  {}: {}", record.backend, record.backend_reason)?;
     let part = match sink.committed().len() {
@@ -145,7 +145,7 @@ pub(super) fn summary(
     if let Some(sampling) = &record.sampling {
         tell_sampling(sampling, out)?;
     }
-    tell(&record.tally, out)
+    print_tally(&record.tally, out)
 }
 
 /// How finely the sample was sampled, and what that may have left.
@@ -168,7 +168,7 @@ fn tell_sampling(sampling: &SamplingSummary, out: &mut impl Write) -> Result<(),
 }
 
 /// What is worth a line of a tally.
-fn tell(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
+fn print_tally(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
     for (count, what) in counts(tally).into_iter().filter(|(count, _)| *count > 0) {
         writeln!(out, "         {count} {what}")?;
     }

@@ -19,7 +19,7 @@ const ANODE_ANGLE: f64 = 12.0_f64.to_radians();
 
 /// A spectrum in numbers.
 #[derive(Debug, Serialize)]
-struct Told {
+struct BeamSummary {
     /// Sum of the weights.
     photons: f64,
     mean_energy_kev: f64,
@@ -28,7 +28,7 @@ struct Told {
     spectrum: Spectrum,
 }
 
-impl Told {
+impl BeamSummary {
     fn of(spectrum: Spectrum) -> Result<Self, Failure> {
         Ok(Self {
             photons: spectrum.total(),
@@ -45,8 +45,8 @@ struct Report {
     /// Of the tube itself and those behind it, as "1 mm Al".
     inherent_filters: Vec<String>,
     filters: Vec<String>,
-    before: Told,
-    after: Told,
+    before: BeamSummary,
+    after: BeamSummary,
     /// Of a scene; without one there is nothing to be accurate for.
     nodes: Option<Nodes>,
 }
@@ -65,8 +65,8 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
             SpectrumOrigin::File { .. } => Vec::new(),
         },
         filters: listed(&spec.filters),
-        before: Told::of(Spectrum::before_filters(&scene, &spec).map_err(locate)?)?,
-        after: Told::of(Spectrum::after_filters(&scene, &spec).map_err(locate)?)?,
+        before: BeamSummary::of(Spectrum::before_filters(&scene, &spec).map_err(locate)?)?,
+        after: BeamSummary::of(Spectrum::after_filters(&scene, &spec).map_err(locate)?)?,
         nodes: of_scene.then(|| nodes(&scene).map_err(locate)).transpose()?,
     };
     if let Some(path) = &arguments.plot {
@@ -159,15 +159,15 @@ fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {
     writeln!(out, "  {:<20}{}", "filters", list(&report.filters))?;
     let (before, after) = (&report.before, &report.after);
     writeln!(out, "\n  {:<20}{:>14}{:>14}", "", "before filters", "after")?;
-    let mut line = |name: &str, unit: &str, value: &dyn Fn(&Told) -> f64| {
-        let [before, after] = [before, after].map(|told| number(value(told)));
+    let mut line = |name: &str, unit: &str, value: &dyn Fn(&BeamSummary) -> f64| {
+        let [before, after] = [before, after].map(|beam| number(value(beam)));
         writeln!(out, "  {:<20}{before:>14}{after:>14}  {unit}", name)
     };
-    line("mean energy", "keV", &|told| told.mean_energy_kev)?;
-    line("half-value layer", "mm Al", &|told| 1e3 * told.half_value_layer_m)?;
-    line("photons", "of those before", &|told| told.photons / before.photons)?;
-    line("highest energy", "keV", &|told| {
-        told.spectrum.energies_kev.last().copied().unwrap_or(0.0)
+    line("mean energy", "keV", &|beam| beam.mean_energy_kev)?;
+    line("half-value layer", "mm Al", &|beam| 1e3 * beam.half_value_layer_m)?;
+    line("photons", "of those before", &|beam| beam.photons / before.photons)?;
+    line("highest energy", "keV", &|beam| {
+        beam.spectrum.energies_kev.last().copied().unwrap_or(0.0)
     })?;
     let Some(nodes) = &report.nodes else { return Ok(()) };
     let how = if nodes.chosen { "chosen" } else { "as the scene says" };

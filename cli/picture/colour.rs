@@ -15,7 +15,7 @@ pub(crate) type Rgb = [u8; 3];
 
 /// What is not a number.
 pub(crate) const NO_VALUE: Rgb = [190, 70, 210];
-/// Colours of lines and materials that are told apart well, also by the colour-blind
+/// Colours of lines and materials that differ clearly, also for the colour-blind
 /// (Okabe and Ito).
 pub(crate) const SET: [Rgb; 7] = [
     [0, 114, 178],

@@ -1,4 +1,4 @@
-//! What a retrieved image shows: its words, the unit it is told in, its colours.
+//! What a retrieved image shows: its labels, unit and colours.
 
 use super::colour::Map;
 

@@ -15,7 +15,7 @@ pub(super) fn summary(run: &RunReader) -> String {
     let extent = record.extent;
     let committed = match run.views() {
         views if views == extent.views as usize => views.to_string(),
-        views => format!("{views} (of {} asked for)", extent.views),
+        views => format!("{views} (of {} requested)", extent.views),
     };
     let record = &record.record;
     format!(
@@ -34,7 +34,7 @@ pub(super) fn scene_text(run: &RunReader) -> Result<String, Failure> {
 /// Counts that belong to any run.
 const USUAL: [&str; 4] = ["rays", "exact", "split", "reflected"];
 
-/// Counts of sampling, which are told in words.
+/// Counts of sampling, as text.
 const OF_SAMPLING: [&str; 6] = [
     "patches",
     "patch_rays",

@@ -67,7 +67,7 @@ impl StoredMoments {
         let scene = Scene::load(&scene_path)?;
         for path in scene.files_without_hash() {
             log::warn!(
-                "{}: has no hash of {}: whether it is what the run was made with cannot be told",
+                "{}: has no hash of {}: whether the run was made with it cannot be verified",
                 scene_path.display(),
                 path.display()
             );

@@ -39,7 +39,7 @@ pub const MEANINGS: [(u32, &str, &str); 10] = [
     (FEW, "few", "fewer values are left than the method needs"),
     (NOT_CONVERGED, "not_converged", "the fit did not settle"),
     (ILL_CONDITIONED, "ill_conditioned", "the condition number of the normal equations passes 100"),
-    (WIDTH, "width", "the width is beyond what the offsets can tell"),
+    (WIDTH, "width", "the width is beyond what the offsets can resolve"),
     (OUTSIDE, "outside", "the centre lies outside the scan"),
     (NO_PEAK, "no_peak", "the amplitude is not above three times its own uncertainty"),
     (TRUNCATED, "truncated", "the curve does not fall off within the scan, or leaves the steps"),

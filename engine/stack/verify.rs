@@ -42,7 +42,7 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
     let mut problems = Vec::new();
     if extent != file.extent {
         let found = file.extent;
-        problems.push(format!("{place}: run.json tells of {found:?}; its scene has {extent:?}"));
+        problems.push(format!("{place}: run.json has {found:?}; its scene has {extent:?}"));
     }
     let found = frames(path, file.format, extent, scene.detector.counts.is_some(), &entries);
     problems.extend(found.problems.into_iter().map(|(_, problem)| problem));

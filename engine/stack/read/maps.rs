@@ -82,7 +82,7 @@ impl Maps {
         };
         if view >= self.views {
             let problem =
-                format!("has {} views; asked for view {view}, counted from 0", self.views);
+                format!("has {} views; view {view} was requested, counted from 0", self.views);
             return Err(Error::file(map.path(), problem, None));
         }
         map.only_frame(view.min(map.shape()[1] - 1))

@@ -164,7 +164,7 @@ impl StackFile {
     pub fn rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
         let [views, steps, ..] = self.shape;
         if view >= views {
-            let problem = format!("has {views} views; asked for view {view}, counted from 0");
+            let problem = format!("has {views} views; view {view} was requested, counted from 0");
             return Err(Error::file(&self.path, problem, None));
         }
         if steps > 0
