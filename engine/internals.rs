@@ -26,6 +26,7 @@ pub mod memory {
 }
 /// Lattices.
 pub mod sampling {
+    pub use crate::optics::Optics;
     pub use crate::run::simulation::cells::cells_of_rows;
     pub use crate::sampling::Lattice;
 }

@@ -34,6 +34,7 @@ mod interpolation;
 pub mod material;
 pub mod moments;
 mod numbers;
+mod optics;
 mod parallel;
 pub mod printed;
 mod reserve;

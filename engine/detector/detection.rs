@@ -5,6 +5,7 @@ use super::excess_noise;
 use super::grid::SubpixelGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
+use crate::optics::Optics;
 use crate::scene::Exposure;
 use crate::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec, validate_thresholds};
 use crate::spectrum::{self, Spectrum};
@@ -16,7 +17,7 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 pub struct DetectorModel {
     grid: SubpixelGrid,
-    lit: Scene,
+    optics: Optics,
     blur: Option<BlurStage>,
     scatter: Option<ScatterStage>,
     noise: Option<Noise>,
@@ -34,7 +35,7 @@ impl DetectorModel {
         let nodes = open_beam(scene)?;
         Ok(Self {
             grid,
-            lit: grid.lit_scene(scene),
+            optics: grid.optics(scene),
             blur: BlurStage::of(scene, &grid)?,
             scatter: ScatterStage::of(scene)?,
             noise: Noise::of(scene, excess_noise(&scene.detector, &nodes)),
@@ -57,10 +58,10 @@ impl DetectorModel {
         &self.grid
     }
 
-    /// The scene that is traced and illuminated: the grid in place of the detector.
+    /// What is traced and illuminated: the grid stands in place of the detector.
     #[must_use]
-    pub const fn lit(&self) -> &Scene {
-        &self.lit
+    pub const fn optics(&self) -> &Optics {
+        &self.optics
     }
 
     /// Whether there is noise, and so counts and dark frames.

@@ -10,8 +10,8 @@
 
 use super::kernel::{KernelOf, Measured, Spread};
 use crate::Result;
+use crate::optics::Optics;
 use crate::scene::{Blur, Scatter, Scene};
-use crate::spot::deviation;
 use serde::Serialize;
 use std::ops::Range;
 
@@ -101,37 +101,10 @@ impl SubpixelGrid {
         [0, 1].map(|axis| self.parts[axis] * (self.pixels[axis] + 2 * self.margin[axis]))
     }
 
-    /// The scene with this grid in place of the detector: what is traced and illuminated. Masks
-    /// stay where they are.
+    /// The optics with this grid in place of the detector: what is traced and illuminated.
     #[must_use]
-    pub fn lit_scene(&self, scene: &Scene) -> Scene {
-        let mut lit = scene.clone();
-        let [parts_x, parts_z] = self.parts;
-        lit.detector.pixels = self.size();
-        lit.detector.pitch =
-            [0, 1].map(|axis| scene.detector.pitch[axis] / f64::from(self.parts[axis]));
-        // Aperture k of C stands at (k + 1/2 - C/2) periods.
-        if (lit.detector.pixels[0] + scene.detector.pixels[0]) % 2 == 1 {
-            for mask in lit.sample_mask.iter_mut().chain(lit.detector_mask.iter_mut()) {
-                mask.offset += 0.5 * mask.period;
-            }
-        }
-        let sampling = &mut lit.sampling;
-        if parts_x > 1 && scene.sample_mask.is_none() {
-            // A period is a part of a pixel then.
-            let cells = sampling.cells.unwrap_or(DEFAULT_CELLS);
-            sampling.cells = Some(cells.div_ceil(parts_x));
-        }
-        sampling.rows = sampling.rows.div_ceil(parts_z);
-        sampling.rays = [sampling.rays[0].div_ceil(parts_x), sampling.rays[1].div_ceil(parts_z)];
-        if let Some(Blur::Gaussian { sigma }) = &scene.detector.blur
-            && sigma[1] > 0.0
-        {
-            let source = scene.source.distance;
-            let seen = sigma[1] / deviation(1.0) * source / (scene.detector.distance - source);
-            lit.source.spot = lit.source.spot.blurred_along_z(seen);
-        }
-        lit
+    pub fn optics(&self, scene: &Scene) -> Optics {
+        Optics::on_grid(scene, self.size(), self.parts)
     }
 
     /// Rows of the detector that a band of its rows takes light from.
@@ -159,9 +132,6 @@ impl SubpixelGrid {
         start * parts..end * parts
     }
 }
-
-/// Cells per period of a lattice without a sample mask, in pixels that are not cut.
-const DEFAULT_CELLS: u32 = 6;
 
 /// Width of the light behind the detector mask, pixels, where it stands the same in every pixel;
 /// 1 where it may be anywhere.

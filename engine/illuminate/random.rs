@@ -12,7 +12,7 @@ use super::sums::Sums;
 use crate::Result;
 use crate::gpu::{Device, Kernel, shaders};
 use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
-use crate::scene::Scene;
+use crate::optics::Optics;
 use crate::trace::{Tracer, push_bytes};
 use std::sync::Arc;
 
@@ -55,16 +55,16 @@ pub(crate) struct Cast<'a> {
 pub(crate) fn cast(
     device: &Arc<Device>,
     kernels: &RandomKernels,
-    scene: &Scene,
+    optics: &Optics,
     tracer: &mut Tracer,
     light: &IlluminationBuffer,
     sums: &Sums,
     job: Cast<'_>,
 ) -> Result<()> {
-    let rays_per_pixel = scene.sampling.rays;
+    let rays_per_pixel = optics.sampling.rays;
     let all = rays_per_pixel[0] * rays_per_pixel[1];
-    let seed = [scene.sampling.seed as u32, (scene.sampling.seed >> 32) as u32];
-    let steps = scene.scan.mask_offsets.len() as u32;
+    let seed = [optics.sampling.seed as u32, (optics.sampling.seed >> 32) as u32];
+    let steps = optics.mask_steps() as u32;
     let capacity = tracer.capacity();
     let at_once = (capacity / all.min(capacity)).max(1);
     for pixels in job.pixels.chunks(at_once as usize) {

@@ -18,11 +18,12 @@ mod join;
 mod ordered;
 mod sums;
 
-use super::light::{IlluminationBuffer, MaskShape, SpectralBand};
+use super::light::{IlluminationBuffer, SpectralBand};
 use crate::Result;
 use crate::gpu::Device;
 use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
 use crate::material::Constants;
+use crate::optics::{Mask, MaskShape, Optics};
 use crate::sampling::{CellBatch, CellMoments, Lattice};
 use crate::scene::Scene;
 use crate::trace::{MaterialTable, Tracer};
@@ -135,23 +136,23 @@ impl EnergyBinning {
     /// that rays were flagged for.
     pub(crate) fn new(
         scene: &Scene,
+        optics: &Optics,
         media: &MaterialTable,
         lattice: &Lattice,
         reference: &[Constants],
         flagged: f64,
     ) -> Result<Self> {
-        let analyser = scene.analyser_distance();
-        let at = |name: &str, spec: Option<&crate::scene::MaskSpec>, plane: f64| {
-            spec.map(|spec| {
-                let of = |&energy: &f64| MaskShape::of(scene, name, spec, plane, Some(energy));
-                media.energies.iter().map(of).collect::<Result<Vec<_>>>()
-            })
-            .transpose()
+        let Optics { analyser, detector, .. } = optics;
+        let at = |mask: &Option<Mask>, plane: f64| {
+            mask.as_ref()
+                .map(|mask| {
+                    let of = |&energy: &f64| MaskShape::of(scene, mask, plane, Some(energy));
+                    media.energies.iter().map(of).collect::<Result<Vec<_>>>()
+                })
+                .transpose()
         };
-        let masks = [
-            at("sample_mask", scene.sample_mask.as_ref(), lattice.plane)?,
-            at("detector_mask", scene.detector_mask.as_ref(), analyser)?,
-        ];
+        let masks =
+            [at(&optics.sample_mask, lattice.plane)?, at(&optics.detector_mask, *analyser)?];
         let flat = |of: fn(&Constants) -> f64| {
             media.constants.iter().flatten().chain(reference).map(of).collect()
         };
@@ -180,17 +181,17 @@ impl EnergyBinning {
             mu,
             delta,
             delta_ratio: media.constants.iter().map(delta_ratio).collect(),
-            severe: severe(scene, media, reference, flagged),
+            severe: severe(optics.sampling.transport, media, reference, flagged),
             materials,
             groups: Vec::new(),
-            slopes: lattice.columns(scene).iter().map(|c| c.slope.into()).collect(),
+            slopes: lattice.columns(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
-            tolerance: DISPLACEMENT_SHARE * scene.sampling.angle_tolerance * scene.lever_arm(),
-            gap: scene.detector.distance - analyser,
-            ratio: analyser / scene.detector.distance,
-            row_pitch: scene.detector.pitch[1],
-            row_slope: -scene.detector.pitch[1] / scene.detector.distance,
-            middle_row: f64::from(scene.detector.pixels[1]) / 2.0,
+            tolerance: DISPLACEMENT_SHARE * optics.sampling.angle_tolerance * optics.lever_arm(),
+            gap: optics.gap(),
+            ratio: analyser / detector.distance,
+            row_pitch: detector.pitch[1],
+            row_slope: -detector.row_slope(),
+            middle_row: detector.half(1),
             masks,
         };
         // One energy has nothing to gather.
@@ -238,9 +239,9 @@ impl EnergyBinning {
         &self,
         device: &Arc<Device>,
         scene: &Scene,
+        optics: &Optics,
         media: &MaterialTable,
     ) -> Result<Vec<IlluminationBuffer>> {
-        let offsets = &scene.scan.mask_offsets;
         let softness = |mask: usize, leaks: [bool; 2]| {
             let shapes = self.masks[mask].as_ref().filter(|_| !leaks[mask])?;
             let (mut sum, mut all) = ([0.0; 3], 0.0);
@@ -265,7 +266,7 @@ impl EnergyBinning {
         let nodes = media.energies.iter().zip(&media.weights);
         groups
             .chain(nodes.map(|(&energy, &weight)| SpectralBand::Node { energy, weight }))
-            .map(|part| IlluminationBuffer::of_cells(device, scene, &self.lattice, offsets, &part))
+            .map(|part| IlluminationBuffer::of_cells(device, scene, optics, &self.lattice, &part))
             .collect()
     }
 

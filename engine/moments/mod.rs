@@ -18,6 +18,7 @@ pub use file::MomentWriter;
 use crate::detector::DetectorModel;
 use crate::illuminate::EnergyBinning;
 use crate::numbers;
+use crate::optics::Optics;
 use crate::sampling::{CellBatch, Lattice};
 use crate::scene::Scene;
 use crate::trace::MaterialTable;
@@ -121,10 +122,10 @@ impl StoredMoments {
     pub fn cells(&self, scene: &Scene) -> Result<usize> {
         scene.validate()?;
         let detection = DetectorModel::of(scene)?;
-        let lit = detection.lit();
-        let lattice = Lattice::of(lit, MaterialTable::of(scene)?.strongest());
-        let source = self.for_scene(lit, &lattice)?;
-        let rows = -lattice.halo..i64::from(lit.detector.pixels[1]) + lattice.halo;
+        let optics = detection.optics();
+        let lattice = Lattice::of(optics, MaterialTable::of(scene)?.strongest());
+        let source = self.for_scene(scene, optics, &lattice)?;
+        let rows = -lattice.halo..i64::from(optics.detector.pixels[1]) + lattice.halo;
         let mut cells = 0;
         for view in (0_u32..).take(self.views.len()) {
             source.read(view, &rows, &mut Covered::default(), |strips| {
@@ -139,16 +140,21 @@ impl StoredMoments {
     ///
     /// # Errors
     /// [`Error::Scene`] where the scene differs in more than moments can follow, and says in what.
-    pub(crate) fn for_scene(&self, scene: &Scene, lattice: &Lattice) -> Result<StoredSource<'_>> {
+    pub(crate) fn for_scene(
+        &self,
+        scene: &Scene,
+        optics: &Optics,
+        lattice: &Lattice,
+    ) -> Result<StoredSource<'_>> {
         compatibility::check(&self.scene, scene)?;
         let detection = DetectorModel::of(&self.scene)?;
-        let lit = detection.lit();
+        let traced = detection.optics();
         let (base, now) = (MaterialTable::of(&self.scene)?, MaterialTable::of(scene)?);
         let media = compatibility::media(&self.scene, &base, scene, &now)?;
         let reference = base.mean();
         let same_constants = media.constants == base.constants && media.weights == base.weights;
-        let old = Lattice::of(lit, base.strongest());
-        let resample = Resampled::new(lit, &old, scene, lattice)?;
+        let old = Lattice::of(traced, base.strongest());
+        let resample = Resampled::new(traced, &old, optics, lattice)?;
         let wide = self.views.iter().any(MomentFile::has_wide);
         Ok(StoredSource {
             kept: self,

@@ -9,10 +9,10 @@
 )]
 
 use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
+use crate::optics::Optics;
 use crate::sampling::{
     CellBatch, CellMoments, ExactCell, Lattice, blank_strips, empty_cell, empty_strip,
 };
-use crate::scene::Scene;
 use crate::{Error, Result};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -54,9 +54,9 @@ impl Covered {
 impl Resampled {
     /// # Errors
     /// [`Error::Scene`] where the new field of view is not inside the old one.
-    pub(super) fn new(from: &Scene, old: &Lattice, to: &Scene, new: &Lattice) -> Result<Self> {
-        let rows = [from, to].map(|s| f64::from(s.detector.pixels[1]));
-        let row_slopes = [from, to].map(|s| s.detector.pitch[1] / s.detector.distance);
+    pub(super) fn new(from: &Optics, old: &Lattice, to: &Optics, new: &Lattice) -> Result<Self> {
+        let rows = [from, to].map(|optics| f64::from(optics.detector.pixels[1]));
+        let row_slopes = [from, to].map(|optics| optics.detector.row_slope());
         let reach = |l: &Lattice, beamlets: &Range<i64>| {
             [l.centre(beamlets.start), l.centre(beamlets.end - 1)].map(|x| x / l.plane)
         };
@@ -82,7 +82,7 @@ impl Resampled {
             new: new.clone(),
             rows,
             row_slopes,
-            lever: to.analyser_distance() - from.analyser_distance(),
+            lever: to.analyser - from.analyser,
             same_columns,
             same_rows,
         })

@@ -5,6 +5,7 @@
 
 use crate::detector::SubpixelGrid;
 use crate::geometry::{self, ObjectSummary, PEAK_PER_TRIANGLE};
+use crate::optics::Optics;
 use crate::sampling::Lattice;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
@@ -199,18 +200,18 @@ impl Needs {
     fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
         let extent = Extent::of(scene)?;
         let grid = SubpixelGrid::of(scene)?;
-        let lit = grid.lit_scene(scene);
+        let optics = grid.optics(scene);
         let mut materials: Vec<&str> = scene.objects.iter().map(|o| o.material.as_str()).collect();
         materials.push(&scene.surroundings);
         materials.sort_unstable();
         materials.dedup();
         let cells = scene.sampling.scheme == Scheme::Cells;
-        let beamlets = beamlets(&lit)?;
-        let [columns, rows] = lit.detector.pixels.map(u64::from);
+        let beamlets = beamlets(&optics)?;
+        let [columns, rows] = optics.detector.pixels.map(u64::from);
         let [rays, row_rays] = if cells {
-            cell_rays(&lit, objects)
+            cell_rays(&optics, objects)
         } else {
-            let [x, z] = lit.sampling.rays.map(u64::from);
+            let [x, z] = optics.sampling.rays.map(u64::from);
             // Parts of a row are traced by themselves.
             [columns.saturating_mul(rows).saturating_mul(x).saturating_mul(z), 0]
         };
@@ -356,9 +357,9 @@ impl Needs {
     }
 }
 
-/// Beamlets whose light reaches the detector of the scene that is traced.
-fn beamlets(scene: &Scene) -> Result<u64> {
-    let lattice = Lattice::of(scene, 0.0);
+/// Beamlets whose light reaches the pixels that take it.
+fn beamlets(optics: &Optics) -> Result<u64> {
+    let lattice = Lattice::of(optics, 0.0);
     let count = lattice.beamlets.end.abs_diff(lattice.beamlets.start);
     if count <= BEAMLETS {
         return Ok(count);
@@ -375,11 +376,11 @@ fn beamlets(scene: &Scene) -> Result<u64> {
 
 /// Rays of the beamlets and rows that the objects touch in any view, before refinement, and those
 /// of one row.
-fn cell_rays(scene: &Scene, objects: &[ObjectSummary]) -> [u64; 2] {
-    let lattice = Lattice::of(scene, 0.0);
+fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] {
+    let lattice = Lattice::of(optics, 0.0);
     let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start) as f64;
-    let rows = f64::from(scene.detector.pixels[1]);
-    let source = scene.source.distance;
+    let rows = f64::from(optics.detector.pixels[1]);
+    let source = optics.rotation;
     let touched = objects.iter().map(|object| {
         let [low, high] = object.bounds.map(glam::DVec3::from);
         let widest = low.abs().max(high.abs());
@@ -387,12 +388,12 @@ fn cell_rays(scene: &Scene, objects: &[ObjectSummary]) -> [u64; 2] {
         // Nearest to the source it looks largest.
         let near = (source - reach).max(0.1 * source);
         let width = 2.0 * reach * lattice.plane / near / lattice.period + 2.0;
-        let pitch = scene.detector.pitch[1] * near / scene.detector.distance;
+        let pitch = optics.detector.pitch_at(1, near);
         let height = (high.z - low.z) / pitch + 2.0;
         (width.min(beamlets), height.min(rows))
     });
     // A line of a beamlet has two rays per cell; each part of a row takes about two lines.
-    let of_beamlet = f64::from((4 * lattice.cells + 2) * scene.sampling.rows);
+    let of_beamlet = f64::from((4 * lattice.cells + 2) * optics.sampling.rows);
     let (mut all, mut widths) = (0.0, 0.0);
     for (width, height) in touched {
         all += width * height;

@@ -33,7 +33,7 @@ const UNBALANCED_SHARE: f64 = 1e-5;
 pub struct Simulation<'e> {
     engine: &'e Engine,
     scene: Scene,
-    /// The detector; its grid stands in the scene that is traced and illuminated.
+    /// The detector; its optics are what is traced and illuminated.
     detection: DetectorModel,
     sample: Sample,
     on_device: Arc<DeviceSample>,
@@ -113,7 +113,8 @@ impl<'e> Simulation<'e> {
 
     fn view<'a>(&'a self, index: u32, shadows: &'a [ProjectedBounds]) -> sampling::ViewContext<'a> {
         sampling::ViewContext {
-            scene: self.detection.lit(),
+            optics: self.detection.optics(),
+            angle: self.scene.scan.angles[index as usize],
             sample: &self.sample,
             facets: self.facets.as_ref(),
             lattice: &self.lattice,

@@ -55,7 +55,7 @@ impl BaseLattice {
         let grid = PatchGrid { rows, beamlets: view.lattice.beamlets.clone() };
         let mut places = vec![None; grid.count()];
         mark_occupied(view, &grid, &mut places);
-        let base = [view.lattice.cells, view.scene.sampling.rows];
+        let base = [view.lattice.cells, view.optics.sampling.rows];
         let size = base[0] * base[1];
         let mut count = 0;
         for place in places.iter_mut().flatten() {

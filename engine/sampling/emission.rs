@@ -60,13 +60,12 @@ impl<'a> Emitter<'a> {
         estimator: &'a Estimator<'a>,
         lit: &'a Range<i64>,
     ) -> Self {
-        let scene = view.scene;
-        let analyser = scene.analyser_distance();
+        let optics = view.optics;
         Self {
             view,
             estimator,
             lit,
-            ratio: (analyser / scene.detector.distance) as f32,
+            ratio: (optics.analyser / optics.detector.distance) as f32,
             joined: (DISPLACEMENT_JOINED * view.budget.bounded_displacement()) as f32,
         }
     }

@@ -13,7 +13,7 @@ use super::lattice::Lattice;
 use super::patch_grid::PatchGrid;
 use super::polygon::Area;
 use crate::geometry::Sample;
-use crate::scene::{Scene, Transport};
+use crate::scene::Transport;
 use crate::trace::{MaterialTable, least_cosine, object_hash};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -56,13 +56,13 @@ impl SampleFacets {
     /// [`crate::geometry::across_edges`] of the sample.
     #[must_use]
     pub(crate) fn new(
-        scene: &Scene,
+        transport: Transport,
         sample: &Sample,
         media: &MaterialTable,
         delta_ratio: f64,
         across: Vec<[u32; 3]>,
     ) -> Option<Self> {
-        if scene.sampling.transport == Transport::Exact {
+        if transport == Transport::Exact {
             return None;
         }
         let mean = media.mean();
@@ -73,7 +73,7 @@ impl SampleFacets {
                 hash: object_hash(component.object),
                 mu: a.mu - b.mu,
                 delta: a.delta - b.delta,
-                least_cosine: match scene.sampling.transport {
+                least_cosine: match transport {
                     Transport::FirstOrder => 0.0,
                     _ => least_cosine(delta_ratio * media.step(inside, outside)),
                 },
@@ -228,13 +228,12 @@ impl<'a> FacetLists<'a> {
     pub(super) fn new(view: &ViewContext<'a>, rows: &Range<i64>) -> Option<Self> {
         let facets = view.facets?;
         let lattice = view.lattice;
-        let angle = view.scene.scan.angles[view.index as usize];
         let triangles = Triangles {
             sample: view.sample,
             facets,
             lattice,
-            turn: view.scene.view_at(angle).turn(),
-            source: DVec3::new(0.0, -view.scene.source.distance, 0.0),
+            turn: view.optics.turn(view.angle),
+            source: DVec3::new(0.0, -view.optics.rotation, 0.0),
         };
         let grid = PatchGrid { rows: rows.clone(), beamlets: lattice.beamlets.clone() };
         let patches = grid.count();

@@ -118,18 +118,18 @@ pub(super) struct FacetMeans<'a> {
 
 impl<'a> FacetMeans<'a> {
     pub(super) fn new(view: &ViewContext<'a>, steps: &'a [SurfaceStep]) -> Self {
-        let scene = view.scene;
+        let optics = view.optics;
         Self {
             steps,
             lattice: view.lattice,
-            rotation: scene.source.distance,
-            analyser: scene.lever_arm(),
+            rotation: optics.rotation,
+            analyser: optics.lever_arm(),
             displacement: FIRST_ORDER_SHARE * view.budget.bounded_displacement(),
             light: FIRST_ORDER_SHARE * view.budget.light,
             steepest: view.response.steepest(),
             weight: f64::from(view.response.weight),
-            gap: (scene.detector.distance - scene.analyser_distance()) as f32,
-            far: FAR_OFF * scene.detector.pitch[1],
+            gap: optics.gap() as f32,
+            far: FAR_OFF * optics.detector.pitch[1],
             strict: view.keep.is_some(),
         }
     }

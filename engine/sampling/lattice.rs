@@ -12,7 +12,8 @@ use super::dissection::PieceRows;
 use super::projected_bounds::ProjectedBounds;
 use super::row_spread::RowSpread;
 use crate::interface::{Column, Ray};
-use crate::scene::{MaskSpec, Scene};
+use crate::numbers::single;
+use crate::optics::{DetectorPlane, Mask, Optics};
 use std::ops::Range;
 
 /// Total reflection happens up to a grazing angle of sqrt(2 delta) and deflects by twice it.
@@ -50,25 +51,21 @@ pub struct Lattice {
     pub(super) row_spread: RowSpread,
     /// Distance from source to rotation centre, m.
     rotation: f64,
-    detector: f64,
-    pitch: [f64; 2],
-    pixels: [f64; 2],
+    detector: DetectorPlane,
 }
 
 /// Largest distance over which the sample throws light, in x and z on the detector, m.
-fn throw(scene: &Scene, delta: f64) -> f64 {
-    REFLECTION_REACH
-        * (2.0 * delta.abs()).sqrt()
-        * (scene.detector.distance - scene.source.distance)
+fn throw(optics: &Optics, delta: f64) -> f64 {
+    REFLECTION_REACH * (2.0 * delta.abs()).sqrt() * (optics.detector.distance - optics.rotation)
 }
 
 /// Least standard deviation of the blur at any edge on the analyser, m: of the detector mask, or
 /// of pixels.
-fn edge_blur(scene: &Scene) -> f64 {
-    let spot = scene.source.spot.narrowest(0);
-    let magnified = |distance: f64| spot * (distance / scene.source.distance - 1.0);
-    let (analyser, detector) = (scene.analyser_distance(), scene.detector.distance);
-    if scene.detector_mask.is_some() {
+fn edge_blur(optics: &Optics) -> f64 {
+    let spot = optics.spot.narrowest(0);
+    let magnified = |distance: f64| spot * (distance / optics.rotation - 1.0);
+    let (analyser, detector) = (optics.analyser, optics.detector.distance);
+    if optics.detector_mask.is_some() {
         magnified(analyser)
     } else {
         magnified(detector) * analyser / detector
@@ -86,41 +83,32 @@ impl Lattice {
         *self == Self { cells: self.cells, alike_rows: self.alike_rows, ..other.clone() }
     }
 
-    /// The lattice of a scene whose strongest material has this delta.
+    /// The lattice of optics around a sample whose strongest material has this delta.
     #[must_use]
-    pub fn of(scene: &Scene, delta: f64) -> Self {
-        let plane = scene.cell_plane_distance();
-        let detector = scene.detector.distance;
-        let pitch = scene.detector.pitch;
-        let pixels = scene.detector.pixels.map(f64::from);
-        let (period, offset, aperture) = match &scene.sample_mask {
-            Some(mask) => (mask.period, mask.offset, mask.aperture),
-            None => {
-                let pixel = pitch[0] * plane / detector;
-                (pixel, 0.0, pixel)
-            }
-        };
-        let cells = scene.sampling.cells.unwrap_or_else(|| default_cells(period, aperture));
-        let throw = throw(scene, delta);
-        let spot = &scene.source.spot;
+    pub fn of(optics: &Optics, delta: f64) -> Self {
+        let plane = optics.cell_plane;
+        let (detector, pitch) = (optics.detector.distance, optics.detector.pitch);
+        let [period, offset, aperture] = optics.beamlets();
+        let cells = optics.sampling.cells.unwrap_or_else(|| default_cells(period, aperture));
+        let throw = throw(optics, delta);
+        let spot = &optics.spot;
         let reach = spot.reach();
         let spread = |axis: usize, from: f64| reach[axis] * (detector - from) / from;
-        let shift = scene.scan.mask_offsets.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+        let shift = optics.mask_offsets.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
         let direct = (shift + period) * detector / plane + spread(0, plane);
         let step = period * detector / plane;
-        let middle = pixels[0] / 2.0 - 0.5 - offset / period;
+        let middle = optics.detector.half(0) - 0.5 - offset / period;
         let within = |reach: f64| {
-            let half = (pitch[0] * pixels[0] / 2.0 + reach) / step;
+            let half = (optics.detector.extent(0) / 2.0 + reach) / step;
             (middle - half).floor() as i64..(middle + half).ceil() as i64 + 1
         };
         let beamlets = within(direct + throw);
         let direct = within(direct);
-        let blur = [0, 1].map(|axis| spread(axis, scene.source.distance) / pitch[axis]);
+        let blur = [0, 1].map(|axis| spread(axis, optics.rotation) / pitch[axis]);
         // Cells hold the rows' shares of the first part of the spot.
         let first = spot.parts().iter().find(|part| part.weight > 0.0);
         let first = 6.0 * first.map_or(0.0, |part| crate::spot::deviation(part.fwhm[1]));
-        let centre = scene.source.distance;
-        let row_blur = first * (detector - centre) / centre / pitch[1];
+        let row_blur = optics.rows_of_source(first);
         let halo = (throw / pitch[1] + blur[1]).ceil() as i64;
         Self {
             plane,
@@ -132,34 +120,29 @@ impl Lattice {
             halo,
             halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
             blur_rows: blur[1].ceil() as i64,
-            edge_blur: edge_blur(scene),
+            edge_blur: edge_blur(optics),
             alike_rows: 1,
             blur,
             row_spread: RowSpread { blur: row_blur / 6.0 },
-            rotation: scene.source.distance,
-            detector,
-            pitch,
-            pixels,
+            rotation: optics.rotation,
+            detector: optics.detector,
         }
     }
 
     /// x of a beamlet's centre in the cell plane, m.
     #[must_use]
     pub fn centre(&self, beamlet: i64) -> f64 {
-        (beamlet as f64 + 0.5 - self.pixels[0] / 2.0) * self.period + self.offset
+        (beamlet as f64 + 0.5 - self.detector.half(0)) * self.period + self.offset
     }
 
     /// Slopes along x and z of the ray of [`Self::ray`].
     pub(super) fn slopes(&self, beamlet: i64, x: f64, row: f64) -> [f64; 2] {
-        [
-            (self.centre(beamlet) + x) / self.plane,
-            (self.pixels[1] / 2.0 - row) * self.pitch[1] / self.detector,
-        ]
+        [(self.centre(beamlet) + x) / self.plane, self.detector.slope_of_row(row)]
     }
 
     /// Their changes per m of x, and per row.
     pub(super) fn slope_steps(&self) -> [f64; 2] {
-        [1.0 / self.plane, -self.pitch[1] / self.detector]
+        [1.0 / self.plane, -self.detector.row_slope()]
     }
 
     /// The ray from the source centre through `x` of a beamlet (m, from its centre, in the cell
@@ -181,10 +164,7 @@ impl Lattice {
     #[must_use]
     pub fn project(&self, x: f64, y: f64, z: f64) -> [f64; 2] {
         let distance = self.rotation + y;
-        [
-            x * self.plane / distance,
-            self.pixels[1] / 2.0 - z * self.detector / distance / self.pitch[1],
-        ]
+        [x * self.plane / distance, self.detector.row_at(z, distance)]
     }
 
     /// Shares of light spread evenly over [top, bottom] of a row that land in the row above and
@@ -213,7 +193,7 @@ impl Lattice {
     /// The beamlet in whose period x (m, in the cell plane) lies.
     #[must_use]
     pub fn beamlet_at(&self, x: f64) -> i64 {
-        ((x - self.offset) / self.period + self.pixels[0] / 2.0).floor() as i64
+        ((x - self.offset) / self.period + self.detector.half(0)).floor() as i64
     }
 
     /// Beamlets that an interval of x in the cell plane touches.
@@ -228,7 +208,7 @@ impl Lattice {
     pub fn pixel_meets(&self, shadows: &[ProjectedBounds], column: i64, row: i64) -> bool {
         let (column, row) = (column as f64, row as f64);
         shadows.iter().any(|s| {
-            let at = |x: f64| x * self.detector / self.plane / self.pitch[0] + self.pixels[0] / 2.0;
+            let at = |x: f64| self.detector.column_at(x, self.plane);
             at(s.x[0]) - self.blur[0] <= column + 1.0
                 && at(s.x[1]) + self.blur[0] >= column
                 && s.rows[0] - self.blur[1] <= row + 1.0
@@ -238,40 +218,24 @@ impl Lattice {
 
     /// Table of the beamlets, in the order of `self.beamlets`.
     #[must_use]
-    pub fn columns(&self, scene: &Scene) -> Vec<Column> {
-        let analyser = scene.analyser_distance();
-        self.beamlets
-            .clone()
-            .map(|k| {
-                let slope = self.centre(k) / self.plane;
-                column(scene, slope, analyser, self.plane)
-            })
-            .collect()
+    pub fn columns(&self, optics: &Optics) -> Vec<Column> {
+        let of = |beamlet| column(optics, self.centre(beamlet) / self.plane);
+        self.beamlets.clone().map(of).collect()
     }
 }
 
 /// What depends on the direction of a beamlet's (or pixel's) central ray alone.
-pub(crate) fn column(scene: &Scene, slope: f64, analyser: f64, sample_plane: f64) -> Column {
-    let detector = &scene.detector;
-    let columns = f64::from(detector.pixels[0]);
-    let landing = slope * detector.distance / detector.pitch[0] + columns / 2.0;
-    let pixel = landing.floor();
-    let off_period = |mask: Option<&MaskSpec>, plane: f64| {
-        mask.map_or(0.0, |mask| {
-            // Lattice of the mask seen in `plane`: (k + 1/2 - C/2) period + offset.
-            let scale = plane / mask.distance;
-            let period = mask.period * scale;
-            let at = (slope * plane - mask.offset * scale) / period + columns / 2.0 - 0.5;
-            (at - at.round()) * period
-        })
+pub(crate) fn column(optics: &Optics, slope: f64) -> Column {
+    let [pixel, pixel_offset] = optics.detector.column_of_slope(slope, optics.analyser);
+    let off = |mask: &Option<Mask>, plane: f64| {
+        mask.as_ref().map_or(0.0, |mask| mask.off_aperture(slope, plane))
     };
     Column {
         pixel: pixel as i32,
-        pixel_offset: ((landing - pixel - 0.5) * detector.pitch[0] * analyser / detector.distance)
-            as f32,
-        aperture_offset: off_period(scene.detector_mask.as_ref(), analyser) as f32,
-        sample_offset: off_period(scene.sample_mask.as_ref(), sample_plane) as f32,
-        slope: slope as f32,
+        pixel_offset: single(pixel_offset),
+        aperture_offset: single(off(&optics.detector_mask, optics.analyser)),
+        sample_offset: single(off(&optics.sample_mask, optics.cell_plane)),
+        slope: single(slope),
     }
 }
 

@@ -83,21 +83,20 @@ impl<'a> Refiner<'a> {
         narrow: HashMap<(i64, i64), Vec<Narrow>>,
         lit: &'a Range<i64>,
     ) -> Self {
-        let scene = view.scene;
-        let row_pitch = scene.detector.pitch[1];
+        let optics = view.optics;
+        let detector = &optics.detector;
         let estimator = Estimator {
             response: view.response,
             budget: view.budget,
             base,
             first_beamlet: view.lattice.beamlets.start,
             least: [LEAST_WIDTH, LEAST_HEIGHT],
-            row_height: (row_pitch * view.lattice.plane / scene.detector.distance) as f32,
-            row_pitch: row_pitch as f32,
+            row_height: detector.pitch_at(1, view.lattice.plane) as f32,
+            row_pitch: detector.pitch[1] as f32,
             row_blur: view.lattice.row_spread.blur as f32,
-            gap: (scene.detector.distance - scene.analyser_distance()) as f32,
+            gap: optics.gap() as f32,
             // Of the whole detector, so that cells do not depend on bands.
-            lit: -view.lattice.blur_rows
-                ..i64::from(scene.detector.pixels[1]) + view.lattice.blur_rows,
+            lit: -view.lattice.blur_rows..i64::from(detector.pixels[1]) + view.lattice.blur_rows,
         };
         let facets = view.facets.zip(FacetLists::new(view, rows));
         let facets = facets.map(|(all, lists)| (lists, FacetMeans::new(view, &all.steps)));
@@ -160,7 +159,7 @@ impl<'a> Refiner<'a> {
         work.judged = Judged::default();
         let column = self.estimator.column(beamlet);
         let [cells, lines] = self.estimator.base.base;
-        let rim = silhouette && self.view.scene.sample_mask.is_none();
+        let rim = silhouette && self.view.optics.sample_mask.is_none();
         let finer = if rim { COLUMNS_AT_RIMS } else { 1 };
         let borders = self.view.response.edges(column, finer * cells);
         work.patch = Patch::slabs(beamlet, row, borders, lines);

@@ -5,7 +5,8 @@
 
 use super::lattice::Lattice;
 use super::patch::part;
-use crate::scene::{MaskBody, Scene};
+use crate::numbers::single;
+use crate::optics::{Mask, Optics};
 
 /// Points of the table of a window per period of the windows.
 const POINTS_PER_PERIOD: usize = 512;
@@ -63,19 +64,11 @@ impl Response {
     /// For the scene that is traced; `any_masks`: for moments that are stored, whose masks and
     /// steps are not known yet.
     #[must_use]
-    pub(crate) fn new(scene: &Scene, lattice: &Lattice, any_masks: bool) -> Self {
-        let analyser = scene.analyser_distance();
-        let detector = &scene.detector;
-        let pixel = detector.pitch[0] * analyser / detector.distance;
-        let (period, width) = match &scene.detector_mask {
-            Some(mask) => {
-                let scale = analyser / mask.distance;
-                (mask.period * scale, mask.aperture * scale)
-            }
-            None => (pixel, pixel),
-        };
-        let columns = lattice.columns(scene);
-        let masked = scene.detector_mask.is_some();
+    pub(crate) fn new(optics: &Optics, lattice: &Lattice, any_masks: bool) -> Self {
+        let Optics { rotation, analyser, detector, .. } = optics;
+        let [period, width] = optics.windows();
+        let columns = lattice.columns(optics);
+        let masked = optics.detector_mask.is_some();
         let landing = |c: &crate::interface::Column| {
             if masked { c.aperture_offset } else { c.pixel_offset }
         };
@@ -83,26 +76,23 @@ impl Response {
         let spot = |part: &crate::spot::PlacedPart| {
             part.share * (part.offset[0].powi(2) + part.deviation[0].powi(2))
         };
-        let spot = scene.source.spot.placed().iter().map(spot).sum::<f64>().sqrt();
-        let edge = if masked { analyser } else { detector.distance };
-        let magnified = spot * (edge / scene.source.distance - 1.0) * analyser / edge;
+        let spot = optics.spot.placed().iter().map(spot).sum::<f64>().sqrt();
+        let edge = optics.cutting_plane();
+        let magnified = spot * (edge / rotation - 1.0) * analyser / edge;
         let blur = magnified.max(1e-4 * period);
-        let soft = SOFT_EDGE
-            * scene.source.spot.narrowest(0)
-            * (scene.source.distance - lattice.plane).abs()
-            / scene.source.distance;
-        let hard = any_masks || scene.sample_mask.is_none();
-        let (openings, mask_period) = match &scene.sample_mask {
+        let soft =
+            SOFT_EDGE * optics.spot.narrowest(0) * (rotation - lattice.plane).abs() / rotation;
+        let hard = any_masks || optics.sample_mask.is_none();
+        let (openings, mask_period) = match &optics.sample_mask {
             Some(mask) if !any_masks => {
-                let scale = lattice.plane / mask.distance;
-                let half = 0.5 * mask.aperture * scale + soft;
+                let half = 0.5 * mask.aperture_at(lattice.plane) + soft;
                 let opening = |f: &f64| [(f - half) as f32, (f + half) as f32];
-                let offsets = told_apart(&scene.scan.mask_offsets, STEPS_APART * mask.aperture);
-                (offsets.iter().map(opening).collect(), mask.period * scale)
+                let offsets = told_apart(&optics.mask_offsets, STEPS_APART * mask.aperture());
+                (offsets.iter().map(opening).collect(), mask.period_at(lattice.plane))
             }
             Some(mask) => {
                 // Steps that cover the period once.
-                let count = (mask.period / mask.aperture).ceil().clamp(1.0, 64.0);
+                let count = (mask.period() / mask.aperture()).ceil().clamp(1.0, 64.0);
                 let width = lattice.period / count;
                 #[allow(clippy::cast_sign_loss, reason = "at least 1")]
                 let steps = 0..count as u32;
@@ -129,7 +119,7 @@ impl Response {
             },
             shadow: columns
                 .iter()
-                .map(|c| if hard { 0.0 } else { shadow(scene, c.slope) })
+                .map(|c| if hard { 0.0 } else { shadow(optics, c.slope) })
                 .collect(),
             soft: if hard { 0.0 } else { soft as f32 },
             half_period: (0.5 * lattice.period) as f32,
@@ -322,11 +312,9 @@ pub(super) struct Landed {
 
 /// What the shadow of thick bars of the sample mask takes of each side of an aperture, m, seen
 /// under an angle of this slope.
-fn shadow(scene: &Scene, slope: f32) -> f32 {
-    match scene.sample_mask.as_ref().map(|mask| &mask.body) {
-        Some(MaskBody::Bars { thickness, .. }) => 0.5 * (*thickness as f32) * slope.abs(),
-        _ => 0.0,
-    }
+fn shadow(optics: &Optics, slope: f32) -> f32 {
+    let thickness = optics.sample_mask.as_ref().and_then(Mask::side_shadow);
+    thickness.map_or(0.0, |thickness| 0.5 * single(thickness) * slope.abs())
 }
 
 /// Those of some offsets of the sample mask, m, that stand farther apart than `least`: what is

@@ -23,7 +23,7 @@ use super::response::Response;
 use crate::Result;
 use crate::geometry::Sample;
 use crate::interface::{MOMENTS_PER_MATERIAL, Ray};
-use crate::scene::Scene;
+use crate::optics::Optics;
 use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -39,8 +39,10 @@ const BLANK_AT_ONCE: usize = 1 << 12;
 /// What the cells of a view are made from.
 #[derive(Debug)]
 pub(crate) struct ViewContext<'a> {
-    /// The scene that is traced.
-    pub scene: &'a Scene,
+    /// What the light meets.
+    pub optics: &'a Optics,
+    /// Angle of the view, rad.
+    pub angle: f64,
     /// Its sample.
     pub sample: &'a Sample,
     /// Surfaces of the sample, where means over its facets may take the place of rays.

@@ -2,7 +2,7 @@
 
 use super::cases::Case;
 use super::classes::{Class, classes};
-use beamlet::internals::sampling::{Lattice, cells_of_rows};
+use beamlet::internals::sampling::{Lattice, Optics, cells_of_rows};
 use beamlet::internals::trace::MaterialTable;
 use beamlet::scene::{Scene, Transport};
 use beamlet::stack::ArraySink;
@@ -142,7 +142,8 @@ impl Errors {
 pub(crate) fn displacements(engine: &Engine, scene: &Scene) -> Array3<f64> {
     let mask = scene.sample_mask.as_ref().expect("a sample mask");
     let half = 0.5 * mask.aperture;
-    let lattice = Lattice::of(scene, MaterialTable::of(scene).expect("media").strongest());
+    let lattice =
+        Lattice::of(&Optics::of(scene), MaterialTable::of(scene).expect("media").strongest());
     let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
     let steps = scene.scan.mask_offsets.len();
     let simulation = engine.prepare(scene).expect("a simulation");

@@ -10,8 +10,8 @@
 
 use super::join::Limits;
 use super::{EnergyBinning, NEGLIGIBLE};
-use crate::illuminate::light::MaskShape;
 use crate::interface::CellRow;
+use crate::optics::MaskShape;
 use crate::sampling::CellBatch;
 use rayon::prelude::*;
 use std::ops::Range;

@@ -6,8 +6,8 @@
 //! that is one Gaussian has no third and fourth moment. Both grow with the square of the angle and
 //! more; where they are too large, light goes energy by energy, with the layers of each.
 
-use super::super::light::MaskShape;
 use crate::interface::{EDGE_FLATNESS, EDGE_SKEWNESS};
+use crate::optics::MaskShape;
 
 /// What a group of energies may leave out, of open beam. Estimates are within a factor of two of
 /// what is measured.

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
 use crate::material::Constants;
 use crate::sampling::{CellBatch, ExactCell};
-use crate::scene::{Scene, Transport};
+use crate::scene::Transport;
 use crate::trace::{MaterialTable, Tracer};
 use rayon::prelude::*;
 
@@ -169,12 +169,12 @@ impl EnergyBinning {
 /// Share of the grazing incidence that rays were flagged by, below which an ordered walk at the
 /// reference constants does not tell the walk at a node.
 pub(super) fn severe(
-    scene: &Scene,
+    transport: Transport,
     media: &MaterialTable,
     reference: &[Constants],
     flagged: f64,
 ) -> Vec<f64> {
-    if scene.sampling.transport == Transport::Exact {
+    if transport == Transport::Exact {
         return vec![f64::INFINITY; media.constants.len()];
     }
     let strongest = |node: &[Constants]| node.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));

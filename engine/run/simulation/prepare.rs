@@ -6,6 +6,7 @@ use crate::detector::DetectorModel;
 use crate::geometry::{self, Sample};
 use crate::illuminate::{self, EnergyBinning};
 use crate::moments::{self, StoredMoments, StoredSource};
+use crate::optics::Optics;
 use crate::run::engine::Engine;
 use crate::run::memory;
 use crate::run::{self, Control};
@@ -49,14 +50,14 @@ impl<'e> Simulation<'e> {
         // From here on every reader of a file compares it with its hash.
         let scene = &scene.with_file_hashes()?;
         let detection = DetectorModel::of(scene)?;
-        let lit = detection.lit();
+        let optics = detection.optics();
         let media = MaterialTable::of(scene)?;
-        let lattice = lattice_of(lit, &media)?;
+        let lattice = lattice_of(scene, optics, &media)?;
         let delta_ratio = if engine.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
         let several = media.energies.len() > 1 || engine.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
             let flagged = delta_ratio * media.strongest();
-            Some(EnergyBinning::new(lit, &media, &lattice, &media.mean(), flagged)?)
+            Some(EnergyBinning::new(scene, optics, &media, &lattice, &media.mean(), flagged)?)
         } else {
             None
         };
@@ -81,13 +82,14 @@ impl<'e> Simulation<'e> {
         }
         let scene = &scene.with_file_hashes()?;
         let detection = DetectorModel::of(scene)?;
-        let lit = detection.lit();
+        let optics = detection.optics();
         let own = MaterialTable::of(scene)?;
-        let lattice = lattice_of(lit, &own)?;
-        let source = moments.for_scene(lit, &lattice)?;
+        let lattice = lattice_of(scene, optics, &own)?;
+        let source = moments.for_scene(scene, optics, &lattice)?;
         let media = source.media.clone();
         let flagged = source.flagged;
-        let spectral = EnergyBinning::new(lit, &media, &lattice, &source.reference, flagged)?;
+        let spectral =
+            EnergyBinning::new(scene, optics, &media, &lattice, &source.reference, flagged)?;
         let (kept, delta_ratio) = (Some(source), 1.0);
         Self::with(
             engine,
@@ -124,13 +126,18 @@ impl<'e> Simulation<'e> {
         });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let Parts { detection, media, lattice, spectral, kept, delta_ratio } = parts;
-        let response = Response::new(detection.lit(), &lattice, options.keep_moments);
-        let budget = error_budget(scene, detection.lit());
+        let response = Response::new(detection.optics(), &lattice, options.keep_moments);
+        let budget = error_budget(scene, detection.optics());
         let across = geometry::across_edges(&sample);
         let on_device =
             DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, delta_ratio)?;
-        let facets =
-            sampling::SampleFacets::new(detection.lit(), &sample, &media, delta_ratio, across);
+        let facets = sampling::SampleFacets::new(
+            scene.sampling.transport,
+            &sample,
+            &media,
+            delta_ratio,
+            across,
+        );
         let mut simulation = Self {
             engine,
             scene: scene.clone(),
@@ -191,10 +198,10 @@ fn tell_of_spot(scene: &Scene) {
     spot.warnings().iter().for_each(|text| log::warn!("{text}"));
 }
 
-/// The lattice of a scene with its blocks of rows.
-fn lattice_of(scene: &Scene, media: &MaterialTable) -> Result<Lattice> {
-    let mut lattice = Lattice::of(scene, media.strongest());
-    lattice.alike_rows = illuminate::alike_rows(scene, media)?;
+/// The lattice of a run with its blocks of rows.
+fn lattice_of(scene: &Scene, optics: &Optics, media: &MaterialTable) -> Result<Lattice> {
+    let mut lattice = Lattice::of(optics, media.strongest());
+    lattice.alike_rows = illuminate::alike_rows(scene, optics, media)?;
     Ok(lattice)
 }
 
@@ -208,12 +215,12 @@ fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
     loaded.map(|o| (o.name.clone(), o.hash.clone())).collect()
 }
 
-/// What sampling may leave in a value of the grid that is traced, `lit`, so that pixels of the
+/// What sampling may leave in a value of the grid that takes the light, so that pixels of the
 /// detector hold the tolerance.
-fn error_budget(scene: &Scene, lit: &Scene) -> ErrorBudget {
+fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
     let sampling = &scene.sampling;
-    let pixel = |scene: &Scene| scene.detector.pitch[0] * scene.detector.pitch[1];
-    let parts = pixel(scene) / pixel(lit);
+    let [width, height] = scene.detector.pitch;
+    let parts = width * height / optics.detector.pixel_area();
     let angles = scene.sample_mask.is_some();
     ErrorBudget {
         light: sampling.tolerance * parts.sqrt(),

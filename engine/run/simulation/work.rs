@@ -18,9 +18,10 @@ use crate::illuminate::{
     SpectralBand, Sums, cast,
 };
 use crate::interface::Pixel;
+use crate::optics::Optics;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{self, CellBatch, ProjectedBounds};
-use crate::scene::{Exposure, Scene, Scheme};
+use crate::scene::{Exposure, Scheme};
 use crate::stack::Sink;
 use crate::trace::Tally;
 use crate::trace::Tracer;
@@ -61,29 +62,30 @@ pub(super) struct ViewWork<'s> {
 
 impl<'s> ViewWork<'s> {
     pub(super) fn new(simulation: &'s Simulation<'_>, views: &[Exposure]) -> Result<Self> {
-        let scene = simulation.detection.lit();
+        let (scene, optics) = (&simulation.scene, simulation.detection.optics());
         let device = simulation.device().clone();
         let band = simulation.band_rows();
         let grid = simulation.detection.grid();
         let lit_rows = || bands(grid.pixels[1], band).map(|rows| grid.lit_rows(&rows).len());
         let lit_views = views.iter().filter(|view| **view != Exposure::Dark).count();
-        let [columns, _] = scene.detector.pixels;
-        let steps = scene.scan.mask_offsets.len();
+        let [columns, _] = optics.detector.pixels;
+        let steps = optics.mask_steps();
         let random = scene.sampling.scheme == Scheme::Random;
         let side = simulation.lattice.halo_columns;
         let pixel_columns = -side..i64::from(columns) + side;
-        let offsets = &scene.scan.mask_offsets;
         let media = &simulation.media;
         let lattice = &simulation.lattice;
         let nodes = media.energies.iter().zip(&media.weights);
         let nodes = nodes.map(|(&energy, &weight)| SpectralBand::Node { energy, weight });
         let lights = match &simulation.spectral {
-            Some(spectral) => spectral.lights(&device, scene, media)?,
+            Some(spectral) => spectral.lights(&device, scene, optics, media)?,
             None if random => nodes
-                .map(|part| IlluminationBuffer::of_pixels(&device, scene, &pixel_columns, &part))
+                .map(|part| {
+                    IlluminationBuffer::of_pixels(&device, scene, optics, &pixel_columns, &part)
+                })
                 .collect::<Result<_>>()?,
             None => nodes
-                .map(|part| IlluminationBuffer::of_cells(&device, scene, lattice, offsets, &part))
+                .map(|part| IlluminationBuffer::of_cells(&device, scene, optics, lattice, &part))
                 .collect::<Result<_>>()?,
         };
         let tracer = simulation.tracer(simulation.start.backend)?;
@@ -191,12 +193,12 @@ impl<'s> ViewWork<'s> {
             row = rows.end;
             let own = i64::from(own.start)..i64::from(own.end);
             // Rows beside the detector are kept with the band at that end.
-            let all = i64::from(self.simulation.detection.lit().detector.pixels[1]);
+            let all = i64::from(self.simulation.detection.optics().detector.pixels[1]);
             let beside = (rows.end <= 0 && own.start == 0) || (rows.start >= all && own.end == all);
             let own = own.contains(&rows.start);
             let kept = own || beside;
             if self.simulation.scene.sampling.scheme == Scheme::Random {
-                self.random_rows(self.simulation.detection.lit(), view, shadows, &rows)?;
+                self.random_rows(self.simulation.detection.optics(), view, shadows, &rows)?;
             } else {
                 self.cell_rows(view, shadows, &rows, &inner, [own, kept], control)?;
             }
@@ -210,11 +212,11 @@ impl<'s> ViewWork<'s> {
 
     /// Rows that are sampled together; `traced`: rays of theirs may meet the sample.
     fn group_rows(&self, traced: bool) -> i64 {
-        let scene = self.simulation.detection.lit();
+        let optics = self.simulation.detection.optics();
         let lattice = &self.simulation.lattice;
-        let per_row = if scene.sampling.scheme == Scheme::Random {
-            let [x, z] = scene.sampling.rays.map(u64::from);
-            u64::from(scene.detector.pixels[0]) * x * z
+        let per_row = if optics.sampling.scheme == Scheme::Random {
+            let [x, z] = optics.sampling.rays.map(u64::from);
+            u64::from(optics.detector.pixels[0]) * x * z
         } else if self.simulation.kept.is_some() || !traced {
             // Nothing is traced; the blocks of a file are read once each, or nearly. Invocations
             // side by side that see one aperture from several rows do the same work: four times as
@@ -222,7 +224,7 @@ impl<'s> ViewWork<'s> {
             (lattice.beamlets.end - lattice.beamlets.start) as u64
         } else {
             let beamlets = (lattice.beamlets.end - lattice.beamlets.start) as u64;
-            beamlets * (2 * u64::from(lattice.cells) + 1) * 2 * u64::from(scene.sampling.rows)
+            beamlets * (2 * u64::from(lattice.cells) + 1) * 2 * u64::from(optics.sampling.rows)
         };
         (self.simulation.memory.rays_at_once / per_row.max(1)).max(1) as i64
     }
@@ -317,15 +319,15 @@ impl<'s> ViewWork<'s> {
 
     fn random_rows(
         &mut self,
-        scene: &Scene,
+        optics: &Optics,
         view: Exposure,
         shadows: &[ProjectedBounds],
         rows: &Range<i64>,
     ) -> Result<()> {
         let Some(kernels) = &self.random else { return Ok(()) };
         let begin = Instant::now();
-        let detector_rows = 0..i64::from(scene.detector.pixels[1]);
-        let detector_columns = 0..i64::from(scene.detector.pixels[0]);
+        let detector_rows = 0..i64::from(optics.detector.pixels[1]);
+        let detector_columns = 0..i64::from(optics.detector.pixels[0]);
         let (mut met, mut missed) = (Vec::new(), Vec::new());
         for row in rows.clone() {
             for column in self.pixel_columns.clone() {
@@ -351,7 +353,7 @@ impl<'s> ViewWork<'s> {
                 let job = Cast { pixels, view, empty };
                 for (node, light) in self.lights.iter().enumerate() {
                     self.tracer.set_node(Some(node));
-                    cast(&self.device, kernels, scene, &mut self.tracer, light, &self.sums, job)?;
+                    cast(&self.device, kernels, optics, &mut self.tracer, light, &self.sums, job)?;
                 }
             }
         }

@@ -3,10 +3,11 @@
 
 use super::{ViewWork, bands};
 use crate::Result;
+use crate::optics::Optics;
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::sampling::{self, CellBatch, ProjectedBounds, RowsCost};
-use crate::scene::{Exposure, Scene, Scheme};
+use crate::scene::{Exposure, Scheme};
 use crate::stack;
 use crate::trace::Tracer;
 use std::collections::HashSet;
@@ -70,7 +71,7 @@ impl Simulation<'_> {
 
 impl ViewWork<'_> {
     fn lit_rows_of_all(&self) -> i64 {
-        self.simulation.detection.lit().detector.pixels[1].into()
+        self.simulation.detection.optics().detector.pixels[1].into()
     }
 
     /// Mask steps that are illuminated.
@@ -249,19 +250,20 @@ impl ViewWork<'_> {
         let rows = middle..(middle + TIMED_ROWS).min(all);
         let timed = (rows.end - rows.start) as f64;
         // Fewer rays of each pixel where these are many.
-        let lit = self.simulation.detection.lit();
-        let mut sparse = lit.clone();
-        let of_pixel = |scene: &Scene| scene.sampling.rays.map(f64::from).iter().product::<f64>();
-        let most = TIMED_RAYS / (timed * f64::from(lit.detector.pixels[0]));
+        let optics = self.simulation.detection.optics();
+        let mut sparse = optics.clone();
+        let of_pixel =
+            |optics: &Optics| optics.sampling.rays.map(f64::from).iter().product::<f64>();
+        let most = TIMED_RAYS / (timed * f64::from(optics.detector.pixels[0]));
         while of_pixel(&sparse) > most.max(1.0) {
             let [x, z] = sparse.sampling.rays;
             sparse.sampling.rays = if x >= z { [x.div_ceil(2), z] } else { [x, z.div_ceil(2)] };
         }
         self.random_rows(&sparse, Exposure::Sample(0), &shadows, &rows)?;
-        let share = timed / all as f64 * of_pixel(&sparse) / of_pixel(lit);
+        let share = timed / all as f64 * of_pixel(&sparse) / of_pixel(optics);
         let seconds = begin.elapsed().as_secs_f64() / share;
         let [x, z] = self.simulation.scene.sampling.rays.map(f64::from);
-        let pixels = lit.detector.pixels.map(f64::from);
+        let pixels = optics.detector.pixels.map(f64::from);
         let rays = pixels[0] * pixels[1] * x * z;
         let views = self.view_count();
         Ok(RunEstimate {

@@ -1,0 +1,104 @@
+//! What the bars of a mask do to light, by its energy and angle.
+
+use super::Mask;
+use crate::numbers::single;
+use crate::scene::{MaskBody, Scene};
+use crate::{Result, material};
+
+/// A mask as the light stages see it: apertures of one period, and its bars.
+#[derive(Debug, Clone)]
+pub(crate) struct MaskShape {
+    /// Half the width of the aperture, m in the plane of evaluation.
+    half: f64,
+    /// Of the mask, m there.
+    pub(crate) period: f64,
+    /// Width of the bars.
+    bar: f64,
+    pub(crate) thickness: f64,
+    /// Of bars along the axis; infinite where they are opaque.
+    pub(crate) attenuation: f64,
+    /// Of bars that do not attenuate.
+    pub(crate) transmission: f64,
+}
+
+impl MaskShape {
+    /// The mask seen from the source in the plane at `plane`, at an energy (keV) or opaque.
+    ///
+    /// # Errors
+    /// As [`material::constants_at_for`].
+    pub(crate) fn of(scene: &Scene, mask: &Mask, plane: f64, energy: Option<f64>) -> Result<Self> {
+        let bar = mask.bar_at(plane);
+        let (thickness, attenuation, transmission) = match mask.body() {
+            MaskBody::Bars { material, thickness } => {
+                let key = format!("{}.material", mask.name());
+                let mu = |energy| material::constants_at_for(scene, material, energy, &key);
+                let mu = energy.map_or(Ok(f64::INFINITY), |energy| Ok(mu(energy)?.mu))?;
+                (*thickness, mu * thickness, 0.0)
+            }
+            MaskBody::Sheet { transmission } => (0.0, 0.0, *transmission),
+        };
+        // Without bars there is nothing for any material to do.
+        let (thickness, attenuation, transmission) =
+            if bar > 0.0 { (thickness, attenuation, transmission) } else { (0.0, 0.0, 1.0) };
+        Ok(Self {
+            half: mask.aperture_at(plane) / 2.0,
+            period: mask.period_at(plane),
+            bar,
+            thickness: thickness * mask.scale_at(plane),
+            attenuation,
+            // Bars of a material that does not absorb are no mask at all.
+            transmission: if thickness > 0.0 && attenuation <= 0.0 { 1.0 } else { transmission },
+        })
+    }
+
+    /// The apertures of a period: sorted open intervals about its centre, m in the plane of
+    /// evaluation, as devices hold them.
+    pub(crate) fn apertures(&self) -> Vec<[f32; 2]> {
+        vec![[-single(self.half), single(self.half)]]
+    }
+
+    /// Transmission of bars wider than their shadow, as `thick_bars` in light/mask.glsl.
+    pub(crate) fn leak(&self, secant: f64) -> f64 {
+        if self.attenuation > 0.0 {
+            libm::exp(-self.attenuation * secant)
+        } else {
+            self.transmission
+        }
+    }
+
+    /// Share of the shadow width that narrows apertures, as `edge_mean` there tells, where bars
+    /// leak so much.
+    pub(crate) fn shade(&self, secant: f64, leak: f64) -> f64 {
+        let a = self.attenuation * secant;
+        if a <= 0.0 || 1.0 - leak < 1e-5 {
+            return 0.0;
+        }
+        let mean = if a < 1e-3 { 1.0 - 0.5 * a } else { (1.0 - leak) / a };
+        1.0 - 2.0 * (mean - leak) / (1.0 - leak)
+    }
+
+    /// Variance of an edge in squared shadow widths, as `edge_variance` there.
+    pub(crate) fn softness(&self) -> f64 {
+        let (a, leak) = (self.attenuation, self.leak(1.0));
+        if a <= 0.0 {
+            return 0.0;
+        }
+        if a < 0.1 {
+            return 1.0 / 12.0;
+        }
+        (1.0 / (a * a) - leak / ((1.0 - leak) * (1.0 - leak))).max(0.0)
+    }
+
+    /// Whether bars do the same to light in the way of them; apertures do not count.
+    pub(crate) fn shades_like(&self, other: &Self) -> bool {
+        let of =
+            |mask: &Self| [mask.thickness, mask.attenuation, mask.transmission].map(f64::to_bits);
+        of(self) == of(other)
+    }
+
+    /// Width of the narrowest aperture or bar, m in the plane of evaluation.
+    pub(crate) fn narrowest(&self) -> f64 {
+        let widths = self.apertures().into_iter().map(|[low, high]| f64::from(high - low));
+        widths.fold(self.bar, f64::min)
+    }
+}

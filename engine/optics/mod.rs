@@ -1,0 +1,159 @@
+//! What stands on the beam, in f64: distances, masks, the plane of the detector and the focal
+//! spot, as the light of a run meets them.
+//!
+//! [`Optics`] is made once per run. Where the detector blurs, its detector plane is the subpixel
+//! grid and not the scene's detector: what is traced and illuminated takes an [`Optics`], what is
+//! written takes the [`Scene`].
+
+mod bars;
+mod detector_plane;
+mod mask;
+
+pub(crate) use bars::MaskShape;
+pub(crate) use detector_plane::DetectorPlane;
+pub(crate) use mask::Mask;
+
+use crate::scene::{Blur, Sampling, Scene};
+use crate::spot::{Spot, deviation};
+
+/// Cells per period of a lattice without a sample mask, in pixels that are not cut.
+const DEFAULT_CELLS: u32 = 6;
+
+/// What the light of a run meets, and how finely it is sampled there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optics {
+    /// Source to rotation centre, m.
+    pub(crate) rotation: f64,
+    /// Source to the plane of the cells, m.
+    pub(crate) cell_plane: f64,
+    /// Source to the analyser, m.
+    pub(crate) analyser: f64,
+    /// The pixels that take the light.
+    pub(crate) detector: DetectorPlane,
+    /// The mask before the sample.
+    pub(crate) sample_mask: Option<Mask>,
+    /// The mask before the detector.
+    pub(crate) detector_mask: Option<Mask>,
+    /// The focal spot, with the blur of the detector along z.
+    pub(crate) spot: Spot,
+    /// Displacements of the sample mask, m.
+    pub(crate) mask_offsets: Vec<f64>,
+    /// How rays are chosen, by the pixels of `detector`.
+    pub(crate) sampling: Sampling,
+}
+
+impl Optics {
+    /// The optics of a scene whose detector takes its light in whole pixels, as it does without
+    /// blur.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        Self::on_grid(scene, scene.detector.pixels, [1; 2])
+    }
+
+    /// The optics of a scene whose light is taken up by a grid of so many columns and rows, which
+    /// cuts each pixel of the detector into `parts` along x and z. Masks stay where they are.
+    #[must_use]
+    pub(crate) fn on_grid(scene: &Scene, size: [u32; 2], parts: [u32; 2]) -> Self {
+        let detector = DetectorPlane {
+            distance: scene.detector.distance,
+            pixels: size,
+            pitch: [0, 1].map(|axis| scene.detector.pitch[axis] / f64::from(parts[axis])),
+        };
+        let shifted = (size[0] + scene.detector.pixels[0]) % 2 == 1;
+        let mask = |name, spec: &Option<_>| {
+            spec.as_ref().map(|spec| Mask::new(name, spec, size[0], shifted))
+        };
+        let mut sampling = scene.sampling.clone();
+        if parts[0] > 1 && scene.sample_mask.is_none() {
+            // A period is a part of a pixel then.
+            let cells = sampling.cells.unwrap_or(DEFAULT_CELLS);
+            sampling.cells = Some(cells.div_ceil(parts[0]));
+        }
+        sampling.rows = sampling.rows.div_ceil(parts[1]);
+        sampling.rays = [0, 1].map(|axis| sampling.rays[axis].div_ceil(parts[axis]));
+        Self {
+            rotation: scene.source.distance,
+            cell_plane: scene.cell_plane_distance(),
+            analyser: scene.analyser_distance(),
+            detector,
+            sample_mask: mask("sample_mask", &scene.sample_mask),
+            detector_mask: mask("detector_mask", &scene.detector_mask),
+            spot: spot(scene),
+            mask_offsets: scene.scan.mask_offsets.clone(),
+            sampling,
+        }
+    }
+
+    /// Rotation centre to analyser, m.
+    pub(crate) fn lever_arm(&self) -> f64 {
+        self.analyser - self.rotation
+    }
+
+    /// Analyser to detector, m.
+    pub(crate) fn gap(&self) -> f64 {
+        self.detector.distance - self.analyser
+    }
+
+    /// Width of a pixel seen from the source in the plane of the analyser, m.
+    pub(crate) fn analyser_pixel(&self) -> f64 {
+        self.detector.pitch_at(0, self.analyser)
+    }
+
+    /// Number of mask steps.
+    pub(crate) fn mask_steps(&self) -> usize {
+        self.mask_offsets.len()
+    }
+
+    /// Period, displacement along x and aperture of the beamlets in the plane of the cells, m:
+    /// those of the sample mask, or of pixels without it.
+    pub(crate) fn beamlets(&self) -> [f64; 3] {
+        match &self.sample_mask {
+            Some(mask) => [mask.period(), mask.offset(), mask.aperture()],
+            None => {
+                let pixel = self.detector.pitch_at(0, self.cell_plane);
+                [pixel, 0.0, pixel]
+            }
+        }
+    }
+
+    /// Period and width of the windows that light passes on the analyser, m: apertures of the
+    /// detector mask, or pixels without it.
+    pub(crate) fn windows(&self) -> [f64; 2] {
+        match &self.detector_mask {
+            Some(mask) => [mask.period_at(self.analyser), mask.aperture_at(self.analyser)],
+            None => [self.analyser_pixel(); 2],
+        }
+    }
+
+    /// Source to where light is cut off for good, m: the detector mask, or the pixels.
+    pub(crate) fn cutting_plane(&self) -> f64 {
+        if self.detector_mask.is_some() { self.analyser } else { self.detector.distance }
+    }
+
+    /// Distance on the detector, in rows, that a source offset along z (or its deviation) moves
+    /// the shadow of what lies at the rotation centre.
+    pub(crate) fn rows_of_source(&self, offset: f64) -> f64 {
+        let detector = &self.detector;
+        offset * (detector.distance - self.rotation) / self.rotation / detector.pitch[1]
+    }
+
+    /// Cosine and sine of a view's angle as directions of the detector's columns tell them.
+    pub(crate) fn turn(&self, angle: f64) -> [f64; 2] {
+        let across = [libm::cos(angle), libm::sin(angle)].map(|part| self.detector.pitch[0] * part);
+        let length = libm::hypot(across[0], across[1]);
+        across.map(|part| part / length)
+    }
+}
+
+/// The focal spot, blurred along z by what a Gaussian blur of the detector adds: nothing stands
+/// between the sample and the detector along the slits.
+fn spot(scene: &Scene) -> Spot {
+    let source = &scene.source;
+    match &scene.detector.blur {
+        Some(Blur::Gaussian { sigma }) if sigma[1] > 0.0 => {
+            let gap = scene.detector.distance - source.distance;
+            source.spot.blurred_along_z(sigma[1] / deviation(1.0) * source.distance / gap)
+        }
+        _ => source.spot.clone(),
+    }
+}
