@@ -36,7 +36,7 @@ const PERMUTATIONS: &[Permutation] = &[
     ("fit", "retrieve/fit.comp", &[]),
 ];
 
-/// The shaders of the tests, from tests/gpu/; they are not part of the library.
+/// The shaders of the tests, from tests/device/shaders/; they are not part of the library.
 const TEST_PERMUTATIONS: &[Permutation] = &[
     ("fill", "fill.comp", &[]),
     ("fill_twice", "fill.comp", &[("FACTOR", "2")]),
@@ -45,7 +45,7 @@ const TEST_PERMUTATIONS: &[Permutation] = &[
 
 /// Every `#include` is found from this folder, whichever file asks.
 const ROOT: &str = "shaders";
-const TEST_ROOT: &str = "tests/gpu";
+const TEST_ROOT: &str = "tests/device/shaders";
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -152,7 +152,11 @@ fn at_energies(
 }
 
 /// Means over the photons of the scene's spectrum behind its filters.
-fn over_spectrum(scene: &Scene, name: &str, thickness: Option<f64>) -> Result<MaterialValues, Failure> {
+fn over_spectrum(
+    scene: &Scene,
+    name: &str,
+    thickness: Option<f64>,
+) -> Result<MaterialValues, Failure> {
     let Beam::Spectrum(spec) = &scene.source.beam else {
         return Err(Failure::Usage(
             "the scene of --spectrum has one energy and no spectrum".into(),

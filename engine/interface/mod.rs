@@ -1,5 +1,5 @@
 //! Structs and constants that host and shaders share. The table stands here once: build.rs makes
-//! GLSL of it (`glsl.rs`), and tests/interface.rs compares the structs with every compiled shader.
+//! GLSL of it (`glsl.rs`), and tests/device/interface.rs compares the structs with every compiled shader.
 //!
 //! Shaders include `interface.glsl`, with all structs in `scalar` layout and all constants, and
 //! `interface/NAME.glsl` for a block of push constants, which is a struct whose name ends in

@@ -35,7 +35,7 @@ const MOST_ALIGNED: u32 = 8;
 const MOST_SHEAR: f32 = 2.0;
 /// Without a sample mask no opening bounds rectangles, and light of a rim goes far: patches with
 /// silhouettes begin with so many times the columns. At a tolerance of 1e-3 the error of the rims of
-/// a coarse ball is 0.35 of it without, and 0.15 with three (`--test truth`).
+/// a coarse ball is 0.35 of it without, and 0.15 with three (`--test sampling -- truth::`).
 const COLUMNS_AT_RIMS: u32 = 3;
 /// A rectangle that is known as a mean becomes pieces only where its error is more than this share
 /// of its light: outlines of pieces err by about as much,

@@ -19,7 +19,7 @@ pub(crate) fn commit(run: &Path) {
     for counts in ["counts/", ""] {
         let Some(flat) = values(&format!("{counts}flat.npy")) else { continue };
         log += &line(&format!("{counts}flat"), &flat);
-        let sample = values(&format!("{counts}sample.npy")).unwrap();
+        let sample = values(&format!("{counts}sample.npy")).expect("the samples beside the flat");
         for (index, view) in sample.chunks(flat.len()).enumerate() {
             log += &line(&format!("{counts}sample/{index}"), view);
         }
@@ -27,5 +27,5 @@ pub(crate) fn commit(run: &Path) {
     if let Some(dark) = values("dark.npy") {
         log += &line("dark", &dark);
     }
-    fs::write(run.join("progress.log"), log).unwrap();
+    fs::write(run.join("progress.log"), log).expect("the log is written");
 }

@@ -3,6 +3,8 @@
 
 #![allow(dead_code, reason = "every test binary uses another part")]
 
+pub(crate) mod log;
+
 use beamlet::{Backend, Engine, EngineOptions};
 use std::ops::Deref;
 

@@ -1,0 +1,228 @@
+//! A device that fails at any call: the error says what and what to do, what is committed
+//! stays whole, and the run goes on to the same bits. And a memory limit changes no bit.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use beamlet::geometry::{self, ObjectSummary};
+use beamlet::internals::gpu::FaultAnswer::{
+    self, DeviceLost, OutOfDeviceMemory, OutOfHostMemory, Timeout,
+};
+use beamlet::internals::gpu::{Fault, FaultyCall};
+use beamlet::scene::Scene;
+use beamlet::stack::{Format, RunDirectory};
+use beamlet::{Backend, Control, Engine, EngineOptions, Error, RunRecord, internals::memory};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const SCENE: &str = concat!(
+    include_str!("../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [12, 6]
+pitch = "150 um"
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
+angles = { from = "0 deg", to = "360 deg", count = 3 }
+
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.4 mm", height = "0.5 mm", sides = 64 } }
+material = "plastic"
+
+[materials.plastic]
+mu = "0.25 /cm"
+delta = 2.4e-7
+"#
+);
+
+/// A temporary directory and the scene in it.
+fn workplace() -> (tempfile::TempDir, Scene) {
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("scene.toml");
+    fs::write(&path, SCENE).unwrap();
+    let scene = Scene::load(&path).unwrap();
+    (place, scene)
+}
+
+fn run(scene: &Scene, sink: &mut RunDirectory, faults: &[Fault]) -> Result<RunRecord, Error> {
+    let engine = Engine::open(&EngineOptions {
+        backend: Some(Backend::Bvh),
+        validation: std::env::var_os("BEAMLET_VALIDATION").is_some(),
+        faults: faults.to_vec(),
+        ..EngineOptions::default()
+    })?;
+    let skip = sink.committed().to_vec();
+    let done = engine.run(scene, sink, Control { skip, ..Control::default() });
+    assert_eq!(engine.validation_messages(), 0);
+    done
+}
+
+/// Every file below `root` that is not run.json, with its bytes; progress.log without order.
+fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut open = vec![root.to_path_buf()];
+    while let Some(directory) = open.pop() {
+        for entry in fs::read_dir(directory).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                open.push(path);
+            } else {
+                found.insert(path.strip_prefix(root).unwrap().into(), fs::read(&path).unwrap());
+            }
+        }
+    }
+    found.remove(Path::new("run.json"));
+    found
+}
+
+/// Whether the error is the one for this answer, with advice.
+#[track_caller]
+fn assert_tells(error: &Error, fault: Fault) {
+    let text = error.to_string();
+    let wanted = match fault.answer {
+        DeviceLost => "the device was lost; ",
+        Timeout => "end",
+        OutOfDeviceMemory => "the device has no more: lower the memory limit",
+        OutOfHostMemory => "the host has no more: lower the memory limit",
+    };
+    assert!(text.contains(wanted), "{fault:?}: {text}");
+    let memory = matches!(fault.answer, OutOfDeviceMemory | OutOfHostMemory);
+    match error {
+        Error::Memory { .. } => assert!(memory, "{fault:?}: {text}"),
+        Error::Device { .. } => assert!(!memory, "{fault:?}: {text}"),
+        _ => panic!("{fault:?}: {text}"),
+    }
+}
+
+/// Lets the calls of one kind fail at their 1st, 2nd, 4th, ... time, with each answer in turn.
+/// Tells how often a view stood before the fault came.
+fn fail_at_every_stage(call: FaultyCall, answers: &[FaultAnswer]) -> usize {
+    let (place, scene) = workplace();
+    let whole = place.path().join("whole");
+    run(&scene, &mut RunDirectory::create(&whole, Format::Npy, false).unwrap(), &[]).unwrap();
+    let mut after_a_view = 0;
+    for power in 0..32 {
+        let fault = Fault { call, number: 1 << power, answer: answers[power % answers.len()] };
+        let path = place.path().join(format!("{power}"));
+        let mut sink = RunDirectory::create(&path, Format::Npy, false).unwrap();
+        let Err(error) = run(&scene, &mut sink, &[fault]) else {
+            assert!(power > 1, "{call:?} fails never");
+            return after_a_view;
+        };
+        drop(sink);
+        assert_tells(&error, fault);
+        if path.join("run.json").exists() {
+            let log = fs::read_to_string(path.join("progress.log")).unwrap();
+            let mut sink = RunDirectory::resume(&path, &scene).unwrap();
+            assert_eq!(sink.committed().len(), log.lines().count(), "{fault:?}: {log}");
+            after_a_view += usize::from(!sink.committed().is_empty());
+            run(&scene, &mut sink, &[]).unwrap();
+        } else {
+            let mut sink = RunDirectory::create(&path, Format::Npy, false).unwrap();
+            run(&scene, &mut sink, &[]).unwrap();
+        }
+        assert!(files(&path) == files(&whole), "{fault:?}: other bits");
+    }
+    panic!("{call:?} has no end");
+}
+
+#[test]
+fn memory_that_runs_out_is_told_and_leaves_committed_views() {
+    fail_at_every_stage(FaultyCall::Allocate, &[OutOfDeviceMemory, OutOfHostMemory]);
+}
+
+#[test]
+fn a_kernel_that_cannot_be_made_is_told_and_nothing_is_written() {
+    fail_at_every_stage(FaultyCall::MakeKernel, &[OutOfHostMemory, OutOfDeviceMemory]);
+}
+
+#[test]
+fn work_that_is_refused_leaves_committed_views() {
+    let answers = [DeviceLost, OutOfDeviceMemory, OutOfHostMemory];
+    assert!(fail_at_every_stage(FaultyCall::Submit, &answers) > 0);
+}
+
+#[test]
+fn a_device_that_is_lost_or_hangs_leaves_committed_views() {
+    let answers = [Timeout, DeviceLost, OutOfHostMemory];
+    assert!(fail_at_every_stage(FaultyCall::Wait, &answers) > 0);
+}
+
+#[test]
+fn a_memory_limit_changes_bands_and_groups_but_no_bit() {
+    let (_place, scene) = workplace();
+    let stacks = |limit: Option<u64>| {
+        let engine = Engine::open(&EngineOptions {
+            backend: Some(Backend::Bvh),
+            memory_limit: limit,
+            ..EngineOptions::default()
+        })
+        .unwrap();
+        let simulation = engine.prepare(&scene).unwrap();
+        (*simulation.memory(), engine.simulate(&scene).unwrap())
+    };
+    let (free, expected) = stacks(None);
+    assert_eq!(free.band_rows, 6);
+    let tight = smallest_limit(&scene);
+    let (limited, found) = stacks(Some(tight));
+    assert!(limited.band_rows == 1 && limited.rays_at_once < free.rays_at_once, "{limited:?}");
+    assert!(limited.peak_bytes <= tight);
+    assert!(found.flat == expected.flat && found.sample == expected.sample);
+}
+
+/// The smallest limit that a run accepts.
+fn smallest_limit(scene: &Scene) -> u64 {
+    let objects = geometry::load(scene).unwrap().objects;
+    let (mut refused, mut accepted) = (0, 1 << 40);
+    while accepted - refused > 1 {
+        let middle = u64::midpoint(refused, accepted);
+        match memory::estimate(scene, &objects, Some(middle), None) {
+            Ok(_) => accepted = middle,
+            Err(_) => refused = middle,
+        }
+    }
+    accepted
+}
+
+/// What the estimate sees of a rod of so many triangles.
+fn rod(triangles: usize) -> [ObjectSummary; 1] {
+    let (_place, scene) = workplace();
+    let mut rod = geometry::load(&scene).unwrap().objects.remove(0);
+    rod.triangles = triangles;
+    [rod]
+}
+
+#[test]
+fn a_limit_below_one_row_is_refused_with_what_to_change() {
+    let (_place, mut scene) = workplace();
+    let error = memory::estimate(&scene, &rod(252), Some(1 << 20), None).unwrap_err();
+    let Error::Memory { needed, available, .. } = &error else { panic!("{error}") };
+    assert!(*needed > 1 << 20 && *available == Some(1 << 20), "{error}");
+    assert!(error.to_string().contains("raise the memory limit"), "{error}");
+    scene.detector.pixels = [1 << 20, 4];
+    scene.scan.mask_offsets = vec![0.0; 1000];
+    let error = memory::estimate(&scene, &rod(252), Some(2 << 30), None).unwrap_err().to_string();
+    assert!(error.contains("fewer columns or mask steps"), "{error}");
+    let error =
+        memory::estimate(&scene, &rod(1 << 30), Some(2 << 30), None).unwrap_err().to_string();
+    assert!(error.contains("simplify the meshes"), "{error}");
+}
+
+#[test]
+fn what_is_estimated_grows_with_triangles_pixels_and_steps() {
+    let (_place, scene) = workplace();
+    let peak = |scene: &Scene, triangles: usize| {
+        memory::estimate(scene, &rod(triangles), None, None).unwrap().peak_bytes
+    };
+    assert!(peak(&scene, 2_000_000) > peak(&scene, 1_000_000) + (100 << 20));
+    let mut large = scene.clone();
+    large.detector.pixels = [4096, 4096];
+    assert!(peak(&large, 252) > peak(&scene, 252) + (500 << 20));
+    let mut many = large.clone();
+    many.scan.mask_offsets = vec![0.0; 1000];
+    // Bands stay within 1 GiB, whatever the number of steps.
+    assert!(peak(&many, 252) < peak(&large, 252) + (1 << 30));
+}

@@ -1,0 +1,13 @@
+//! Devices and drivers: the Vulkan wrapper, both traversal backends, other drivers, and devices that
+//! fail.
+
+#[path = "../reference/mod.rs"]
+mod reference;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod backends;
+mod drivers;
+mod faults;
+mod gpu;
+mod interface;

@@ -1,0 +1,159 @@
+//! The estimate of a run's rays, from a sparse look at its scene, against the run.
+//!
+//! A program of its own: a look lasts a second, and sees less where other tests take its time.
+
+#[path = "../reference/mod.rs"]
+mod reference;
+#[path = "../support/mod.rs"]
+mod support;
+
+use beamlet::check::{self, check_on};
+use beamlet::scene::{Scene, Scheme};
+use beamlet::stack::ArraySink;
+use beamlet::{Backend, Control, Engine, RunRecord};
+use reference::scenes;
+use reference::silhouettes::{bumpy, fibres};
+use reference::stack::Setup;
+use reference::surfaces::{Body, Mesh, body, cylinder};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+use support::{CARBON, Worst, engine};
+
+const OFFSETS: [f64; 3] = [-15e-6, 0.0, 15e-6];
+
+/// An estimate looks at as much as it can in a second: one beside another sees less.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn carbon(mesh: Mesh) -> Body {
+    body(mesh.rounded(), CARBON[0], CARBON[1])
+}
+
+fn ran(engine: &Engine, scene: &Scene) -> RunRecord {
+    engine.run(scene, &mut ArraySink::new(), Control::default()).expect("a run")
+}
+
+/// The estimate may be wrong by a factor of two: it looks at a part of the patches, and those with
+/// a silhouette differ by as much.
+fn compare(name: &'static str, scene: &Scene) {
+    let _alone = alone();
+    let engine = engine(Backend::Bvh);
+    let report = check_on(&engine, scene).expect("a report");
+    let estimate = report.work.estimate.expect("an estimate");
+    let tally = ran(&engine, scene).tally;
+    let views = scene.scan.angles.len() as f64;
+    let mut worst = Worst::new(name, 1.0);
+    let mut take = |what: &str, told: f64, true_count: u64| {
+        worst.take((told / true_count as f64).log2(), || format!("{what}: {told} of {true_count}"));
+    };
+    take("rays", estimate.rays, tally.rays);
+    take("rays of a view", estimate.rays_per_view * views, tally.rays);
+    take("splits", estimate.splits.max(1.0), tally.split.max(1));
+    assert!(estimate.patches_refined > 0.0 && estimate.seconds > 0.0, "{estimate:?}");
+}
+
+#[test]
+fn rays_of_a_bumpy_ball_are_estimated_within_a_factor_of_two() {
+    let ball = carbon(bumpy(1.5e-3, 4).moved([0.1e-3, 0.0, 0.2e-3]));
+    let setup = Setup::paper([48, 48]);
+    compare("estimate, ball (factor, as its logarithm)", &scenes::scene(&setup, &[ball], &OFFSETS));
+}
+
+#[test]
+fn rays_of_views_that_differ_are_estimated_within_a_factor_of_two() {
+    // A bundle seen from many sides, and a tall cylinder that is alike in all of them.
+    let bodies = [
+        carbon(fibres(60, 2.5e-6, 16).moved([0.4e-3, 0.0, 0.0])),
+        carbon(cylinder(0.2e-3, 6e-3, 64, 0.3).moved([-0.5e-3, 0.0, 0.0])),
+    ];
+    let mut scene = scenes::scene(&Setup::paper([16, 6]), &bodies, &OFFSETS);
+    scene.scan.angles = (0..5).map(|view| 0.3 * f64::from(view)).collect();
+    scene.sampling.tolerance = 1e-3;
+    compare("estimate, five views (factor, as its logarithm)", &scene);
+}
+
+#[test]
+fn rays_of_a_radiograph_are_estimated_within_a_factor_of_two() {
+    let mut setup = Setup::paper([64, 64]);
+    (setup.sample_mask, setup.detector_mask) = (None, None);
+    setup.pitch = [75e-6; 2];
+    let ball = carbon(bumpy(1.2e-3, 4));
+    compare(
+        "estimate, no masks (factor, as its logarithm)",
+        &scenes::scene(&setup, &[ball], &[0.0]),
+    );
+}
+
+#[test]
+fn random_rays_are_counted_as_they_are() {
+    let ball = carbon(bumpy(1.0e-3, 3));
+    let mut scene = scenes::scene(&Setup::paper([32, 16]), &[ball], &OFFSETS);
+    (scene.sampling.scheme, scene.sampling.rays) = (Scheme::Random, [20, 2]);
+    let report = check_on(&engine(Backend::Bvh), &scene).expect("a report");
+    let estimate = report.work.estimate.expect("an estimate");
+    assert!((estimate.rays - 32.0 * 16.0 * 40.0).abs() < 0.5, "{estimate:?}");
+}
+
+/// Light of all steps was summed to time it: minutes.
+#[test]
+fn a_hundred_thousand_mask_steps_are_estimated_from_some_of_them() {
+    let ball = carbon(bumpy(1.0e-3, 3));
+    let offsets = |count: u32| -> Vec<f64> {
+        (0..count).map(|i| 50e-6 * (f64::from(i) / f64::from(count) - 0.5)).collect()
+    };
+    let setup = Setup::paper([16, 4]);
+    let _alone = alone();
+    let engine = engine(Backend::Bvh);
+    let told = |count| {
+        let scene = scenes::scene(&setup, std::slice::from_ref(&ball), &offsets(count));
+        let begin = Instant::now();
+        let report = check_on(&engine, &scene).expect("a report");
+        let estimate = report.work.estimate.expect("an estimate");
+        (estimate.seconds, begin.elapsed().as_secs_f64())
+    };
+    told(100);
+    let (some, all) = (told(1000), told(100_000));
+    let grown = all.0 / some.0;
+    assert!(grown > 10.0 && all.0 > 2.0 * all.1, "{some:?} {all:?}");
+}
+
+#[test]
+fn patches_full_of_silhouettes_are_in_the_memory_that_is_told() {
+    let _alone = alone();
+    // A star: every second corner lies near the axis, and caps are fans about it.
+    let n = 1002_u32;
+    let corner = |k: u32| {
+        let (sine, cosine) = (std::f64::consts::TAU * f64::from(k) / f64::from(n)).sin_cos();
+        let radius = if k.is_multiple_of(2) { 1.2e-3 } else { 0.2e-3 };
+        [radius * cosine, radius * sine]
+    };
+    let mut teeth = Mesh { vertices: Vec::new(), triangles: Vec::new() };
+    for z in [-1e-3, 1e-3] {
+        teeth.vertices.extend((0..n).map(corner).map(|[x, y]| [x, y, z]));
+    }
+    teeth.vertices.extend([[0.0, 0.0, -1e-3], [0.0, 0.0, 1e-3]]);
+    for i in 0..n {
+        let j = (i + 1) % n;
+        let side = [[i, j, n + j], [i, n + j, n + i]];
+        teeth.triangles.extend(side.into_iter().chain([[2 * n, j, i], [2 * n + 1, n + i, n + j]]));
+    }
+    let teeth = carbon(teeth);
+    let scene = scenes::scene(&Setup::paper([16, 4]), &[teeth], &[0.0]);
+    let blind = check::check(&scene).expect("a report").work.memory;
+    let told = check_on(&engine(Backend::Bvh), &scene).expect("a report").work.memory;
+    assert_eq!(told.rays_at_once, blind.rays_at_once);
+    assert!(told.peak_bytes > blind.peak_bytes + (64 << 20), "{told:?} {blind:?}");
+    // Patches that wait for one another bound it.
+    assert!(told.peak_bytes < 2 << 30, "{told:?}");
+}
+
+#[test]
+fn scenes_without_a_sample_or_a_device_have_no_rays_or_no_estimate() {
+    let empty = scenes::scene(&Setup::paper([16, 8]), &[], &OFFSETS);
+    let report = check_on(&engine(Backend::Bvh), &empty).expect("a report");
+    assert!(report.work.estimate.is_some_and(|estimate| estimate.rays == 0.0));
+    let report = check::check(&empty).expect("a report");
+    assert!(report.work.estimate.is_none() && report.work.no_estimate.is_some());
+}

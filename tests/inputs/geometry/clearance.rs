@@ -1,0 +1,90 @@
+//! Does the sample clear the masks in every view, and does it fit the field of view.
+
+use std::f64::consts::FRAC_PI_4;
+
+use beamlet::geometry::{Extent, check_clearance, fov_warnings, load, swept};
+use beamlet::scene::{MaskBody, Object, Scene, Shape};
+
+use super::set_up::{at, cube, scene, shape};
+
+fn check(scene: &Scene) -> Result<(), String> {
+    check_clearance(scene, &load(scene).unwrap()).map_err(|error| error.to_string())
+}
+
+fn plate(length: f64) -> Object {
+    shape("plate", Shape::Box { size: [length, 1e-3, 1e-3] })
+}
+
+#[test]
+fn sample_between_the_masks_is_clear() {
+    check(&scene(vec![cube("a", 8e-3)])).unwrap();
+    check(&scene(Vec::new())).unwrap();
+}
+
+#[test]
+fn object_that_turns_into_the_sample_mask_is_refused_with_the_angle() {
+    let mut scene = scene(vec![cube("small", 0.5e-3), at(plate(22e-3), [0.0, 0.0, 2e-3])]);
+    check(&scene).unwrap();
+    scene.scan.angles = vec![0.0, FRAC_PI_4, 2.0 * FRAC_PI_4];
+    let text = check(&scene).unwrap_err();
+    for word in ["\"plate\"", "object[1]", "90.000 deg", "1.199000 m", "1.200112 m", "sample mask"]
+    {
+        assert!(text.contains(word), "{word}: {text}");
+    }
+}
+
+#[test]
+fn thickness_of_the_bars_counts() {
+    // The mask's centre is 10 mm before the rotation centre, its back 9.8875 mm.
+    let mut thick = scene(vec![cube("a", 19.8e-3)]);
+    assert!(check(&thick).unwrap_err().contains("sample mask"));
+    thick.sample_mask.as_mut().unwrap().body = MaskBody::Sheet { transmission: 0.0 };
+    check(&thick).unwrap();
+}
+
+#[test]
+fn missing_masks_leave_source_and_detector_as_limits() {
+    let mut bare = scene(vec![at(cube("a", 10e-3), [0.0, -1.0, 0.0])]);
+    assert!(check(&bare).is_err());
+    bare.sample_mask = None;
+    check(&bare).unwrap();
+    bare.objects[0].placement.position[1] = -1.206;
+    assert!(check(&bare).unwrap_err().contains("the source"));
+    bare.objects[0].placement.position[1] = 0.584_92;
+    assert!(check(&bare).unwrap_err().contains("front of the detector mask"));
+    bare.detector_mask = None;
+    check(&bare).unwrap();
+    bare.objects[0].placement.position[1] = 0.586;
+    assert!(check(&bare).unwrap_err().contains("the detector"));
+}
+
+#[test]
+fn positive_angle_turns_the_beam_and_not_the_sample() {
+    // At +90 deg the source stands at +x: what is at +x is nearer the source.
+    let scene = scene(vec![at(cube("a", 1e-3), [5e-3, 0.0, 0.0])]);
+    let sample = load(&scene).unwrap();
+    let extents: Vec<Extent> = swept(&sample).extents(2.0 * FRAC_PI_4).collect();
+    assert!((extents[0].y[0] + 5.5e-3).abs() < 1e-9, "{extents:?}");
+    assert!((extents[0].y[1] + 4.5e-3).abs() < 1e-9, "{extents:?}");
+    assert!((extents[0].x[1] - 0.5e-3).abs() < 1e-9, "{extents:?}");
+}
+
+#[test]
+fn sample_outside_the_field_of_view_is_told_by_axis() {
+    let warned = |object: Object, angles: &[f64]| {
+        let mut scene = scene(vec![object]);
+        scene.scan.angles = angles.to_vec();
+        fov_warnings(&scene, &load(&scene).unwrap())
+    };
+    assert!(warned(cube("a", 8e-3), &[0.0]).is_empty());
+    let wide = warned(plate(14e-3), &[0.0, FRAC_PI_4]);
+    assert_eq!(wide.len(), 1);
+    assert!(wide[0].contains("in x at angle 0.000 deg"), "{wide:?}");
+    assert!(warned(plate(14e-3), &[FRAC_PI_4]).is_empty());
+    let tall = shape("tall", Shape::Box { size: [1e-3, 1e-3, 14e-3] });
+    let tall = warned(tall, &[0.0]);
+    assert!(
+        tall.len() == 1 && tall[0].contains("\"tall\"") && tall[0].contains("in z"),
+        "{tall:?}"
+    );
+}

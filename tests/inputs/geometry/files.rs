@@ -1,0 +1,191 @@
+//! Mesh files: the formats agree, and broken files say what is wrong.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use beamlet::geometry::{Sample, file_hash, load};
+use beamlet::scene::{Mesh, Shape, ShapeOrMesh};
+
+use super::set_up::{Arrays, close, object, scene};
+
+fn read(directory: &Path, name: &str, bytes: &[u8]) -> beamlet::Result<Sample> {
+    std::fs::write(directory.join(name), bytes).unwrap();
+    let mesh = Mesh::File { path: name.into(), unit: 1e-3 };
+    let mut scene = scene(vec![object("part", ShapeOrMesh::Mesh(mesh))]);
+    scene.directory = directory.into();
+    load(&scene)
+}
+
+fn refused(name: &str, bytes: &[u8]) -> String {
+    let directory = tempfile::tempdir().unwrap();
+    let text = read(directory.path(), name, bytes).unwrap_err().to_string();
+    assert!(text.contains("\"part\"") && text.contains(name), "{text}");
+    text
+}
+
+/// A cylinder in mm, in f32 so that every format can hold it exactly.
+fn part() -> Arrays {
+    let mut part = Arrays::of(Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: 60 });
+    for number in part.0.as_flattened_mut() {
+        #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the point")]
+        let rounded = (*number * 1e3) as f32;
+        *number = f64::from(rounded);
+    }
+    part
+}
+
+fn binary(Arrays(vertices, triangles): &Arrays, header: &[u8]) -> Vec<u8> {
+    let mut bytes = header.to_vec();
+    bytes.resize(80, b' ');
+    bytes.extend(u32::try_from(triangles.len()).unwrap().to_le_bytes());
+    for triangle in triangles {
+        bytes.extend([0; 12]);
+        for vertex in triangle {
+            for number in vertices[*vertex as usize] {
+                #[expect(clippy::cast_possible_truncation, reason = "exact by construction")]
+                bytes.extend((number as f32).to_le_bytes());
+            }
+        }
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
+fn ascii(Arrays(vertices, triangles): &Arrays) -> String {
+    let mut text = String::from("solid part of mine\n");
+    for triangle in triangles {
+        text.push_str("  facet normal 0 0 0\n    outer loop\n");
+        for vertex in triangle {
+            let [x, y, z] = vertices[*vertex as usize];
+            writeln!(text, "      vertex {x:e} {y} {z}").unwrap();
+        }
+        text.push_str("    endloop\n  endfacet\n");
+    }
+    text + "endsolid part of mine\n"
+}
+
+fn obj(Arrays(vertices, triangles): &Arrays) -> String {
+    let mut text = String::from("# made here\nmtllib missing.mtl\no part\nusemtl red\n");
+    for [x, y, z] in vertices {
+        writeln!(text, "v {x} {y} {z}").unwrap();
+    }
+    for [a, b, c] in triangles {
+        writeln!(text, "f {} {} {}", a + 1, b + 1, c + 1).unwrap();
+    }
+    text
+}
+
+#[test]
+fn binary_stl_ascii_stl_and_obj_give_the_same_sample() {
+    let directory = tempfile::tempdir().unwrap();
+    let part = part();
+    let read = |name: &str, bytes: &[u8]| read(directory.path(), name, bytes).unwrap();
+    let first = read("a.stl", &binary(&part, b"made here"));
+    assert!(close(first.objects[0].volume, std::f64::consts::PI * 256e-9, 1e-6));
+    assert_eq!(first.triangles.len(), part.1.len());
+    assert_eq!(first.vertices.len(), part.0.len());
+    let solid = read("b.STL", &binary(&part, b"solid but binary"));
+    let text = read("c.stl", ascii(&part).as_bytes());
+    let windows = read("d.stl", ascii(&part).replace('\n', "\r\n").to_uppercase().as_bytes());
+    let named = ascii(&part);
+    let latin = [&b"solid pi\xe8ce\n"[..], &named.as_bytes()["solid part of mine\n".len()..]];
+    let latin = read("f.stl", &latin.concat());
+    let wavefront = read("e.obj", obj(&part).as_bytes());
+    for other in [solid, text, windows, latin, wavefront] {
+        assert_eq!(first.triangles.len(), other.triangles.len());
+        assert_eq!(first.vertices.len(), other.vertices.len());
+        for (a, b) in first.triangles.iter().zip(&other.triangles) {
+            let corners = |sample: &Sample, triangle: &[u32; 3]| {
+                triangle.map(|vertex| sample.vertices[vertex as usize])
+            };
+            assert_eq!(corners(&first, a), corners(&other, b));
+        }
+        assert!(other.objects[0].warnings.is_empty());
+    }
+}
+
+#[test]
+fn polygons_negative_indices_and_groups_of_an_obj_are_read() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n\
+                g lids\nf 4 3 2 1\nf -4 -3 -2 -1\n\
+                g walls\nvn 0 0 1\nf 1//1 2//1 6//1 5//1\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\nl 1 2\n";
+    let sample = read(directory.path(), "cube.obj", text.as_bytes()).unwrap();
+    assert_eq!((sample.vertices.len(), sample.triangles.len()), (8, 12));
+    assert!(close(sample.objects[0].volume, 8e-9, 1e-12));
+}
+
+#[test]
+fn hash_of_an_object_is_that_of_its_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let bytes = binary(&part(), b"");
+    let sample = read(directory.path(), "a.stl", &bytes).unwrap();
+    let hash = &sample.objects[0].hash;
+    assert_eq!(hash.len(), 64);
+    assert_eq!(*hash, file_hash(&directory.path().join("a.stl")).unwrap());
+    let mut changed = bytes;
+    changed[0] ^= 1;
+    assert_ne!(*hash, read(directory.path(), "b.stl", &changed).unwrap().objects[0].hash);
+}
+
+#[test]
+fn truncated_or_padded_stl_is_refused_with_its_lengths() {
+    let bytes = binary(&part(), b"solid");
+    for bytes in [&bytes[..bytes.len() - 7], &[&bytes[..], b"tail"].concat()[..], &bytes[..84]] {
+        let text = refused("a.stl", bytes);
+        assert!(
+            text.contains("triangles has") && text.contains(&bytes.len().to_string()),
+            "{text}"
+        );
+    }
+    assert!(refused("a.stl", b"short").contains("too few"));
+    assert!(refused("a.stl", b"").contains("too few"));
+    let text = ascii(&part());
+    let cut = text.lines().take(40).collect::<Vec<_>>().join("\n");
+    let told = refused("a.stl", cut.as_bytes());
+    assert!(told.contains("ends before") && told.contains("line 40"), "{told}");
+}
+
+#[test]
+fn broken_lines_of_a_text_mesh_are_named() {
+    let good = ascii(&part());
+    for (from, to, line) in [
+        ("outer loop", "outer loop\nvertex 1 2", "line 4"),
+        ("vertex", "vertex x", "line 4"),
+        ("vertex", "vertices", "line 4"),
+        ("vertex", "# vertex", "line 4"),
+        ("endloop", "vertex 1 2 3\nendloop", "line 8"),
+        ("vertex", "vertex nan 0 0\nvertex", "line 8"),
+    ] {
+        let told = refused("a.stl", good.replacen(from, to, 1).as_bytes());
+        assert!(told.contains(line), "{from}: {told}");
+    }
+    for (text, line) in [
+        ("v 0 0 0\nv 1 0\n", "line 2"),
+        ("v 0 0 0\n\nv 1 0 0\nf 1 2 x\n", "line 4: \"f 1 2 x\""),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "line 4"),
+    ] {
+        let told = refused("a.obj", text.as_bytes());
+        assert!(told.contains(line), "{text}: {told}");
+    }
+}
+
+#[test]
+fn vertices_that_are_not_finite_are_refused() {
+    let mut bytes = binary(&part(), b"");
+    bytes[84 + 50 + 12..84 + 50 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
+    let told = refused("a.stl", &bytes);
+    assert!(told.contains("not finite") && told.contains("triangle 2"), "{told}");
+    let told = refused("a.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    assert!(told.contains("not finite"), "{told}");
+}
+
+#[test]
+fn files_without_triangles_or_of_unknown_kind_are_refused() {
+    assert!(refused("a.obj", b"v 0 0 0\n").contains("no triangles"));
+    assert!(refused("a.stl", b"solid x\nendsolid x\n").contains("no triangles"));
+    assert!(refused("a.step", b"ISO-10303-21;").contains(".stl or .obj"));
+    let mesh = Mesh::File { path: "missing.stl".into(), unit: 1.0 };
+    let text = load(&scene(vec![object("part", ShapeOrMesh::Mesh(mesh))])).unwrap_err();
+    assert!(text.to_string().contains("missing.stl"), "{text}");
+}

@@ -1,0 +1,114 @@
+//! Shapes and placement against formulas.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+
+use beamlet::geometry::{Sample, load};
+use beamlet::scene::Shape;
+
+use super::set_up::{Arrays, close, cube, refusal, scene, shape};
+
+fn sample(of: Shape) -> Sample {
+    load(&scene(vec![shape("x", of)])).unwrap()
+}
+
+#[test]
+fn volumes_of_shapes_are_those_of_the_formulas_at_any_number_of_sides() {
+    for sides in [4, 5, 8, 63, 512] {
+        let (radius, height) = (4e-3, 16e-3);
+        let cylinder = sample(Shape::Cylinder { radius, height, sides });
+        let exact = PI * radius * radius * height;
+        assert!(close(cylinder.objects[0].volume, exact, 1e-12), "cylinder of {sides}");
+        let sphere = sample(Shape::Sphere { radius, sides });
+        let exact = 4.0 / 3.0 * PI * radius.powi(3);
+        assert!(close(sphere.objects[0].volume, exact, 1e-12), "sphere of {sides}");
+        let prism = sample(Shape::Prism { radius, height, sides });
+        let n = f64::from(sides);
+        let exact = n / 2.0 * radius * radius * (2.0 * PI / n).sin() * height;
+        assert!(close(prism.objects[0].volume, exact, 1e-12), "prism of {sides}");
+        for part in [cylinder, sphere, prism] {
+            assert_eq!(part.components.len(), 1);
+            assert!(part.objects[0].warnings.is_empty(), "{:?}", part.objects[0].warnings);
+        }
+    }
+    let triangle = sample(Shape::Cylinder { radius: 1e-3, height: 1e-3, sides: 3 });
+    assert!(close(triangle.objects[0].volume, PI * 1e-9, 1e-12));
+    let block = sample(Shape::Box { size: [1e-3, 2e-3, 3e-3] });
+    assert!(close(block.objects[0].volume, 6e-9, 1e-12));
+    assert!(close(block.components[0].area, 22e-6, 1e-12));
+}
+
+#[test]
+fn shapes_stand_along_z_around_the_origin() {
+    for of in [
+        Shape::Box { size: [2e-3, 2e-3, 6e-3] },
+        Shape::Cylinder { radius: 1e-3, height: 6e-3, sides: 64 },
+        Shape::Prism { radius: 1e-3, height: 6e-3, sides: 4 },
+    ] {
+        let [low, high] = sample(of).objects[0].bounds;
+        assert!(close(high[2], 3e-3, 1e-12) && close(low[2], -3e-3, 1e-12), "{of:?}");
+        assert!(close(high[0], 1e-3, 0.01) && close(low[0], -1e-3, 0.01), "{of:?}");
+    }
+}
+
+#[test]
+fn impossible_shapes_are_refused() {
+    for of in [
+        Shape::Box { size: [1e-3, 0.0, 1e-3] },
+        Shape::Cylinder { radius: 1e-3, height: f64::NAN, sides: 16 },
+        Shape::Cylinder { radius: 1e-3, height: 1e-3, sides: 2 },
+        Shape::Prism { radius: -1e-3, height: 1e-3, sides: 8 },
+        Shape::Sphere { radius: 1e-3, sides: 3 },
+        Shape::Sphere { radius: 1e-3, sides: u32::MAX },
+    ] {
+        assert!(refusal(vec![shape("odd", of)]).contains("\"odd\""), "{of:?}");
+    }
+}
+
+#[test]
+fn placement_goes_center_scale_rotate_position() {
+    // A brick whose middle is not the origin.
+    let brick = Arrays::of(Shape::Box { size: [1e-3, 2e-3, 4e-3] }).moved([5e-3, 0.0, 0.0]);
+    let mut object = brick.object("brick");
+    object.placement.center = true;
+    object.placement.scale = 2.0;
+    object.placement.rotate = vec![([0.0, 0.0, 3.0], FRAC_PI_2), ([1.0, 0.0, 0.0], FRAC_PI_2)];
+    object.placement.position = [10e-3, 20e-3, 30e-3];
+    let [low, high] = load(&scene(vec![object])).unwrap().objects[0].bounds;
+    // Size (2, 4, 8) mm, about z: (4, 2, 8), then about x: (4, 8, 2). The other order of
+    // rotations would give (8, 4, 2).
+    let expected = [[8e-3, 16e-3, 29e-3], [12e-3, 24e-3, 31e-3]];
+    for (found, expected) in [low, high].iter().zip(expected) {
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-12, "{low:?} {high:?}");
+        }
+    }
+}
+
+#[test]
+fn without_center_scale_and_rotation_are_about_the_mesh_origin() {
+    let mut object = Arrays::cube(2e-3).moved([5e-3, 0.0, 0.0]).object("cube");
+    object.placement.scale = 2.0;
+    object.placement.rotate = vec![([0.0, 0.0, 1.0], FRAC_PI_2)];
+    let [low, high] = load(&scene(vec![object])).unwrap().objects[0].bounds;
+    let middle = [0, 1].map(|axis| low[axis].midpoint(high[axis]));
+    assert!((middle[1] - 10e-3).abs() < 1e-12 && middle[0].abs() < 1e-12, "{middle:?}");
+}
+
+#[test]
+fn impossible_placement_is_refused() {
+    let mut flat = cube("a", 1e-3);
+    flat.placement.scale = 0.0;
+    assert!(refusal(vec![flat]).contains("scale"));
+    let mut axis = cube("a", 1e-3);
+    axis.placement.rotate = vec![([0.0; 3], 1.0)];
+    assert!(refusal(vec![axis]).contains("axis"));
+    let mut far = cube("a", 1e-3);
+    far.placement.position = [f64::INFINITY, 0.0, 0.0];
+    assert!(refusal(vec![far]).contains("not finite"));
+}
+
+#[test]
+fn scene_without_objects_is_an_empty_sample() {
+    let sample = load(&scene(Vec::new())).unwrap();
+    assert!(sample.triangles.is_empty() && sample.objects.is_empty());
+}

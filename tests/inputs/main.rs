@@ -1,0 +1,14 @@
+//! What is read before a device is opened: scenes, meshes, materials and spectra; and the layers of the
+//! engine. None of these tests needs a Vulkan device.
+
+mod garbage;
+mod geometry;
+mod layers;
+mod material;
+mod scene;
+mod scene_beam;
+mod scene_docs;
+mod scene_resolved;
+mod spectrum_files;
+mod spectrum_nodes;
+mod spectrum_tube;

@@ -1,0 +1,236 @@
+//! The same counts whatever the bands, batches, threads and interrupts.
+
+use crate::reference::scenes;
+use crate::reference::stack::Setup;
+use crate::reference::surfaces::{body, star};
+use crate::support::{CARBON, Worst, engine_with};
+use beamlet::moments::{MomentWriter, StoredMoments};
+use beamlet::scene::Exposure;
+use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
+use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks};
+use beamlet::{Backend, Control, EngineOptions, Error, Progress};
+use ndarray::Array2;
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Everything that a detector may have, in few pixels.
+fn scene(place: &Path) -> Scene {
+    let mut setup = Setup::paper([7, 9]);
+    setup.detector_mask = None;
+    let ball = star(0.2e-3, 0.3e-3, 2, 3).moved([0.05e-3, 0.0, 0.1e-3]);
+    let mut scene = scenes::scene(&setup, &[body(ball, 40.0 * CARBON[0], CARBON[1])], &[0.0, 9e-6]);
+    let kernel = |name: &str, values: Array2<f64>, pixel: f64| {
+        let path = place.join(name);
+        ndarray_npy::write_npy(&path, &values).unwrap();
+        KernelFile { path, pixel: [pixel; 2] }
+    };
+    let lopsided = Array2::from_shape_fn((5, 7), |(row, column)| (row + 2 * column) as f64);
+    let veil = Array2::from_elem((3, 3), 1.0);
+    scene.detector.blur = Some(Blur::Kernel(kernel("blur.npy", lopsided, 60e-6)));
+    let kernel = kernel("veil.npy", veil, 200e-6);
+    scene.detector.scatter = Some(Scatter::Kernel { kernel, fraction: 0.05 });
+    scene.detector.counts = Some(Counts {
+        electronic_noise: 3.0,
+        offset: 20.0,
+        bit_depth: Some(12),
+        ..Counts::of_photons(500.0)
+    });
+    scene.scan.angles = vec![0.0, 0.7, 1.4];
+    scene.sampling.tolerance = 1e-3;
+    scene
+}
+
+fn run(options: EngineOptions, scene: &Scene) -> Stacks {
+    engine_with(EngineOptions { backend: Some(Backend::Bvh), ..options }).simulate(scene).unwrap()
+}
+
+fn same(what: &str, a: &Stacks, b: &Stacks) {
+    let bits = |stacks: &Stacks| {
+        let counts = stacks.counts.as_ref().unwrap();
+        let stacks = stacks.flat.iter().chain(&stacks.sample);
+        let counts = counts.flat.iter().chain(&counts.sample).chain(&counts.dark);
+        stacks.chain(counts).map(|value| value.to_bits()).collect::<Vec<_>>()
+    };
+    assert!(bits(a) == bits(b), "{what}");
+}
+
+#[test]
+fn bands_batches_and_threads_change_no_bit_of_counts() {
+    let place = tempfile::tempdir().unwrap();
+    let scene = scene(place.path());
+    let whole = run(EngineOptions::default(), &scene);
+    for (band, batch) in [(Some(1), None), (Some(2), Some(4096)), (Some(5), None)] {
+        let options = EngineOptions { band_rows: band, batch_rays: batch, ..Default::default() };
+        let other = run(options, &scene);
+        same(&format!("bands of {band:?} rows"), &whole, &other);
+        assert_eq!(whole.record.tally.saturated, other.record.tally.saturated);
+    }
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let other = pool.install(|| run(EngineOptions::default(), &scene));
+        same(&format!("{threads} threads"), &whole, &other);
+    }
+    // Another seed changes the counts and nothing of the light.
+    let mut seeded = scene;
+    seeded.sampling.seed += 1;
+    let other = run(EngineOptions::default(), &seeded);
+    assert_eq!(other.flat, whole.flat);
+    let [a, b] = [&whole, &other].map(|stacks| &stacks.counts.as_ref().unwrap().flat);
+    assert!(a != b);
+}
+
+#[test]
+fn gaussian_blur_does_not_depend_on_bands_either() {
+    let place = tempfile::tempdir().unwrap();
+    let mut scene = scene(place.path());
+    scene.detector.blur = Some(Blur::Gaussian { sigma: [60e-6, 110e-6] });
+    let whole = run(EngineOptions::default(), &scene);
+    let bands = EngineOptions { band_rows: Some(2), ..EngineOptions::default() };
+    same("bands of 2 rows", &whole, &run(bands, &scene));
+}
+
+/// Files of a run directory but run.json, which has its times.
+fn files(root: &Path) -> Vec<(String, Vec<u8>)> {
+    fn walk(root: &Path, at: &Path, out: &mut Vec<(String, Vec<u8>)>) {
+        for entry in fs::read_dir(at).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                walk(root, &path, out);
+            } else if path.file_name().unwrap() != "run.json" {
+                let name = path.strip_prefix(root).unwrap().to_string_lossy().into_owned();
+                out.push((name, fs::read(&path).unwrap()));
+            }
+        }
+    }
+    let mut out = Vec::new();
+    walk(root, root, &mut out);
+    out.sort();
+    out
+}
+
+#[test]
+fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
+    let place = tempfile::tempdir().unwrap();
+    let scene = scene(place.path());
+    let options = EngineOptions {
+        backend: Some(Backend::Bvh),
+        band_rows: Some(4),
+        ..EngineOptions::default()
+    };
+    let engine = engine_with(options);
+    for format in [Format::Exr, Format::Npy] {
+        let [whole, broken] =
+            ["whole", "broken"].map(|n| place.path().join(format!("{n}_{format}")));
+        let mut sink = RunDirectory::create(&whole, format, false).unwrap();
+        engine.run(&scene, &mut sink, Control::default()).unwrap();
+        // In the second view with the sample.
+        let cancel = AtomicBool::new(false);
+        let mut sink = RunDirectory::create(&broken, format, false).unwrap();
+        let ended = engine.run(
+            &scene,
+            &mut sink,
+            Control {
+                progress: Some(&mut |progress| {
+                    if matches!(&progress, Progress::Views(views) if views.view == Exposure::Sample(1))
+                    {
+                        cancel.store(true, Ordering::Relaxed);
+                    }
+                }),
+                cancel: Some(&cancel),
+                ..Control::default()
+            },
+        );
+        assert!(matches!(ended, Err(Error::Interrupted)));
+        drop(sink);
+        let mut sink = RunDirectory::resume(&broken, &scene).unwrap();
+        assert_eq!(sink.committed(), [Exposure::Flat, Exposure::Dark, Exposure::Sample(0)]);
+        // Counts that were changed since do not count.
+        if format == Format::Npy {
+            // A run is locked from the first look on.
+            drop(sink);
+            let path = broken.join("counts/flat.npy");
+            let mut bytes = fs::read(&path).unwrap();
+            *bytes.last_mut().unwrap() ^= 1;
+            fs::write(&path, bytes).unwrap();
+            sink = RunDirectory::resume(&broken, &scene).unwrap();
+            assert_eq!(sink.committed(), [Exposure::Dark, Exposure::Sample(0)]);
+        }
+        let skip = sink.committed().to_vec();
+        engine.run(&scene, &mut sink, Control { skip, ..Control::default() }).unwrap();
+        drop(sink);
+        let keep = |files: Vec<(String, Vec<u8>)>| -> Vec<_> {
+            files.into_iter().filter(|(name, _)| name != "progress.log").collect()
+        };
+        assert_eq!(keep(files(&whole)), keep(files(&broken)), "{format}");
+        let run = OpenRun::open(&whole).unwrap();
+        let rows = |stack: Option<StackFile>| stack.unwrap().rows(0, 0..9).unwrap();
+        let flat = rows(Some(run.flat().unwrap()));
+        let (counts, dark) = (rows(run.counts_flat().unwrap()), rows(run.dark().unwrap()));
+        let z =
+            |count: f32, light: f32| (count - 20.0 - 500.0 * light) / (500.0 * light + 9.0).sqrt();
+        assert!(counts.iter().zip(&flat).all(|(count, light)| z(*count, *light).abs() < 6.0));
+        assert!(dark.iter().all(|number| (number - 20.0).abs() < 18.0));
+        assert_eq!(run.counts_sample().unwrap().unwrap().shape(), [3, 2, 9, 7]);
+        let names: Vec<String> = files(&whole).into_iter().map(|(name, _)| name).collect();
+        let wanted: &[&str] = match format {
+            Format::Exr => &[
+                "counts/flat/step_001.exr",
+                "counts/sample/view_0002/step_000.exr",
+                "dark/step_001.exr",
+                "flat/step_000.exr",
+            ],
+            Format::Npy => &["counts/flat.npy", "counts/sample.npy", "dark.npy", "sample.npy"],
+        };
+        assert!(wanted.iter().all(|name| names.iter().any(|n| n == name)), "{names:?}");
+        // A run without counts takes the place; a file of somebody else stays.
+        fs::write(whole.join("counts/notes.txt"), "mine").unwrap();
+        let mut bare = scene.clone();
+        bare.detector.counts = None;
+        let mut sink = RunDirectory::create(&whole, format, true).unwrap();
+        engine.run(&bare, &mut sink, Control::default()).unwrap();
+        let left: Vec<String> = files(&whole).into_iter().map(|(name, _)| name).collect();
+        let ours = |name: &&String| name.starts_with("counts") || name.starts_with("dark");
+        let left: Vec<_> = left.iter().filter(ours).collect();
+        assert_eq!(left, ["counts/notes.txt"]);
+    }
+}
+
+/// Moments that a run without blur kept serve detectors that blur, scatter and make noise.
+#[test]
+fn kept_moments_serve_another_detector() {
+    let place = tempfile::tempdir().unwrap();
+    let mut base = scene(place.path());
+    // A mesh of arrays does not stand in scene.toml.
+    base.objects[0].geometry = ShapeOrMesh::Shape(Shape::Sphere { radius: 0.25e-3, sides: 24 });
+    let noisy = base.clone();
+    // Two stacks with cells of their own, finer than what is compared.
+    base.sampling.tolerance = 3e-6;
+    base.detector.blur = Some(Blur::Gaussian { sigma: [70e-6, 0.0] });
+    (base.detector.scatter, base.detector.counts) = (None, None);
+    let options = EngineOptions {
+        backend: Some(Backend::Bvh),
+        keep_moments: true,
+        ..EngineOptions::default()
+    };
+    let engine = engine_with(options);
+    let run = place.path().join("run");
+    let mut sink = RunDirectory::create(&run, Format::Npy, false).unwrap();
+    let mut keep = MomentWriter::new(&run);
+    engine.run(&base, &mut sink, Control { keep: Some(&mut keep), ..Control::default() }).unwrap();
+    let kept = StoredMoments::open(&run).unwrap();
+    let mut blurred = noisy;
+    blurred.sampling.tolerance = 3e-6;
+    blurred.detector.blur = Some(Blur::Gaussian { sigma: [50e-6, 80e-6] });
+    let mut sink = ArraySink::new();
+    engine.reilluminate(&kept, &blurred).unwrap().run(&mut sink, Control::default()).unwrap();
+    let got = sink.into_stacks().unwrap();
+    let want = engine.simulate(&blurred).unwrap();
+    // Cells are those of one lattice; its offsets differ by half a period in f32.
+    // Values of its grid may each miss the tolerance, and rims by 2e-5 more.
+    let mut worst = Worst::new("detector, kept moments under another detector", 1e-4);
+    for ((place, got), want) in got.sample.indexed_iter().zip(&want.sample) {
+        worst.take(f64::from(got - want), || format!("{place:?}"));
+    }
+    assert_eq!(got.counts.unwrap().dark, want.counts.unwrap().dark);
+}

@@ -1,0 +1,19 @@
+//! Values that can be written down or traced in f64: single rays, flats, samples, spots, spectra and
+//! the detector, against closed forms and the reference program.
+
+#[path = "../reference/mod.rs"]
+mod reference;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod bars;
+mod crossings;
+mod detector;
+mod flat;
+mod leaks;
+mod ordered;
+mod polychromatic;
+mod reference_against_closed_forms;
+mod sample;
+mod spots;
+mod transport;

@@ -1,0 +1,10 @@
+//! The program as a user meets it: verbs, messages, pictures and reports.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod cli;
+mod cli_beam;
+mod hostile;
+mod report;
+mod view;

@@ -1,0 +1,253 @@
+//! `beamlet report`: one file that needs nothing else, explored in headless Chromium.
+//!
+//! With `CI=true` Chromium has to be there (`.ci/setup --tests` installs Debian's); elsewhere
+//! what needs it is left out with a message. `BEAMLET_CHROMIUM` names another program.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use beamlet::retrieve::Record;
+use ndarray::Array3;
+use ndarray_npy::write_npy;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SCENE: &str = concat!(
+    include_str!("../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [16, 4]
+pitch = "150 um"
+
+[scan]
+mask_offsets = { from = "-20 um", to = "20 um", count = 5 }
+angles = ["0 deg", "90 deg"]
+
+[[object]]
+name = "block"
+shape = { box = { size = ["0.9 mm", "0.2 mm", "1 mm"] } }
+material = "water"
+"#
+);
+
+/// Collects errors from the first line of the page on.
+const EARS: &str = "<script>window.pageErrors = [];\
+    addEventListener('error', (event) => pageErrors.push(event.message));\
+    for (const kind of ['error', 'warn']) { const old = console[kind];\
+    console[kind] = (...words) => { pageErrors.push(words.join(' ')); old(...words); }; }</script>";
+
+#[derive(Debug, serde::Deserialize)]
+struct Verdict {
+    checks: BTreeMap<String, String>,
+    errors: Vec<String>,
+}
+
+impl Verdict {
+    fn failed(&self) -> Vec<String> {
+        let failed = self.checks.iter().filter(|(_, outcome)| *outcome != "ok");
+        failed
+            .map(|(name, outcome)| format!("{name}: {outcome}"))
+            .chain(self.errors.clone())
+            .collect()
+    }
+}
+
+fn beamlet(directory: &Path, line: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_beamlet"))
+        .current_dir(directory)
+        .env_remove("RUST_LOG")
+        .args(line.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+#[track_caller]
+fn done(directory: &Path, line: &str) -> String {
+    let output = beamlet(directory, line);
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// A run with retrieved images that the test knows.
+fn run_with_maps() -> tempfile::TempDir {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("scene.toml"), SCENE).unwrap();
+    done(place.path(), "simulate scene.toml -o run --format npy -q");
+    let retrieved = place.path().join("run/retrieved");
+    fs::create_dir(&retrieved).unwrap();
+    let write = |name: &str, of: &dyn Fn(usize, usize, usize) -> f32| {
+        let map = Array3::from_shape_fn((2, 4, 16), |(view, row, column)| of(view, row, column));
+        write_npy(retrieved.join(format!("{name}.npy")), &map).unwrap();
+    };
+    write("transmission", &|view, _, column| 0.5 + (column + 3 * view) as f32 / 40.0);
+    write("refraction", &|view, row, column| match (view, row, column) {
+        (0, 0, 0) => 2e-6,
+        (0, 3, 15) => -2e-6,
+        (0, ..) => 0.0,
+        _ => 1e-6,
+    });
+    write("flags", &|_, row, column| if (row, column) == (1, 5) { 3.0 } else { 0.0 });
+    write("dark_field", &|view, row, _| (row + view) as f32 * 1e-12);
+    for of in ["flat", "sample"] {
+        write(&format!("{of}_amplitude"), &|_, _, _| 0.16);
+        write(&format!("{of}_centre"), &|_, _, _| 0.0);
+        let wide = if of == "flat" { 10e-6 } else { 12e-6 };
+        write(&format!("{of}_width"), &|_, _, _| wide);
+        write(&format!("{of}_background"), &|_, _, _| 0.0);
+    }
+    let flags = BTreeMap::from([(1, "flat dead: on purpose".into()), (2, "flat other".into())]);
+    let record =
+        Record { method: "gaussian".into(), shape: [2, 4, 16], flags, ..Record::default() };
+    let text = serde_json::to_string(&record).unwrap();
+    fs::write(retrieved.join("retrieved.json"), text).unwrap();
+    place
+}
+
+fn chromium() -> Option<PathBuf> {
+    if let Some(named) = std::env::var_os("BEAMLET_CHROMIUM") {
+        return Some(named.into());
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let found = std::env::split_paths(&path)
+        .flat_map(|folder| names.map(|name| folder.join(name)))
+        .find(|program| program.is_file());
+    assert!(found.is_some() || std::env::var_os("CI").is_none(), "CI needs chromium");
+    found
+}
+
+/// Explores a page and returns what came of it, with what the browser itself complained of.
+fn explore(program: &Path, folder: &Path, page: &str) -> Verdict {
+    let script = include_str!("explore.js");
+    let page = page.replacen("<head>", &format!("<head>{EARS}"), 1);
+    let (body, end) = page.rsplit_once("</body>").unwrap();
+    let file = folder.join("explored.html");
+    fs::write(&file, format!("{body}<script>{script}</script></body>{end}")).unwrap();
+    let output = Command::new(program)
+        .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"])
+        .args(["--enable-logging=stderr", "--window-size=1400,1000"])
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .args(["--virtual-time-budget=10000", "--dump-dom"])
+        .arg(format!("file://{}", file.display()))
+        // The browser's own use of Vulkan is not what the validation layer is to look at.
+        .env_remove("VK_INSTANCE_LAYERS")
+        .env_remove("VK_LAYER_SETTINGS_PATH")
+        .output()
+        .unwrap();
+    let dom = String::from_utf8_lossy(&output.stdout).into_owned();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let verdict = dom
+        .split_once("<pre id=\"verdict\">")
+        .and_then(|(_, rest)| rest.split_once("</pre>"))
+        .unwrap_or_else(|| panic!("no verdict: {said}"));
+    let text = verdict.0.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+    let mut verdict: Verdict = serde_json::from_str(&text).unwrap();
+    verdict.errors.extend(said.lines().filter(|line| line.contains("CONSOLE")).map(str::to_owned));
+    verdict
+}
+
+#[test]
+fn sliders_and_cursor_change_what_is_shown_and_the_console_is_silent() {
+    let place = run_with_maps();
+    let printed = done(place.path(), "report run");
+    assert_eq!(printed, "run/report.html\n");
+    let page = fs::read_to_string(place.path().join("run/report.html")).unwrap();
+    let Some(program) = chromium() else {
+        println!("left out: there is no chromium");
+        return;
+    };
+    let verdict = explore(&program, place.path(), &page);
+    assert!(verdict.failed().is_empty(), "{:#?}", verdict.failed());
+    assert_eq!(verdict.checks.len(), 20, "every check was made");
+
+    // The exploration is no proof unless it fails on a page that is broken.
+    for (right, wrong, named) in [
+        ("step.addEventListener(\"input\"", "step.addEventListener(\"other\"", "step slider"),
+        ("panels.forEach(drawImage)", "drawImage(panels[0])", "cursor is linked"),
+        ("\nbegin();", "\nbegin();\nundefined_function();", "undefined_function"),
+        ("\nbegin();", "\nbegin();\nconsole.error('on purpose');", "on purpose"),
+    ] {
+        assert!(page.contains(right), "{right}");
+        let broken = explore(&program, place.path(), &page.replacen(right, wrong, 1));
+        let failed = broken.failed().join("\n");
+        assert!(failed.contains(named), "{wrong} went unnoticed: {failed}");
+    }
+}
+
+#[test]
+fn the_page_asks_for_nothing_from_anywhere() {
+    let place = run_with_maps();
+    done(place.path(), "report run -o page.html");
+    let page = fs::read_to_string(place.path().join("page.html")).unwrap();
+    let names = page.replace("http://www.w3.org/2000/svg", "");
+    for word in ["http:", "https:", "src=", "@import", "url(http", "fetch(", "XMLHttpRequest"] {
+        assert!(!names.contains(word), "{word}");
+    }
+    let links: Vec<&str> =
+        names.match_indices("href=").map(|(at, _)| &names[at..at + 12]).collect();
+    assert_eq!(links, ["href=\"data:,"]);
+    assert!(!page.contains("{{"), "every mark is filled");
+}
+
+#[test]
+fn a_page_with_a_limit_is_binned_and_says_so() {
+    let place = run_with_maps();
+    done(place.path(), "report run -o whole.html");
+    done(place.path(), "report run -o small.html --most 1KiB");
+    let [whole, small] = ["whole.html", "small.html"]
+        .map(|name| fs::read_to_string(place.path().join(name)).unwrap());
+    assert!(!whole.contains("class=\"note\">Pixels are binned"));
+    assert!(small.contains("Pixels are binned 3 × 3") && small.contains("0.0 MiB"), "no note");
+    let data = |page: &str| {
+        let arrays = page.split("<script type=\"text/plain\"").skip(1);
+        arrays.map(|part| part.split_once("</script>").unwrap().0.len()).sum::<usize>()
+    };
+    // Base64 makes a third more; names and paddings come on top, 14 arrays in all.
+    assert!(data(&small) < 1024 * 4 / 3 + 14 * 60, "{}", data(&small));
+    assert!(data(&whole) > 4 * data(&small));
+}
+
+#[test]
+fn a_run_that_is_not_retrieved_is_shown_with_a_note() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("scene.toml"), SCENE).unwrap();
+    done(place.path(), "simulate scene.toml -o run -q");
+    done(place.path(), "report run");
+    let page = fs::read_to_string(place.path().join("run/report.html")).unwrap();
+    assert!(page.contains("No retrieved images: `beamlet retrieve run` makes them"));
+}
+
+#[test]
+fn what_cannot_be_reported_is_refused_and_nothing_is_written() {
+    let place = run_with_maps();
+    fs::write(place.path().join("mine.html"), "mine").unwrap();
+    for (line, code, wanted) in [
+        ("report scene.toml -o page.html", 1, "run.json"),
+        ("report nowhere -o page.html", 1, "run.json"),
+        ("report run -o mine.html", 1, "--overwrite"),
+        ("report run -o page.html --most 3", 2, "GiB"),
+    ] {
+        let output = beamlet(place.path(), line);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{line}: {message}");
+        assert!(message.contains(wanted), "{line}: {message}");
+        assert!(!place.path().join("page.html").exists(), "{line}");
+    }
+    assert_eq!(fs::read(place.path().join("mine.html")).unwrap(), b"mine");
+    // Retrieved images of another run do not fit.
+    let wrong = Array3::<f32>::zeros((2, 3, 16));
+    let retrieved = place.path().join("run/retrieved");
+    for file in fs::read_dir(&retrieved).unwrap() {
+        let file = file.unwrap().path();
+        if file.extension().is_some_and(|it| it == "npy") {
+            write_npy(&file, &wrong).unwrap();
+        }
+    }
+    let output = beamlet(place.path(), "report run -o page.html");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("16 x 3 pixels; the run has"), "{message}");
+    assert!(!place.path().join("page.html").exists());
+}

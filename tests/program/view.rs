@@ -1,0 +1,349 @@
+//! `beamlet view` as a user meets it: files that are pictures, with the right colours in the
+//! right places, and nothing at all where something is wrong.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use crate::support::log::commit;
+use beamlet::retrieve::Record;
+use ndarray::{Array3, Array4};
+use ndarray_npy::write_npy;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+use tiny_skia::Pixmap;
+
+const SCENE: &str = concat!(
+    include_str!("../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [16, 4]
+pitch = "150 um"
+
+[scan]
+mask_offsets = { from = "-20 um", to = "20 um", count = 5 }
+angles = ["0 deg", "90 deg"]
+
+[[object]]
+name = "ball"
+shape = { sphere = { radius = "0.4 mm", sides = 128 } }
+material = "water"
+"#
+);
+
+/// Pixels of a picture per unit of its drawing.
+const SCALE: f64 = 1.5;
+
+fn beamlet(directory: &Path, line: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_beamlet"))
+        .current_dir(directory)
+        .env_remove("RUST_LOG")
+        .args(line.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+/// Runs `beamlet`, which has to succeed, and returns what it printed.
+#[track_caller]
+fn done(directory: &Path, line: &str) -> String {
+    let output = beamlet(directory, line);
+    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn picture(path: &Path) -> Pixmap {
+    Pixmap::decode_png(&fs::read(path).unwrap()).unwrap()
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the pixel that a place lies in"
+)]
+fn colour(picture: &Pixmap, x: f64, y: f64) -> [u8; 3] {
+    let pixel = picture.pixel((x * SCALE) as u32, (y * SCALE) as u32).unwrap();
+    [pixel.red(), pixel.green(), pixel.blue()]
+}
+
+/// Share of pixels that are not white, within some columns.
+fn inked(picture: &Pixmap, columns: std::ops::Range<u32>) -> f64 {
+    let (mut inked, mut all) = (0_u32, 0_u32);
+    for y in 0..picture.height() {
+        for x in columns.clone() {
+            let pixel = picture.pixel(x, y).unwrap();
+            all += 1;
+            inked += u32::from([pixel.red(), pixel.green(), pixel.blue()] != [255; 3]);
+        }
+    }
+    f64::from(inked) / f64::from(all)
+}
+
+/// A run of two views, with retrieved images that the test knows.
+fn run_with_maps() -> tempfile::TempDir {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("scene.toml"), SCENE).unwrap();
+    done(place.path(), "simulate scene.toml -o run --format npy -q");
+    let retrieved = place.path().join("run/retrieved");
+    fs::create_dir(&retrieved).unwrap();
+    let write = |name: &str, of: &dyn Fn(usize, usize, usize) -> f32| {
+        let map = Array3::from_shape_fn((2, 4, 16), |(view, row, column)| of(view, row, column));
+        write_npy(retrieved.join(format!("{name}.npy")), &map).unwrap();
+    };
+    write("transmission", &|_, _, column| 0.5 + column as f32 / 30.0);
+    // Deflection of +2 urad in the upper left corner, -2 urad in the lower right one.
+    write("refraction", &|view, row, column| match (view, row, column) {
+        (0, 0, 0) => 2e-6,
+        (0, 3, 15) => -2e-6,
+        _ => 0.0,
+    });
+    write("dark_field", &|_, row, _| row as f32 * 1e-12);
+    for of in ["flat", "sample"] {
+        write(&format!("{of}_amplitude"), &|_, _, _| 0.16);
+        write(&format!("{of}_centre"), &|_, _, _| 0.0);
+        write(&format!("{of}_width"), &|_, _, _| 10e-6);
+        write(&format!("{of}_background"), &|_, _, _| 0.0);
+    }
+    let record = Record { method: "gaussian".into(), shape: [2, 4, 16], ..Record::default() };
+    let text = serde_json::to_string(&record).unwrap();
+    fs::write(retrieved.join("retrieved.json"), text).unwrap();
+    place
+}
+
+#[test]
+fn a_scene_is_drawn_as_set_up_and_sample() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("scene.toml"), SCENE).unwrap();
+    let printed = done(place.path(), "view scene.toml -o pictures");
+    assert_eq!(printed.lines().collect::<Vec<_>>(), ["pictures/set_up.png", "pictures/sample.png"]);
+
+    let set_up = picture(&place.path().join("pictures/set_up.png"));
+    assert_eq!((set_up.width(), set_up.height()), (1770, 1416));
+    assert!(inked(&set_up, 0..set_up.width()) > 0.05);
+
+    let sample = picture(&place.path().join("pictures/sample.png"));
+    let [r, g, b] = colour(&sample, 390.0, 390.0);
+    assert!(b > g && g > r, "the first material is blue: {r} {g} {b}");
+    assert_eq!(colour(&sample, 12.0, 12.0), [255; 3]);
+    // The ball fills pi / 4 of a square that it touches; the picture is 1.12 times as wide, and
+    // 10 units of margin stand around it.
+    let square = 760.0 / 780.0;
+    let expected = std::f64::consts::FRAC_PI_4 / 1.12 / 1.12 * square;
+    let found = inked(&sample, 15..15 + 1140);
+    assert!((found / expected - 1.0).abs() < 5e-3, "{found} of the picture, {expected} expected");
+}
+
+#[test]
+fn what_is_inside_is_seen_through_what_is_around() {
+    let place = tempfile::tempdir().unwrap();
+    let inner = "\n[[object]]\nname = \"seed\"\nmaterial = \"gold\"\n\
+                 shape = { sphere = { radius = \"0.15 mm\", sides = 64 } }\n";
+    fs::write(place.path().join("scene.toml"), format!("{SCENE}{inner}")).unwrap();
+    done(place.path(), "view scene.toml -o pictures");
+    let sample = picture(&place.path().join("pictures/sample.png"));
+    let [r, _, b] = colour(&sample, 390.0, 390.0);
+    assert!(r > b, "the second material, orange, is in the middle: red {r}, blue {b}");
+    let [r, _, b] = colour(&sample, 390.0, 170.0);
+    assert!(b > r, "around it is the first, blue: red {r}, blue {b}");
+}
+
+#[test]
+fn retrieved_images_have_row_0_on_top_and_symmetric_colours() {
+    let place = run_with_maps();
+    done(place.path(), "view run -o pictures --show retrieved");
+    let refraction = picture(&place.path().join("pictures/refraction_view_0000.png"));
+    // Four rows of sixteen square pixels, 560 units wide, from (90, 62) on.
+    let block = |column: f64, row: f64| {
+        colour(&refraction, 90.0 + 35.0 * (column + 0.5), 62.0 + 35.0 * (row + 0.5))
+    };
+    // The ends of ColorBrewer's RdBu; a spline through its eleven colours meets them to 1.
+    let is = |found: [u8; 3], wanted: [u8; 3]| {
+        found.iter().zip(wanted).all(|(found, wanted)| found.abs_diff(wanted) <= 1)
+    };
+    let (first, last) = (block(0.0, 0.0), block(15.0, 3.0));
+    assert!(is(first, [103, 0, 31]), "+ is red, on top at the left: {first:?}");
+    assert!(is(last, [5, 48, 97]), "- is blue, at the bottom right: {last:?}");
+    let middle = block(7.0, 1.0);
+    assert!(middle.iter().all(|part| *part > 235), "zero is white: {middle:?}");
+    let transmission = picture(&place.path().join("pictures/transmission_view_0000.png"));
+    let grey = |column: f64| colour(&transmission, 90.0 + 35.0 * (column + 0.5), 100.0);
+    assert_eq!((grey(0.0), grey(15.0)), ([0; 3], [255; 3]));
+    assert!((1..16).all(|c| grey(f64::from(c)) > grey(f64::from(c - 1))), "x to the right");
+}
+
+#[test]
+fn every_kind_of_picture_is_drawn_and_its_file_is_printed() {
+    let place = run_with_maps();
+    let printed = done(place.path(), "view run -o pictures --view 1 --row 2 --pixel 3,2 --step 1");
+    let names: Vec<&str> =
+        printed.lines().map(|line| line.strip_prefix("pictures/").unwrap()).collect();
+    assert_eq!(
+        names,
+        [
+            "flat_step_001.png",
+            "sample_view_0001_step_001.png",
+            "transmission_view_0001.png",
+            "refraction_view_0001.png",
+            "dark_field_view_0001.png",
+            "profile_view_0001_row_0002.png",
+            "curve_view_0001_column_0003_row_0002.png",
+            "sinogram_transmission_row_0002.png",
+            "sinogram_refraction_row_0002.png",
+            "sinogram_dark_field_row_0002.png",
+        ]
+    );
+    for name in names {
+        let picture = picture(&place.path().join("pictures").join(name));
+        assert!(picture.width() > 600 && picture.height() > 200, "{name}");
+        assert!(inked(&picture, 0..picture.width()) > 0.02, "{name} is blank");
+    }
+}
+
+#[test]
+fn the_curve_shows_the_intensities_of_the_pixel_at_their_places() {
+    let place = run_with_maps();
+    // Known intensities: a flat of 0.1 at the middle step and nothing else; no fit to stretch
+    // the axis. The axis runs from a twentieth below 0 to a twentieth above 0.1.
+    fs::remove_dir_all(place.path().join("run/retrieved")).unwrap();
+    let mut flat = Array3::<f32>::zeros((5, 4, 16));
+    flat[[2, 1, 6]] = 0.1;
+    write_npy(place.path().join("run/flat.npy"), &flat).unwrap();
+    write_npy(place.path().join("run/sample.npy"), &Array4::<f32>::zeros((2, 5, 4, 16))).unwrap();
+    commit(&place.path().join("run"));
+    done(place.path(), "view run -o pictures --show curve --pixel 6,1");
+    let curve = picture(&place.path().join("pictures/curve_view_0000_column_0006_row_0001.png"));
+    let down = |value: f64| 48.0 + 330.0 * (1.0 - (value + 0.005) / 0.11);
+    let blue = [0, 114, 178];
+    // Offsets run from -22 to 22 um over 560 units.
+    assert_eq!(colour(&curve, 94.0 + 560.0 / 2.0, down(0.1)), blue);
+    assert_eq!(colour(&curve, 94.0 + 560.0 / 2.0, down(0.0)), [213, 94, 0], "the sample's is 0");
+    assert_ne!(colour(&curve, 94.0 + 560.0 / 2.0, down(0.05)), blue);
+}
+
+#[test]
+fn curves_of_counts_are_drawn_less_their_dark() {
+    let place = run_with_maps();
+    let run = place.path().join("run");
+    fs::create_dir(run.join("counts")).unwrap();
+    // A flat of 1000 above a dark of 100 at the middle step; the fit says the same.
+    let mut flat = Array3::<f32>::from_elem((5, 4, 16), 100.0);
+    flat[[2, 1, 6]] = 1100.0;
+    write_npy(run.join("counts/flat.npy"), &flat).unwrap();
+    write_npy(run.join("counts/sample.npy"), &Array4::<f32>::from_elem((2, 5, 4, 16), 100.0))
+        .unwrap();
+    write_npy(run.join("dark.npy"), &Array3::<f32>::from_elem((3, 4, 16), 100.0)).unwrap();
+    commit(&run);
+    let record = Record { method: "moments".into(), counts: true, ..Record::default() };
+    let text = serde_json::to_string(&record).unwrap();
+    fs::write(run.join("retrieved/retrieved.json"), text).unwrap();
+    done(place.path(), "view run -o pictures --show curve,frames --pixel 6,1");
+    let curve = picture(&place.path().join("pictures/curve_view_0000_column_0006_row_0001.png"));
+    // From a twentieth below 0 to a twentieth above 1000; moments fit no Gaussian.
+    let down = |value: f64| 48.0 + 330.0 * (1.0 - (value + 50.0) / 1100.0);
+    let middle = 94.0 + 560.0 / 2.0;
+    assert_eq!(colour(&curve, middle, down(1000.0)), [0, 114, 178], "the flat's peak");
+    assert_eq!(colour(&curve, middle, down(0.0)), [213, 94, 0], "the sample's is dark");
+    for name in ["counts_flat_step_002.png", "flat_step_002.png"] {
+        assert!(inked(&picture(&place.path().join("pictures").join(name)), 0..600) > 0.1);
+    }
+    done(place.path(), "report run");
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(page.contains("detector number less dark"));
+}
+
+#[test]
+fn images_of_beamlets_are_drawn_over_their_numbers() {
+    let place = run_with_maps();
+    let retrieved = place.path().join("run/retrieved");
+    fs::remove_dir_all(&retrieved).unwrap();
+    fs::create_dir(&retrieved).unwrap();
+    // Five beamlets in each of the four rows; the last one deflects most.
+    let map = Array3::from_shape_fn((2, 4, 5), |(_, _, beamlet)| beamlet as f32 * 1e-6);
+    write_npy(retrieved.join("refraction.npy"), &map).unwrap();
+    let record = Record { method: "beamlet".into(), shape: [2, 4, 5], ..Record::default() };
+    fs::write(retrieved.join("retrieved.json"), serde_json::to_string(&record).unwrap()).unwrap();
+    let printed = done(place.path(), "view run -o pictures");
+    assert!(printed.contains("refraction_view_0000.png"), "{printed}");
+    let refraction = picture(&place.path().join("pictures/refraction_view_0000.png"));
+    let block = |beamlet: f64| colour(&refraction, 90.0 + 112.0 * (beamlet + 0.5), 200.0);
+    assert!(block(0.0).iter().all(|part| *part > 235), "zero is white: {:?}", block(0.0));
+    assert!(block(4.0)[0] > 2 * block(4.0)[2], "the last is red: {:?}", block(4.0));
+    done(place.path(), "report run");
+    let page = fs::read_to_string(place.path().join("run/report.html")).unwrap();
+    assert!(page.contains("retrieved per beamlet") && !page.contains("No retrieved images"));
+}
+
+#[test]
+fn the_same_pictures_come_from_exr_frames() {
+    let place = run_with_maps();
+    done(place.path(), "simulate scene.toml -o exr --format exr -q");
+    done(place.path(), "view run -o a --show frames --view 1");
+    done(place.path(), "view exr -o b --show frames --view 1");
+    for name in ["flat_step_002.png", "sample_view_0001_step_002.png"] {
+        let read = |folder: &str| fs::read(place.path().join(folder).join(name)).unwrap();
+        assert_eq!(read("a"), read("b"), "{name}");
+    }
+}
+
+#[test]
+fn a_run_is_simulated_retrieved_and_drawn() {
+    let place = tempfile::tempdir().unwrap();
+    fs::write(place.path().join("scene.toml"), SCENE).unwrap();
+    done(place.path(), "simulate scene.toml -o run -q");
+    for format in ["exr", "npy", "tiff"] {
+        done(place.path(), &format!("retrieve run --format {format} -q --overwrite"));
+        let printed = done(place.path(), &format!("view run -o {format} --pixel 7,1"));
+        assert_eq!(printed.lines().count(), 10, "{printed}");
+        done(place.path(), &format!("report run -o {format}.html"));
+    }
+    let read = |folder: &str, name: &str| fs::read(place.path().join(folder).join(name)).unwrap();
+    for name in ["refraction_view_0000.png", "curve_view_0000_column_0007_row_0001.png"] {
+        assert_eq!(read("exr", name), read("npy", name), "{name}");
+        assert_eq!(read("exr", name), read("tiff", name), "{name}");
+    }
+}
+
+#[test]
+fn what_is_not_there_is_refused_and_nothing_is_written() {
+    let place = run_with_maps();
+    done(place.path(), "simulate scene.toml -o bare --format npy -q");
+    fs::create_dir(place.path().join("empty")).unwrap();
+    for (line, code, wanted) in [
+        ("view run --pixel 16,0", 2, "16 columns, 0 to 15"),
+        ("view run --pixel 0,4", 2, "4 rows, 0 to 3"),
+        ("view run --pixel 3", 2, "column,row"),
+        ("view run --step 5", 2, "5 mask steps, 0 to 4"),
+        ("view run --view 2", 2, "2 committed views, 0 to 1"),
+        ("view run --row 4", 2, "4 rows"),
+        ("view run --show retrieved --map contrast", 1, "dark_field"),
+        ("view run --show maps", 2, "sinograms"),
+        ("view run --azimuth 10", 2, "this is a run"),
+        ("view scene.toml --pixel 1,1", 2, "this is a scene"),
+        ("view scene.toml --azimuth up", 2, "degrees"),
+        ("view bare --show retrieved", 1, "beamlet retrieve"),
+        ("view empty", 1, "run.json"),
+        ("view nowhere.toml", 1, "nowhere.toml"),
+        ("view scene.toml --set detector.pich=1", 1, "pitch"),
+    ] {
+        let output = beamlet(place.path(), &format!("{line} -o pictures"));
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(code), "{line}: {message}");
+        assert!(message.contains(wanted), "{line}: {message}");
+        assert!(output.stdout.is_empty(), "{line}");
+        assert!(!place.path().join("pictures").exists(), "{line}");
+    }
+}
+
+#[test]
+fn pictures_that_are_there_are_replaced_only_when_asked() {
+    let place = run_with_maps();
+    fs::create_dir(place.path().join("pictures")).unwrap();
+    let mine = place.path().join("pictures/profile_view_0000_row_0002.png");
+    fs::write(&mine, "mine").unwrap();
+    let output = beamlet(place.path(), "view run -o pictures");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--overwrite"));
+    assert_eq!(fs::read(&mine).unwrap(), b"mine");
+    assert_eq!(fs::read_dir(place.path().join("pictures")).unwrap().count(), 1);
+    done(place.path(), "view run -o pictures --overwrite");
+    assert_ne!(fs::read(&mine).unwrap(), b"mine");
+}

@@ -1,0 +1,12 @@
+//! What is retrieved from stacks: fits, maps, and the verbs `retrieve` and `compare`.
+
+#[path = "../reference/mod.rs"]
+mod reference;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod fits;
+mod retrieval;
+#[cfg(feature = "cli")]
+mod retrieve_cli;
+mod retrieved;

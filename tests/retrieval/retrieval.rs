@@ -1,0 +1,465 @@
+//! Retrieval as a whole: what each method makes of curves whose contrasts are known, what it
+//! refuses, and what becomes of bad pixels.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+#![allow(clippy::print_stdout, reason = "measured figures are printed")]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "curves are f32 and flags small integers"
+)]
+
+use crate::reference::closed_form::{ThinMasks, blurred_overlap};
+use crate::reference::draws::Draws;
+use crate::reference::fit::gaussian;
+use crate::support::{Checked, engine_with};
+use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, flags};
+use beamlet::scene::Scene;
+use ndarray::{Array3, s};
+
+const UM: f64 = 1e-6;
+/// M/z of the scene below: 1.5 / 0.59 m.
+const ARM: f64 = 1.5 / 0.59;
+/// Pixels in the arrays of these tests.
+const PIXELS: usize = 9;
+
+fn engine() -> Checked {
+    engine_with(beamlet::EngineOptions::default())
+}
+
+/// The paper's set-up with hard-edged masks, and offsets in um.
+fn scene(offsets: &[f64], sets: &[&str]) -> Scene {
+    let list: Vec<String> = offsets.iter().map(|f| format!("\"{f} um\"")).collect();
+    let text = format!(
+        "[source]\ndistance = \"1.21 m\"\nspot = [\"30 um\", \"26 um\"]\nenergy = \"30 keV\"\n\
+         [detector]\ndistance = \"1.8 m\"\npixels = [{PIXELS}, 1]\npitch = \"150 um\"\n\
+         [sample_mask]\ndistance = \"1.2 m\"\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
+         [detector_mask]\ndistance = \"1.8 m\"\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
+         [scan]\nmask_offsets = [{}]\n",
+        list.join(", ")
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).unwrap();
+    let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
+    Scene::load_with(&path, &sets).unwrap()
+}
+
+fn even(count: usize, half: f64) -> Vec<f64> {
+    (0..count).map(|i| half * (2.0 * i as f64 / (count - 1) as f64 - 1.0)).collect()
+}
+
+/// Frames of one row, `[step][0][pixel]`, of a curve per pixel; offsets in um.
+fn frames(offsets: &[f64], curve: impl Fn(usize, f64) -> f64) -> Array3<f32> {
+    Array3::from_shape_fn((offsets.len(), 1, PIXELS), |(step, _, pixel)| {
+        curve(pixel, offsets[step] * UM) as f32
+    })
+}
+
+fn retrieve(
+    engine: &Checked,
+    scene: &Scene,
+    method: Method,
+    flat: &Array3<f32>,
+    sample: &Array3<f32>,
+) -> Images {
+    let options = RetrieveOptions { method, ..RetrieveOptions::default() };
+    let mut retriever = Retriever::new(engine, scene, &options).unwrap();
+    retriever.set_flat_array(flat.view()).unwrap();
+    retriever.retrieve_array(sample.view()).unwrap()
+}
+
+fn value(images: &Images, name: &str, pixel: usize) -> f64 {
+    f64::from(images.get(name).unwrap()[[0, pixel]])
+}
+
+/// Transmission, refraction angle and dark field that a pixel of these tests has.
+fn truth(pixel: usize) -> [f64; 3] {
+    let p = pixel as f64;
+    [0.3 + 0.08 * p, (p - 4.0) * 2e-6, p * 3e-12]
+}
+
+/// Holds images to the truth: relative for transmission, absolute for the others.
+fn hold(images: &Images, tolerance: [f64; 3], what: &str) {
+    for pixel in 0..PIXELS {
+        let [t, alpha, dark] = truth(pixel);
+        let got = ["transmission", "refraction", "dark_field"]
+            .map(|name| images.get(name).map_or(f64::NAN, |map| f64::from(map[[0, pixel]])));
+        let off = [(got[0] / t - 1.0).abs(), (got[1] - alpha).abs(), (got[2] - dark).abs()];
+        println!("{what}, pixel {pixel}: {got:?}, off by {off:?}");
+        for k in 0..3 {
+            assert!(
+                off[k] <= tolerance[k] || tolerance[k].is_infinite(),
+                "{what}, pixel {pixel}: {got:?} for {:?}",
+                truth(pixel)
+            );
+        }
+        assert_eq!(value(images, "flags", pixel).to_bits(), 0.0_f64.to_bits(), "{what}, {pixel}");
+    }
+}
+
+/// Gaussians of these contrasts: the deflected curve stands at mu - alpha z / M.
+fn gaussians(offsets: &[f64], background: f64) -> [Array3<f32>; 2] {
+    let flat = [0.17, 0.7 * UM, 9.0 * UM, background];
+    let sample = |pixel| {
+        let [t, alpha, dark] = truth(pixel);
+        let width = (flat[2] * flat[2] + dark / (ARM * ARM)).sqrt();
+        [t * flat[0] * flat[2] / width, flat[1] - alpha / ARM, width, t * background]
+    };
+    [
+        frames(offsets, |_, x| gaussian(&flat, x).0),
+        frames(offsets, |pixel, x| gaussian(&sample(pixel), x).0),
+    ]
+}
+
+/// Curves of the masks: attenuated, shifted and blurred by these contrasts.
+fn curves(offsets: &[f64], spot: f64, dark_field: bool) -> [Array3<f32>; 2] {
+    let at = |x: f64, variance: f64| {
+        let blur = ((0.5 * spot * 0.424_660_900_144_009_5).powi(2) + variance).sqrt();
+        blurred_overlap(1.5 * x, 30.0 * UM, 30.0 * UM, blur) / (150.0 * UM)
+    };
+    [
+        frames(offsets, |_, x| at(x, 0.0)),
+        frames(offsets, |pixel, x| {
+            let [t, alpha, dark] = truth(pixel);
+            let dark = if dark_field { dark * 0.59 * 0.59 } else { 0.0 };
+            t * at(x + alpha / ARM, dark)
+        }),
+    ]
+}
+
+#[test]
+fn gaussian_curves_give_back_their_contrasts_with_the_right_sign() {
+    // f32 frames hold 1e-7 of the peak; over a width of 9 um that is 2e-12 rad.
+    let offsets = even(11, 25.0);
+    let [flat, sample] = gaussians(&offsets, 0.004);
+    let images = retrieve(&engine(), &scene(&offsets, &[]), Method::Gaussian, &flat, &sample);
+    hold(&images, [1e-6, 1e-10, 2e-15], "gaussian");
+}
+
+#[test]
+fn three_steps_give_back_gaussians_without_background() {
+    let offsets = [-8.0, 1.0, 11.0];
+    let [flat, sample] = gaussians(&offsets, 0.0);
+    let images = retrieve(&engine(), &scene(&offsets, &[]), Method::ThreeStep, &flat, &sample);
+    hold(&images, [1e-5, 1e-10, 2e-15], "three-step");
+}
+
+#[test]
+fn two_steps_on_the_measured_flat_give_back_transmission_and_refraction() {
+    let offsets = even(11, 25.0);
+    let [flat, _] = gaussians(&offsets, 0.004);
+    // Without dark field: two values tell two unknowns.
+    let sample = frames(&offsets, |pixel, x| {
+        let [t, alpha, _] = truth(pixel);
+        t * gaussian(&[0.17, 0.7 * UM - alpha / ARM, 9.0 * UM, 0.004], x).0
+    });
+    let images = retrieve(&engine(), &scene(&offsets, &[]), Method::TwoStep, &flat, &sample);
+    hold(&images, [1e-5, 1e-10, f64::INFINITY], "two-step");
+    assert!(images.get("dark_field").is_none());
+}
+
+#[test]
+fn moments_of_curves_that_end_within_the_scan_are_free_of_bias() {
+    // The trapezoid rule is exact to the curve's fourth derivative: steps of a fifth of its width.
+    let offsets = even(41, 40.0);
+    let [flat, sample] = curves(&offsets, 30.0 * UM, true);
+    let images = retrieve(&engine(), &scene(&offsets, &[]), Method::Moments, &flat, &sample);
+    hold(&images, [1e-5, 1e-9, 2e-14], "moments");
+}
+
+#[test]
+fn exact_curves_are_free_of_the_gaussians_bias() {
+    let offsets = even(11, 25.0);
+    let engine = engine();
+    let scene = scene(&offsets, &[]);
+    let [flat, sample] = curves(&offsets, 30.0 * UM, true);
+    let images = retrieve(&engine, &scene, Method::ExactCurve, &flat, &sample);
+    hold(&images, [1e-5, 1e-10, 1e-14], "exact-curve");
+    // What it frees of: 11 steps over +-25 um shorten angles by 0.3 %.
+    let gaussian = retrieve(&engine, &scene, Method::Gaussian, &flat, &sample);
+    let bias = value(&gaussian, "refraction", 8) / truth(8)[1] - 1.0;
+    assert!((-0.05..-0.001).contains(&bias), "bias of the Gaussian: {bias}");
+}
+
+#[test]
+fn exact_curves_of_counts_settle_and_stay_free_of_bias() {
+    // 3000 counts at the peak. 500 draws tell a mean to 0.045 sigma, a spread to 3 %.
+    let offsets = even(11, 25.0);
+    let [flat, sample] = curves(&offsets, 30.0 * UM, true);
+    let mut draws = Draws(11);
+    let rows = 500;
+    let mut counted = |clean: &Array3<f32>| {
+        Array3::from_shape_fn((11, rows, PIXELS), |(step, _, pixel)| {
+            draws.poisson(f64::from(clean[[step, 0, pixel]]) / 0.166 * 3000.0) as f32
+        })
+    };
+    let (flat, sample) = (counted(&flat), counted(&sample));
+    let images = retrieve(&engine(), &scene(&offsets, &[]), Method::ExactCurve, &flat, &sample);
+    let without = images.get("refraction").unwrap().iter().filter(|a| a.is_nan()).count();
+    assert!(without * 1000 < rows * PIXELS, "{without} without an answer");
+    for pixel in 0..PIXELS {
+        for (name, truth) in
+            ["transmission", "refraction", "dark_field"].into_iter().zip(truth(pixel))
+        {
+            let of = |name: &str| -> Vec<f64> {
+                let map = images.get(name).unwrap();
+                map.column(pixel).iter().map(|v| f64::from(*v)).filter(|v| v.is_finite()).collect()
+            };
+            let values = of(name);
+            let n = values.len() as f64;
+            let mean = values.iter().sum::<f64>() / n;
+            let spread = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+            let told = of(&format!("{name}_sigma")).iter().map(|s| s * s).sum::<f64>() / n;
+            println!(
+                "{name}, {pixel}: bias {} spread/told {}",
+                (mean - truth) / spread,
+                spread / told.sqrt()
+            );
+            assert!(((mean - truth) / spread).abs() < 0.2, "{name}, {pixel}: {mean} for {truth}");
+            // Without weights residuals tell the variance of counts only on average over the curve.
+            assert!((0.7..1.4).contains(&(spread / told.sqrt())), "{name}, {pixel}");
+        }
+    }
+}
+
+#[test]
+fn biases_of_the_gaussian_and_of_moments_are_those_that_the_documents_tell() {
+    // Contrasts so small that they are slopes; docs/retrieval.md has the table.
+    let engine = engine();
+    let [alpha, dark] = [1e-6, 1e-12];
+    let spot: f64 = 0.5 * 30.0 * UM * 0.424_660_900_144_009_5;
+    let at = |x: f64, variance: f64| {
+        let blur = (spot * spot + variance).sqrt();
+        blurred_overlap(1.5 * x, 30.0 * UM, 30.0 * UM, blur) / (150.0 * UM)
+    };
+    let cases = [
+        (Method::Gaussian, 11, 25.0, 0.9970, 0.8641, 0),
+        (Method::Gaussian, 7, 30.0, 0.9562, 1.0755, 0),
+        (Method::Gaussian, 21, 40.0, 1.0000, 0.8957, 0),
+        (Method::Moments, 11, 25.0, 0.9587, 0.7801, flags::TRUNCATED),
+        (Method::ExactCurve, 11, 25.0, 1.0000, 1.0000, 0),
+    ];
+    for (method, steps, half, shift, blur, bits) in cases {
+        let offsets = even(steps, half);
+        let flat = frames(&offsets, |_, x| at(x, 0.0));
+        let sample = frames(&offsets, |pixel, x| {
+            if pixel == 0 { at(x + alpha / ARM, 0.0) } else { at(x, dark * 0.59 * 0.59) }
+        });
+        let images = retrieve(&engine, &scene(&offsets, &[]), method, &flat, &sample);
+        let got = [value(&images, "refraction", 0) / alpha, value(&images, "dark_field", 1) / dark];
+        println!("{method}, {steps} steps over +-{half} um: {got:?}");
+        assert!((got[0] - shift).abs() < 2e-4 && (got[1] - blur).abs() < 2e-3, "{method}: {got:?}");
+        assert_eq!(value(&images, "flags", 0) as u32, flags::of_pixel(bits, bits), "{method}");
+    }
+}
+
+#[test]
+fn triangles_and_trapezoids_serve_point_sources() {
+    let offsets = even(21, 25.0);
+    let engine = engine();
+    let point = ["source.spot=[\"0 um\", \"0 um\"]"];
+    let [flat, sample] = curves(&offsets, 0.0, false);
+    let bare = |pixel: usize| [truth(pixel)[0], truth(pixel)[1]];
+    for method in [Method::Triangle, Method::Trapezoid] {
+        let images = retrieve(&engine, &scene(&offsets, &point), method, &flat, &sample);
+        for pixel in 0..PIXELS {
+            let [t, alpha] = bare(pixel);
+            assert!((value(&images, "transmission", pixel) / t - 1.0).abs() < 1e-5, "{method}");
+            assert!((value(&images, "refraction", pixel) - alpha).abs() < 1e-9, "{method}");
+            assert!(value(&images, "dark_field", pixel).abs() < 1e-14, "{method}");
+        }
+    }
+    // Apertures of unlike widths make a true trapezoid.
+    let wide = ["source.spot=[\"0 um\", \"0 um\"]", "detector_mask.projected_aperture=\"45 um\""];
+    let at = |x: f64| blurred_overlap(1.5 * x, 30.0 * UM, 45.0 * UM, 0.0) / (150.0 * UM);
+    let offsets = even(25, 32.0);
+    let flat = frames(&offsets, |_, x| at(x));
+    let sample = frames(&offsets, |pixel, x| bare(pixel)[0] * at(x + bare(pixel)[1] / ARM));
+    let images = retrieve(&engine, &scene(&offsets, &wide), Method::Trapezoid, &flat, &sample);
+    for pixel in 0..PIXELS {
+        let [t, alpha] = bare(pixel);
+        assert!((value(&images, "transmission", pixel) / t - 1.0).abs() < 1e-5);
+        assert!((value(&images, "refraction", pixel) - alpha).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn beamlets_on_fine_pixels_give_back_their_contrasts() {
+    // A mask of 100 um before a detector of 15 um pixels: ten pixels per beamlet.
+    let text = "[source]\ndistance = \"1.21 m\"\nspot = [\"30 um\", \"26 um\"]\nenergy = \"30 keV\"\n\
+        [detector]\ndistance = \"1.8 m\"\npixels = [100, 2]\npitch = \"15 um\"\n\
+        [sample_mask]\ndistance = \"1.2 m\"\nperiod = \"100 um\"\ntransmission = 0.0\naperture = \"20 um\"\n";
+    let scene = Scene::from_toml(text, ".").unwrap();
+    let z = 0.59;
+    let profile = |column: usize, of: &dyn Fn(usize) -> [f64; 3]| -> f64 {
+        let x = (column as f64 + 0.5 - 50.0) * 15.0 * UM;
+        (0..12)
+            .map(|k| {
+                // Apertures lie at (k + 1/2 - C/2) periods.
+                let centre = (f64::from(k) - 5.5) * 150.0 * UM;
+                let [t, alpha, dark] = of(k as usize);
+                let width = ((14.0 * UM).powi(2) + dark * z * z).sqrt();
+                let height = t * 14.0 * UM / width;
+                gaussian(&[height, centre + alpha * z, width, 0.0], x).0
+            })
+            .sum()
+    };
+    let none = |_: usize| [1.0, 0.0, 0.0];
+    let some = |k: usize| [0.4 + 0.05 * k as f64, (k as f64 - 5.0) * 1e-6, k as f64 * 1e-12];
+    let flat = Array3::from_shape_fn((1, 2, 100), |(_, _, c)| profile(c, &none) as f32);
+    let sample = Array3::from_shape_fn((1, 2, 100), |(_, _, c)| profile(c, &some) as f32);
+    let images = retrieve(&engine(), &scene, Method::Beamlet, &flat, &sample);
+    let map = images.get("transmission").unwrap();
+    assert_eq!(map.dim(), (2, 10));
+    for beamlet in 0..10 {
+        let [t, alpha, dark] = some(beamlet + 1);
+        let got = ["transmission", "refraction", "dark_field"]
+            .map(|name| f64::from(images.get(name).unwrap()[[1, beamlet]]));
+        println!("beamlet {beamlet}: {got:?} for {:?}", [t, alpha, dark]);
+        assert!((got[0] / t - 1.0).abs() < 1e-4, "{got:?}");
+        assert!((got[1] - alpha).abs() < 1e-9, "{got:?}");
+        assert!((got[2] - dark).abs() < 1e-14, "{got:?}");
+    }
+}
+
+#[test]
+fn methods_refuse_what_they_cannot_serve_and_say_why() {
+    let engine = engine();
+    let point = ["source.spot=[\"0 um\", \"0 um\"]"];
+    let unlike = ["source.spot=[\"0 um\", \"0 um\"]", "detector_mask.projected_aperture=\"45 um\""];
+    let cases: [(Method, usize, &[&str], &str); 9] = [
+        (Method::Gaussian, 3, &[], "at least 4"),
+        (Method::ThreeStep, 4, &[], "exactly 3"),
+        (Method::TwoStep, 3, &[], "at least 4"),
+        (Method::Moments, 4, &[], "at least 5"),
+        (Method::Triangle, 11, &[], "spot"),
+        (Method::Triangle, 11, &unlike, "trapezoid"),
+        (Method::ExactCurve, 11, &point, "spot above zero"),
+        (Method::ExactCurve, 4, &[], "at least 5"),
+        (Method::Beamlet, 1, &[], "no detector mask"),
+    ];
+    for (method, count, sets, word) in cases {
+        let offsets = if count == 1 { vec![0.0] } else { even(count, 25.0) };
+        let options = RetrieveOptions { method, ..RetrieveOptions::default() };
+        let message =
+            Retriever::new(&engine, &scene(&offsets, sets), &options).unwrap_err().to_string();
+        assert!(message.contains(word), "{method}: {message}");
+    }
+}
+
+#[test]
+fn bad_pixels_are_flagged_and_hold_no_number() {
+    let offsets = even(11, 25.0);
+    let [mut flat, mut sample] = gaussians(&offsets, 0.004);
+    flat.slice_mut(s![.., 0, 0]).fill(0.0);
+    flat[[3, 0, 1]] = f32::NAN;
+    sample[[5, 0, 2]] = f32::INFINITY;
+    sample.slice_mut(s![.., 0, 3]).fill(0.25);
+    // Noise without a peak.
+    for step in 0..11 {
+        sample[[step, 0, 4]] = if step % 2 == 0 { 0.1 } else { 0.1002 };
+    }
+    // Only three values below the saturation.
+    sample.slice_mut(s![..8, 0, 5]).fill(2.0);
+    // Two saturated values: the rest tells the same curve.
+    sample[[0, 0, 6]] = 2.0;
+    sample[[5, 0, 6]] = 1.5;
+    let options = RetrieveOptions { saturation: Some(1.5), ..RetrieveOptions::default() };
+    let engine = engine();
+    let scene = scene(&offsets, &[]);
+    let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
+    retriever.set_flat_array(flat.view()).unwrap();
+    let images = retriever.retrieve_array(sample.view()).unwrap();
+    let bits = |pixel| value(&images, "flags", pixel) as u32;
+    let of_sample = |bit| flags::of_pixel(0, bit);
+    assert_eq!(bits(0), flags::DEAD);
+    assert_eq!(bits(1), flags::NOT_FINITE);
+    assert_eq!(bits(2), of_sample(flags::NOT_FINITE));
+    assert_eq!(bits(3), of_sample(flags::DEAD));
+    assert_ne!(bits(4) & of_sample(flags::NO_PEAK | flags::WIDTH | flags::NOT_CONVERGED), 0);
+    assert_eq!(bits(5), of_sample(flags::FEW | flags::SATURATED));
+    assert_eq!(bits(6), of_sample(flags::SATURATED));
+    for pixel in 0..6 {
+        for name in ["transmission", "refraction", "dark_field", "refraction_sigma"] {
+            assert!(value(&images, name, pixel).is_nan(), "{name} of pixel {pixel}");
+        }
+    }
+    for pixel in 6..PIXELS {
+        let [t, alpha, _] = truth(pixel);
+        assert!((value(&images, "transmission", pixel) / t - 1.0).abs() < 1e-5);
+        assert!((value(&images, "refraction", pixel) - alpha).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn four_steps_about_the_peak_are_singular_and_flagged() {
+    let offsets = even(4, 25.0);
+    let symmetric =
+        |shift: f64| frames(&offsets, move |_, x| gaussian(&[0.17, shift, 9.0 * UM, 0.0], x).0);
+    let engine = engine();
+    let scene = scene(&offsets, &[]);
+    let ill = flags::of_pixel(flags::ILL_CONDITIONED, flags::ILL_CONDITIONED);
+    let images = retrieve(&engine, &scene, Method::Gaussian, &symmetric(0.0), &symmetric(0.0));
+    assert_eq!(value(&images, "flags", 0) as u32 & ill, ill);
+    // Off the middle four steps tell four unknowns, without an uncertainty.
+    let off = symmetric(5.0 * UM);
+    let images = retrieve(&engine, &scene, Method::Gaussian, &off, &off);
+    assert_eq!(value(&images, "flags", 0) as u32, 0);
+    assert!((value(&images, "transmission", 0) - 1.0).abs() < 1e-6);
+    assert!(value(&images, "transmission_sigma", 0).is_nan());
+}
+
+#[test]
+fn frames_that_do_not_fit_offsets_or_each_other_are_refused() {
+    let offsets = even(11, 25.0);
+    let engine = engine();
+    let [flat, _] = gaussians(&offsets, 0.0);
+    let eleven = scene(&offsets, &[]);
+    let mut retriever = Retriever::new(&engine, &eleven, &RetrieveOptions::default()).unwrap();
+    let message = retriever.set_flat_array(flat.slice(s![..9, .., ..])).unwrap_err().to_string();
+    assert!(message.contains("11 offsets for 9 frames"), "{message}");
+    assert!(retriever.retrieve_array(flat.view()).is_err(), "before the flat");
+    retriever.set_flat_array(flat.view()).unwrap();
+    let taller = Array3::<f32>::zeros((11, 2, PIXELS));
+    assert!(retriever.retrieve_array(taller.view()).is_err());
+    let wider = Array3::<f32>::zeros((11, 1, PIXELS + 1));
+    assert!(retriever.retrieve_array(wider.view()).is_err());
+}
+
+#[test]
+fn results_do_not_depend_on_what_is_fitted_beside() {
+    let offsets = even(11, 25.0);
+    let [flat, sample] = gaussians(&offsets, 0.004);
+    let engine = engine();
+    let scene = scene(&offsets, &[]);
+    let options = beamlet::retrieve::FitOptions::default();
+    let fitter =
+        beamlet::retrieve::Fitter::new(&engine, &scene.scan.mask_offsets, &options).unwrap();
+    let curves = |count: usize| {
+        ndarray::Array2::from_shape_fn((11, count), |(s, c)| sample[[s, 0, c % PIXELS]])
+    };
+    let few = fitter.fit(curves(PIXELS).view(), None).unwrap();
+    // Across the ends of workgroups, dispatches and uploads.
+    let many = fitter.fit(curves((1 << 20) + 77).view(), None).unwrap();
+    for at in [0, 63, 64, 32_767, 32_768, (1 << 20) - 1, 1 << 20, (1 << 20) + 76] {
+        assert_eq!(many.centre[at].to_bits(), few.centre[at % PIXELS].to_bits(), "{at}");
+        assert_eq!(many.width[at].to_bits(), few.width[at % PIXELS].to_bits(), "{at}");
+        assert_eq!(many.area_sigma[at].to_bits(), few.area_sigma[at % PIXELS].to_bits(), "{at}");
+    }
+    drop(flat);
+}
+
+#[test]
+fn closed_form_of_the_reference_is_the_methods_curve() {
+    // The curves above and the masks of the reference agree, so that methods are held to both.
+    let masks = ThinMasks {
+        magnification: 1.5,
+        sample: [20e-6, 100e-6],
+        detector: [30e-6, 150e-6],
+        sigma: 30.0 * UM * 0.424_660_900_144_009_5,
+        leak: [0.0; 2],
+    };
+    let [flat, _] = curves(&[3.0], 30.0 * UM, false);
+    assert!((f64::from(flat[[0, 0, 0]]) - masks.intensity(3.0 * UM)).abs() < 1e-7);
+}

@@ -1,0 +1,107 @@
+//! The ends of what a scene may ask for, and what may happen beside a run, with the real program:
+//! done with rays in balance, or refused with a reason.
+#![cfg(all(feature = "cli", target_os = "linux"))]
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod beside;
+mod memory;
+mod progress;
+mod sizes;
+mod spectra;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SCENE: &str = concat!(
+    include_str!("../../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [64, 8]
+pitch = "150 um"
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 5 }
+
+[[object]]
+name = "part"
+shape = { cylinder = { radius = "0.4 mm", height = "1 mm", sides = 64 } }
+material = "water"
+"#
+);
+
+/// A folder with the scene in it.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        fs::write(place.path("scene.toml"), SCENE).unwrap();
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn beamlet(&self, words: &[&str]) -> Output {
+        beamlet(self.0.path(), words).output().unwrap()
+    }
+
+    /// Simulates into `run` with these `--set`, on a backend.
+    fn simulate(&self, backend: &str, sets: &[&str]) -> Output {
+        let _ = fs::remove_dir_all(self.path("run"));
+        let begin = ["simulate", "scene.toml", "-o", "run", "-q", "--format", "npy", "--backend"];
+        let sets = sets.iter().flat_map(|set| ["--set", set]);
+        self.beamlet(&begin.into_iter().chain([backend]).chain(sets).collect::<Vec<_>>())
+    }
+
+    /// It is done on both backends: rays in balance, values that are light.
+    #[track_caller]
+    fn is_balanced(&self, sets: &[&str]) {
+        for backend in ["bvh", "ray-query"] {
+            let output = self.simulate(backend, sets);
+            assert_eq!(said(&output), (Some(0), String::new()), "{sets:?}");
+            let tally = &json(&self.path("run/run.json"))["tally"];
+            for count in ["unbalanced", "unordered", "dropped", "not_finite", "landed_off"] {
+                assert_eq!(tally[count], 0, "{sets:?} {backend}: {tally}");
+            }
+            let values = npy(&self.path("run/sample.npy"));
+            assert!(values.iter().all(|value| (0.0..=1.1).contains(value)), "{sets:?}");
+        }
+    }
+
+    /// It is refused with all of these words, and nothing is written.
+    #[track_caller]
+    fn is_refused(&self, sets: &[&str], words: &[&str]) {
+        let (code, message) = said(&self.simulate("bvh", sets));
+        assert!(code == Some(1) && message.starts_with("error: "), "{sets:?}: {code:?} {message}");
+        for word in words {
+            assert!(message.contains(word), "{sets:?}: no {word:?} in: {message}");
+        }
+        assert!(!self.path("run").exists(), "{sets:?}");
+    }
+}
+
+fn beamlet(place: &Path, words: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+    command.args(words).current_dir(place).env_remove("RUST_LOG");
+    command
+}
+
+/// Exit code, and what stands on stderr.
+fn said(output: &Output) -> (Option<i32>, String) {
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+/// Values of an array that beamlet wrote.
+fn npy(path: &Path) -> Vec<f32> {
+    let bytes = fs::read(path).unwrap();
+    let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    bytes[header..].as_chunks().0.iter().map(|four| f32::from_le_bytes(*four)).collect()
+}

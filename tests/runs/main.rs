@@ -1,0 +1,17 @@
+//! What is on disk: stacks and moments as they are written and read, runs that were ended, damaged or
+//! made by others, and inputs at the ends of what is allowed.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod big_input;
+mod crash;
+#[cfg(feature = "cli")]
+mod earlier_runs;
+mod endless;
+mod ends;
+mod integrity;
+mod kept;
+mod safety;
+mod stack;
+mod stack_read;

@@ -1,0 +1,87 @@
+//! What is on disk stays: the program replaces nothing that it reads, nothing through a link,
+//! nothing of others, nothing while another writes it, and nothing on a full disk.
+#![cfg(all(feature = "cli", unix))]
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod directory;
+mod full_disk;
+mod replace;
+mod words;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const SCENE: &str = concat!(
+    include_str!("../../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [8, 2]
+pitch = "150 um"
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 4 }
+angles = { from = "0 deg", to = "180 deg", count = 3 }
+
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.2 mm", height = "16 mm", sides = 16 } }
+material = "plastic"
+
+[materials.plastic]
+mu = "0.25 /cm"
+delta = 2.4e-7
+"#
+);
+
+fn workplace() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("scene.toml"), SCENE).unwrap();
+    directory
+}
+
+fn beamlet(place: &Path, line: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
+    command.current_dir(place).env_remove("RUST_LOG").args(line.split_whitespace());
+    command
+}
+
+/// Runs the words of `line`, which must end with this code; stderr.
+#[track_caller]
+fn ends(place: &Path, line: &str, code: i32) -> String {
+    assert_code(beamlet(place, line).output().unwrap(), code, line)
+}
+
+#[track_caller]
+fn assert_code(output: Output, code: i32, line: &str) -> String {
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{line}: {message}");
+    message
+}
+
+#[track_caller]
+fn simulate(place: &Path, more: &str) {
+    ends(place, &format!("simulate scene.toml -q --backend bvh -o run {more}"), 0);
+}
+
+/// Every file below a folder with its bytes, links not followed.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let kind = fs::symlink_metadata(&path).unwrap();
+        if kind.is_symlink() {
+            all.insert(
+                path.clone(),
+                fs::read_link(&path).unwrap().into_os_string().into_encoded_bytes(),
+            );
+        } else if kind.is_dir() {
+            all.extend(contents(&path));
+        } else {
+            all.insert(path.clone(), fs::read(&path).unwrap());
+        }
+    }
+    all
+}

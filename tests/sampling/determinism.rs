@@ -1,0 +1,186 @@
+//! The same scene gives the same bits, however it is cut into bands, batches, threads and views.
+
+use crate::reference::scenes;
+use crate::reference::stack::Setup;
+use crate::reference::surfaces::{body, cuboid, cylinder, star};
+use crate::support::{CARBON, WATER, backends, engine, engine_with};
+use beamlet::internals::trace::{Ray, RayResult};
+use beamlet::scene::{Scene, Scheme, Transport};
+use beamlet::stack::Stacks;
+use beamlet::{Backend, EngineOptions};
+
+/// A rough ball, a slab at grazing incidence and a tilted rod, in two views: silhouettes along
+/// and across rows, total reflection, light that lands rows and columns away.
+fn scene(scheme: Scheme) -> Scene {
+    let setup = Setup::paper([12, 5]);
+    let rod = cylinder(0.1e-3, 0.9e-3, 24, 0.2).turned([1.0, 0.3, 0.0], 0.7);
+    let bodies = [
+        body(star(0.15e-3, 0.25e-3, 2, 3).moved([-0.4e-3, 0.0, 0.1e-3]), CARBON[0], CARBON[1]),
+        body(cuboid([0.2e-3, 1.5e-3, 0.5e-3]).turned([1.0, 0.0, 1.0], 4e-4), WATER[0], 2e-6),
+        body(rod.moved([0.4e-3, 0.0, 0.0]), WATER[0], 3e-5),
+    ];
+    let mut scene = scenes::scene(&setup, &bodies, &[-20e-6, 0.0, 9e-6]);
+    scene.scan.angles = vec![0.0, 1.5];
+    scene.sampling.scheme = scheme;
+    scene.sampling.rays = [90, 4];
+    // Enough refinement for every branch, few enough rays for many runs.
+    scene.sampling.tolerance = 3e-4;
+    scene
+}
+
+fn run(options: EngineOptions, scene: &Scene) -> Stacks {
+    engine_with(EngineOptions { backend: Some(Backend::Bvh), ..options })
+        .simulate(scene)
+        .expect("a stack")
+}
+
+/// Fails where any bit differs.
+fn same(what: &str, a: &Stacks, b: &Stacks) {
+    assert!(a.flat.iter().zip(&b.flat).all(|(a, b)| a.to_bits() == b.to_bits()), "{what}: flat");
+    assert_eq!(a.sample.shape(), b.sample.shape());
+    let other =
+        a.sample.indexed_iter().zip(&b.sample).find(|((_, a), b)| a.to_bits() != b.to_bits());
+    assert!(other.is_none(), "{what}: {other:?}");
+}
+
+const SCHEMES: [Scheme; 2] = [Scheme::Cells, Scheme::Random];
+
+#[test]
+fn band_and_batch_size_change_no_bit() {
+    for scheme in SCHEMES {
+        let scene = scene(scheme);
+        let whole = run(EngineOptions::default(), &scene);
+        assert!(whole.record.tally.exact > 0 && whole.record.tally.reflected > 0);
+        for (band, batch) in [(Some(1), None), (Some(3), Some(4096)), (None, Some(257))] {
+            let options =
+                EngineOptions { band_rows: band, batch_rays: batch, ..EngineOptions::default() };
+            let what = format!("{scheme:?}, bands of {band:?} rows, batches of {batch:?} rays");
+            same(&what, &whole, &run(options, &scene));
+        }
+    }
+}
+
+#[test]
+fn memory_limit_changes_no_bit() {
+    let scene = scene(Scheme::Cells);
+    let little = EngineOptions { memory_limit: Some(160 << 20), ..EngineOptions::default() };
+    same("a limit of 160 MiB", &run(EngineOptions::default(), &scene), &run(little, &scene));
+}
+
+#[test]
+fn number_of_threads_changes_no_bit() {
+    for scheme in SCHEMES {
+        let scene = scene(scheme);
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("threads").install(|| run(EngineOptions::default(), &scene))
+        };
+        let one = with(1);
+        for threads in [2, 7] {
+            same(&format!("{scheme:?}, {threads} threads"), &one, &with(threads));
+        }
+    }
+}
+
+#[test]
+fn engine_that_served_other_scenes_gives_the_same_bits() {
+    let scene = scene(Scheme::Cells);
+    for backend in backends() {
+        let engine = engine(backend);
+        let first = engine.simulate(&scene).expect("a stack");
+        // Batches have grown by now, buffers are used anew.
+        let mut other = scene.clone();
+        other.scan.mask_offsets.push(15e-6);
+        other.objects.pop();
+        engine.simulate(&other).expect("a stack");
+        same("after another scene", &first, &engine.simulate(&scene).expect("a stack"));
+    }
+}
+
+#[test]
+fn cells_of_a_view_do_not_depend_on_other_views() {
+    let scene = scene(Scheme::Cells);
+    let all = run(EngineOptions::default(), &scene);
+    for view in 0..2 {
+        let mut alone = scene.clone();
+        alone.scan.angles = vec![scene.scan.angles[view]];
+        let alone = run(EngineOptions::default(), &alone);
+        for ((_, step, row, column), got) in alone.sample.indexed_iter() {
+            let want = all.sample[[view, step, row, column]];
+            assert_eq!(got.to_bits(), want.to_bits(), "view {view}, {step}, {column}, {row}");
+        }
+    }
+}
+
+#[test]
+fn random_rays_serve_every_step_alike() {
+    // A step alone sees the very rays that it sees among others.
+    let scene = scene(Scheme::Random);
+    let all = run(EngineOptions::default(), &scene);
+    let mut alone = scene.clone();
+    alone.scan.mask_offsets = vec![scene.scan.mask_offsets[1]];
+    let alone = run(EngineOptions::default(), &alone);
+    for ((view, _, row, column), got) in alone.sample.indexed_iter() {
+        assert_eq!(got.to_bits(), all.sample[[view, 1, row, column]].to_bits());
+    }
+}
+
+/// A result as bits.
+fn bits(result: &RayResult) -> [u32; 8] {
+    bytemuck::cast(*result)
+}
+
+#[test]
+fn result_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
+    // Rods with materials of their own around one another: runs of crossings end in
+    // the midst of a walk. With 3 materials sums stay in registers, with 7 they do not.
+    for count in [2_u32, 6] {
+        let rods: Vec<_> = (0..count)
+            .map(|i| {
+                let k = f64::from(i);
+                let rod = cylinder(0.5e-3 - 0.07e-3 * k, 1e-3 - 0.1e-3 * k, 24, 0.1 * k);
+                body(rod.turned([1.0, 0.2, 0.0], 0.3).rounded(), 40.0 + 9.0 * k, (4.0 + k) * 1e-7)
+            })
+            .collect();
+        let mut scene = scenes::scene(&Setup::paper([12, 5]), &rods, &[0.0]);
+        scene.scan.angles = vec![0.0, 1.5, 0.4];
+        scene.sampling.transport = Transport::FirstOrder;
+        // Tiles of 4 x 4 rays of one view.
+        let number = 48_u16 * 48 * 3;
+        let rays: Vec<Ray> = (0..number)
+            .map(|i| {
+                let (within, tile) = (i % 16, i / 16);
+                let at = |k: u16| 2.5e-5 * (f32::from(k) - 23.5);
+                let (x, z) = (at(tile % 12 * 4 + within % 4), at(tile / 12 % 12 * 4 + within / 4));
+                Ray { x, z, slope_x: x / 1.21, slope_z: z / 1.21, view: (tile / 144).into() }
+            })
+            .collect();
+        for backend in backends() {
+            let engine = engine(backend);
+            let simulation = engine.prepare(&scene).expect("a sample");
+            let results = simulation.trace(&rays).expect("results");
+            let met = results.iter().filter(|result| result.crossings > 2).count();
+            assert!(met * 4 > results.len(), "{met} of {} rays", results.len());
+            let (with_moments, _) = simulation.moments(&rays).expect("results");
+            // Neighbours far apart, and of all views.
+            let apart: Vec<usize> = (0..rays.len()).map(|i| i * 2_503 % rays.len()).collect();
+            let shuffled: Vec<Ray> = apart.iter().map(|&i| rays[i]).collect();
+            let shuffled = simulation.trace(&shuffled).expect("results");
+            for (i, result) in results.iter().enumerate() {
+                assert_eq!(
+                    bits(result),
+                    bits(&with_moments[i]),
+                    "moments asked for: {:?}",
+                    rays[i]
+                );
+            }
+            for (&i, result) in apart.iter().zip(&shuffled) {
+                assert_eq!(bits(result), bits(&results[i]), "other company: {:?}", rays[i]);
+            }
+            for i in (0..rays.len()).step_by(601) {
+                let alone = simulation.trace(&rays[i..=i]).expect("a result");
+                assert_eq!(bits(&alone[0]), bits(&results[i]), "alone: {:?}", rays[i]);
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Which rays are traced: the schemes against one another and against many more rays, and the same
+//! bits however a run is cut.
+
+#[path = "../reference/mod.rs"]
+mod reference;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod determinism;
+mod sampling;
+mod traps;
+mod truth;
