@@ -28,6 +28,8 @@ const BEND: f32 = 0.1;
 const BAND: f32 = 0.05;
 /// Part of what a mean leaves along x that changes over z, not over x.
 const ALONG_Z: f32 = 0.5;
+/// Light that a blur takes over a border, per standard deviation of it: 1 / sqrt(2 pi).
+const BLURRED: f32 = 0.398_942_3;
 /// Part of a slope over z that the row beside does not have, and so does not make up for.
 const CANCELLED: f32 = 0.25;
 /// Rays that are off by more standard deviations are too few to count.
@@ -158,13 +160,17 @@ impl Estimator<'_> {
     #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
     fn beyond_border(&self, piece: &Piece) -> f32 {
         let down = -piece.result.landing_z(self.gap) / self.row_pitch;
-        let [top, bottom] = piece.rows.whole.map(|z| z as f32);
-        let height = bottom - top;
-        // Beyond a sharp border; a blur hides outlines that are smaller.
-        let beyond = (-top - down).max(bottom + down - 1.0) / height;
+        let [low, high] = piece.rows.whole.map(|z| z as f32 + down);
+        let height = high - low;
+        // A border cuts off the lesser part of it, or its blur reaches one beside it.
+        let border = high.floor();
+        let cut = if border > low { (border - low).min(high - border) / height } else { 0.0 };
+        let apart = (low - low.floor()).min(high.ceil() - high);
+        let near = cut > 0.0 || apart < 2.0 * self.row_blur;
+        let leak = if near { BLURRED * self.row_blur / height } else { 0.0 };
+        // A blur hides outlines that are smaller.
         let hidden = (1.0 - self.row_blur / height).clamp(0.0, 1.0);
-        let beyond = beyond - beyond.floor();
-        DENSITY * hidden * beyond.min(1.0 - beyond).max(0.0)
+        DENSITY * hidden * (cut + leak).min(0.5)
     }
 
     /// Of a rectangle that is known as a mean.
@@ -250,7 +256,7 @@ impl Estimator<'_> {
     /// touches: 1 / sqrt(2 pi) standard deviations over each.
     fn leak(&self, node: &Node) -> f32 {
         let borders = f32::from(u8::from(node.z[0] <= 0.0) + u8::from(node.z[1] >= 1.0));
-        (borders * 0.4 * self.row_blur / node.height()).min(1.0)
+        (borders * BLURRED * self.row_blur / node.height()).min(1.0)
     }
 
     /// Of a rectangle that is known by a ray.
