@@ -14,6 +14,7 @@ use base64::engine::general_purpose::STANDARD;
 use beamlet::geometry::{self, Sample};
 use beamlet::require_memory;
 use std::fmt::Write as _;
+use std::mem::take;
 
 /// Images of a view beside its steps: retrieved ones, flags, the parts of a fit.
 const IMAGES: u64 = 8;
@@ -63,22 +64,42 @@ pub(crate) fn page(run: &RunReader, most: u64) -> Result<String, Failure> {
     let notes: String =
         data.notes.iter().map(|note| format!("<p class=\"note\">{}</p>", escaped(note))).collect();
     let meta = script_json(&data.meta)?;
-    let parts = [
-        ("{{title}}", escaped(&name)),
-        ("{{summary}}", escaped(&tables::summary(run))),
-        ("{{notes}}", notes),
-        ("{{set-up}}", drawing),
-        ("{{scene}}", escaped(&tables::scene_text(run)?)),
-        ("{{tally}}", tables::tally(run)),
-        ("{{provenance}}", tables::provenance(run)),
-        ("{{retrieval}}", tables::retrieval(run)),
-        ("{{style}}", STYLE.to_owned()),
-        ("{{meta}}", meta),
-        ("{{arrays}}", arrays),
-        ("{{script}}", SCRIPT.to_owned()),
-    ];
+    let mut content = Content { run, name, notes, drawing, meta, arrays };
+    let mut parts = Vec::with_capacity(PARTS.len());
+    for (mark, part) in PARTS {
+        parts.push((mark, part(&mut content)?));
+    }
     Ok(filled(PAGE, &parts))
 }
+
+/// What the parts of a page are made of.
+struct Content<'a> {
+    run: &'a RunReader,
+    name: String,
+    notes: String,
+    drawing: String,
+    meta: String,
+    arrays: String,
+}
+
+/// Makes a part. Long ones are moved out of the content, not copied.
+type Part = fn(&mut Content<'_>) -> Result<String, Failure>;
+
+/// The marks of page.html and what stands in their place.
+const PARTS: [(&str, Part); 12] = [
+    ("{{title}}", |content| Ok(escaped(&content.name))),
+    ("{{summary}}", |content| Ok(escaped(&tables::summary(content.run)))),
+    ("{{notes}}", |content| Ok(take(&mut content.notes))),
+    ("{{set-up}}", |content| Ok(take(&mut content.drawing))),
+    ("{{scene}}", |content| Ok(escaped(&tables::scene_text(content.run)?))),
+    ("{{tally}}", |content| Ok(tables::tally(content.run))),
+    ("{{provenance}}", |content| Ok(tables::provenance(content.run))),
+    ("{{retrieval}}", |content| Ok(tables::retrieval(content.run))),
+    ("{{style}}", |_| Ok(STYLE.to_owned())),
+    ("{{meta}}", |content| Ok(take(&mut content.meta))),
+    ("{{arrays}}", |content| Ok(take(&mut content.arrays))),
+    ("{{script}}", |_| Ok(SCRIPT.to_owned())),
+];
 
 /// Puts each part in the place of its mark. What is put in is not searched again.
 fn filled(page: &str, parts: &[(&str, String)]) -> String {
@@ -117,6 +138,7 @@ fn table_of(map: Map) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeSet;
 
     #[test]
     fn what_is_put_in_is_not_searched_again() {
@@ -134,7 +156,12 @@ mod tests {
 
     #[test]
     fn every_mark_of_the_page_is_known() {
-        let marks = PAGE.matches("{{").count();
-        assert_eq!(marks, 13, "a new mark wants a part in page()");
+        let marks: BTreeSet<&str> = PAGE
+            .split("{{")
+            .skip(1)
+            .map(|rest| rest.split_once("}}").expect("a mark ends").0)
+            .collect();
+        let known = PARTS.map(|(mark, _)| mark.trim_matches(['{', '}']));
+        assert_eq!(marks, BTreeSet::from(known));
     }
 }

@@ -52,6 +52,7 @@ fn compare(name: &'static str, scene: &Scene) {
     take("rays of a view", estimate.rays_per_view * views, tally.rays);
     take("splits", estimate.splits.max(1.0), tally.split.max(1));
     assert!(estimate.patches_refined > 0.0 && estimate.seconds > 0.0, "{estimate:?}");
+    worst.holds();
 }
 
 #[test]

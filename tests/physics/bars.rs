@@ -145,6 +145,8 @@ fn bars_of_every_width_are_boxes() {
             worst.take(deviation, || format!("{case:?}, {}", place()));
         });
     }
+    narrow.holds();
+    wide.holds();
 }
 
 #[test]
@@ -161,6 +163,7 @@ fn apertures_as_wide_as_their_period_are_no_mask() {
             }
         }
     }
+    worst.holds();
 }
 
 #[test]
@@ -190,6 +193,8 @@ fn shadows_of_more_than_a_period_are_boxes() {
             }
         }
     }
+    narrow.holds();
+    wide.holds();
 }
 
 /// Photons of several energies.
@@ -288,6 +293,7 @@ fn bars_under_a_spectrum_are_boxes() {
             compare_energies(&engine, &case, (Light::Tube(4), "gold"), &mut worst);
         }
     }
+    worst.into_iter().for_each(Worst::holds);
 }
 
 #[test]
@@ -309,4 +315,5 @@ fn bars_of_light_materials_under_a_spectrum_are_boxes() {
             compare_energies(&engine, &case, (Light::Two, bars_of), &mut worst);
         }
     }
+    worst.into_iter().for_each(Worst::holds);
 }

@@ -72,6 +72,8 @@ fn crossings_come_front_to_back_with_place_object_and_normal() {
             normal.take(f64::from(found[axis]) - outward[axis], || format!("{found:?}"));
         }
     }
+    place.holds();
+    normal.holds();
 }
 
 #[test]
@@ -137,4 +139,5 @@ fn y_is_that_of_the_plane_on_long_facets_that_lean_towards_the_beam() {
             simulation.crossings(&rays, 8, compare).unwrap();
         }
     }
+    worst.holds();
 }

@@ -76,6 +76,7 @@ fn thin_masks_give_the_closed_form_in_every_pixel() {
             }
         }
     }
+    worst.holds();
 }
 
 #[test]
@@ -85,6 +86,7 @@ fn flat_curve_of_the_paper_peaks_at_0_16612() {
     let setup = Setup::paper([16, 1]).with_bars(Bars::Sheet { transmission: 0.0 });
     let got = flat(&engine(Backend::Bvh), &setup, &[0.0]);
     worst.take(f64::from(got[[0, 0, 8]]) - 0.166_12, || "the axis".into());
+    worst.holds();
 }
 
 #[test]
@@ -94,6 +96,7 @@ fn thick_bars_are_the_boxes_that_they_are() {
         let setup = Setup::paper([128, 1]).with_bars(Bars::Boxes { mu, thickness: 225e-6 });
         compare_with_boxes(&mut worst, &setup, &[0, 20, 63, 127], &steps(40e-6, 17));
     }
+    worst.holds();
 }
 
 #[test]
@@ -117,6 +120,7 @@ fn rows_see_the_bars_under_their_own_angle() {
             worst.take(change - want, || format!("row {row}, step {step}: {change} for {want}"));
         }
     }
+    worst.holds();
 }
 
 #[test]
@@ -125,6 +129,7 @@ fn thick_bars_are_boxes_at_the_rim_of_a_wide_detector() {
     let mut worst = Worst::new("flat, thick bars at 43 mrad", THICK);
     let setup = Setup::paper([1024, 1]);
     compare_with_boxes(&mut worst, &setup, &[0, 200, 1023], &steps(40e-6, 17));
+    worst.holds();
 }
 
 #[test]
@@ -135,6 +140,7 @@ fn thick_bars_before_a_point_source_are_boxes() {
         setup.spot = [0.0; 2];
         compare_with_boxes(&mut worst, &setup, &[0, 31, 64], &steps(40e-6, 17));
     }
+    worst.holds();
 }
 
 #[test]
@@ -149,7 +155,7 @@ fn sample_mask_alone_passes_its_share_and_spreads_it() {
         setup.detector_mask = None;
         compare_with_boxes(&mut worst, &setup, &[0, 40, 64], &steps(48e-6, 9));
     }
-    drop(worst);
+    worst.holds();
     // Thin and opaque: each pixel's share of the beamlets is a blurred overlap.
     let mut worst = Worst::new("flat, sample mask alone, closed form", SAME_MASKS);
     let mut setup = Setup::paper([16, 1]).with_bars(Bars::Sheet { transmission: 0.0 });
@@ -163,6 +169,7 @@ fn sample_mask_alone_passes_its_share_and_spreads_it() {
             .sum();
         worst.take(f64::from(got) - want / 150e-6, || format!("step {step}, column {column}"));
     }
+    worst.holds();
 }
 
 #[test]
@@ -179,6 +186,7 @@ fn detector_mask_alone_passes_its_share() {
         setup.sample_mask = None;
         compare_with_boxes(&mut worst, &setup, &[0, 40, 64], &[0.0]);
     }
+    worst.holds();
 }
 
 #[test]
@@ -189,6 +197,7 @@ fn detector_mask_before_the_detector_casts_its_shadow_there() {
     let mut setup = Setup::paper([64, 1]);
     setup.detector_mask = Some(setup.mask(1.75, 30e-6, bars));
     compare_with_boxes(&mut worst, &setup, &[0, 31, 50], &steps(40e-6, 9));
+    worst.holds();
 }
 
 #[test]
@@ -202,6 +211,7 @@ fn masks_of_other_periods_and_offsets_are_where_they_are() {
         mask.origin = 0.5 * mask.period + 13e-6;
     }
     compare_with_boxes(&mut worst, &setup, &[0, 1, 15, 16, 31], &steps(60e-6, 9));
+    worst.holds();
 }
 
 #[test]
@@ -213,4 +223,5 @@ fn open_beam_is_one() {
     for (place, &got) in got.indexed_iter() {
         worst.take(f64::from(got) - 1.0, || format!("{place:?}"));
     }
+    worst.holds();
 }

@@ -17,3 +17,4 @@ mod reference_against_closed_forms;
 mod sample;
 mod spots;
 mod transport;
+mod worst;

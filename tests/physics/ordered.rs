@@ -90,13 +90,9 @@ impl Bench {
         Tracer::new(&self.device, &self.kernels, &sample, backend, transport, None, u32::MAX)
             .expect("a tracer")
     }
-}
 
-impl Drop for Bench {
-    fn drop(&mut self) {
-        if !std::thread::panicking() {
-            assert_eq!(self.device.validation_messages(), 0);
-        }
+    fn end(self) {
+        assert_eq!(self.device.validation_messages(), 0);
     }
 }
 
@@ -207,6 +203,7 @@ fn rays_in_order_take_the_way_of_the_f64_reference() {
         assert!(compared > 20 * most, "{compared} rays in order");
         assert!(failed.is_empty(), "{failed:#?}");
     }
+    bench.end();
 }
 
 /// Cylinders and prisms of many sides, tilted in x and z and towards the beam.
@@ -247,6 +244,7 @@ fn follow_around_silhouettes(each: usize) -> [u64; 2] {
             counts[1] += tally.retraced;
         }
     }
+    bench.end();
     counts
 }
 

@@ -105,6 +105,8 @@ fn slabs_under_60_and_100_kv_are_the_sum_over_every_energy() {
                 });
             }
         }
+        flat.holds();
+        slab.holds();
     }
 }
 
@@ -143,6 +145,7 @@ fn wedge_displaces_each_energy_by_its_own_delta() {
         compare(&mut worst, &scene, &sample, |energy| [0.0, turn(energy)]);
         let moved = (&sample - &stacks.flat).iter().fold(0.0_f32, |m, d| m.max(d.abs()));
         assert!(f64::from(moved) > 20.0 * PROMISED, "the wedge moves the curve: {moved}");
+        worst.holds();
     }
 }
 
@@ -209,6 +212,8 @@ fn spectrum_of_lines_is_the_sum_of_its_energies() {
     let mut inside = Worst::new("spectrum of lines, interior", PROMISED / 3.0);
     let mut rims = Worst::new("spectrum of lines, silhouettes", 1e-3);
     beside_lines(Transport::Auto, &mut inside, &mut rims);
+    inside.holds();
+    rims.holds();
 }
 
 #[test]
@@ -216,6 +221,8 @@ fn ordered_walks_at_every_energy_are_the_sum_of_its_energies() {
     let mut inside = Worst::new("spectrum of lines walked in order, interior", PROMISED / 3.0);
     let mut rims = Worst::new("spectrum of lines walked in order, silhouettes", 1e-3);
     beside_lines(Transport::Exact, &mut inside, &mut rims);
+    inside.holds();
+    rims.holds();
 }
 
 /// Refraction angles of a row of the paper's fourth experiment, by column.
@@ -253,6 +260,7 @@ fn angles_behind_bars_seen_aslant_are_those_of_every_energy() {
     assert!(all > 5e-7, "{all}");
     let mut worst = Worst::new("angles off the axis, of their rms", 1e-3);
     worst.take(off / all, || "all pixels".to_owned());
+    worst.holds();
 }
 
 #[test]
@@ -276,6 +284,8 @@ fn random_rays_under_a_spectrum_agree_with_cells() {
     for ((a, b), i) in cells.sample.iter().zip(&random.sample).zip(0..) {
         single.take(f64::from(a - b), || format!("value {i}"));
     }
+    worst.holds();
+    single.holds();
 }
 
 #[test]

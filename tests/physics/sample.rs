@@ -92,6 +92,7 @@ fn slab_lets_through_what_its_thickness_says() {
         let got = f64::from(stacks.sample[[0, step, row, column]]);
         worst.take(got - want, || format!("step {step}, pixel {column}, {row}"));
     }
+    worst.holds();
 }
 
 #[test]
@@ -107,6 +108,8 @@ fn cylinder_of_the_paper_is_the_exact_one() {
     let mut rim = Worst::new("sample, cylinder, silhouettes", RIM);
     compared.columns(&mut rim, 20..30, 0);
     compared.columns(&mut rim, 101..107, 0);
+    inside.holds();
+    rim.holds();
 }
 
 #[test]
@@ -120,6 +123,8 @@ fn sphere_is_the_exact_one_in_rows_off_its_equator() {
     compared.columns(&mut inside, 12..14, 3);
     let mut rim = Worst::new("sample, sphere, silhouettes", RIM);
     compared.columns(&mut rim, 3..6, 5);
+    inside.holds();
+    rim.holds();
 }
 
 #[test]
@@ -136,6 +141,8 @@ fn tilted_cylinder_runs_through_the_rows_as_it_should() {
     let mut rim = Worst::new("sample, tilted cylinder, silhouettes", RIM);
     compared.columns(&mut rim, 8..10, 5);
     compared.columns(&mut rim, 30..31, 5);
+    inside.holds();
+    rim.holds();
 }
 
 #[test]
@@ -156,6 +163,8 @@ fn nested_shells_and_a_void_are_what_lies_innermost() {
     compared.columns(&mut inside, 10..14, 0);
     compared.columns(&mut inside, 17..27, 0);
     compared.columns(&mut inside, 35..37, 0);
+    rim.holds();
+    inside.holds();
 }
 
 /// A cylinder whose rim is seen in the middle of a pixel (columns 5 and 42), this far behind the
@@ -178,6 +187,8 @@ fn sample_10_mm_behind_the_mask_is_the_exact_one() {
     let mut inside = Worst::new("sample 10 mm behind the mask, interior", INTERIOR);
     let mut rim = Worst::new("sample 10 mm behind the mask, silhouettes", RIM);
     compare_cylinder_behind(10e-3, &mut inside, &mut rim);
+    inside.holds();
+    rim.holds();
 }
 
 #[test]
@@ -185,6 +196,8 @@ fn sample_100_mm_behind_the_mask_is_the_exact_one() {
     let mut inside = Worst::new("sample 100 mm behind the mask, interior", INTERIOR);
     let mut rim = Worst::new("sample 100 mm behind the mask, silhouettes", RIM);
     compare_cylinder_behind(100e-3, &mut inside, &mut rim);
+    inside.holds();
+    rim.holds();
 }
 
 #[test]
@@ -192,6 +205,8 @@ fn sample_300_mm_behind_the_mask_is_the_exact_one() {
     let mut inside = Worst::new("sample 300 mm behind the mask, interior", INTERIOR);
     let mut rim = Worst::new("sample 300 mm behind the mask, silhouettes", RIM);
     compare_cylinder_behind(300e-3, &mut inside, &mut rim);
+    inside.holds();
+    rim.holds();
 }
 
 #[test]
@@ -219,6 +234,8 @@ fn face_within_the_critical_angle_reflects_into_other_pixels() {
             .reflected
             > 0
     );
+    worst.holds();
+    inside.holds();
 }
 
 const OPAQUE: Bars = Bars::Sheet { transmission: 0.0 };
@@ -251,6 +268,8 @@ fn light_deflected_along_x_lands_in_the_pixel_next_door_and_farther() {
             compared.columns(&mut inside, 8..22, 0);
             let mut rim = Worst::new("sample, deflection along x, silhouettes", RIM);
             compared.columns(&mut rim, 1..8, 0);
+            inside.holds();
+            rim.holds();
         }
     }
 }
@@ -279,6 +298,8 @@ fn light_deflected_along_z_lands_in_the_row_next_door_and_farther() {
         for row in [0, 1, 2, 3, 4, 20, 21, 22, 23] {
             compared.columns(&mut rim, 2..3, row);
         }
+        inside.holds();
+        rim.holds();
     }
 }
 
@@ -313,6 +334,9 @@ fn first_order_stack_is_the_exact_one_but_for_grazing_rays() {
             first.take(by_first, || format!("{place:?}"));
         }
     }
+    auto.holds();
+    first.holds();
+    rims.holds();
 }
 
 #[test]
@@ -340,5 +364,7 @@ fn set_ups_without_one_mask_or_both_show_the_sample() {
         compared.columns(&mut inside, 5..19, 0);
         let mut rim = Worst::new("sample, one mask or none, silhouettes", RIM);
         compared.columns(&mut rim, 1..4, 0);
+        inside.holds();
+        rim.holds();
     }
 }

@@ -85,9 +85,12 @@ fn compare(name: &'static str, setup: &Setup, radius: f64, columns: [std::ops::R
     let mut worst = Worst::new("spots, sample, interior", INTERIOR);
     let want = reference(Some(&sample), inside.clone());
     take(&mut worst, &want, inside.start, &|s, c| stacks.sample[[0, s, 0, c]]);
+    worst.holds();
     let mut worst = Worst::new("spots, sample, silhouettes", RIM);
     let want = reference(Some(&sample), rim.clone());
     take(&mut worst, &want, rim.start, &|s, c| stacks.sample[[0, s, 0, c]]);
+    worst.holds();
+    flat.holds();
 }
 
 #[test]
@@ -166,6 +169,7 @@ fn heights_of_parts_move_shadows_down_and_up() {
             }
         }
     }
+    worst.holds();
 }
 
 fn image_of(side: usize, pixel: f64, value: impl Fn(f64, f64) -> f64) -> Array2<f64> {
@@ -198,6 +202,8 @@ fn image_of_a_gaussian_gives_the_stacks_of_the_gaussian() {
     for (place, value) in want.sample.indexed_iter() {
         sample.take(f64::from(got.sample[place] - value), || format!("{place:?}"));
     }
+    flat.holds();
+    sample.holds();
 }
 
 #[test]
@@ -258,6 +264,7 @@ fn image_gives_the_flat_of_its_pixels_as_point_sources() {
         let got = f64::from(got[[step, 0, 1]]);
         worst.take(got - flat_of_points(&points, *offset), || format!("offset {offset:e}"));
     }
+    worst.holds();
 }
 
 #[test]
@@ -295,6 +302,8 @@ fn tail_of_the_spot_towards_x_is_a_tail_of_the_curve_towards_the_same_offsets() 
     let mut third = Worst::new("spots, third moment of the curve over that of the image", 1e-2);
     let got = mean(&|f| (f - centre).powi(3)) * 27.0 / moment(0, 3);
     third.take(got - 1.0, || format!("{got}"));
+    centroid.holds();
+    third.holds();
 }
 
 #[test]
@@ -323,6 +332,7 @@ fn gaussian_as_a_weighted_superposition_of_point_sources() {
         for (place, value) in want.sample.indexed_iter() {
             worst.take(f64::from(got.sample[place] - value), || format!("sample {place:?}"));
         }
+        worst.holds();
     }
 }
 
@@ -368,6 +378,9 @@ fn random_rays_draw_the_parts_of_the_spot() {
     let mut spread = Worst::new("spots, random flat, spread", 4.0);
     let squares: f64 = scores.iter().map(|score| score * score).sum();
     spread.take((squares - count) / (2.0 * count).sqrt(), || "the squares".into());
+    cells.holds();
+    score.holds();
+    spread.holds();
 }
 
 #[test]
@@ -407,6 +420,8 @@ fn spectrum_of_a_lopsided_spot_is_the_sum_over_its_energies() {
         let want = 0.6 * f64::from(low.sample[place]) + 0.4 * f64::from(high.sample[place]);
         sample.take(f64::from(*got) - want, || format!("{place:?}"));
     }
+    flat.holds();
+    sample.holds();
 }
 
 /// A small scene with this spot, and files beside it.

@@ -96,6 +96,12 @@ impl Deviations {
         }
     }
 
+    fn holds(self) {
+        self.slope.holds();
+        self.path.holds();
+        self.displacement.holds();
+    }
+
     fn take(&mut self, result: &RayResult, path: Option<f64>, want: &Trace, place: &str) {
         self.rays += 1;
         assert!(want.balanced, "{place}");
@@ -145,6 +151,7 @@ fn slab_attenuates_by_its_thickness() {
                 && result.displacement_x.abs() < 1.1 * 5e-3 * 4.6e-7 * 3e-3
         );
     }
+    worst.holds();
 }
 
 #[test]
@@ -169,6 +176,9 @@ fn wedge_turns_light_by_delta_times_tan_angle() {
         let want = want * (LEVER - 1.3e-3 * angle.tan());
         lever.take(f64::from(got.displacement_x) / want - 1.0, place);
     }
+    exact.holds();
+    first.holds();
+    lever.holds();
 }
 
 #[test]
@@ -197,6 +207,8 @@ fn cylinder_and_sphere_deflect_as_lenses() {
                 chord.take(f64::from(moments.of(i, 1).path) - want, || format!("x = {x}"));
             }
         }
+        worst.holds();
+        chord.holds();
     }
 }
 
@@ -229,7 +241,7 @@ fn nested_shells_and_voids_count_where_nothing_lies_inside() {
             deviations.take(depth / CARBON[0], || format!("depth, {transport:?}, {ray:?}"));
         }
     }
-    drop(deviations);
+    deviations.holds();
     // A ball of void in a block turns light as the ball in empty space would, but backwards.
     let mut void = Worst::new("transport, void against solid, slope (rad)", 1e-13);
     let ball = sphere(1e-3, 4);
@@ -239,6 +251,7 @@ fn nested_shells_and_voids_count_where_nothing_lies_inside() {
     let (a, b) = (run(&hollow), run(&[carbon(ball)]));
     void.take(f64::from(a.slope_x + b.slope_x), || format!("{a:?} and {b:?}"));
     assert!(b.slope_x > 1e-7);
+    void.holds();
 }
 
 #[test]
@@ -272,6 +285,7 @@ fn flat_face_reflects_below_the_critical_angle_and_refracts_above() {
         };
         worst.take(got - want, || format!("{share} of the critical angle: {got:e} for {want:e}"));
     }
+    worst.holds();
 }
 
 /// Rays all over a body of radius `reach`, from the source or parallel.
@@ -329,6 +343,8 @@ fn f32_walk_is_the_f64_walk_on_random_meshes() {
     // An edge within the rounding of f32 is on either side: 1e-10 m of edges 0.1 mm apart.
     assert_eq!(first.other, 0, "of {}", first.rays);
     assert!(exact.other <= 5, "{} of {}", exact.other, exact.rays);
+    first.holds();
+    exact.holds();
 }
 
 #[test]
@@ -353,6 +369,7 @@ fn f32_walk_is_the_f64_walk_in_turned_views() {
         first.take(&results[i], Some(path), &want, &format!("{ray:?}"));
     }
     assert!(first.other <= 1, "{} of {}", first.other, first.rays);
+    first.holds();
 }
 
 #[test]
@@ -375,6 +392,7 @@ fn first_order_departs_from_exact_by_second_order_alone() {
         }
     }
     assert!((1..2000).contains(&again), "{again} rays were traced again");
+    worst.holds();
 }
 
 fn bytes(result: &RayResult) -> [u32; 5] {

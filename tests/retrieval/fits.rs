@@ -97,6 +97,7 @@ fn compare(
     );
     assert!(worst_ill <= ILL_TOLERANCE, "{what}: {worst_ill:e} of the ill-conditioned");
     assert!(4 * (flagged + without) < 3 * curves.len(), "{what}: most curves went unchecked");
+    worst.holds();
 }
 
 /// Eq. 1 with centres to the edge of the scan.

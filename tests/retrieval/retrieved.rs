@@ -78,6 +78,8 @@ fn refraction_angle_of_a_wedge_is_retrieved_to_1e_9() {
     let mut refraction = Worst::new("retrieved, wedge, refraction angle (rad)", 1e-10);
     let wedge = wedge(2.4e-3, 0.8, 6e-3).moved([-1.2e-3, -1.2e-3, 0.0]).rounded();
     compare(&body(wedge, 0.0, CARBON[1]), &mut transmission, &mut refraction);
+    transmission.holds();
+    refraction.holds();
 }
 
 #[test]
@@ -86,6 +88,8 @@ fn transmission_of_a_slab_is_retrieved_to_1e_4() {
     let mut refraction = Worst::new("retrieved, slab, refraction angle (rad)", 1e-10);
     let slab = cuboid([6e-3, 4e-3, 6e-3]).rounded();
     compare(&body(slab, CARBON[0], CARBON[1]), &mut transmission, &mut refraction);
+    transmission.holds();
+    refraction.holds();
 }
 
 /// A sample mask alone before pixels of a tenth of its projected period: each beamlet is a box
@@ -136,6 +140,8 @@ fn beam_tracking_behind_a_single_mask_tells_a_wedge_and_a_slab() {
             refraction.take(a - (s[1] - f[1]) / 0.59, || format!("beamlet {beamlet}: {a}"));
         }
     }
+    transmission.holds();
+    refraction.holds();
 }
 
 #[test]

@@ -152,6 +152,9 @@ fn other_set_ups_are_what_a_new_simulation_gives() {
             .map(|view| (&view - &want.flat).iter().map(|d| f64::from(d.abs())).sum::<f64>())
             .sum();
         assert!(seen / pixels > 1e-3, "{name}: the sample is seen");
+        flat.holds();
+        mean.holds();
+        worst.holds();
     }
 }
 

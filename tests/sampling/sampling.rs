@@ -38,6 +38,8 @@ impl Scores {
         let mut spread = Worst::new(what[1], 4.0);
         let freedom = self.count - freedom_lost;
         spread.take((self.squares - freedom) / (2.0 * freedom).sqrt(), || "the squares".into());
+        mean.holds();
+        spread.holds();
     }
 }
 
@@ -86,6 +88,7 @@ fn random_flat_scatters_about_the_closed_form_by_its_known_variance() {
         scores.take((f64::from(*got) - mean) / deviation);
     }
     scores.judge(["sampling, random flat, mean score", "sampling, random flat, spread"], 0.0);
+    worst.holds();
 }
 
 /// Every ray adds a few thousand units of the sums for each energy: rounded down they lost 1.2e-4.
@@ -112,6 +115,7 @@ fn many_random_rays_of_many_energies_lose_no_light() {
     for got in &flat {
         worst.take(f64::from(*got) - 1.0, || format!("{got}"));
     }
+    worst.holds();
 }
 
 /// An absorber with a horizontal upper edge at height `edge`, thin along the beam.
@@ -161,6 +165,7 @@ fn horizontal_edge_is_blurred_by_the_height_of_the_spot() {
     }
     scores
         .judge(["sampling, horizontal edge, mean score", "sampling, horizontal edge, spread"], 0.0);
+    worst.holds();
 }
 
 #[test]
@@ -195,6 +200,8 @@ fn random_rays_agree_with_cells_behind_a_sample() {
     }
     let mut mean = Worst::new("sampling, random behind a sample, mean score", 4.0);
     mean.take(sum / count.sqrt(), || "all pixels".into());
+    worst.holds();
+    mean.holds();
 }
 
 #[test]
@@ -216,6 +223,7 @@ fn finer_cells_and_more_rows_change_next_to_nothing() {
     for (place, &got) in run(None, 1, 1e-4).indexed_iter() {
         worst.take(f64::from(got - fine[place]), || format!("{place:?}"));
     }
+    worst.holds();
 }
 
 #[test]
@@ -241,6 +249,7 @@ fn bodies_narrower_than_a_cell_are_not_stepped_over() {
     let flat = engine.simulate(&scene).expect("a stack").flat;
     let seen = fine.iter().zip(&flat).any(|(a, b)| (a - b).abs() > 2e-3);
     assert!(seen, "the fibres leave no trace");
+    worst.holds();
 }
 
 #[test]
@@ -253,7 +262,9 @@ fn light_is_conserved_behind_a_body_that_does_not_attenuate() {
     let stacks = stacks.expect("a stack");
     let sum = |values: &mut dyn Iterator<Item = &f32>| values.copied().map(f64::from).sum::<f64>();
     let ratio = sum(&mut stacks.sample.iter()) / sum(&mut stacks.flat.iter());
-    Worst::new("sampling, sum of the light", 1e-6).take(ratio - 1.0, || "all pixels".into());
+    let mut worst = Worst::new("sampling, sum of the light", 1e-6);
+    worst.take(ratio - 1.0, || "all pixels".into());
+    worst.holds();
     let moved = stacks.sample.iter().filter(|value| (**value - 1.0).abs() > 1e-3).count();
     assert!(moved > 100, "the body moves light of {moved} pixels only");
 }
@@ -276,6 +287,7 @@ fn a_mirrored_scene_gives_the_mirrored_stack() {
         let mirrored = right[[view, step, row, 23 - column]];
         worst.take(f64::from(value - mirrored), || format!("step {step}, row {row}, {column}"));
     }
+    worst.holds();
 }
 
 #[test]
@@ -296,4 +308,5 @@ fn normal_quantile_and_distribution_fit_together() {
     for p in [1e-6, 0.1, 0.5, 0.9, 1.0 - 1e-6] {
         worst.take(cumulative(normal::quantile(p)) - p, || format!("{p}"));
     }
+    worst.holds();
 }

@@ -81,6 +81,7 @@ fn check(name: &'static str, bodies: &[Body], want: &[Vec<f64>]) {
         }
     }
     assert!(seen > 3e-4, "{name}: the body takes {seen:.1e} of open beam only");
+    worst.holds();
 }
 
 /// Checks sheets that do not overlap along x.

@@ -56,19 +56,21 @@ pub(crate) fn backends() -> Vec<Backend> {
     all
 }
 
-/// Largest of some deviations, with where it was found.
-#[derive(Debug, Clone)]
+/// Largest of some deviations, with where it was found. A test ends it with `holds`.
+#[must_use = "without `holds` nothing is compared"]
+#[derive(Debug)]
 pub(crate) struct Worst {
     what: &'static str,
     tolerance: f64,
     value: f64,
     place: String,
     count: usize,
+    compared: bool,
 }
 
 impl Worst {
     pub(crate) fn new(what: &'static str, tolerance: f64) -> Self {
-        Self { what, tolerance, value: 0.0, place: String::new(), count: 0 }
+        Self { what, tolerance, value: 0.0, place: String::new(), count: 0, compared: false }
     }
 
     /// Takes a deviation; one that is not a number is infinite.
@@ -80,18 +82,33 @@ impl Worst {
             self.place = place();
         }
     }
-}
 
-impl Drop for Worst {
+    /// Prints the largest deviation and fails where it exceeds the tolerance, or where there was
+    /// none to take.
+    #[track_caller]
+    pub(crate) fn holds(mut self) {
+        self.print();
+        self.compared = true;
+        let Self { what, tolerance, value, place, count, .. } = &self;
+        assert!(*count > 0, "{what}: nothing was compared");
+        assert!(value <= tolerance, "{what}: {value:e} exceeds {tolerance:e} at {place}");
+    }
+
     #[allow(clippy::print_stdout, reason = "measured figures are what this is for")]
-    fn drop(&mut self) {
-        let Self { what, tolerance, value, place, count } = &*self;
+    fn print(&self) {
+        let Self { what, tolerance, value, place, count, .. } = self;
         println!(
             "measured {what}: {value:.3e} of {tolerance:.1e} allowed, at {place} (of {count})"
         );
-        if !std::thread::panicking() {
-            assert!(*count > 0, "{what}: nothing was compared");
-            assert!(value <= tolerance, "{what}: {value:e} exceeds {tolerance:e} at {place}");
+    }
+}
+
+impl Drop for Worst {
+    /// Fails a test that forgot `holds`; one that failed before it still prints its figures.
+    fn drop(&mut self) {
+        if !self.compared {
+            self.print();
+            assert!(std::thread::panicking(), "{}: ended without `holds`", self.what);
         }
     }
 }

@@ -40,6 +40,7 @@ fn blur_changes_no_flat_that_is_the_same_everywhere() {
             worst.take(f64::from(got - want), || format!("{sigma:?}, {place:?}"));
         }
     }
+    worst.holds();
 }
 
 /// Light behind the detector mask where every second beamlet is missing.
@@ -99,6 +100,7 @@ fn flat_of_skipped_beamlets_is_the_double_integral() {
                 format!("sigma {sigma:e}, parts {}, step {step}, column {column}", grid.parts[0])
             });
         }
+        worst.holds();
     }
 }
 
@@ -156,6 +158,9 @@ fn blurred_cylinder_is_the_reference_blurred() {
             }
         }
     }
+    inside.holds();
+    rim.holds();
+    sharp_rim.holds();
 }
 
 /// A horizontal edge, no masks: rows hold shares of a step that the detector blurs.
@@ -184,6 +189,7 @@ fn horizontal_edge_is_blurred_by_the_detector() {
             });
         }
     }
+    worst.holds();
 }
 
 /// Random rays agree with cells where the detector blurs, within their noise.
@@ -205,8 +211,11 @@ fn random_rays_agree_with_cells_where_the_detector_blurs() {
         worst.take(f64::from(cells - random), || format!("{place:?}"));
         mean += f64::from(cells - random) / 32.0;
     }
+    worst.holds();
     // 32 values.
-    Worst::new("detector, random rays with blur, mean", 1.5e-3).take(mean, || "all".into());
+    let mut worst = Worst::new("detector, random rays with blur, mean", 1.5e-3);
+    worst.take(mean, || "all".into());
+    worst.holds();
     // The nodes of the reference's normal distribution sum to 1, or nothing above means much.
     assert!((nodes(1.0, 241, 5.0).iter().map(|n| n.1).sum::<f64>() - 1.0).abs() < 1e-9);
 }

@@ -53,6 +53,7 @@ fn kernel_moves_light_to_where_its_image_says() {
     }
     // It is a picture of something.
     assert!(want[[0, 0, 0, 0]] > 0.99 && want[[0, 0, 7, 0]] < 0.01 && want[[0, 0, 7, 9]] > 0.99);
+    worst.holds();
 }
 
 /// A Gaussian as samples: its blur is that of the Gaussian, but for the breadth of a sample.
@@ -85,4 +86,5 @@ fn sampled_gaussian_blurs_as_the_gaussian() {
     for ((place, got), want) in got.indexed_iter().zip(&want) {
         worst.take(f64::from(got - want), || format!("{place:?}"));
     }
+    worst.holds();
 }

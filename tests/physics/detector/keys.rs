@@ -1,6 +1,5 @@
 //! Keys of the detector: what is refused, and that the resolved scene reads back.
 
-use beamlet::Engine;
 use beamlet::internals::detector::DetectorModel;
 use beamlet::scene::{Blur, Scatter, Scene};
 use std::collections::BTreeMap;
@@ -115,7 +114,6 @@ fn files_and_materials_that_cannot_serve_are_refused_before_anything_runs() {
     }
     let scene = load("absorber = { material = \"vacuum\", thickness = \"1 mm\" }").unwrap();
     assert!(DetectorModel::of(&scene).unwrap_err().to_string().contains("no signal"));
-    drop(Engine::open(&beamlet::EngineOptions::default()));
 }
 
 #[test]

@@ -233,4 +233,5 @@ fn kept_moments_serve_another_detector() {
         worst.take(f64::from(got - want), || format!("{place:?}"));
     }
     assert_eq!(got.counts.unwrap().dark, want.counts.unwrap().dark);
+    worst.holds();
 }

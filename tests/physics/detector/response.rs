@@ -76,6 +76,7 @@ fn spectrum_is_weighted_by_what_the_detector_sees() {
             worst.take(f64::from(*got) - want / total, || format!("{detector}, {index:?}"));
         }
     }
+    worst.holds();
 }
 
 /// A spectrum that ends below a threshold, and one that the thresholds leave out.

@@ -24,6 +24,7 @@ fn scatter_image_is_added_behind_the_sample_and_not_to_the_flat() {
         let want = without + image[[place.2, place.3]];
         worst.take(f64::from(with - want), || format!("{place:?}"));
     }
+    worst.holds();
 }
 
 #[test]
@@ -58,4 +59,5 @@ fn scatter_kernel_spreads_a_fraction_of_the_light_of_the_detector() {
     }
     // In the middle all of the fraction arrives, in a corner 0.6 x 0.6 of it.
     assert!((flat[[0, 3, 4]] - 1.1).abs() < 1e-6 && (flat[[0, 0, 0]] - 1.036).abs() < 1e-6);
+    worst.holds();
 }

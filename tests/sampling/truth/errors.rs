@@ -81,10 +81,12 @@ impl Errors {
             let mut largest = 0.0_f64;
             for step in 0..steps {
                 let place = [step, row, column];
-                let off = got[place] - want[place];
-                if !off.is_finite() {
+                // Angles are unknown where no light is.
+                if !want[place].is_finite() {
                     continue;
                 }
+                let off = got[place] - want[place];
+                let off = if off.is_finite() { off } else { f64::INFINITY };
                 errors.count += 1;
                 errors.within += usize::from(off.abs() <= limit);
                 sum += off;
