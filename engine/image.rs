@@ -102,7 +102,6 @@ fn read_png(path: &Path) -> Result<Array2<f64>> {
 }
 
 #[cfg(test)]
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "values of 8 bits")]
 mod tests {
     use super::*;
     use ndarray::array;

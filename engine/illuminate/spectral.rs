@@ -5,12 +5,6 @@
 //! displacement; what the displacement spreads over the energies is added to the blur. Cells for
 //! which that is not enough go energy by energy.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "rounding to f32 is meant; indices are bounded by those of the cells"
-)]
-
 mod bars;
 mod edges;
 mod integrals;
@@ -23,6 +17,7 @@ use crate::Result;
 use crate::gpu::Device;
 use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
 use crate::material::Constants;
+use crate::numbers::single;
 use crate::optics::{Mask, MaskShape, Optics};
 use crate::sampling::{CellBatch, CellMoments, Lattice};
 use crate::scene::Scene;
@@ -99,7 +94,7 @@ struct NodeResult {
 impl NodeResult {
     /// Share of the light that passes.
     fn light(&self) -> f64 {
-        f64::from((-self.depth as f32).exp())
+        f64::from(single(-self.depth).exp())
     }
 }
 
@@ -258,7 +253,7 @@ impl EnergyBinning {
             }
             let [softness, shade, shade2] = sum.map(|s| s / all);
             // Either edge moves by half of what the shade differs from its mean.
-            Some((softness + 0.25 * (shade2 - shade * shade)) as f32)
+            Some(single(softness + 0.25 * (shade2 - shade * shade)))
         };
         let groups = self.groups.iter().map(|&leaks| SpectralBand::Group {
             softness: [softness(0, leaks), softness(1, leaks)],
@@ -371,7 +366,7 @@ impl EnergyBinning {
             if bars.apart {
                 let results = scratch.results.iter().zip(&self.delta_ratio);
                 for ((results, delta_ratio), list) in results.zip(&mut scratch.lists[groups..]) {
-                    let spread = cell.spread * (delta_ratio * delta_ratio) as f32;
+                    let spread = cell.spread * single(delta_ratio * delta_ratio);
                     let x = [cell.x_low, cell.x_high];
                     list.push(Cell { spread, ..self.cell(strip, x, *results) });
                 }
@@ -503,11 +498,11 @@ impl EnergyBinning {
             slope_x: sums.slope_x(),
         };
         Cell {
-            spread: sums.spread() as f32,
-            sample_shade: sums.shade(0) as f32,
-            detector_shade: sums.shade(1) as f32,
-            sample_lean: sums.lean(0) as f32,
-            detector_lean: sums.lean(1) as f32,
+            spread: single(sums.spread()),
+            sample_shade: single(sums.shade(0)),
+            detector_shade: single(sums.shade(1)),
+            sample_lean: single(sums.lean(0)),
+            detector_lean: single(sums.lean(1)),
             ..self.cell(strip, x, [end(0), end(2)])
         }
     }
@@ -520,15 +515,16 @@ impl EnergyBinning {
         Cell {
             x_low: x[0],
             x_high: x[1],
-            depth_low: low.depth as f32,
-            depth_high: high.depth as f32,
-            displacement_low: low.x as f32,
-            displacement_high: high.x as f32,
-            displacement_z: z as f32,
+            depth_low: single(low.depth),
+            depth_high: single(high.depth),
+            displacement_low: single(low.x),
+            displacement_high: single(high.x),
+            displacement_z: single(z),
             above,
             below,
-            pixel_shift: (mean(|l| l.x) * (1.0 - self.ratio)
-                - mean(|l| l.slope_x) * self.gap * self.ratio) as f32,
+            pixel_shift: single(
+                mean(|l| l.x) * (1.0 - self.ratio) - mean(|l| l.slope_x) * self.gap * self.ratio,
+            ),
             ..bytemuck::Zeroable::zeroed()
         }
     }

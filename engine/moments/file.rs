@@ -99,12 +99,11 @@ impl MomentWriter {
         }
         let rows = seeing.iter().map(|s| s.row);
         let (low, high) = (rows.clone().min().unwrap_or(0), rows.max().unwrap_or(0));
-        #[allow(clippy::cast_possible_truncation, reason = "bounded by the cells of a part")]
         let head: [u32; BLOCK] = [
-            heads.len() as u32,
+            numbers::count(heads.len()),
             first,
             wide,
-            ordered.len() as u32,
+            numbers::count(ordered.len()),
             low.cast_unsigned(),
             high.cast_unsigned(),
         ];

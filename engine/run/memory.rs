@@ -5,6 +5,7 @@
 
 use crate::detector::SubpixelGrid;
 use crate::geometry::{self, ObjectSummary, PEAK_PER_TRIANGLE};
+use crate::numbers;
 use crate::optics::Optics;
 use crate::sampling::Lattice;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
@@ -143,8 +144,7 @@ pub(crate) fn estimate_refined(
     let mut needs = Needs::of(scene, objects)?;
     let told = estimate(scene, objects, limit, None)?;
     if needs.cells {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
-        let rays = rays_per_view as u64;
+        let rays = numbers::whole::<u64>(rays_per_view);
         needs.crowded = rays.saturating_sub(REFINED_USUALLY.saturating_mul(needs.rays));
     }
     // A run knows nothing of this: its bands are those that were told before. Nor does a limit bound
@@ -399,11 +399,5 @@ fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] {
         all += width * height;
         widths += width;
     }
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "an estimate, not negative; the cast saturates"
-    )]
-    let rays = [all.min(beamlets * rows), widths.min(beamlets)].map(|it| (it * of_beamlet) as u64);
-    rays
+    [all.min(beamlets * rows), widths.min(beamlets)].map(|it| numbers::whole(it * of_beamlet))
 }

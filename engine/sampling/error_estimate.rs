@@ -14,6 +14,7 @@ use super::error_budget::ErrorBudget;
 use super::patch::{Axis, Known, Node, Patch, Residuals, alike};
 use super::response::Response;
 use crate::interface::RayResult;
+use crate::numbers::single;
 use std::ops::Range;
 
 /// Light of a triangle at one side of an edge that cuts it, beside that of an interval.
@@ -155,10 +156,9 @@ impl Estimator<'_> {
     }
 
     /// Share of the light of a piece that its outline may move over the border of a row.
-    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
     fn beyond_border(&self, piece: &Piece) -> f32 {
         let down = -piece.result.landing_z(self.gap) / self.row_pitch;
-        let [top, bottom] = piece.rows.whole.map(|z| z as f32);
+        let [top, bottom] = piece.rows.whole.map(single);
         let height = bottom - top;
         // Beyond a sharp border; a blur hides outlines that are smaller.
         let beyond = (-top - down).max(bottom + down - 1.0) / height;

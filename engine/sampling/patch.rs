@@ -3,16 +3,11 @@
 //! Rectangles are split in three, so that the middle one keeps the ray. Their coordinates are
 //! (x - shear (z - 1/2), z): a silhouette that slants by `shear` stands upright in them.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts are bounded by max_rays; rounding to f32 is meant"
-)]
-
 use super::dissection::Piece;
 use super::facet_lists::{Overlap, PatchFacet};
 use super::facet_means::Mean;
 use crate::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
+use crate::numbers;
 use std::ops::Range;
 
 /// Indices of facets that take as much memory as a rectangle.
@@ -226,7 +221,7 @@ impl Patch {
         let columns = borders.len().saturating_sub(1);
         let node = |index: usize| {
             let column = index % columns;
-            let z = part([0.0, 1.0], (index / columns) as u32, lines);
+            let z = part([0.0, 1.0], numbers::count(index / columns), lines);
             let x = [borders[column], borders[column + 1]];
             Node::new(x, z, bytemuck::Zeroable::zeroed())
         };
@@ -234,7 +229,7 @@ impl Patch {
         Self {
             beamlet,
             row,
-            base: [columns as u32, lines],
+            base: [numbers::count(columns), lines],
             borders,
             shear: 0.0,
             straight: false,
@@ -264,8 +259,8 @@ impl Patch {
     /// The leaf that holds these coordinates.
     pub(super) fn leaf_at(&self, x: f32, z: f32) -> u32 {
         let column = self.borders.partition_point(|border| *border <= x).saturating_sub(1);
-        let column = (column as u32).min(self.base[0] - 1);
-        let line = ((z * self.base[1] as f32) as u32).min(self.base[1] - 1);
+        let column = numbers::count(column).min(self.base[0] - 1);
+        let line = numbers::whole::<u32>(f64::from(z * self.base[1] as f32)).min(self.base[1] - 1);
         let mut leaf = line * self.base[0] + column;
         while let Some((axis, first)) = self.nodes[leaf as usize].split {
             let beyond = |part: u32| {
@@ -291,7 +286,7 @@ impl Patch {
 
     /// Takes its facets; it does not slant.
     pub(super) fn set_facets(&mut self, facets: Vec<PatchFacet>) {
-        let all: Vec<u32> = (0..facets.len() as u32).collect();
+        let all: Vec<u32> = (0..numbers::count(facets.len())).collect();
         self.facets = Some(facets);
         for node in 0..self.nodes.len() {
             self.list_facets(node, &all);
@@ -302,12 +297,12 @@ impl Patch {
     fn list_facets(&mut self, node: usize, some: &[u32]) {
         let Some(facets) = &self.facets else { return };
         let node = &mut self.nodes[node];
-        let first = self.list.len() as u32;
+        let first = numbers::count(self.list.len());
         let [centre, half] = middle(node.x, node.z);
         let touches =
             |index: &&u32| facets[**index as usize].overlap(centre, half) != Overlap::None;
         self.list.extend(some.iter().filter(touches));
-        node.facets = [first, self.list.len() as u32];
+        node.facets = [first, numbers::count(self.list.len())];
     }
 
     /// Facets that may touch a rectangle.
@@ -319,7 +314,7 @@ impl Patch {
     /// Splits a leaf; its parts begin with its result.
     pub(super) fn split(&mut self, index: u32, axis: Axis) -> Range<u32> {
         let parent = self.nodes[index as usize];
-        let first = self.nodes.len() as u32;
+        let first = numbers::count(self.nodes.len());
         self.nodes[index as usize].split = Some((axis, first));
         let some = self.facets_of(index).to_vec();
         for i in 0..PARTS {
@@ -371,7 +366,7 @@ impl Patch {
         let first = self.pieces.len();
         self.pieces.extend_from_slice(pieces);
         let node = &mut self.nodes[index as usize];
-        node.known = Known::Pieces([first, self.pieces.len()].map(|n| n as u32));
+        node.known = Known::Pieces([first, self.pieces.len()].map(|n| numbers::count(n)));
         // Neighbours see the largest.
         if let Some(largest) = pieces.iter().max_by(|a, b| a.share.total_cmp(&b.share)) {
             node.result = largest.result;
@@ -385,7 +380,7 @@ impl Patch {
 
     /// Indices of the leaves.
     pub(super) fn leaves(&self) -> impl Iterator<Item = u32> {
-        (0..self.nodes.len() as u32).filter(|node| self.nodes[*node as usize].is_leaf())
+        (0..numbers::count(self.nodes.len())).filter(|node| self.nodes[*node as usize].is_leaf())
     }
 }
 

@@ -1,13 +1,6 @@
 //! Adaptive refinement of patches: judge, split where the error is, trace or sum over facets, until
 //! every budget holds. All patches ask for their rays together, so that the device gets many.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::ViewContext;
 use super::alignment::Scanlines;
 use super::base_lattice::BaseLattice;
@@ -19,6 +12,7 @@ use super::patch::{Known, Node, Patch, alike};
 use super::response::Opening;
 use crate::Result;
 use crate::interface::{Ray, RayResult};
+use crate::numbers::{self, single};
 use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -91,10 +85,10 @@ impl<'a> Refiner<'a> {
             base,
             first_beamlet: view.lattice.beamlets.start,
             least: [LEAST_WIDTH, LEAST_HEIGHT],
-            row_height: detector.pitch_at(1, view.lattice.plane) as f32,
-            row_pitch: detector.pitch[1] as f32,
-            row_blur: view.lattice.row_spread.blur as f32,
-            gap: optics.gap() as f32,
+            row_height: single(detector.pitch_at(1, view.lattice.plane)),
+            row_pitch: single(detector.pitch[1]),
+            row_blur: single(view.lattice.row_spread.blur),
+            gap: single(optics.gap()),
             // Of the whole detector, so that cells do not depend on bands.
             lit: -view.lattice.blur_rows..i64::from(detector.pixels[1]) + view.lattice.blur_rows,
         };
@@ -107,7 +101,7 @@ impl<'a> Refiner<'a> {
     pub(super) fn begin(&self, (beamlet, row): (i64, i64)) -> Option<PatchWork> {
         let base = self.estimator.base;
         let results = base.patch(beamlet, row)?;
-        let period = self.view.lattice.period as f32;
+        let period = single(self.view.lattice.period);
         let patch = Patch::new(beamlet, row, period, base.base, results);
         let narrow = self.narrow.get(&(beamlet, row)).cloned().unwrap_or_default();
         if narrow.is_empty() && self.misses(&patch) {
@@ -117,7 +111,7 @@ impl<'a> Refiner<'a> {
         let mut work = PatchWork {
             openings: self.view.response.openings(column),
             narrow,
-            rays: results.len() as u32,
+            rays: numbers::count(results.len()),
             light: 0.0,
             changed: Vec::new(),
             pending: Vec::new(),
@@ -164,7 +158,7 @@ impl<'a> Refiner<'a> {
         let borders = self.view.response.edges(column, finer * cells);
         work.patch = Patch::slabs(beamlet, row, borders, lines);
         work.patch.set_facets(facets);
-        for node in 0..work.patch.nodes.len() as u32 {
+        for node in 0..numbers::count(work.patch.nodes.len()) {
             if !self.take_mean(work, node) {
                 work.pending.push(node);
             }
@@ -194,7 +188,7 @@ impl<'a> Refiner<'a> {
             return false;
         }
         let Some(pieces) = means.pieces(patch, patch.facets_of(node), x, z) else { return false };
-        let first = patch.pieces.len() as u32;
+        let first = numbers::count(patch.pieces.len());
         patch.set_pieces(node, &pieces);
         let by_ray = (first..).zip(&pieces).filter(|(_, piece)| piece.by_ray);
         work.pending_pieces.extend(by_ray.map(|(number, _)| number));
@@ -241,13 +235,13 @@ impl<'a> Refiner<'a> {
         });
         let reach = patch.nodes.iter().map(|node| node.result.landing_z(self.estimator.gap).abs());
         let rows = f64::from(2.0 * reach.fold(0.0, f32::max) / self.estimator.row_pitch);
-        let rows = (rows * self.view.delta_ratio()).ceil() as i64;
+        let rows = numbers::whole::<i64>((rows * self.view.delta_ratio()).ceil());
         smooth && (row + rows < self.lit.start || row - rows >= self.lit.end)
     }
 
     /// Lets the rectangles of patches with silhouettes slant as these do.
     pub(super) fn align(&self, tracer: &mut Tracer, work: &mut [PatchWork]) -> Result<()> {
-        let period = self.view.lattice.period as f32;
+        let period = single(self.view.lattice.period);
         let base = self.estimator.base.base;
         let slants = |work: &&mut PatchWork| {
             let few = |count: u32| count <= MOST_ALIGNED;
@@ -270,7 +264,7 @@ impl<'a> Refiner<'a> {
             let results = self.trace(tracer, patches, &places)?;
             for ((work, lines), own) in slanting.iter_mut().zip(&results) {
                 lines.accept(own);
-                work.rays += own.len() as u32;
+                work.rays += numbers::count(own.len());
             }
         }
         // Patches with silhouettes begin on three lines whether these slant or not: narrow
@@ -280,13 +274,14 @@ impl<'a> Refiner<'a> {
             let slant = lines.slant().filter(|slant| slant.shear.abs() <= most);
             let shear = slant.map_or(0.0, |slant| slant.shear);
             let width = period + shear.abs();
-            let columns = (width * base[0] as f32 / period).ceil() as u32;
+            let columns =
+                numbers::whole::<u32>(f64::from((width * base[0] as f32 / period).ceil()));
             let base = [columns, LINES * base[1]];
             let Patch { beamlet, row, .. } = work.patch;
             work.judged = Judged::default();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
             work.patch.straight = slant.is_some_and(|slant| slant.straight);
-            work.pending.extend(0..work.patch.nodes.len() as u32);
+            work.pending.extend(0..numbers::count(work.patch.nodes.len()));
         }
         self.trace_pending(tracer, work)
     }
@@ -311,7 +306,7 @@ impl<'a> Refiner<'a> {
             {
                 work.patch.pieces[piece as usize].result = *result;
             }
-            work.rays += own.len() as u32;
+            work.rays += numbers::count(own.len());
         }
         Ok(())
     }

@@ -123,11 +123,6 @@ pub(super) fn gamma(shape: f64, draws: &mut Draws) -> f64 {
 }
 
 #[cfg(test)]
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "bins of some thousand numbers, none below 0"
-)]
 mod tests {
     use super::*;
 
