@@ -204,7 +204,7 @@ mod tests {
         let weights = [0.1, 0.2, 0.5, 0.2];
         let samples = |v: f64| {
             let k = ((v + 0.6) / 0.3).floor();
-            if (0.0..4.0).contains(&k) { weights[k as usize] / 0.3 } else { 0.0 }
+            if (0.0..4.0).contains(&k) { weights[numbers::whole::<usize>(k)] / 0.3 } else { 0.0 }
         };
         let spread = Spread::samples(&weights, 0.3);
         for (low, high) in [(-0.6, -0.5), (0.0, 0.1), (0.4, 0.65), (0.9, 1.0), (1.2, 1.5)] {

@@ -234,7 +234,7 @@ mod tests {
         let lit = Array3::from_shape_fn((2, height, width), |(step, row, column)| {
             let light = mixed((step * height + row) * width + column + 77);
             // Sharp edges, and darkness.
-            if light < 0.3 { 0.0 } else { crate::numbers::single(light) }
+            if light < 0.3 { 0.0 } else { single(light) }
         });
         (weights, lit)
     }
