@@ -94,7 +94,7 @@ macro_rules! narrow {
 }
 
 whole!(i32, i64, u8, u16, u32, u64, usize);
-narrow!(i64 => i32, i64 => u32, i64 => u64, i64 => usize, i32 => u32, i32 => usize, u64 => u32, u64 => usize, u32 => u8, u64 => u8, u32 => u16);
+narrow!(i64 => i32, i64 => u32, i64 => u64, i64 => usize, u64 => usize, u32 => u8);
 
 #[cfg(test)]
 mod tests {
