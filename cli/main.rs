@@ -8,6 +8,9 @@ mod args;
 mod commands;
 mod failure;
 mod interrupt;
+#[path = "../engine/numbers.rs"]
+#[allow(dead_code, reason = "casts of the engine, of which the command line needs some")]
+mod numbers;
 mod picture;
 mod printed;
 mod progress;

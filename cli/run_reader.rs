@@ -2,6 +2,7 @@
 //! some, and what they say of a pixel.
 
 use crate::failure::Failure;
+use crate::numbers;
 use crate::picture::curve::Fit;
 use crate::picture::quantity::Quantity;
 use crate::picture::text::{rough, short};
@@ -247,12 +248,7 @@ impl RunReader {
             );
         }
         if self.has("flags") {
-            #[allow(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "flags are small whole numbers"
-            )]
-            let flags = self.map("flags", view)?[[row, column]] as u32;
+            let flags = numbers::whole::<u32>(f64::from(self.map("flags", view)?[[row, column]]));
             let words = self.flag_words(flags);
             lines.extend(
                 words

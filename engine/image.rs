@@ -102,7 +102,6 @@ fn read_png(path: &Path) -> Result<Array2<f64>> {
 }
 
 #[cfg(test)]
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "values of 8 bits")]
 mod tests {
     use super::*;
     use ndarray::array;
@@ -116,14 +115,14 @@ mod tests {
     fn npy_tiff_and_png_hold_the_same_image() {
         let place = tempfile::tempdir().unwrap();
         let npy = place.path().join("image.npy");
-        ndarray_npy::write_npy(&npy, &wanted().mapv(|v| v as f32)).unwrap();
+        ndarray_npy::write_npy(&npy, &wanted().mapv(crate::numbers::single)).unwrap();
         let turned = place.path().join("turned.npy");
         ndarray_npy::write_npy(
             &turned,
             &wanted().reversed_axes().as_standard_layout().reversed_axes(),
         )
         .unwrap();
-        let bytes: Vec<u8> = wanted().iter().map(|v| *v as u8).collect();
+        let bytes: Vec<u8> = wanted().iter().map(|v| crate::numbers::whole(*v)).collect();
         let tif = place.path().join("image.TIF");
         let mut file = File::create(&tif).unwrap();
         tiff::encoder::TiffEncoder::new(&mut file)

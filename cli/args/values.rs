@@ -1,5 +1,6 @@
 //! Values that are checked as they are typed.
 
+use crate::numbers;
 pub(super) fn two_steps(text: &str) -> Result<[usize; 2], String> {
     let steps: Option<Vec<usize>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
     match steps.as_deref() {
@@ -25,8 +26,7 @@ pub(super) fn from_zero(text: &str) -> Result<f64, String> {
 pub(super) fn single(text: &str) -> Result<f32, String> {
     let most = f64::from(f32::MAX);
     let value = number(text, "a number above 0, up to 3.4e38", |v| v > 0.0 && v <= most)?;
-    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is intended")]
-    let value = value as f32;
+    let value = numbers::single(value);
     Ok(value)
 }
 

@@ -1,13 +1,8 @@
 //! Axes: round numbers, tick marks, labels, and where values lie on the paper.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "decimals and ticks are small whole numbers"
-)]
-
 use super::colour::SMALL;
 use super::drawing::{Anchor, Area, Drawing, FAINT, INK, Paint, text_width};
+use crate::numbers;
 
 /// Room that axes take to the left of and below their area.
 pub(crate) const LEFT: f64 = 80.0;
@@ -29,13 +24,13 @@ pub(crate) fn ticks(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
             part if part < 7.5 => 5.0,
             _ => 10.0,
         };
-    let first = (low / step - 1e-9).ceil() as i64;
-    let last = (high / step + 1e-9).floor() as i64;
+    let first = numbers::whole::<i64>((low / step - 1e-9).ceil());
+    let last = numbers::whole::<i64>((high / step + 1e-9).floor());
     let largest = low.abs().max(high.abs());
     let power = step.log10().floor();
     let plain = (-4.0..5.0).contains(&power) && largest < 1e6;
-    let decimals = if plain { (-power).max(0.0) as usize } else { 0 };
-    let digits = ((largest.log10().floor() - power).max(0.0) as usize).min(12);
+    let decimals = if plain { numbers::whole::<usize>((-power).max(0.0)) } else { 0 };
+    let digits = numbers::whole::<usize>((largest.log10().floor() - power).max(0.0)).min(12);
     (first..=last)
         .map(|index| {
             let value = index as f64 * step;
@@ -108,7 +103,7 @@ impl Axes {
     }
 
     fn ticks_across(&self) -> Vec<(f64, String)> {
-        let most = ((self.area.width / 75.0) as usize).clamp(3, 10);
+        let most = numbers::whole::<usize>(self.area.width / 75.0).clamp(3, 10);
         let wide = |text: &str| text_width(text, SMALL) + 12.0;
         // As many as have room beside each other.
         let fit = |ticks: &Vec<(f64, String)>| {
@@ -122,7 +117,7 @@ impl Axes {
     }
 
     fn ticks_down(&self) -> Vec<(f64, String)> {
-        let most = ((self.area.height / 50.0) as usize).clamp(3, 10);
+        let most = numbers::whole::<usize>(self.area.height / 50.0).clamp(3, 10);
         if self.marks.is_empty() {
             return between(self.y, most);
         }

@@ -1,14 +1,9 @@
 //! Colours of values: perceptually uniform maps, a diverging one for signed values, and scales
 //! with their bar.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "colours are small whole numbers"
-)]
-
 use super::axes::ticks;
 use super::drawing::{Anchor, Area, Drawing, INK, Paint};
+use crate::numbers;
 
 /// Red, green, blue (sRGB).
 pub(crate) type Rgb = [u8; 3];
@@ -62,7 +57,7 @@ impl Map {
                     true => 1.055 * linear.powf(1.0 / 2.4) - 0.055,
                     false => 12.92 * linear,
                 };
-                [(encoded * 255.0).round() as u8; 3]
+                [numbers::whole::<u8>((encoded * 255.0).round()); 3]
             }
             Self::Viridis => of(colorous::VIRIDIS.eval_continuous(at)),
             Self::Inferno => of(colorous::INFERNO.eval_continuous(at)),
@@ -102,7 +97,9 @@ impl Scale {
         let Some((&least, &most)) = values.first().zip(values.last()) else {
             return Self { map, low: 0.0, high: 1.0, beyond: [false; 2] };
         };
-        let share = |share: f64| values[((values.len() - 1) as f64 * share).round() as usize];
+        let share = |share: f64| {
+            values[numbers::whole::<usize>(((values.len() - 1) as f64 * share).round())]
+        };
         let (mut low, mut high) = (least, most);
         if map == Map::Diverging {
             let inner = share(1.0 - TAIL);
@@ -177,7 +174,7 @@ impl Scale {
 /// Whether negative values are more than a quarter of the positive ones.
 fn is_signed(values: &mut [f64]) -> bool {
     values.sort_by(f64::total_cmp);
-    let share = |share: f64| values.get((values.len() as f64 * share) as usize);
+    let share = |share: f64| values.get(numbers::whole::<usize>(values.len() as f64 * share));
     match (share(TAIL), share(1.0 - TAIL)) {
         (Some(low), Some(high)) => *low < -0.25 * high.abs(),
         _ => false,

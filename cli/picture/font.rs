@@ -1,7 +1,6 @@
 //! The one typeface of all pictures, inside the program: `DejaVu Sans` (licence beside it).
 
-#![expect(clippy::cast_possible_truncation, reason = "outlines are drawn in single precision")]
-
+use crate::numbers::single;
 use ab_glyph::{Font, FontRef, OutlineCurve, PxScale, ScaleFont};
 use std::sync::LazyLock;
 use tiny_skia::{Path, PathBuilder};
@@ -12,7 +11,7 @@ static TYPEFACE: LazyLock<Option<FontRef<'static>>> =
 /// Size of the em at a type size: `ab_glyph` scales by the height of a line.
 fn scale_of(font: &FontRef<'_>, size: f64) -> PxScale {
     let em = font.units_per_em().unwrap_or(2048.0);
-    PxScale::from(size as f32 * font.height_unscaled() / em)
+    PxScale::from(single(size) * font.height_unscaled() / em)
 }
 
 /// Width of a text, in pixels.

@@ -1,6 +1,7 @@
 //! Colours of the materials of a scene, the same in every picture of it.
 
 use super::colour::{Rgb, SET};
+use crate::numbers;
 use beamlet::scene::Scene;
 
 /// Of what is not sample.
@@ -32,10 +33,5 @@ pub(super) fn colour_of_object(scene: &Scene, object: Option<u32>) -> Rgb {
 
 /// Mixes a colour with white: 1 is the colour itself.
 pub(super) fn pale(colour: Rgb, strength: f64) -> Rgb {
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "a mean of colours is a colour"
-    )]
-    colour.map(|c| (255.0 - (255.0 - f64::from(c)) * strength).round() as u8)
+    colour.map(|c| numbers::whole::<u8>((255.0 - (255.0 - f64::from(c)) * strength).round()))
 }

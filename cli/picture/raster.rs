@@ -1,14 +1,9 @@
 //! A drawing as PNG.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "pixels are counted in small whole numbers, and drawn in single precision"
-)]
-
 use super::colour::Rgb;
 use super::drawing::{Anchor, Area, Drawing, Item, Paint};
 use super::font;
+use crate::numbers::{self, single};
 use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Mask, PathBuilder, Pixmap, PremultipliedColorU8, Rect,
     Stroke, StrokeDash, Transform,
@@ -17,7 +12,7 @@ use tiny_skia::{
 impl Drawing {
     /// Width and height of the PNG file, pixels.
     pub(crate) fn pixels_at(&self, scale: f64) -> [u32; 2] {
-        [self.width, self.height].map(|side| (side * scale).round() as u32)
+        [self.width, self.height].map(|side| numbers::whole::<u32>((side * scale).round()))
     }
 
     /// The drawing as a PNG file on white, `scale` pixels to a unit.
@@ -36,14 +31,14 @@ impl Drawing {
 }
 
 fn draw(pixmap: &mut Pixmap, item: &Item, scale: f64) {
-    let transform = Transform::from_scale(scale as f32, scale as f32);
+    let transform = Transform::from_scale(single(scale), single(scale));
     match item {
         Item::Path { points, closed, paint, clip } => {
             let mut builder = PathBuilder::new();
             for (index, [x, y]) in points.iter().enumerate() {
                 match index {
-                    0 => builder.move_to(*x as f32, *y as f32),
-                    _ => builder.line_to(*x as f32, *y as f32),
+                    0 => builder.move_to(single(*x), single(*y)),
+                    _ => builder.line_to(single(*x), single(*y)),
                 }
             }
             if *closed {
@@ -55,7 +50,7 @@ fn draw(pixmap: &mut Pixmap, item: &Item, scale: f64) {
             }
         }
         Item::Disc { at, radius, paint } => {
-            let circle = PathBuilder::from_circle(at[0] as f32, at[1] as f32, *radius as f32);
+            let circle = PathBuilder::from_circle(single(at[0]), single(at[1]), single(*radius));
             if let Some(path) = circle {
                 paint_path(pixmap, &path, paint, transform, None);
             }
@@ -68,9 +63,9 @@ fn draw(pixmap: &mut Pixmap, item: &Item, scale: f64) {
                 Anchor::Middle => -width / 2.0,
                 Anchor::End => -width,
             };
-            let placed = transform.pre_translate(at[0] as f32, at[1] as f32);
+            let placed = transform.pre_translate(single(at[0]), single(at[1]));
             let turned = if *upwards { placed.pre_rotate(-90.0) } else { placed };
-            let moved = turned.pre_translate(shift as f32, 0.0);
+            let moved = turned.pre_translate(single(shift), 0.0);
             paint_path(pixmap, &path, &Paint::fill(*colour), moved, None);
         }
         Item::Pixels { area, columns, pixels } => blocks(pixmap, *area, *columns, pixels, scale),
@@ -80,10 +75,10 @@ fn draw(pixmap: &mut Pixmap, item: &Item, scale: f64) {
 fn clip_mask(pixmap: &Pixmap, area: Area, transform: Transform) -> Option<Mask> {
     let mut mask = Mask::new(pixmap.width(), pixmap.height())?;
     let path = PathBuilder::from_rect(Rect::from_xywh(
-        area.left as f32,
-        area.top as f32,
-        area.width as f32,
-        area.height as f32,
+        single(area.left),
+        single(area.top),
+        single(area.width),
+        single(area.height),
     )?);
     mask.fill_path(&path, FillRule::Winding, true, transform);
     Some(mask)
@@ -98,7 +93,7 @@ fn paint_path(
 ) {
     let of = |[r, g, b]: Rgb, opacity: f64| {
         let mut paint = tiny_skia::Paint::default();
-        paint.set_color_rgba8(r, g, b, (opacity * 255.0).round() as u8);
+        paint.set_color_rgba8(r, g, b, numbers::whole::<u8>((opacity * 255.0).round()));
         paint
     };
     if let Some((colour, opacity)) = paint.fill {
@@ -106,10 +101,10 @@ fn paint_path(
     }
     if let Some((colour, width)) = paint.stroke {
         let stroke = Stroke {
-            width: width as f32,
+            width: single(width),
             line_cap: LineCap::Butt,
             line_join: LineJoin::Round,
-            dash: paint.dash.and_then(|d| StrokeDash::new(vec![d as f32, d as f32], 0.0)),
+            dash: paint.dash.and_then(|d| StrokeDash::new(vec![single(d), single(d)], 0.0)),
             ..Stroke::default()
         };
         pixmap.stroke_path(path, &of(colour, 1.0), &stroke, transform, mask);
@@ -126,22 +121,22 @@ fn blocks(pixmap: &mut Pixmap, area: Area, columns: usize, pixels: &[Rgb], scale
     let [left, top] = [area.left * scale, area.top * scale].map(f64::round);
     let [width, height] = [area.width * scale, area.height * scale].map(f64::round);
     let span = |at: f64, size: f64, count: usize| {
-        let first = (at / size * count as f64 + 1e-9).floor() as usize;
-        let last = ((at + 1.0) / size * count as f64 - 1e-9).ceil() as usize;
+        let first = numbers::whole::<usize>((at / size * count as f64 + 1e-9).floor());
+        let last = numbers::whole::<usize>(((at + 1.0) / size * count as f64 - 1e-9).ceil());
         let (first, last) = (first.min(count - 1), last.clamp(1, count));
         match count as f64 > size {
             true => first..last.max(first + 1),
             false => {
-                let centre = ((at + 0.5) / size * count as f64).floor() as usize;
+                let centre = numbers::whole::<usize>(((at + 0.5) / size * count as f64).floor());
                 centre.min(count - 1)..centre.min(count - 1) + 1
             }
         }
     };
     let stride = pixmap.width() as usize;
     let (across, down) = (stride as f64 - left, f64::from(pixmap.height()) - top);
-    for y in 0..height.min(down) as usize {
+    for y in 0..numbers::whole::<usize>(height.min(down)) {
         let of_rows = span(y as f64, height, rows);
-        for x in 0..width.min(across) as usize {
+        for x in 0..numbers::whole::<usize>(width.min(across)) {
             let mut sum = [0_u32; 3];
             let of_columns = span(x as f64, width, columns);
             for row in of_rows.clone() {
@@ -151,10 +146,12 @@ fn blocks(pixmap: &mut Pixmap, area: Area, columns: usize, pixels: &[Rgb], scale
                     (0..3).for_each(|i| sum[i] += u32::from(pixel[i]));
                 }
             }
-            let count = (of_rows.len() * of_columns.len()) as u32;
-            let [r, g, b] = sum.map(|sum| ((sum + count / 2) / count) as u8);
+            let count = numbers::count(of_rows.len() * of_columns.len());
+            let [r, g, b] = sum.map(|sum| numbers::narrow::<u8>((sum + count / 2) / count));
             if let Some(colour) = PremultipliedColorU8::from_rgba(r, g, b, 255) {
-                pixmap.pixels_mut()[(top as usize + y) * stride + left as usize + x] = colour;
+                pixmap.pixels_mut()[(numbers::whole::<usize>(top) + y) * stride
+                    + numbers::whole::<usize>(left)
+                    + x] = colour;
             }
         }
     }

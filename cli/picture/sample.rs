@@ -1,15 +1,10 @@
 //! The sample, ray-traced: materials in colours, what is around other things translucent.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "rays are single, colours and pixels small whole numbers"
-)]
-
 use super::colour::{Rgb, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
 use super::palette::{colour_of, colour_of_object, materials};
 use super::text::length;
+use crate::numbers::{self, single};
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
 use beamlet::{Engine, EngineOptions, Ray, Result, SurfaceCrossing, require_memory};
@@ -46,7 +41,7 @@ pub(crate) fn draw(
 ) -> Result<Drawing> {
     let mut drawing = Drawing::new(SIZE + 250.0, SIZE + 20.0);
     let picture = Picture::of(scene, sample, camera);
-    let side = (SIZE * SCALE) as usize;
+    let side = numbers::whole::<usize>(SIZE * SCALE);
     let options = EngineOptions {
         device: device.map(str::to_owned),
         backend: Some(beamlet::Backend::Bvh),
@@ -113,8 +108,8 @@ impl Picture {
     /// the picture along +y.
     fn ray(&self, across: f64, up: f64) -> Ray {
         Ray {
-            x: (self.centre[0] + across * self.half) as f32,
-            z: (self.centre[2] + up * self.half) as f32,
+            x: single(self.centre[0] + across * self.half),
+            z: single(self.centre[2] + up * self.half),
             slope_x: 0.0,
             slope_z: 0.0,
             view: 0,
@@ -208,7 +203,7 @@ fn render(engine: &Engine, turned: &Scene, picture: &Picture, side: usize) -> Re
     }
     Ok(seen
         .iter()
-        .map(|(light, _)| light.map(|l| (l.clamp(0.0, 1.0) * 255.0).round() as u8))
+        .map(|(light, _)| light.map(|l| numbers::whole::<u8>((l.clamp(0.0, 1.0) * 255.0).round())))
         .collect())
 }
 

@@ -1,13 +1,8 @@
 //! Frames and retrieved images of a run as 16-bit numbers, binned where there are too many.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "numbers are rounded to 16 bits on purpose"
-)]
-
 use super::table_of;
 use crate::failure::Failure;
+use crate::numbers;
 use crate::picture::colour::{Map, Scale};
 use crate::picture::quantity::Quantity;
 use crate::run_reader::RunReader;
@@ -78,7 +73,7 @@ impl Thinning {
         let bin = self.bin;
         let mut joined = Array2::zeros((rows.div_ceil(bin), columns.div_ceil(bin)));
         for ((row, column), flags) in frame.indexed_iter() {
-            joined[[row / bin, column / bin]] |= *flags as u32;
+            joined[[row / bin, column / bin]] |= numbers::whole::<u32>(f64::from(*flags));
         }
         joined
     }
@@ -99,7 +94,7 @@ impl Quantised {
         let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
         let span = if high > low { high - low } else { 1.0 };
         let word = |value: &f64| match value.is_finite() {
-            true => ((value - low) / span * f64::from(NOTHING - 1)).round() as u16,
+            true => numbers::whole::<u16>(((value - low) / span * f64::from(NOTHING - 1)).round()),
             false => NOTHING,
         };
         Self { low, high: low + span, words: values.iter().map(word).collect() }

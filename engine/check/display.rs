@@ -1,6 +1,7 @@
 //! The report as aligned text for a terminal.
 
 use super::{CheckReport, CheckedObject, Material, Work};
+use crate::numbers;
 use crate::printed::number;
 use std::fmt::{self, Display, Formatter};
 
@@ -167,12 +168,7 @@ pub fn count(value: u64) -> String {
 fn about(value: f64) -> String {
     let digits = value.abs().max(1.0).log10().floor() - 1.0;
     let unit = 10_f64.powf(digits.max(0.0));
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "counts are not negative; larger ones saturate"
-    )]
-    let rounded = ((value / unit).round() * unit) as u64;
+    let rounded = numbers::whole::<u64>((value / unit).round() * unit);
     count(rounded)
 }
 

@@ -2,14 +2,9 @@
 //! cut into parts small enough that where light lies within a part does not matter, and light
 //! beside the detector that blurs into it is taken up too.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts of pixels are bounded by the scene's validation"
-)]
-
 use super::kernel::{KernelOf, Measured, Spread};
 use crate::Result;
+use crate::numbers;
 use crate::optics::Optics;
 use crate::scene::{Blur, Scatter, Scene};
 use serde::Serialize;
@@ -64,7 +59,7 @@ impl SubpixelGrid {
             let Some(spread) = spread.as_ref().filter(|spread| spread.reach() > 0.0) else {
                 continue;
             };
-            grid.margin[axis] = spread.reach().ceil() as u32;
+            grid.margin[axis] = numbers::whole::<u32>(spread.reach().ceil());
             let lit = if axis == 0 { lit_width(scene) } else { 1.0 };
             let (mut chosen, mut chosen_error) = (0, f64::INFINITY);
             for parts in 1..=MOST[axis] {
@@ -84,7 +79,7 @@ impl SubpixelGrid {
         }
         if let Some(Scatter::Kernel { kernel, .. }) = &detector.scatter {
             let spread = Measured::read(scene, kernel, KernelOf::Scatter)?.profile(1);
-            grid.scatter_rows = spread.reach().ceil() as u32;
+            grid.scatter_rows = numbers::whole::<u32>(spread.reach().ceil());
         }
         Ok(grid)
     }
@@ -145,7 +140,7 @@ fn lit_width(scene: &Scene) -> f64 {
 /// Most that `parts` of a pixel change it, or one beside it: light of open beam between two sharp
 /// edges anywhere in the lit middle of a pixel, and between the edges of that middle.
 fn error_of(spread: &Spread, parts: u32, lit: f64) -> [f64; 2] {
-    let reach = spread.reach().ceil() as i32;
+    let reach = numbers::whole::<i32>(spread.reach().ceil());
     let parts = f64::from(parts);
     // Of the light up to x the parts give the straight line between their borders.
     let off = |x: f64| {
@@ -155,7 +150,7 @@ fn error_of(spread: &Spread, parts: u32, lit: f64) -> [f64; 2] {
         let line = spread.landed(low) * (1.0 - share) + spread.landed(high) * share;
         spread.landed(x) - line
     };
-    let samples = (8.0 * parts * lit).ceil().max(8.0) as i32;
+    let samples = numbers::whole::<i32>((8.0 * parts * lit).ceil().max(8.0));
     (-reach..=reach)
         .map(|pixel| {
             let at =

@@ -1,6 +1,7 @@
 //! Kernels of the blur, and how much of the light that falls evenly into an interval lands in a
 //! pixel. One dimension at a time; lengths in pixels of that dimension.
 
+use crate::numbers;
 use crate::scene::{KernelFile, Scene};
 use crate::{Error, Result, image};
 use ndarray::Array2;
@@ -53,12 +54,7 @@ impl Spread {
                 let last = below.len() - 1;
                 let first = -0.5 * last as f64 * width;
                 let at = ((v - first) / width).floor().clamp(-1.0, last as f64);
-                #[allow(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "clamped to the samples"
-                )]
-                let k = if at < 0.0 { return 0.0 } else { at as usize };
+                let k = if at < 0.0 { return 0.0 } else { numbers::whole::<usize>(at) };
                 let [sum, moment] = below[k];
                 let partly = match below.get(k + 1) {
                     Some(next) => {
@@ -170,12 +166,7 @@ impl Measured {
             let samples = self.samples.shape()[1 - axis];
             let width = self.size[axis];
             let first = -0.5 * samples as f64 * width;
-            #[allow(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "a few thousand at most"
-            )]
-            Array2::from_shape_fn((count as usize, samples), |(i, k)| {
+            Array2::from_shape_fn((numbers::whole::<usize>(count), samples), |(i, k)| {
                 let low = i as f64 / f64::from(parts) - margin;
                 let from = [low, low + 1.0 / f64::from(parts)];
                 sample_landing(from, first + k as f64 * width, width) / f64::from(parts)
@@ -186,11 +177,6 @@ impl Measured {
 }
 
 #[cfg(test)]
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "samples of a kernel, none below 0"
-)]
 mod tests {
     use super::*;
     use ndarray::array;
@@ -218,7 +204,7 @@ mod tests {
         let weights = [0.1, 0.2, 0.5, 0.2];
         let samples = |v: f64| {
             let k = ((v + 0.6) / 0.3).floor();
-            if (0.0..4.0).contains(&k) { weights[k as usize] / 0.3 } else { 0.0 }
+            if (0.0..4.0).contains(&k) { weights[numbers::whole::<usize>(k)] / 0.3 } else { 0.0 }
         };
         let spread = Spread::samples(&weights, 0.3);
         for (low, high) in [(-0.6, -0.5), (0.0, 0.1), (0.4, 0.65), (0.9, 1.0), (1.2, 1.5)] {

@@ -2,6 +2,7 @@
 
 use super::kernel::{KernelOf, Measured};
 use super::spread::Window;
+use crate::numbers::{self, single};
 use crate::scene::Exposure;
 use crate::scene::{Scatter, Scene};
 use crate::{Error, Result, image};
@@ -36,18 +37,13 @@ impl ScatterStage {
                     let found = format!("{}: {value}", path.display());
                     return Err(Error::scene(key, found, "finite intensities >= 0"));
                 }
-                #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-                let image = image.mapv(|value| value as f32);
+                let image = image.mapv(single);
                 Ok(Some(Self::Image(image)))
             }
             Some(Scatter::Kernel { kernel, fraction }) => {
                 let measured = Measured::read(scene, kernel, KernelOf::Scatter)?;
-                #[allow(
-                    clippy::cast_possible_truncation,
-                    clippy::cast_sign_loss,
-                    reason = "a few hundred pixels"
-                )]
-                let margin = [0, 1].map(|axis| measured.profile(axis).reach().ceil() as u32);
+                let margin =
+                    [0, 1].map(|axis| numbers::whole::<u32>(measured.profile(axis).reach().ceil()));
                 let weights = measured.weights(margin, [1; 2]) * *fraction;
                 let window = Window::new(weights, [1; 2], scene.detector.pixels[0] as usize);
                 Ok(Some(Self::Kernel { window, margin: margin.map(|n| n as usize) }))

@@ -1,6 +1,7 @@
 //! Light summed over the window of each pixel: directly, or by Fourier transforms along the rows
 //! where windows are wide.
 
+use crate::numbers::single;
 use ndarray::{Array2, Array3, ArrayView3};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex;
@@ -80,9 +81,8 @@ fn direct(
     out
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
 fn store(line: &mut [f32], sums: &[f64]) {
-    line.iter_mut().zip(sums).for_each(|(value, sum)| *value = *sum as f32);
+    line.iter_mut().zip(sums).for_each(|(value, sum)| *value = single(*sum));
 }
 
 /// Real and imaginary parts of half a spectrum; the other half mirrors it.
@@ -234,7 +234,7 @@ mod tests {
         let lit = Array3::from_shape_fn((2, height, width), |(step, row, column)| {
             let light = mixed((step * height + row) * width + column + 77);
             // Sharp edges, and darkness.
-            if light < 0.3 { 0.0 } else { crate::numbers::single(light) }
+            if light < 0.3 { 0.0 } else { single(light) }
         });
         (weights, lit)
     }

@@ -7,6 +7,7 @@
 use super::polygon;
 use super::surface::{Defect, Surface};
 use super::watch::Task;
+use crate::numbers;
 use glam::DVec3;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -22,12 +23,7 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
     // A name in some other encoding than UTF-8 is no reason to refuse a file.
     let text = String::from_utf8_lossy(bytes);
     let share = |share: f64| {
-        #[allow(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a share of a length"
-        )]
-        task.reach((share * bytes.len() as f64) as u64);
+        task.reach(numbers::whole::<u64>(share * bytes.len() as f64));
     };
     let (plain, lines) = vetted(&text, |done| share(FIRST_LOOK * done))?;
     share(FIRST_LOOK);

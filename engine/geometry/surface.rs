@@ -91,8 +91,7 @@ impl Surface {
         // Of each corner the first that is equal, then its vertex.
         let mut vertex_of = vec![0_u32; sorted.len()];
         for equal in sorted.chunk_by(|a, b| a >> 32 == b >> 32) {
-            #[allow(clippy::cast_possible_truncation, reason = "the corner is the lowest 32 bits")]
-            let corner = |it: u128| it as u32;
+            let corner = |it: u128| numbers::low_word(numbers::low_half(it));
             equal.iter().for_each(|it| vertex_of[corner(*it) as usize] = corner(equal[0]));
         }
         drop(sorted);

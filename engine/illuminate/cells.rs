@@ -1,17 +1,11 @@
 //! Illuminates strips of cells at every mask step.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::light::IlluminationBuffer;
 use super::sums::Sums;
 use crate::Result;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace, shaders};
 use crate::interface::{Cell, CellRow, GROUP, IlluminatePush};
+use crate::numbers;
 use crate::sampling::CellBatch;
 use crate::trace::push_bytes;
 use std::ops::Range;
@@ -125,15 +119,17 @@ impl CellIlluminator {
             let (near, far): (Vec<_>, Vec<_>) = list.strips.iter().partition(near);
             for (some, far) in [(near, false), (far, true)] {
                 if !some.is_empty() {
-                    let first = ordered.len() as u32;
+                    let first = numbers::count(ordered.len());
                     pieces.push(DispatchPart {
                         light,
                         far,
-                        strips: first..first + some.len() as u32,
+                        strips: first..first + numbers::count(some.len()),
                     });
                 }
-                let moved =
-                    |strip: &CellRow| CellRow { first: strip.first + first_cell as u32, ..*strip };
+                let moved = |strip: &CellRow| CellRow {
+                    first: strip.first + numbers::count(first_cell),
+                    ..*strip
+                };
                 ordered.extend(some.into_iter().map(moved));
             }
             first_cell += list.cells.len();

@@ -1,17 +1,11 @@
 //! The random scheme: rays made, traced and illuminated on the device.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::light::IlluminationBuffer;
 use super::sums::Sums;
 use crate::Result;
 use crate::gpu::{Device, Kernel, shaders};
 use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
+use crate::numbers;
 use crate::optics::Optics;
 use crate::trace::{Tracer, push_bytes};
 use std::sync::Arc;
@@ -63,13 +57,13 @@ pub(crate) fn cast(
 ) -> Result<()> {
     let rays_per_pixel = optics.sampling.rays;
     let all = rays_per_pixel[0] * rays_per_pixel[1];
-    let seed = [optics.sampling.seed as u32, (optics.sampling.seed >> 32) as u32];
-    let steps = optics.mask_steps() as u32;
+    let seed = [numbers::low_word(optics.sampling.seed), numbers::high_word(optics.sampling.seed)];
+    let steps = numbers::count(optics.mask_steps());
     let capacity = tracer.capacity();
     let at_once = (capacity / all.min(capacity)).max(1);
     for pixels in job.pixels.chunks(at_once as usize) {
         let buffer = device.upload("pixels", pixels)?;
-        let pixel_count = pixels.len() as u32;
+        let pixel_count = numbers::count(pixels.len());
         let mut first_ray = 0;
         while first_ray < all {
             let batch = (all - first_ray).min(capacity / pixel_count);

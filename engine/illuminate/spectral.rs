@@ -5,35 +5,26 @@
 //! displacement; what the displacement spreads over the energies is added to the blur. Cells for
 //! which that is not enough go energy by energy.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "rounding to f32 is meant; indices are bounded by those of the cells"
-)]
-
 mod bars;
 mod edges;
 mod integrals;
 mod join;
 mod ordered;
+mod set_up;
 mod sums;
 
-use super::light::{IlluminationBuffer, SpectralBand};
 use crate::Result;
-use crate::gpu::Device;
 use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
-use crate::material::Constants;
-use crate::optics::{Mask, MaskShape, Optics};
+use crate::numbers::single;
+use crate::optics::MaskShape;
 use crate::sampling::{CellBatch, CellMoments, Lattice};
-use crate::scene::Scene;
-use crate::trace::{MaterialTable, Tracer};
+use crate::trace::Tracer;
 use bars::{MaskTransmission, passing};
 use edges::SharedEdges;
 use join::Joining;
-use ordered::{Repeated, severe};
+use ordered::Repeated;
 use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::Arc;
 use sums::{Sums, Terms};
 
 pub(crate) use bars::MaskTransmissionCache;
@@ -99,7 +90,7 @@ struct NodeResult {
 impl NodeResult {
     /// Share of the light that passes.
     fn light(&self) -> f64 {
-        f64::from((-self.depth as f32).exp())
+        f64::from(single(-self.depth).exp())
     }
 }
 
@@ -127,101 +118,6 @@ struct Scratch {
 }
 
 impl EnergyBinning {
-    /// For the lattice of a scene.
-    ///
-    /// # Errors
-    /// As [`crate::material::constants_at_for`].
-    ///
-    /// `reference`: constants that ordered walks were made at; `flagged`: the strongest delta
-    /// that rays were flagged for.
-    pub(crate) fn new(
-        scene: &Scene,
-        optics: &Optics,
-        media: &MaterialTable,
-        lattice: &Lattice,
-        reference: &[Constants],
-        flagged: f64,
-    ) -> Result<Self> {
-        let Optics { analyser, detector, .. } = optics;
-        let at = |mask: &Option<Mask>, plane: f64| {
-            mask.as_ref()
-                .map(|mask| {
-                    let of = |&energy: &f64| MaskShape::of(scene, mask, plane, Some(energy));
-                    media.energies.iter().map(of).collect::<Result<Vec<_>>>()
-                })
-                .transpose()
-        };
-        let masks =
-            [at(&optics.sample_mask, lattice.plane)?, at(&optics.detector_mask, *analyser)?];
-        let flat = |of: fn(&Constants) -> f64| {
-            media.constants.iter().flatten().chain(reference).map(of).collect()
-        };
-        let strength = |c: &[Constants]| c.iter().map(|c| c.delta.abs()).sum::<f64>();
-        let delta_ratio =
-            |node: &Vec<Constants>| strength(node) / strength(reference).max(f64::MIN_POSITIVE);
-        let (mu, delta): (Vec<f64>, Vec<f64>) = (flat(|c| c.mu), flat(|c| c.delta));
-        let materials = media.names.len();
-        let acts = |&material: &usize| {
-            let of = |constants: &Vec<f64>| {
-                constants[material..].iter().step_by(materials).any(|value| *value != 0.0)
-            };
-            of(&mu) || of(&delta)
-        };
-        let edges = SharedEdges::of(
-            [0, 1].map(|i| masks[i].as_deref()),
-            [analyser / lattice.plane, 1.0],
-            &media.weights,
-            lattice.edge_blur,
-            lattice.period * analyser / lattice.plane,
-        );
-        let mut spectral = Self {
-            edges,
-            acting: (0..materials).filter(acts).collect(),
-            weights: media.weights.clone(),
-            mu,
-            delta,
-            delta_ratio: media.constants.iter().map(delta_ratio).collect(),
-            severe: severe(optics.sampling.transport, media, reference, flagged),
-            materials,
-            groups: Vec::new(),
-            slopes: lattice.columns(optics).iter().map(|c| c.slope.into()).collect(),
-            lattice: lattice.clone(),
-            tolerance: DISPLACEMENT_SHARE * optics.sampling.angle_tolerance * optics.lever_arm(),
-            gap: optics.gap(),
-            ratio: analyser / detector.distance,
-            row_pitch: detector.pitch[1],
-            row_slope: -detector.row_slope(),
-            middle_row: detector.half(1),
-            masks,
-        };
-        // One energy has nothing to gather.
-        if spectral.nodes() > 1 {
-            spectral.groups = [[false, false], [true, false], [false, true], [true, true]]
-                .into_iter()
-                .filter(|leaks| {
-                    let has = |i: usize| !leaks[i] || spectral.masks[i].is_some();
-                    let light = |n| spectral.weights[n] * spectral.passes(n, *leaks);
-                    has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
-                })
-                .collect();
-        }
-        Ok(spectral)
-    }
-
-    /// Whether the lists of the same strips are the same as those of another scene, strips in rows
-    /// without a sample apart. Masks matter where energies are gathered by what bars do to them.
-    pub(crate) fn gathers_like(&self, other: &Self) -> bool {
-        let numbers = |s: &Self| [s.tolerance, s.gap, s.ratio, s.row_pitch].map(f64::to_bits);
-        let energies = [&self.weights, &self.mu, &self.delta, &self.delta_ratio, &self.severe];
-        let others = [&other.weights, &other.mu, &other.delta, &other.delta_ratio, &other.severe];
-        let alike = self.lattice.places_like(&other.lattice)
-            && numbers(self) == numbers(other)
-            && energies == others
-            && self.acting == other.acting
-            && self.groups == other.groups;
-        alike && (self.groups.is_empty() || self.bars_like(other))
-    }
-
     fn nodes(&self) -> usize {
         self.weights.len()
     }
@@ -229,45 +125,6 @@ impl EnergyBinning {
     /// Share of the light of a node along the axis that takes a way through the masks.
     fn passes(&self, node: usize, group: [bool; 2]) -> f64 {
         passing([0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[node].leak(1.0))), group)
-    }
-
-    /// Illumination parameters of the lists of [`EnergyBinning::lists`], in their order.
-    ///
-    /// # Errors
-    /// [`crate::Error::Memory`], or as [`crate::material::constants_at_for`].
-    pub(crate) fn lights(
-        &self,
-        device: &Arc<Device>,
-        scene: &Scene,
-        optics: &Optics,
-        media: &MaterialTable,
-    ) -> Result<Vec<IlluminationBuffer>> {
-        let softness = |mask: usize, leaks: [bool; 2]| {
-            let shapes = self.masks[mask].as_ref().filter(|_| !leaks[mask])?;
-            let (mut sum, mut all) = ([0.0; 3], 0.0);
-            for (n, shape) in shapes.iter().enumerate() {
-                let weight = self.weights[n] * self.passes(n, leaks);
-                all += weight;
-                let shade = shape.shade(1.0, shape.leak(1.0));
-                sum[0] += weight * shape.softness();
-                sum[1] += weight * shade;
-                sum[2] += weight * shade * shade;
-            }
-            if all <= 0.0 {
-                return Some(0.0);
-            }
-            let [softness, shade, shade2] = sum.map(|s| s / all);
-            // Either edge moves by half of what the shade differs from its mean.
-            Some((softness + 0.25 * (shade2 - shade * shade)) as f32)
-        };
-        let groups = self.groups.iter().map(|&leaks| SpectralBand::Group {
-            softness: [softness(0, leaks), softness(1, leaks)],
-        });
-        let nodes = media.energies.iter().zip(&media.weights);
-        groups
-            .chain(nodes.map(|(&energy, &weight)| SpectralBand::Node { energy, weight }))
-            .map(|part| IlluminationBuffer::of_cells(device, scene, optics, &self.lattice, &part))
-            .collect()
     }
 
     /// Cells of strips whose moments were kept, as light: one list per group, then one per node.
@@ -371,7 +228,7 @@ impl EnergyBinning {
             if bars.apart {
                 let results = scratch.results.iter().zip(&self.delta_ratio);
                 for ((results, delta_ratio), list) in results.zip(&mut scratch.lists[groups..]) {
-                    let spread = cell.spread * (delta_ratio * delta_ratio) as f32;
+                    let spread = cell.spread * single(delta_ratio * delta_ratio);
                     let x = [cell.x_low, cell.x_high];
                     list.push(Cell { spread, ..self.cell(strip, x, *results) });
                 }
@@ -503,11 +360,11 @@ impl EnergyBinning {
             slope_x: sums.slope_x(),
         };
         Cell {
-            spread: sums.spread() as f32,
-            sample_shade: sums.shade(0) as f32,
-            detector_shade: sums.shade(1) as f32,
-            sample_lean: sums.lean(0) as f32,
-            detector_lean: sums.lean(1) as f32,
+            spread: single(sums.spread()),
+            sample_shade: single(sums.shade(0)),
+            detector_shade: single(sums.shade(1)),
+            sample_lean: single(sums.lean(0)),
+            detector_lean: single(sums.lean(1)),
             ..self.cell(strip, x, [end(0), end(2)])
         }
     }
@@ -520,15 +377,16 @@ impl EnergyBinning {
         Cell {
             x_low: x[0],
             x_high: x[1],
-            depth_low: low.depth as f32,
-            depth_high: high.depth as f32,
-            displacement_low: low.x as f32,
-            displacement_high: high.x as f32,
-            displacement_z: z as f32,
+            depth_low: single(low.depth),
+            depth_high: single(high.depth),
+            displacement_low: single(low.x),
+            displacement_high: single(high.x),
+            displacement_z: single(z),
             above,
             below,
-            pixel_shift: (mean(|l| l.x) * (1.0 - self.ratio)
-                - mean(|l| l.slope_x) * self.gap * self.ratio) as f32,
+            pixel_shift: single(
+                mean(|l| l.x) * (1.0 - self.ratio) - mean(|l| l.slope_x) * self.gap * self.ratio,
+            ),
             ..bytemuck::Zeroable::zeroed()
         }
     }

@@ -1,14 +1,7 @@
 //! Sums of light of a band of rows: 64-bit fixed point on the device, f32 on the host.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_precision_loss,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use crate::gpu::{Buffer, Device, Memory};
+use crate::numbers::single;
 use crate::{Error, Result, reserve};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -84,7 +77,7 @@ impl Sums {
             part.par_iter_mut().zip(words).enumerate().for_each(|(index, (value, words))| {
                 let sum = whole(*words) + every_step(first + index);
                 let (high, low) = (sum >> 32, sum & 0xffff_ffff);
-                *value = (high as f64 + low as f64 / 4_294_967_296.0) as f32;
+                *value = single(high as f64 + low as f64 / 4_294_967_296.0);
             });
             first += PART;
         }

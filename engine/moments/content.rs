@@ -2,6 +2,7 @@
 //! come from a broken program or hand. What follows indexes and loops by these numbers.
 
 use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
+use crate::numbers::single;
 use crate::sampling::{CellBatch, ExactCell, Lattice};
 use std::ops::Range;
 
@@ -23,12 +24,11 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
     pub(super) fn of(lattice: &Lattice, view: u32) -> Self {
         let columns = lattice.beamlets.end - lattice.beamlets.start;
         Self {
             columns: u32::try_from(columns).unwrap_or(0),
-            half: (0.5 * lattice.period) as f32 * (1.0 + SLACK),
+            half: single(0.5 * lattice.period) * (1.0 + SLACK),
             view,
         }
     }

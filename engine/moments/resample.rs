@@ -1,14 +1,8 @@
 //! Cells of one lattice as cells of another: cut where beamlets and rows end, their moments
 //! interpolated in between, and taken to another analyser.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
+use crate::numbers::{self, single};
 use crate::optics::Optics;
 use crate::sampling::{
     CellBatch, CellMoments, ExactCell, Lattice, blank_strips, empty_cell, empty_strip,
@@ -119,7 +113,7 @@ impl Resampled {
             let from_axis = (0.5 * self.rows[1] - new as f64) * self.row_slopes[1];
             0.5 * self.rows[0] - from_axis / self.row_slopes[0]
         };
-        old(rows.start).floor() as i64..old(rows.end).ceil() as i64
+        numbers::whole::<i64>(old(rows.start).floor())..numbers::whole::<i64>(old(rows.end).ceil())
     }
 
     /// The strips of `rows` of the new detector.
@@ -136,7 +130,7 @@ impl Resampled {
         for strip in &strips.strips {
             let at = f64::from(strip.row);
             let [top, bottom] = [strip.top, strip.bottom].map(|z| self.row(at + f64::from(z)));
-            for row in top.floor() as i64..bottom.ceil() as i64 {
+            for row in numbers::whole::<i64>(top.floor())..numbers::whole::<i64>(bottom.ceil()) {
                 let z = [top.max(row as f64), bottom.min((row + 1) as f64)].map(|z| z - row as f64);
                 if rows.contains(&row) && z[1] - z[0] > SLIVER {
                     self.map_strip(&strips, strip, row, z, &mut out, covered);
@@ -155,7 +149,7 @@ impl Resampled {
             if !rows.contains(&row) || !self.new.beamlets.contains(&beamlet) {
                 return false;
             }
-            strip.column = (beamlet - self.new.beamlets.start) as u32;
+            strip.column = numbers::narrow::<u32>(beamlet - self.new.beamlets.start);
             let of_strip = &cells[strip.first as usize..(strip.first + strip.count) as usize];
             if let [first, .., last] | [first @ last] = of_strip {
                 let [top, bottom] = [strip.top, strip.bottom].map(f64::from);
@@ -214,13 +208,13 @@ impl Resampled {
                 let x = if self.same_columns {
                     [cell.x_low, cell.x_high]
                 } else {
-                    cut.map(|x| (x - centre) as f32)
+                    cut.map(|x| single(x - centre))
                 };
                 if x[1] <= x[0] {
                     continue;
                 }
                 let share =
-                    if whole { [0.0, 1.0] } else { cut.map(|x| ((x - low) / (high - low)) as f32) };
+                    if whole { [0.0, 1.0] } else { cut.map(|x| single((x - low) / (high - low))) };
                 piece.push(
                     Cell { x_low: x[0], x_high: x[1], ..*cell },
                     ends,
@@ -254,8 +248,8 @@ impl Resampled {
         let x = [first.x_low.into(), last.x_high.into()];
         covered.0.entry((row, beamlet)).or_default().push([z[0], z[1], x[0], x[1]]);
         let strip = CellRow {
-            top: z[0] as f32,
-            bottom: z[1] as f32,
+            top: single(z[0]),
+            bottom: single(z[1]),
             ..empty_strip(beamlet - self.new.beamlets.start, row)
         };
         out.push(strip, &done.cells, &done.moments);
@@ -304,7 +298,7 @@ impl Resampled {
                     let mut x = -half;
                     for [low, high] in taken {
                         if low - x > SLIVER * self.new.period {
-                            cells.push(Cell { x_low: x as f32, x_high: low as f32, ..whole });
+                            cells.push(Cell { x_low: single(x), x_high: single(low), ..whole });
                         }
                         x = x.max(high);
                     }
@@ -312,7 +306,7 @@ impl Resampled {
                     for cell in &mut cells {
                         (cell.above, cell.below) = (above, below);
                     }
-                    let strip = CellRow { top: z[0] as f32, bottom: z[1] as f32, ..strip };
+                    let strip = CellRow { top: single(z[0]), bottom: single(z[1]), ..strip };
                     out.push(strip, &cells, &CellMoments::default());
                 }
             }
@@ -356,18 +350,18 @@ impl Overlap {
             };
             self.moments.ends.extend(low.iter().zip(high).map(mix));
             for m in self.moments.ends[first..].chunks_exact_mut(MOMENTS_PER_MATERIAL) {
-                m[1] += (f64::from(m[3]) * lever) as f32;
-                m[2] += (f64::from(m[4]) * lever) as f32;
+                m[1] += single(f64::from(m[3]) * lever);
+                m[2] += single(f64::from(m[4]) * lever);
             }
         }
         if let Some(ordered) = ordered {
             let range = ordered.range[1] - ordered.range[0];
             self.moments.exact.push(ExactCell {
-                cell: self.cells.len() as u32,
+                cell: numbers::count(self.cells.len()),
                 range: share.map(|t| ordered.range[0] + range * t),
                 results: ordered.results.map(|mut result| {
-                    result.displacement_x += (f64::from(result.slope_x) * lever) as f32;
-                    result.displacement_z += (f64::from(result.slope_z) * lever) as f32;
+                    result.displacement_x += single(f64::from(result.slope_x) * lever);
+                    result.displacement_z += single(f64::from(result.slope_z) * lever);
                     result
                 }),
                 ..*ordered

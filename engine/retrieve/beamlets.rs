@@ -1,12 +1,7 @@
 //! Beam tracking: the light of each aperture of a sample mask over the pixels it falls on.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "pixel and beamlet counts are bounded by the scene's validation"
-)]
-
 use super::method::BEAMLET_PIXELS;
+use crate::numbers;
 use crate::scene::Scene;
 use crate::{Error, Result};
 use ndarray::{Array3, ArrayView3};
@@ -38,11 +33,11 @@ impl Beamlets {
         let pixels = period.round().max(BEAMLET_PIXELS);
         let centre = |k: f64| (k + 0.5 - columns / 2.0) * period + shift + columns / 2.0 - 0.5;
         let around = (columns / 2.0 - shift / period).floor();
-        let reach = (columns / period).ceil() as i64 + 1;
+        let reach = numbers::whole::<i64>((columns / period).ceil()) + 1;
         let starts: Vec<usize> = (-reach..=reach)
             .map(|k| (centre(around + k as f64) - (pixels - 1.0) / 2.0).round())
             .filter(|start| *start >= 0.0 && start + pixels <= columns)
-            .map(|start| start as usize)
+            .map(numbers::whole::<usize>)
             .collect();
         if starts.is_empty() {
             return Err(Error::scene(
@@ -51,7 +46,12 @@ impl Beamlets {
                 format!("at least one beamlet of {pixels} pixels on the detector"),
             ));
         }
-        Ok(Self { starts, pixels: pixels as usize, columns: columns as usize, pitch })
+        Ok(Self {
+            starts,
+            pixels: numbers::whole::<usize>(pixels),
+            columns: numbers::whole::<usize>(columns),
+            pitch,
+        })
     }
 
     /// Number of beamlets along a row.

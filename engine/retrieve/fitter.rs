@@ -1,17 +1,12 @@
 //! Fits of a Gaussian on a background to many illumination curves at once, on the device.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "flags are small integers; rounding to f32 is meant"
-)]
-
 use super::curves::Curves;
 use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
 use crate::interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
     FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, GROUP, Step,
 };
+use crate::numbers::{self, single};
 use crate::trace::push_bytes;
 use crate::{Engine, Error, Result};
 use ndarray::{ArrayView2, s};
@@ -107,9 +102,9 @@ impl Fitter {
                 let at = (offset - middle) / half;
                 let width = share(&sorted, *offset) / half;
                 Step {
-                    offset: at as f32,
-                    offset_low: (at - f64::from(at as f32)) as f32,
-                    width: width as f32,
+                    offset: single(at),
+                    offset_low: single(at - f64::from(single(at))),
+                    width: single(width),
                 }
             })
             .collect();
@@ -126,7 +121,7 @@ impl Fitter {
             wide: 2.0,
             pedestal: match options.weights {
                 Weights::None => 0.0,
-                Weights::Poisson => (options.read_noise * options.read_noise / options.gain) as f32,
+                Weights::Poisson => single(options.read_noise * options.read_noise / options.gain),
             },
             options: *options,
         })
@@ -171,7 +166,7 @@ impl Fitter {
                     }
                 }
             }
-            self.dispatch(&input, &output, n as u32, &mut pace, cancel)?;
+            self.dispatch(&input, &output, numbers::count(n), &mut pace, cancel)?;
             let values: Vec<f32> = output.read(0, n * FIT_VALUES)?;
             self.take(&values, start, &mut all);
         }
@@ -196,14 +191,14 @@ impl Fitter {
                 steps: self.steps.address(),
                 curves: input.address(),
                 fits: output.address(),
-                step_count: self.step_count as u32,
+                step_count: numbers::count(self.step_count),
                 pixel_count: count,
                 first,
                 poisson: (self.options.weights == Weights::Poisson).into(),
-                gain: self.options.gain as f32,
+                gain: single(self.options.gain),
                 saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
-                narrow: self.narrow as f32,
-                wide: self.wide as f32,
+                narrow: single(self.narrow),
+                wide: single(self.wide),
             };
             let groups = [n.div_ceil(GROUP), 1, 1];
             let time = self.device.run(|r| {
@@ -220,9 +215,9 @@ impl Fitter {
         let n = values.len() / FIT_VALUES;
         let plane = |index: usize| &values[index * n..(index + 1) * n];
         let lengths = |index: usize, zero: f64| {
-            plane(index).iter().map(move |v| (zero + self.half * f64::from(*v)) as f32)
+            plane(index).iter().map(move |v| single(zero + self.half * f64::from(*v)))
         };
-        let area = |(a, w): (&f32, &f32)| (f64::from(*a) * self.half * f64::from(*w)) as f32;
+        let area = |(a, w): (&f32, &f32)| single(f64::from(*a) * self.half * f64::from(*w));
         fill(&mut all.area, start, plane(FIT_AMPLITUDE).iter().zip(plane(FIT_WIDTH)).map(area));
         fill(&mut all.amplitude, start, plane(FIT_AMPLITUDE).iter().copied());
         fill(&mut all.centre, start, lengths(FIT_CENTRE, self.middle));
@@ -234,7 +229,7 @@ impl Fitter {
         fill(&mut all.width_sigma, start, lengths(FIT_WIDTH_SIGMA, 0.0));
         fill(&mut all.condition, start, plane(FIT_CONDITION).iter().copied());
         for (to, from) in all.flags[start..start + n].iter_mut().zip(plane(FIT_FLAGS)) {
-            *to = *from as u32;
+            *to = numbers::whole::<u32>(f64::from(*from));
         }
     }
 }

@@ -1,21 +1,20 @@
 //! One method on one set-up: the flat's curves once, then the images of each view.
 
+mod fits;
+
 use super::beamlets::Beamlets;
-use super::curves::{Curve, Curves};
-use super::fitter::{FitOptions, Fitter, Weights, share};
+use super::curves::Curves;
+use super::fitter::{FitOptions, Fitter, Weights};
 use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
-use super::least_squares::{self, Scan};
 use super::method::Method;
 use super::options::{ReadRows, RetrieveControl, RetrieveOptions};
-use super::shape::{CurveGeometry, Shape};
-use super::{closed, flags};
+use super::shape::CurveGeometry;
 use crate::numbers;
 use crate::scene::Scene;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3, s};
-use rayon::prelude::*;
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
 /// takes seconds, a sixteenth of it, so that a retrieval can be stopped.
@@ -309,98 +308,6 @@ impl Retriever {
             start = end;
         }
         Ok(())
-    }
-
-    /// The two steps of the sample that two-step uses.
-    fn two_steps(&self, flat: &Flat) -> Option<[usize; 2]> {
-        if self.options.method != Method::TwoStep {
-            return None;
-        }
-        if let Some(steps) = self.options.steps {
-            return Some(steps);
-        }
-        let mut known: Vec<[f32; 2]> = (0..flat.curves.len())
-            .filter(|at| flat.curves.has_answer(*at))
-            .map(|at| [flat.curves.centre[at], flat.curves.width[at]])
-            .collect();
-        known.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let [centre, width] = known.get(known.len() / 2).map_or([0.0, 0.0], |k| k.map(f64::from));
-        let nearest = |to: f64| {
-            let distance = |i: &usize| (self.sample_offsets[*i] - to).abs();
-            (0..self.sample_offsets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
-        };
-        let [left, right] = [nearest(centre - width)?, nearest(centre + width)?];
-        Some(if left == right { [0, self.sample_offsets.len() - 1] } else { [left, right] })
-    }
-
-    /// The curves of a band. `known`: the flat's curves and the first of this band, for methods
-    /// that build on them.
-    fn curves(
-        &self,
-        data: Array3<f32>,
-        offsets: &[f64],
-        known: Option<(&Curves, usize)>,
-        cancel: Option<&AtomicBool>,
-    ) -> Result<Curves> {
-        let (steps, rows, columns) = data.dim();
-        if steps != offsets.len() {
-            return Err(Error::scene(
-                "scan.mask_offsets",
-                format!("{} offsets for {steps} frames", offsets.len()),
-                "as many offsets as frames",
-            ));
-        }
-        let data = match &self.beamlets {
-            Some(beamlets) => beamlets.gather(data.view()),
-            None => data,
-        };
-        if let (Some(fitter), None) = (&self.fitter, known) {
-            let (steps, rows, across) = data.dim();
-            let flat = data.into_shape_with_order((steps, rows * across)).map_err(|error| {
-                Error::argument("frames", error.to_string(), "frames in C order")
-            })?;
-            return fitter.fit(flat.view(), cancel);
-        }
-        let scan = self.scan(offsets);
-        let entry = |pixel: usize| -> Curve {
-            let (row, column) = (pixel / columns, pixel % columns);
-            let curve = (0..steps).map(|step| data[[step, row, column]]);
-            match (self.options.method, known) {
-                (Method::ThreeStep, _) => closed::three_step(&scan, curve),
-                (Method::Moments, _) => closed::by_moments(&scan, curve),
-                (Method::TwoStep, Some((flat, first))) => {
-                    closed::two_step(&scan, curve, flat, first + pixel)
-                }
-                _ => self.shape().map_or(Curve::unknown(flags::NOT_CONVERGED), |shape| {
-                    least_squares::fit(shape, &scan, curve)
-                }),
-            }
-        };
-        let entries: Vec<Curve> = (0..rows * columns).into_par_iter().map(entry).collect();
-        Ok(Curves::from_entries(&entries))
-    }
-
-    /// The shape of methods that fit one, in the unit of offsets.
-    fn shape(&self) -> Option<Shape> {
-        let m = self.shape.magnification;
-        let [base, top] = [self.shape.half_base() / m, self.shape.half_top() / m];
-        match self.options.method {
-            Method::Triangle => Some(Shape::Trapezoid { top: 0.0 }),
-            Method::Trapezoid => Some(Shape::Trapezoid { top }),
-            Method::ExactCurve => Some(Shape::Blurred { base, top }),
-            _ => None,
-        }
-    }
-
-    fn scan(&self, offsets: &[f64]) -> Scan {
-        let mut sorted = offsets.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        Scan {
-            offsets: offsets.to_vec(),
-            shares: offsets.iter().map(|offset| share(&sorted, *offset)).collect(),
-            saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
-            gain: self.options.gain,
-        }
     }
 }
 

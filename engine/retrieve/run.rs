@@ -156,15 +156,10 @@ fn about(record: &Record) -> serde_json::Value {
 }
 
 /// Counts flagged pixels and those without an answer.
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "flags are small integers"
-)]
 fn count(record: &mut Record, flag_image: Option<&ndarray::Array2<f32>>) {
     let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER);
     for value in flag_image.into_iter().flatten() {
-        let bits = *value as u32;
+        let bits = numbers::whole::<u32>(f64::from(*value));
         if bits == 0 {
             continue;
         }

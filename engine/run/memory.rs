@@ -3,13 +3,15 @@
 //! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
+mod rays;
+
 use crate::detector::SubpixelGrid;
 use crate::geometry::{self, ObjectSummary, PEAK_PER_TRIANGLE};
-use crate::optics::Optics;
-use crate::sampling::Lattice;
+use crate::numbers;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::Extent;
 use crate::{Error, Result, reserve};
+use rays::{beamlets, cell_rays};
 use serde::Serialize;
 
 /// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
@@ -41,8 +43,6 @@ const GATHERED: u64 = 160;
 /// Bytes on the host and on the device per beamlet whose light reaches the detector: its place, and
 /// what the masks are to it.
 const BEAMLET: u64 = 96;
-/// Most beamlets of a scene: 256 for every column of the largest detector.
-const BEAMLETS: u64 = 1 << 24;
 /// Bytes on the device of a ray besides its moments, and of the cells made from it.
 const RAY: u64 = 140;
 /// Bytes on the device of lists of crossings.
@@ -143,8 +143,7 @@ pub(crate) fn estimate_refined(
     let mut needs = Needs::of(scene, objects)?;
     let told = estimate(scene, objects, limit, None)?;
     if needs.cells {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
-        let rays = rays_per_view as u64;
+        let rays = numbers::whole::<u64>(rays_per_view);
         needs.crowded = rays.saturating_sub(REFINED_USUALLY.saturating_mul(needs.rays));
     }
     // A run knows nothing of this: its bands are those that were told before. Nor does a limit bound
@@ -355,55 +354,4 @@ impl Needs {
             remedy: remedy.into(),
         }
     }
-}
-
-/// Beamlets whose light reaches the pixels that take it.
-fn beamlets(optics: &Optics) -> Result<u64> {
-    let lattice = Lattice::of(optics, 0.0);
-    let count = lattice.beamlets.end.abs_diff(lattice.beamlets.start);
-    if count <= BEAMLETS {
-        return Ok(count);
-    }
-    Err(Error::scene(
-        "sample_mask",
-        format!("light of {count} apertures on the detector"),
-        format!(
-            "up to {BEAMLETS} apertures: a larger period, a mask farther from the source, smaller \
-             mask offsets or a smaller focal spot"
-        ),
-    ))
-}
-
-/// Rays of the beamlets and rows that the objects touch in any view, before refinement, and those
-/// of one row.
-fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] {
-    let lattice = Lattice::of(optics, 0.0);
-    let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start) as f64;
-    let rows = f64::from(optics.detector.pixels[1]);
-    let source = optics.rotation;
-    let touched = objects.iter().map(|object| {
-        let [low, high] = object.bounds.map(glam::DVec3::from);
-        let widest = low.abs().max(high.abs());
-        let reach = widest.truncate().length();
-        // Nearest to the source it looks largest.
-        let near = (source - reach).max(0.1 * source);
-        let width = 2.0 * reach * lattice.plane / near / lattice.period + 2.0;
-        let pitch = optics.detector.pitch_at(1, near);
-        let height = (high.z - low.z) / pitch + 2.0;
-        (width.min(beamlets), height.min(rows))
-    });
-    // A line of a beamlet has two rays per cell; each part of a row takes about two lines.
-    let of_beamlet = f64::from((4 * lattice.cells + 2) * optics.sampling.rows);
-    let (mut all, mut widths) = (0.0, 0.0);
-    for (width, height) in touched {
-        all += width * height;
-        widths += width;
-    }
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "an estimate, not negative; the cast saturates"
-    )]
-    let rays = [all.min(beamlets * rows), widths.min(beamlets)].map(|it| (it * of_beamlet) as u64);
-    rays
 }

@@ -1,7 +1,5 @@
 //! Scanlines of a patch, traced to find how its silhouettes slant.
 
-#![allow(clippy::cast_possible_truncation, reason = "a scanline has few rays")]
-
 use super::patch::alike;
 use crate::interface::RayResult;
 

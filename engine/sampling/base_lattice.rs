@@ -1,18 +1,12 @@
 //! The rays at fixed places that every patch begins with, of some rows and one ring around them.
 //! What they find depends on no band of rows, so that refinement may look at neighbours.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::ViewContext;
 use super::patch::part;
 use super::patch_grid::PatchGrid;
 use crate::Result;
 use crate::interface::{Ray, RayResult};
+use crate::numbers::{self, single};
 use crate::trace::Tracer;
 use std::ops::Range;
 
@@ -65,7 +59,7 @@ impl BaseLattice {
         let mut lattice = Self {
             grid,
             base,
-            period: view.lattice.period as f32,
+            period: single(view.lattice.period),
             places,
             results: Vec::new(),
             empty: bytemuck::Zeroable::zeroed(),
@@ -103,11 +97,13 @@ impl BaseLattice {
     /// What the base ray nearest to a place, given from the patch `beamlet` and `row`, found;
     /// nothing beyond the lattice.
     pub(super) fn at(&self, beamlet: i64, row: i64, [x, z]: [f32; 2]) -> Option<Found> {
-        let side = (x / self.period + 0.5).floor() as i64;
-        let level = z.floor() as i64;
+        let side = numbers::whole::<i64>(f64::from((x / self.period + 0.5).floor()));
+        let level = numbers::whole::<i64>(f64::from(z.floor()));
         let [shift_x, shift_z] = [side as f32 * self.period, level as f32];
         let index = self.grid.index(beamlet + side, row + level)?;
-        let cell = |share: f32, count: u32| ((share * count as f32) as u32).min(count - 1);
+        let cell = |share: f32, count: u32| {
+            numbers::whole::<u32>(f64::from(share * count as f32)).min(count - 1)
+        };
         let column = cell((x - shift_x) / self.period + 0.5, self.base[0]);
         let line = cell(z - shift_z, self.base[1]);
         let result = self.places[index].map_or(self.empty, |first| {

@@ -1,16 +1,10 @@
 //! Cells in batches, as they go to the illumination: strips of cells side by side in x, each of
 //! one interval of z of a row.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::cell_moments::CellMoments;
 use super::lattice::Lattice;
 use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
+use crate::numbers::{self, single};
 use crate::parallel;
 use crate::trace::Tally;
 use bytemuck::Pod;
@@ -42,7 +36,7 @@ impl CellBatch {
         if cells.is_empty() {
             return;
         }
-        let (first, count) = (self.cells.len() as u32, cells.len() as u32);
+        let (first, count) = (numbers::count(self.cells.len()), numbers::count(cells.len()));
         self.strips.push(CellRow { first, count, ..reach_of(strip, cells) });
         self.cells.extend_from_slice(cells);
         self.moments.append(moments, first);
@@ -63,7 +57,7 @@ impl CellBatch {
                 exact.cell += first;
             }
             all.moments.exact.append(&mut part.moments.exact);
-            first += part.cells.len() as u32;
+            first += numbers::count(part.cells.len());
             all.splits += part.splits;
             all.landed_off += part.landed_off;
             all.tally = all.tally + part.tally;
@@ -143,8 +137,10 @@ pub(crate) fn blank_strips(lattice: &Lattice, mut places: Vec<(i64, i64)>) -> Ve
     let block = |row: i64| row.div_euclid(i64::from(lattice.alike_rows));
     let alike =
         |a: &(i64, i64), b: &(i64, i64)| a.0 == b.0 && a.1 + 1 == b.1 && block(a.1) == block(b.1);
-    let strip =
-        |run: &[(i64, i64)]| CellRow { rows: run.len() as u32, ..empty_strip(run[0].0, run[0].1) };
+    let strip = |run: &[(i64, i64)]| CellRow {
+        rows: numbers::count(run.len()),
+        ..empty_strip(run[0].0, run[0].1)
+    };
     places.chunk_by(alike).map(strip).collect()
 }
 
@@ -152,8 +148,8 @@ pub(crate) fn empty_strip(column: i64, row: i64) -> CellRow {
     CellRow {
         first: 0,
         count: 0,
-        column: column as u32,
-        row: row as i32,
+        column: numbers::narrow::<u32>(column),
+        row: numbers::narrow::<i32>(row),
         top: 0.0,
         bottom: 1.0,
         rows: 1,
@@ -162,7 +158,7 @@ pub(crate) fn empty_strip(column: i64, row: i64) -> CellRow {
 }
 
 pub(crate) fn empty_cell(lattice: &Lattice) -> Cell {
-    let half = (lattice.period / 2.0) as f32;
+    let half = single(lattice.period / 2.0);
     let [above, below] = lattice.row_shares(0.0, 1.0, 0.0);
     Cell { x_low: -half, x_high: half, above, below, ..bytemuck::Zeroable::zeroed() }
 }

@@ -1,11 +1,5 @@
 //! Patches whose facets are too many to be looked at, from the projected bounds of components.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_precision_loss,
-    reason = "counts are bounded by the scene's validation"
-)]
-
 use super::ViewContext;
 use super::facet_lists::MOST_FACETS;
 use super::patch_grid::PatchGrid;

@@ -2,8 +2,6 @@
 //! all rays, so that the first order is exact: displacement is constant, optical depth linear.
 //! Silhouettes and folds need no more than that.
 
-#![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-
 use super::facet_lists::{Overlap, PatchFacet};
 use super::facet_means::{EDGE_ON, FacetMeans, result_of};
 use super::layout::stand;
@@ -11,6 +9,7 @@ use super::patch::{Patch, middle};
 use super::polygon::{Area, CuttingLine, Moments, NEAR, Polygon, Side};
 use super::sheets::{Met, flags};
 use crate::interface::RayResult;
+use crate::numbers::single;
 use arrayvec::ArrayVec;
 
 /// Rectangles with more facets are split instead: an overlay takes time by the square of them.
@@ -203,7 +202,7 @@ impl FacetMeans<'_> {
             let least = THINNEST * rectangle[axis];
             let half = (3.0 * variance).sqrt().max(least);
             let unlike: f64 = own.iter().map(|own| (own / half - 1.0).abs()).sum();
-            (half.min(own[0]).min(own[1]).max(least), (unlike / 2.0 / TRIANGLE).min(1.0) as f32)
+            (half.min(own[0]).min(own[1]).max(least), single((unlike / 2.0 / TRIANGLE).min(1.0)))
         };
         let (_, outline_x) = interval(0, xx);
         let (high, outline_z) = interval(1, zz);
@@ -222,19 +221,19 @@ impl FacetMeans<'_> {
         Some(Some(Piece {
             x: [0.0; 2],
             z: [0.0; 2],
-            share: (0.25 * moments.area / (rectangle[0] * rectangle[1])) as f32,
-            centroid: centroid.map(|at| at as f32),
+            share: single(0.25 * moments.area / (rectangle[0] * rectangle[1])),
+            centroid: centroid.map(single),
             bounds: std::array::from_fn(|axis| {
-                moments.reach[axis].map(|at| (centre[axis] + at) as f32)
+                moments.reach[axis].map(|at| single(centre[axis] + at))
             }),
-            variance: xx as f32,
+            variance: single(xx),
             result,
             rows: PieceRows {
                 whole: [centroid[1] - high, centroid[1] + high],
                 borders: [border(0), border(1)],
             },
             outline: [outline_x, outline_z],
-            slope_depth: rise[0] as f32,
+            slope_depth: single(rise[0]),
             by_ray,
         }))
     }

@@ -1,12 +1,5 @@
 //! Cells from refined patches: rectangles that stand side by side at the same heights are a strip.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::ViewContext;
 use super::cell_batch::{CellBatch, empty_strip};
 use super::cell_moments::{CellMoments, ExactCell};
@@ -20,6 +13,7 @@ use crate::interface::{
     Cell, CellRow, FLAG_EXACT, FLAG_GRAZING, FLAG_NOT_FINITE, FLAG_REFLECTED, MOMENTS_PER_MATERIAL,
     RayResult,
 };
+use crate::numbers::{self, single};
 use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -65,8 +59,8 @@ impl<'a> Emitter<'a> {
             view,
             estimator,
             lit,
-            ratio: (optics.analyser / optics.detector.distance) as f32,
-            joined: (DISPLACEMENT_JOINED * view.budget.bounded_displacement()) as f32,
+            ratio: single(optics.analyser / optics.detector.distance),
+            joined: single(DISPLACEMENT_JOINED * view.budget.bounded_displacement()),
         }
     }
 
@@ -198,7 +192,7 @@ impl<'a> Emitter<'a> {
         let (first, last) = (&group[0], &group[group.len() - 1]);
         let before = &group[group.len() - 2];
         let width = last.x[1] - first.x[0];
-        let period = self.view.lattice.period as f32;
+        let period = single(self.view.lattice.period);
         let (a, b) = (&first.ends.result, &last.ends.result);
         let piece = group.iter().any(|r| r.rows.is_some());
         let stands = last.x[0].to_bits() == before.x[1].to_bits()
@@ -249,7 +243,9 @@ impl<'a> Emitter<'a> {
             let run = begin..begin + more + 1;
             let z = first.z;
             let slant = (patch.shear * (z[1] - z[0])).abs();
-            let heights = (slant / SLANT_OF_A_STRIP).ceil().clamp(1.0, MOST_HEIGHTS) as u32;
+            let heights = numbers::whole::<u32>(f64::from(
+                (slant / SLANT_OF_A_STRIP).ceil().clamp(1.0, MOST_HEIGHTS),
+            ));
             for height in 0..heights {
                 let z = part(z, height, heights);
                 let shift = patch.shear * (0.5 * (z[0] + z[1]) - 0.5);
@@ -289,7 +285,7 @@ impl<'a> Emitter<'a> {
             return;
         }
         let lattice = self.view.lattice;
-        let half = (0.5 * lattice.period) as f32;
+        let half = single(0.5 * lattice.period);
         let words = moments.len() / rectangles.len();
         let column = patch.beamlet - lattice.beamlets.start;
         let [top, bottom] = z.map(f64::from);
@@ -318,8 +314,8 @@ impl<'a> Emitter<'a> {
                 - result.slope_x * self.estimator.gap * self.ratio;
             let down = -f64::from(displacement_z / self.estimator.row_pitch);
             let farthest = down * self.view.delta_ratio();
-            lands.start = lands.start.min(farthest.floor() as i64);
-            lands.end = lands.end.max(farthest.ceil() as i64 + 1);
+            lands.start = lands.start.min(numbers::whole::<i64>(farthest.floor()));
+            lands.end = lands.end.max(numbers::whole::<i64>(farthest.ceil()) + 1);
             // Its upper end may land otherwise than its lower one.
             let own = rectangle.z.map(f64::from);
             let at = |z: f64| {
@@ -342,7 +338,7 @@ impl<'a> Emitter<'a> {
             if result.flags & FLAG_EXACT != 0 && self.view.keep.is_some() {
                 let [x, z] = patch.place(rectangle.ray);
                 kept.exact.push(ExactCell {
-                    cell: cells.len() as u32,
+                    cell: numbers::count(cells.len()),
                     ends: [self.view.ray(patch.beamlet, patch.row, x, z); 2],
                     results: rectangle.ends.results(),
                     range: share,

@@ -1,5 +1,6 @@
 //! What sampling may leave in recorded values, and what it is estimated to have left.
 
+use crate::numbers;
 use crate::trace::Tally;
 
 /// Error of the displacement where no angle bounds it, m.
@@ -26,19 +27,14 @@ impl ErrorBudget {
 
 /// Counts of a patch that was sampled by so many rays and may be wrong by `error`, share of open
 /// beam.
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "errors are not negative; sums saturate"
-)]
 pub(super) fn tally_of(error: f64, rays: u32, tolerance: f64) -> Tally {
     let parts = 1e9 * error;
     Tally {
         patches: 1,
         patch_rays: rays.into(),
         most_patch_rays: rays.into(),
-        error_squares: (parts * parts) as u64,
-        worst_error: parts as u64,
+        error_squares: numbers::whole::<u64>(parts * parts),
+        worst_error: numbers::whole::<u64>(parts),
         beyond_tolerance: u64::from(error > tolerance),
         ..Tally::default()
     }

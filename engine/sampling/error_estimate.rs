@@ -14,6 +14,7 @@ use super::error_budget::ErrorBudget;
 use super::patch::{Axis, Known, Node, Patch, Residuals, alike};
 use super::response::Response;
 use crate::interface::RayResult;
+use crate::numbers::single;
 use std::ops::Range;
 
 /// Light of a triangle at one side of an edge that cuts it, beside that of an interval.
@@ -157,10 +158,9 @@ impl Estimator<'_> {
     }
 
     /// Share of the light of a piece that its outline may move over the border of a row.
-    #[allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
     fn beyond_border(&self, piece: &Piece) -> f32 {
         let down = -piece.result.landing_z(self.gap) / self.row_pitch;
-        let [low, high] = piece.rows.whole.map(|z| z as f32 + down);
+        let [low, high] = piece.rows.whole.map(|z| single(z) + down);
         let height = high - low;
         // A border cuts off the lesser part of it, or its blur reaches one beside it.
         let border = high.floor();

@@ -1,18 +1,12 @@
 //! Facets of the sample by patch: those that its rays can meet, and whether a silhouette crosses it.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::ViewContext;
 use super::crowding::bundles;
 use super::lattice::Lattice;
 use super::patch_grid::PatchGrid;
 use super::polygon::Area;
 use crate::geometry::Sample;
+use crate::numbers;
 use crate::scene::Transport;
 use crate::trace::{MaterialTable, least_cosine, object_hash};
 use glam::DVec3;
@@ -290,7 +284,7 @@ impl<'a> FacetLists<'a> {
                 for patch in grid.in_row(row, beamlets) {
                     if !crowded[patch] {
                         let place = counts[patch].fetch_add(1, Ordering::Relaxed);
-                        list[place as usize].store(triangle as u32, Ordering::Relaxed);
+                        list[place as usize].store(numbers::count(triangle), Ordering::Relaxed);
                     }
                 }
             });
@@ -370,8 +364,10 @@ fn touched(
     mut visit: impl FnMut(i64, Range<i64>),
 ) {
     let z = corners.iter().map(|corner| corner[1]);
-    let top = (z.clone().fold(f64::INFINITY, f64::min).floor() as i64).max(rows.start);
-    let bottom = (z.fold(f64::NEG_INFINITY, f64::max).floor() as i64 + 1).min(rows.end);
+    let top =
+        numbers::whole::<i64>(z.clone().fold(f64::INFINITY, f64::min).floor()).max(rows.start);
+    let bottom =
+        (numbers::whole::<i64>(z.fold(f64::NEG_INFINITY, f64::max).floor()) + 1).min(rows.end);
     for row in top..bottom {
         let (low, high) = (row as f64, (row + 1) as f64);
         let mut x = [f64::INFINITY, f64::NEG_INFINITY];

@@ -1,12 +1,6 @@
 //! Exact means of the first order over rectangles: sums over facets of what each adds, times the
 //! area that it has in the rectangle. They need no ray, and no facet is missed between rays.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "rounding to f32 is meant; counts of layers are small"
-)]
-
 use super::ViewContext;
 use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
@@ -14,6 +8,7 @@ use super::patch::{Border, Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
 use super::sheets::{RectangleSums, farthest, flags, widen};
 use crate::interface::RayResult;
+use crate::numbers::{self, single};
 use crate::trace::FIRST_ORDER_ERROR;
 
 /// Sheets cover a rectangle a whole number of times to this.
@@ -78,8 +73,7 @@ pub(super) fn result_of(
     flags: u32,
     crossings: u32,
 ) -> RayResult {
-    let [optical_depth, displacement_x, displacement_z, slope_x, slope_z] =
-        numbers.map(|number| number as f32);
+    let [optical_depth, displacement_x, displacement_z, slope_x, slope_z] = numbers.map(single);
     RayResult {
         optical_depth,
         displacement_x,
@@ -128,7 +122,7 @@ impl<'a> FacetMeans<'a> {
             light: FIRST_ORDER_SHARE * view.budget.light,
             steepest: view.response.steepest(),
             weight: f64::from(view.response.weight),
-            gap: optics.gap() as f32,
+            gap: single(optics.gap()),
             far: FAR_OFF * optics.detector.pitch[1],
             strict: view.keep.is_some(),
         }
@@ -149,7 +143,7 @@ impl<'a> FacetMeans<'a> {
         if facets().any(is_silhouette) {
             let whole = Area::of_rectangle(centre, half).area;
             let covered: f64 = facets().map(|facet| facet.within(centre, half).area).sum();
-            return Mean::Silhouette { crossings: (covered / whole) as f32 };
+            return Mean::Silhouette { crossings: single(covered / whole) };
         }
         let sums = self.sums(patch, facets(), centre, half);
         let size = half.map(|half| 2.0 * half);
@@ -191,7 +185,7 @@ impl<'a> FacetMeans<'a> {
                 }
             }
             let light = (f64::from(result.optical_depth) - depth).exp();
-            Border { landing: landing as f32, light: light as f32 }
+            Border { landing: single(landing), light: single(light) }
         };
         std::array::from_fn(|end| bands[end].0.then(|| border(end, bands[end].1)))
     }
@@ -322,7 +316,7 @@ impl<'a> FacetMeans<'a> {
             if layers == 0.0 {
                 continue;
             }
-            let count = layers as u32;
+            let count = numbers::whole::<u32>(layers);
             let step = &self.steps[sheet.component as usize];
             met.add(step.hash, sheet.front, count);
             // Least squares over the rectangle.
@@ -366,17 +360,17 @@ impl<'a> FacetMeans<'a> {
         }
         let landing_z = result.landing_z(self.gap);
         let residuals = Residuals {
-            slope: slope as f32,
-            slope_depth: (sums.depth_by_x / area / x2) as f32,
-            ends_z: [-0.5, 0.5].map(|end| landing_z + (end * height * slope_z) as f32),
+            slope: single(slope),
+            slope_depth: single(sums.depth_by_x / area / x2),
+            ends_z: [-0.5, 0.5].map(|end| landing_z + single(end * height * slope_z)),
             borders: [None; 2],
-            depth: depth.sqrt() as f32,
-            displacement: variance.sqrt() as f32,
-            across: (across * across * z2).sqrt() as f32,
-            displacement_z: variance_z.sqrt() as f32,
+            depth: single(depth.sqrt()),
+            displacement: single(variance.sqrt()),
+            across: single((across * across * z2).sqrt()),
+            displacement_z: single(variance_z.sqrt()),
             farthest: [
-                (farthest_by[0] - 0.5 * (slope * width).abs()) as f32,
-                (farthest_by[1] - 0.5 * (slope_z * height).abs()) as f32,
+                single(farthest_by[0] - 0.5 * (slope * width).abs()),
+                single(farthest_by[1] - 0.5 * (slope_z * height).abs()),
             ],
         };
         Some((result, residuals))

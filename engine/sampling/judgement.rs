@@ -238,7 +238,6 @@ fn shares(patch: &Patch, leaf: u32, openings: &[Opening], out: &mut Vec<(u32, f3
             let x = node.x.map(|x| x + middle + slant * height);
             (x[1].min(opening.x[1]) - x[0].max(opening.x[0])).max(0.0)
         };
-        #[allow(clippy::cast_precision_loss, reason = "three at most")]
         let share = heights.iter().map(at).sum::<f32>() / (heights.len() as f32 * width);
         if share > 0.0 {
             // Both ends of an opening that leaves the period at one side belong to one step.

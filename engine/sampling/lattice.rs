@@ -1,18 +1,11 @@
 //! The lattice of cells: where beamlets stand in the cell plane, which rays bound their cells,
 //! and where they land. All in f64 on the host; the device gets offsets inside an index.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::dissection::PieceRows;
 use super::projected_bounds::ProjectedBounds;
 use super::row_spread::RowSpread;
 use crate::interface::{Column, Ray};
-use crate::numbers::single;
+use crate::numbers::{self, single};
 use crate::optics::{DetectorPlane, Mask, Optics};
 use std::ops::Range;
 
@@ -100,7 +93,8 @@ impl Lattice {
         let middle = optics.detector.half(0) - 0.5 - offset / period;
         let within = |reach: f64| {
             let half = (optics.detector.extent(0) / 2.0 + reach) / step;
-            (middle - half).floor() as i64..(middle + half).ceil() as i64 + 1
+            numbers::whole::<i64>((middle - half).floor())
+                ..numbers::whole::<i64>((middle + half).ceil()) + 1
         };
         let beamlets = within(direct + throw);
         let direct = within(direct);
@@ -109,7 +103,7 @@ impl Lattice {
         let first = spot.parts().iter().find(|part| part.weight > 0.0);
         let first = 6.0 * first.map_or(0.0, |part| crate::spot::deviation(part.fwhm[1]));
         let row_blur = optics.rows_of_source(first);
-        let halo = (throw / pitch[1] + blur[1]).ceil() as i64;
+        let halo = numbers::whole::<i64>((throw / pitch[1] + blur[1]).ceil());
         Self {
             plane,
             period,
@@ -118,8 +112,8 @@ impl Lattice {
             beamlets,
             direct,
             halo,
-            halo_columns: (throw / pitch[0] + blur[0]).ceil() as i64,
-            blur_rows: blur[1].ceil() as i64,
+            halo_columns: numbers::whole::<i64>((throw / pitch[0] + blur[0]).ceil()),
+            blur_rows: numbers::whole::<i64>(blur[1].ceil()),
             edge_blur: edge_blur(optics),
             alike_rows: 1,
             blur,
@@ -151,10 +145,10 @@ impl Lattice {
     pub fn ray(&self, beamlet: i64, x: f64, row: f64, view: u32) -> Ray {
         let [slope_x, slope_z] = self.slopes(beamlet, x, row);
         Ray {
-            x: (slope_x * self.rotation) as f32,
-            z: (slope_z * self.rotation) as f32,
-            slope_x: slope_x as f32,
-            slope_z: slope_z as f32,
+            x: single(slope_x * self.rotation),
+            z: single(slope_z * self.rotation),
+            slope_x: single(slope_x),
+            slope_z: single(slope_z),
             view,
         }
     }
@@ -184,7 +178,7 @@ impl Lattice {
         let of = |side: usize| {
             let ([top, bottom], share) = rows.borders[side];
             let [above, below] = self.row_spread.shares(top, bottom, down)?;
-            Some(share as f32 * if side == 0 { above } else { below }.clamp(0.0, 1.0))
+            Some(single(share) * if side == 0 { above } else { below }.clamp(0.0, 1.0))
         };
         // Light is not negative, whatever is rounded.
         of(0).zip(of(1)).map_or([-1.0, 0.0], |(above, below)| [above, below.min(1.0 - above)])
@@ -193,7 +187,7 @@ impl Lattice {
     /// The beamlet in whose period x (m, in the cell plane) lies.
     #[must_use]
     pub fn beamlet_at(&self, x: f64) -> i64 {
-        ((x - self.offset) / self.period + self.detector.half(0)).floor() as i64
+        numbers::whole::<i64>(((x - self.offset) / self.period + self.detector.half(0)).floor())
     }
 
     /// Beamlets that an interval of x in the cell plane touches.
@@ -231,7 +225,7 @@ pub(crate) fn column(optics: &Optics, slope: f64) -> Column {
         mask.as_ref().map_or(0.0, |mask| mask.off_aperture(slope, plane))
     };
     Column {
-        pixel: pixel as i32,
+        pixel: numbers::whole::<i32>(pixel),
         pixel_offset: single(pixel_offset),
         aperture_offset: single(off(&optics.detector_mask, optics.analyser)),
         sample_offset: single(off(&optics.sample_mask, optics.cell_plane)),
@@ -242,5 +236,5 @@ pub(crate) fn column(optics: &Optics, slope: f64) -> Column {
 /// Enough cells that the linear model holds in them almost everywhere before refinement: four to
 /// an aperture, within reason.
 fn default_cells(period: f64, aperture: f64) -> u32 {
-    ((2.0 * period / aperture).ceil() as u32).clamp(6, 64)
+    numbers::whole::<u32>((2.0 * period / aperture).ceil()).clamp(6, 64)
 }

@@ -1,8 +1,7 @@
 //! Where pieces of a rectangle stand in it: as rectangles of their areas that leave no gap.
 
-#![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-
 use super::dissection::Piece;
+use crate::numbers::single;
 
 /// Of more pieces only cuts through the middle third are looked at.
 const MOST_CUTS: usize = 24;
@@ -65,7 +64,7 @@ fn best_cut(pieces: &[Piece], order: &[usize], axis: usize, [low, high]: [f32; 2
     let reaches: Vec<(f64, f64, f64, f64)> = order.iter().map(reach).collect();
     let all: f64 = reaches.iter().map(|(share, ..)| share).sum();
     let (low, high) = (f64::from(low), f64::from(high));
-    let mut best = Cut { first: 1, border: low as f32, misfit: f64::INFINITY };
+    let mut best = Cut { first: 1, border: single(low), misfit: f64::INFINITY };
     let count = order.len();
     let cuts = if count > MOST_CUTS { count / 3..count - count / 3 } else { 1..count };
     let mut before: f64 = reaches[..cuts.start - 1].iter().map(|(share, ..)| share).sum();
@@ -79,7 +78,7 @@ fn best_cut(pieces: &[Piece], order: &[usize], axis: usize, [low, high]: [f32; 2
             right.iter().map(|(share, from, _, inverse)| beyond(*share, border - from, *inverse));
         let misfit = over.chain(under).sum();
         if misfit < best.misfit {
-            best = Cut { first, border: border.clamp(low, high) as f32, misfit };
+            best = Cut { first, border: single(border.clamp(low, high)), misfit };
         }
     }
     best

@@ -1,7 +1,5 @@
 //! Moments of the rays that bound cells.
 
-#![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-
 use super::ViewContext;
 use super::neighbours::Slopes;
 use super::patch::Patch;
@@ -12,6 +10,7 @@ use crate::interface::{
     RayResult,
 };
 use crate::material::Constants;
+use crate::numbers::single;
 use crate::parallel;
 use crate::trace::{MaterialTable, Tracer, object_hash};
 use rayon::prelude::*;
@@ -92,7 +91,7 @@ impl MomentRecording {
         }
         let [mu, delta] = self.step(material);
         for (i, number) in numbers(result).into_iter().enumerate() {
-            let moment = (number / if i == 0 { mu } else { delta }) as f32;
+            let moment = single(number / if i == 0 { mu } else { delta });
             moments[first + material * MOMENTS_PER_MATERIAL + i] = moment;
             moments[first + i] = -moment;
         }
@@ -219,7 +218,7 @@ fn move_result(moments: &mut [f32], by: Numbers, constants: &[Constants]) {
         if let Some((moment, c)) = moments.max_by(|a, b| part(a).total_cmp(&part(b)))
             && constant(c) != 0.0
         {
-            *moment = (f64::from(*moment) + by / constant(c)) as f32;
+            *moment = single(f64::from(*moment) + by / constant(c));
         }
     }
 }

@@ -3,16 +3,15 @@
 //! Rectangles are split in three, so that the middle one keeps the ray. Their coordinates are
 //! (x - shear (z - 1/2), z): a silhouette that slants by `shear` stands upright in them.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts are bounded by max_rays; rounding to f32 is meant"
-)]
+mod node;
+
+pub(super) use node::{Border, Known, Node, Residuals, alike};
 
 use super::dissection::Piece;
 use super::facet_lists::{Overlap, PatchFacet};
 use super::facet_means::Mean;
-use crate::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
+use crate::interface::RayResult;
+use crate::numbers;
 use std::ops::Range;
 
 /// Indices of facets that take as much memory as a rectangle.
@@ -25,128 +24,6 @@ pub(super) const PARTS: u32 = 3;
 pub(super) enum Axis {
     X,
     Z,
-}
-
-/// What the linear model that fits a rectangle best leaves of what its facets do.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Residuals {
-    /// Slopes along x which the fit has, of displacement and optical depth.
-    pub(super) slope: f32,
-    pub(super) slope_depth: f32,
-    /// Displacement on the detector along z at both ends of z, m.
-    pub(super) ends_z: [f32; 2],
-    /// What crosses the upper and the lower border of the row, where it touches them.
-    pub(super) borders: [Option<Border>; 2],
-    /// Standard deviations from the fit: of the optical depth, and of the displacement along x
-    /// and z, m.
-    pub(super) depth: f32,
-    pub(super) displacement: f32,
-    pub(super) displacement_z: f32,
-    /// Standard deviation of the displacement along x by its slope over z, m.
-    pub(super) across: f32,
-    /// Most that the displacement along x and z of any ray leaves the fit, m.
-    pub(super) farthest: [f32; 2],
-}
-
-/// Light of a rectangle near a border of the row.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Border {
-    /// Its displacement on the detector along z, m.
-    pub(super) landing: f32,
-    /// Its density beside the mean over the rectangle.
-    pub(super) light: f32,
-}
-
-impl Border {
-    /// Of rectangles side by side, each with its width.
-    pub(super) fn mean(parts: impl Iterator<Item = (f32, Self)>) -> Option<Self> {
-        let (mut width, mut landing, mut light) = (0.0, 0.0, 0.0);
-        for (own, border) in parts {
-            width += own;
-            landing += own * border.landing;
-            light += own * border.light;
-        }
-        (width > 0.0).then(|| Self { landing: landing / width, light: light / width })
-    }
-}
-
-/// How the result of a rectangle is known.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Known {
-    /// By the ray through its centre.
-    Ray,
-    /// As the linear model that fits it best.
-    Mean(Residuals),
-    /// By the pieces that its facets cut it into: the first of them, and their end.
-    Pieces([u32; 2]),
-}
-
-/// A rectangle and its result.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Node {
-    /// From the beamlet's centre in the cell plane at the middle of the row, m.
-    pub(super) x: [f32; 2],
-    /// Share of the row, downwards.
-    pub(super) z: [f32; 2],
-    pub(super) result: RayResult,
-    pub(super) known: Known,
-    /// Mean number of crossings of all its rays, where a silhouette crosses it and it is known.
-    crossings: Option<f32>,
-    /// Place of its facets in the list of the patch.
-    facets: [u32; 2],
-    split: Option<(Axis, u32)>,
-}
-
-impl Node {
-    pub(super) fn new(x: [f32; 2], z: [f32; 2], result: RayResult) -> Self {
-        Self { x, z, result, known: Known::Ray, crossings: None, facets: [0; 2], split: None }
-    }
-
-    /// Centre (x, z).
-    pub(super) fn centre(&self) -> [f32; 2] {
-        [0.5 * (self.x[0] + self.x[1]), 0.5 * (self.z[0] + self.z[1])]
-    }
-
-    pub(super) fn width(&self) -> f32 {
-        self.x[1] - self.x[0]
-    }
-
-    pub(super) fn height(&self) -> f32 {
-        self.z[1] - self.z[0]
-    }
-
-    /// Whether coordinates lie in it.
-    pub(super) fn holds(&self, [x, z]: [f32; 2]) -> bool {
-        x >= self.x[0] && x < self.x[1] && z >= self.z[0] && z < self.z[1]
-    }
-
-    /// Share of its rays that cross other surfaces than its own ray, at least.
-    pub(super) fn hidden(&self) -> f32 {
-        let off = |mean: f32| (0.5 * (mean - self.result.crossings as f32).abs()).min(1.0);
-        self.crossings.map_or(0.0, off)
-    }
-
-    /// Whether a silhouette is known to cross it.
-    pub(super) fn has_silhouette(&self) -> bool {
-        self.crossings.is_some()
-    }
-
-    /// Whether no ray of it meets the sample.
-    pub(super) fn is_empty(&self) -> bool {
-        self.result.crossings == 0 && !matches!(self.known, Known::Pieces(_))
-    }
-
-    pub(super) fn is_leaf(&self) -> bool {
-        self.split.is_none()
-    }
-}
-
-/// Whether two rays crossed the same objects in the same way, so that what lies between may be
-/// interpolated.
-pub(super) fn alike(a: &RayResult, b: &RayResult) -> bool {
-    a.signature == b.signature
-        && (a.flags ^ b.flags) & FLAG_REFLECTED == 0
-        && (a.flags | b.flags) & FLAG_NOT_FINITE == 0
 }
 
 /// One beamlet and detector row.
@@ -226,7 +103,7 @@ impl Patch {
         let columns = borders.len().saturating_sub(1);
         let node = |index: usize| {
             let column = index % columns;
-            let z = part([0.0, 1.0], (index / columns) as u32, lines);
+            let z = part([0.0, 1.0], numbers::count(index / columns), lines);
             let x = [borders[column], borders[column + 1]];
             Node::new(x, z, bytemuck::Zeroable::zeroed())
         };
@@ -234,7 +111,7 @@ impl Patch {
         Self {
             beamlet,
             row,
-            base: [columns as u32, lines],
+            base: [numbers::count(columns), lines],
             borders,
             shear: 0.0,
             straight: false,
@@ -264,8 +141,8 @@ impl Patch {
     /// The leaf that holds these coordinates.
     pub(super) fn leaf_at(&self, x: f32, z: f32) -> u32 {
         let column = self.borders.partition_point(|border| *border <= x).saturating_sub(1);
-        let column = (column as u32).min(self.base[0] - 1);
-        let line = ((z * self.base[1] as f32) as u32).min(self.base[1] - 1);
+        let column = numbers::count(column).min(self.base[0] - 1);
+        let line = numbers::whole::<u32>(f64::from(z * self.base[1] as f32)).min(self.base[1] - 1);
         let mut leaf = line * self.base[0] + column;
         while let Some((axis, first)) = self.nodes[leaf as usize].split {
             let beyond = |part: u32| {
@@ -291,7 +168,7 @@ impl Patch {
 
     /// Takes its facets; it does not slant.
     pub(super) fn set_facets(&mut self, facets: Vec<PatchFacet>) {
-        let all: Vec<u32> = (0..facets.len() as u32).collect();
+        let all: Vec<u32> = (0..numbers::count(facets.len())).collect();
         self.facets = Some(facets);
         for node in 0..self.nodes.len() {
             self.list_facets(node, &all);
@@ -302,12 +179,12 @@ impl Patch {
     fn list_facets(&mut self, node: usize, some: &[u32]) {
         let Some(facets) = &self.facets else { return };
         let node = &mut self.nodes[node];
-        let first = self.list.len() as u32;
+        let first = numbers::count(self.list.len());
         let [centre, half] = middle(node.x, node.z);
         let touches =
             |index: &&u32| facets[**index as usize].overlap(centre, half) != Overlap::None;
         self.list.extend(some.iter().filter(touches));
-        node.facets = [first, self.list.len() as u32];
+        node.facets = [first, numbers::count(self.list.len())];
     }
 
     /// Facets that may touch a rectangle.
@@ -319,7 +196,7 @@ impl Patch {
     /// Splits a leaf; its parts begin with its result.
     pub(super) fn split(&mut self, index: u32, axis: Axis) -> Range<u32> {
         let parent = self.nodes[index as usize];
-        let first = self.nodes.len() as u32;
+        let first = numbers::count(self.nodes.len());
         self.nodes[index as usize].split = Some((axis, first));
         let some = self.facets_of(index).to_vec();
         for i in 0..PARTS {
@@ -371,7 +248,7 @@ impl Patch {
         let first = self.pieces.len();
         self.pieces.extend_from_slice(pieces);
         let node = &mut self.nodes[index as usize];
-        node.known = Known::Pieces([first, self.pieces.len()].map(|n| n as u32));
+        node.known = Known::Pieces([first, self.pieces.len()].map(|n| numbers::count(n)));
         // Neighbours see the largest.
         if let Some(largest) = pieces.iter().max_by(|a, b| a.share.total_cmp(&b.share)) {
             node.result = largest.result;
@@ -385,7 +262,7 @@ impl Patch {
 
     /// Indices of the leaves.
     pub(super) fn leaves(&self) -> impl Iterator<Item = u32> {
-        (0..self.nodes.len() as u32).filter(|node| self.nodes[*node as usize].is_leaf())
+        (0..numbers::count(self.nodes.len())).filter(|node| self.nodes[*node as usize].is_leaf())
     }
 }
 

@@ -1,14 +1,8 @@
 //! Which beamlets can meet the sample: the shadows of its components on the detector.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::lattice::Lattice;
 use crate::geometry::{Component, Sample};
+use crate::numbers;
 use crate::scene::View;
 use glam::DVec3;
 use std::ops::Range;
@@ -29,7 +23,7 @@ pub struct ProjectedBounds {
 impl ProjectedBounds {
     /// Rows (of any number) and beamlets of the lattice whose patches it touches.
     pub(super) fn patches(&self, lattice: &Lattice) -> [Range<i64>; 2] {
-        let [top, bottom] = self.rows.map(|row| row.floor() as i64);
+        let [top, bottom] = self.rows.map(|row| numbers::whole::<i64>(row.floor()));
         [top..bottom + 1, lattice.beamlets_of(self.x)]
     }
 }

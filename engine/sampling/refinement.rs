@@ -1,12 +1,7 @@
 //! Adaptive refinement of patches: judge, split where the error is, trace or sum over facets, until
 //! every budget holds. All patches ask for their rays together, so that the device gets many.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
+mod facets;
 
 use super::ViewContext;
 use super::alignment::Scanlines;
@@ -15,10 +10,11 @@ use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
 use super::judgement::{Judged, Narrow};
-use super::patch::{Known, Node, Patch, alike};
+use super::patch::{Known, Patch, alike};
 use super::response::Opening;
 use crate::Result;
 use crate::interface::{Ray, RayResult};
+use crate::numbers::{self, single};
 use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -37,13 +33,6 @@ const MOST_SHEAR: f32 = 2.0;
 /// silhouettes begin with so many times the columns. At a tolerance of 1e-3 the error of the rims of
 /// a coarse ball is 0.35 of it without, and 0.15 with three (`--test sampling -- truth::`).
 const COLUMNS_AT_RIMS: u32 = 3;
-/// A rectangle that is known as a mean becomes pieces only where its error is more than this share
-/// of its light: outlines of pieces err by about as much,
-const LEAST_ERROR_OF_PIECES: f32 = 0.02;
-/// where its facets are no more than this,
-const MOST_FACETS_OF_PIECES: usize = 12;
-/// and where that leaves less than this share of its error.
-const GAIN_OF_PIECES: f32 = 0.5;
 /// Lines of rectangles that a patch with silhouettes begins with.
 const LINES: u32 = 3;
 
@@ -91,10 +80,10 @@ impl<'a> Refiner<'a> {
             base,
             first_beamlet: view.lattice.beamlets.start,
             least: [LEAST_WIDTH, LEAST_HEIGHT],
-            row_height: detector.pitch_at(1, view.lattice.plane) as f32,
-            row_pitch: detector.pitch[1] as f32,
-            row_blur: view.lattice.row_spread.blur as f32,
-            gap: optics.gap() as f32,
+            row_height: single(detector.pitch_at(1, view.lattice.plane)),
+            row_pitch: single(detector.pitch[1]),
+            row_blur: single(view.lattice.row_spread.blur),
+            gap: single(optics.gap()),
             // Of the whole detector, so that cells do not depend on bands.
             lit: -view.lattice.blur_rows..i64::from(detector.pixels[1]) + view.lattice.blur_rows,
         };
@@ -107,7 +96,7 @@ impl<'a> Refiner<'a> {
     pub(super) fn begin(&self, (beamlet, row): (i64, i64)) -> Option<PatchWork> {
         let base = self.estimator.base;
         let results = base.patch(beamlet, row)?;
-        let period = self.view.lattice.period as f32;
+        let period = single(self.view.lattice.period);
         let patch = Patch::new(beamlet, row, period, base.base, results);
         let narrow = self.narrow.get(&(beamlet, row)).cloned().unwrap_or_default();
         if narrow.is_empty() && self.misses(&patch) {
@@ -117,7 +106,7 @@ impl<'a> Refiner<'a> {
         let mut work = PatchWork {
             openings: self.view.response.openings(column),
             narrow,
-            rays: results.len() as u32,
+            rays: numbers::count(results.len()),
             light: 0.0,
             changed: Vec::new(),
             pending: Vec::new(),
@@ -140,93 +129,6 @@ impl<'a> Refiner<'a> {
         self.facets.as_ref().is_none_or(|(lists, _)| lists.has_silhouette(beamlet, row))
     }
 
-    /// Lets means over facets take the place of rays in a patch that has not been split, unless
-    /// its rays are enough.
-    fn take_facets(&self, work: &mut PatchWork) {
-        let Some((lists, _)) = &self.facets else { return };
-        let Patch { beamlet, row, .. } = work.patch;
-        let silhouette = lists.has_silhouette(beamlet, row);
-        if !silhouette {
-            work.narrow.clear();
-            let error = self.estimator.judge(&work.patch, &work.openings, &[], &mut work.judged);
-            if error.splits.is_empty() {
-                (work.light, work.done) = (error.light, true);
-                return;
-            }
-        }
-        let Some(facets) = lists.facets(beamlet, row) else { return };
-        work.narrow.clear();
-        work.judged = Judged::default();
-        let column = self.estimator.column(beamlet);
-        let [cells, lines] = self.estimator.base.base;
-        let rim = silhouette && self.view.optics.sample_mask.is_none();
-        let finer = if rim { COLUMNS_AT_RIMS } else { 1 };
-        let borders = self.view.response.edges(column, finer * cells);
-        work.patch = Patch::slabs(beamlet, row, borders, lines);
-        work.patch.set_facets(facets);
-        for node in 0..work.patch.nodes.len() as u32 {
-            if !self.take_mean(work, node) {
-                work.pending.push(node);
-            }
-        }
-    }
-
-    /// Sets the result of a rectangle to the mean over its facets, where there is one, or cuts it
-    /// into its pieces.
-    fn take_mean(&self, work: &mut PatchWork, node: u32) -> bool {
-        let Some((_, means)) = &self.facets else { return false };
-        let patch = &mut work.patch;
-        if patch.facets.is_none() {
-            return false;
-        }
-        let Node { x, z, .. } = patch.nodes[node as usize];
-        let mean = means.over(patch, patch.facets_of(node), x, z);
-        patch.set_mean(node, &mean) || self.dissect(work, node)
-    }
-
-    /// Cuts a rectangle into the pieces that its facets make of it, where they are few and it is
-    /// not known by them yet. Pieces that need rays wait for them.
-    fn dissect(&self, work: &mut PatchWork, node: u32) -> bool {
-        let Some((_, means)) = &self.facets else { return false };
-        let patch = &mut work.patch;
-        let Node { x, z, known, .. } = patch.nodes[node as usize];
-        if patch.facets.is_none() || matches!(known, Known::Pieces(_)) {
-            return false;
-        }
-        let Some(pieces) = means.pieces(patch, patch.facets_of(node), x, z) else { return false };
-        let first = patch.pieces.len() as u32;
-        patch.set_pieces(node, &pieces);
-        let by_ray = (first..).zip(&pieces).filter(|(_, piece)| piece.by_ray);
-        work.pending_pieces.extend(by_ray.map(|(number, _)| number));
-        true
-    }
-
-    /// Cuts a rectangle that is known as a mean into its pieces, where that errs less.
-    fn dissect_mean(&self, work: &mut PatchWork, node: u32) -> bool {
-        let error = self.estimator.cell_error(&work.patch, node);
-        let facets = work.patch.facets_of(node).len();
-        if error.light * error.whole < LEAST_ERROR_OF_PIECES * error.through
-            || facets > MOST_FACETS_OF_PIECES
-        {
-            return false;
-        }
-        let before = work.patch.nodes[node as usize];
-        let waiting = work.pending_pieces.len();
-        let pieces = work.patch.pieces.len();
-        if !self.dissect(work, node) {
-            return false;
-        }
-        let own = self.estimator.cell_error(&work.patch, node);
-        let less = own.light < error.light
-            && own.light * own.whole < GAIN_OF_PIECES * error.light * error.whole;
-        if !less {
-            work.patch.nodes[node as usize] = before;
-            work.patch.pieces.truncate(pieces);
-            work.pending_pieces.truncate(waiting);
-        }
-        less
-    }
-
     /// Whether a patch outside the lit rows is seen to throw no light into them: no silhouette
     /// there or beside it, and no ray that lands half as far off.
     fn misses(&self, patch: &Patch) -> bool {
@@ -241,13 +143,13 @@ impl<'a> Refiner<'a> {
         });
         let reach = patch.nodes.iter().map(|node| node.result.landing_z(self.estimator.gap).abs());
         let rows = f64::from(2.0 * reach.fold(0.0, f32::max) / self.estimator.row_pitch);
-        let rows = (rows * self.view.delta_ratio()).ceil() as i64;
+        let rows = numbers::whole::<i64>((rows * self.view.delta_ratio()).ceil());
         smooth && (row + rows < self.lit.start || row - rows >= self.lit.end)
     }
 
     /// Lets the rectangles of patches with silhouettes slant as these do.
     pub(super) fn align(&self, tracer: &mut Tracer, work: &mut [PatchWork]) -> Result<()> {
-        let period = self.view.lattice.period as f32;
+        let period = single(self.view.lattice.period);
         let base = self.estimator.base.base;
         let slants = |work: &&mut PatchWork| {
             let few = |count: u32| count <= MOST_ALIGNED;
@@ -270,7 +172,7 @@ impl<'a> Refiner<'a> {
             let results = self.trace(tracer, patches, &places)?;
             for ((work, lines), own) in slanting.iter_mut().zip(&results) {
                 lines.accept(own);
-                work.rays += own.len() as u32;
+                work.rays += numbers::count(own.len());
             }
         }
         // Patches with silhouettes begin on three lines whether these slant or not: narrow
@@ -280,13 +182,14 @@ impl<'a> Refiner<'a> {
             let slant = lines.slant().filter(|slant| slant.shear.abs() <= most);
             let shear = slant.map_or(0.0, |slant| slant.shear);
             let width = period + shear.abs();
-            let columns = (width * base[0] as f32 / period).ceil() as u32;
+            let columns =
+                numbers::whole::<u32>(f64::from((width * base[0] as f32 / period).ceil()));
             let base = [columns, LINES * base[1]];
             let Patch { beamlet, row, .. } = work.patch;
             work.judged = Judged::default();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
             work.patch.straight = slant.is_some_and(|slant| slant.straight);
-            work.pending.extend(0..work.patch.nodes.len() as u32);
+            work.pending.extend(0..numbers::count(work.patch.nodes.len()));
         }
         self.trace_pending(tracer, work)
     }
@@ -311,7 +214,7 @@ impl<'a> Refiner<'a> {
             {
                 work.patch.pieces[piece as usize].result = *result;
             }
-            work.rays += own.len() as u32;
+            work.rays += numbers::count(own.len());
         }
         Ok(())
     }

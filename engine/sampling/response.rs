@@ -1,11 +1,9 @@
 //! How a change of a cell's result changes what pixels record: the openings of the sample mask by
 //! mask step, and the blurred windows of the analyser.
 
-#![allow(clippy::cast_possible_truncation, reason = "rounding to f32 is meant")]
-
 use super::lattice::Lattice;
 use super::patch::part;
-use crate::numbers::single;
+use crate::numbers::{self, single};
 use crate::optics::{Mask, Optics};
 
 /// Points of the table of a window per period of the windows.
@@ -86,7 +84,7 @@ impl Response {
         let (openings, mask_period) = match &optics.sample_mask {
             Some(mask) if !any_masks => {
                 let half = 0.5 * mask.aperture_at(lattice.plane) + soft;
-                let opening = |f: &f64| [(f - half) as f32, (f + half) as f32];
+                let opening = |f: &f64| [single(f - half), single(f + half)];
                 let offsets = told_apart(&optics.mask_offsets, STEPS_APART * mask.aperture());
                 (offsets.iter().map(opening).collect(), mask.period_at(lattice.plane))
             }
@@ -94,11 +92,10 @@ impl Response {
                 // Steps that cover the period once.
                 let count = (mask.period() / mask.aperture()).ceil().clamp(1.0, 64.0);
                 let width = lattice.period / count;
-                #[allow(clippy::cast_sign_loss, reason = "at least 1")]
-                let steps = 0..count as u32;
+                let steps = 0..numbers::whole::<u32>(count);
                 let opening = |step: u32| {
                     let low = f64::from(step) * width - 0.5 * lattice.period;
-                    [low as f32, (low + width) as f32]
+                    [single(low), single(low + width)]
                 };
                 (steps.map(opening).collect(), lattice.period)
             }
@@ -106,12 +103,12 @@ impl Response {
         };
         Self {
             window: window_integral(period, width, blur),
-            period: period as f32,
-            blur: blur as f32,
-            magnification: (analyser / lattice.plane) as f32,
+            period: single(period),
+            blur: single(blur),
+            magnification: single(analyser / lattice.plane),
             landing: columns.iter().map(landing).collect(),
             openings,
-            mask_period: mask_period as f32,
+            mask_period: single(mask_period),
             mask_offset: if any_masks {
                 vec![0.0; columns.len()]
             } else {
@@ -121,9 +118,9 @@ impl Response {
                 .iter()
                 .map(|c| if hard { 0.0 } else { shadow(optics, c.slope) })
                 .collect(),
-            soft: if hard { 0.0 } else { soft as f32 },
-            half_period: (0.5 * lattice.period) as f32,
-            weight: (detector.distance / (lattice.plane * detector.pitch[0])) as f32,
+            soft: if hard { 0.0 } else { single(soft) },
+            half_period: single(0.5 * lattice.period),
+            weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
             any_masks,
         }
     }
@@ -204,8 +201,9 @@ impl Response {
         let widest = 2.0 * half / cells as f32;
         let parts = |pair: &[f32]| {
             let range = [pair[0], pair[1]];
-            #[allow(clippy::cast_sign_loss, reason = "at least 1")]
-            let count = ((range[1] - range[0]) / widest - LEAST_SLAB).ceil().max(1.0) as u32;
+            let count = numbers::whole::<u32>(f64::from(
+                ((range[1] - range[0]) / widest - LEAST_SLAB).ceil().max(1.0),
+            ));
             (0..count).map(move |index| part(range, index, count)[0])
         };
         borders.windows(2).flat_map(parts).chain([half]).collect()
@@ -237,16 +235,14 @@ impl Response {
 
     /// Integral of the light through the window at 0 over the landing point.
     fn integral(&self, at: f32) -> f32 {
-        #[allow(clippy::cast_precision_loss, reason = "a small number")]
         let points = POINTS_PER_PERIOD as f32;
         let place = (at / self.period + REACH as f32) * points;
-        #[allow(clippy::cast_sign_loss, reason = "checked")]
         if place <= 0.0 {
             self.window[0]
         } else if place >= (self.window.len() - 1) as f32 {
             self.window[self.window.len() - 1]
         } else {
-            let index = place as usize;
+            let index = numbers::whole::<usize>(f64::from(place));
             let (a, b) = (self.window[index], self.window[index + 1]);
             a + (b - a) * (place - index as f32)
         }
@@ -345,7 +341,7 @@ fn window_integral(period: f64, width: f64, blur: f64) -> Vec<f32> {
     };
     let at = |point: usize| {
         let x = (point as f64 / POINTS_PER_PERIOD as f64 - REACH as f64) * period;
-        (ramp(x + 0.5 * width) - ramp(x - 0.5 * width)) as f32
+        single(ramp(x + 0.5 * width) - ramp(x - 0.5 * width))
     };
     (0..=last).map(at).collect()
 }

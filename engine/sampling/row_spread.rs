@@ -1,13 +1,7 @@
 //! How the light of a cell spreads over its row and the two beside it, blurred by the spot.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use crate::interface::RayResult;
+use crate::numbers::single;
 use std::f64::consts::{PI, SQRT_2};
 
 impl RayResult {
@@ -35,7 +29,7 @@ impl RowSpread {
         }
         let above = self.share_below(0.0, low, high);
         let below = 1.0 - self.share_below(1.0, low, high);
-        Some([above as f32, below as f32])
+        Some([single(above), single(below)])
     }
 
     /// Share of light spread evenly over [low, high] and blurred that lies before `e`.

@@ -1,12 +1,5 @@
 //! Cells of some rows of a view: base rays, refinement of each patch, and what that makes.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
 use super::cell_batch::{CellBatch, blank_strips, empty_cell};
 use super::cell_moments::CellMoments;
@@ -23,6 +16,7 @@ use super::response::Response;
 use crate::Result;
 use crate::geometry::Sample;
 use crate::interface::{MOMENTS_PER_MATERIAL, Ray};
+use crate::numbers::{self, single};
 use crate::optics::Optics;
 use crate::trace::Tracer;
 use rayon::prelude::*;
@@ -181,7 +175,7 @@ pub(super) fn refined(
 fn blocks(rows: &Range<i64>) -> impl Iterator<Item = Range<i64>> {
     let end = rows.end;
     rows.clone()
-        .step_by(ROWS_TOGETHER as usize)
+        .step_by(numbers::narrow::<usize>(ROWS_TOGETHER))
         .map(move |first| first..(first + ROWS_TOGETHER).min(end))
 }
 
@@ -203,10 +197,10 @@ pub(super) fn narrow_components(
             for beamlet in beamlets.clone() {
                 let centre = lattice.centre(beamlet);
                 all.entry((beamlet, row)).or_default().push(Narrow {
-                    x: shadow.x.map(|x| (x - centre) as f32),
-                    z: shadow.rows.map(|z| (z - row as f64) as f32),
-                    width: shadow.width as f32,
-                    height: shadow.height as f32,
+                    x: shadow.x.map(|x| single(x - centre)),
+                    z: shadow.rows.map(|z| single(z - row as f64)),
+                    width: single(shadow.width),
+                    height: single(shadow.height),
                 });
             }
         }

@@ -1,13 +1,8 @@
 //! Integrals of the first order over a rectangle, by sheet of surface: one side of one component.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a share of 255 steps is meant"
-)]
-
 use super::polygon::Corner;
 use crate::interface::FLAG_SHARE_SHIFT;
+use crate::numbers;
 use arrayvec::ArrayVec;
 
 /// Most sheets of surface (component and side) in a rectangle.
@@ -97,7 +92,7 @@ pub(super) struct RectangleSums {
 /// Flags of a result whose least cosine of incidence is this share of that which the first order
 /// needs.
 pub(super) fn flags(share: f64) -> u32 {
-    let share = (255.0 * share.min(1.0)) as u32;
+    let share = numbers::whole::<u32>(255.0 * share.min(1.0));
     share << FLAG_SHARE_SHIFT
 }
 

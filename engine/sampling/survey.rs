@@ -1,18 +1,12 @@
 //! What sampling some rows costs, from a part of their patches: these are refined as in a run, and
 //! stand for the others.
 
-#![allow(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "counts are small; costs are estimates"
-)]
-
 use super::ViewContext;
 use super::base_lattice::BaseLattice;
 use super::refinement::Refiner;
 use super::rows::{narrow_components, refined};
 use crate::Result;
+use crate::numbers;
 use crate::sampling::CellBatch;
 use crate::trace::Tracer;
 use std::ops::Range;
@@ -152,7 +146,9 @@ pub(crate) fn survey_rows(
 fn spread(patches: &[(i64, i64)], most: f64, start: f64) -> Vec<(i64, i64)> {
     let count = (patches.len() as f64).min(most.max(1.0).floor());
     let step = patches.len() as f64 / count.max(1.0);
-    (0..count as usize).map(|i| patches[((i as f64 + start) * step) as usize]).collect()
+    (0..numbers::whole::<usize>(count))
+        .map(|i| patches[numbers::whole::<usize>((i as f64 + start) * step)])
+        .collect()
 }
 
 #[cfg(test)]

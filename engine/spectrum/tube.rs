@@ -7,6 +7,7 @@
 //! here at the energy asked for, with the attenuation that SpekPy uses for it. Lines are
 //! tabulated behind the target, as a multiple of a power of the voltage above their edge.
 
+use crate::numbers;
 use std::sync::OnceLock;
 
 use super::Spectrum;
@@ -74,12 +75,7 @@ fn table(anode: Anode) -> Result<&'static Table> {
 fn continuum(table: &Table, kvp: f64, anode_angle: f64, angle: Place) -> Vec<(f64, f64)> {
     let voltage = Place::of(&table.voltages, kvp);
     let range = voltage.between_logs(|index| table.ranges[index]);
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "at most 160 keV in rows of 0.25 keV"
-    )]
-    let count = ((kvp - LEAST) / WIDTH).ceil() as usize;
+    let count = numbers::whole::<usize>(((kvp - LEAST) / WIDTH).ceil());
     let width = (kvp - LEAST) / count as f64;
     let row = |index: usize| {
         let energy = LEAST + (index as f64 + 0.5) * width;

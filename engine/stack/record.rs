@@ -76,7 +76,6 @@ pub struct SamplingSummary {
 impl SamplingSummary {
     /// From the counts of a run, where `tolerance` was allowed; `None` where nothing was sampled.
     pub(crate) fn of(tally: &Tally, tolerance: f64) -> Option<Self> {
-        #[allow(clippy::cast_precision_loss, reason = "means of many")]
         let float = |count: u64| count as f64;
         (tally.patches > 0).then(|| Self {
             patches: tally.patches,

@@ -1,6 +1,7 @@
 //! Sizes of memory.
 
 use super::QuantityError;
+use crate::numbers;
 
 /// Reads a size of memory such as "512 MiB" or "2 GiB" into bytes. Units: B, KiB, MiB, GiB, TiB,
 /// and the powers of ten kB, MB, GB, TB.
@@ -29,12 +30,7 @@ pub fn memory_size(text: &str) -> Result<u64, QuantityError> {
     match bytes {
         // Below 2^63 every whole f64 is a u64.
         Some(bytes) if (1.0..9.2e18).contains(&bytes) => {
-            #[allow(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "the range was just checked; a part of a byte does not count"
-            )]
-            let whole = bytes as u64;
+            let whole = numbers::whole::<u64>(bytes);
             Ok(whole)
         }
         _ => Err(QuantityError {

@@ -1,15 +1,11 @@
 //! Numbers that the detector reads out: photons, electronic noise, gain, offset, bit depth.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    reason = "indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 mod normal;
 mod philox;
 mod poisson;
 
 use crate::Result;
+use crate::numbers::{self, single};
 use crate::scene::Exposure;
 use crate::scene::{Counts, Scene};
 use ndarray::{Array3, ArrayView3};
@@ -101,15 +97,15 @@ impl Noise {
             Exposure::Dark => (3, 0),
         };
         let line = |(index, line): (usize, &mut [f32])| {
-            let (step, row) = (index / rows, first_row + (index % rows) as u32);
+            let (step, row) = (index / rows, first_row + numbers::count(index % rows));
             let mut saturated = 0;
             for (column, number) in line.iter_mut().enumerate() {
                 // Columns and rows have 16 bits each.
-                let place = [row << 16 | column as u32, view, step as u32];
+                let place = [row << 16 | numbers::count(column), view, numbers::count(step)];
                 let light = f64::from(intensity(index * self.columns + column));
                 let value = self.number(light, Draws::new(self.seed, place, kind));
                 saturated += u64::from(value > self.most);
-                *number = value.min(self.most) as f32;
+                *number = single(value.min(self.most));
             }
             saturated
         };

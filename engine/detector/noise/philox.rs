@@ -2,15 +2,14 @@
 //! changes a bit. Philox4x32-10 of Salmon, Moraes, Dror and Shaw 2011, "Parallel random numbers:
 //! as easy as 1, 2, 3".
 
-#![expect(clippy::cast_possible_truncation, reason = "the halves of a product of words are words")]
-
 use super::normal::normal_quantile;
+use crate::numbers::{high_word, low_word};
 
 /// 128 random bits.
 pub(super) fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     let multiply = |a: u32, b: u32| {
         let product = u64::from(a) * u64::from(b);
-        [(product >> 32) as u32, product as u32]
+        [high_word(product), low_word(product)]
     };
     for _ in 0..10 {
         let [high0, low0] = multiply(0xD251_1F53, counter[0]);
@@ -33,7 +32,7 @@ pub(super) struct Draws {
 impl Draws {
     /// The sequence of a seed and a place of three words and a kind.
     pub(super) const fn new(seed: u64, place: [u32; 3], kind: u8) -> Self {
-        let key = [seed as u32, (seed >> 32) as u32];
+        let key = [low_word(seed), high_word(seed)];
         Self { key, counter: [place[0], place[1], place[2], (kind as u32) << 24], spare: None }
     }
 

@@ -123,31 +123,27 @@ pub(super) fn gamma(shape: f64, draws: &mut Draws) -> f64 {
 }
 
 #[cfg(test)]
-#[allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "bins of some thousand numbers, none below 0"
-)]
 mod tests {
     use super::*;
+    use crate::numbers::whole;
 
     /// Bins of counts of draws against the exact probabilities: the sum of squares over
     /// expected numbers is chi-squared, held to 5 of its standard deviations.
     fn chi_squared(mean: f64, shift: f64) -> [f64; 2] {
         let draws = 200_000_u32;
         let low = (mean - 4.0 * mean.sqrt()).floor().max(0.0);
-        let bins = (8.0 * mean.sqrt()).ceil() as usize + 3;
+        let bins = whole::<usize>((8.0 * mean.sqrt()).ceil()) + 3;
         let mut found = vec![0.0; bins];
         for place in 0..draws {
             let count = poisson(mean + shift, &mut Draws::new(7, [place, 0, 0], 1));
-            let bin = (count - low + 1.0).clamp(0.0, bins as f64 - 1.0) as usize;
+            let bin = whole::<usize>((count - low + 1.0).clamp(0.0, bins as f64 - 1.0));
             found[bin] += 1.0;
         }
         let probability = |bin: usize| libm::exp(log_probability(low + bin as f64 - 1.0, mean));
         let mut wanted: Vec<f64> =
             (0..bins).map(|b| if b == 0 { 0.0 } else { probability(b) }).collect();
         let below: f64 =
-            (0..low as usize).map(|k| libm::exp(log_probability(k as f64, mean))).sum();
+            (0..whole::<usize>(low)).map(|k| libm::exp(log_probability(k as f64, mean))).sum();
         wanted[0] = below;
         wanted[bins - 1] = 1.0 - wanted[..bins - 1].iter().sum::<f64>();
         let (mut sum, mut freedom) = (0.0, -1.0);

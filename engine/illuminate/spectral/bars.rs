@@ -1,16 +1,9 @@
 //! What the bars of the masks do to light of each energy, by its way through them.
 
-#![allow(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    clippy::cast_precision_loss,
-    clippy::cast_sign_loss,
-    reason = "columns and blocks of rows are few"
-)]
-
 use super::join::Limits;
 use super::{EnergyBinning, NEGLIGIBLE};
 use crate::interface::CellRow;
+use crate::numbers;
 use crate::optics::MaskShape;
 use crate::sampling::CellBatch;
 use rayon::prelude::*;
@@ -63,7 +56,8 @@ impl MaskTransmissionCache {
         let block = |strip: &CellRow| spectral.place(strip).1;
         let first_block = strips.strips.iter().map(block).min().unwrap_or_default();
         let blocks = strips.strips.iter().map(|strip| block(strip) - first_block + 1).max();
-        let mut wanted = vec![false; columns * blocks.unwrap_or_default() as usize];
+        let mut wanted =
+            vec![false; columns * numbers::narrow::<usize>(blocks.unwrap_or_default())];
         let mut before = std::mem::take(&mut self.table);
         let moved = (self.first_block - first_block) * columns as i64;
         *self = Self { first_block, table: Vec::new() };
@@ -77,7 +71,8 @@ impl MaskTransmissionCache {
         let known: Vec<Option<MaskTransmission>> = wanted.iter().enumerate().map(known).collect();
         drop(before);
         let bars = |(index, (wanted, known)): (usize, (bool, Option<MaskTransmission>))| {
-            let place = || ((index % columns) as u32, first_block + (index / columns) as i64);
+            let place =
+                || (numbers::count(index % columns), first_block + (index / columns) as i64);
             wanted.then(|| known.unwrap_or_else(|| spectral.bars(place())))
         };
         self.table =
@@ -86,7 +81,7 @@ impl MaskTransmissionCache {
 
     fn index(&self, spectral: &EnergyBinning, strip: &CellRow) -> usize {
         let (column, block) = spectral.place(strip);
-        (block - self.first_block) as usize * spectral.slopes.len() + column as usize
+        numbers::narrow::<usize>(block - self.first_block) * spectral.slopes.len() + column as usize
     }
 
     /// Those at the place of a strip, which was looked at.

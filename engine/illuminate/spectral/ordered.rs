@@ -4,6 +4,7 @@ use super::{EnergyBinning, NodeResult};
 use crate::Result;
 use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
 use crate::material::Constants;
+use crate::numbers;
 use crate::sampling::{CellBatch, ExactCell};
 use crate::scene::Transport;
 use crate::trace::{MaterialTable, Tracer};
@@ -60,7 +61,7 @@ impl EnergyBinning {
             let Cell { x_low, x_high, .. } = strips.cells[cell.cell as usize];
             let (width, grazing) = (x_high - x_low, cell.grazing());
             let nodes: Vec<bool> = (0..self.nodes()).map(|n| repeats(n, width, grazing)).collect();
-            nodes.contains(&true).then_some((index as u32, nodes))
+            nodes.contains(&true).then_some((numbers::count(index), nodes))
         };
         let (cells, asked): (Vec<u32>, Vec<Vec<bool>>) =
             exact.par_iter().enumerate().filter_map(asks).unzip();

@@ -1,12 +1,5 @@
 //! The run in progress: bands of rows, traced and illuminated in groups, handed to the sink.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::cast_possible_wrap,
-    reason = "counts and indices are bounded by the scene's validation; rounding to f32 is meant"
-)]
-
 mod survey;
 
 use super::Simulation;
@@ -18,6 +11,7 @@ use crate::illuminate::{
     SpectralBand, Sums, cast,
 };
 use crate::interface::Pixel;
+use crate::numbers;
 use crate::optics::Optics;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{self, CellBatch, ProjectedBounds};
@@ -203,7 +197,7 @@ impl<'s> ViewWork<'s> {
                 self.cell_rows(view, shadows, &rows, &inner, [own, kept], control)?;
             }
             if own {
-                self.rows_done += (rows.end - rows.start) as u64;
+                self.rows_done += numbers::narrow::<u64>(rows.end - rows.start);
             }
             self.report(view, control)?;
         }
@@ -221,9 +215,9 @@ impl<'s> ViewWork<'s> {
             // Nothing is traced; the blocks of a file are read once each, or nearly. Invocations
             // side by side that see one aperture from several rows do the same work: four times as
             // fast as those that see apertures side by side.
-            (lattice.beamlets.end - lattice.beamlets.start) as u64
+            numbers::narrow::<u64>(lattice.beamlets.end - lattice.beamlets.start)
         } else {
-            let beamlets = (lattice.beamlets.end - lattice.beamlets.start) as u64;
+            let beamlets = numbers::narrow::<u64>(lattice.beamlets.end - lattice.beamlets.start);
             beamlets * (2 * u64::from(lattice.cells) + 1) * 2 * u64::from(optics.sampling.rows)
         };
         (self.simulation.memory.rays_at_once / per_row.max(1)).max(1) as i64
@@ -256,7 +250,7 @@ impl<'s> ViewWork<'s> {
         let begin = Instant::now();
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
-        let steps = self.simulation.scene.scan.mask_offsets.len() as u32;
+        let steps = numbers::count(self.simulation.scene.scan.mask_offsets.len());
         let Self { cells, bars, lights, sums, tally, tracer, simulation, .. } = self;
         let cancel = control.cancel;
         let illuminating = std::cell::Cell::new(0.0);
@@ -299,7 +293,7 @@ impl<'s> ViewWork<'s> {
             }
             (Exposure::Sample(index), ..) if !shadows.is_empty() => {
                 let view = simulation.view(index, shadows);
-                let at_once = simulation.memory.rays_at_once as usize;
+                let at_once = numbers::narrow::<usize>(simulation.memory.rays_at_once);
                 sampling::sample_rows(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
             }
             _ => {
@@ -333,9 +327,9 @@ impl<'s> ViewWork<'s> {
             for column in self.pixel_columns.clone() {
                 let inside = detector_rows.contains(&row) && detector_columns.contains(&column);
                 let pixel = Pixel {
-                    column: column as i32,
-                    row: row as i32,
-                    table: (column - self.pixel_columns.start) as u32,
+                    column: numbers::narrow::<i32>(column),
+                    row: numbers::narrow::<i32>(row),
+                    table: numbers::narrow::<u32>(column - self.pixel_columns.start),
                 };
                 if self.simulation.lattice.pixel_meets(shadows, column, row) {
                     met.push(pixel);

@@ -2,6 +2,7 @@
 
 use super::grid::Place;
 use crate::interpolation::log_log;
+use crate::numbers::single;
 
 /// Lines grow about as this power of the voltage above their edge; what is left is smooth.
 const GROWTH: f64 = 1.6;
@@ -50,8 +51,7 @@ impl Table {
         let count = voltages.len() * angles.len() * ratios.len() * depths.len();
         let values = bytes.take(2 * count)?.chunks_exact(2).map(|pair| {
             let code = u16::from_le_bytes([pair[0], pair[1]]);
-            #[allow(clippy::cast_possible_truncation, reason = "codes have 16 bits")]
-            let value = (low + step * f64::from(code)).exp() as f32;
+            let value = single((low + step * f64::from(code)).exp());
             if code == u16::MAX { 0.0 } else { value }
         });
         let values = values.collect();

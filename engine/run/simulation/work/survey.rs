@@ -3,6 +3,7 @@
 
 use super::{ViewWork, bands};
 use crate::Result;
+use crate::numbers;
 use crate::optics::Optics;
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
@@ -76,7 +77,7 @@ impl ViewWork<'_> {
 
     /// Mask steps that are illuminated.
     fn steps(&self) -> u32 {
-        (self.simulation.scene.scan.mask_offsets.len() as u32).min(STEPS)
+        numbers::count(self.simulation.scene.mask_steps()).min(STEPS)
     }
 
     /// The others, for each of these.
@@ -151,13 +152,13 @@ impl ViewWork<'_> {
                 break;
             }
             let view = (f64::from(number) * GOLDEN + 0.5).fract() * self.view_count();
-            let view = view as u32;
+            let view = numbers::whole::<u32>(view);
             let shadow = Instant::now();
             let shadows = self.simulation.shadows(view);
             let shadow_seconds = shadow.elapsed().as_secs_f64();
             let all = self.rows_of(&shadows);
             let blocks = (all.end - all.start + ROWS - 1) / ROWS;
-            let block = (radical_inverse(number) * blocks as f64) as i64;
+            let block = numbers::whole::<i64>(radical_inverse(number) * blocks as f64);
             if blocks == 0 || !seen.insert((view, block)) {
                 continue;
             }
@@ -179,8 +180,10 @@ impl ViewWork<'_> {
     /// Rows of a view that shadows reach, as far as a run samples them.
     fn rows_of(&self, shadows: &[ProjectedBounds]) -> Range<i64> {
         let halo = self.simulation.lattice.halo;
-        let top = shadows.iter().map(|s| s.rows[0].floor() as i64).min().unwrap_or(0);
-        let bottom = shadows.iter().map(|s| s.rows[1].floor() as i64 + 1).max().unwrap_or(0);
+        let top =
+            shadows.iter().map(|s| numbers::whole::<i64>(s.rows[0].floor())).min().unwrap_or(0);
+        let bottom =
+            shadows.iter().map(|s| numbers::whole::<i64>(s.rows[1].floor()) + 1).max().unwrap_or(0);
         let top = top.max(-halo);
         top..bottom.min(self.lit_rows_of_all() + halo).max(top)
     }
