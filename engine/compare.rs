@@ -221,11 +221,12 @@ fn difference(
     to: Option<&mut ImageDirectory>,
 ) -> Result<Difference> {
     let [views, steps, rows, columns] = pair[0].shape();
+    let frames = (0..views).flat_map(|view| (0..steps).map(move |step| (view, step)));
     let mut sums = DifferenceSums::default();
     if let Some(to) = to {
         // Images are written whole; without them frames may be larger than memory.
         let name = name.replace('/', "_");
-        for (view, step) in (0..views).flat_map(|view| (0..steps).map(move |step| (view, step))) {
+        for (view, step) in frames {
             let (own, [of_a, mut image]) = compared(pair, view, step, 0..rows)?;
             sums.add(&own);
             image -= &of_a;
@@ -238,7 +239,7 @@ fn difference(
         let side_by_side = if any_rows { BANDS } else { 1 };
         let bands: Vec<Range<usize>> =
             (0..rows).step_by(band).map(|first| first..rows.min(first + band)).collect();
-        for (view, step) in (0..views).flat_map(|view| (0..steps).map(move |step| (view, step))) {
+        for (view, step) in frames {
             for bands in bands.chunks(side_by_side) {
                 let each: Vec<DifferenceSums> = bands
                     .par_iter()

@@ -17,7 +17,7 @@ pub(crate) const fn count(n: usize) -> u32 {
     n as u32
 }
 
-/// A count that bounds others: as many as 32 bits can count where it is more.
+/// A count that serves as an upper bound: larger ones are the largest u32.
 pub(crate) fn at_most(n: usize) -> u32 {
     n.min(u32::MAX as usize) as u32
 }

@@ -16,8 +16,8 @@ pub(crate) use mask::Mask;
 use crate::scene::{Blur, Sampling, Scene};
 use crate::spot::{Spot, deviation};
 
-/// Cells per period of a lattice without a sample mask, in pixels that are not cut.
-const DEFAULT_CELLS: u32 = 6;
+/// Cells of a period at least, and of a pixel without a sample mask, where the scene has no number.
+pub(crate) const LEAST_CELLS: u32 = 6;
 
 /// What the light of a run meets, and how finely it is sampled there.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,8 +50,8 @@ impl Optics {
         Self::on_grid(scene, scene.detector.pixels, [1; 2])
     }
 
-    /// The optics of a scene whose light is taken up by a grid of so many columns and rows, which
-    /// cuts each pixel of the detector into `parts` along x and z. Masks stay where they are.
+    /// The optics of a scene whose detector takes its light in smaller pixels: `parts` of them to a
+    /// pixel along x and z, `size` columns and rows in all. Masks stay where they are.
     #[must_use]
     pub(crate) fn on_grid(scene: &Scene, size: [u32; 2], parts: [u32; 2]) -> Self {
         let detector = DetectorPlane {
@@ -66,7 +66,7 @@ impl Optics {
         let mut sampling = scene.sampling.clone();
         if parts[0] > 1 && scene.sample_mask.is_none() {
             // A period is a part of a pixel then.
-            let cells = sampling.cells.unwrap_or(DEFAULT_CELLS);
+            let cells = sampling.cells.unwrap_or(LEAST_CELLS);
             sampling.cells = Some(cells.div_ceil(parts[0]));
         }
         sampling.rows = sampling.rows.div_ceil(parts[1]);

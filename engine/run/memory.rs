@@ -34,7 +34,7 @@ const REFINED_USUALLY: u64 = 4;
 /// Bytes on the host, and what little there is on the device, per ray beyond these: its rectangle,
 /// and what judges it. Measured with a star of 501 teeth.
 const CROWDED: u64 = 1400;
-/// Beyond so many, patches wait for one another.
+/// Largest number of them: beyond it patches are refined in turn.
 const MOST_CROWDED: u64 = 2 * RAYS[0];
 /// Bytes on the host per ray and material under a spectrum: moments at both ends of cells.
 const KEPT_MOMENTS: u64 = 40;
@@ -130,7 +130,7 @@ pub fn estimate(
     Needs::of(scene, objects)?.estimate(scene, limit, band_rows)
 }
 
-/// As [`estimate`], of a scene whose views take so many rays after refinement.
+/// As [`estimate`]; `rays_per_view` is the number of rays of a view after refinement.
 ///
 /// # Errors
 /// As [`estimate`].
@@ -141,14 +141,14 @@ pub(crate) fn estimate_refined(
     rays_per_view: f64,
 ) -> Result<MemoryEstimate> {
     let mut needs = Needs::of(scene, objects)?;
-    let told = estimate(scene, objects, limit, None)?;
+    let first = needs.estimate(scene, limit, None)?;
     if needs.cells {
         let rays = numbers::whole::<u64>(rays_per_view);
         needs.crowded = rays.saturating_sub(REFINED_USUALLY.saturating_mul(needs.rays));
     }
-    // A run knows nothing of this: its bands are those that were told before. Nor does a limit bound
-    // it, for a single patch may hold most of it.
-    Ok(needs.at(told.band_rows, told.rays_at_once))
+    // A run does not know this number: it takes the bands of the estimate without it. Nor does a
+    // limit bound the memory, for a single patch may hold most of it.
+    Ok(needs.at(first.band_rows, first.rays_at_once))
 }
 
 /// Refuses meshes that cannot fit in the limit before they are read.

@@ -24,11 +24,13 @@ const KINKS: f64 = 0.2;
 /// An error of the displacement that moves light to other rows, pitches of them.
 const FAR_OFF: f64 = 0.1;
 
-/// Light that crosses a border of a row comes from a band beside it. A weight that falls linearly
-/// over so many standard deviations of the blur has the mean of one side of it.
+/// Height of the band beside a row's border that light crosses the border from, standard
+/// deviations of the blur. The weight falls linearly to nothing over it: its mean distance from the
+/// border is that of one side of the blur.
 const BORDER_BAND: f64 = 2.4;
-/// Bands are at least so high, rows.
+/// Least height of a band, rows.
 const THINNEST_BAND: f64 = 1e-3;
+
 /// What the facets say of a rectangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Mean {

@@ -6,7 +6,7 @@ use super::projected_bounds::ProjectedBounds;
 use super::row_spread::RowSpread;
 use crate::interface::{Column, Ray};
 use crate::numbers::{self, single};
-use crate::optics::{DetectorPlane, Mask, Optics};
+use crate::optics::{DetectorPlane, LEAST_CELLS, Mask, Optics};
 use std::ops::Range;
 
 /// Total reflection happens up to a grazing angle of sqrt(2 delta) and deflects by twice it.
@@ -236,5 +236,5 @@ pub(crate) fn column(optics: &Optics, slope: f64) -> Column {
 /// Enough cells that the linear model holds in them almost everywhere before refinement: four to
 /// an aperture, within reason.
 fn default_cells(period: f64, aperture: f64) -> u32 {
-    numbers::whole::<u32>((2.0 * period / aperture).ceil()).clamp(6, 64)
+    numbers::whole::<u32>((2.0 * period / aperture).ceil()).clamp(LEAST_CELLS, 64)
 }

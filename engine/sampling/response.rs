@@ -261,7 +261,7 @@ impl Response {
 
     /// Light that passes the sample and its landing point, spread over 2 `half`, as windows see it.
     pub(super) fn landed(&self, [light, at]: [f32; 2], half: f32) -> Landed {
-        // Narrower light is told from a point by nobody, and keeps the digits of the quotient.
+        // The table has no points within less; and the quotient below keeps its digits.
         let half = half.max(2.0 * self.period / POINTS_PER_PERIOD as f32);
         let home = (at / self.period).round();
         let windows = if self.any_masks { [0.0; 3] } else { self.windows(light, at, home, half) };

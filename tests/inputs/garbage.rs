@@ -7,11 +7,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::paper::PAPER;
 use beamlet::geometry::{Sample, diagnose, load};
 use beamlet::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
 use proptest::prelude::*;
-
-const PAPER: &str = include_str!("scene_paper.toml");
 
 fn paper_json() -> String {
     let value: toml::Table = PAPER.parse().unwrap();

@@ -5,6 +5,7 @@ mod garbage;
 mod geometry;
 mod layers;
 mod material;
+mod paper;
 mod scene;
 mod scene_beam;
 mod scene_docs;

@@ -5,35 +5,14 @@
 
 use std::path::Path;
 
+use crate::paper::{PAPER, load, parts, with_sets};
+use beamlet::Error;
 use beamlet::scene::{MaskBody, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh};
-use beamlet::{Error, Place};
-
-const PAPER: &str = include_str!("scene_paper.toml");
-
-fn load(text: &str) -> Result<Scene, Error> {
-    Scene::from_toml(text, "somewhere")
-}
 
 /// The paper's scene with one piece of text exchanged.
 fn changed(from: &str, to: &str) -> Result<Scene, Error> {
     assert!(PAPER.contains(from), "{from}");
     load(&PAPER.replacen(from, to, 1))
-}
-
-fn parts(result: Result<Scene, Error>) -> (Place, String, String, String) {
-    match result.unwrap_err() {
-        Error::Scene { place, key, found, allowed, .. } => (*place, key, found, allowed),
-        other => panic!("not a scene error: {other}"),
-    }
-}
-
-/// Loads the paper's scene from a file with overrides.
-fn with_sets(sets: &[&str]) -> Result<Scene, Error> {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("paper.toml");
-    std::fs::write(&path, PAPER).unwrap();
-    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    Scene::load_with(&path, &sets)
 }
 
 fn close(value: f64, expected: f64) -> bool {

@@ -6,30 +6,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::paper::{PAPER, load, parts, with_sets};
 use beamlet::scene::{Beam, MaskBody, MaterialSpec, Mesh, Scene, ShapeOrMesh};
-use beamlet::{Error, Place};
 use proptest::prelude::*;
-
-const PAPER: &str = include_str!("scene_paper.toml");
-
-fn load(text: &str) -> Result<Scene, Error> {
-    Scene::from_toml(text, "somewhere")
-}
-
-fn parts(result: Result<Scene, Error>) -> (Place, String, String, String) {
-    match result.unwrap_err() {
-        Error::Scene { place, key, found, allowed, .. } => (*place, key, found, allowed),
-        other => panic!("not a scene error: {other}"),
-    }
-}
-
-fn with_sets(sets: &[&str]) -> Result<Scene, Error> {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("paper.toml");
-    std::fs::write(&path, PAPER).unwrap();
-    let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    Scene::load_with(&path, &sets)
-}
 
 fn paper_json() -> String {
     let value: toml::Table = PAPER.parse().unwrap();

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::program::{beamlet, run, workplace};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -43,17 +44,6 @@ formula = "C"
 density = "2.0 g/cm3"
 "#;
 
-fn beamlet(directory: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
-    command.current_dir(directory).env_remove("RUST_LOG");
-    command
-}
-
-/// Runs `beamlet` with the words of `line`.
-fn run(directory: &Path, line: &str) -> Output {
-    beamlet(directory).args(line.split_whitespace()).output().unwrap()
-}
-
 fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()
 }
@@ -67,13 +57,6 @@ fn assert_code(output: &Output, code: i32) {
     assert_eq!(output.status.code(), Some(code), "{}\n{}", stdout(output), stderr(output));
 }
 
-/// A temporary directory with scene.toml in it.
-fn workplace() -> tempfile::TempDir {
-    let directory = tempfile::tempdir().unwrap();
-    fs::write(directory.path().join("scene.toml"), SCENE).unwrap();
-    directory
-}
-
 fn names(directory: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(directory)
         .unwrap()
@@ -85,7 +68,7 @@ fn names(directory: &Path) -> Vec<String> {
 
 #[test]
 fn usage_errors_end_with_2_and_say_what_is_missing() {
-    let place = workplace();
+    let place = workplace(SCENE);
     for (line, wanted) in [
         ("", "Usage"),
         ("simulate", "<SCENE>"),
@@ -110,7 +93,7 @@ fn usage_errors_end_with_2_and_say_what_is_missing() {
 
 #[test]
 fn help_and_version_go_to_stdout_with_examples() {
-    let place = workplace();
+    let place = workplace(SCENE);
     for (line, wanted) in [
         ("--version", env!("CARGO_PKG_VERSION")),
         ("simulate --help", "--resume"),
@@ -124,7 +107,7 @@ fn help_and_version_go_to_stdout_with_examples() {
 
 #[test]
 fn an_unknown_key_is_shown_with_its_place_and_nothing_is_written() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let text = SCENE.replace("pitch =", "pich =");
     fs::write(place.path().join("scene.toml"), text).unwrap();
     let output = run(place.path(), "simulate scene.toml -o run");
@@ -137,7 +120,7 @@ fn an_unknown_key_is_shown_with_its_place_and_nothing_is_written() {
 
 #[test]
 fn a_missing_scene_is_named() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let output = run(place.path(), "simulate nowhere.toml -o run");
     assert_code(&output, 1);
     assert!(stderr(&output).contains("nowhere.toml"));
@@ -145,7 +128,7 @@ fn a_missing_scene_is_named() {
 
 #[test]
 fn a_directory_with_files_of_others_is_not_written_to() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let output = run(place.path(), "simulate scene.toml -o .");
     assert_code(&output, 1);
     assert!(stderr(&output).contains("not empty"), "{}", stderr(&output));
@@ -157,7 +140,7 @@ fn a_directory_with_files_of_others_is_not_written_to() {
 
 #[test]
 fn resuming_where_there_is_no_run_fails() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let output = run(place.path(), "simulate scene.toml -o run --resume");
     assert_code(&output, 1);
     assert!(stderr(&output).contains("run.json"));
@@ -165,7 +148,7 @@ fn resuming_where_there_is_no_run_fails() {
 
 #[test]
 fn check_tells_geometry_materials_objects_and_work() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let output = run(place.path(), "check scene.toml");
     assert_code(&output, 0);
     let text = stdout(&output);
@@ -186,7 +169,7 @@ fn check_tells_geometry_materials_objects_and_work() {
 
 #[test]
 fn a_memory_limit_that_is_too_small_is_refused_and_check_tells_what_fits() {
-    let place = workplace();
+    let place = workplace(SCENE);
     for verb in ["check", "simulate -o run"] {
         let output = run(place.path(), &format!("{verb} scene.toml --memory-limit 20MiB"));
         assert_code(&output, 1);
@@ -204,7 +187,7 @@ fn a_memory_limit_that_is_too_small_is_refused_and_check_tells_what_fits() {
 
 #[test]
 fn examples_are_listed_and_written_and_pass_their_own_check() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let output = run(place.path(), "example");
     assert_code(&output, 0);
     for name in ["cylinder", "bracket", "cylinders"] {
@@ -223,7 +206,7 @@ fn examples_are_listed_and_written_and_pass_their_own_check() {
 
 #[test]
 fn devices_are_listed_for_people_and_programs() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let output = run(place.path(), "devices --json");
     assert_code(&output, 0);
     let devices: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -233,7 +216,7 @@ fn devices_are_listed_for_people_and_programs() {
 
 #[test]
 fn a_small_scene_is_simulated_once_and_not_overwritten_unasked() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let output = run(place.path(), "simulate scene.toml -o run");
     assert_code(&output, 0);
     let text = stdout(&output);
@@ -257,7 +240,7 @@ fn a_small_scene_is_simulated_once_and_not_overwritten_unasked() {
 
 #[test]
 fn the_resolved_scene_of_a_run_gives_the_same_bits() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let mut command = beamlet(place.path());
     command.args(["simulate", "scene.toml", "-o", "one", "--format", "npy"]);
     command.args(["--backend", "bvh", "--set", "detector.pixels=[8, 3]"]);
@@ -295,7 +278,7 @@ fn interrupted(place: &Path) -> Output {
 #[test]
 #[cfg(unix)]
 fn an_interrupted_run_names_the_command_that_resumes_it_to_the_same_bits() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let output = interrupted(place.path());
     assert_code(&output, 130);
     let message = stderr(&output);
@@ -337,7 +320,7 @@ fn interrupted_at_once(mut command: Command) -> Output {
 #[test]
 #[cfg(target_os = "linux")]
 fn an_overwriting_run_interrupted_before_it_writes_names_the_command_that_starts_it_again() {
-    let place = workplace();
+    let place = workplace(SCENE);
     assert_code(&run(place.path(), "simulate scene.toml -o run --backend bvh -q"), 0);
     let recorded = || fs::read(place.path().join("run/run.json")).unwrap();
     let before = recorded();
@@ -363,7 +346,7 @@ fn an_overwriting_run_interrupted_before_it_writes_names_the_command_that_starts
 #[test]
 #[cfg(unix)]
 fn a_reader_that_goes_away_is_no_failure() {
-    let place = workplace();
+    let place = workplace(SCENE);
     let mut child = beamlet(place.path())
         .args(["check", "scene.toml", "--json"])
         .stdout(Stdio::piped())

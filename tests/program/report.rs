@@ -5,13 +5,14 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::program::{done, run};
 use beamlet::retrieve::Record;
 use ndarray::Array3;
 use ndarray_npy::write_npy;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 const SCENE: &str = concat!(
     include_str!("../support/masks.toml"),
@@ -52,22 +53,6 @@ impl Verdict {
             .chain(self.errors.clone())
             .collect()
     }
-}
-
-fn beamlet(directory: &Path, line: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_beamlet"))
-        .current_dir(directory)
-        .env_remove("RUST_LOG")
-        .args(line.split_whitespace())
-        .output()
-        .unwrap()
-}
-
-#[track_caller]
-fn done(directory: &Path, line: &str) -> String {
-    let output = beamlet(directory, line);
-    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
 }
 
 /// A run with retrieved images that the test knows.
@@ -229,7 +214,7 @@ fn what_cannot_be_reported_is_refused_and_nothing_is_written() {
         ("report run -o mine.html", 1, "--overwrite"),
         ("report run -o page.html --most 3", 2, "GiB"),
     ] {
-        let output = beamlet(place.path(), line);
+        let output = run(place.path(), line);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(code), "{line}: {message}");
         assert!(message.contains(wanted), "{line}: {message}");
@@ -245,7 +230,7 @@ fn what_cannot_be_reported_is_refused_and_nothing_is_written() {
             write_npy(&file, &wrong).unwrap();
         }
     }
-    let output = beamlet(place.path(), "report run -o page.html");
+    let output = run(place.path(), "report run -o page.html");
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{message}");
     assert!(message.contains("16 x 3 pixels; the run has"), "{message}");

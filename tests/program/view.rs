@@ -4,12 +4,12 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use crate::support::log::commit;
+use crate::support::program::{done, run};
 use beamlet::retrieve::Record;
 use ndarray::{Array3, Array4};
 use ndarray_npy::write_npy;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 use tiny_skia::Pixmap;
 
 const SCENE: &str = concat!(
@@ -33,23 +33,6 @@ material = "water"
 
 /// Pixels of a picture per unit of its drawing.
 const SCALE: f64 = 1.5;
-
-fn beamlet(directory: &Path, line: &str) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_beamlet"))
-        .current_dir(directory)
-        .env_remove("RUST_LOG")
-        .args(line.split_whitespace())
-        .output()
-        .unwrap()
-}
-
-/// Runs `beamlet`, which has to succeed, and returns what it printed.
-#[track_caller]
-fn done(directory: &Path, line: &str) -> String {
-    let output = beamlet(directory, line);
-    assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
 
 fn picture(path: &Path) -> Pixmap {
     Pixmap::decode_png(&fs::read(path).unwrap()).unwrap()
@@ -324,7 +307,7 @@ fn what_is_not_there_is_refused_and_nothing_is_written() {
         ("view nowhere.toml", 1, "nowhere.toml"),
         ("view scene.toml --set detector.pich=1", 1, "pitch"),
     ] {
-        let output = beamlet(place.path(), &format!("{line} -o pictures"));
+        let output = run(place.path(), &format!("{line} -o pictures"));
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(code), "{line}: {message}");
         assert!(message.contains(wanted), "{line}: {message}");
@@ -339,7 +322,7 @@ fn pictures_that_are_there_are_replaced_only_when_asked() {
     fs::create_dir(place.path().join("pictures")).unwrap();
     let mine = place.path().join("pictures/profile_view_0000_row_0002.png");
     fs::write(&mine, "mine").unwrap();
-    let output = beamlet(place.path(), "view run -o pictures");
+    let output = run(place.path(), "view run -o pictures");
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--overwrite"));
     assert_eq!(fs::read(&mine).unwrap(), b"mine");

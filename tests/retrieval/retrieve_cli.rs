@@ -13,6 +13,7 @@ use crate::reference::closed_form::cylinder_deflection;
 use crate::reference::draws::Draws;
 use crate::reference::fit;
 use crate::support::log::commit;
+use crate::support::program;
 use beamlet::retrieve::{
     ImageFormat, ImagesTo, Input, Record, RetrieveControl, RetrieveOptions, retrieve,
 };
@@ -22,7 +23,7 @@ use ndarray::{Array3, Array4};
 use ndarray_npy::{read_npy, write_npy};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 use tempfile::TempDir;
@@ -32,12 +33,7 @@ use tiff::encoder::colortype::Gray16;
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/experiments/cylinder/scene.toml");
 
 fn beamlet(directory: &Path, words: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_beamlet"))
-        .current_dir(directory)
-        .env_remove("RUST_LOG")
-        .args(words)
-        .output()
-        .unwrap()
+    program::beamlet(directory).args(words).output().unwrap()
 }
 
 fn told(output: &Output) -> String {

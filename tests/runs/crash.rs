@@ -5,6 +5,7 @@
 #![allow(clippy::print_stdout, reason = "measured figures are printed")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::program::{beamlet, workplace};
 use beamlet::scene::{Exposure, Scene};
 use beamlet::stack::RunDirectory;
 use std::collections::BTreeMap;
@@ -26,29 +27,15 @@ pitch = "150 um"
 mask_offsets = { from = "-25 um", to = "25 um", count = 2 }
 angles = { from = "0 deg", to = "360 deg", count = 60 }
 
-[[object]]
-name = "rod"
-shape = { cylinder = { radius = "0.2 mm", height = "16 mm", sides = 16 } }
-material = "plastic"
-
-[materials.plastic]
-mu = "0.25 /cm"
-delta = 2.4e-7
-"#
+"#,
+    include_str!("../support/rod.toml")
 );
 
 /// Views of the scene, the flat included.
 const VIEWS: usize = 61;
 
-fn workplace() -> tempfile::TempDir {
-    let directory = tempfile::tempdir().unwrap();
-    fs::write(directory.path().join("scene.toml"), SCENE).unwrap();
-    directory
-}
-
 fn simulate(place: &Path, run: &str, more: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
-    command.current_dir(place).env_remove("RUST_LOG");
+    let mut command = beamlet(place);
     command.args(["simulate", "scene.toml", "-q", "--backend", "bvh", "-o", run]).args(more);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
@@ -166,7 +153,7 @@ fn kills() -> u32 {
 
 /// Ends runs at random moments and resumes them, until enough were killed.
 fn end_again_and_again(scene: &str, arguments: &[&str], views: usize, seed: u64) {
-    let place = workplace();
+    let place = workplace(SCENE);
     fs::write(place.path().join("scene.toml"), scene).unwrap();
     assert_code(&simulate(place.path(), "whole", arguments).output().unwrap(), 0);
     let run = place.path().join("run");
@@ -250,10 +237,7 @@ fn with_full_disk(place: &Path, more: &str) -> Output {
 
 /// As [`workplace`], with a larger detector.
 fn large_workplace() -> tempfile::TempDir {
-    let place = workplace();
-    let scene = SCENE.replace("pixels = [8, 2]", LARGE);
-    fs::write(place.path().join("scene.toml"), scene).unwrap();
-    place
+    workplace(&SCENE.replace("pixels = [8, 2]", LARGE))
 }
 
 #[test]

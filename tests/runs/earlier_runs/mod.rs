@@ -5,9 +5,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::program::run;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 use tempfile::TempDir;
 
 /// A folder with a copy of the run in `run` and its scene.
@@ -26,15 +26,9 @@ fn place() -> TempDir {
     place
 }
 
-fn beamlet(place: &TempDir, line: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
-    command.current_dir(place).env_remove("RUST_LOG").args(line.split_whitespace());
-    command.output().unwrap()
-}
-
 /// Ends with 0.
 fn passes(place: &TempDir, line: &str) {
-    let output = beamlet(place, line);
+    let output = run(place, line);
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(0), "{line}: {stderr}");
 }
@@ -99,7 +93,7 @@ fn a_run_of_a_later_format_is_refused_with_its_number() {
         "compare run run",
         "simulate scene.toml -o run --resume --allow-mixed",
     ] {
-        let output = beamlet(&place, line);
+        let output = run(&place, line);
         let stderr = String::from_utf8_lossy(&output.stderr);
         assert_ne!(output.status.code(), Some(0), "{line}");
         assert!(stderr.contains("has the format_version 7"), "{line}: {stderr}");

@@ -9,6 +9,7 @@ mod progress;
 mod sizes;
 mod spectra;
 
+use crate::support::program::{self, workplace};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -36,9 +37,7 @@ struct Place(tempfile::TempDir);
 
 impl Place {
     fn new() -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        fs::write(place.path("scene.toml"), SCENE).unwrap();
-        place
+        Self(workplace(SCENE))
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -85,8 +84,8 @@ impl Place {
 }
 
 fn beamlet(place: &Path, words: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
-    command.args(words).current_dir(place).env_remove("RUST_LOG");
+    let mut command = program::beamlet(place);
+    command.args(words);
     command
 }
 

@@ -9,9 +9,10 @@ mod reading;
 mod referenced;
 mod tally;
 
+use crate::support::program::{beamlet, workplace};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 /// The set-up of the paper around a rod, 4 views of 2 steps.
 pub(crate) const SCENE: &str = concat!(
@@ -26,15 +27,8 @@ pitch = "150 um"
 mask_offsets = { from = "-25 um", to = "25 um", count = 2 }
 angles = { from = "0 deg", to = "360 deg", count = 4 }
 
-[[object]]
-name = "rod"
-shape = { cylinder = { radius = "0.2 mm", height = "16 mm", sides = 16 } }
-material = "plastic"
-
-[materials.plastic]
-mu = "0.25 /cm"
-delta = 2.4e-7
-"#
+"#,
+    include_str!("../../support/rod.toml")
 );
 
 /// A directory with a scene, and what the program does there.
@@ -42,9 +36,7 @@ pub(crate) struct Place(tempfile::TempDir);
 
 impl Place {
     pub(crate) fn new(scene: &str) -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
-        fs::write(place.path("scene.toml"), scene).unwrap();
-        place
+        Self(workplace(scene))
     }
 
     pub(crate) fn path(&self, name: &str) -> PathBuf {
@@ -52,9 +44,7 @@ impl Place {
     }
 
     pub(crate) fn beamlet(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
-        command.current_dir(self.0.path()).env_remove("RUST_LOG").args(arguments);
-        command.output().unwrap()
+        beamlet(&self.0).args(arguments).output().unwrap()
     }
 
     /// `beamlet simulate scene.toml -q -o run`, with more arguments.

@@ -8,6 +8,7 @@ mod full_disk;
 mod replace;
 mod words;
 
+use crate::support::program;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,26 +26,17 @@ pitch = "150 um"
 mask_offsets = { from = "-25 um", to = "25 um", count = 4 }
 angles = { from = "0 deg", to = "180 deg", count = 3 }
 
-[[object]]
-name = "rod"
-shape = { cylinder = { radius = "0.2 mm", height = "16 mm", sides = 16 } }
-material = "plastic"
-
-[materials.plastic]
-mu = "0.25 /cm"
-delta = 2.4e-7
-"#
+"#,
+    include_str!("../../support/rod.toml")
 );
 
 fn workplace() -> tempfile::TempDir {
-    let directory = tempfile::tempdir().unwrap();
-    fs::write(directory.path().join("scene.toml"), SCENE).unwrap();
-    directory
+    program::workplace(SCENE)
 }
 
 fn beamlet(place: &Path, line: &str) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_beamlet"));
-    command.current_dir(place).env_remove("RUST_LOG").args(line.split_whitespace());
+    let mut command = program::beamlet(place);
+    command.args(line.split_whitespace());
     command
 }
 
