@@ -7,6 +7,7 @@ use super::facet_means::{EDGE_ON, FacetMeans, result_of};
 use super::layout::stand;
 use super::patch::{Patch, middle};
 use super::polygon::{Area, CuttingLine, Moments, NEAR, Polygon, Side};
+use super::row_spread::Crossed;
 use super::sheets::{Met, flags};
 use crate::interface::RayResult;
 use crate::numbers::single;
@@ -20,9 +21,6 @@ const MOST_REGIONS: usize = 256;
 const MOST_LAYERS: usize = 12;
 /// Bounds of a triangle are unlike by this to those of the interval of its variance.
 const TRIANGLE: f64 = 0.6;
-/// Pieces that are thinner at a border of the rectangle than this share of a rectangle of their
-/// area do not reach it.
-const LEAST_DENSITY: f64 = 1e-3;
 /// Pieces are taken to be at least as wide and high as this share of the rectangle.
 const THINNEST: f64 = 1e-3;
 /// Pieces with less than this share of the light that the first order may leave in a rectangle are
@@ -71,14 +69,40 @@ impl Piece {
     }
 }
 
-/// Where in its row the light of a piece comes from.
+/// Where in its row the light of a piece comes from, and what of it lands in the rows beside.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PieceRows {
     /// The interval of its centroid and variance.
     pub(super) whole: [f64; 2],
-    /// What stands for it near the upper and the lower border of its rectangle, as dense as it is
-    /// there, each with the share of its light that is in it.
-    pub(super) borders: [([f64; 2], f64); 2],
+    /// Its displacement by the first order, rows, downwards.
+    pub(super) down: f64,
+    /// Shares that land in the row above and in the row below, with that displacement.
+    pub(super) shares: [f64; 2],
+    /// Their changes per row of displacement.
+    pub(super) rises: [f64; 2],
+}
+
+/// Shares of a piece are linear in its displacement over this share of the blur,
+const NEAR_FIRST_ORDER: f64 = 0.3;
+/// and, where there is no blur, over this share of its height.
+const NEAR_SHARP: f64 = 0.01;
+/// Light beyond the rows beside is left to them up to that of this many standard deviations of the
+/// blur: 2e-4 of a piece that ends there.
+const FARTHEST: f64 = 3.5;
+
+impl PieceRows {
+    /// Shares of its outline that land in the row above and in the row below when it is displaced
+    /// by `down` rows and blurred with a standard deviation of `blur` rows; nothing where it lands
+    /// farther off, or elsewhere than the first order says.
+    pub(super) fn by_outline(&self, down: f64, blur: f64) -> Option<[f64; 2]> {
+        let [top, bottom] = self.whole;
+        let off = down - self.down;
+        let near = off.abs() <= (NEAR_FIRST_ORDER * blur).max(NEAR_SHARP * (bottom - top));
+        let reach = FARTHEST * blur;
+        let beside = top + down - reach >= -1.0 && bottom + down + reach <= 2.0;
+        let share = |side: usize| (self.shares[side] + off * self.rises[side]).clamp(0.0, 1.0);
+        (near && beside).then(|| [share(0), share(1)])
+    }
 }
 
 /// A region while facets are laid over one another.
@@ -130,7 +154,7 @@ impl FacetMeans<'_> {
             for region in group {
                 let area = region.polygon.area();
                 if area.area > 0.0 {
-                    moments.add(&region.polygon, &area, half[1]);
+                    moments.add(&region.polygon, &area);
                 }
             }
             covered += moments.area;
@@ -140,7 +164,8 @@ impl FacetMeans<'_> {
             let facets = filling.iter().chain(&group[0].facets);
             let facets: ArrayVec<&PatchFacet, { 2 * MOST_FACETS }> =
                 facets.map(|index| &all[*index as usize]).collect();
-            match self.piece(patch, &facets, &moments, [centre, half]) {
+            let polygons = || group.iter().map(|region| &region.polygon);
+            match self.piece(patch, &facets, (&moments, polygons), [centre, half]) {
                 Some(piece) => pieces.extend(piece),
                 // Facets seen edge-on are left out, and what they would balance is as thin.
                 None if moments.area <= SLIVER * whole => {}
@@ -158,11 +183,11 @@ impl FacetMeans<'_> {
 
     /// A piece that these facets cover, where it has any light to speak of; nothing where they do not
     /// balance.
-    fn piece(
+    fn piece<'p, I: Iterator<Item = &'p Polygon>>(
         &self,
         patch: &Patch,
         facets: &[&PatchFacet],
-        moments: &Moments,
+        (moments, polygons): (&Moments, impl Fn() -> I),
         [centre, rectangle]: [[f64; 2]; 2],
     ) -> Option<Option<Piece>> {
         let (from_centre, [xx, zz]) = moments.about_centroid();
@@ -206,18 +231,8 @@ impl FacetMeans<'_> {
         };
         let (_, outline_x) = interval(0, xx);
         let (high, outline_z) = interval(1, zz);
-        // At a border of the rectangle light is as dense as it is there.
-        let edges = [centre[1] - rectangle[1], centre[1] + rectangle[1]];
-        let border = |side: usize| {
-            let density = moments.at_border[side] / moments.area;
-            if density * 2.0 * rectangle[1] < LEAST_DENSITY {
-                return ([centroid[1] - high, centroid[1] + high], 1.0);
-            }
-            let length = (1.0 / density).min(2.0 * rectangle[1]);
-            let inner = if side == 0 { edges[0] + length } else { edges[1] - length };
-            let range = [edges[side].min(inner), edges[side].max(inner)];
-            (range, length * density)
-        };
+        let whole = [centroid[1] - high, centroid[1] + high];
+        let down = -f64::from(result.landing_z(self.gap)) / self.row_pitch;
         Some(Some(Piece {
             x: [0.0; 2],
             z: [0.0; 2],
@@ -228,14 +243,42 @@ impl FacetMeans<'_> {
             }),
             variance: single(xx),
             result,
-            rows: PieceRows {
-                whole: [centroid[1] - high, centroid[1] + high],
-                borders: [border(0), border(1)],
-            },
+            rows: self.rows_of(moments, polygons, [whole, [centre[1], rise[1]]], down),
             outline: [outline_x, outline_z],
             slope_depth: single(rise[0]),
             by_ray,
         }))
+    }
+
+    /// What of a piece crosses the borders of its row when it is displaced by `down` rows. `whole`:
+    /// the interval that stands for it; its polygons are about `centre`, and its optical depth
+    /// changes by `rise` per row.
+    fn rows_of<'p, I: Iterator<Item = &'p Polygon>>(
+        &self,
+        moments: &Moments,
+        polygons: impl Fn() -> I,
+        [whole, [centre, rise]]: [[f64; 2]; 2],
+        down: f64,
+    ) -> PieceRows {
+        let border = |side: usize| {
+            let towards = if side == 0 { -1.0 } else { 1.0 };
+            let inner = |z: f64| if side == 0 { z + down } else { 1.0 - z - down };
+            let mut crossed = Crossed::default();
+            for polygon in polygons() {
+                let corners = polygon.corners().iter().map(|[x, z]| [*x, inner(centre + z)]);
+                self.lattice.row_spread.add_crossed(corners, &mut crossed);
+            }
+            // Light changes along z.
+            let own = inner(0.5 * (whole[0] + whole[1]));
+            let [low, high] = moments.reach[1];
+            let steepest = 1.0 / (high - low).max(f64::MIN_POSITIVE);
+            let per_distance = -towards * rise.clamp(-steepest, steepest);
+            let brighter = per_distance * (own * crossed.light - crossed.by_distance);
+            let share = ((crossed.light + brighter) / moments.area).clamp(0.0, 1.0);
+            (share, towards * crossed.rise / moments.area)
+        };
+        let [above, below] = [border(0), border(1)];
+        PieceRows { whole, down, shares: [above.0, below.0], rises: [above.1, below.1] }
     }
 }
 

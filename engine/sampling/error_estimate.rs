@@ -76,6 +76,8 @@ pub(super) struct Estimator<'a> {
     pub(super) gap: f32,
     /// Standard deviation of the blur over rows, rows.
     pub(super) row_blur: f32,
+    /// Moments are kept: light moves otherwise at other energies.
+    pub(super) other_energies: bool,
     /// Rows whose light is recorded.
     pub(super) lit: Range<i64>,
 }
@@ -160,6 +162,10 @@ impl Estimator<'_> {
     /// Share of the light of a piece that its outline may move over the border of a row.
     fn beyond_border(&self, piece: &Piece) -> f32 {
         let down = -piece.result.landing_z(self.gap) / self.row_pitch;
+        let by_outline = || piece.rows.by_outline(down.into(), self.row_blur.into());
+        if !self.other_energies && by_outline().is_some() {
+            return 0.0;
+        }
         let [low, high] = piece.rows.whole.map(|z| single(z) + down);
         let height = high - low;
         // A border cuts off the lesser part of it, or its blur reaches one beside it.

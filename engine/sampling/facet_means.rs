@@ -105,7 +105,9 @@ pub(super) struct FacetMeans<'a> {
     /// Recorded value per metre of open cell plane.
     pub(super) weight: f64,
     /// Distance from analyser to detector, m.
-    gap: f32,
+    pub(super) gap: f32,
+    /// Pitch of the detector's rows, m.
+    pub(super) row_pitch: f64,
     /// Where the first order may err by more than this, m, nothing is left to it.
     pub(super) far: f64,
     /// No ray of a mean may need more than the first order.
@@ -125,6 +127,7 @@ impl<'a> FacetMeans<'a> {
             steepest: view.response.steepest(),
             weight: f64::from(view.response.weight),
             gap: single(optics.gap()),
+            row_pitch: optics.detector.pitch[1],
             far: FAR_OFF * optics.detector.pitch[1],
             strict: view.keep.is_some(),
         }

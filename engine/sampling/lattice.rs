@@ -65,9 +65,6 @@ fn edge_blur(optics: &Optics) -> f64 {
     }
 }
 
-/// The density of a piece at a border of its rectangle stands for this share of its height.
-const NEAR_BORDER: f64 = 0.3;
-
 impl Lattice {
     /// Whether cells stand and land as on another lattice; how finely it is sampled, and which
     /// rows see the bars of masks under one angle, does not count.
@@ -168,20 +165,14 @@ impl Lattice {
         self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
     }
 
-    /// The same for a piece: by its density at the borders where light moves little, by its
-    /// interval where it moves or is blurred farther.
+    /// The same for a piece: those of its outline, or else of its interval.
     pub(super) fn piece_shares(&self, rows: &PieceRows, down: f64) -> [f32; 2] {
-        let [top, bottom] = rows.whole;
-        if down.abs() + 2.0 * self.row_spread.blur > NEAR_BORDER * (bottom - top) {
-            return self.row_shares(top, bottom, down);
-        }
-        let of = |side: usize| {
-            let ([top, bottom], share) = rows.borders[side];
-            let [above, below] = self.row_spread.shares(top, bottom, down)?;
-            Some(single(share) * if side == 0 { above } else { below }.clamp(0.0, 1.0))
+        let Some(shares) = rows.by_outline(down, self.row_spread.blur) else {
+            return self.row_shares(rows.whole[0], rows.whole[1], down);
         };
         // Light is not negative, whatever is rounded.
-        of(0).zip(of(1)).map_or([-1.0, 0.0], |(above, below)| [above, below.min(1.0 - above)])
+        let [above, below] = shares.map(single);
+        [above, below.min(1.0 - above)]
     }
 
     /// The beamlet in whose period x (m, in the cell plane) lies.

@@ -48,7 +48,7 @@ struct Cut {
     /// Number of the pieces before it.
     first: usize,
     border: f32,
-    /// Share of the area that lies on the wrong side.
+    /// Area that lies on the wrong side, share of the smaller part.
     misfit: f64,
 }
 
@@ -76,7 +76,9 @@ fn best_cut(pieces: &[Piece], order: &[usize], axis: usize, [low, high]: [f32; 2
         let over = left.iter().map(|(share, _, to, inverse)| beyond(*share, to - border, *inverse));
         let under =
             right.iter().map(|(share, from, _, inverse)| beyond(*share, border - from, *inverse));
-        let misfit = over.chain(under).sum();
+        // Of the smaller part: a sliver is not to be cut off where it does not lie.
+        let smaller = before.min(all - before).max(f64::MIN_POSITIVE);
+        let misfit = over.chain(under).sum::<f64>() / smaller;
         if misfit < best.misfit {
             best = Cut { first, border: single(border.clamp(low, high)), misfit };
         }
@@ -98,7 +100,7 @@ mod tests {
             bounds: [x, z],
             variance: 0.0,
             result: bytemuck::Zeroable::zeroed(),
-            rows: PieceRows { whole: [0.0, 1.0], borders: [([0.0, 1.0], 1.0); 2] },
+            rows: PieceRows { whole: [0.0, 1.0], down: 0.0, shares: [0.0; 2], rises: [0.0; 2] },
             outline: [0.0; 2],
             slope_depth: 0.0,
             by_ray: false,

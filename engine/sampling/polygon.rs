@@ -204,8 +204,6 @@ pub(super) struct Moments {
     zz: f64,
     /// Bounds of x and z.
     pub(super) reach: [[f64; 2]; 2],
-    /// Length of what lies on the upper and the lower border of the rectangle, m.
-    pub(super) at_border: [f64; 2],
 }
 
 impl Moments {
@@ -216,30 +214,19 @@ impl Moments {
         xx: 0.0,
         zz: 0.0,
         reach: [[f64::INFINITY, f64::NEG_INFINITY]; 2],
-        at_border: [0.0; 2],
     };
 
-    /// Adds a polygon of a rectangle of this half height.
-    pub(super) fn add(&mut self, polygon: &Polygon, area: &Area, half_height: f64) {
+    /// Adds a polygon.
+    pub(super) fn add(&mut self, polygon: &Polygon, area: &Area) {
         let Area { area, centroid: [x, z], moments: [xx, _, zz] } = *area;
         self.area += area;
         self.x += area * x;
         self.z += area * z;
         self.xx += xx + area * x * x;
         self.zz += zz + area * z * z;
-        let corners = polygon.corners();
-        for corner in corners {
+        for corner in polygon.corners() {
             for (reach, at) in self.reach.iter_mut().zip(corner) {
                 *reach = [reach[0].min(*at), reach[1].max(*at)];
-            }
-        }
-        let near = NEAR * half_height;
-        let next = corners.iter().cycle().skip(1);
-        for (a, b) in corners.iter().zip(next) {
-            for (length, border) in self.at_border.iter_mut().zip([-half_height, half_height]) {
-                if (a[1] - border).abs() <= near && (b[1] - border).abs() <= near {
-                    *length += (b[0] - a[0]).abs();
-                }
             }
         }
     }

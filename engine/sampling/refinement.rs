@@ -84,6 +84,7 @@ impl<'a> Refiner<'a> {
             row_pitch: single(detector.pitch[1]),
             row_blur: single(view.lattice.row_spread.blur),
             gap: single(optics.gap()),
+            other_energies: view.keep.is_some(),
             // Of the whole detector, so that cells do not depend on bands.
             lit: -view.lattice.blur_rows..i64::from(detector.pixels[1]) + view.lattice.blur_rows,
         };
