@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What two series of images differ by. `b - a` where there is a sign.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -46,6 +47,43 @@ impl Difference {
     }
 }
 
+/// What steers a comparison while it goes on.
+#[derive(Default)]
+pub struct CompareControl<'a> {
+    /// Called now and then with rows compared and rows in all, over all images.
+    pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
+    /// Set to true to end with [`Error::Interrupted`].
+    pub cancel: Option<&'a AtomicBool>,
+}
+
+impl std::fmt::Debug for CompareControl<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("CompareControl").finish_non_exhaustive()
+    }
+}
+
+/// Rows compared so far, and who is to know.
+struct Advance<'a, 'b> {
+    control: &'a mut CompareControl<'b>,
+    done: u64,
+    all: u64,
+}
+
+impl Advance<'_, '_> {
+    /// # Errors
+    /// [`Error::Interrupted`] where the comparison is to end.
+    fn by(&mut self, rows: usize) -> Result<()> {
+        self.done += rows as u64;
+        if let Some(progress) = &mut self.control.progress {
+            progress(self.done, self.all);
+        }
+        match self.control.cancel {
+            Some(cancel) if cancel.load(Ordering::Relaxed) => Err(Error::Interrupted),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Where images of differences go, one file (or folder) per name.
 #[derive(Debug, Clone, Copy)]
 pub struct DifferencesTo<'a> {
@@ -60,19 +98,26 @@ pub struct DifferencesTo<'a> {
 ///
 /// # Errors
 /// [`Error::File`] where one cannot be read, where they are of unlike kinds or shapes (names
-/// both), or where the images of differences cannot be written.
+/// both), or where the images of differences cannot be written; [`Error::Interrupted`]. Nothing is
+/// left behind then.
 ///
 /// # Example
 ///
 /// ```no_run
-/// use beamlet::compare::compare;
+/// use beamlet::compare::{CompareControl, compare};
 ///
-/// for difference in compare("run".as_ref(), "other".as_ref(), None)? {
+/// let mut control = CompareControl::default();
+/// for difference in compare("run".as_ref(), "other".as_ref(), None, &mut control)? {
 ///     println!("{} {}", difference.name, difference.largest);
 /// }
 /// # Ok::<(), beamlet::Error>(())
 /// ```
-pub fn compare(a: &Path, b: &Path, to: Option<DifferencesTo<'_>>) -> Result<Vec<Difference>> {
+pub fn compare(
+    a: &Path,
+    b: &Path,
+    to: Option<DifferencesTo<'_>>,
+    control: &mut CompareControl<'_>,
+) -> Result<Vec<Difference>> {
     let pairs = pairs(a, b)?;
     for (name, [a, b]) in &pairs {
         if a.shape() != b.shape() {
@@ -100,9 +145,12 @@ pub fn compare(a: &Path, b: &Path, to: Option<DifferencesTo<'_>>) -> Result<Vec<
         }
         None => None,
     };
+    let rows = |[views, steps, rows, _]: [usize; 4]| (views * steps * rows) as u64;
+    let all = pairs.iter().map(|(_, [a, _])| rows(a.shape())).sum();
+    let mut advance = Advance { control, done: 0, all };
     let mut found = Vec::new();
     for (name, pair) in &pairs {
-        found.push(difference(name, pair, images.as_mut())?);
+        found.push(difference(name, pair, images.as_mut(), &mut advance)?);
     }
     if let Some(images) = images {
         images.finish(None)?;
@@ -219,6 +267,7 @@ fn difference(
     name: &str,
     pair: &[StackFile; 2],
     to: Option<&mut ImageDirectory>,
+    advance: &mut Advance<'_, '_>,
 ) -> Result<Difference> {
     let [views, steps, rows, columns] = pair[0].shape();
     let frames = (0..views).flat_map(|view| (0..steps).map(move |step| (view, step)));
@@ -231,6 +280,7 @@ fn difference(
             sums.add(&own);
             image -= &of_a;
             to.put(&name, "that of a and b", views * steps, image.view())?;
+            advance.by(rows)?;
         }
     } else {
         let any_rows = pair.iter().all(StackFile::reads_any_rows);
@@ -247,6 +297,7 @@ fn difference(
                     .collect::<Result<_>>()?;
                 // In their order, whatever the number of threads.
                 each.iter().for_each(|own| sums.add(own));
+                advance.by(bands.iter().map(ExactSizeIterator::len).sum())?;
             }
         }
     }

@@ -57,6 +57,9 @@ pub(crate) struct Compare {
     /// File format of the images of differences
     #[arg(long, value_enum, default_value_t = ImageFormatName::Exr, requires = "difference")]
     pub(crate) format: ImageFormatName,
+    /// Show no progress
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,

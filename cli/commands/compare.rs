@@ -2,7 +2,10 @@
 
 use crate::args::Compare;
 use crate::failure::Failure;
-use beamlet::compare::{Difference, DifferencesTo, compare};
+use crate::interrupt;
+use crate::progress::Reporter;
+use beamlet::Error;
+use beamlet::compare::{CompareControl, Difference, DifferencesTo, compare};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failure> {
@@ -10,7 +13,17 @@ pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failu
         .difference
         .as_ref()
         .map(|path| DifferencesTo { path, format: arguments.format.into() });
-    let found = compare(&arguments.a, &arguments.b, to).map_err(Failure::Trouble)?;
+    interrupt::listen();
+    let mut reporter = Reporter::new(arguments.quiet, false);
+    let mut progress = |done, all| reporter.rows(done, all);
+    let mut control =
+        CompareControl { progress: Some(&mut progress), cancel: Some(&interrupt::CANCELLED) };
+    let found = compare(&arguments.a, &arguments.b, to, &mut control);
+    reporter.finish();
+    let found = found.map_err(|error| match error {
+        Error::Interrupted => Failure::Interrupted { advice: "nothing was written".into() },
+        error => Failure::Trouble(error),
+    })?;
     let unlike: Vec<&str> = found
         .iter()
         .filter(|difference| !difference.within(arguments.tolerance))

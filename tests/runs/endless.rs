@@ -2,8 +2,9 @@
 #![cfg(all(feature = "cli", unix))]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::program;
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -141,6 +142,32 @@ fn frames_larger_than_memory_are_compared_in_bands() {
     fs::write(&path, bytes).unwrap();
     File::options().write(true).open(&path).unwrap().set_len(128 + 24_000 * 24_000).unwrap();
     ends(place.path(), &["compare", "a.npy", "a.npy"], &[0]);
+}
+
+/// A frame of 40 GB, of which nothing is on the disk, takes minutes; rows are counted, and an
+/// interrupt ends it between two parts.
+#[test]
+fn a_comparison_shows_its_progress_and_ends_when_it_is_interrupted() {
+    let place = workplace();
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (100000, 100000), }";
+    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    bytes.extend(format!("{header:<117}\n").bytes());
+    let path = place.path().join("a.npy");
+    fs::write(&path, bytes).unwrap();
+    File::options().write(true).open(&path).unwrap().set_len(128 + 40_000_000_000).unwrap();
+    let mut compared = program::beamlet(place.path())
+        .args(["compare", "a.npy", "a.npy"])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(compared.stderr.take().unwrap()).lines();
+    let line = lines.next().expect("a line of progress before the end").unwrap();
+    assert!(line.contains("of 100000"), "{line}");
+    let id = compared.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let rest: Vec<String> = lines.map(Result::unwrap).collect();
+    assert_eq!(compared.wait().unwrap().code(), Some(130), "{rest:?}");
+    assert!(rest.iter().any(|line| line.contains("interrupted")), "{rest:?}");
 }
 
 #[test]
