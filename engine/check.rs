@@ -1,7 +1,7 @@
 //! What a scene amounts to, told before hours are spent on it: geometry of the set-up,
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
-use crate::detector::{DetectorModel, SubpixelGrid};
+use crate::detector::DetectorModel;
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
 use crate::run::RunEstimate;
@@ -17,6 +17,7 @@ use std::time::Instant;
 
 mod display;
 
+pub use crate::detector::SubpixelGrid;
 pub use display::count;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.

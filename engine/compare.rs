@@ -48,11 +48,20 @@ impl Difference {
 
 /// Where images of differences go, one file (or folder) per name.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct DifferencesTo<'a> {
     /// A directory that does not exist yet, or is empty.
     pub path: &'a Path,
     /// The format of the images.
     pub format: ImageFormat,
+}
+
+impl<'a> DifferencesTo<'a> {
+    /// Images of a format in a directory.
+    #[must_use]
+    pub const fn new(path: &'a Path, format: ImageFormat) -> Self {
+        Self { path, format }
+    }
 }
 
 /// Compares what stands at two paths: two runs (their stacks, counts where both have them, and

@@ -6,10 +6,8 @@ use beamlet::compare::{Difference, DifferencesTo, compare};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failure> {
-    let to = arguments
-        .difference
-        .as_ref()
-        .map(|path| DifferencesTo { path, format: arguments.format.into() });
+    let to =
+        arguments.difference.as_ref().map(|path| DifferencesTo::new(path, arguments.format.into()));
     let found = compare(&arguments.a, &arguments.b, to).map_err(Failure::Trouble)?;
     let unlike: Vec<&str> = found
         .iter()

@@ -8,7 +8,7 @@ use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
 use beamlet::stack::{Extent, Format, RunDirectory, RunFile, is_same_place};
-use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};
+use beamlet::{Control, Engine, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -67,20 +67,15 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         RunFile::read(&record)?;
     }
     let mut kept = StoredMoments::open(&arguments.run)?;
-    if arguments.scene.len() > 1 && arguments.memory_limit.is_none() {
+    if arguments.scene.len() > 1 && arguments.engine.memory_limit.is_none() {
         kept = kept.sharing(SHARED);
     }
     let jobs = jobs(arguments, outputs)?;
     interrupt::listen();
-    let engine = Engine::open(&EngineOptions {
-        device: arguments.device.clone(),
-        backend: arguments.backend.choice(),
-        memory_limit: arguments.memory_limit,
-        ..EngineOptions::default()
-    })?;
+    let engine = Engine::open(&arguments.engine.options())?;
     let places: Vec<_> = jobs.iter().map(|job| (job.path.clone(), job.output.clone())).collect();
     // A limit is that of one run.
-    let at_once = if arguments.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
+    let at_once = if arguments.engine.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
     let at_once = at_once.min(jobs.len());
     let (sender, results) = mpsc::channel();
     let jobs = Mutex::new(jobs.into_iter().enumerate());
@@ -96,8 +91,9 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
                     let next = jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some((index, job)) = next else { break };
                     // One bar is enough.
-                    let quiet = arguments.quiet || worker > 0;
-                    let reporter = Reporter::new(quiet, arguments.verbose);
+                    let mut messages = arguments.messages;
+                    messages.quiet |= worker > 0;
+                    let reporter = Reporter::new(messages);
                     let done = illuminate(engine, kept, job, &arguments.sets, reporter);
                     failed.fetch_or(done.is_err(), Ordering::Relaxed);
                     let _ = sender.send((index, done));
@@ -141,11 +137,8 @@ fn illuminate(
 ) -> Result<Done, Failure> {
     let began = Instant::now();
     let mut report = |progress| reporter.update(progress);
-    let mut control = Control {
-        progress: Some(&mut report),
-        cancel: Some(&interrupt::CANCELLED),
-        ..Control::default()
-    };
+    let mut control =
+        Control::default().with_progress(&mut report).with_cancel(&interrupt::CANCELLED);
     let done = engine
         .reilluminate_with(kept, &job.scene, &mut control)
         .and_then(|simulation| simulation.run(&mut job.sink, control));

@@ -7,7 +7,7 @@ use crate::progress::Reporter;
 use beamlet::moments::MomentWriter;
 use beamlet::scene::{Scene, Scheme};
 use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
-use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, SamplingSummary, Tally};
+use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
 
@@ -36,28 +36,21 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     }
     let recorded_backend = sink.recorded().map(|file| file.record.backend);
     interrupt::listen();
-    let mut reporter = Reporter::new(arguments.quiet, arguments.verbose);
-    let engine = Engine::open(&EngineOptions {
-        device: arguments.device.clone(),
-        // A resumed run goes on with the backend that began it, or its bits would change.
-        backend: arguments.backend.choice().or(recorded_backend),
-        memory_limit: arguments.memory_limit,
-        keep_moments,
-        ..EngineOptions::default()
-    })?;
+    let mut reporter = Reporter::new(arguments.messages);
+    // A resumed run goes on with the backend that began it, or its bits would change.
+    let backend = arguments.engine.backend.choice().or(recorded_backend);
+    let options = arguments.engine.options().with_backend(backend);
+    let engine = Engine::open(&options.with_keep_moments(keep_moments))?;
     let mut keep = keep_moments.then(|| MomentWriter::new(&arguments.output));
     let (skip, counted) = (sink.committed().to_vec(), sink.counted());
-    let done = engine.run(
-        &scene,
-        &mut sink,
-        Control {
-            progress: Some(&mut |progress| reporter.update(progress)),
-            cancel: Some(&interrupt::CANCELLED),
-            skip,
-            counted,
-            keep: keep.as_mut(),
-        },
-    );
+    let mut report = |progress| reporter.update(progress);
+    let control = Control::default()
+        .with_progress(&mut report)
+        .with_cancel(&interrupt::CANCELLED)
+        .with_skip(skip)
+        .with_counted(counted)
+        .with_keep(keep.as_mut());
+    let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
     match done {
         Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out),
@@ -204,10 +197,10 @@ fn advice(arguments: &Simulate, began: bool) -> String {
     for set in &arguments.scene.sets {
         command.extend(["--set".into(), quoted(set)]);
     }
-    if let Some(device) = &arguments.device {
+    if let Some(device) = &arguments.engine.device.device {
         command.extend(["--device".into(), quoted(device)]);
     }
-    if let Some(limit) = arguments.memory_limit {
+    if let Some(limit) = arguments.engine.memory_limit {
         command.extend(["--memory-limit".into(), format!("{limit}B")]);
     }
     if arguments.keep_moments {
@@ -224,7 +217,7 @@ fn advice(arguments: &Simulate, began: bool) -> String {
         if let Some(format) = arguments.format.map(Format::from) {
             command.extend(["--format".into(), format.to_string()]);
         }
-        if let Some(backend) = arguments.backend.choice() {
+        if let Some(backend) = arguments.engine.backend.choice() {
             command.extend(["--backend".into(), backend.to_string()]);
         }
         if arguments.overwrite {

@@ -374,7 +374,7 @@ fn assemble(
             warnings: body.warnings,
         });
         let (vertex, component) = (number(sample.vertices.len()), number(sample.components.len()));
-        sample.vertices.extend(body.surface.vertices);
+        sample.vertices.extend(body.surface.vertices.iter().map(|vertex| vertex.to_array()));
         sample
             .triangles
             .extend(body.surface.triangles.iter().map(|corners| corners.map(|it| it + vertex)));

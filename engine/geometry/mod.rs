@@ -24,10 +24,8 @@ mod topology;
 mod tree;
 mod watch;
 
-use glam::DVec3;
-
 pub use adjacency::across_edges;
-pub use defects::{Defects, Found, PLACES, Spot};
+pub use defects::{DefectCount, DefectPlace, Defects, MAX_DEFECT_PLACES};
 pub(crate) use load::PEAK_PER_TRIANGLE;
 pub use load::{diagnose, file_hash, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
@@ -39,9 +37,10 @@ pub use watch::{LoadProgress, LoadStep};
 /// the material of their object; the surface of a void points into the void). They are closed,
 /// but for objects that allow defects.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct Sample {
     /// Vertex positions, m.
-    pub vertices: Vec<DVec3>,
+    pub vertices: Vec<[f64; 3]>,
     /// Vertex indices, counter-clockwise seen from outside the material.
     pub triangles: Vec<[u32; 3]>,
     /// Component of each triangle.
@@ -53,7 +52,8 @@ pub struct Sample {
 }
 
 /// A connected surface of one object.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Component {
     /// Index of the object that it bounds.
     pub object: u32,
@@ -63,8 +63,8 @@ pub struct Component {
     pub volume: f64,
     /// Area, m2.
     pub area: f64,
-    /// Bounding box, m.
-    pub bounds: [DVec3; 2],
+    /// Least and greatest corner of the bounding box, m.
+    pub bounds: [[f64; 3]; 2],
 }
 
 /// What `check` tells of an object.

@@ -1,6 +1,6 @@
 //! What the sample sweeps over the views: does it clear the masks, does it fit the detector.
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 use super::Sample;
 use crate::error::{Error, Result};
@@ -26,6 +26,7 @@ struct Outline {
 
 /// Extent of an object in the beam frame of one view, m from the rotation centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Extent {
     /// Along the beam, source to detector.
     pub y: [f64; 2],
@@ -43,7 +44,7 @@ pub fn swept(sample: &Sample) -> Swept {
         let points = &mut points[sample.components[*component as usize].object as usize];
         for vertex in triangle.map(|vertex| vertex as usize) {
             if !std::mem::replace(&mut seen[vertex], true) {
-                let DVec3 { x, y, .. } = sample.vertices[vertex];
+                let [x, y, _] = sample.vertices[vertex];
                 points.push(DVec2::new(x, y));
             }
         }

@@ -16,6 +16,7 @@ pub use builtin::{Builtin, builtin, builtin_names, builtins};
 
 /// Optical constants of a material at one energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct Constants {
     /// Linear attenuation coefficient, 1/m.
     pub mu: f64,

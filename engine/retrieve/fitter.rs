@@ -20,6 +20,7 @@ const AT_ONCE: usize = 1 << 20;
 /// How values of a curve count in a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Weights {
     /// All the same.
     #[default]
@@ -29,8 +30,10 @@ pub enum Weights {
     Poisson,
 }
 
-/// How curves are fitted.
+/// How curves are fitted. `FitOptions::default()` weighs all values alike; what differs from it is
+/// set in a chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct FitOptions {
     /// Weights of the values.
     pub weights: Weights,
@@ -45,6 +48,19 @@ pub struct FitOptions {
 impl Default for FitOptions {
     fn default() -> Self {
         Self { weights: Weights::None, gain: 1.0, read_noise: 0.0, saturation: None }
+    }
+}
+
+impl FitOptions {
+    setters! {
+        /// Chooses the weights of the values.
+        with_weights(weights: Weights);
+        /// Sets the value of one count.
+        with_gain(gain: f64);
+        /// Sets the standard deviation of noise besides that of counts.
+        with_read_noise(read_noise: f64);
+        /// Leaves out values from here on.
+        with_saturation(saturation: impl Into<Option<f32>>);
     }
 }
 

@@ -9,6 +9,7 @@ use std::fmt;
 /// How curves become contrasts. Validity and bias of each: docs/retrieval.md.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Method {
     /// A Gaussian on a background, by least squares (eq. 1). Four steps or more.
     #[default]

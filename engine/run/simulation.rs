@@ -21,6 +21,7 @@ use crate::scene::{Exposure, Scene};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
 use crate::trace::{DeviceSample, MaterialTable, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
+pub use rays::{moments, trace};
 use std::sync::Arc;
 use std::time::Instant;
 use work::ViewWork;
@@ -34,7 +35,7 @@ pub struct Simulation<'e> {
     engine: &'e Engine,
     scene: Scene,
     /// The detector; its optics are what is traced and illuminated.
-    detection: DetectorModel,
+    detector: DetectorModel,
     sample: Sample,
     on_device: Arc<DeviceSample>,
     /// Surfaces of the sample, for means over facets.
@@ -101,9 +102,8 @@ impl<'e> Simulation<'e> {
     }
 
     /// The detector, and the grid that takes its light.
-    #[must_use]
-    pub const fn detection(&self) -> &DetectorModel {
-        &self.detection
+    pub(crate) const fn detector_model(&self) -> &DetectorModel {
+        &self.detector
     }
 
     /// Words of a ray's moments.
@@ -113,7 +113,7 @@ impl<'e> Simulation<'e> {
 
     fn view<'a>(&'a self, index: u32, shadows: &'a [ProjectedBounds]) -> sampling::ViewContext<'a> {
         sampling::ViewContext {
-            optics: self.detection.optics(),
+            optics: self.detector.optics(),
             angle: self.scene.scan.angles[index as usize],
             sample: &self.sample,
             facets: self.facets.as_ref(),

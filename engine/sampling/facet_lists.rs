@@ -180,8 +180,8 @@ impl Triangles<'_> {
     fn corners(&self, triangle: usize) -> [DVec3; 3] {
         let [cos, sin] = self.turn;
         self.sample.triangles[triangle].map(|v| {
-            let v = self.sample.vertices[v as usize];
-            DVec3::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin, v.z)
+            let [x, y, z] = self.sample.vertices[v as usize];
+            DVec3::new(x * cos + y * sin, y * cos - x * sin, z)
         })
     }
 

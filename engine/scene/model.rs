@@ -9,6 +9,7 @@ use crate::spot::Spot;
 
 /// A whole scene, every default filled in. See docs/scene.md for the file form.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Scene {
     /// Directory that relative paths start from.
     pub directory: PathBuf,
@@ -36,8 +37,46 @@ pub struct Scene {
     pub files: BTreeMap<PathBuf, String>,
 }
 
+impl Scene {
+    /// An empty scene in vacuum without masks, one frame of it; relative paths start from the
+    /// working directory. What is more stands in its fields.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use beamlet::scene::{Beam, Detector, MaterialSpec, Object, Scene, Shape, Source};
+    ///
+    /// let source = Source::new(1.21, [30e-6, 26e-6], Beam::Energy(30.0));
+    /// let mut scene = Scene::new(source, Detector::new(1.8, [64, 4], [150e-6; 2]));
+    /// scene.scan.mask_offsets = vec![-10e-6, 0.0, 10e-6];
+    /// let carbon = MaterialSpec::Formula { formula: "C".into(), density: 2.0 };
+    /// scene.materials.insert("carbon fibre".into(), carbon);
+    /// let ball = Shape::Sphere { radius: 4e-3, sides: 256 };
+    /// scene.objects.push(Object::new("ball", ball, "carbon fibre"));
+    /// scene.validate()?;
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
+    #[must_use]
+    pub fn new(source: Source, detector: Detector) -> Self {
+        Self {
+            directory: PathBuf::from("."),
+            source,
+            detector,
+            sample_mask: None,
+            detector_mask: None,
+            sampling: Sampling::default(),
+            scan: Scan::default(),
+            materials: BTreeMap::new(),
+            surroundings: "vacuum".into(),
+            objects: Vec::new(),
+            files: BTreeMap::new(),
+        }
+    }
+}
+
 /// X-ray source on the optical axis at (0, -distance, 0).
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Source {
     /// Source to rotation centre, m. > 0.
     pub distance: f64,
@@ -47,8 +86,18 @@ pub struct Source {
     pub beam: Beam,
 }
 
+impl Source {
+    /// A source at a distance (m) before the rotation centre. `spot`: a [`Spot`], or `[x, z]`, the
+    /// FWHM of a Gaussian in m.
+    #[must_use]
+    pub fn new(distance: f64, spot: impl Into<Spot>, beam: Beam) -> Self {
+        Self { distance, spot: spot.into(), beam }
+    }
+}
+
 /// A slit mask, periodic without end in x and unbounded in z.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct MaskSpec {
     /// Source to the centre plane of the bars, m.
     pub distance: f64,
@@ -62,8 +111,18 @@ pub struct MaskSpec {
     pub body: MaskBody,
 }
 
+impl MaskSpec {
+    /// A mask at a distance (m) from the source, with its period and aperture (m) in its own
+    /// plane and an aperture on the optical axis.
+    #[must_use]
+    pub const fn new(distance: f64, period: f64, aperture: f64, body: MaskBody) -> Self {
+        Self { distance, period, aperture, offset: 0.0, body }
+    }
+}
+
 /// What the bars of a mask are.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum MaskBody {
     /// Straight boxes of a material.
     Bars {
@@ -91,6 +150,7 @@ impl MaskBody {
 
 /// How rays are chosen.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Sampling {
     /// Cells or random rays.
     pub scheme: Scheme,
@@ -131,6 +191,7 @@ impl Default for Sampling {
 
 /// How rays are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Scheme {
     /// One ray per cell boundary, cells integrated analytically.
     Cells,
@@ -140,6 +201,7 @@ pub enum Scheme {
 
 /// Order of the transport through the sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Transport {
     /// First order, and exact for the rays that need it.
     Auto,
@@ -151,6 +213,7 @@ pub enum Transport {
 
 /// Mask offsets and angles.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Scan {
     /// Displacements of the sample mask along +x in its own plane, m. At least one.
     pub mask_offsets: Vec<f64>,
@@ -165,8 +228,17 @@ impl Default for Scan {
     }
 }
 
+impl Scan {
+    /// Mask offsets (m) and angles (rad), at least one each.
+    #[must_use]
+    pub const fn new(mask_offsets: Vec<f64>, angles: Vec<f64>) -> Self {
+        Self { mask_offsets, angles }
+    }
+}
+
 /// Definition of a material.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum MaterialSpec {
     /// Chemical formula and density.
     Formula {
@@ -191,6 +263,7 @@ pub enum MaterialSpec {
 
 /// One object of the sample.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Object {
     /// Unique name.
     pub name: String,
@@ -207,8 +280,28 @@ pub struct Object {
     pub allow_defects: bool,
 }
 
+impl Object {
+    /// An object of a material, where its shape or mesh has it: neither turned nor scaled.
+    #[must_use]
+    pub fn new(
+        name: impl Into<String>,
+        geometry: impl Into<ShapeOrMesh>,
+        material: impl Into<String>,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            geometry: geometry.into(),
+            material: material.into(),
+            placement: Placement::default(),
+            sha256: None,
+            allow_defects: false,
+        }
+    }
+}
+
 /// What an object's surface is.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum ShapeOrMesh {
     /// Built-in shape, in metres.
     Shape(Shape),
@@ -216,8 +309,21 @@ pub enum ShapeOrMesh {
     Mesh(Mesh),
 }
 
+impl From<Shape> for ShapeOrMesh {
+    fn from(shape: Shape) -> Self {
+        Self::Shape(shape)
+    }
+}
+
+impl From<Mesh> for ShapeOrMesh {
+    fn from(mesh: Mesh) -> Self {
+        Self::Mesh(mesh)
+    }
+}
+
 /// Built-in shapes: along z, centred, with area-preserving facets.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum Shape {
     /// Full edge lengths along x, y, z, m.
     Box {
@@ -253,6 +359,7 @@ pub enum Shape {
 
 /// A triangle mesh.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Mesh {
     /// A file; `unit` is the length of 1.0 in it, m.
     File {
@@ -272,6 +379,7 @@ pub enum Mesh {
 
 /// Placement of an object: center, then scale, then rotations, then position.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Placement {
     /// Move the centre of the bounding box to the mesh origin first.
     pub center: bool,

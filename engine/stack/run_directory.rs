@@ -32,6 +32,7 @@ pub(super) const COUNTS: &str = "counts";
 /// File format of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Format {
     /// One 32-bit float EXR file per frame.
     #[default]

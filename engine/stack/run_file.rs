@@ -9,6 +9,7 @@ use std::path::Path;
 /// How far a run came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum RunState {
     /// It runs, or was interrupted.
     Running,

@@ -8,6 +8,7 @@ use crate::gpu::{AccelerationStructure, Buffer, Device};
 use crate::interface::{self, Surface, View};
 use crate::numbers::{count, single};
 use crate::scene::{self, Scene, Transport};
+use glam::DVec2;
 use std::sync::Arc;
 
 /// Error of the slope, rad, above which the first order is not enough at a surface.
@@ -41,7 +42,8 @@ impl DeviceSample {
         delta_ratio: f64,
     ) -> Result<Self> {
         let Bvh { nodes, leaves, boxes, neighbours } = Bvh::build(sample, across)?;
-        let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
+        let from_axis = |[x, y, _]: &[f64; 3]| DVec2::new(*x, *y).length();
+        let reach = sample.vertices.iter().map(from_axis).fold(0.0_f64, f64::max);
         let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
             sample.components.iter().map(|c| surface(scene, media, c, delta_ratio)).collect();

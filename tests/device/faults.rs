@@ -48,14 +48,14 @@ fn workplace() -> (tempfile::TempDir, Scene) {
 }
 
 fn run(scene: &Scene, sink: &mut RunDirectory, faults: &[Fault]) -> Result<RunRecord, Error> {
-    let engine = Engine::open(&EngineOptions {
-        backend: Some(Backend::Bvh),
-        validation: std::env::var_os("BEAMLET_VALIDATION").is_some(),
-        faults: faults.to_vec(),
-        ..EngineOptions::default()
-    })?;
+    let engine = Engine::open(
+        &EngineOptions::default()
+            .with_backend(Backend::Bvh)
+            .with_validation(std::env::var_os("BEAMLET_VALIDATION").is_some())
+            .with_faults(faults.to_vec()),
+    )?;
     let skip = sink.committed().to_vec();
-    let done = engine.run(scene, sink, Control { skip, ..Control::default() });
+    let done = engine.run(scene, sink, Control::default().with_skip(skip));
     assert_eq!(engine.validation_messages(), 0);
     done
 }
@@ -186,11 +186,9 @@ fn a_device_that_is_lost_or_hangs_leaves_committed_views() {
 fn a_memory_limit_changes_bands_and_groups_but_no_bit() {
     let (_place, scene) = workplace();
     let stacks = |limit: Option<u64>| {
-        let engine = Engine::open(&EngineOptions {
-            backend: Some(Backend::Bvh),
-            memory_limit: limit,
-            ..EngineOptions::default()
-        })
+        let engine = Engine::open(
+            &EngineOptions::default().with_backend(Backend::Bvh).with_memory_limit(limit),
+        )
         .unwrap();
         let simulation = engine.prepare(&scene).unwrap();
         (*simulation.memory(), engine.simulate(&scene).unwrap())

@@ -3,8 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use beamlet::scene::{
-    Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Placement, Sampling, Scan, Scene, Shape,
-    ShapeOrMesh, Source,
+    Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Scan, Scene, Shape, Source,
 };
 use beamlet::stack::{
     ArraySink, CallbackSink, Extent, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState,
@@ -24,34 +23,17 @@ const VIEWS: u32 = 2;
 
 fn scene() -> Scene {
     let mask = |distance: f64, period: f64, aperture: f64| {
-        Some(MaskSpec {
-            distance,
-            period,
-            aperture,
-            offset: 0.0,
-            body: MaskBody::Sheet { transmission: 0.0 },
-        })
+        Some(MaskSpec::new(distance, period, aperture, MaskBody::Sheet { transmission: 0.0 }))
     };
-    Scene {
-        directory: PathBuf::new(),
-        source: Source { distance: 1.21, spot: [30e-6, 26e-6].into(), beam: Beam::Energy(30.0) },
-        detector: Detector::new(1.8, [7, 5], [150e-6; 2]),
-        sample_mask: mask(1.2, 100e-6, 20e-6),
-        detector_mask: mask(1.8, 150e-6, 30e-6),
-        sampling: Sampling::default(),
-        scan: Scan { mask_offsets: vec![-1e-5, 0.0, 1e-5], angles: vec![0.0, 1.0] },
-        materials: BTreeMap::new(),
-        surroundings: "vacuum".into(),
-        files: BTreeMap::new(),
-        objects: vec![Object {
-            name: "rod".into(),
-            geometry: ShapeOrMesh::Shape(Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: 64 }),
-            material: "carbon".into(),
-            placement: Placement::default(),
-            sha256: None,
-            allow_defects: false,
-        }],
-    }
+    let source = Source::new(1.21, [30e-6, 26e-6], Beam::Energy(30.0));
+    let mut scene = Scene::new(source, Detector::new(1.8, [7, 5], [150e-6; 2]));
+    scene.directory = PathBuf::new();
+    scene.sample_mask = mask(1.2, 100e-6, 20e-6);
+    scene.detector_mask = mask(1.8, 150e-6, 30e-6);
+    scene.scan = Scan::new(vec![-1e-5, 0.0, 1e-5], vec![0.0, 1.0]);
+    let rod = Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: 64 };
+    scene.objects.push(Object::new("rod", rod, "carbon"));
+    scene
 }
 
 fn start() -> RunStart {

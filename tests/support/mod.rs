@@ -39,13 +39,13 @@ impl Drop for Checked {
 
 /// An engine on this backend.
 pub(crate) fn engine(backend: Backend) -> Checked {
-    engine_with(EngineOptions { backend: Some(backend), ..EngineOptions::default() })
+    engine_with(EngineOptions::default().with_backend(backend))
 }
 
 /// An engine; with `BEAMLET_VALIDATION` in the environment under the validation layer.
 pub(crate) fn engine_with(options: EngineOptions) -> Checked {
     let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
-    Checked(Engine::open(&EngineOptions { validation, ..options }).expect("a Vulkan device"))
+    Checked(Engine::open(&options.with_validation(validation)).expect("a Vulkan device"))
 }
 
 /// The backends that this device can run.

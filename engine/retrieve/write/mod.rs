@@ -28,6 +28,7 @@ const MARK: &str = ".beamlet-partial";
 /// File format of retrieved images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum ImageFormat {
     /// `NAME/view_0000.exr`, 32-bit float, channel `Y`.
     #[default]

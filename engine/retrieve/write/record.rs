@@ -8,6 +8,7 @@ use std::path::Path;
 
 /// Contents of retrieved.json.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Record {
     /// Version of beamlet.
     pub version: String,

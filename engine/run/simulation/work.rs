@@ -56,10 +56,10 @@ pub(super) struct ViewWork<'s> {
 
 impl<'s> ViewWork<'s> {
     pub(super) fn new(simulation: &'s Simulation<'_>, views: &[Exposure]) -> Result<Self> {
-        let (scene, optics) = (&simulation.scene, simulation.detection.optics());
+        let (scene, optics) = (&simulation.scene, simulation.detector.optics());
         let device = simulation.device().clone();
         let band = simulation.band_rows();
-        let grid = simulation.detection.grid();
+        let grid = simulation.detector.grid();
         let lit_rows = || bands(grid.pixels[1], band).map(|rows| grid.lit_rows(&rows).len());
         let lit_views = views.iter().filter(|view| **view != Exposure::Dark).count();
         let [columns, _] = optics.detector.pixels;
@@ -118,7 +118,7 @@ impl<'s> ViewWork<'s> {
         if view == Exposure::Dark {
             return self.dark(sink);
         }
-        let detection = &self.simulation.detection;
+        let detection = &self.simulation.detector;
         let shadows = match view {
             Exposure::Sample(i)
                 if !self.simulation.sample.triangles.is_empty()
@@ -152,7 +152,7 @@ impl<'s> ViewWork<'s> {
 
     /// Dark frames need no light.
     fn dark(&mut self, sink: &mut dyn Sink) -> Result<()> {
-        let Some(noise) = self.simulation.detection.noise() else { return Ok(()) };
+        let Some(noise) = self.simulation.detector.noise() else { return Ok(()) };
         for band in bands(self.simulation.scene.detector.pixels[1], self.band) {
             let begin = Instant::now();
             let frame = noise.dark(band.clone());
@@ -187,12 +187,12 @@ impl<'s> ViewWork<'s> {
             row = rows.end;
             let own = i64::from(own.start)..i64::from(own.end);
             // Rows beside the detector are kept with the band at that end.
-            let all = i64::from(self.simulation.detection.optics().detector.pixels[1]);
+            let all = i64::from(self.simulation.detector.optics().detector.pixels[1]);
             let beside = (rows.end <= 0 && own.start == 0) || (rows.start >= all && own.end == all);
             let own = own.contains(&rows.start);
             let kept = own || beside;
             if self.simulation.scene.sampling.scheme == Scheme::Random {
-                self.random_rows(self.simulation.detection.optics(), view, shadows, &rows)?;
+                self.random_rows(self.simulation.detector.optics(), view, shadows, &rows)?;
             } else {
                 self.cell_rows(view, shadows, &rows, &inner, [own, kept], control)?;
             }
@@ -206,7 +206,7 @@ impl<'s> ViewWork<'s> {
 
     /// Rows that are sampled together; `traced`: rays of theirs may meet the sample.
     fn group_rows(&self, traced: bool) -> i64 {
-        let optics = self.simulation.detection.optics();
+        let optics = self.simulation.detector.optics();
         let lattice = &self.simulation.lattice;
         let per_row = if optics.sampling.scheme == Scheme::Random {
             let [x, z] = optics.sampling.rays.map(u64::from);

@@ -63,7 +63,7 @@ fn flat_of_skipped_beamlets_is_the_double_integral() {
         let setup = skipped(spot);
         let scene = blurred(scenes::scene(&setup, &[], &offsets), [sigma, 0.0]);
         let simulation = engine.prepare(&scene).unwrap();
-        let grid = *simulation.detection().grid();
+        let grid = *beamlet::internals::detector::model(&simulation).grid();
         // The grid says what sharp edges may come to at their worst place. Smooth ones meet the
         // mean of a parabola, two thirds of its peak.
         let tolerance = if spot > 0.0 { 0.7 * grid.error } else { grid.error } + 1e-6;

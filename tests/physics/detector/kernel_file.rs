@@ -12,7 +12,7 @@ use std::path::Path;
 const PITCH: f64 = 150e-6;
 
 fn with_kernel(mut scene: Scene, path: &Path, pixel: f64) -> Scene {
-    scene.detector.blur = Some(Blur::Kernel(KernelFile { path: path.into(), pixel: [pixel; 2] }));
+    scene.detector.blur = Some(Blur::Kernel(KernelFile::new(path, [pixel; 2])));
     scene
 }
 

@@ -97,9 +97,9 @@ fn every_step_of_loading_is_told_before_the_first_view() {
         Progress::Views(_) => views += 1,
         _ => {}
     };
-    let options = EngineOptions { backend: Some(Backend::Bvh), ..EngineOptions::default() };
+    let options = EngineOptions::default().with_backend(Backend::Bvh);
     let engine = Engine::open(&options).unwrap();
-    let control = Control { progress: Some(&mut told), ..Control::default() };
+    let control = Control::default().with_progress(&mut told);
     engine.run(&scene, &mut ArraySink::new(), control).unwrap();
     assert!(views > 0);
     let all = [LoadStep::Reading, LoadStep::Joining, LoadStep::Checking, LoadStep::Nesting];
@@ -129,8 +129,7 @@ fn loading_can_be_cancelled() {
             }
             other => panic!("{at:?}: {other:?}"),
         };
-        let mut control =
-            Control { progress: Some(&mut told), cancel: Some(&cancel), ..Control::default() };
+        let mut control = Control::default().with_progress(&mut told).with_cancel(&cancel);
         let ended = engine.prepare_with(&scene, &mut control);
         assert!(matches!(ended, Err(Error::Interrupted)), "{at:?}: {ended:?}");
     }

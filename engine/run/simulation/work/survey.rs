@@ -72,7 +72,7 @@ impl Simulation<'_> {
 
 impl ViewWork<'_> {
     fn lit_rows_of_all(&self) -> i64 {
-        self.simulation.detection.optics().detector.pixels[1].into()
+        self.simulation.detector.optics().detector.pixels[1].into()
     }
 
     /// Mask steps that are illuminated.
@@ -92,7 +92,7 @@ impl ViewWork<'_> {
     /// Makes the sums those of the band with a row of the grid, and gives the band's rows there.
     fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
         let rows = self.simulation.scene.detector.pixels[1];
-        let grid = self.simulation.detection.grid();
+        let grid = self.simulation.detector.grid();
         let mut lit = grid.lit_rows(&(0..rows.min(self.band)));
         for band in bands(rows, self.band) {
             let own = grid.lit_rows(&band);
@@ -253,7 +253,7 @@ impl ViewWork<'_> {
         let rows = middle..(middle + TIMED_ROWS).min(all);
         let timed = (rows.end - rows.start) as f64;
         // Fewer rays of each pixel where these are many.
-        let optics = self.simulation.detection.optics();
+        let optics = self.simulation.detector.optics();
         let mut sparse = optics.clone();
         let of_pixel =
             |optics: &Optics| optics.sampling.rays.map(f64::from).iter().product::<f64>();
