@@ -4,10 +4,11 @@
 use crate::detector::DetectorModel;
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
+use crate::optics::{Mask, Optics};
 use crate::run::RunEstimate;
 use crate::run::Simulation;
 use crate::run::memory::{self, MemoryEstimate};
-use crate::scene::{MaskBody, MaskSpec, Object, Scene};
+use crate::scene::{MaskSpec, Object, Scene};
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::Extent;
@@ -67,11 +68,13 @@ pub struct Setup {
     pub swept: Option<[f64; 2]>,
     /// Distances from the source between which it may be: the faces of the masks that are
     /// there, or source and detector, m.
-    pub room: [f64; 2],
+    #[serde(rename = "room")]
+    pub clearance: [f64; 2],
     /// Extent of the stacks.
     pub extent: Extent,
     /// Where the detector blurs, the grid that takes the light.
-    pub light_grid: Option<SubpixelGrid>,
+    #[serde(rename = "light_grid")]
+    pub subpixel_grid: Option<SubpixelGrid>,
 }
 
 /// The focal spot.
@@ -234,7 +237,7 @@ fn load_lenient(
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,
 ) -> Result<(CheckReport, Sample)> {
     let extent = Extent::of(scene)?;
-    let detection = DetectorModel::of(scene)?;
+    let detector = DetectorModel::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
     let materials = materials(scene, nodes.mean_energy())?;
     memory::check_before_loading(scene, memory_limit)?;
@@ -253,7 +256,7 @@ fn load_lenient(
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     let report = CheckReport {
-        setup: setup(scene, &sample, extent, nodes, &detection),
+        setup: setup(scene, &sample, extent, nodes, &detector),
         work: Work {
             estimate: None,
             no_estimate: None,
@@ -273,7 +276,7 @@ fn setup(
     sample: &Sample,
     extent: Extent,
     nodes: Nodes,
-    detection: &DetectorModel,
+    detector: &DetectorModel,
 ) -> Setup {
     let swept = geometry::swept(sample);
     let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(
@@ -283,7 +286,8 @@ fn setup(
             Some(reach.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]))
         },
     );
-    let mask = |mask: &Option<MaskSpec>| mask.as_ref().map(|mask| [mask.period, mask.aperture]);
+    let optics = Optics::of(scene);
+    let mask = |mask: &Option<Mask>| mask.as_ref().map(|mask| [mask.period(), mask.aperture()]);
     Setup {
         energy: nodes.mean_energy(),
         nodes,
@@ -292,25 +296,25 @@ fn setup(
         lever_arm: scene.lever_arm(),
         fan_angle: scene.fan_angle(),
         field_of_view: scene.field_of_view(),
-        spot: spot(scene),
-        sample_mask: mask(&scene.sample_mask),
-        detector_mask: mask(&scene.detector_mask),
+        spot: spot(scene, &optics),
+        sample_mask: mask(&optics.sample_mask),
+        detector_mask: mask(&optics.detector_mask),
         swept: reach,
-        room: geometry::room(scene).map(|(distance, _)| distance),
+        clearance: scene.clearance().map(|(distance, _)| distance),
         extent,
-        light_grid: scene.detector.blur.as_ref().map(|_| *detection.grid()),
+        subpixel_grid: scene.detector.blur.as_ref().map(|_| *detector.grid()),
     }
 }
 
-fn spot(scene: &Scene) -> CheckedSpot {
+fn spot(scene: &Scene, optics: &Optics) -> CheckedSpot {
     let spot = &scene.source.spot;
     let fit = spot.fit().cloned();
     // The overlap of two apertures changes by as much per metre of source, and has four kinks.
-    let slope = scene
+    let slope = optics
         .detector_mask
         .as_ref()
-        .filter(|_| scene.sample_mask.is_some())
-        .map(|mask| (scene.magnification() - 1.0) / mask.period);
+        .filter(|_| optics.sample_mask.is_some())
+        .map(|mask| (scene.magnification() - 1.0) / mask.period());
     CheckedSpot {
         fwhm: spot.fwhm(),
         parts: spot.parts().len(),
@@ -321,10 +325,7 @@ fn spot(scene: &Scene) -> CheckedSpot {
 
 /// Materials in use, each once, in the order: surroundings, objects, masks.
 fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
-    let bars = |mask: &Option<MaskSpec>| match mask {
-        Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => Some(material.clone()),
-        _ => None,
-    };
+    let bars = |mask: &Option<MaskSpec>| Some(mask.as_ref()?.body.material()?.to_owned());
     // Who uses it, the key where it is named, its name.
     let object = |(number, object): (usize, &Object)| {
         let key = format!("object[{number}].material");

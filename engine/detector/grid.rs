@@ -132,10 +132,12 @@ impl SubpixelGrid {
 /// Width of the light behind the detector mask, pixels, where it stands the same in every pixel;
 /// 1 where it may be anywhere.
 fn lit_width(scene: &Scene) -> f64 {
-    let Some(mask) = &scene.detector_mask else { return 1.0 };
-    let onto = scene.detector.distance / mask.distance / scene.detector.pitch[0];
-    let aligned = (mask.period * onto - 1.0).abs() < 1e-6 && mask.offset.abs() * onto < 1e-6;
-    if aligned { (mask.aperture * onto).min(1.0) } else { 1.0 }
+    let optics = Optics::of(scene);
+    let Some(mask) = &optics.detector_mask else { return 1.0 };
+    let pixels = &optics.detector;
+    let aligned = (mask.period_columns(pixels) - 1.0).abs() < 1e-6
+        && mask.offset_columns(pixels, 0.0).abs() < 1e-6;
+    if aligned { mask.aperture_columns(pixels).min(1.0) } else { 1.0 }
 }
 
 /// Most that `parts` of a pixel change it, or one beside it: light of open beam between two sharp

@@ -29,7 +29,7 @@ pub use defects::{DefectCount, DefectPlace, Defects, MAX_DEFECT_PLACES};
 pub(crate) use load::PEAK_PER_TRIANGLE;
 pub use load::{diagnose, file_hash, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
-pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
+pub use swept::{Extent, Swept, check_clearance, fov_warnings, swept};
 pub(crate) use watch::Watcher;
 pub use watch::{LoadProgress, LoadStep};
 

@@ -120,27 +120,13 @@ fn hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
     if hull.is_empty() { points } else { hull }
 }
 
-/// Where a sample may be: the nearest and farthest distance from the source, m, and what is
-/// there.
-#[must_use]
-pub fn room(scene: &Scene) -> [(f64, &'static str); 2] {
-    let before = scene.sample_mask.as_ref().map_or((0.0, "the source"), |mask| {
-        (mask.distance + mask.body.thickness() / 2.0, "the back of the sample mask")
-    });
-    let behind =
-        scene.detector_mask.as_ref().map_or((scene.detector.distance, "the detector"), |mask| {
-            (mask.distance - mask.body.thickness() / 2.0, "the front of the detector mask")
-        });
-    [before, behind]
-}
-
 /// Checks that no object reaches a mask in any view; where a mask is missing, the source or
 /// the detector.
 ///
 /// # Errors
 /// The first object that does, with the angle and the distances.
 pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
-    let [(near, near_name), (far, far_name)] = room(scene);
+    let [(near, near_name), (far, far_name)] = scene.clearance();
     let swept = swept(sample);
     for angle in &scene.scan.angles {
         for (number, extent) in swept.extents(*angle).enumerate() {
@@ -170,9 +156,7 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
 /// each object and direction.
 pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
     let swept = swept(sample);
-    let [columns, rows] = scene.detector.pixels.map(f64::from);
-    let [pitch_x, pitch_z] = scene.detector.pitch;
-    let half = [columns * pitch_x / 2.0, rows * pitch_z / 2.0];
+    let half = scene.detector.size().map(|side| side / 2.0);
     let centre = scene.source.distance;
     let mut warnings = Vec::new();
     for outline in &swept.outlines {

@@ -9,7 +9,7 @@ mod formula;
 mod table;
 
 use crate::error::{Error, Result};
-use crate::scene::{Beam, MaskBody, MaskSpec, MaterialSpec, Scene};
+use crate::scene::{Beam, MaskSpec, MaterialSpec, Scene};
 use crate::suggestion;
 
 pub use builtin::{Builtin, builtin, builtin_names, builtins};
@@ -226,9 +226,8 @@ fn unknown(scene: &Scene, name: &str, key: Option<&str>) -> Error {
 
 /// The first key of the scene that names a material.
 fn user(scene: &Scene, name: &str) -> Option<String> {
-    let bars = |mask: &Option<MaskSpec>| match mask {
-        Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => material == name,
-        _ => false,
+    let bars = |mask: &Option<MaskSpec>| {
+        mask.as_ref().and_then(|mask| mask.body.material()).is_some_and(|material| material == name)
     };
     if scene.surroundings == name {
         return Some("surroundings.material".into());

@@ -125,6 +125,15 @@ impl Optics {
         }
     }
 
+    /// Widths of the apertures whose overlap is an illumination curve, m: of the sample mask as it
+    /// is projected onto the analyser, of the detector mask in its own plane. 0 without the mask.
+    pub(crate) fn overlapping_apertures(&self) -> [f64; 2] {
+        [
+            self.sample_mask.as_ref().map_or(0.0, |mask| mask.aperture_at(self.analyser)),
+            self.detector_mask.as_ref().map_or(0.0, Mask::aperture),
+        ]
+    }
+
     /// Source to where light is cut off for good, m: the detector mask, or the pixels.
     pub(crate) fn cutting_plane(&self) -> f64 {
         if self.detector_mask.is_some() { self.analyser } else { self.detector.distance }

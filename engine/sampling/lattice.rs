@@ -233,8 +233,8 @@ pub(crate) fn column(optics: &Optics, slope: f64) -> Column {
     }
 }
 
-/// Enough cells that the linear model holds in them almost everywhere before refinement: four to
-/// an aperture, within reason.
+/// Cells of a period before refinement, enough that the linear model holds in them almost
+/// everywhere: two to an aperture, and [`LEAST_CELLS`] to 64 in all.
 fn default_cells(period: f64, aperture: f64) -> u32 {
     numbers::whole::<u32>((2.0 * period / aperture).ceil()).clamp(LEAST_CELLS, 64)
 }

@@ -39,6 +39,12 @@ impl Detector {
             counts: None,
         }
     }
+
+    /// Width and height of all pixels, m.
+    #[must_use]
+    pub fn size(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.pitch[axis] * f64::from(self.pixels[axis]))
+    }
 }
 
 /// What a photon adds to the signal.

@@ -120,6 +120,15 @@ impl MaskSpec {
     }
 }
 
+impl MaskSpec {
+    /// Source to the face of the bars before the mask's plane and to that behind it, m.
+    #[must_use]
+    pub const fn faces(&self) -> [f64; 2] {
+        let half = self.body.thickness() / 2.0;
+        [self.distance - half, self.distance + half]
+    }
+}
+
 /// What the bars of a mask are.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -144,6 +153,15 @@ impl MaskBody {
         match self {
             Self::Bars { thickness, .. } => *thickness,
             Self::Sheet { .. } => 0.0,
+        }
+    }
+
+    /// Name of the material of the bars; `None` for a sheet.
+    #[must_use]
+    pub fn material(&self) -> Option<&str> {
+        match self {
+            Self::Bars { material, .. } => Some(material),
+            Self::Sheet { .. } => None,
         }
     }
 }

@@ -7,12 +7,14 @@
 use super::npy::{hex, le_bytes};
 use super::read::read_exr;
 use super::{Exposure, Extent};
+use crate::optics::{Mask, Optics};
 use crate::scene::Scene;
 use crate::{Error, Result, reserve};
 use exr::prelude::*;
 use ndarray::{ArrayView2, ArrayView3};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -262,12 +264,9 @@ pub(super) enum Values {
 
 impl About {
     fn of(scene: &Scene, values: Values) -> Self {
-        let mask = |mask: &Option<crate::scene::MaskSpec>| match mask {
-            Some(mask) => serde_json::json!({
-                "distance": mask.distance, "period": mask.period,
-                "aperture": mask.aperture, "offset": mask.offset,
-            }),
-            None => serde_json::Value::Null,
+        let optics = Optics::of(scene);
+        let mask = |mask: &Option<Mask>| {
+            serde_json::json!(mask.as_ref().map(|mask| BTreeMap::from(mask.lengths())))
         };
         let shared = [
             ("units", "m, rad, keV".into()),
@@ -281,8 +280,8 @@ impl About {
             ("spot", scene.source.spot.fwhm().to_vec().into()),
             ("detector_distance", scene.detector.distance.into()),
             ("pitch", scene.detector.pitch.to_vec().into()),
-            ("sample_mask", mask(&scene.sample_mask)),
-            ("detector_mask", mask(&scene.detector_mask)),
+            ("sample_mask", mask(&optics.sample_mask)),
+            ("detector_mask", mask(&optics.detector_mask)),
         ];
         Self {
             shared: shared.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),
