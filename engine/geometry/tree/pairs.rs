@@ -1,7 +1,7 @@
 //! Pairs of triangles that come near each other, leaf by leaf.
 
 use super::super::surface::{Surface, bounds_of};
-use super::{LEAF, NONE, Node, Query, Tree, outwards, slab};
+use super::{LEAF, NONE, Query, Tree, outwards, slab};
 use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 
