@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::files;
 use beamlet::scene::{
     Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Scan, Scene, Shape, Source,
 };
@@ -12,7 +13,6 @@ use beamlet::stack::{
 use beamlet::{Backend, Error, RunRecord};
 use ndarray::{Array3, Array4, s};
 use ndarray_npy::ReadNpyExt;
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -86,24 +86,6 @@ fn run_in(path: &Path, format: Format, band: usize) {
     whole_run(&mut RunDirectory::create(path, format, false).unwrap(), band);
 }
 
-/// Every file below `root` that is not run.json, with its bytes.
-fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut open = vec![root.to_path_buf()];
-    while let Some(directory) = open.pop() {
-        for entry in fs::read_dir(directory).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                open.push(path);
-            } else {
-                found.insert(path.strip_prefix(root).unwrap().into(), fs::read(&path).unwrap());
-            }
-        }
-    }
-    found.remove(Path::new("run.json"));
-    found
-}
-
 fn read_exr(path: &Path) -> (Vec<f32>, String) {
     use exr::prelude::*;
     let image = read_first_flat_layer_from_file(path).unwrap();
@@ -167,7 +149,7 @@ fn bands_do_not_change_a_byte() {
         let [one, many] = ["one", "many"].map(|name| temporary.path().join(name));
         run_in(&one, format, ROWS);
         run_in(&many, format, 2);
-        assert_eq!(files(&one), files(&many));
+        assert_eq!(files::of_run(&one), files::of_run(&many));
     }
 }
 
@@ -175,7 +157,7 @@ fn bands_do_not_change_a_byte() {
 fn a_finished_run_leaves_nothing_but_its_files() {
     let temporary = tempfile::tempdir().unwrap();
     run_in(temporary.path(), Format::Exr, 2);
-    let names: Vec<String> = files(temporary.path())
+    let names: Vec<String> = files::of_run(temporary.path())
         .into_keys()
         .map(|path| path.display().to_string())
         .filter(|name| !name.ends_with(".exr"))
@@ -231,7 +213,7 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
             sink.commit(view).unwrap();
         }
         sink.finish(&record()).unwrap();
-        assert_eq!(files(&whole), files(&resumed));
+        assert_eq!(files::of_run(&whole), files::of_run(&resumed));
         let file = RunFile::read(&resumed.join("run.json")).unwrap();
         assert_eq!((file.state, file.resumed_views), (RunState::Done, 1));
     }

@@ -3,15 +3,16 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, star};
-use crate::support::{CARBON, Worst, engine_with};
+use crate::support::{CARBON, Worst, engine_with, files};
 use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::scene::Exposure;
 use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
 use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks};
 use beamlet::{Backend, Control, EngineOptions, Error, Progress};
 use ndarray::Array2;
+use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Everything that a detector may have, in few pixels.
@@ -87,23 +88,10 @@ fn gaussian_blur_does_not_depend_on_bands_either() {
     same("bands of 2 rows", &whole, &run(bands, &scene));
 }
 
-/// Files of a run directory but run.json, which has its times.
-fn files(root: &Path) -> Vec<(String, Vec<u8>)> {
-    fn walk(root: &Path, at: &Path, out: &mut Vec<(String, Vec<u8>)>) {
-        for entry in fs::read_dir(at).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                walk(root, &path, out);
-            } else if path.file_name().unwrap() != "run.json" {
-                let name = path.strip_prefix(root).unwrap().to_string_lossy().into_owned();
-                out.push((name, fs::read(&path).unwrap()));
-            }
-        }
-    }
-    let mut out = Vec::new();
-    walk(root, root, &mut out);
-    out.sort();
-    out
+fn without_log(run: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = files::of_run(run);
+    files.remove(Path::new("progress.log"));
+    files
 }
 
 #[test]
@@ -148,10 +136,8 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
         let skip = sink.committed().to_vec();
         engine.run(&scene, &mut sink, Control::default().with_skip(skip)).unwrap();
         drop(sink);
-        let keep = |files: Vec<(String, Vec<u8>)>| -> Vec<_> {
-            files.into_iter().filter(|(name, _)| name != "progress.log").collect()
-        };
-        assert_eq!(keep(files(&whole)), keep(files(&broken)), "{format}");
+        let [one, other] = [&whole, &broken].map(|run| without_log(run));
+        assert_eq!(one, other, "{format}");
         let run = OpenRun::open(&whole).unwrap();
         let rows = |stack: Option<StackFile>| stack.unwrap().rows(0, 0..9).unwrap();
         let flat = rows(Some(run.flat().unwrap()));
@@ -161,7 +147,7 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
         assert!(counts.iter().zip(&flat).all(|(count, light)| z(*count, *light).abs() < 6.0));
         assert!(dark.iter().all(|number| (number - 20.0).abs() < 18.0));
         assert_eq!(run.counts_sample().unwrap().unwrap().shape(), [3, 2, 9, 7]);
-        let names: Vec<String> = files(&whole).into_iter().map(|(name, _)| name).collect();
+        let names = files::paths(&whole);
         let wanted: &[&str] = match format {
             Format::Exr => &[
                 "counts/flat/step_001.exr",
@@ -171,17 +157,19 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
             ],
             _ => &["counts/flat.npy", "counts/sample.npy", "dark.npy", "sample.npy"],
         };
-        assert!(wanted.iter().all(|name| names.iter().any(|n| n == name)), "{names:?}");
+        assert!(
+            wanted.iter().all(|name| names.iter().any(|path| path == Path::new(name))),
+            "{names:?}"
+        );
         // A run without counts takes the place; a file of somebody else stays.
         fs::write(whole.join("counts/notes.txt"), "mine").unwrap();
         let mut bare = scene.clone();
         bare.detector.counts = None;
         let mut sink = RunDirectory::create(&whole, format, true).unwrap();
         engine.run(&bare, &mut sink, Control::default()).unwrap();
-        let left: Vec<String> = files(&whole).into_iter().map(|(name, _)| name).collect();
-        let ours = |name: &&String| name.starts_with("counts") || name.starts_with("dark");
-        let left: Vec<_> = left.iter().filter(ours).collect();
-        assert_eq!(left, ["counts/notes.txt"]);
+        let mut left = files::paths(&whole);
+        left.retain(|path| path.starts_with("counts") || path.starts_with("dark"));
+        assert_eq!(left, [Path::new("counts/notes.txt")]);
     }
 }
 
