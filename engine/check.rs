@@ -11,7 +11,7 @@ use crate::run::memory::{self, MemoryEstimate};
 use crate::scene::{MaskSpec, Object, Scene};
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
-use crate::stack::Extent;
+use crate::stack::StackShape;
 use crate::{Control, Engine, Progress, Result, run};
 use serde::Serialize;
 use std::time::Instant;
@@ -70,8 +70,8 @@ pub struct Setup {
     /// there, or source and detector, m.
     #[serde(rename = "room")]
     pub clearance: [f64; 2],
-    /// Extent of the stacks.
-    pub extent: Extent,
+    /// StackShape of the stacks.
+    pub extent: StackShape,
     /// Where the detector blurs, the grid that takes the light.
     #[serde(rename = "light_grid")]
     pub subpixel_grid: Option<SubpixelGrid>,
@@ -236,7 +236,7 @@ fn load_lenient(
     memory_limit: Option<u64>,
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,
 ) -> Result<(CheckReport, Sample)> {
-    let extent = Extent::of(scene)?;
+    let extent = StackShape::of(scene)?;
     let detector = DetectorModel::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
     let materials = materials(scene, nodes.mean_energy())?;
@@ -274,7 +274,7 @@ fn load_lenient(
 fn setup(
     scene: &Scene,
     sample: &Sample,
-    extent: Extent,
+    extent: StackShape,
     nodes: Nodes,
     detector: &DetectorModel,
 ) -> Setup {

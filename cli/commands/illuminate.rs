@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
-use beamlet::stack::{Extent, Format, RunDirectory, RunFile, is_same_place};
+use beamlet::stack::{Format, RunDirectory, RunFile, StackShape, is_same_place};
 use beamlet::{Control, Engine, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -28,13 +28,13 @@ struct Job {
     path: PathBuf,
     output: PathBuf,
     scene: Scene,
-    extent: Extent,
+    extent: StackShape,
     sink: RunDirectory,
 }
 
 /// A scene that is done.
 struct Done {
-    extent: Extent,
+    extent: StackShape,
     sink: RunDirectory,
     record: RunRecord,
     seconds: f64,
@@ -45,7 +45,7 @@ fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failu
     let mut jobs = Vec::new();
     for (path, output) in arguments.scene.iter().zip(outputs) {
         let scene = Scene::load_with(path, &arguments.sets)?;
-        let extent = Extent::of(&scene)?;
+        let extent = StackShape::of(&scene)?;
         let format = arguments.format.map(Into::into).unwrap_or_default();
         // What is read is not replaced: the run with the moments, scenes and their files.
         let mut read = scene.input_files();

@@ -6,7 +6,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::moments::MomentWriter;
 use beamlet::scene::{Scene, Scheme};
-use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
+use beamlet::stack::{self, Format, RunDirectory, RunState, StackShape};
 use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
@@ -15,7 +15,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let began = Instant::now();
     let scene = arguments.scene.load()?;
     let failed = |error| Failure::from(arguments.scene.locate(error));
-    let extent = Extent::of(&scene).map_err(failed)?;
+    let extent = StackShape::of(&scene).map_err(failed)?;
     if arguments.keep_moments && scene.sampling.scheme == Scheme::Random {
         return Err(failed(Error::scene(
             "sampling.scheme",
@@ -113,12 +113,12 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
 /// What the user wants to know at the end, on stdout.
 pub(super) fn summary(
     sink: &RunDirectory,
-    extent: Extent,
+    extent: StackShape,
     record: &RunRecord,
     seconds: f64,
     out: &mut impl Write,
 ) -> Result<(), Failure> {
-    let Extent { views, steps, rows, columns, .. } = extent;
+    let StackShape { views, steps, rows, columns, .. } = extent;
     // Of a resumed run the tally covers all views, and the time this part.
     let rays = record.tally.rays.saturating_sub(sink.counted().rays);
     let rate = rays as f64 / 1e6 / seconds.max(1e-9);
@@ -171,10 +171,10 @@ fn print_tally(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
 /// Counts of a tally that are worth a line where they are not zero.
 fn counts(tally: &Tally) -> [(u64, &'static str); 11] {
     [
-        (tally.exact, "rays traced in order"),
+        (tally.exact, "rays traced exactly"),
         (tally.split, "cells split by refinement"),
         (tally.unbalanced, "rays unbalanced after re-tracing"),
-        (tally.unordered, "rays not followed in order, their first order counts"),
+        (tally.unordered, "rays not followed exactly, their first order counts"),
         (tally.retraced, "rays traced again with the software BVH"),
         (tally.dropped, "cells or crossings dropped at a limit"),
         (tally.reflected, "rays totally reflected"),

@@ -31,7 +31,7 @@ pub use load::{diagnose, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
 pub(crate) use read::PEAK_PER_TRIANGLE;
 pub use read::file_hash;
-pub use swept::{Extent, Swept, check_clearance, fov_warnings, swept};
+pub use swept::{BeamExtent, Swept, check_clearance, fov_warnings, swept};
 pub(crate) use watch::Watcher;
 pub use watch::{LoadProgress, LoadStep};
 

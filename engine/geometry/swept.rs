@@ -27,7 +27,7 @@ struct Outline {
 /// Extent of an object in the beam frame of one view, m from the rotation centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
-pub struct Extent {
+pub struct BeamExtent {
     /// Along the beam, source to detector.
     pub y: [f64; 2],
     /// Across the slits.
@@ -67,10 +67,10 @@ pub fn swept(sample: &Sample) -> Swept {
 
 impl Swept {
     /// Extent of each object in the view at `angle` (rad), in the order of the objects.
-    pub fn extents(&self, angle: f64) -> impl Iterator<Item = Extent> {
+    pub fn extents(&self, angle: f64) -> impl Iterator<Item = BeamExtent> {
         self.outlines.iter().map(move |outline| {
             let turned = outline.turned(angle);
-            Extent {
+            BeamExtent {
                 x: range(turned.clone().map(|p| p.x)),
                 y: range(turned.map(|p| p.y)),
                 z: outline.z,

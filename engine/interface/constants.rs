@@ -22,7 +22,7 @@ shared_constants! {
     FACET_MISSED: u32 = 1 << 30;
     /// Of a crossing on a list: bits of the leaf.
     FACET_LEAF: u32 = FACET_MISSED - 1;
-    /// Crossings that the longest list of a ray in order holds.
+    /// Crossings that the longest list of a ray that is traced exactly holds.
     LONGEST_LIST: u32 = 1 << 20;
 
     /// Words at the head of a ray's moments.
@@ -57,7 +57,7 @@ shared_constants! {
     TALLY_REFLECTED: usize = 2;
     /// Rays with a value that is not finite.
     TALLY_NOT_FINITE: usize = 3;
-    /// Rays that could not be followed in order: the first order counts.
+    /// Rays that could not be followed exactly: the first order counts.
     TALLY_UNORDERED: usize = 4;
 
     /// The first order is not enough at some surface.

@@ -14,7 +14,7 @@ type Place = (u32, Range<i64>);
 /// Cells of some rows of a view, ready to be illuminated.
 #[derive(Debug, Default)]
 pub(super) struct Part {
-    /// Lists of strips, as [`EnergyBinning::lists`] gives them, by block of the file.
+    /// Lists of cell rows, as [`EnergyBinning::lists`] gives them, by block of the file.
     pub(super) lists: Vec<Vec<CellBatch>>,
     pub(super) covered: Covered,
 }
@@ -23,7 +23,7 @@ impl Part {
     pub(super) fn bytes(&self) -> u64 {
         let of_list = |list: &CellBatch| {
             list.cells.capacity() * size_of::<Cell>()
-                + list.strips.capacity() * size_of::<CellRow>()
+                + list.cell_rows.capacity() * size_of::<CellRow>()
         };
         let lists: usize = self.lists.iter().flatten().map(of_list).sum();
         (lists + self.covered.bytes()) as u64

@@ -77,8 +77,8 @@ pub struct Fitter {
     /// Added to values while they are fitted: with it their variance is the gain times them.
     pedestal: f32,
     /// Least and most width, in half widths.
-    narrow: f64,
-    wide: f64,
+    min_width: f64,
+    max_width: f64,
     options: FitOptions,
 }
 
@@ -133,8 +133,8 @@ impl Fitter {
             step_count: offsets.len(),
             middle,
             half,
-            narrow: least / 3.0,
-            wide: 2.0,
+            min_width: least / 3.0,
+            max_width: 2.0,
             pedestal: match options.weights {
                 Weights::None => 0.0,
                 Weights::Poisson => single(options.read_noise * options.read_noise / options.gain),
@@ -213,8 +213,8 @@ impl Fitter {
                 poisson: (self.options.weights == Weights::Poisson).into(),
                 gain: single(self.options.gain),
                 saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
-                narrow: single(self.narrow),
-                wide: single(self.wide),
+                min_width: single(self.min_width),
+                max_width: single(self.max_width),
             };
             let groups = [n.div_ceil(GROUP), 1, 1];
             let time = self.device.run(|r| {

@@ -161,7 +161,7 @@ fn begun(
         offsets: scene.scan.mask_offsets.clone(),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),
-        angle_per_shift: retriever.arm(),
+        angle_per_shift: retriever.angle_per_shift(),
         shape,
         units: BTreeMap::new(),
         flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),

@@ -190,7 +190,7 @@ impl Engine {
     }
 
     /// Makes a scene ready whose rays were traced by the run that kept `moments`. Meshes are
-    /// loaded only where rays have to be walked in order again.
+    /// loaded only where rays have to be traced exactly again.
     ///
     /// # Errors
     /// As [`Engine::prepare`]; [`crate::Error::Scene`] where the scene differs from that of the
@@ -227,7 +227,7 @@ impl Engine {
         scene: &Scene,
         control: &mut Control<'_>,
     ) -> Result<Simulation<'e>> {
-        Simulation::of_kept(self, moments, scene, control)
+        Simulation::of_stored(self, moments, scene, control)
     }
 
     /// Runs a scene into arrays.

@@ -9,7 +9,7 @@ use crate::detector::SubpixelGrid;
 use crate::geometry::{self, ObjectSummary, PEAK_PER_TRIANGLE};
 use crate::numbers;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
-use crate::stack::Extent;
+use crate::stack::StackShape;
 use crate::{Error, Result, reserve};
 use rays::{beamlets, cell_rays};
 use serde::Serialize;
@@ -184,7 +184,7 @@ pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
 /// # Errors
 /// [`Error::Memory`] where it is not.
 pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()> {
-    let frames = FRAME_COPIES * Extent::of(scene)?.frame_bytes();
+    let frames = FRAME_COPIES * StackShape::of(scene)?.frame_bytes();
     let bytes = estimate.peak_bytes.saturating_sub(PROGRAM).saturating_sub(frames);
     let rows = estimate.band_rows;
     let purpose = format!("a run in bands of {rows} rows");
@@ -197,7 +197,7 @@ pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()
 
 impl Needs {
     fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
-        let extent = Extent::of(scene)?;
+        let extent = StackShape::of(scene)?;
         let grid = SubpixelGrid::of(scene)?;
         let optics = grid.optics(scene);
         let mut materials: Vec<&str> = scene.objects.iter().map(|o| o.material.as_str()).collect();

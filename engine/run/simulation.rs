@@ -45,13 +45,13 @@ pub struct Simulation<'e> {
     /// For a spectrum or kept moments, by cells.
     spectral: Option<EnergyBinning>,
     /// For what moments of the rays that bound cells are kept.
-    keep: Option<sampling::MomentRecording>,
+    recording: Option<sampling::MomentRecording>,
     /// What changes of a cell do to recorded values.
     response: Response,
     /// What sampling may leave in them.
     budget: ErrorBudget,
     /// Moments that another run kept, in place of rays.
-    kept: Option<StoredSource<'e>>,
+    stored: Option<StoredSource<'e>>,
     memory: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
@@ -120,7 +120,7 @@ impl<'e> Simulation<'e> {
             lattice: &self.lattice,
             index,
             shadows,
-            keep: self.keep.as_ref(),
+            recording: self.recording.as_ref(),
             response: &self.response,
             budget: self.budget,
         }
@@ -143,7 +143,7 @@ impl<'e> Simulation<'e> {
     /// # Errors
     /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
-        if self.kept.is_some() && control.keep.is_some() {
+        if self.stored.is_some() && control.keep.is_some() {
             let found = "moments to be kept of a scene that is itself made from kept moments";
             return Err(Error::argument("control.keep", found, "a simulation that traces"));
         }

@@ -1,7 +1,7 @@
 //! Rows of cells from the rectangles of a patch: those that stand side by side at the same heights
 //! are a row, cut into several where the patch slants.
 
-use super::cell_batch::{CellBatch, empty_strip};
+use super::cell_batch::{CellBatch, empty_cell_row};
 use super::cell_moments::{CellMoments, ExactCell};
 use super::emission::Emitter;
 use super::moment_recording::LinearModel;
@@ -97,11 +97,12 @@ impl Emitter<'_> {
             self.push_cell(&mut row, place, rectangle, of_cell);
         }
         out.landed_off += row.landed_off;
-        if patch.row + row.lands.end > self.lit.start && patch.row + row.lands.start < self.lit.end
+        if patch.row + row.lands.end > self.recorded_rows.start
+            && patch.row + row.lands.start < self.recorded_rows.end
         {
             let column = patch.beamlet - self.view.lattice.beamlets.start;
-            let strip = CellRow { top: z[0], bottom: z[1], ..empty_strip(column, patch.row) };
-            out.push(strip, &row.cells, &row.moments);
+            let cell_row = CellRow { top: z[0], bottom: z[1], ..empty_cell_row(column, patch.row) };
+            out.push(cell_row, &row.cells, &row.moments);
         }
     }
 
@@ -145,10 +146,10 @@ impl Emitter<'_> {
             displacement_low: displacement[0],
             displacement_high: displacement[1],
             displacement_z,
-            above,
-            below,
+            share_above: above,
+            share_below: below,
             pixel_shift,
-            spread: rectangle.spread,
+            displacement_variance: rectangle.displacement_variance,
             ..bytemuck::Zeroable::zeroed()
         });
     }
@@ -202,7 +203,7 @@ impl Emitter<'_> {
         share: [f32; 2],
         moments: &[f32],
     ) {
-        if rectangle.ends.result.flags & FLAG_EXACT != 0 && self.view.keep.is_some() {
+        if rectangle.ends.result.flags & FLAG_EXACT != 0 && self.view.recording.is_some() {
             let [x, z] = patch.place(rectangle.ray);
             row.moments.exact.push(ExactCell {
                 cell: numbers::count(row.cells.len()),

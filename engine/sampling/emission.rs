@@ -31,7 +31,7 @@ pub(super) struct Emitter<'a> {
     pub(super) view: &'a ViewContext<'a>,
     pub(super) estimator: &'a Estimator<'a>,
     /// Rows whose light is recorded.
-    pub(super) lit: &'a Range<i64>,
+    pub(super) recorded_rows: &'a Range<i64>,
     /// Analyser over detector distance.
     pub(super) ratio: f32,
     /// Deviation of the displacement from a straight line that joined cells may have, m.
@@ -45,13 +45,13 @@ impl<'a> Emitter<'a> {
     pub(super) fn new(
         view: &'a ViewContext<'a>,
         estimator: &'a Estimator<'a>,
-        lit: &'a Range<i64>,
+        recorded_rows: &'a Range<i64>,
     ) -> Self {
         let optics = view.optics;
         Self {
             view,
             estimator,
-            lit,
+            recorded_rows,
             ratio: single(optics.analyser / optics.detector.distance),
             joined: single(DISPLACEMENT_JOINED * view.budget.bounded_displacement()),
         }
@@ -65,8 +65,8 @@ impl<'a> Emitter<'a> {
     ) -> Result<(CellBatch, Vec<(i64, i64)>)> {
         let rectangles: Vec<Vec<Rectangle>> =
             patches.par_iter().map(|patch| self.rectangles(patch)).collect();
-        let moments = match self.view.keep {
-            Some(keep) => keep.record(tracer, self.view, patches, &rectangles)?,
+        let moments = match self.view.recording {
+            Some(recording) => recording.record(tracer, self.view, patches, &rectangles)?,
             None => vec![Vec::new(); patches.len()],
         };
         let mut empty = Vec::new();
@@ -113,27 +113,28 @@ impl<'a> Emitter<'a> {
             }
             if let Some(pieces) = patch.pieces(node) {
                 let magnification =
-                    self.view.keep.is_none().then_some(self.estimator.response.magnification);
+                    self.view.recording.is_none().then_some(self.estimator.response.magnification);
                 let of_piece =
                     |piece| Rectangle::of_piece(piece, self.estimator.gap, magnification);
                 rectangles.extend(pieces.iter().map(of_piece));
                 continue;
             }
-            let (slopes, spread, ends_z, borders) = if let Known::Mean(fit) = node.known {
-                let slopes =
-                    Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] };
-                (slopes, fit.displacement.powi(2) + fit.across.powi(2), fit.ends_z, fit.borders)
-            } else {
-                let neighbours = self.estimator.neighbours(patch, node);
-                let slopes = self.estimator.slopes(node, &neighbours);
-                (slopes, 0.0, [node.result.landing_z(self.estimator.gap); 2], [None; 2])
-            };
+            let (slopes, displacement_variance, ends_z, borders) =
+                if let Known::Mean(fit) = node.known {
+                    let slopes =
+                        Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] };
+                    (slopes, fit.displacement.powi(2) + fit.across.powi(2), fit.ends_z, fit.borders)
+                } else {
+                    let neighbours = self.estimator.neighbours(patch, node);
+                    let slopes = self.estimator.slopes(node, &neighbours);
+                    (slopes, 0.0, [node.result.landing_z(self.estimator.gap); 2], [None; 2])
+                };
             rectangles.push(Rectangle {
                 x: node.x,
                 z: node.z,
                 ray: node.centre(),
                 ends: LinearModel::new(&node.result, node.width(), &slopes),
-                spread,
+                displacement_variance,
                 ends_z,
                 borders,
                 rows: None,
@@ -201,13 +202,13 @@ impl<'a> Emitter<'a> {
         {
             return false;
         }
-        let room = (FULL_SHARE * period / width).max(1.0);
+        let tolerance_scale = (FULL_SHARE * period / width).max(1.0);
         let apart = last.ray[0] - first.ray[0];
         let straight = |of: fn(&RayResult) -> f32, limit: f32| {
             let slope = (of(b) - of(a)) / apart;
             group.iter().all(|r| {
                 let line = of(a) + slope * (r.ray[0] - first.ray[0]);
-                (of(&r.ends.result) - line).abs() <= limit * room
+                (of(&r.ends.result) - line).abs() <= limit * tolerance_scale
             })
         };
         straight(|result| result.displacement_x, self.joined)

@@ -73,7 +73,7 @@ pub(super) struct Estimator<'a> {
     /// Standard deviation of the blur over rows, rows.
     pub(super) row_blur: f32,
     /// Rows whose light is recorded.
-    pub(super) lit: Range<i64>,
+    pub(super) recorded_rows: Range<i64>,
 }
 
 /// The error of light whose displacement has a standard deviation and is off by `farthest` at most,

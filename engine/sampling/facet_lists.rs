@@ -46,7 +46,7 @@ pub(crate) struct SampleFacets {
 
 impl SampleFacets {
     /// At the mean constants of the media; rays are flagged for steps of delta that are `delta_ratio`
-    /// times as large. Nothing where all rays are traced in order. `across`:
+    /// times as large. Nothing where all rays are traced exactly. `across`:
     /// [`crate::geometry::across_edges`] of the sample.
     #[must_use]
     pub(crate) fn new(

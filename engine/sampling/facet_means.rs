@@ -126,7 +126,7 @@ impl<'a> FacetMeans<'a> {
             weight: f64::from(view.response.weight),
             gap: single(optics.gap()),
             far: FAR_OFF * optics.detector.pitch[1],
-            strict: view.keep.is_some(),
+            strict: view.recording.is_some(),
         }
     }
 

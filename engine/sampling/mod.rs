@@ -32,13 +32,13 @@ mod rows;
 mod sheets;
 mod survey;
 
-pub(crate) use cell_batch::{CellBatch, empty_strips};
-pub(crate) use cell_batch::{blank_strips, empty_cell, empty_strip};
+pub(crate) use cell_batch::{CellBatch, empty_cell_rows};
+pub(crate) use cell_batch::{blank_cell_rows, empty_cell, empty_cell_row};
 pub(crate) use cell_moments::{CellMoments, ExactCell};
 pub(crate) use error_budget::ErrorBudget;
 pub(crate) use facet_lists::SampleFacets;
 pub use lattice::Lattice;
-pub(crate) use lattice::column;
+pub(crate) use lattice::beamlet_geometry;
 pub(crate) use moment_recording::MomentRecording;
 pub(crate) use projected_bounds::{ProjectedBounds, shadows};
 pub(crate) use response::Response;

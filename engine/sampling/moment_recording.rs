@@ -55,9 +55,9 @@ impl MomentRecording {
     }
 
     /// Whether a result tells the moments of its ray, and then of which material they are: those of a
-    /// ray through one body alone are its numbers over the constants. Nothing is told by ordered
+    /// ray through one body alone are its numbers over the constants. Nothing is told by exact
     /// walks, or where the constants do not differ from those of the surroundings.
-    pub(super) fn told_by(&self, result: &RayResult) -> Option<usize> {
+    pub(super) fn single_material(&self, result: &RayResult) -> Option<usize> {
         if result.crossings == 0 {
             return Some(0);
         }
@@ -83,7 +83,7 @@ impl MomentRecording {
     }
 
     /// Appends the moments that a result tells.
-    fn push_told(&self, result: &RayResult, material: usize, moments: &mut Vec<f32>) {
+    fn push_from_result(&self, result: &RayResult, material: usize, moments: &mut Vec<f32>) {
         let first = moments.len();
         moments.resize(first + self.reference.len() * MOMENTS_PER_MATERIAL, 0.0);
         if result.crossings == 0 {
@@ -108,7 +108,8 @@ impl MomentRecording {
         rectangles: &[Vec<Rectangle>],
     ) -> Result<Vec<Vec<f32>>> {
         let unknown = |(patch, rectangles): (&&Patch, &Vec<Rectangle>)| -> Vec<Ray> {
-            let unknown = rectangles.iter().filter(|r| self.told_by(&r.ends.result).is_none());
+            let unknown =
+                rectangles.iter().filter(|r| self.single_material(&r.ends.result).is_none());
             unknown
                 .map(|r| {
                     let [x, z] = patch.place(r.ray);
@@ -135,8 +136,8 @@ impl MomentRecording {
             for rectangle in rectangles {
                 let ends = &rectangle.ends;
                 of_ray.clear();
-                if let Some(material) = self.told_by(&ends.result) {
-                    self.push_told(&ends.result, material, &mut of_ray);
+                if let Some(material) = self.single_material(&ends.result) {
+                    self.push_from_result(&ends.result, material, &mut of_ray);
                 } else {
                     let words = traced.next().and_then(|words| words.get(MOMENTS_HEAD..));
                     of_ray

@@ -16,7 +16,7 @@ pub struct ProjectedBounds {
     pub rows: [f64; 2],
     /// Cells wider than this may step over the component, m in the cell plane.
     pub width: f64,
-    /// Strips higher than this may step over it, rows.
+    /// Cell rows higher than this may step over it, rows.
     pub height: f64,
 }
 

@@ -96,7 +96,9 @@ impl Estimator<'_> {
             x,
             at: self.response.landing(column, x, node.result.displacement_x),
             half: 0.5 * growth * node.width(),
-            beside: (self.lit.start - patch.row).max(patch.row + 1 - self.lit.end).max(0),
+            beside: (self.recorded_rows.start - patch.row)
+                .max(patch.row + 1 - self.recorded_rows.end)
+                .max(0),
         }
     }
 

@@ -65,9 +65,9 @@ impl Response {
     pub(crate) fn new(optics: &Optics, lattice: &Lattice, any_masks: bool) -> Self {
         let Optics { rotation, analyser, detector, .. } = optics;
         let [period, width] = optics.windows();
-        let columns = lattice.columns(optics);
+        let beamlets = lattice.beamlet_geometry(optics);
         let masked = optics.detector_mask.is_some();
-        let landing = |c: &crate::interface::Column| {
+        let landing = |c: &crate::interface::BeamletGeometry| {
             if masked { c.aperture_offset } else { c.pixel_offset }
         };
         // Of the whole spot: recorded values are sums over its parts.
@@ -106,15 +106,15 @@ impl Response {
             period: single(period),
             blur: single(blur),
             magnification: single(analyser / lattice.plane),
-            landing: columns.iter().map(landing).collect(),
+            landing: beamlets.iter().map(landing).collect(),
             openings,
             mask_period: single(mask_period),
             mask_offset: if any_masks {
-                vec![0.0; columns.len()]
+                vec![0.0; beamlets.len()]
             } else {
-                columns.iter().map(|c| c.sample_offset).collect()
+                beamlets.iter().map(|c| c.sample_offset).collect()
             },
-            shadow: columns
+            shadow: beamlets
                 .iter()
                 .map(|c| if hard { 0.0 } else { shadow(optics, c.slope) })
                 .collect(),

@@ -125,7 +125,7 @@ pub(crate) fn survey_rows(
             lit,
             &mut |tracer, cells, _| {
                 splits += cells.splits;
-                if !cells.strips.is_empty() {
+                if !cells.cell_rows.is_empty() {
                     beyond += take(tracer, &cells)?;
                 }
                 Ok(())

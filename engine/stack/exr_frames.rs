@@ -6,7 +6,7 @@
 
 use super::npy::{hex, le_bytes};
 use super::read::read_exr;
-use super::{Exposure, Extent};
+use super::{Exposure, StackShape};
 use crate::optics::{Mask, Optics};
 use crate::scene::Scene;
 use crate::{Error, Result, reserve};
@@ -27,7 +27,7 @@ pub(super) const PARTIAL: &str = "partial";
 #[derive(Debug)]
 pub(super) struct ExrFrames {
     root: PathBuf,
-    extent: Extent,
+    extent: StackShape,
     about: About,
     /// Raw values `[step][row][column]` of the view in work, when it comes in several bands.
     spool: Option<File>,
@@ -37,7 +37,7 @@ pub(super) struct ExrFrames {
 
 impl ExrFrames {
     /// Frames under `root` with these values: intensities, or detector numbers.
-    pub(super) fn begin(root: &Path, extent: Extent, scene: &Scene, values: Values) -> Self {
+    pub(super) fn begin(root: &Path, extent: StackShape, scene: &Scene, values: Values) -> Self {
         let about = About::of(scene, values);
         Self { root: root.to_path_buf(), extent, about, spool: None, converted: None }
     }
@@ -207,7 +207,7 @@ const ENCODING: Encoding = Encoding {
 };
 
 /// Directory of a view's frames, relative to the run directory.
-pub(super) fn view_directory(extent: Extent, view: Exposure) -> PathBuf {
+pub(super) fn view_directory(extent: StackShape, view: Exposure) -> PathBuf {
     match view {
         Exposure::Flat => "flat".into(),
         Exposure::Dark => "dark".into(),
@@ -219,7 +219,7 @@ pub(super) fn view_directory(extent: Extent, view: Exposure) -> PathBuf {
 }
 
 /// File name of a step's frame.
-pub(super) fn step_file(extent: Extent, step: u32) -> String {
+pub(super) fn step_file(extent: StackShape, step: u32) -> String {
     let width = digits(extent.steps).max(3);
     format!("step_{step:0width$}.exr")
 }
@@ -230,7 +230,7 @@ fn digits(count: u32) -> usize {
 }
 
 /// SHA-256 of a view as it stands in its frames under `root`.
-pub(super) fn checksum(root: &Path, extent: Extent, view: Exposure) -> Result<String> {
+pub(super) fn checksum(root: &Path, extent: StackShape, view: Exposure) -> Result<String> {
     let directory = root.join(view_directory(extent, view));
     let mut hasher = Sha256::new();
     let shape = [extent.rows as usize, extent.columns as usize];

@@ -144,7 +144,7 @@ fn heights_of_parts_move_shadows_down_and_up() {
     (setup.sample_mask, setup.detector_mask) = (None, None);
     let parts = [part(3.0, [10e-6, 200e-6], [0.0, -80e-6]), part(1.0, [10e-6, 0.0], [0.0, 880e-6])];
     let spot = Spot::gaussians(parts.to_vec());
-    // A strip in which the edge stands is at least 1/256 of a row.
+    // A cell row in which the edge stands is at least 1/256 of a row.
     let mut worst = Worst::new("spots, horizontal edge", 1.0 / 512.0);
     let engine = engine(Backend::Bvh);
     for edge in [0.0, 0.11e-3, -0.2e-3] {

@@ -7,8 +7,8 @@ use beamlet::scene::{
     Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Scan, Scene, Shape, Source,
 };
 use beamlet::stack::{
-    ArraySink, CallbackSink, Extent, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState,
-    Sink,
+    ArraySink, CallbackSink, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState, Sink,
+    StackShape,
 };
 use beamlet::{Backend, Error, RunRecord};
 use ndarray::{Array3, Array4, s};
@@ -352,7 +352,7 @@ fn names_grow_with_the_numbers_they_hold() {
     put(&mut sink, view, ROWS);
     sink.commit(view).unwrap();
     assert!(temporary.path().join("sample/view_00007/step_002.exr").exists());
-    assert_eq!(Extent::of(&scene).unwrap().all_views().count(), 10_002);
+    assert_eq!(StackShape::of(&scene).unwrap().all_views().count(), 10_002);
 }
 
 #[test]

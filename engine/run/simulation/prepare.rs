@@ -26,7 +26,7 @@ struct Parts<'e> {
     media: MaterialTable,
     lattice: Lattice,
     spectral: Option<EnergyBinning>,
-    kept: Option<StoredSource<'e>>,
+    stored: Option<StoredSource<'e>>,
     delta_ratio: f64,
 }
 
@@ -64,13 +64,13 @@ impl<'e> Simulation<'e> {
         Self::with(
             engine,
             scene,
-            Parts { detector, media, lattice, spectral, kept: None, delta_ratio },
+            Parts { detector, media, lattice, spectral, stored: None, delta_ratio },
             sample,
             control,
         )
     }
 
-    pub(crate) fn of_kept(
+    pub(crate) fn of_stored(
         engine: &'e Engine,
         moments: &'e StoredMoments,
         scene: &Scene,
@@ -90,11 +90,11 @@ impl<'e> Simulation<'e> {
         let flagged = source.flagged;
         let spectral =
             EnergyBinning::new(scene, optics, &media, &lattice, &source.reference, flagged)?;
-        let (kept, delta_ratio) = (Some(source), 1.0);
+        let (stored, delta_ratio) = (Some(source), 1.0);
         Self::with(
             engine,
             scene,
-            Parts { detector, media, lattice, spectral: Some(spectral), kept, delta_ratio },
+            Parts { detector, media, lattice, spectral: Some(spectral), stored, delta_ratio },
             None,
             control,
         )
@@ -121,11 +121,11 @@ impl<'e> Simulation<'e> {
         let wanted = options.backend;
         let description = device.description();
         backend::check(wanted, description)?;
-        let keep = parts.spectral.as_ref().map(|_| {
+        let recording = parts.spectral.as_ref().map(|_| {
             sampling::MomentRecording::new(&parts.media, &parts.media.mean(), parts.delta_ratio)
         });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
-        let Parts { detector, media, lattice, spectral, kept, delta_ratio } = parts;
+        let Parts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
         let response = Response::new(detector.optics(), &lattice, options.keep_moments);
         let budget = error_budget(scene, detector.optics());
         let across = geometry::across_edges(&sample);
@@ -154,8 +154,8 @@ impl<'e> Simulation<'e> {
             spectral,
             response,
             budget,
-            keep,
-            kept,
+            recording,
+            stored,
             memory,
             prepared_in: 0.0,
         };
@@ -172,7 +172,7 @@ fn load(
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
 ) -> Result<Sample> {
-    if parts.kept.as_ref().is_some_and(|kept| !kept.retrace) {
+    if parts.stored.as_ref().is_some_and(|stored| !stored.retrace) {
         return Ok(Sample::default());
     }
     memory::check_before_loading(scene, memory_limit)?;

@@ -4,7 +4,7 @@ use super::{LOG, RUN, RunDirectory, SCENE};
 use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, ProgressLog};
-use crate::stack::{Exposure, Extent, RunFile, own_files, scene_file, verify};
+use crate::stack::{Exposure, RunFile, StackShape, own_files, scene_file, verify};
 use crate::{Error, Result, RunRecord, Tally, moments};
 use std::path::{Path, PathBuf};
 
@@ -38,7 +38,7 @@ impl RunDirectory {
         let scene = &scene.with_file_hashes()?;
         let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
         refuse_other_scene(&path, &differences.found)?;
-        let extent = Extent::of(scene)?;
+        let extent = StackShape::of(scene)?;
         let entries = progress_log::read(&path.join(LOG))?;
         let counts = scene.detector.counts.is_some();
         let found = verify::frames(&path, file.format, extent, counts, &entries);
