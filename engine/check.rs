@@ -1,4 +1,4 @@
-//! What a scene amounts to, told before hours are spent on it: geometry of the set-up,
+//! What a scene amounts to, before hours are spent on it: geometry of the set-up,
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
 use crate::detector::DetectorModel;
@@ -70,7 +70,7 @@ pub struct Setup {
     /// there, or source and detector, m.
     #[serde(rename = "room")]
     pub clearance: [f64; 2],
-    /// StackShape of the stacks.
+    /// Shape of the stacks.
     pub extent: StackShape,
     /// Where the detector blurs, the grid that takes the light.
     #[serde(rename = "light_grid")]
@@ -145,12 +145,12 @@ pub struct Work {
     pub output_bytes: u64,
 }
 
-/// Loads everything that a run would load, checks it, and tells what it amounts to.
+/// Loads everything that a run would load, checks it, and reports what it amounts to.
 ///
 /// # Errors
 /// Whatever would stop a run before its first ray: materials, meshes that cannot be read, a
 /// sample that would hit a mask. Meshes that a run refuses for their defects are reported, and
-/// told of in [`CheckReport::refusals`].
+/// listed in [`CheckReport::refusals`].
 ///
 /// # Example
 ///
@@ -193,12 +193,12 @@ pub fn check_watched(
 /// patches is sampled for it, for about a second beyond what a run takes to its first ray.
 ///
 /// # Errors
-/// As [`check_within`]. Where the device fails, [`Work::no_estimate`] tells why.
+/// As [`check_within`]. Where the device fails, [`Work::no_estimate`] says why.
 pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
     check_on_watched(engine, scene, None)
 }
 
-/// As [`check_on`]; `progress` is told as in [`check_watched`].
+/// As [`check_on`]; `progress` is called as in [`check_watched`].
 ///
 /// # Errors
 /// As [`check_on`].

@@ -30,7 +30,7 @@ pub enum Dimension {
     Voltage,
 }
 
-/// A text that is no quantity of the dimension asked for.
+/// A text that is no quantity of the dimension.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct QuantityError {

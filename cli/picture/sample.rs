@@ -18,7 +18,7 @@ pub(crate) struct Camera {
     pub(crate) elevation: f64,
 }
 
-/// Crossings of a ray that are looked at: behind so many translucent surfaces nothing shows.
+/// Crossings of a ray that are looked at: behind this many translucent surfaces nothing shows.
 const CROSSINGS: u32 = 48;
 /// Opacity of surfaces of an object with something inside, seen face on.
 const TRANSLUCENT: f64 = 0.16;

@@ -49,11 +49,11 @@ pub(crate) fn load_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<Sample
     })
 }
 
-/// As [`load`], but lets every defect through, to tell of all objects what is wrong with them.
+/// As [`load`], but lets every defect through, to report what is wrong with each object.
 /// Beside the sample stand the errors that `load` would give, one for each refused object.
 ///
 /// # Errors
-/// As [`load`], where there is no surface to tell of.
+/// As [`load`], where an object has no surface.
 pub fn load_lenient(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
     load_lenient_watched(scene, Watcher::default())
 }
@@ -129,7 +129,7 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, watch: &Watch<'_>) -> Result<Sampl
     assemble(bodies, names, notes)
 }
 
-/// Triangles of the meshes of a scene as far as that can be told without reading them: those in
+/// Triangles of the meshes of a scene as far as that is known without reading them: those in
 /// binary STL files.
 #[must_use]
 pub fn triangles_in_files(scene: &Scene) -> u64 {
@@ -183,7 +183,7 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
     };
     let mut warnings = defects.warnings();
     if defects.refused() && refusal.is_none() {
-        warnings.insert(0, format!("{} (accepted: allow_defects)", defects.told()));
+        warnings.insert(0, format!("{} (accepted: allow_defects)", defects.description()));
     }
     warnings.append(&mut body.warnings);
     let [low, high] = body.bounds();

@@ -69,7 +69,7 @@ pub struct Component {
     pub bounds: [[f64; 3]; 2],
 }
 
-/// What `check` tells of an object.
+/// An object in numbers.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ObjectSummary {

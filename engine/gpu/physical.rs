@@ -195,7 +195,7 @@ fn diagnose(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Resul
     })
 }
 
-/// Reads what only devices of Vulkan 1.2 tell.
+/// Reads what only devices of Vulkan 1.2 report.
 fn read_properties(
     instance: &Instance,
     raw: vk::PhysicalDevice,

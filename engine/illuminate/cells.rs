@@ -227,7 +227,7 @@ fn lands_near(cells: &[Cell], cell_row: &CellRow) -> bool {
     cells[first..first + cell_row.cell_count as usize].iter().all(|cell| cell.share_above >= 0.0)
 }
 
-/// A buffer with room for so many items, which grows as needed.
+/// A buffer that holds `items`, and grows as needed.
 fn fit<'b, T>(
     device: &Arc<Device>,
     buffer: &'b mut Option<Buffer>,

@@ -70,7 +70,7 @@ pub(crate) struct IlluminationBuffer {
     /// For cells one record for each part of the focal spot, for random rays one in all; rows of a
     /// band are set with [`IlluminationBuffer::set_band`].
     buffer: Buffer,
-    /// No sample mask tells the mask steps apart.
+    /// There is no sample mask: all mask steps are the same.
     pub(super) same_at_all_steps: bool,
     /// Shares of rows that cells hold are not those of some part of the spot.
     pub(super) rows_apart: bool,
@@ -167,7 +167,7 @@ impl IlluminationBuffer {
             .clone()
             .map(|pixel| beamlet_geometry(optics, optics.detector.slope_of_column(pixel)))
             .collect();
-        // Rays draw their part: one record tells of all.
+        // Rays draw their part: one record serves all.
         let whole = PlacedPart { share: 1.0, offset: [0.0; 2], deviation: [0.0; 2] };
         Self::upload(device, scene, optics, &beamlets, band, &[whole])
     }
@@ -227,7 +227,7 @@ fn upload_mask(
     Ok(record)
 }
 
-/// What distances and pixels alone tell; the rest is zero.
+/// What follows from distances and pixels; the rest is zero.
 fn set_up(optics: &Optics) -> IlluminationParams {
     let Optics { rotation, cell_plane, analyser, detector, .. } = optics;
     IlluminationParams {

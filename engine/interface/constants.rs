@@ -93,7 +93,7 @@ shared_constants! {
     CURVE_NOT_CONVERGED: u32 = 16;
     /// Of a fit: the condition number of its normal equations is too large.
     CURVE_ILL_CONDITIONED: u32 = 32;
-    /// Of a fit: the width is beyond what the offsets can tell.
+    /// Of a fit: the width is beyond what the offsets resolve.
     CURVE_WIDTH: u32 = 64;
     /// Of a fit: the centre lies outside the scan.
     CURVE_OUTSIDE: u32 = 128;

@@ -173,7 +173,7 @@ impl Asked<'_> {
 
 /// Where the constants of a material come from.
 enum Law<'a> {
-    /// The same at every energy that is asked for.
+    /// The same at each of the energies.
     Numbers(Constants),
     Formula {
         formula: &'a str,

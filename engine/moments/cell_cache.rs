@@ -50,7 +50,7 @@ impl Made {
         self.by.as_ref().is_some_and(|(r, s)| r.maps_like(resample) && s.gathers_like(spectral))
     }
 
-    /// Whether it is the first scene's or like it, and so many bytes more are not too many.
+    /// Whether it is the first scene's or like it, and `bytes` more still fit.
     fn takes(&self, resample: &Resampled, spectral: &EnergyBinning, bytes: u64, most: u64) -> bool {
         self.bytes + bytes <= most && (self.by.is_none() || self.is_by(resample, spectral))
     }

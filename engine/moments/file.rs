@@ -200,7 +200,7 @@ impl Open {
     }
 }
 
-/// Removes the moments of an earlier run of so many views from its directory. Files of others
+/// Removes the moments of an earlier run of `views` views from its directory. Files of others
 /// stay, whatever their names.
 ///
 /// # Errors

@@ -86,8 +86,8 @@ impl StoredMoments {
         Ok(Self { directory, scene, views, shared: CellCache::default(), _lock: lock })
     }
 
-    /// Keeps up to so many bytes of the cells that the first scene makes, for the next ones that
-    /// would make the same: those with the same energies, constants, spot, detector, reach of the
+    /// Caches up to `bytes` of the cells that the first scene makes, so that later scenes with the
+    /// same sampling reuse them: those with the same energies, constants, spot, detector, reach of the
     /// scan, place and period of the sample mask and, under a spectrum, thickness and material of
     /// the masks.
     #[must_use]

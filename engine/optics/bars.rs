@@ -66,7 +66,7 @@ impl MaskShape {
         }
     }
 
-    /// Share of the shadow width that narrows apertures, as `edge_mean` there tells, where bars
+    /// Share of the shadow width that narrows apertures, as `edge_mean` there gives it, where bars
     /// leak so much.
     pub(crate) fn narrowing(&self, secant: f64, leak: f64) -> f64 {
         let a = self.attenuation * secant;

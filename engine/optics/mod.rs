@@ -146,7 +146,7 @@ impl Optics {
         offset * (detector.distance - self.rotation) / self.rotation / detector.pitch[1]
     }
 
-    /// Cosine and sine of a view's angle as directions of the detector's columns tell them.
+    /// Cosine and sine of a view's angle from the direction of the detector's columns.
     pub(crate) fn turn(&self, angle: f64) -> [f64; 2] {
         let across = [libm::cos(angle), libm::sin(angle)].map(|part| self.detector.pitch[0] * part);
         let length = libm::hypot(across[0], across[1]);

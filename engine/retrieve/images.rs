@@ -56,7 +56,7 @@ impl Images {
         self.names.iter().copied().zip(&self.maps)
     }
 
-    /// An image; `None` where the method does not tell it. In images, 1-sigma uncertainties
+    /// An image; `None` where the method does not give it. In images, 1-sigma uncertainties
     /// have the unit of what they belong to: transmission 1, refraction rad, dark field rad^2;
     /// centres and widths are in m.
     #[must_use]

@@ -64,7 +64,7 @@ impl Method {
         }
     }
 
-    /// Whether it tells the dark field.
+    /// Whether it gives the dark field.
     #[must_use]
     pub const fn has_dark_field(self) -> bool {
         !matches!(self, Self::TwoStep)

@@ -147,11 +147,11 @@ impl Retriever {
     /// Names of the images of a view.
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
-        let told = |name: &&'static str| {
+        let is_given = |name: &&'static str| {
             let dark = name.starts_with("dark_field");
             !dark || self.options.method.has_dark_field()
         };
-        CONTRASTS.into_iter().filter(told).chain([FLAGS]).chain(OF_SAMPLE).collect()
+        CONTRASTS.into_iter().filter(is_given).chain([FLAGS]).chain(OF_SAMPLE).collect()
     }
 
     /// Takes the flat, `rows` rows of `columns` pixels.

@@ -170,7 +170,7 @@ fn begun(
     }
 }
 
-/// What every image tells of itself.
+/// The metadata of every image.
 fn about(record: &Record) -> serde_json::Value {
     serde_json::json!({
         "beamlet": record.version,

@@ -65,8 +65,8 @@ pub(crate) fn watching<T>(
     match progress {
         None => work(Watcher { progress: None, cancel }),
         Some(progress) => {
-            let mut told = |loading| progress(Progress::Loading(loading));
-            work(Watcher { progress: Some(&mut told), cancel })
+            let mut report = |loading| progress(Progress::Loading(loading));
+            work(Watcher { progress: Some(&mut report), cancel })
         }
     }
 }

@@ -112,7 +112,7 @@ impl Engine {
         self.device.description()
     }
 
-    /// Messages of the validation layer so far, where it was asked for.
+    /// Messages of the validation layer so far, where it was requested.
     #[must_use]
     pub fn validation_messages(&self) -> u32 {
         self.device.validation_messages()

@@ -1,6 +1,6 @@
 //! What a run takes of memory at most, and the bands that keep it within a limit.
 //!
-//! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
+//! One estimate serves `check`, which reports it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
 mod rays;
@@ -114,7 +114,7 @@ struct Needs {
     crowded: u64,
 }
 
-/// Chooses the bands of a run and tells what it takes at its peak, with trees for both
+/// Chooses the bands of a run and estimates what it takes at its peak, with trees for both
 /// backends. `objects` are those of the loaded sample. A `limit` bounds the peak, host and device
 /// together; without one a band takes up to 1 GiB. `band_rows` sets the rows of a band.
 ///
@@ -314,7 +314,7 @@ impl Needs {
         }
     }
 
-    /// While views are traced and illuminated in bands of so many rows.
+    /// While views are traced and illuminated in bands of `rows` rows.
     fn run(&self, band_rows: u32, rays_at_once: u64) -> Bytes {
         let rays = rays_at_once.max(self.row_rays).min(self.rays);
         let band = u64::from(band_rows) + self.beside;

@@ -5,7 +5,7 @@ use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::Border;
 
-/// Over less, m, no depth rises: nothing in f32 tells it.
+/// Over less, m, no depth rises: f32 does not resolve it.
 const THINNEST: f32 = 1e-12;
 
 /// A rectangle as a cell: its result at both ends of x.

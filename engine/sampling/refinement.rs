@@ -30,7 +30,7 @@ const MOST_ALIGNED: u32 = 8;
 /// Most that rectangles slant over a row, periods.
 const MOST_SHEAR: f32 = 2.0;
 /// Without a sample mask no opening bounds rectangles, and light of a rim goes far: patches with
-/// silhouettes begin with so many times the columns. At a tolerance of 1e-3 the error of the rims of
+/// silhouettes begin with this many times the columns. At a tolerance of 1e-3 the error of the rims of
 /// a coarse ball is 0.35 of it without, and 0.15 with three (`--test sampling -- truth::`).
 const COLUMNS_AT_RIMS: u32 = 3;
 /// Lines of rectangles that a patch with silhouettes begins with.
@@ -125,7 +125,7 @@ impl<'a> Refiner<'a> {
         self.facets.as_ref().map_or(0, |(lists, _)| lists.count(beamlet, row))
     }
 
-    /// Whether a silhouette crosses a patch, as far as its facets tell.
+    /// Whether a silhouette crosses a patch, as far as its facets show.
     pub(super) fn has_silhouette(&self, (beamlet, row): (i64, i64)) -> bool {
         self.facets.as_ref().is_none_or(|(lists, _)| lists.has_silhouette(beamlet, row))
     }

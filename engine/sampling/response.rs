@@ -130,7 +130,7 @@ impl Response {
         0.4 / f64::from(self.blur)
     }
 
-    /// Part of a change of light within a rectangle of this width, m, that windows tell although
+    /// Part of a change of light within a rectangle of this width, m, that windows record although
     /// its mean and slope are right: they are nearly straight over less than the blur.
     pub(super) fn bend(&self, width: f32) -> f32 {
         (0.1 * (self.magnification * width / self.blur).powi(2)).min(1.0)
@@ -143,13 +143,13 @@ impl Response {
         (0.1 * deviation * farthest.max(deviation) / self.blur.powi(2)).min(1.0)
     }
 
-    /// What windows tell of light that is spread evenly with this standard deviation, m, where a
+    /// What windows record of light that is spread evenly with this standard deviation, m, where a
     /// Gaussian stands for that: its fourth cumulant, -6/5 of the square of the variance.
     pub(super) fn flat(&self, deviation: f32) -> f32 {
         (0.03 * (deviation / self.blur).powi(4)).min(1.0)
     }
 
-    /// Mask steps that are told apart.
+    /// Mask steps that differ enough to count.
     pub(super) fn steps(&self) -> usize {
         self.openings.len().max(1)
     }

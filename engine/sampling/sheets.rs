@@ -59,7 +59,7 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// Adds a surface of the object with this hash that is crossed so many times.
+    /// Adds a surface of the object with this hash that is crossed `times` times.
     pub(super) fn add(&mut self, hash: u32, front: bool, times: u32) {
         let all = hash.wrapping_mul(times);
         self.crossings += times;

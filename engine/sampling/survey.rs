@@ -15,7 +15,7 @@ use std::time::Instant;
 /// Most rectangles in memory at a time.
 const MOST_RECTANGLES: usize = 1 << 18;
 
-/// Takes cells as [`super::rows::Take`] does, and tells the seconds that a run takes for them
+/// Takes cells as [`super::rows::Take`] does, and returns the seconds that a run takes for them
 /// beyond those that it took itself.
 pub(crate) type TakePart<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<f64>;
 

@@ -225,7 +225,7 @@ pub enum Transport {
     Auto,
     /// First order in delta for every ray.
     FirstOrder,
-    /// ExactRays walk with refraction at every surface for every ray.
+    /// Exact transport, with refraction at every surface, for every ray.
     Exact,
 }
 

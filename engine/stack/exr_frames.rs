@@ -245,7 +245,7 @@ fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Er
     move |error| Error::file(path, problem, Some(error))
 }
 
-/// What the header of a frame tells, as JSON in the attribute `beamlet`.
+/// The metadata of a frame, JSON in the attribute `beamlet`.
 #[derive(Debug)]
 struct About {
     /// What all frames share.

@@ -163,7 +163,7 @@ pub struct CountStacks {
     pub dark: Array3<f32>,
 }
 
-/// StackShape of the stacks of a scene.
+/// Shape of the stacks of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct StackShape {
@@ -178,7 +178,7 @@ pub struct StackShape {
 }
 
 impl StackShape {
-    /// StackShape of the stacks of `scene`.
+    /// Shape of the stacks of `scene`.
     ///
     /// # Errors
     /// [`Error::Scene`] where a list of the scan is longer than 2^32, or the stacks would have

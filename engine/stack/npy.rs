@@ -2,7 +2,7 @@
 //!
 //! Version 1.0 of the format with the header padded to 64 bytes, f32 little endian, C order:
 //! numpy, and everything that memory-maps, reads it as it is. Until a run is done the views
-//! that are not committed read as zero or as a part; progress.log tells which count.
+//! that are not committed read as zero or as a part; progress.log lists those that count.
 
 use super::{Exposure, StackShape};
 use crate::{Error, Result, input_file, reserve};

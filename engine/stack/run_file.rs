@@ -39,7 +39,7 @@ pub struct RunFile {
     pub state: RunState,
     /// File format of the frames.
     pub format: Format,
-    /// StackShape of the stacks.
+    /// Shape of the stacks.
     pub extent: StackShape,
     /// Views that stood already when the run was resumed; times leave them out.
     #[serde(default)]

@@ -60,7 +60,7 @@ struct Layer {
     float variance;  // m2
 };
 
-// At most so many layers,
+// Most layers,
 const uint MOST_LAYERS = 12u;
 // and only as many as leave this error, as a share of the open beam.
 const float LAYER_ERROR = 1e-6;
@@ -206,8 +206,8 @@ vec2 mean_size(float slope, float spread) {
 
 // Edges of an aperture whose middle stands at `centre`, each seen under its own angle, which is
 // `slope` at the place 0; `plane`: distance from the source, whose width is `spot` (standard
-// deviation). `narrowing`: share of the shadow that narrows the apertures of averaged masks, as cells
-// tell.
+// deviation). `narrowing`: share of the shadow that narrows the apertures of averaged masks, a field of the
+// cell.
 Edges edges_of(Mask mask, Bars bars, Layer layer, Aperture aperture, float centre, float slope,
                float plane, float spot, float narrowing) {
     float low = centre + aperture.low;

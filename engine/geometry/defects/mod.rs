@@ -2,7 +2,7 @@
 //!
 //! Open, non-manifold and wrongly wound edges (`edges`), vertices where fans of triangles meet
 //! in a point (`vertices`), triangles without area or given twice (`triangles`), and
-//! triangles that pass through each other (`crossings`, `overlap`). `words` tells it.
+//! triangles that pass through each other (`crossings`, `overlap`). `words` describes it.
 
 mod crossings;
 mod edges;

@@ -25,7 +25,7 @@ pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> DefectCount {
     }
     // The first corner of a vertex leads its first fan: any other leader is another fan.
     let mut first = vec![u32::MAX; surface.vertices.len()];
-    let mut told = vec![false; surface.vertices.len()];
+    let mut reported = vec![false; surface.vertices.len()];
     let mut found = DefectCount::default();
     for corner in (0..).take(parent.len()) {
         if parent[corner as usize] != corner {
@@ -34,8 +34,8 @@ pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> DefectCount {
         let vertex = surface.triangles[corner as usize / 3][corner as usize % 3] as usize;
         if first[vertex] == u32::MAX {
             first[vertex] = corner;
-        } else if !told[vertex] {
-            told[vertex] = true;
+        } else if !reported[vertex] {
+            reported[vertex] = true;
             let numbers = [first[vertex], corner].map(|corner| surface.number(corner / 3));
             found.add(&numbers, || Some(surface.vertices[vertex]));
         }

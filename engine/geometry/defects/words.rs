@@ -21,12 +21,12 @@ impl Defects {
 
     /// What is wrong where the mesh is refused, and what to do.
     pub(in crate::geometry) fn problem(&self) -> String {
-        self.told() + "; mend the mesh, or accept it with allow_defects = true"
+        self.description() + "; mend the mesh, or accept it with allow_defects = true"
     }
 
     /// What is wrong where the mesh is refused.
-    pub(in crate::geometry) fn told(&self) -> String {
-        let edges = told(&[
+    pub(in crate::geometry) fn description(&self) -> String {
+        let edges = listed(&[
             (&self.open_edges, "edge", "used by one triangle only (a hole or a gap)"),
             (
                 &self.non_manifold_edges,
@@ -35,7 +35,7 @@ impl Defects {
             ),
             (&self.flipped_edges, "edge", "between triangles that wind opposite ways"),
         ]);
-        let crossings = told(&[(
+        let crossings = listed(&[(
             &self.self_intersections,
             "pair",
             "of triangles that pass through or lie on each other",
@@ -70,13 +70,13 @@ impl Defects {
         ]
         .into_iter()
         .filter(|(found, ..)| found.count > 0)
-        .map(|kind| format!("{}{}", told(&[kind]), first(kind.0)))
+        .map(|kind| format!("{}{}", listed(&[kind]), first(kind.0)))
         .collect()
     }
 }
 
 /// Counts with their nouns, as in "3 edges used by one triangle only".
-fn told(kinds: &[(&DefectCount, &str, &str)]) -> String {
+fn listed(kinds: &[(&DefectCount, &str, &str)]) -> String {
     let texts: Vec<String> = kinds
         .iter()
         .filter(|(found, ..)| found.count > 0)

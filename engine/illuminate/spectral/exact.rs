@@ -1,4 +1,4 @@
-//! ExactRays walks under a spectrum: made once, repeated at the energies that they do not tell of.
+//! Exact transport under a spectrum: computed once, repeated at the energies that it does not determine.
 
 use super::{EnergyBinning, NodeResult};
 use crate::Result;
@@ -17,7 +17,7 @@ pub(crate) const NARROW: f32 = 50e-9;
 /// leaves as much: beyond it the error grows by delta^2 / c^3.
 const SEVERE: f64 = 0.2154;
 
-/// ExactRays walks repeated at some nodes.
+/// Exact transport repeated at some nodes.
 #[derive(Debug, Default)]
 pub(super) struct Repeated {
     /// Which of the exact cells, ascending.
@@ -28,7 +28,7 @@ pub(super) struct Repeated {
 /// Places of the results of two ends.
 type Places = Vec<Option<[usize; 2]>>;
 
-/// ExactRays walks at a node.
+/// Exact transport at a node.
 #[derive(Debug, Default)]
 struct AtNode {
     results: Vec<RayResult>,
@@ -169,7 +169,7 @@ impl EnergyBinning {
 }
 
 /// Share of the grazing incidence that rays were flagged by, below which exact transport at the
-/// reference constants does not tell the walk at a node.
+/// reference constants does not determine that at a node.
 pub(super) fn exact_retrace_threshold(
     transport: Transport,
     media: &MaterialTable,

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
-/// The file that tells what the images are.
+/// The file that describes the images.
 pub(super) const RECORD: &str = "retrieved.json";
 const OF_OTHERS: &str = "is not of the retrieval and would be lost; choose another directory";
 /// Ending of the folder in the making.

@@ -49,7 +49,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Names of the images that a retrieved.json tells of.
+    /// Names of the images that a retrieved.json lists.
     pub(super) fn names(path: &Path) -> Result<BTreeSet<String>> {
         Ok(Self::read(path)?.units.into_keys().collect())
     }

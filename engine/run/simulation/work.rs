@@ -180,7 +180,7 @@ impl<'s> ViewWork<'s> {
         let group = self.group_rows(!shadows.is_empty());
         let mut row = inner.start - halo;
         while row < inner.end + halo {
-            // Groups end at the borders of the band, so that its own counts can be told apart.
+            // Groups end at the borders of the band, so that its own counts stay separate.
             let borders = [inner.start, own.start.into(), own.end.into(), inner.end];
             let border = borders.into_iter().find(|b| *b > row).unwrap_or(inner.end + halo);
             let rows = row..border.min(row + group);

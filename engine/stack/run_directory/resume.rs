@@ -26,7 +26,7 @@ pub(super) struct Resumed {
 
 impl RunDirectory {
     /// The directory of an interrupted run of `scene`. Only looks; what is committed, and still
-    /// has its checksum, is told by [`RunDirectory::committed`].
+    /// has its checksum, is listed by [`RunDirectory::committed`].
     ///
     /// # Errors
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
@@ -104,7 +104,7 @@ impl RunDirectory {
         self.resumed.as_ref().map_or_else(Tally::default, |resumed| resumed.counted)
     }
 
-    /// Whether the run that is resumed keeps moments, where that can be told: runs of earlier
+    /// Whether the run that is resumed keeps moments, where that is known: runs of earlier
     /// versions do not record it, and may have been interrupted before they kept any.
     #[must_use]
     pub fn keeps_moments(&self) -> Option<bool> {

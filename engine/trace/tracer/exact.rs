@@ -104,7 +104,7 @@ impl Tracer {
     }
 
     /// Traces rays exactly: first all with short lists of crossings, then those that have more
-    /// with longer and longer ones, so many at a time as their memory takes.
+    /// with longer and longer ones, as many at a time as their memory holds.
     pub(super) fn exact_pass(
         &self,
         kernel: &Kernel,
