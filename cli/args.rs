@@ -5,6 +5,7 @@ mod beam;
 mod look;
 mod names;
 mod retrieve;
+mod shared;
 mod simulate;
 mod values;
 mod view;
@@ -12,6 +13,7 @@ mod view;
 pub(crate) use beam::{Material, Spectrum};
 pub(crate) use look::{Check, Compare};
 pub(crate) use retrieve::Retrieve;
+pub(crate) use shared::Messages;
 pub(crate) use simulate::{Illuminate, Simulate};
 pub(crate) use view::{Report, Show, View, ViewOfRun, ViewOfScene};
 
@@ -36,24 +38,17 @@ pub(crate) struct Arguments {
     pub(crate) verb: Verb,
 }
 
-/// How much goes to stderr.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Verbosity {
-    Quiet,
-    Normal,
-    Verbose,
-}
-
 impl Arguments {
-    pub(crate) fn verbosity(&self) -> Verbosity {
+    /// How much goes to stderr; verbs without progress and messages leave it at the default.
+    pub(crate) const fn messages(&self) -> Messages {
         match &self.verb {
-            Verb::Simulate(simulate) if simulate.quiet => Verbosity::Quiet,
-            Verb::Simulate(simulate) if simulate.verbose => Verbosity::Verbose,
-            Verb::Illuminate(illuminate) if illuminate.quiet => Verbosity::Quiet,
-            Verb::Illuminate(illuminate) if illuminate.verbose => Verbosity::Verbose,
-            Verb::Retrieve(retrieve) if retrieve.quiet => Verbosity::Quiet,
-            Verb::Check(check) if check.quiet => Verbosity::Quiet,
-            _ => Verbosity::Normal,
+            Verb::Simulate(simulate) => simulate.messages,
+            Verb::Illuminate(illuminate) => illuminate.messages,
+            Verb::Retrieve(retrieve) => retrieve.messages,
+            Verb::Check(check) => check.messages,
+            Verb::View(view) => view.messages,
+            Verb::Compare(compare) => compare.messages,
+            _ => Messages { quiet: false, verbose: false },
         }
     }
 }
@@ -66,17 +61,17 @@ pub(crate) enum Verb {
     Illuminate(Illuminate),
     /// Retrieve transmission, refraction and dark field from a run or from measured stacks
     Retrieve(Box<Retrieve>),
-    /// Tell how two stacks, runs or retrievals differ
+    /// Compare two stacks, runs or retrievals
     Compare(Compare),
-    /// Tell what a scene amounts to, without simulating it, or whether a run is whole
+    /// Check a scene without simulating it, or the files of a run against their checksums
     Check(Check),
     /// Draw a scene (set-up and sample) or a run (frames, retrieved images, curves) as PNG files
     View(View),
     /// Write a run as one page to explore in a browser
     Report(Report),
-    /// Tell and draw what a source emits, before and after its filters
+    /// Print and draw the spectrum of a source, before and after its filters
     Spectrum(Spectrum),
-    /// Tell the constants of a material, or list the built-in ones
+    /// Print the constants of a material, or list the built-in ones
     Material(Material),
     /// List the Vulkan devices
     Devices(Devices),

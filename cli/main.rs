@@ -32,7 +32,7 @@ fn main() -> ExitCode {
             return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
         }
     };
-    log_to_stderr(arguments.verbosity());
+    log_to_stderr(arguments.messages());
     let stdout = std::io::stdout();
     let mut out = Printed::new(stdout.lock());
     let done = commands::run(arguments, &mut out).and_then(|()| out.flush().map_err(Failure::from));
@@ -55,11 +55,11 @@ fn print(error: &clap::Error) {
 }
 
 /// Sends log messages of the engine to stderr. `RUST_LOG`, where set, has the last word.
-fn log_to_stderr(verbosity: args::Verbosity) {
-    let level = match verbosity {
-        args::Verbosity::Quiet => "error",
-        args::Verbosity::Normal => "warn",
-        args::Verbosity::Verbose => "debug",
+fn log_to_stderr(messages: args::Messages) {
+    let level = match messages {
+        args::Messages { quiet: true, .. } => "error",
+        args::Messages { verbose: true, .. } => "debug",
+        args::Messages { .. } => "warn",
     };
     // What pictures leave out, tiny_skia warns of: areas without height.
     let filter = format!("{level},tiny_skia=error,tiny_skia_path=error");

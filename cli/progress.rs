@@ -1,5 +1,6 @@
 //! Progress on stderr: a bar for people, now and then a line for log files, or nothing.
 
+use crate::args::Messages;
 use beamlet::geometry::{LoadProgress, LoadStep};
 use beamlet::{Progress, ViewProgress, printed, scene::Exposure};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -35,9 +36,8 @@ enum Destination {
 }
 
 impl Reporter {
-    /// `quiet` for none; log messages and a bar would overwrite each other, so `verbose`
-    /// takes lines.
-    pub(crate) fn new(quiet: bool, verbose: bool) -> Self {
+    /// Quiet: none. Log messages and a bar would overwrite each other: verbose takes lines.
+    pub(crate) fn new(Messages { quiet, verbose }: Messages) -> Self {
         let now = Instant::now();
         let to = if quiet {
             Destination::Nowhere

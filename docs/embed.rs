@@ -7,14 +7,11 @@
 //! `default-features = false` leaves out the command line and its crates.
 
 use beamlet::scene::{
-    Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Object, Placement, Sampling, Scan, Scene,
-    Shape, ShapeOrMesh, Source,
+    Beam, Detector, MaskBody, MaskSpec, MaterialSpec, Object, Scene, Shape, Source,
 };
 use beamlet::stack::ArraySink;
 use beamlet::{Control, Engine, EngineOptions, Progress, ViewProgress};
-use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::PathBuf;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = scene();
@@ -22,14 +19,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A device is opened once and serves many scenes.
     let engine = Engine::open(&EngineOptions::default())?;
 
-    // Progress comes on this thread. `cancel` and `skip` stay at their defaults.
+    // Progress comes on this thread. What is not set stays at its default.
     let mut report = |progress: Progress| {
         // Other kinds tell of what comes before the first ray.
         if let Progress::Views(ViewProgress { rows_done, rows_total, rays, .. }) = progress {
             let _ = writeln!(std::io::stderr(), "{rows_done} of {rows_total} rows, {rays} rays");
         }
     };
-    let control = Control { progress: Some(&mut report), ..Control::default() };
+    let control = Control::default().with_progress(&mut report);
 
     // Any `Sink` will do; this one keeps everything in memory. `engine.simulate(&scene)` is
     // the short form for those who want neither progress nor cancelling.
@@ -48,52 +45,22 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn scene() -> Scene {
     let pitch = 150e-6;
     let (source, sample_mask, detector) = (1.21, 1.2, 1.8);
-    let gold = MaskBody::Bars { material: "gold".into(), thickness: 225e-6 };
-    Scene {
-        // Where relative paths of meshes and tables start; this scene has none.
-        directory: PathBuf::from("."),
-        source: Source { distance: source, spot: [30e-6, 26e-6].into(), beam: Beam::Energy(30.0) },
-        detector: Detector::new(detector, [64, 4], [pitch, pitch]),
-        sample_mask: Some(MaskSpec {
-            distance: sample_mask,
-            // One period of either mask is one pixel on the detector.
-            period: pitch * sample_mask / detector,
-            aperture: 20e-6,
-            offset: 0.0,
-            body: gold.clone(),
-        }),
-        detector_mask: Some(MaskSpec {
-            // Its back face lies on the detector.
-            distance: detector - 225e-6 / 2.0,
-            period: pitch * (detector - 225e-6 / 2.0) / detector,
-            aperture: 30e-6,
-            offset: 0.0,
-            body: gold,
-        }),
-        sampling: Sampling::default(),
-        scan: Scan {
-            mask_offsets: (-5..=5).map(|step| f64::from(step) * 5e-6).collect(),
-            angles: vec![0.0],
-        },
-        materials: BTreeMap::from([(
-            "carbon fibre".into(),
-            MaterialSpec::Formula { formula: "C".into(), density: 2.0 },
-        )]),
-        surroundings: "vacuum".into(),
-        files: BTreeMap::new(),
-        objects: vec![Object {
-            name: "rod".into(),
-            geometry: ShapeOrMesh::Shape(Shape::Cylinder {
-                radius: 4e-3,
-                height: 16e-3,
-                sides: 2048,
-            }),
-            material: "carbon fibre".into(),
-            placement: Placement::default(),
-            sha256: None,
-            allow_defects: false,
-        }],
-    }
+    let source = Source::new(source, [30e-6, 26e-6], Beam::Energy(30.0));
+    let mut scene = Scene::new(source, Detector::new(detector, [64, 4], [pitch, pitch]));
+    let thickness = 225e-6;
+    let gold = MaskBody::Bars { material: "gold".into(), thickness };
+    // One period of either mask is one pixel on the detector.
+    let period = |distance: f64| pitch * distance / detector;
+    // The back face of the detector mask lies on the detector.
+    let detector_mask = detector - thickness / 2.0;
+    scene.sample_mask = Some(MaskSpec::new(sample_mask, period(sample_mask), 20e-6, gold.clone()));
+    scene.detector_mask = Some(MaskSpec::new(detector_mask, period(detector_mask), 30e-6, gold));
+    scene.scan.mask_offsets = (-5..=5).map(|step| f64::from(step) * 5e-6).collect();
+    let carbon = MaterialSpec::Formula { formula: "C".into(), density: 2.0 };
+    scene.materials.insert("carbon fibre".into(), carbon);
+    let cylinder = Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: 2048 };
+    scene.objects.push(Object::new("rod", cylinder, "carbon fibre"));
+    scene
 }
 
 fn mean<'a>(values: impl ExactSizeIterator<Item = &'a f32>) -> f64 {

@@ -1,22 +1,24 @@
-//! What a scene amounts to, told before hours are spent on it: geometry of the set-up,
+//! What a scene amounts to, before hours are spent on it: geometry of the set-up,
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
-use crate::detector::{DetectorModel, SubpixelGrid};
+use crate::detector::DetectorModel;
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
 use crate::material;
+use crate::optics::{Mask, Optics};
 use crate::run::RunEstimate;
 use crate::run::Simulation;
 use crate::run::memory::{self, MemoryEstimate};
-use crate::scene::{MaskBody, MaskSpec, Object, Scene};
+use crate::scene::{MaskSpec, Object, Scene};
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
-use crate::stack::Extent;
+use crate::stack::StackShape;
 use crate::{Control, Engine, Progress, Result, run};
 use serde::Serialize;
 use std::time::Instant;
 
 mod display;
 
+pub use crate::detector::SubpixelGrid;
 pub use display::count;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.
@@ -66,11 +68,13 @@ pub struct Setup {
     pub swept: Option<[f64; 2]>,
     /// Distances from the source between which it may be: the faces of the masks that are
     /// there, or source and detector, m.
-    pub room: [f64; 2],
-    /// Extent of the stacks.
-    pub extent: Extent,
+    #[serde(rename = "room")]
+    pub clearance: [f64; 2],
+    /// Shape of the stacks.
+    pub extent: StackShape,
     /// Where the detector blurs, the grid that takes the light.
-    pub light_grid: Option<SubpixelGrid>,
+    #[serde(rename = "light_grid")]
+    pub subpixel_grid: Option<SubpixelGrid>,
 }
 
 /// The focal spot.
@@ -141,12 +145,12 @@ pub struct Work {
     pub output_bytes: u64,
 }
 
-/// Loads everything that a run would load, checks it, and tells what it amounts to.
+/// Loads everything that a run would load, checks it, and reports what it amounts to.
 ///
 /// # Errors
 /// Whatever would stop a run before its first ray: materials, meshes that cannot be read, a
 /// sample that would hit a mask. Meshes that a run refuses for their defects are reported, and
-/// told of in [`CheckReport::refusals`].
+/// listed in [`CheckReport::refusals`].
 ///
 /// # Example
 ///
@@ -189,12 +193,12 @@ pub fn check_watched(
 /// patches is sampled for it, for about a second beyond what a run takes to its first ray.
 ///
 /// # Errors
-/// As [`check_within`]. Where the device fails, [`Work::no_estimate`] tells why.
+/// As [`check_within`]. Where the device fails, [`Work::no_estimate`] says why.
 pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
     check_on_watched(engine, scene, None)
 }
 
-/// As [`check_on`]; `progress` is told as in [`check_watched`].
+/// As [`check_on`]; `progress` is called as in [`check_watched`].
 ///
 /// # Errors
 /// As [`check_on`].
@@ -232,8 +236,8 @@ fn load_lenient(
     memory_limit: Option<u64>,
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,
 ) -> Result<(CheckReport, Sample)> {
-    let extent = Extent::of(scene)?;
-    let detection = DetectorModel::of(scene)?;
+    let extent = StackShape::of(scene)?;
+    let detector = DetectorModel::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
     let materials = materials(scene, nodes.mean_energy())?;
     memory::check_before_loading(scene, memory_limit)?;
@@ -252,7 +256,7 @@ fn load_lenient(
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     let report = CheckReport {
-        setup: setup(scene, &sample, extent, nodes, &detection),
+        setup: setup(scene, &sample, extent, nodes, &detector),
         work: Work {
             estimate: None,
             no_estimate: None,
@@ -270,9 +274,9 @@ fn load_lenient(
 fn setup(
     scene: &Scene,
     sample: &Sample,
-    extent: Extent,
+    extent: StackShape,
     nodes: Nodes,
-    detection: &DetectorModel,
+    detector: &DetectorModel,
 ) -> Setup {
     let swept = geometry::swept(sample);
     let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(
@@ -282,7 +286,8 @@ fn setup(
             Some(reach.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]))
         },
     );
-    let mask = |mask: &Option<MaskSpec>| mask.as_ref().map(|mask| [mask.period, mask.aperture]);
+    let optics = Optics::of(scene);
+    let mask = |mask: &Option<Mask>| mask.as_ref().map(|mask| [mask.period(), mask.aperture()]);
     Setup {
         energy: nodes.mean_energy(),
         nodes,
@@ -291,25 +296,25 @@ fn setup(
         lever_arm: scene.lever_arm(),
         fan_angle: scene.fan_angle(),
         field_of_view: scene.field_of_view(),
-        spot: spot(scene),
-        sample_mask: mask(&scene.sample_mask),
-        detector_mask: mask(&scene.detector_mask),
+        spot: spot(scene, &optics),
+        sample_mask: mask(&optics.sample_mask),
+        detector_mask: mask(&optics.detector_mask),
         swept: reach,
-        room: geometry::room(scene).map(|(distance, _)| distance),
+        clearance: scene.clearance().map(|(distance, _)| distance),
         extent,
-        light_grid: scene.detector.blur.as_ref().map(|_| *detection.grid()),
+        subpixel_grid: scene.detector.blur.as_ref().map(|_| *detector.grid()),
     }
 }
 
-fn spot(scene: &Scene) -> CheckedSpot {
+fn spot(scene: &Scene, optics: &Optics) -> CheckedSpot {
     let spot = &scene.source.spot;
     let fit = spot.fit().cloned();
     // The overlap of two apertures changes by as much per metre of source, and has four kinks.
-    let slope = scene
+    let slope = optics
         .detector_mask
         .as_ref()
-        .filter(|_| scene.sample_mask.is_some())
-        .map(|mask| (scene.magnification() - 1.0) / mask.period);
+        .filter(|_| optics.sample_mask.is_some())
+        .map(|mask| (scene.magnification() - 1.0) / mask.period());
     CheckedSpot {
         fwhm: spot.fwhm(),
         parts: spot.parts().len(),
@@ -320,10 +325,7 @@ fn spot(scene: &Scene) -> CheckedSpot {
 
 /// Materials in use, each once, in the order: surroundings, objects, masks.
 fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
-    let bars = |mask: &Option<MaskSpec>| match mask {
-        Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => Some(material.clone()),
-        _ => None,
-    };
+    let bars = |mask: &Option<MaskSpec>| Some(mask.as_ref()?.body.material()?.to_owned());
     // Who uses it, the key where it is named, its name.
     let object = |(number, object): (usize, &Object)| {
         let key = format!("object[{number}].material");

@@ -47,13 +47,23 @@ impl Difference {
     }
 }
 
-/// What steers a comparison while it goes on.
+/// What steers a comparison while it goes on; set in a chain as [`crate::Control`] is.
 #[derive(Default)]
+#[non_exhaustive]
 pub struct CompareControl<'a> {
     /// Called now and then with rows compared and rows in all, over all images.
     pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
     /// Set to true to end with [`Error::Interrupted`].
     pub cancel: Option<&'a AtomicBool>,
+}
+
+impl<'a> CompareControl<'a> {
+    setters! {
+        /// Sets what is called with the progress.
+        with_progress(progress: &'a mut dyn FnMut(u64, u64));
+        /// Sets the flag that ends the comparison.
+        with_cancel(cancel: &'a AtomicBool);
+    }
 }
 
 impl std::fmt::Debug for CompareControl<'_> {
@@ -86,11 +96,20 @@ impl Advance<'_, '_> {
 
 /// Where images of differences go, one file (or folder) per name.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct DifferencesTo<'a> {
     /// A directory that does not exist yet, or is empty.
     pub path: &'a Path,
     /// The format of the images.
     pub format: ImageFormat,
+}
+
+impl<'a> DifferencesTo<'a> {
+    /// Images of a format in a directory.
+    #[must_use]
+    pub const fn new(path: &'a Path, format: ImageFormat) -> Self {
+        Self { path, format }
+    }
 }
 
 /// Compares what stands at two paths: two runs (their stacks, counts where both have them, and

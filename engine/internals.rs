@@ -4,6 +4,12 @@
 /// The detector.
 pub mod detector {
     pub use crate::detector::{DetectorModel, Noise, excess_noise};
+
+    /// The detector of a simulation, and the grid that takes its light.
+    #[must_use]
+    pub const fn model<'a>(simulation: &'a crate::Simulation<'_>) -> &'a DetectorModel {
+        simulation.detector_model()
+    }
 }
 /// Vulkan.
 pub mod gpu {
@@ -32,8 +38,7 @@ pub mod sampling {
 }
 /// Rays.
 pub mod trace {
-    pub use crate::trace::{
-        CrossingFinder, DeviceSample, MaterialTable, Moment, Moments, Ray, RayResult, TraceKernels,
-        Tracer,
-    };
+    pub use crate::interface::{Ray, RayResult};
+    pub use crate::run::simulation::{moments, trace};
+    pub use crate::trace::{DeviceSample, MaterialTable, Moment, Moments, TraceKernels, Tracer};
 }

@@ -16,6 +16,9 @@
 //!
 //! The engine never prints, exits or panics on input; messages go through the `log` crate.
 
+#[macro_use]
+mod setters;
+
 mod accel;
 mod array_file;
 pub mod check;
@@ -54,10 +57,10 @@ pub use ndarray;
 
 pub use accel::Backend;
 pub use error::{Error, Place, Result};
-pub use gpu::DeviceDescription;
+pub use gpu::{DeviceDescription, DeviceKind};
 pub use run::{
-    Control, Engine, EngineOptions, Progress, RunEstimate, Simulation, ViewProgress, devices,
-    require_memory,
+    Control, Engine, EngineOptions, MemoryEstimate, Progress, RunEstimate, Simulation,
+    ViewProgress, devices, require_memory,
 };
 pub use stack::{RunRecord, SamplingSummary};
 pub use trace::{Ray, SurfaceCrossing, Tally};

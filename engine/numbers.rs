@@ -22,7 +22,7 @@ pub(crate) fn at_most(n: usize) -> u32 {
     n.min(u32::MAX as usize) as u32
 }
 
-/// Bytes as a length in memory, or the longest where they are more than an address can tell.
+/// Bytes as a length in memory, or the longest where they are more than an address can hold.
 pub(crate) fn length(bytes: u64) -> usize {
     usize::try_from(bytes).unwrap_or(usize::MAX)
 }

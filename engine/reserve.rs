@@ -3,7 +3,7 @@
 //! Buffers of one piece are made by [`zeroed`], [`filled`], [`room`] and
 //! [`collected`]. Work that takes memory in many
 //! pieces is asked for as a whole before it begins ([`ask`]). What a system promises and does not
-//! have when it is used, neither can tell.
+//! have when it is used, neither shows it.
 
 use crate::{Error, Result};
 
@@ -29,7 +29,7 @@ pub(crate) fn filled<T: Copy>(value: T, len: usize, purpose: &str) -> Result<Vec
     Ok(values)
 }
 
-/// Nothing yet, with room for so many; `purpose` stands in the error.
+/// An empty buffer with capacity for `len` values; `purpose` stands in the error.
 ///
 /// # Errors
 /// [`Error::Memory`].
@@ -57,7 +57,7 @@ fn lacks<T>(len: usize, purpose: &str) -> Error {
     Error::Memory { purpose: purpose.into(), needed, available: None, remedy: REMEDY.into() }
 }
 
-/// Whether so many bytes are to be had now. They are given back at once.
+/// Whether `bytes` can be had now. They are given back at once.
 ///
 /// # Errors
 /// [`Error::Memory`].

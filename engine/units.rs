@@ -14,6 +14,7 @@ use std::fmt;
 
 /// What a quantity measures, and with it the units allowed and the base unit returned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Dimension {
     /// Length in metres.
     Length,
@@ -29,8 +30,9 @@ pub enum Dimension {
     Voltage,
 }
 
-/// A text that is no quantity of the dimension asked for.
+/// A text that is no quantity of the dimension.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct QuantityError {
     /// What was found.
     pub found: String,

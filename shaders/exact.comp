@@ -1,5 +1,5 @@
 #version 460
-// Traces listed rays in order, with refraction or total reflection at every surface: crossings of
+// Traces listed rays exactly, with refraction or total reflection at every surface: crossings of
 // the straight ray are gathered and sorted, then refracted at one after another where the ray, as
 // bent so far, meets them (docs/physics.md, "Exact transport").
 #extension GL_GOOGLE_include_directive : require
@@ -63,8 +63,8 @@ void main() {
     uint index = push.all != 0u ? place : push.list.at[1u + place];
     uint end = push.runs != 0u ? push.list.at[2u + place] : index + 1u;
     Ray ray = push.rays.at[index];
-    ray.x += push.nudge;
-    ray.z += 0.7 * push.nudge;
+    ray.x += push.ray_offset;
+    ray.z += 0.7 * push.ray_offset;
     Beam line = beam_of(ray, sample_.views.at[ray.view]);
     Gathered list = list_begin(0.0, NO_LEAF);
     bool known = false;

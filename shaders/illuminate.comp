@@ -1,5 +1,5 @@
 #version 460
-// Light of cells: one invocation per strip and some mask steps integrates every cell over the
+// Light of cells: one invocation per cell row and some mask steps integrates every cell over the
 // sample mask, the focal spot, the detector mask and the pixels (docs/physics.md, "Cells").
 // With FAR light may land in rows other than its own and the two beside it.
 #extension GL_GOOGLE_include_directive : require
@@ -40,7 +40,7 @@ Piece piece_through(Opening opening, Cell cell) {
     Edges edges = Edges(from_x, to_x, 0.0, 0.0);
     bool cut = false;
     if (opening.cuts) {
-        edges = edges_in(opening, cell.sample_shade);
+        edges = edges_in(opening, cell.sample_narrowing);
         cut = !setting.sharp
             && (edges.low + setting.reach > from_x || edges.high - setting.reach < to_x);
         if (setting.sharp) {
@@ -52,11 +52,11 @@ Piece piece_through(Opening opening, Cell cell) {
         && edges.low - setting.reach < cell.x_high && to_x > from_x;
     float share = passes ? opening.layer.share : 0.0;
     vec2 soft = vec2(opening.layer.variance, setting.soft.y);
-    Piece piece = piece_of(strip, cell, from_x, to_x, share, soft);
+    Piece piece = piece_of(cell_row, cell, from_x, to_x, share, soft);
     if (cut) {
-        cut_by(piece, from_x, to_x, edges, light.shift);
+        cut_by(piece, from_x, to_x, edges, light.mask_blur);
         float shadow = light.sample_mask.thickness * bars.slope;
-        piece.sample_lean = shadow * cell.sample_lean / (to_x - from_x);
+        piece.sample_covariance = shadow * cell.sample_covariance / (to_x - from_x);
     }
     piece.passes = share > 0.0;
     return piece;
@@ -66,23 +66,23 @@ Piece piece_through(Opening opening, Cell cell) {
 Passed passed_of(Exposed step_, Piece piece) {
     Mask behind = light.detector_mask;
     float span = abs(piece.half_width) + 6.5 * max(piece.blur, piece.pixel_blur);
-    float landing = piece.middle + column.pixel_offset - piece.pixel_shift;
+    float landing = piece.middle + beamlet.pixel_offset - piece.pixel_shift;
     float first_landing = landing - span;
     float last_landing = landing + span;
     vec2 passing = between_edges(piece);
     float middle_landing = landing + 0.5 * (passing.x + passing.y) * piece.half_width;
-    int home = int(floor(middle_landing / light.pixel + 0.5));
+    int home = int(floor(middle_landing / light.pixel_pitch + 0.5));
     if (behind.present != 0u && bars_behind.leak < FAINT) {
         // Only pixels with an aperture in reach, and that of faint light.
-        ivec2 reached = periods_in_reach(behind, bars_behind, column, piece);
-        float to_edges = column.pixel_offset - piece.pixel_shift - column.aperture_offset;
+        ivec2 reached = periods_in_reach(behind, bars_behind, beamlet, piece);
+        float to_edges = beamlet.pixel_offset - piece.pixel_shift - beamlet.aperture_offset;
         first_landing = max(first_landing,
                             float(reached.x) * behind.period - bars_behind.reach + to_edges);
         last_landing = min(last_landing,
                            float(reached.y) * behind.period + bars_behind.reach + to_edges);
     }
-    int first = int(floor(first_landing / light.pixel + 0.5));
-    int last = int(floor(last_landing / light.pixel + 0.5));
+    int first = int(floor(first_landing / light.pixel_pitch + 0.5));
+    int last = int(floor(last_landing / light.pixel_pitch + 0.5));
     if (bars_behind.leak >= NEGLIGIBLE) {
         first = min(first, home);
         last = max(last, home);
@@ -102,29 +102,29 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
     passed.home = 0;
     uint i = opening.first;
     do {
-        if (passed.first > passed.last && i < strip.count) {
-            cell = push.cells.at[strip.first + i];
+        if (passed.first > passed.last && i < cell_row.cell_count) {
+            cell = push.cells.at[cell_row.first_cell + i];
             // Cells of several energies may share an interval.
-            uint next = min(i + 1u, strip.count - 1u);
-            bool is_last = next == i || push.cells.at[strip.first + next].x_low >= opening.beyond;
-            i = is_last ? strip.count : next;
+            uint next = min(i + 1u, cell_row.cell_count - 1u);
+            bool is_last = next == i || push.cells.at[cell_row.first_cell + next].x_low >= opening.beyond;
+            i = is_last ? cell_row.cell_count : next;
             passed = passed_of(step_, piece_through(opening, cell));
         }
         if (passed.first <= passed.last) {
             int pixel = passed.first;
-            float edge = (float(pixel) - 0.5) * light.pixel - column.pixel_offset
+            float edge = (float(pixel) - 0.5) * light.pixel_pitch - beamlet.pixel_offset
                 + passed.piece.pixel_shift;
             float value = passed.piece.amount
-                * response(column, bars_behind, passed.piece, edge, edge + light.pixel,
+                * response(beamlet, bars_behind, passed.piece, edge, edge + light.pixel_pitch,
                            pixel == passed.home);
             if (!(value > 0.0)) value = 0.0;
             land(landing, cell, pixel, value);
             passed.first++;
         }
-    } while (i < strip.count || passed.first <= passed.last);
+    } while (i < cell_row.cell_count || passed.first <= passed.last);
 }
 
-// Light of a strip at a mask step, or what is the same at all steps.
+// Light of a cell row at a mask step, or what is the same at all steps.
 void illuminate(uint mask_step) {
     Exposed step_ = exposed_at(mask_step);
     Landing landing = landing_begin(mask_step, setting.faint, step_.pixels);
@@ -133,7 +133,7 @@ void illuminate(uint mask_step) {
     int n = step_.at_all_steps ? -1 : 0;
     do {
         Opening opening = leak_of();
-        if (n >= 0) opening.first = strip.count;
+        if (n >= 0) opening.first = cell_row.cell_count;
         if (n >= 0 && n < step_.apertures) {
             opening = opening_of(step_, place, layer);
             layer++;
@@ -149,12 +149,12 @@ void illuminate(uint mask_step) {
 }
 
 void main() {
-    uint index = push.first_strip + gl_GlobalInvocationID.x;
+    uint index = push.first_cell_row + gl_GlobalInvocationID.x;
     uint first_step = push.first_step + gl_GlobalInvocationID.y * push.steps_each;
     uint last_step = min(first_step + push.steps_each, push.last_step);
-    if (gl_GlobalInvocationID.x >= push.strip_count || first_step >= last_step) return;
+    if (gl_GlobalInvocationID.x >= push.cell_row_count || first_step >= last_step) return;
     light = push.light_ref.at[0];
-    strip = push.strips.at[index];
+    cell_row = push.cell_rows.at[index];
     setting_begin();
     // What bars leak is summed once for all mask steps, behind the last.
     uint last_turn = last_step + (setting.leaks && first_step == 0u ? 1u : 0u);

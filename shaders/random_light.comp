@@ -53,8 +53,8 @@ void main() {
     if (p >= push.pixel_count) return;
     IlluminationParams light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[p];
-    Column column = Columns(light.columns).at[pixel.table];
-    float one = light.part / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));
+    BeamletGeometry beamlet = BeamletTable(light.beamlets).at[pixel.table];
+    float one = light.spectral_weight / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));
     float row_z = (float(pixel.row) + 0.5 - light.middle_row) * light.row_slope;
     float plane = light.cell_plane / light.detector;
     float gap = light.detector - light.analyser;
@@ -64,15 +64,15 @@ void main() {
         RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u);
         if (push.empty == 0u) result = push.results.at[p * push.batch + r];
         if ((result.flags & FLAG_NOT_FINITE) != 0u) continue;
-        float slope = column.slope + (d.target.x - d.source.x) / light.detector;
+        float slope = beamlet.slope + (d.target.x - d.source.x) / light.detector;
         float slope_z = row_z + (d.target.y - d.source.y) / light.detector;
         float sec = secant(slope, slope_z);
         float x = d.source.x * (1.0 - plane) + d.target.x * plane;
         float shift = light.sample_mask.present == 0u ? 0.0
-            : Offsets(light.offsets).at[mask_step] - column.sample_offset;
+            : Offsets(light.offsets).at[mask_step] - beamlet.sample_offset;
         float value = one * mask_transmission(light.sample_mask, x, shift, slope, sec);
         float u = d.source.x * (1.0 - light.ratio) + d.target.x * light.ratio + result.displacement_x;
-        value *= mask_transmission(light.detector_mask, u, -column.aperture_offset, slope, sec);
+        value *= mask_transmission(light.detector_mask, u, -beamlet.aperture_offset, slope, sec);
         value *= exp(-result.optical_depth);
         float land_x = d.target.x + result.displacement_x + result.slope_x * gap;
         float land_z = d.target.y + result.displacement_z + result.slope_z * gap;

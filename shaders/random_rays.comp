@@ -24,6 +24,6 @@ void main() {
         * light.column_pitch;
     centre.y = (light.middle_row - float(pixel.row) - 0.5) * light.row_pitch;
     vec2 slope = (centre + d.target - d.source) / light.detector;
-    vec2 at = d.source + slope * light.rotation;
+    vec2 at = d.source + slope * light.rotation_distance;
     push.rays.at[index] = Ray(at.x, at.y, slope.x, slope.y, push.view);
 }

@@ -82,12 +82,8 @@ fn material(text: &str) -> Result<String, String> {
 }
 
 fn anode(text: &str) -> Result<Anode, String> {
-    let symbol = |anode: &Anode| match anode {
-        Anode::Tungsten => "W",
-        Anode::Molybdenum => "Mo",
-    };
     let meant = |(name, anode): &(&str, Anode)| {
-        name.eq_ignore_ascii_case(text) || symbol(anode).eq_ignore_ascii_case(text)
+        name.eq_ignore_ascii_case(text) || anode.symbol().eq_ignore_ascii_case(text)
     };
     let found = Anode::ALL.into_iter().find(meant);
     found.map(|found| found.1).ok_or_else(|| "tungsten or molybdenum".into())
@@ -99,7 +95,7 @@ fn filter(text: &str) -> Result<Filter, String> {
     if material.trim().is_empty() {
         return Err(form.into());
     }
-    Ok(Filter { material: material.trim().into(), thickness: length(thickness)? })
+    Ok(Filter::new(material.trim(), length(thickness)?))
 }
 
 fn length(text: &str) -> Result<f64, String> {

@@ -1,8 +1,9 @@
 //! What a scene or run amounts to: `check` and `compare`.
 
 use super::SceneArguments;
-use super::names::{BackendName, ImageFormatName};
-use super::values::{from_zero, memory_size};
+use super::names::ImageFormatName;
+use super::shared::{EngineArguments, Messages};
+use super::values::from_zero;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -17,24 +18,16 @@ use std::path::PathBuf;
 pub(crate) struct Check {
     #[command(flatten)]
     pub(crate) scene: SceneArguments,
-    /// Tell what a run with this memory limit takes, such as "2 GiB"
-    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
-    pub(crate) memory_limit: Option<u64>,
-    /// How rays find triangles: auto measures both on the scene
-    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
-    pub(crate) backend: BackendName,
-    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
-    #[arg(long, value_name = "N|NAME")]
-    pub(crate) device: Option<String>,
+    #[command(flatten)]
+    pub(crate) engine: EngineArguments,
     /// Do not estimate rays and time: needs no device, and no more memory than the meshes
     #[arg(long, conflicts_with_all = ["device", "backend"])]
     pub(crate) no_estimate: bool,
     /// Print JSON (SI units, energies in keV)
     #[arg(long)]
     pub(crate) json: bool,
-    /// No progress, errors only on stderr; the report stays
-    #[arg(short, long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }
 
 #[derive(Debug, Args)]
@@ -57,10 +50,9 @@ pub(crate) struct Compare {
     /// File format of the images of differences
     #[arg(long, value_enum, default_value_t = ImageFormatName::Exr, requires = "difference")]
     pub(crate) format: ImageFormatName,
-    /// Show no progress
-    #[arg(short, long)]
-    pub(crate) quiet: bool,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }

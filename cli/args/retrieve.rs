@@ -1,6 +1,7 @@
 //! `retrieve`.
 
 use super::names::{ImageFormatName, MethodName, WeightsName};
+use super::shared::{DeviceArguments, Messages};
 use super::values::{above_zero, from_zero, key_value, single, two_steps};
 use clap::Args;
 use std::path::PathBuf;
@@ -71,16 +72,14 @@ pub(crate) struct Retrieve {
     /// File format of the images
     #[arg(long, value_enum, default_value_t = ImageFormatName::Exr)]
     pub(crate) format: ImageFormatName,
-    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
-    #[arg(long, value_name = "N|NAME")]
-    pub(crate) device: Option<String>,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
     /// Replace images that are there
     #[arg(long)]
     pub(crate) overwrite: bool,
     /// Print retrieved.json instead of a summary
     #[arg(long)]
     pub(crate) json: bool,
-    /// No progress, errors only
-    #[arg(short, long)]
-    pub(crate) quiet: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }

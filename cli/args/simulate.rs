@@ -1,8 +1,9 @@
 //! What makes a run: `simulate` and `illuminate`.
 
 use super::SceneArguments;
-use super::names::{BackendName, FormatName};
-use super::values::{key_value, memory_size};
+use super::names::FormatName;
+use super::shared::{EngineArguments, Messages};
+use super::values::key_value;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -23,16 +24,8 @@ pub(crate) struct Simulate {
     /// File format of the frames [default: exr; with --resume that of the run]
     #[arg(long, value_enum)]
     pub(crate) format: Option<FormatName>,
-    /// How rays find triangles: auto measures both on the scene
-    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
-    pub(crate) backend: BackendName,
-    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
-    #[arg(long, value_name = "N|NAME")]
-    pub(crate) device: Option<String>,
-    /// Most memory of the run, host and device together, such as "2 GiB" [default: what the
-    /// geometry needs, and up to 1 GiB for a band]
-    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
-    pub(crate) memory_limit: Option<u64>,
+    #[command(flatten)]
+    pub(crate) engine: EngineArguments,
     /// Go on with an interrupted run
     #[arg(long, conflicts_with = "overwrite")]
     pub(crate) resume: bool,
@@ -48,12 +41,8 @@ pub(crate) struct Simulate {
     /// Keep the moments of the rays in RUN/moments, for `beamlet illuminate`
     #[arg(long)]
     pub(crate) keep_moments: bool,
-    /// No progress, errors only
-    #[arg(short, long, conflicts_with = "verbose")]
-    pub(crate) quiet: bool,
-    /// More of what is going on
-    #[arg(short, long)]
-    pub(crate) verbose: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }
 
 #[derive(Debug, Args)]
@@ -79,22 +68,11 @@ pub(crate) struct Illuminate {
     /// File format of the frames [default: exr]
     #[arg(long, value_enum)]
     pub(crate) format: Option<FormatName>,
-    /// How rays that are traced again find triangles: auto measures both on the scene
-    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
-    pub(crate) backend: BackendName,
-    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
-    #[arg(long, value_name = "N|NAME")]
-    pub(crate) device: Option<String>,
-    /// Most memory of the run, host and device together, such as "2 GiB"
-    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
-    pub(crate) memory_limit: Option<u64>,
+    #[command(flatten)]
+    pub(crate) engine: EngineArguments,
     /// Replace earlier runs; files that are not of a run stay
     #[arg(long)]
     pub(crate) overwrite: bool,
-    /// No progress, errors only
-    #[arg(short, long, conflicts_with = "verbose")]
-    pub(crate) quiet: bool,
-    /// More of what is going on
-    #[arg(short, long)]
-    pub(crate) verbose: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }

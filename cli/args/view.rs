@@ -1,5 +1,6 @@
 //! Pictures: `view` and `report`.
 
+use super::shared::{DeviceArguments, Messages};
 use super::values::{degrees, key_value, memory_size, pixel};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
@@ -22,6 +23,8 @@ pub(crate) struct View {
     #[arg(long)]
     pub(crate) overwrite: bool,
     #[command(flatten)]
+    pub(crate) messages: Messages,
+    #[command(flatten)]
     pub(crate) of_scene: ViewOfScene,
     #[command(flatten)]
     pub(crate) of_run: ViewOfRun,
@@ -41,9 +44,8 @@ pub(crate) struct ViewOfScene {
     /// Degrees above the horizontal plane [default: 24]
     #[arg(long, value_name = "DEG", value_parser = degrees, allow_hyphen_values = true)]
     pub(crate) elevation: Option<f64>,
-    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
-    #[arg(long, value_name = "N|NAME")]
-    pub(crate) device: Option<String>,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
 }
 
 /// What is asked of the pictures of a run.

@@ -33,5 +33,5 @@ pub(super) fn of_file(path: &Path, sets: &[String]) -> Result<Scene, Failure> {
         return Err(Failure::Usage(problem));
     }
     let origin = SpectrumOrigin::File { path: path.to_owned() };
-    bare(Beam::Spectrum(SpectrumSpec { origin, filters: Vec::new(), nodes: None }))
+    bare(Beam::Spectrum(SpectrumSpec::new(origin)))
 }

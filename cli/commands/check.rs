@@ -7,7 +7,7 @@ use crate::progress::Reporter;
 use beamlet::check::{self, CheckReport};
 use beamlet::scene::Scene;
 use beamlet::stack::check_run;
-use beamlet::{Engine, EngineOptions, Progress};
+use beamlet::{Engine, Progress};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
@@ -17,7 +17,7 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
         return run_directory(arguments, out);
     }
     let scene = arguments.scene.load()?;
-    let mut reporter = Reporter::new(arguments.quiet, false);
+    let mut reporter = Reporter::new(arguments.messages);
     let report = report(arguments, &scene, &mut |progress| reporter.update(progress));
     reporter.finish();
     let report = report.map_err(|e| arguments.scene.locate(e))?;
@@ -39,19 +39,15 @@ fn report(
     progress: &mut dyn FnMut(Progress),
 ) -> beamlet::Result<CheckReport> {
     if arguments.no_estimate {
-        return check::check_watched(scene, arguments.memory_limit, Some(progress));
+        return check::check_watched(scene, arguments.engine.memory_limit, Some(progress));
     }
-    let engine = Engine::open(&EngineOptions {
-        device: arguments.device.clone(),
-        backend: arguments.backend.choice(),
-        memory_limit: arguments.memory_limit,
-        ..EngineOptions::default()
-    });
+    let engine = Engine::open(&arguments.engine.options());
     match engine {
         Ok(engine) => check::check_on_watched(&engine, scene, Some(progress)),
-        Err(error) if arguments.device.is_some() => Err(error),
+        Err(error) if arguments.engine.device.device.is_some() => Err(error),
         Err(error) => {
-            let mut report = check::check_watched(scene, arguments.memory_limit, Some(progress))?;
+            let mut report =
+                check::check_watched(scene, arguments.engine.memory_limit, Some(progress))?;
             report.work.no_estimate = Some(error.to_string());
             Ok(report)
         }
@@ -60,9 +56,10 @@ fn report(
 
 /// Every view of a run, and its moments, against their checksums.
 fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
-    let backend = arguments.backend.choice().is_some() || arguments.device.is_some();
+    let backend =
+        arguments.engine.backend.choice().is_some() || arguments.engine.device.device.is_some();
     let estimate = backend || arguments.no_estimate;
-    if !arguments.scene.sets.is_empty() || arguments.memory_limit.is_some() || estimate {
+    if !arguments.scene.sets.is_empty() || arguments.engine.memory_limit.is_some() || estimate {
         let problem = "--set, --memory-limit, --backend, --device and --no-estimate are for scenes; \
                        this is a run";
         return Err(Failure::Usage(problem.into()));

@@ -9,15 +9,13 @@ use beamlet::compare::{CompareControl, Difference, DifferencesTo, compare};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failure> {
-    let to = arguments
-        .difference
-        .as_ref()
-        .map(|path| DifferencesTo { path, format: arguments.format.into() });
+    let to =
+        arguments.difference.as_ref().map(|path| DifferencesTo::new(path, arguments.format.into()));
     interrupt::listen();
-    let mut reporter = Reporter::new(arguments.quiet, false);
+    let mut reporter = Reporter::new(arguments.messages);
     let mut progress = |done, all| reporter.rows(done, all);
     let mut control =
-        CompareControl { progress: Some(&mut progress), cancel: Some(&interrupt::CANCELLED) };
+        CompareControl::default().with_progress(&mut progress).with_cancel(&interrupt::CANCELLED);
     let found = compare(&arguments.a, &arguments.b, to, &mut control);
     reporter.finish();
     let found = found.map_err(|error| match error {

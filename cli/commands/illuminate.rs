@@ -7,8 +7,8 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
-use beamlet::stack::{Extent, Format, RunDirectory, RunFile, is_same_place};
-use beamlet::{Control, Engine, EngineOptions, Error, RunRecord};
+use beamlet::stack::{Format, RunDirectory, RunFile, StackShape, is_same_place};
+use beamlet::{Control, Engine, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -28,13 +28,13 @@ struct Job {
     path: PathBuf,
     output: PathBuf,
     scene: Scene,
-    extent: Extent,
+    extent: StackShape,
     sink: RunDirectory,
 }
 
 /// A scene that is done.
 struct Done {
-    extent: Extent,
+    extent: StackShape,
     sink: RunDirectory,
     record: RunRecord,
     seconds: f64,
@@ -45,7 +45,7 @@ fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failu
     let mut jobs = Vec::new();
     for (path, output) in arguments.scene.iter().zip(outputs) {
         let scene = Scene::load_with(path, &arguments.sets)?;
-        let extent = Extent::of(&scene)?;
+        let extent = StackShape::of(&scene)?;
         let format = arguments.format.map(Into::into).unwrap_or_default();
         // What is read is not replaced: the run with the moments, scenes and their files.
         let mut read = scene.input_files();
@@ -67,20 +67,15 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         RunFile::read(&record)?;
     }
     let mut kept = StoredMoments::open(&arguments.run)?;
-    if arguments.scene.len() > 1 && arguments.memory_limit.is_none() {
+    if arguments.scene.len() > 1 && arguments.engine.memory_limit.is_none() {
         kept = kept.sharing(SHARED);
     }
     let jobs = jobs(arguments, outputs)?;
     interrupt::listen();
-    let engine = Engine::open(&EngineOptions {
-        device: arguments.device.clone(),
-        backend: arguments.backend.choice(),
-        memory_limit: arguments.memory_limit,
-        ..EngineOptions::default()
-    })?;
+    let engine = Engine::open(&arguments.engine.options())?;
     let places: Vec<_> = jobs.iter().map(|job| (job.path.clone(), job.output.clone())).collect();
     // A limit is that of one run.
-    let at_once = if arguments.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
+    let at_once = if arguments.engine.memory_limit.is_some() { 1 } else { SIDE_BY_SIDE };
     let at_once = at_once.min(jobs.len());
     let (sender, results) = mpsc::channel();
     let jobs = Mutex::new(jobs.into_iter().enumerate());
@@ -96,8 +91,9 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
                     let next = jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some((index, job)) = next else { break };
                     // One bar is enough.
-                    let quiet = arguments.quiet || worker > 0;
-                    let reporter = Reporter::new(quiet, arguments.verbose);
+                    let mut messages = arguments.messages;
+                    messages.quiet |= worker > 0;
+                    let reporter = Reporter::new(messages);
                     let done = illuminate(engine, kept, job, &arguments.sets, reporter);
                     failed.fetch_or(done.is_err(), Ordering::Relaxed);
                     let _ = sender.send((index, done));
@@ -141,11 +137,8 @@ fn illuminate(
 ) -> Result<Done, Failure> {
     let began = Instant::now();
     let mut report = |progress| reporter.update(progress);
-    let mut control = Control {
-        progress: Some(&mut report),
-        cancel: Some(&interrupt::CANCELLED),
-        ..Control::default()
-    };
+    let mut control =
+        Control::default().with_progress(&mut report).with_cancel(&interrupt::CANCELLED);
     let done = engine
         .reilluminate_with(kept, &job.scene, &mut control)
         .and_then(|simulation| simulation.run(&mut job.sink, control));

@@ -140,7 +140,7 @@ fn at_energies(
     thickness: Option<f64>,
 ) -> Result<Vec<MaterialValues>, Failure> {
     let constants = material::constants_over(scene, name, energies)?;
-    let values = |(energy, Constants { mu, delta }): (&f64, Constants)| MaterialValues {
+    let values = |(energy, Constants { mu, delta, .. }): (&f64, Constants)| MaterialValues {
         energy_kev: *energy,
         mu_per_m: mu,
         delta,

@@ -9,7 +9,7 @@ use beamlet::retrieve::{
 };
 use beamlet::scene::Scene;
 use beamlet::stack::{OpenRun, StackFile, refuse_overlap};
-use beamlet::{Engine, EngineOptions, Error};
+use beamlet::{Engine, Error};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -24,22 +24,21 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     refuse_overlap(&path, &read(arguments))?;
     let input = input.saturated_at(arguments.saturation);
     let of_scene = input.noise();
-    let options = RetrieveOptions {
-        method: arguments.method.into(),
-        weights: arguments.weights.into(),
-        gain: match (input.counts(), arguments.gain) {
-            (true, gain) => gain.or(of_scene.map(|[gain, _]| gain)).or(Some(1.0)),
-            (false, None) => None,
-            (false, Some(_)) => {
-                let problem = "--gain belongs to counts: a run needs --counts with it";
-                return Err(Failure::Usage(problem.into()));
-            }
-        },
-        read_noise: arguments.read_noise.or(of_scene.map(|[_, noise]| noise)).unwrap_or(0.0),
-        saturation: None,
-        steps: arguments.steps,
-        sample_offsets: arguments.sample_offsets.as_deref().map(offsets).transpose()?,
+    let gain = match (input.counts(), arguments.gain) {
+        (true, gain) => gain.or(of_scene.map(|[gain, _]| gain)).or(Some(1.0)),
+        (false, None) => None,
+        (false, Some(_)) => {
+            let problem = "--gain belongs to counts: a run needs --counts with it";
+            return Err(Failure::Usage(problem.into()));
+        }
     };
+    let options = RetrieveOptions::default()
+        .with_method(arguments.method.into())
+        .with_weights(arguments.weights.into())
+        .with_gain(gain)
+        .with_read_noise(arguments.read_noise.or(of_scene.map(|[_, noise]| noise)).unwrap_or(0.0))
+        .with_steps(arguments.steps)
+        .with_sample_offsets(arguments.sample_offsets.as_deref().map(offsets).transpose()?);
     if options.weights == Weights::Poisson && !input.counts() {
         let problem = "--weights poisson belongs to counts: a run needs --counts with it";
         return Err(Failure::Usage(problem.into()));
@@ -58,16 +57,12 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         }
     }
     interrupt::listen();
-    let mut reporter = Reporter::new(arguments.quiet, false);
-    let engine = Engine::open(&EngineOptions {
-        device: arguments.device.clone(),
-        ..EngineOptions::default()
-    })?;
+    let mut reporter = Reporter::new(arguments.messages);
+    let engine = Engine::open(&arguments.device.options())?;
     let mut progress = |done, all| reporter.rows(done, all);
     let mut control =
-        RetrieveControl { progress: Some(&mut progress), cancel: Some(&interrupt::CANCELLED) };
-    let to =
-        ImagesTo { path: &path, format: arguments.format.into(), overwrite: arguments.overwrite };
+        RetrieveControl::default().with_progress(&mut progress).with_cancel(&interrupt::CANCELLED);
+    let to = ImagesTo::new(&path, arguments.format.into()).with_overwrite(arguments.overwrite);
     let done = retrieve(&engine, input, &options, to, &mut control);
     reporter.finish();
     match done {

@@ -6,8 +6,8 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::moments::MomentWriter;
 use beamlet::scene::{Scene, Scheme};
-use beamlet::stack::{self, Extent, Format, RunDirectory, RunState};
-use beamlet::{Control, Engine, EngineOptions, Error, RunRecord, SamplingSummary, Tally};
+use beamlet::stack::{self, Format, RunDirectory, RunState, StackShape};
+use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
 
@@ -15,7 +15,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let began = Instant::now();
     let scene = arguments.scene.load()?;
     let failed = |error| Failure::from(arguments.scene.locate(error));
-    let extent = Extent::of(&scene).map_err(failed)?;
+    let extent = StackShape::of(&scene).map_err(failed)?;
     if arguments.keep_moments && scene.sampling.scheme == Scheme::Random {
         return Err(failed(Error::scene(
             "sampling.scheme",
@@ -36,28 +36,21 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     }
     let recorded_backend = sink.recorded().map(|file| file.record.backend);
     interrupt::listen();
-    let mut reporter = Reporter::new(arguments.quiet, arguments.verbose);
-    let engine = Engine::open(&EngineOptions {
-        device: arguments.device.clone(),
-        // A resumed run goes on with the backend that began it, or its bits would change.
-        backend: arguments.backend.choice().or(recorded_backend),
-        memory_limit: arguments.memory_limit,
-        keep_moments,
-        ..EngineOptions::default()
-    })?;
+    let mut reporter = Reporter::new(arguments.messages);
+    // A resumed run goes on with the backend that began it, or its bits would change.
+    let backend = arguments.engine.backend.choice().or(recorded_backend);
+    let options = arguments.engine.options().with_backend(backend);
+    let engine = Engine::open(&options.with_keep_moments(keep_moments))?;
     let mut keep = keep_moments.then(|| MomentWriter::new(&arguments.output));
     let (skip, counted) = (sink.committed().to_vec(), sink.counted());
-    let done = engine.run(
-        &scene,
-        &mut sink,
-        Control {
-            progress: Some(&mut |progress| reporter.update(progress)),
-            cancel: Some(&interrupt::CANCELLED),
-            skip,
-            counted,
-            keep: keep.as_mut(),
-        },
-    );
+    let mut report = |progress| reporter.update(progress);
+    let control = Control::default()
+        .with_progress(&mut report)
+        .with_cancel(&interrupt::CANCELLED)
+        .with_skip(skip)
+        .with_counted(counted)
+        .with_keep(keep.as_mut());
+    let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
     match done {
         Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out),
@@ -120,12 +113,12 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
 /// What the user wants to know at the end, on stdout.
 pub(super) fn summary(
     sink: &RunDirectory,
-    extent: Extent,
+    extent: StackShape,
     record: &RunRecord,
     seconds: f64,
     out: &mut impl Write,
 ) -> Result<(), Failure> {
-    let Extent { views, steps, rows, columns, .. } = extent;
+    let StackShape { views, steps, rows, columns, .. } = extent;
     // Of a resumed run the tally covers all views, and the time this part.
     let rays = record.tally.rays.saturating_sub(sink.counted().rays);
     let rate = rays as f64 / 1e6 / seconds.max(1e-9);
@@ -178,10 +171,10 @@ fn print_tally(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
 /// Counts of a tally that are worth a line where they are not zero.
 fn counts(tally: &Tally) -> [(u64, &'static str); 11] {
     [
-        (tally.exact, "rays traced in order"),
+        (tally.exact, "rays traced exactly"),
         (tally.split, "cells split by refinement"),
         (tally.unbalanced, "rays unbalanced after re-tracing"),
-        (tally.unordered, "rays not followed in order, their first order counts"),
+        (tally.unordered, "rays not followed exactly, their first order counts"),
         (tally.retraced, "rays traced again with the software BVH"),
         (tally.dropped, "cells or crossings dropped at a limit"),
         (tally.reflected, "rays totally reflected"),
@@ -204,10 +197,10 @@ fn advice(arguments: &Simulate, began: bool) -> String {
     for set in &arguments.scene.sets {
         command.extend(["--set".into(), quoted(set)]);
     }
-    if let Some(device) = &arguments.device {
+    if let Some(device) = &arguments.engine.device.device {
         command.extend(["--device".into(), quoted(device)]);
     }
-    if let Some(limit) = arguments.memory_limit {
+    if let Some(limit) = arguments.engine.memory_limit {
         command.extend(["--memory-limit".into(), format!("{limit}B")]);
     }
     if arguments.keep_moments {
@@ -224,7 +217,7 @@ fn advice(arguments: &Simulate, began: bool) -> String {
         if let Some(format) = arguments.format.map(Format::from) {
             command.extend(["--format".into(), format.to_string()]);
         }
-        if let Some(backend) = arguments.backend.choice() {
+        if let Some(backend) = arguments.engine.backend.choice() {
             command.extend(["--backend".into(), backend.to_string()]);
         }
         if arguments.overwrite {

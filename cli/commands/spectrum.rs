@@ -62,7 +62,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
         source: source(&spec),
         inherent_filters: match &spec.origin {
             SpectrumOrigin::Tube { inherent_filters, .. } => listed(inherent_filters),
-            SpectrumOrigin::File { .. } => Vec::new(),
+            _ => Vec::new(),
         },
         filters: listed(&spec.filters),
         before: BeamSummary::of(Spectrum::before_filters(&scene, &spec).map_err(locate)?)?,
@@ -90,7 +90,7 @@ fn resolve(arguments: &Arguments) -> Result<(Scene, SpectrumSpec), Failure> {
             let anode_angle = arguments.anode_angle.unwrap_or(ANODE_ANGLE);
             let inherent_filters = arguments.inherent.clone();
             let origin = SpectrumOrigin::Tube { anode, kvp, anode_angle, inherent_filters };
-            beam::bare(Beam::Spectrum(SpectrumSpec { origin, filters: Vec::new(), nodes: None }))?
+            beam::bare(Beam::Spectrum(SpectrumSpec::new(origin)))?
         }
         _ => {
             return Err(Failure::Usage(
@@ -108,6 +108,7 @@ fn resolve(arguments: &Arguments) -> Result<(Scene, SpectrumSpec), Failure> {
             "the scene has one energy, {energy} keV, and no spectrum; see `beamlet material` for \
              constants at an energy"
         ))),
+        _ => Err(Failure::Usage("the scene has no spectrum".into())),
     }
 }
 
@@ -117,6 +118,7 @@ fn source(spec: &SpectrumSpec) -> String {
         SpectrumOrigin::Tube { anode, kvp, anode_angle, .. } => {
             format!("{} anode, {kvp} kV, {}", anode.name(), Angle.format(*anode_angle))
         }
+        _ => "spectrum".to_owned(),
     }
 }
 

@@ -18,7 +18,7 @@ pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure>
     let of_scene = &arguments.of_scene;
     let camera = of_scene.azimuth.is_some() || of_scene.elevation.is_some();
     let (pictures, read) = if arguments.what.is_dir() {
-        if !of_scene.sets.is_empty() || of_scene.device.is_some() || camera {
+        if !of_scene.sets.is_empty() || of_scene.device.device.is_some() || camera {
             let problem =
                 "--set, --azimuth, --elevation and --device are for scenes; this is a run";
             return Err(Failure::Usage(problem.into()));
@@ -51,7 +51,8 @@ fn scene(arguments: &View) -> Result<(Pictures, Vec<PathBuf>), Failure> {
             azimuth: azimuth.unwrap_or(CAMERA[0]).to_radians(),
             elevation: elevation.unwrap_or(CAMERA[1]).to_radians(),
         };
-        let drawing = sample::draw(&scene, &geometry, camera, device.as_deref()).map_err(failed)?;
+        let drawing =
+            sample::draw(&scene, &geometry, camera, device.device.as_deref()).map_err(failed)?;
         pictures.add("sample.png", &drawing)?;
     }
     let mut read = scene.input_files();

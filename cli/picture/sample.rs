@@ -7,7 +7,7 @@ use super::text::length;
 use crate::numbers::{self, single};
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
-use beamlet::{Engine, EngineOptions, Ray, Result, SurfaceCrossing, require_memory};
+use beamlet::{Backend, Engine, EngineOptions, Ray, Result, SurfaceCrossing, require_memory};
 
 /// Where the sample is looked at from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -18,7 +18,7 @@ pub(crate) struct Camera {
     pub(crate) elevation: f64,
 }
 
-/// Crossings of a ray that are looked at: behind so many translucent surfaces nothing shows.
+/// Crossings of a ray that are looked at: behind this many translucent surfaces nothing shows.
 const CROSSINGS: u32 = 48;
 /// Opacity of surfaces of an object with something inside, seen face on.
 const TRANSLUCENT: f64 = 0.16;
@@ -42,12 +42,8 @@ pub(crate) fn draw(
     let mut drawing = Drawing::new(SIZE + 250.0, SIZE + 20.0);
     let picture = Picture::of(scene, sample, camera);
     let side = numbers::whole::<usize>(SIZE * SCALE);
-    let options = EngineOptions {
-        device: device.map(str::to_owned),
-        backend: Some(beamlet::Backend::Bvh),
-        ..EngineOptions::default()
-    };
-    let engine = Engine::open(&options)?;
+    let options = EngineOptions::default().with_device(device.map(str::to_owned));
+    let engine = Engine::open(&options.with_backend(Backend::Bvh))?;
     let turned = turned(scene, camera, picture.reach);
     let pixels = render(&engine, &turned, &picture, side)?;
     let area = Area::new(10.0, 10.0, SIZE, SIZE);
@@ -75,8 +71,9 @@ impl Picture {
         let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         let mut reach = 0.0_f64;
         for vertex in &sample.vertices {
-            reach = reach.max(vertex.length());
-            let at = times(&turn, [vertex.x, vertex.y, vertex.z]);
+            let [x, y, z] = *vertex;
+            reach = reach.max(x.hypot(y).hypot(z));
+            let at = times(&turn, *vertex);
             for axis in 0..3 {
                 bounds[0][axis] = bounds[0][axis].min(at[axis]);
                 bounds[1][axis] = bounds[1][axis].max(at[axis]);
@@ -107,13 +104,9 @@ impl Picture {
     /// The ray through a point of the picture, -1..=1 to the right and upwards: parallel, into
     /// the picture along +y.
     fn ray(&self, across: f64, up: f64) -> Ray {
-        Ray {
-            x: single(self.centre[0] + across * self.half),
-            z: single(self.centre[2] + up * self.half),
-            slope_x: 0.0,
-            slope_z: 0.0,
-            view: 0,
-        }
+        let x = single(self.centre[0] + across * self.half);
+        let z = single(self.centre[2] + up * self.half);
+        Ray::new(0, [x, z], [0.0; 2])
     }
 
     /// Colour behind the crossings of a ray, and what it saw first: where neighbours differ in
@@ -225,7 +218,8 @@ fn turned(scene: &Scene, camera: Camera, reach: f64) -> Scene {
     turned.sample_mask = None;
     turned.detector_mask = None;
     turned.scan = Scan::default();
-    turned.sampling = Sampling { transport: Transport::FirstOrder, ..Sampling::default() };
+    turned.sampling = Sampling::default();
+    turned.sampling.transport = Transport::FirstOrder;
     turned
 }
 

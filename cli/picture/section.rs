@@ -22,12 +22,12 @@ pub(super) fn section(sample: &Sample) -> Vec<Loop> {
     // From corner to corner of the section; a corner lies on an edge of the mesh, by which both
     // neighbours know it.
     let mut next: HashMap<(Edge, usize), (Edge, [f64; 2])> = HashMap::new();
-    let height = |vertex: u32| sample.vertices[vertex as usize].z;
+    let height = |vertex: u32| sample.vertices[vertex as usize][2];
     let corner = |a: u32, b: u32| {
         let (a, b) = (a.min(b), a.max(b));
         let (p, q) = (sample.vertices[a as usize], sample.vertices[b as usize]);
-        let at = p.lerp(q, p.z / (p.z - q.z));
-        ((a, b), [at.x, at.y])
+        let share = p[2] / (p[2] - q[2]);
+        ((a, b), [0, 1].map(|axis| p[axis] + share * (q[axis] - p[axis])))
     };
     for (triangle, component) in sample.triangles.iter().zip(&sample.triangle_component) {
         let above = triangle.map(|vertex| height(vertex) >= 0.0);
@@ -86,8 +86,8 @@ pub(super) fn outline(sample: &Sample, triangles: &[[u32; 3]]) -> Vec<[f64; 2]> 
         .iter()
         .flatten()
         .map(|vertex| {
-            let vertex = sample.vertices[*vertex as usize];
-            [vertex.x, vertex.y]
+            let [x, y, _] = sample.vertices[*vertex as usize];
+            [x, y]
         })
         .collect();
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));

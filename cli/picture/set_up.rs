@@ -75,7 +75,8 @@ fn beyond(scene: &Scene, distance: f64) -> f64 {
 /// Everything between source and detector; x is stretched.
 fn overview(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop]) {
     let area = Area::new(LEFT + 12.0, 86.0, WIDTH - LEFT - 42.0, 268.0);
-    let reach = sample.vertices.iter().map(|v| v.x.abs()).fold(half_width(scene), f64::max) * 1.18;
+    let reach =
+        sample.vertices.iter().map(|[x, ..]| x.abs()).fold(half_width(scene), f64::max) * 1.18;
     let total = scene.detector.distance;
     // x grows downwards, as it does seen from above with the beam to the right.
     let axes = Axes {
@@ -249,7 +250,7 @@ fn insets(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop])
 }
 
 fn sample_inset(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop], area: Area) {
-    let reach = sample.vertices.iter().map(|v| v.x.hypot(v.y)).fold(0.0, f64::max);
+    let reach = sample.vertices.iter().map(|[x, y, _]| x.hypot(*y)).fold(0.0, f64::max);
     let half = 1e3 * reach.max(1e-6) * 1.3;
     let axes = Axes { area, x: [-half, half], y: [half, -half], ..Axes::default() };
     drawing.clip(Some(area));
@@ -323,6 +324,7 @@ fn mask_inset(drawing: &mut Drawing, scene: &Scene, mask: &MaskSpec, name: &str,
             format!("{material}, {} thick", length(*thickness))
         }
         MaskBody::Sheet { transmission } => format!("sheet, transmission {transmission}"),
+        _ => String::new(),
     };
     let lattice = format!("period {}, aperture {}", length(mask.period), length(mask.aperture));
     for (row, text) in [(16.0, lattice), (33.0, body)] {

@@ -47,9 +47,9 @@ impl Bvh {
         if sample.components.len() > SURFACE_INDEX as usize {
             return Err(Error::mesh("sample", "has too many separate surfaces", ""));
         }
-        let corners = |t: &[u32; 3]| t.map(|v| sample.vertices[v as usize]);
+        let corners = |t: &[u32; 3]| t.map(|v| DVec3::from_array(sample.vertices[v as usize]));
         // Boxes are padded by what the box test may lose to rounding at this distance.
-        let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
+        let reach = sample.vertices.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
         let pad = Vec3A::splat(single(reach) * 2.0_f32.powi(-19));
         let padded = |t: &[u32; 3]| {
             let [a, b, c] = corners(t).map(|v| v.as_vec3a());

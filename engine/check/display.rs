@@ -80,13 +80,13 @@ impl CheckReport {
             };
             line(f, name, text)?;
         }
-        if let Some(grid) = setup.light_grid {
+        if let Some(grid) = setup.subpixel_grid {
             let [x, z] = grid.parts;
             let error = number(grid.error);
             let text = format!("{x} x {z} parts of a pixel, error up to {error} of open beam");
             line(f, "detector blur", text)?;
         }
-        let [near, far] = setup.room.map(distance);
+        let [near, far] = setup.clearance.map(distance);
         let text = setup.swept.map_or("nothing".into(), |[low, high]| {
             format!("{} to {} from the source", distance(low), distance(high))
         });

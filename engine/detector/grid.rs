@@ -21,6 +21,7 @@ const EVEN: f64 = 2e-5;
 
 /// Parts and margins of the grid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct SubpixelGrid {
     /// Columns and rows of the detector.
     pub pixels: [u32; 2],
@@ -40,7 +41,7 @@ impl SubpixelGrid {
     ///
     /// # Errors
     /// [`crate::Error::File`], [`crate::Error::Scene`] for a kernel that cannot be read.
-    pub fn of(scene: &Scene) -> Result<Self> {
+    pub(crate) fn of(scene: &Scene) -> Result<Self> {
         let detector = &scene.detector;
         let spread = match &detector.blur {
             Some(Blur::Gaussian { sigma }) => {
@@ -92,26 +93,26 @@ impl SubpixelGrid {
 
     /// Columns and rows of the grid.
     #[must_use]
-    pub fn size(&self) -> [u32; 2] {
+    pub(crate) fn size(&self) -> [u32; 2] {
         [0, 1].map(|axis| self.parts[axis] * (self.pixels[axis] + 2 * self.margin[axis]))
     }
 
     /// The optics with this grid in place of the detector: what is traced and illuminated.
     #[must_use]
-    pub fn optics(&self, scene: &Scene) -> Optics {
+    pub(crate) fn optics(&self, scene: &Scene) -> Optics {
         Optics::on_grid(scene, self.size(), self.parts)
     }
 
     /// Rows of the detector that a band of its rows takes light from.
     #[must_use]
-    pub fn needed(&self, band: &Range<u32>) -> Range<u32> {
+    pub(crate) fn needed(&self, band: &Range<u32>) -> Range<u32> {
         let reach = self.scatter_rows;
         band.start.saturating_sub(reach)..(band.end.saturating_add(reach)).min(self.pixels[1])
     }
 
     /// Rows of the grid that a band of the detector's rows takes light from.
     #[must_use]
-    pub fn lit_rows(&self, band: &Range<u32>) -> Range<u32> {
+    pub(crate) fn lit_rows(&self, band: &Range<u32>) -> Range<u32> {
         let needed = self.needed(band);
         let [_, parts] = self.parts;
         needed.start * parts..(needed.end + 2 * self.margin[1]) * parts
@@ -119,7 +120,7 @@ impl SubpixelGrid {
 
     /// Rows of the grid that are counted with a band: each once, over all bands.
     #[must_use]
-    pub fn own_rows(&self, band: &Range<u32>) -> Range<u32> {
+    pub(crate) fn own_rows(&self, band: &Range<u32>) -> Range<u32> {
         let [_, parts] = self.parts;
         let start = if band.start == 0 { 0 } else { band.start + self.margin[1] };
         let last = band.end == self.pixels[1];
@@ -131,10 +132,12 @@ impl SubpixelGrid {
 /// Width of the light behind the detector mask, pixels, where it stands the same in every pixel;
 /// 1 where it may be anywhere.
 fn lit_width(scene: &Scene) -> f64 {
-    let Some(mask) = &scene.detector_mask else { return 1.0 };
-    let onto = scene.detector.distance / mask.distance / scene.detector.pitch[0];
-    let aligned = (mask.period * onto - 1.0).abs() < 1e-6 && mask.offset.abs() * onto < 1e-6;
-    if aligned { (mask.aperture * onto).min(1.0) } else { 1.0 }
+    let optics = Optics::of(scene);
+    let Some(mask) = &optics.detector_mask else { return 1.0 };
+    let pixels = &optics.detector;
+    let aligned = (mask.period_columns(pixels) - 1.0).abs() < 1e-6
+        && mask.offset_columns(pixels, 0.0).abs() < 1e-6;
+    if aligned { mask.aperture_columns(pixels).min(1.0) } else { 1.0 }
 }
 
 /// Most that `parts` of a pixel change it, or one beside it: light of open beam between two sharp

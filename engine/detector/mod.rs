@@ -12,5 +12,5 @@ mod spread;
 
 pub use detection::DetectorModel;
 pub use excess::excess_noise;
-pub(crate) use grid::SubpixelGrid;
+pub use grid::SubpixelGrid;
 pub use noise::Noise;

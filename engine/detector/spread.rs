@@ -9,7 +9,7 @@ use rustfft::{Fft, FftPlannerScalar};
 use std::fmt;
 use std::sync::Arc;
 
-/// Windows from so many pixels on are summed by Fourier transforms along x.
+/// Windows of at least this many pixels are summed by Fourier transforms along x.
 const WIDE: usize = 24;
 /// Bytes that the transforms of the weights may take; beyond them windows are summed directly.
 const WEIGHTS: usize = 256 << 20;
@@ -27,7 +27,7 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Weights `[sub-row][sub-column]` that serve rows of so many pixels.
+    /// Weights `[sub-row][sub-column]` for rows of `columns` pixels.
     pub(super) fn new(weights: Array2<f64>, parts: [usize; 2], columns: usize) -> Self {
         let wide = weights.ncols() / parts[0] >= WIDE && weights.nrows() > parts[1];
         let transformed = if wide { Transformed::of(&weights, parts[0], columns) } else { None };

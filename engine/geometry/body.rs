@@ -60,7 +60,7 @@ impl Body {
             }
         }
         if let Some(first) = turned.iter().position(|turned| *turned) {
-            let [low, high] = components[first].bounds;
+            let [low, high] = corners_of(&components[first]);
             warnings.push(format!(
                 "{} of {} parts were inside out and have been turned (the first around {})",
                 turned.iter().filter(|turned| **turned).count(),
@@ -78,25 +78,37 @@ impl Body {
 }
 
 fn measure(surface: &Surface, of: &[u32], count: u32, object: u32) -> Vec<Component> {
-    let empty = bounds_of(std::iter::empty());
-    let blank = Component { object, outside: None, volume: 0.0, area: 0.0, bounds: empty };
-    let mut components = vec![blank; count as usize];
+    let mut bounds = vec![bounds_of(std::iter::empty()); count as usize];
     for (triangle, component) in of.iter().enumerate() {
-        let [low, high] = &mut components[*component as usize].bounds;
+        let [low, high] = &mut bounds[*component as usize];
         for corner in surface.corners(triangle) {
             *low = low.min(corner);
             *high = high.max(corner);
         }
     }
+    let mut components: Vec<Component> = bounds
+        .iter()
+        .map(|bounds| Component {
+            object,
+            bounds: bounds.map(|corner| corner.to_array()),
+            ..Component::default()
+        })
+        .collect();
     for (triangle, component) in of.iter().enumerate() {
-        let component = &mut components[*component as usize];
         // About the middle of the part, or a part far from the origin loses its digits.
-        let middle = component.bounds[0].midpoint(component.bounds[1]);
+        let [low, high] = bounds[*component as usize];
+        let middle = low.midpoint(high);
+        let component = &mut components[*component as usize];
         let [a, b, c] = surface.corners(triangle).map(|corner| corner - middle);
         component.volume += a.dot(b.cross(c)) / 6.0;
         component.area += (b - a).cross(c - a).length() / 2.0;
     }
     components
+}
+
+/// The bounding box of a component as vectors.
+fn corners_of(component: &Component) -> [DVec3; 2] {
+    component.bounds.map(DVec3::from_array)
 }
 
 /// Removes components that enclose nothing, such as a sheet folded onto itself: they have no
@@ -140,15 +152,16 @@ fn depths(
     if components.len() == 1 {
         return vec![0];
     }
-    let boxes: Vec<[DVec3; 2]> = components.iter().map(|component| component.bounds).collect();
+    let boxes: Vec<[DVec3; 2]> = components.iter().map(corners_of).collect();
     let tree = Tree::of_boxes(&boxes);
     let around: Vec<Vec<u32>> = components
         .par_iter()
         .map(|inner| {
             let mut around = Vec::new();
-            tree.around(inner.bounds, |outer| {
-                let Component { volume, bounds, .. } = &components[outer as usize];
-                if volume.abs() > inner.volume.abs() && encloses(*bounds, inner.bounds) {
+            let bounds = corners_of(inner);
+            tree.around(bounds, |outer| {
+                let volume = components[outer as usize].volume;
+                if volume.abs() > inner.volume.abs() && encloses(boxes[outer as usize], bounds) {
                     around.push(outer);
                 }
             });

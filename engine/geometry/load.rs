@@ -4,19 +4,19 @@ use std::path::Path;
 use std::time::Instant;
 
 use rayon::prelude::*;
-use sha2::{Digest, Sha256};
 
 use super::body::Body;
 use super::defects::{self, Defects};
+use super::read::{PEAK_PER_TRIANGLE, SIMPLIFY, failed, hash, parse, read_surface};
 use super::search::Search;
 use super::surface::{Defect, Surface};
 use super::topology::{self, Edge};
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
-use super::{ObjectSummary, Sample, nesting, obj, placement, shapes, stl};
+use super::{ObjectSummary, Sample, nesting, placement, stl};
 use crate::error::{Error, Result};
 use crate::numbers;
+use crate::reserve;
 use crate::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
-use crate::{input_file, reserve};
 
 /// Reads, checks and places every object of the scene.
 ///
@@ -49,11 +49,11 @@ pub(crate) fn load_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<Sample
     })
 }
 
-/// As [`load`], but lets every defect through, to tell of all objects what is wrong with them.
+/// As [`load`], but lets every defect through, to report what is wrong with each object.
 /// Beside the sample stand the errors that `load` would give, one for each refused object.
 ///
 /// # Errors
-/// As [`load`], where there is no surface to tell of.
+/// As [`load`], where an object has no surface.
 pub fn load_lenient(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
     load_lenient_watched(scene, Watcher::default())
 }
@@ -129,7 +129,7 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, watch: &Watch<'_>) -> Result<Sampl
     assemble(bodies, names, notes)
 }
 
-/// Triangles of the meshes of a scene as far as that can be told without reading them: those in
+/// Triangles of the meshes of a scene as far as that is known without reading them: those in
 /// binary STL files.
 #[must_use]
 pub fn triangles_in_files(scene: &Scene) -> u64 {
@@ -142,42 +142,6 @@ pub fn triangles_in_files(scene: &Scene) -> u64 {
     scene.objects.iter().filter_map(of).sum()
 }
 
-/// SHA-256 of a file, hexadecimal.
-///
-/// # Errors
-/// The file cannot be read.
-pub fn file_hash(path: &Path) -> Result<String> {
-    Ok(hash(&read(path)?))
-}
-
-/// Peak bytes per triangle of a mesh while it is read and welded, as measured.
-pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
-/// The same per byte of text while that is read: lines of OBJ files are short, and their faces are
-/// held three times.
-const PEAK_PER_BYTE: [(&str, u64); 2] = [("obj", 16), ("stl", 2)];
-/// What may be done where a mesh does not fit.
-const SIMPLIFY: &str = "simplify it, or lift the limit of memory that this program runs under";
-
-/// Most bytes of a mesh in text, and of a file that is none.
-const TEXT: u64 = 2 << 30;
-
-fn read(path: &Path) -> Result<Vec<u8>> {
-    let failed = |e| Error::file(path, "cannot read the mesh", Some(e));
-    // Only what says how long it is may be longer than texts are.
-    let most = if stl::triangles_in(path).is_some() { u64::MAX - 1 } else { TEXT };
-    input_file::read(path, most).map_err(failed)
-}
-
-fn peak_per_byte(path: &Path) -> u64 {
-    let extension = path.extension().unwrap_or_default();
-    let found = PEAK_PER_BYTE.iter().find(|(known, _)| extension.eq_ignore_ascii_case(known));
-    found.map_or(0, |(_, bytes)| *bytes)
-}
-
-fn hash(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
-}
-
 fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> Result<Loaded> {
     let begin = Instant::now();
     let label = match &object.geometry {
@@ -186,32 +150,7 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
         }
         _ => format!("\"{}\"", object.name),
     };
-    let failed = |defect: Defect| Error::mesh(label.clone(), defect.problem, defect.place);
-    let (surface, unit, hash) = match &object.geometry {
-        ShapeOrMesh::Shape(shape) => {
-            task.begin(LoadStep::Reading, 0)?;
-            let needed = PEAK_PER_TRIANGLE.saturating_mul(shapes::triangles(shape));
-            reserve::ask(needed, &format!("making {label}"), SIMPLIFY)?;
-            (shapes::surface(shape).map_err(failed)?, 1.0, String::new())
-        }
-        ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
-            let file = scene.directory.join(path);
-            task.begin(LoadStep::Reading, file.metadata().map_or(0, |found| found.len()))?;
-            let bytes = read(&file)?;
-            let needed = match stl::triangles_in(&file) {
-                Some(triangles) => PEAK_PER_TRIANGLE.saturating_mul(triangles),
-                None => peak_per_byte(path).saturating_mul(bytes.len() as u64),
-            };
-            reserve::ask(needed, &format!("reading {label}"), SIMPLIFY)?;
-            let (surface, hash) = rayon::join(|| parse(path, &bytes, task), || hash(&bytes));
-            (surface.map_err(failed)?, *unit, hash)
-        }
-        ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }) => {
-            task.begin(LoadStep::Reading, 0)?;
-            let surface = arrays(vertices, triangles).map_err(failed)?;
-            (surface, 1.0, hash_arrays(vertices, triangles))
-        }
-    };
+    let (surface, unit, hash) = read_surface(scene, object, &label, task)?;
     if let Some(recorded) = &object.sha256
         && *recorded != hash
     {
@@ -227,7 +166,7 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
     let needed = PEAK_PER_TRIANGLE.saturating_mul(triangles as u64);
     reserve::ask(needed, &format!("checking {label}"), SIMPLIFY)?;
     let Prepared { surface, edges, search, defects } =
-        prepare(surface, unit, &object.placement, is_mesh, task)?.map_err(failed)?;
+        prepare(surface, unit, &object.placement, is_mesh, task)?.map_err(failed(&label))?;
     let not_finite = defects.not_finite.count;
     let refusal = if not_finite > 0 {
         let problem = format!("the vertices of {not_finite} triangles are not finite numbers");
@@ -239,12 +178,12 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
     };
     let mut body = match Body::new(surface, &edges, search, number) {
         Ok(body) => body,
-        // What is refused may leave nothing to tell of.
-        Err(defect) => return Err(refusal.unwrap_or_else(|| failed(defect))),
+        // A refused mesh may have no body.
+        Err(defect) => return Err(refusal.unwrap_or_else(|| failed(&label)(defect))),
     };
     let mut warnings = defects.warnings();
     if defects.refused() && refusal.is_none() {
-        warnings.insert(0, format!("{} (accepted: allow_defects)", defects.told()));
+        warnings.insert(0, format!("{} (accepted: allow_defects)", defects.description()));
     }
     warnings.append(&mut body.warnings);
     let [low, high] = body.bounds();
@@ -303,37 +242,7 @@ fn prepare(
     Ok(Ok(Prepared { surface, edges, search, defects }))
 }
 
-/// By the extension; without a known one, by what the bytes look like.
-fn parse(path: &Path, bytes: &[u8], task: Task<'_>) -> std::result::Result<Surface, Defect> {
-    let extension = path.extension().map(|it| it.to_string_lossy().to_lowercase());
-    match extension.as_deref() {
-        Some("obj") => obj::parse(bytes, task),
-        Some("stl") => stl::parse(bytes, task),
-        _ => Err(Defect::new(
-            "the format of the mesh is not known",
-            "the file name must end in .stl or .obj",
-        )),
-    }
-}
-
-fn arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> std::result::Result<Surface, Defect> {
-    let mut surface = Surface::default();
-    for (number, triangle) in triangles.iter().enumerate() {
-        let place = || format!("triangle {}", number + 1);
-        let [Some(a), Some(b), Some(c)] = triangle.map(|index| vertices.get(index as usize)) else {
-            return Err(Defect::new(
-                format!("{triangle:?} names a vertex beyond the {} given", vertices.len()),
-                place(),
-            ));
-        };
-        surface
-            .push_triangle([*a, *b, *c].map(Into::into))
-            .map_err(|problem| Defect::new(problem, place()))?;
-    }
-    Ok(surface)
-}
-
-fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {
+pub(super) fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {
     let vertices = vertices.as_flattened().iter().flat_map(|number| number.to_le_bytes());
     let triangles = triangles.as_flattened().iter().flat_map(|index| index.to_le_bytes());
     hash(&vertices.chain(triangles).collect::<Vec<u8>>())
@@ -374,7 +283,7 @@ fn assemble(
             warnings: body.warnings,
         });
         let (vertex, component) = (number(sample.vertices.len()), number(sample.components.len()));
-        sample.vertices.extend(body.surface.vertices);
+        sample.vertices.extend(body.surface.vertices.iter().map(|vertex| vertex.to_array()));
         sample
             .triangles
             .extend(body.surface.triangles.iter().map(|corners| corners.map(|it| it + vertex)));

@@ -15,6 +15,7 @@ mod nesting;
 mod obj;
 mod placement;
 mod polygon;
+mod read;
 mod search;
 mod shapes;
 mod stl;
@@ -24,14 +25,13 @@ mod topology;
 mod tree;
 mod watch;
 
-use glam::DVec3;
-
 pub use adjacency::across_edges;
-pub use defects::{Defects, Found, PLACES, Spot};
-pub(crate) use load::PEAK_PER_TRIANGLE;
-pub use load::{diagnose, file_hash, load, load_lenient, triangles_in_files};
+pub use defects::{DefectCount, DefectPlace, Defects, MAX_DEFECT_PLACES};
+pub use load::{diagnose, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
-pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
+pub(crate) use read::PEAK_PER_TRIANGLE;
+pub use read::file_hash;
+pub use swept::{BeamExtent, Swept, check_clearance, fov_warnings, swept};
 pub(crate) use watch::Watcher;
 pub use watch::{LoadProgress, LoadStep};
 
@@ -39,9 +39,10 @@ pub use watch::{LoadProgress, LoadStep};
 /// the material of their object; the surface of a void points into the void). They are closed,
 /// but for objects that allow defects.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct Sample {
     /// Vertex positions, m.
-    pub vertices: Vec<DVec3>,
+    pub vertices: Vec<[f64; 3]>,
     /// Vertex indices, counter-clockwise seen from outside the material.
     pub triangles: Vec<[u32; 3]>,
     /// Component of each triangle.
@@ -53,7 +54,8 @@ pub struct Sample {
 }
 
 /// A connected surface of one object.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Component {
     /// Index of the object that it bounds.
     pub object: u32,
@@ -63,11 +65,11 @@ pub struct Component {
     pub volume: f64,
     /// Area, m2.
     pub area: f64,
-    /// Bounding box, m.
-    pub bounds: [DVec3; 2],
+    /// Least and greatest corner of the bounding box, m.
+    pub bounds: [[f64; 3]; 2],
 }
 
-/// What `check` tells of an object.
+/// An object in numbers.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ObjectSummary {

@@ -96,7 +96,7 @@ pub(super) fn nest(bodies: &mut [Body], names: &[String], task: Task<'_>) -> Res
 }
 
 /// Surfaces nearer than this count as touching: a nanometre or, far from the origin, what f32
-/// can tell apart on the device; less for samples of micrometres.
+/// resolves on the device; less for samples of micrometres.
 fn tolerance(a: [DVec3; 2], b: [DVec3; 2]) -> f64 {
     let size = |[low, high]: [DVec3; 2]| (high - low).max_element();
     let reach = |[low, high]: [DVec3; 2]| low.abs().max(high.abs()).max_element();

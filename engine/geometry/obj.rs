@@ -2,7 +2,7 @@
 //! included.
 //!
 //! `tobj` reads them, after a first look that names the line of whatever is wrong and leaves
-//! texture and normal indices out: `tobj` tells no lines, and overflows on some indices.
+//! texture and normal indices out: `tobj` reports no lines, and overflows on some indices.
 
 use super::polygon;
 use super::surface::{Defect, Surface};
@@ -56,16 +56,16 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
     Ok(surface)
 }
 
-/// Positions and faces with position indices alone, and the line of each face. `told` gets the
+/// Positions and faces with position indices alone, and the line of each face. `progress` gets the
 /// share that is done.
-fn vetted(text: &str, told: impl Fn(f64)) -> Result<(String, Vec<usize>), Defect> {
+fn vetted(text: &str, progress: impl Fn(f64)) -> Result<(String, Vec<usize>), Defect> {
     let mut plain = String::with_capacity(text.len());
     let mut faces = Vec::new();
     let mut vertices = 0;
     let mut lines = text.lines().zip(1_usize..);
     while let Some((line, number)) = lines.next() {
         if number % REPORT == 0 {
-            told((line.as_ptr() as usize - text.as_ptr() as usize) as f64 / text.len() as f64);
+            progress((line.as_ptr() as usize - text.as_ptr() as usize) as f64 / text.len() as f64);
         }
         let joined;
         let mut line = line.split('#').next().unwrap_or_default().trim();

@@ -14,7 +14,7 @@ const ROUNDING: f64 = 1e-9;
 /// indices of its corners. A small one that crosses itself, or is not flat, is cut all the same.
 ///
 /// # Errors
-/// A large polygon that crosses itself: what it covers is not told by its corners.
+/// A large polygon that crosses itself: what it covers does not follow from its corners.
 pub(super) fn triangles(corners: &[DVec3]) -> Result<Vec<[usize; 3]>, String> {
     let n = corners.len();
     let all: Vec<usize> = (0..n).collect();

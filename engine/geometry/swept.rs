@@ -1,6 +1,6 @@
 //! What the sample sweeps over the views: does it clear the masks, does it fit the detector.
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 
 use super::Sample;
 use crate::error::{Error, Result};
@@ -26,7 +26,8 @@ struct Outline {
 
 /// Extent of an object in the beam frame of one view, m from the rotation centre.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Extent {
+#[non_exhaustive]
+pub struct BeamExtent {
     /// Along the beam, source to detector.
     pub y: [f64; 2],
     /// Across the slits.
@@ -43,7 +44,7 @@ pub fn swept(sample: &Sample) -> Swept {
         let points = &mut points[sample.components[*component as usize].object as usize];
         for vertex in triangle.map(|vertex| vertex as usize) {
             if !std::mem::replace(&mut seen[vertex], true) {
-                let DVec3 { x, y, .. } = sample.vertices[vertex];
+                let [x, y, _] = sample.vertices[vertex];
                 points.push(DVec2::new(x, y));
             }
         }
@@ -66,10 +67,10 @@ pub fn swept(sample: &Sample) -> Swept {
 
 impl Swept {
     /// Extent of each object in the view at `angle` (rad), in the order of the objects.
-    pub fn extents(&self, angle: f64) -> impl Iterator<Item = Extent> {
+    pub fn extents(&self, angle: f64) -> impl Iterator<Item = BeamExtent> {
         self.outlines.iter().map(move |outline| {
             let turned = outline.turned(angle);
-            Extent {
+            BeamExtent {
                 x: range(turned.clone().map(|p| p.x)),
                 y: range(turned.map(|p| p.y)),
                 z: outline.z,
@@ -119,27 +120,13 @@ fn hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
     if hull.is_empty() { points } else { hull }
 }
 
-/// Where a sample may be: the nearest and farthest distance from the source, m, and what is
-/// there.
-#[must_use]
-pub fn room(scene: &Scene) -> [(f64, &'static str); 2] {
-    let before = scene.sample_mask.as_ref().map_or((0.0, "the source"), |mask| {
-        (mask.distance + mask.body.thickness() / 2.0, "the back of the sample mask")
-    });
-    let behind =
-        scene.detector_mask.as_ref().map_or((scene.detector.distance, "the detector"), |mask| {
-            (mask.distance - mask.body.thickness() / 2.0, "the front of the detector mask")
-        });
-    [before, behind]
-}
-
 /// Checks that no object reaches a mask in any view; where a mask is missing, the source or
 /// the detector.
 ///
 /// # Errors
 /// The first object that does, with the angle and the distances.
 pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
-    let [(near, near_name), (far, far_name)] = room(scene);
+    let [(near, near_name), (far, far_name)] = scene.clearance();
     let swept = swept(sample);
     for angle in &scene.scan.angles {
         for (number, extent) in swept.extents(*angle).enumerate() {
@@ -169,9 +156,7 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
 /// each object and direction.
 pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
     let swept = swept(sample);
-    let [columns, rows] = scene.detector.pixels.map(f64::from);
-    let [pitch_x, pitch_z] = scene.detector.pitch;
-    let half = [columns * pitch_x / 2.0, rows * pitch_z / 2.0];
+    let half = scene.detector.size().map(|side| side / 2.0);
     let centre = scene.source.distance;
     let mut warnings = Vec::new();
     for outline in &swept.outlines {

@@ -6,11 +6,11 @@
 //! are larger than the distance between them have a *plate*, a slab along their normals.
 
 mod build;
+mod pairs;
 mod query;
 mod slab;
 
 use crate::numbers;
-use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -25,8 +25,6 @@ pub(super) const LEAF: usize = 4;
 const STARTS: usize = 64;
 /// Where a search of the whole tree begins.
 const ROOT: [u32; 1] = [0];
-/// Leaves that are compared with another at a time.
-const REACHED: usize = 64;
 /// In place of a vertex.
 const NONE: u32 = u32::MAX;
 
@@ -48,16 +46,6 @@ pub(super) struct Node {
     count: u32,
     band: Option<Box<Band>>,
     plate: Option<Box<Slab>>,
-}
-
-/// A leaf that triangles of another came to.
-struct Reached<'a> {
-    /// Which of them, bit by bit.
-    by: u8,
-    /// Whether it stands behind theirs, or is it.
-    later: bool,
-    members: &'a [u32],
-    boxes: ArrayVec<[DVec3; 2], LEAF>,
 }
 
 /// What the triangles of a node have in common if they lie side by side.
@@ -186,102 +174,6 @@ impl Tree {
             }
             start = below;
         }
-    }
-
-    /// Calls `visit` with triangles of one of the [`Tree::leaves`] and others that come within
-    /// `margin` of them, until it returns false. Of all leaves every pair is visited; some of those
-    /// with a vertex in common twice.
-    ///
-    /// Two triangles with one vertex in common meet beyond it only where the opposite side of one
-    /// meets the other, so in leaves of long thin ones only those are looked for: the thousands
-    /// of a fan all meet in one vertex.
-    ///
-    /// `start`: what [`Tree::start`] gives for the leaf and its neighbours.
-    pub(super) fn pairs(
-        &self,
-        surface: &Surface,
-        leaf: u32,
-        start: &[u32],
-        margin: f64,
-        mut visit: impl FnMut(u32, u32) -> bool,
-    ) {
-        let node = &self.nodes[leaf as usize];
-        let own = self.members(node);
-        // One thin triangle among others has a long box, which the leaf would look through.
-        let thin = |one: &u32| slab::across(surface.corners(*one as usize)).is_some();
-        if node.band.is_none() && !own.iter().any(thin) {
-            let bounds = |one: u32| bounds_of(surface.corners(one as usize).into_iter());
-            let boxes: Vec<[Vec3; 2]> =
-                own.iter().map(|one| outwards(bounds(*one), margin)).collect();
-            let corners = own.iter().flat_map(|one| surface.corners(*one as usize));
-            let query = Query::of_leaf(node, corners.collect(), margin);
-            self.walk(
-                start,
-                leaf,
-                |node| query.reaches(node),
-                |other, members| {
-                    let same = std::ptr::eq(node, other);
-                    members.iter().enumerate().all(|(k, second)| {
-                        let [low, high] = outwards(bounds(*second), 0.0);
-                        let ones = own.iter().zip(&boxes).take(if same { k } else { own.len() });
-                        ones.filter(|(_, it)| it[0].cmple(high).all() && low.cmple(it[1]).all())
-                            .all(|(first, _)| visit(*first, *second))
-                    })
-                },
-            );
-            return;
-        }
-        let queries: ArrayVec<Query, LEAF> = own
-            .iter()
-            .map(|first| {
-                let vertices = surface.triangles[*first as usize];
-                Query::new(surface.corners(*first as usize), Some(vertices), margin)
-            })
-            .collect();
-        // They reach about the same leaves, whose triangles are fetched once.
-        let mut reached = ArrayVec::<Reached<'_>, REACHED>::new();
-        // Those that the visit ended.
-        let mut ended = [false; LEAF];
-        // A fan comes together in vertices that all of a leaf have, which [`Query::reaches`] leaves
-        // out: only those triangles are looked for among earlier leaves as well.
-        let hubs = node.band.as_ref().map_or([NONE; 3], |band| band.shared);
-        let fan = hubs.iter().any(|hub| *hub != NONE);
-        let mut compare = |reached: &mut ArrayVec<Reached<'_>, REACHED>| {
-            for (number, (first, query)) in own.iter().zip(&queries).enumerate() {
-                let of_it = reached.iter().filter(|leaf| leaf.by & 1 << number != 0);
-                let mut others = of_it.flat_map(|leaf| {
-                    leaf.members.iter().zip(&leaf.boxes).map(|it| (leaf.later, it))
-                });
-                ended[number] = ended[number]
-                    || !others.all(|(later, (second, bounds))| {
-                        let in_fan = || {
-                            let others = surface.triangles[*second as usize];
-                            others.iter().any(|vertex| hubs.contains(vertex))
-                        };
-                        second == first
-                            || !query.meets_box(*bounds)
-                            || !(later || in_fan())
-                            || visit(*first, *second)
-                    });
-            }
-            reached.clear();
-            !ended[..own.len()].iter().all(|ended| *ended)
-        };
-        self.walk(
-            start,
-            if fan { 0 } else { leaf },
-            |node| queries.iter().any(|query| query.reaches(node)),
-            |other, members| {
-                let by =
-                    queries.iter().rev().fold(0, |by, it| by << 1 | u8::from(it.reaches(other)));
-                let corners = |second: &u32| surface.corners(*second as usize).into_iter();
-                let boxes = members.iter().map(|second| bounds_of(corners(second))).collect();
-                // Leaves stand behind the nodes before them.
-                reached.push(Reached { by, later: other.next >= node.next, members, boxes });
-                !reached.is_full() || compare(&mut reached)
-            },
-        );
-        compare(&mut reached);
     }
 
     fn members(&self, leaf: &Node) -> &[u32] {

@@ -148,7 +148,7 @@ impl Level {
             .buffer(storage.raw())
             .size(bytes)
             .ty(kind);
-        // SAFETY: the storage is as large as asked for and was made for this use.
+        // SAFETY: the storage is as large as requested and was made for this use.
         let raw = unsafe { structures.create_acceleration_structure(&create, None) }
             .map_err(|e| failure::vulkan(name, e))?;
         let mut level = Self { device: device.clone(), raw, _storage: storage, address: 0 };
@@ -166,7 +166,7 @@ impl Level {
             vk::AccelerationStructureBuildRangeInfoKHR::default().primitive_count(primitives);
         device.run(|r| {
             // SAFETY: the command buffer is recording; geometry, storage and scratch live until
-            // `run` has waited, and sizes and alignment are those that Vulkan asked for.
+            // `run` has waited, and sizes and alignment are those that Vulkan required.
             unsafe {
                 structures.cmd_build_acceleration_structures(r.commands, &[info], &[&[range]]);
             }

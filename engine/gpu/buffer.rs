@@ -119,7 +119,7 @@ impl Buffer {
         self.address
     }
 
-    /// Length in bytes, as asked for.
+    /// Length in bytes, as requested.
     pub fn len(&self) -> u64 {
         self.len
     }
@@ -227,7 +227,7 @@ impl Buffer {
         Some(unsafe { pointer.as_ptr().add(offset) })
     }
 
-    /// A host buffer for a copy of so many bytes; `None` for none.
+    /// A host buffer for a copy of `bytes`; `None` for none.
     fn staging(&self, bytes: u64) -> Result<Option<Self>> {
         if bytes == 0 {
             return Ok(None);

@@ -72,7 +72,7 @@ impl Device {
     ///
     /// # Errors
     /// [`Error::Device`] without a loader, driver, or device that can serve, where the chosen
-    /// device is not there, or where validation is asked for and not installed; [`Error::Memory`]
+    /// device is not there, or where validation is requested and not installed; [`Error::Memory`]
     /// where a driver could not begin.
     pub fn open(options: &DeviceOptions) -> Result<Arc<Self>> {
         let instance = Instance::new(options.validation)?;
@@ -83,7 +83,7 @@ impl Device {
         let raw = open(&instance, &physical)?;
         let guard = Unowned(&raw);
 
-        // SAFETY: the queue was asked for when the device was opened.
+        // SAFETY: the queue was requested when the device was opened.
         let queue = unsafe { raw.get_device_queue(physical.queue_family, 0) };
         let ray_query = physical.description.ray_query;
         let structures =
@@ -266,7 +266,7 @@ fn open(instance: &Instance, physical: &Physical) -> Result<ash::Device> {
     if ray_query {
         info = info.push_next(&mut structure).push_next(&mut query);
     }
-    // SAFETY: every extension and feature asked for was found on this device before.
+    // SAFETY: every requested extension and feature was found on this device before.
     unsafe { instance.raw.create_device(physical.raw, &info, None) }.map_err(|e| {
         Error::device(
             format!("opening {}", physical.description),

@@ -32,7 +32,7 @@ pub(super) fn hung(what: &str, found: String) -> Error {
 }
 
 /// An error for memory that Vulkan did not give; `needed` in bytes, 0 where it is not known.
-/// `result` tells whether the device or the host has no more.
+/// `result` says whether the device or the host has no more.
 pub(super) fn out_of_memory(purpose: &str, needed: u64, result: vk::Result) -> Error {
     let remedy = match result {
         vk::Result::ERROR_OUT_OF_HOST_MEMORY => {

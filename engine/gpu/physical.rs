@@ -11,6 +11,7 @@ use std::fmt;
 /// What a device is, best first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum DeviceKind {
     /// A GPU with memory of its own.
     Discrete,
@@ -194,7 +195,7 @@ fn diagnose(instance: &Instance, index: usize, raw: vk::PhysicalDevice) -> Resul
     })
 }
 
-/// Reads what only devices of Vulkan 1.2 tell.
+/// Reads what only devices of Vulkan 1.2 report.
 fn read_properties(
     instance: &Instance,
     raw: vk::PhysicalDevice,

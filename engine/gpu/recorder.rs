@@ -17,7 +17,7 @@ pub struct Recorder<'a> {
 }
 
 impl Recorder<'_> {
-    /// Runs a kernel with so many workgroups in x, y and z. More than [`Device::max_groups`] make
+    /// Runs a kernel with this many workgroups in x, y and z. More than [`Device::max_groups`] make
     /// the submission fail.
     ///
     /// # Panics

@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(30 * 60);
 /// ends one of them and not the whole.
 const PARTS: u32 = 180;
 
-/// A command buffer with its pool, and the fence that tells its end.
+/// A command buffer with its pool, and the fence that signals its end.
 pub(super) struct Batch {
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
@@ -158,7 +158,7 @@ impl Submission {
         let Some(batch) = self.batch.take() else { return Ok(()) };
         let raw = &self.device.raw;
         let ended = wait_patiently(raw, batch.fence);
-        // A fault that a test asked for comes after the real end: the device did the work.
+        // A fault that a test set comes after the real end: the device did the work.
         match ended.and_then(|()| self.device.faults.check(FaultyCall::Wait)) {
             Ok(()) => {}
             Err(vk::Result::TIMEOUT) => {

@@ -1,4 +1,4 @@
-//! Illuminates strips of cells at every mask step.
+//! Illuminates cell rows of cells at every mask step.
 
 use super::light::IlluminationBuffer;
 use super::sums::Sums;
@@ -11,7 +11,7 @@ use crate::trace::push_bytes;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Mask steps of an invocation: what it reads of a strip serves all of them.
+/// Mask steps of an invocation: what it reads of a cell row serves all of them.
 const STEPS_EACH: u32 = 16;
 
 /// The kernels of cells.
@@ -43,9 +43,9 @@ const CELLS_TOGETHER: usize = 1 << 16;
 pub(crate) struct CellIlluminator {
     device: Arc<Device>,
     kernels: Arc<CellKernels>,
-    strips: Option<Buffer>,
+    cell_rows: Option<Buffer>,
     cells: Option<Buffer>,
-    /// Strips times steps of a submission.
+    /// Cell rows times steps of a submission.
     pace: Pace,
     /// Dispatches of the next submission, to the far kernel or not, and their cost.
     planned: Vec<(bool, IlluminatePush)>,
@@ -62,7 +62,7 @@ impl CellIlluminator {
         Ok(Self {
             device: device.clone(),
             kernels: kernels.clone(),
-            strips: None,
+            cell_rows: None,
             cells: None,
             pace: Pace::new(1 << 16, 1024, 1 << 26),
             planned: Vec::new(),
@@ -70,7 +70,7 @@ impl CellIlluminator {
         })
     }
 
-    /// Adds the light of lists of strips to the sums, at `steps` mask steps.
+    /// Adds the light of lists of cell rows to the sums, at `steps` mask steps.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Device`].
@@ -80,7 +80,7 @@ impl CellIlluminator {
         sums: &Sums,
         steps: u32,
     ) -> Result<()> {
-        let lists = lists.filter(|(_, list)| !list.strips.is_empty() && !list.cells.is_empty());
+        let lists = lists.filter(|(_, list)| !list.cell_rows.is_empty() && !list.cells.is_empty());
         let lists: Vec<_> = lists.collect();
         let mut rest = &lists[..];
         while !rest.is_empty() {
@@ -104,39 +104,40 @@ impl CellIlluminator {
         steps: u32,
     ) -> Result<()> {
         let count = |of: fn(&CellBatch) -> usize| lists.iter().map(|(_, list)| of(list)).sum();
-        let (strips, cells): (usize, usize) = (count(|l| l.strips.len()), count(|l| l.cells.len()));
+        let (cell_rows, cells): (usize, usize) =
+            (count(|l| l.cell_rows.len()), count(|l| l.cells.len()));
         let device = self.device.clone();
         let cell_buffer = fit::<Cell>(&device, &mut self.cells, "cells", cells)?;
-        let strip_buffer = fit::<CellRow>(&device, &mut self.strips, "strips", strips)?;
-        let mut ordered = Vec::with_capacity(strips);
+        let cell_row_buffer = fit::<CellRow>(&device, &mut self.cell_rows, "cell rows", cell_rows)?;
+        let mut ordered = Vec::with_capacity(cell_rows);
         let mut pieces = Vec::new();
         let mut first_cell = 0;
         for (light, list) in lists {
             cell_buffer.write((first_cell * size_of::<Cell>()) as u64, &list.cells)?;
             // Light of parts of a spot that spread differently over rows has its own kernel, as
             // has that of cells which lands far off.
-            let near = |strip: &&CellRow| !light.rows_apart && lands_near(&list.cells, strip);
-            let (near, far): (Vec<_>, Vec<_>) = list.strips.iter().partition(near);
+            let near = |cell_row: &&CellRow| !light.rows_apart && lands_near(&list.cells, cell_row);
+            let (near, far): (Vec<_>, Vec<_>) = list.cell_rows.iter().partition(near);
             for (some, far) in [(near, false), (far, true)] {
                 if !some.is_empty() {
                     let first = numbers::count(ordered.len());
                     pieces.push(DispatchPart {
                         light,
                         far,
-                        strips: first..first + numbers::count(some.len()),
+                        cell_rows: first..first + numbers::count(some.len()),
                     });
                 }
-                let moved = |strip: &CellRow| CellRow {
-                    first: strip.first + numbers::count(first_cell),
-                    ..*strip
+                let moved = |cell_row: &CellRow| CellRow {
+                    first_cell: cell_row.first_cell + numbers::count(first_cell),
+                    ..*cell_row
                 };
                 ordered.extend(some.into_iter().map(moved));
             }
             first_cell += list.cells.len();
         }
-        strip_buffer.write(0, &ordered)?;
+        cell_row_buffer.write(0, &ordered)?;
         let template = IlluminatePush {
-            strips: strip_buffer.address(),
+            cell_rows: cell_row_buffer.address(),
             cells: cell_buffer.address(),
             sums: sums.buffer.address(),
             steps,
@@ -153,30 +154,30 @@ impl CellIlluminator {
         template: IlluminatePush,
         steps: u32,
     ) -> Result<()> {
-        let DispatchPart { light, far, strips } = piece;
+        let DispatchPart { light, far, cell_rows } = piece;
         // Light that no sample mask moves is the same at every step, and has its own sums.
         let steps = if light.same_at_all_steps { steps..steps + 1 } else { 0..steps };
         for light_ref in light.addresses() {
-            let mut first_strip = strips.start;
-            while first_strip < strips.end {
-                let left = strips.end - first_strip;
-                let strip_count = left.min(self.pace.size().min(1 << 20)).max(1);
+            let mut first_cell_row = cell_rows.start;
+            while first_cell_row < cell_rows.end {
+                let left = cell_rows.end - first_cell_row;
+                let cell_row_count = left.min(self.pace.size().min(1 << 20)).max(1);
                 let at_once =
-                    (self.pace.size() / strip_count).clamp(1, 4096).min(steps.end - steps.start);
+                    (self.pace.size() / cell_row_count).clamp(1, 4096).min(steps.end - steps.start);
                 let mut first_step = steps.start;
                 while first_step < steps.end {
                     let last_step = steps.end.min(first_step + at_once);
                     let steps_each = STEPS_EACH.min(last_step - first_step);
                     let push = IlluminatePush {
                         light_ref,
-                        strip_count,
-                        first_strip,
+                        cell_row_count,
+                        first_cell_row,
                         first_step,
                         last_step,
                         steps_each,
                         ..template
                     };
-                    let cost = u64::from(strip_count) * u64::from(last_step - first_step);
+                    let cost = u64::from(cell_row_count) * u64::from(last_step - first_step);
                     if self.planned_cost + cost > u64::from(self.pace.size()) {
                         self.run()?;
                     }
@@ -184,7 +185,7 @@ impl CellIlluminator {
                     self.planned_cost += cost;
                     first_step = last_step;
                 }
-                first_strip += strip_count;
+                first_cell_row += cell_row_count;
             }
         }
         Ok(())
@@ -204,7 +205,7 @@ impl CellIlluminator {
             for (is_far, push) in &planned {
                 let kernel = far.filter(|_| *is_far).unwrap_or(near);
                 let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
-                let groups = [push.strip_count.div_ceil(GROUP), shares, 1];
+                let groups = [push.cell_row_count.div_ceil(GROUP), shares, 1];
                 r.dispatch(kernel, bytemuck::bytes_of(push), groups);
             }
         })?;
@@ -213,20 +214,20 @@ impl CellIlluminator {
     }
 }
 
-/// Strips for one kernel.
+/// Cell rows for one kernel.
 struct DispatchPart<'l> {
     light: &'l IlluminationBuffer,
     far: bool,
-    strips: Range<u32>,
+    cell_rows: Range<u32>,
 }
 
-/// Whether all light of a strip lands in its row and the two beside it.
-fn lands_near(cells: &[Cell], strip: &CellRow) -> bool {
-    let first = strip.first as usize;
-    cells[first..first + strip.count as usize].iter().all(|cell| cell.above >= 0.0)
+/// Whether all light of a cell row lands in its row and the two beside it.
+fn lands_near(cells: &[Cell], cell_row: &CellRow) -> bool {
+    let first = cell_row.first_cell as usize;
+    cells[first..first + cell_row.cell_count as usize].iter().all(|cell| cell.share_above >= 0.0)
 }
 
-/// A buffer with room for so many items, which grows as needed.
+/// A buffer that holds `items`, and grows as needed.
 fn fit<'b, T>(
     device: &Arc<Device>,
     buffer: &'b mut Option<Buffer>,

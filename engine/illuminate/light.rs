@@ -2,10 +2,10 @@
 
 use crate::Result;
 use crate::gpu::{Buffer, Device};
-use crate::interface::{Address, Aperture, Column, IlluminationParams, Mask, SpotPart};
+use crate::interface::{Address, Aperture, BeamletGeometry, IlluminationParams, Mask, SpotPart};
 use crate::numbers::{count, single};
 use crate::optics::{MaskShape, Optics};
-use crate::sampling::{Lattice, column};
+use crate::sampling::{Lattice, beamlet_geometry};
 use crate::scene::Scene;
 use crate::spot::PlacedPart;
 use crate::trace::MaterialTable;
@@ -31,11 +31,11 @@ pub(crate) enum SpectralBand {
         weight: f64,
     },
     /// That of all energies which took the same way through the masks: where a mask has a
-    /// softness, through its apertures; where not, the mask is not there for it.
+    /// edge_variance, through its apertures; where not, the mask is not there for it.
     Group {
         /// Variance of the edges of the sample mask and the detector mask, in squared shadow
         /// widths.
-        softness: [Option<f32>; 2],
+        edge_variance: [Option<f32>; 2],
     },
 }
 
@@ -70,35 +70,35 @@ pub(crate) struct IlluminationBuffer {
     /// For cells one record for each part of the focal spot, for random rays one in all; rows of a
     /// band are set with [`IlluminationBuffer::set_band`].
     buffer: Buffer,
-    /// No sample mask tells the mask steps apart.
+    /// There is no sample mask: all mask steps are the same.
     pub(super) same_at_all_steps: bool,
     /// Shares of rows that cells hold are not those of some part of the spot.
     pub(super) rows_apart: bool,
     lights: Vec<IlluminationParams>,
-    _kept: Vec<Buffer>,
+    _buffers: Vec<Buffer>,
 }
 
 impl IlluminationBuffer {
-    /// Uploads the parameters for `columns` (of the lattice, or of pixels).
+    /// Uploads the parameters for `beamlets` (of the lattice, or of pixels).
     fn upload(
         device: &Arc<Device>,
         scene: &Scene,
         optics: &Optics,
-        columns: &[Column],
+        beamlets: &[BeamletGeometry],
         band: &SpectralBand,
         parts: &[PlacedPart],
     ) -> Result<Self> {
-        let mut kept = Vec::new();
-        let sample_mask = upload_mask(device, scene, optics, band, 0, &mut kept)?;
-        let detector_mask = upload_mask(device, scene, optics, band, 1, &mut kept)?;
-        let columns = device.upload("columns", columns)?;
+        let mut buffers = Vec::new();
+        let sample_mask = upload_mask(device, scene, optics, band, 0, &mut buffers)?;
+        let detector_mask = upload_mask(device, scene, optics, band, 1, &mut buffers)?;
+        let beamlets = device.upload("beamlets", beamlets)?;
         let offsets: Vec<f32> = optics.mask_offsets.iter().map(|&f| single(f)).collect();
         let offsets = device.upload("mask offsets", &offsets)?;
         let table = device.upload("focal spot", &table(&optics.spot.placed()))?;
         let shared = IlluminationParams {
             sample_mask,
             detector_mask,
-            columns: columns.address(),
+            beamlets: beamlets.address(),
             offsets: offsets.address(),
             spot_parts: table.address(),
             ..set_up(optics)
@@ -110,14 +110,14 @@ impl IlluminationBuffer {
         let lights: Vec<IlluminationParams> =
             parts.iter().map(|part| of_part(optics, share, part, shared)).collect();
         let buffer = device.upload("light", &lights)?;
-        kept.extend([columns, offsets, table]);
+        buffers.extend([beamlets, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
         let base = parts.first().map_or(0.0, |part| part.deviation[1]);
         let apart = |part: &PlacedPart| {
             part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0
         };
         let rows_apart = parts.iter().any(apart);
-        Ok(Self { buffer, same_at_all_steps, rows_apart, lights, _kept: kept })
+        Ok(Self { buffer, same_at_all_steps, rows_apart, lights, _buffers: buffers })
     }
 
     /// The record of random rays.
@@ -144,8 +144,8 @@ impl IlluminationBuffer {
         band: &SpectralBand,
     ) -> Result<Self> {
         let parts = optics.spot.placed();
-        let columns = lattice.columns(optics);
-        let mut record = Self::upload(device, scene, optics, &columns, band, &parts)?;
+        let beamlets = lattice.beamlet_geometry(optics);
+        let mut record = Self::upload(device, scene, optics, &beamlets, band, &parts)?;
         for light in &mut record.lights {
             light.alike_rows = single(lattice.alike_rows.into());
         }
@@ -163,16 +163,16 @@ impl IlluminationBuffer {
         pixels: &Range<i64>,
         band: &SpectralBand,
     ) -> Result<Self> {
-        let columns: Vec<Column> = pixels
+        let beamlets: Vec<BeamletGeometry> = pixels
             .clone()
-            .map(|pixel| column(optics, optics.detector.slope_of_column(pixel)))
+            .map(|pixel| beamlet_geometry(optics, optics.detector.slope_of_column(pixel)))
             .collect();
-        // Rays draw their part: one record tells of all.
+        // Rays draw their part: one record serves all.
         let whole = PlacedPart { share: 1.0, offset: [0.0; 2], deviation: [0.0; 2] };
-        Self::upload(device, scene, optics, &columns, band, &[whole])
+        Self::upload(device, scene, optics, &beamlets, band, &[whole])
     }
 
-    /// Sets the band of detector rows that sums are kept for.
+    /// Sets the band of detector rows that sums are buffers for.
     ///
     /// # Errors
     /// [`crate::Error::Device`].
@@ -193,17 +193,17 @@ fn upload_mask(
     optics: &Optics,
     band: &SpectralBand,
     index: usize,
-    kept: &mut Vec<Buffer>,
+    buffers: &mut Vec<Buffer>,
 ) -> Result<Mask> {
     let (mask, plane) =
         [(&optics.sample_mask, optics.cell_plane), (&optics.detector_mask, optics.analyser)][index];
     let Some(mask) = mask else { return Ok(bytemuck::Zeroable::zeroed()) };
-    let (energy, softness) = match band {
+    let (energy, edge_variance) = match band {
         SpectralBand::Node { energy, .. } => (Some(*energy), None),
-        SpectralBand::Group { softness } if softness[index].is_none() => {
+        SpectralBand::Group { edge_variance } if edge_variance[index].is_none() => {
             return Ok(bytemuck::Zeroable::zeroed());
         }
-        SpectralBand::Group { softness } => (None, softness[index]),
+        SpectralBand::Group { edge_variance } => (None, edge_variance[index]),
     };
     let shape = MaskShape::of(scene, mask, plane, energy)?;
     let apertures = shape.apertures();
@@ -218,16 +218,16 @@ fn upload_mask(
         thickness: single(shape.thickness),
         attenuation: single(shape.attenuation),
         transmission: single(shape.transmission),
-        averaged: softness.is_some().into(),
-        softness: softness.unwrap_or(0.0),
+        averaged: edge_variance.is_some().into(),
+        edge_variance: edge_variance.unwrap_or(0.0),
         first: apertures.first().map_or(0.0, |a| a[0]),
         last: apertures.last().map_or(0.0, |a| a[1]),
     };
-    kept.push(buffer);
+    buffers.push(buffer);
     Ok(record)
 }
 
-/// What distances and pixels alone tell; the rest is zero.
+/// What follows from distances and pixels; the rest is zero.
 fn set_up(optics: &Optics) -> IlluminationParams {
     let Optics { rotation, cell_plane, analyser, detector, .. } = optics;
     IlluminationParams {
@@ -235,14 +235,14 @@ fn set_up(optics: &Optics) -> IlluminationParams {
         cell_plane: single(*cell_plane),
         analyser: single(*analyser),
         ratio: single(analyser / detector.distance),
-        pixel: single(optics.analyser_pixel()),
+        pixel_pitch: single(optics.analyser_pixel()),
         row_pitch: single(detector.pitch[1]),
         row_slope: single(-detector.row_slope()),
         alike_rows: 1.0,
         middle_row: single(detector.half(1)),
         column_count: detector.pixels[0],
         detector: single(detector.distance),
-        rotation: single(*rotation),
+        rotation_distance: single(*rotation),
         column_pitch: single(detector.pitch[0]),
         ..bytemuck::Zeroable::zeroed()
     }
@@ -263,17 +263,17 @@ fn of_part(
     let at_mask = |offset: f64| offset * (rotation - cell_plane) / rotation;
     let weight = share * part.share * detector.distance / (cell_plane * detector.pitch[0]);
     IlluminationParams {
-        mask_move: single(at_mask(part.offset[0])),
-        landing_move: single(at_analyser(part.offset[0])),
-        pixel_move: single(at_pixel(part.offset[0])),
-        slope_move: single(part.offset[0] / rotation),
-        row_move: single(optics.rows_of_source(part.offset[1])),
+        mask_shift: single(at_mask(part.offset[0])),
+        landing_shift: single(at_analyser(part.offset[0])),
+        pixel_shift: single(at_pixel(part.offset[0])),
+        slope_shift: single(part.offset[0] / rotation),
+        row_shift: single(optics.rows_of_source(part.offset[1])),
         spot: single(at_analyser(part.deviation[0])),
         pixel_spot: single(at_pixel(part.deviation[0])),
-        shift: single(at_mask(part.deviation[0])),
+        mask_blur: single(at_mask(part.deviation[0])),
         weight: single(weight),
         row_blur: single(optics.rows_of_source(part.deviation[1])),
-        part: single(share),
+        spectral_weight: single(share),
         ..shared
     }
 }

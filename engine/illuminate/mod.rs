@@ -9,7 +9,7 @@ mod sums;
 pub(crate) use cells::{CellIlluminator, CellKernels};
 pub(crate) use light::alike_rows;
 pub(crate) use light::{IlluminationBuffer, SpectralBand};
-pub(crate) use random::{Cast, RandomKernels, cast};
+pub(crate) use random::{RandomBatch, RandomKernels, illuminate_random};
 pub(crate) use spectral::NARROW;
 pub(crate) use spectral::{EnergyBinning, MaskTransmissionCache};
 pub(crate) use sums::Sums;

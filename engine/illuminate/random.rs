@@ -33,7 +33,7 @@ impl RandomKernels {
 
 /// What one call casts.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Cast<'a> {
+pub(crate) struct RandomBatch<'a> {
     /// Pixels, inside the detector or beside it.
     pub pixels: &'a [Pixel],
     /// Index of the view.
@@ -46,14 +46,14 @@ pub(crate) struct Cast<'a> {
 ///
 /// # Errors
 /// [`crate::Error::Memory`], [`crate::Error::Device`].
-pub(crate) fn cast(
+pub(crate) fn illuminate_random(
     device: &Arc<Device>,
     kernels: &RandomKernels,
     optics: &Optics,
     tracer: &mut Tracer,
     light: &IlluminationBuffer,
     sums: &Sums,
-    job: Cast<'_>,
+    job: RandomBatch<'_>,
 ) -> Result<()> {
     let rays_per_pixel = optics.sampling.rays;
     let all = rays_per_pixel[0] * rays_per_pixel[1];

@@ -7,9 +7,9 @@
 
 mod bars;
 mod edges;
+mod exact;
 mod integrals;
 mod join;
-mod ordered;
 mod set_up;
 mod sums;
 
@@ -21,14 +21,14 @@ use crate::sampling::{CellBatch, CellMoments, Lattice};
 use crate::trace::Tracer;
 use bars::{MaskTransmission, passing};
 use edges::SharedEdges;
+use exact::Repeated;
 use join::Joining;
-use ordered::Repeated;
 use rayon::prelude::*;
 use std::ops::Range;
 use sums::{Sums, Terms};
 
 pub(crate) use bars::MaskTransmissionCache;
-pub(crate) use ordered::NARROW;
+pub(crate) use exact::NARROW;
 
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
 /// spectrum with less in a group.
@@ -43,7 +43,7 @@ const DEPTH_TOLERANCE: f64 = 2e-5;
 /// A cell of this share of the period may deviate by the tolerances; narrower ones by more, in
 /// proportion, since they carry less light.
 const FULL_SHARE: f64 = 1.0 / 40.0;
-/// Strips gathered one after the other by a thread.
+/// Cell rows gathered one after the other by a thread.
 const STRIPS_AT_ONCE: usize = 1 << 6;
 
 /// What the gathering needs of a scene.
@@ -57,8 +57,8 @@ pub(crate) struct EnergyBinning {
     acting: Vec<usize>,
     /// How much more strongly the sample refracts than at the mean constants, by node.
     delta_ratio: Vec<f64>,
-    /// Share of the grazing incidence below which ordered walks are repeated, by node.
-    severe: Vec<f64>,
+    /// Share of the grazing incidence below which exact transport is repeated, by node.
+    exact_retrace_threshold: Vec<f64>,
     materials: usize,
     /// Masks by node: the sample mask, the detector mask.
     masks: [Option<Vec<MaskShape>>; 2],
@@ -100,7 +100,7 @@ fn of_material(moments: &[f32], material: usize) -> [f64; MOMENTS_PER_MATERIAL] 
     std::array::from_fn(|i| moments[first + i].into())
 }
 
-/// What gathering works with, kept from strip to strip.
+/// What gathering works with, kept from cell row to cell row.
 #[derive(Default)]
 struct Scratch {
     /// First-order results at either end of a cell, by node, and the light there.
@@ -127,28 +127,28 @@ impl EnergyBinning {
         passing([0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[node].leak(1.0))), group)
     }
 
-    /// Cells of strips whose moments were kept, as light: one list per group, then one per node.
-    /// `known`: what was found out for the strips before.
+    /// Cells of cell rows whose moments were kept, as light: one list per group, then one per node.
+    /// `known`: what was found out for the cell rows before.
     ///
     /// # Errors
-    /// As [`Tracer::trace`], by which the ordered walks are repeated at each node.
+    /// As [`Tracer::trace`], by which exact transport is repeated at each node.
     pub(crate) fn lists(
         &self,
         tracer: &mut Tracer,
         known: &mut MaskTransmissionCache,
-        strips: &CellBatch,
+        cell_rows: &CellBatch,
     ) -> Result<Vec<CellBatch>> {
-        let repeated = self.repeat(tracer, strips)?;
-        known.look_at(self, strips);
-        let gathered: Vec<Vec<CellBatch>> = strips
-            .strips
+        let repeated = self.repeat(tracer, cell_rows)?;
+        known.look_at(self, cell_rows);
+        let gathered: Vec<Vec<CellBatch>> = cell_rows
+            .cell_rows
             .par_chunks(STRIPS_AT_ONCE)
             .map_init(Scratch::default, |scratch, some| {
                 let mut lists = vec![CellBatch::default(); self.groups.len() + self.nodes()];
-                for strip in some {
-                    self.gather(strips, strip, &repeated, known.at(self, strip), scratch);
+                for cell_row in some {
+                    self.gather(cell_rows, cell_row, &repeated, known.at(self, cell_row), scratch);
                     for (list, cells) in lists.iter_mut().zip(&scratch.lists) {
-                        list.push(*strip, cells, &CellMoments::default());
+                        list.push(*cell_row, cells, &CellMoments::default());
                     }
                 }
                 lists
@@ -166,11 +166,11 @@ impl EnergyBinning {
         Ok(parts.into_par_iter().map(list).collect())
     }
 
-    /// Cells of a strip for every list, in the scratch.
+    /// Cells of a cell row for every list, in the scratch.
     fn gather(
         &self,
-        strips: &CellBatch,
-        strip: &CellRow,
+        cell_rows: &CellBatch,
+        cell_row: &CellRow,
         repeated: &Repeated,
         bars: &MaskTransmission,
         scratch: &mut Scratch,
@@ -180,13 +180,13 @@ impl EnergyBinning {
         scratch.lists.iter_mut().for_each(Vec::clear);
         scratch.joining.resize_with(groups, Joining::default);
         let words = 2 * self.materials * MOMENTS_PER_MATERIAL;
-        let first = strip.first as usize;
-        let exact = &strips.moments.exact;
+        let first = cell_row.first_cell as usize;
+        let exact = &cell_rows.moments.exact;
         let mut at = exact.partition_point(|e| (e.cell as usize) < first);
         let mut before: &[f32] = &[];
-        for index in first..first + strip.count as usize {
-            let cell = &strips.cells[index];
-            let ends = &strips.moments.ends[index * words..(index + 1) * words];
+        for index in first..first + cell_row.cell_count as usize {
+            let cell = &cell_rows.cells[index];
+            let ends = &cell_rows.moments.ends[index * words..(index + 1) * words];
             let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
             // Neighbours share a ray.
             if low == before {
@@ -204,21 +204,27 @@ impl EnergyBinning {
                 scratch.light.push([low.1, high.1]);
             }
             if exact.get(at).is_some_and(|e| e.cell as usize == index) {
-                let walked = at;
+                let exact_index = at;
                 at += 1;
-                self.correct(&exact[walked], [low, high], &mut scratch.results);
+                self.correct(&exact[exact_index], [low, high], &mut scratch.results);
                 for (light, results) in scratch.light.iter_mut().zip(&scratch.results) {
                     *light = results.map(|result| result.light());
                 }
-                if let Some(nodes) = repeated.of(walked) {
+                if let Some(nodes) = repeated.of(exact_index) {
                     let lists = &mut scratch.lists[groups..];
                     for ((results, again), list) in scratch.results.iter().zip(nodes).zip(lists) {
                         match again {
                             None => {
-                                list.push(self.cell(strip, [cell.x_low, cell.x_high], *results))
+                                list.push(self.cell(cell_row, [cell.x_low, cell.x_high], *results))
                             }
                             Some(results) => {
-                                self.push_exact(list, strip, cell, results, exact[walked].range);
+                                self.push_exact(
+                                    list,
+                                    cell_row,
+                                    cell,
+                                    results,
+                                    exact[exact_index].range,
+                                );
                             }
                         }
                     }
@@ -228,16 +234,19 @@ impl EnergyBinning {
             if bars.apart {
                 let results = scratch.results.iter().zip(&self.delta_ratio);
                 for ((results, delta_ratio), list) in results.zip(&mut scratch.lists[groups..]) {
-                    let spread = cell.spread * single(delta_ratio * delta_ratio);
+                    let spread = cell.displacement_variance * single(delta_ratio * delta_ratio);
                     let x = [cell.x_low, cell.x_high];
-                    list.push(Cell { spread, ..self.cell(strip, x, *results) });
+                    list.push(Cell {
+                        displacement_variance: spread,
+                        ..self.cell(cell_row, x, *results)
+                    });
                 }
             } else {
-                self.push_groups(strip, cell, bars, scratch);
+                self.push_groups(cell_row, cell, bars, scratch);
             }
         }
         for group in 0..groups {
-            self.push_joined(strip, group, scratch);
+            self.push_joined(cell_row, group, scratch);
         }
     }
 
@@ -272,9 +281,9 @@ impl EnergyBinning {
     }
 
     /// Ends the cell that light of a group is joined to.
-    fn push_joined(&self, strip: &CellRow, group: usize, scratch: &mut Scratch) {
+    fn push_joined(&self, cell_row: &CellRow, group: usize, scratch: &mut Scratch) {
         if let Some((x, sums)) = scratch.joining[group].take() {
-            scratch.lists[group].push(self.gathered(strip, x, &sums));
+            scratch.lists[group].push(self.gathered(cell_row, x, &sums));
         }
     }
 
@@ -291,7 +300,7 @@ impl EnergyBinning {
     /// Light of a cell by group: one cell, or as many as keep the energies in each close enough.
     fn push_groups(
         &self,
-        strip: &CellRow,
+        cell_row: &CellRow,
         cell: &Cell,
         bars: &MaskTransmission,
         scratch: &mut Scratch,
@@ -301,14 +310,17 @@ impl EnergyBinning {
         scratch.terms.clear();
         let ends = scratch.results.iter().zip(&scratch.light);
         scratch.terms.extend(ends.enumerate().map(|(node, (results, light))| {
-            let spread = f64::from(cell.spread) * self.delta_ratio[node] * self.delta_ratio[node];
-            Terms::new(results, *light, spread, bars.shades[node])
+            let spread = f64::from(cell.displacement_variance)
+                * self.delta_ratio[node]
+                * self.delta_ratio[node];
+            Terms::new(results, *light, spread, bars.narrowings[node])
         }));
         let of_node = bars.by_node.iter().zip(&scratch.terms);
         let all: f64 = of_node.map(|(share, term)| share * term.light()).sum();
-        let room = self.room(x);
+        let scale = self.tolerance_scale(x);
         // What the third moment moves grows with the light of the cell.
-        let spread = (SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance) * libm::cbrt(room);
+        let spread =
+            (SPREAD_SHARE * self.lattice.edge_blur).max(self.tolerance) * libm::cbrt(scale);
         for group in 0..self.groups.len() {
             let shares = &bars.shares[group * nodes..][..nodes];
             let all_nodes = &bars.nodes[group];
@@ -320,19 +332,23 @@ impl EnergyBinning {
                     continue;
                 }
                 let part = light[1] / all;
-                let agrees = part * sums.bend() <= DEPTH_TOLERANCE * room
-                    && part * sums.drift() <= self.tolerance * room;
-                if let (true, Some(limits)) = (agrees && band == *all_nodes, &bars.joined[group]) {
+                let is_resolved = part * sums.depth_curvature() <= DEPTH_TOLERANCE * scale
+                    && part * sums.drift() <= self.tolerance * scale;
+                if let (true, Some(limits)) =
+                    (is_resolved && band == *all_nodes, &bars.joined[group])
+                {
                     if !scratch.joining[group].takes(x, &sums, limits) {
-                        self.push_joined(strip, group, scratch);
+                        self.push_joined(cell_row, group, scratch);
                         scratch.joining[group].takes(x, &sums, limits);
                     }
                     continue;
                 }
-                // Cells of a strip are sorted: what is being joined lies before this one.
-                self.push_joined(strip, group, scratch);
-                if (agrees && part * sums.spread() <= spread * spread) || band.len() == 1 {
-                    scratch.lists[group].push(self.gathered(strip, x, &sums));
+                // Cells of a cell row are sorted: what is being joined lies before this one.
+                self.push_joined(cell_row, group, scratch);
+                if (is_resolved && part * sums.displacement_variance() <= spread * spread)
+                    || band.len() == 1
+                {
+                    scratch.lists[group].push(self.gathered(cell_row, x, &sums));
                     continue;
                 }
                 let mut below = 0.0;
@@ -347,12 +363,12 @@ impl EnergyBinning {
     }
 
     /// How much more than the widest cell of full accuracy a cell may err: it has less light.
-    fn room(&self, x: [f32; 2]) -> f64 {
+    fn tolerance_scale(&self, x: [f32; 2]) -> f64 {
         let width = f64::from(x[1] - x[0]);
         (self.lattice.period * FULL_SHARE / width).max(1.0)
     }
 
-    fn gathered(&self, strip: &CellRow, x: [f32; 2], sums: &Sums) -> Cell {
+    fn gathered(&self, cell_row: &CellRow, x: [f32; 2], sums: &Sums) -> Cell {
         let end = |i: usize| NodeResult {
             depth: -sums.light()[i].ln(),
             x: sums.x()[i],
@@ -360,20 +376,21 @@ impl EnergyBinning {
             slope_x: sums.slope_x(),
         };
         Cell {
-            spread: single(sums.spread()),
-            sample_shade: single(sums.shade(0)),
-            detector_shade: single(sums.shade(1)),
-            sample_lean: single(sums.lean(0)),
-            detector_lean: single(sums.lean(1)),
-            ..self.cell(strip, x, [end(0), end(2)])
+            displacement_variance: single(sums.displacement_variance()),
+            sample_narrowing: single(sums.narrowing(0)),
+            detector_narrowing: single(sums.narrowing(1)),
+            sample_covariance: single(sums.covariance(0)),
+            detector_covariance: single(sums.covariance(1)),
+            ..self.cell(cell_row, x, [end(0), end(2)])
         }
     }
 
-    fn cell(&self, strip: &CellRow, x: [f32; 2], [low, high]: [NodeResult; 2]) -> Cell {
+    fn cell(&self, cell_row: &CellRow, x: [f32; 2], [low, high]: [NodeResult; 2]) -> Cell {
         let mean = |f: fn(&NodeResult) -> f64| 0.5 * (f(&low) + f(&high));
         let z = mean(|l| l.z);
         let down = -z / self.row_pitch;
-        let [above, below] = self.lattice.row_shares(strip.top.into(), strip.bottom.into(), down);
+        let [above, below] =
+            self.lattice.row_shares(cell_row.top.into(), cell_row.bottom.into(), down);
         Cell {
             x_low: x[0],
             x_high: x[1],
@@ -382,8 +399,8 @@ impl EnergyBinning {
             displacement_low: single(low.x),
             displacement_high: single(high.x),
             displacement_z: single(z),
-            above,
-            below,
+            share_above: above,
+            share_below: below,
             pixel_shift: single(
                 mean(|l| l.x) * (1.0 - self.ratio) - mean(|l| l.slope_x) * self.gap * self.ratio,
             ),

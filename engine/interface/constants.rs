@@ -22,7 +22,7 @@ shared_constants! {
     FACET_MISSED: u32 = 1 << 30;
     /// Of a crossing on a list: bits of the leaf.
     FACET_LEAF: u32 = FACET_MISSED - 1;
-    /// Crossings that the longest list of a ray in order holds.
+    /// Crossings that the longest list of a ray that is traced exactly holds.
     LONGEST_LIST: u32 = 1 << 20;
 
     /// Words at the head of a ray's moments.
@@ -57,7 +57,7 @@ shared_constants! {
     TALLY_REFLECTED: usize = 2;
     /// Rays with a value that is not finite.
     TALLY_NOT_FINITE: usize = 3;
-    /// Rays that could not be followed in order: the first order counts.
+    /// Rays that could not be followed exactly: the first order counts.
     TALLY_UNORDERED: usize = 4;
 
     /// The first order is not enough at some surface.
@@ -93,7 +93,7 @@ shared_constants! {
     CURVE_NOT_CONVERGED: u32 = 16;
     /// Of a fit: the condition number of its normal equations is too large.
     CURVE_ILL_CONDITIONED: u32 = 32;
-    /// Of a fit: the width is beyond what the offsets can tell.
+    /// Of a fit: the width is beyond what the offsets resolve.
     CURVE_WIDTH: u32 = 64;
     /// Of a fit: the centre lies outside the scan.
     CURVE_OUTSIDE: u32 = 128;

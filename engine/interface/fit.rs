@@ -31,8 +31,8 @@ shared_structs! {
         /// Values from here on are left out.
         pub saturation: f32,
         /// Least width that counts as one.
-        pub narrow: f32,
+        pub min_width: f32,
         /// Most width that counts as one.
-        pub wide: f32,
+        pub max_width: f32,
     }
 }

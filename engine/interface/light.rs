@@ -24,10 +24,10 @@ shared_structs! {
         pub attenuation: f32,
         /// Of a sheet's bars.
         pub transmission: f32,
-        /// Over energies: bars are opaque, and each cell says how much they shade.
+        /// Over energies: bars are opaque, and each cell has how much they narrow apertures.
         pub averaged: u32,
         /// Variance of the edges of an averaged mask, in squared shadow widths.
-        pub softness: f32,
+        pub edge_variance: f32,
         /// Low end of the first aperture.
         pub first: f32,
         /// High end of the last aperture.
@@ -35,7 +35,7 @@ shared_structs! {
     }
 
     /// What depends on the beamlet (index k of the cell lattice) alone.
-    pub struct Column in Columns(readonly) {
+    pub struct BeamletGeometry in BeamletTable(readonly) {
         /// Where its centre lands without deflection.
         pub pixel: i32,
         /// Landing point less the pixel's centre, on the analyser, m.
@@ -50,8 +50,9 @@ shared_structs! {
 
     /// Cells of one beamlet in one interval of z.
     pub struct CellRow in CellRows(readonly) {
-        pub first: u32,
-        pub count: u32,
+        pub first_cell: u32,
+        pub cell_count: u32,
+        /// Index of the beamlet.
         pub column: u32,
         pub row: i32,
         /// Within the row, 0..1 downwards.
@@ -65,9 +66,9 @@ shared_structs! {
         pub low_landing: f32,
         pub high_landing: f32,
         /// Largest variance of the displacement, m2, and of the light of narrow cells.
-        pub spread: f32,
+        pub displacement_variance: f32,
         /// Largest change of the displacement per metre, narrow cells apart.
-        pub bend: f32,
+        pub displacement_slope: f32,
     }
 
     /// A cell: x interval in the cell plane, relative to the beamlet's centre; results at its ends.
@@ -82,19 +83,19 @@ shared_structs! {
         /// At the detector, mean.
         pub displacement_z: f32,
         /// Share that lands in the row above; -1: farther, to be computed.
-        pub above: f32,
+        pub share_above: f32,
         /// Share that lands in the row below.
-        pub below: f32,
+        pub share_below: f32,
         /// Of pixel edges on the analyser, from the gap to the detector.
         pub pixel_shift: f32,
         /// Variance of the displacement over energies, m2.
-        pub spread: f32,
+        pub displacement_variance: f32,
         /// Share of the shadow width that narrows apertures, of averaged masks.
-        pub sample_shade: f32,
-        pub detector_shade: f32,
+        pub sample_narrowing: f32,
+        pub detector_narrowing: f32,
         /// Covariance over energies of that share and the displacement, m.
-        pub sample_lean: f32,
-        pub detector_lean: f32,
+        pub sample_covariance: f32,
+        pub detector_covariance: f32,
     }
 
     /// A Gaussian of the focal spot.
@@ -115,8 +116,8 @@ shared_structs! {
     pub struct IlluminationParams in IlluminationParamsRef(readonly) {
         pub sample_mask: Mask,
         pub detector_mask: Mask,
-        /// Address of `Columns`.
-        pub columns: u64,
+        /// Address of `BeamletTable`.
+        pub beamlets: u64,
         /// Address of `Offsets`: of the sample mask, per step, m.
         pub offsets: u64,
         /// Address of `SpotParts`: for random draws.
@@ -124,29 +125,29 @@ shared_structs! {
         /// Cell plane to analyser.
         pub magnification: f32,
         /// Of a place in the sample against the sample mask, m.
-        pub mask_move: f32,
+        pub mask_shift: f32,
         /// Of the detector mask's edges against the light of a cell, m.
-        pub landing_move: f32,
+        pub landing_shift: f32,
         /// The same of pixel edges, seen on the analyser.
-        pub pixel_move: f32,
+        pub pixel_shift: f32,
         /// Of rays, downwards.
-        pub slope_move: f32,
+        pub slope_shift: f32,
         /// Of light, rows downwards.
-        pub row_move: f32,
+        pub row_shift: f32,
         /// Blur on the analyser of what lies at the rotation centre, m, std.
         pub spot: f32,
         /// The same at edges of pixels, seen on the analyser.
         pub pixel_spot: f32,
         /// Std of x at the sample mask for a fixed place in the sample, m.
-        pub shift: f32,
+        pub mask_blur: f32,
         /// Distance from the source.
         pub cell_plane: f32,
         /// Distance from the source.
         pub analyser: f32,
         /// Analyser / detector distance.
         pub ratio: f32,
-        /// Pitch on the analyser.
-        pub pixel: f32,
+        /// On the analyser.
+        pub pixel_pitch: f32,
         /// Intensity per metre of the cell plane.
         pub weight: f32,
         /// Rows, standard deviation.
@@ -168,11 +169,11 @@ shared_structs! {
         /// Distance from the source.
         pub detector: f32,
         /// Distance of the rotation centre from the source.
-        pub rotation: f32,
+        pub rotation_distance: f32,
         /// M, on the detector.
         pub column_pitch: f32,
-        /// Of the spectrum that this light is.
-        pub part: f32,
+        /// Share of the spectrum.
+        pub spectral_weight: f32,
     }
 
     /// A pixel of the random scheme.
@@ -186,13 +187,13 @@ shared_structs! {
     /// Push constants of `illuminate.comp`.
     pub struct IlluminatePush {
         pub light_ref: u64 => IlluminationParamsRef,
-        pub strips: u64 => CellRows,
+        pub cell_rows: u64 => CellRows,
         pub cells: u64 => Cells,
         /// `[step][row][column][2]`, light that is the same at all steps behind the last.
         pub sums: u64 => Words,
         /// Behind the first.
-        pub strip_count: u32,
-        pub first_strip: u32,
+        pub cell_row_count: u32,
+        pub first_cell_row: u32,
         pub first_step: u32,
         /// One behind.
         pub last_step: u32,

@@ -81,7 +81,7 @@ mod walk;
 pub use constants::*;
 pub use fit::{FitPush, Step};
 pub use light::{
-    Aperture, Cell, CellRow, Column, IlluminatePush, IlluminationParams, Mask, Pixel,
+    Aperture, BeamletGeometry, Cell, CellRow, IlluminatePush, IlluminationParams, Mask, Pixel,
     RandomLightPush, RandomRaysPush, SpotPart,
 };
 pub use walk::{

@@ -127,7 +127,7 @@ shared_structs! {
         /// `[ray][MOMENTS_HEAD + materials * MOMENTS_PER_MATERIAL]`.
         pub moments: u64 => Words,
         pub results: u64 => RayResults,
-        /// `[0]`: count, then indices of rays to trace in order.
+        /// `[0]`: count, then indices of rays to trace exactly.
         pub exact: u64 => Words,
         /// `[0]`: count, then indices of rays to trace again.
         pub unbalanced: u64 => Words,
@@ -140,7 +140,7 @@ shared_structs! {
         /// No further attempt follows.
         pub last: u32,
         /// Moves the rays in x, and in z by 0.7 of it, m.
-        pub nudge: f32,
+        pub ray_offset: f32,
     }
 
     /// Push constants of `exact.comp`.
@@ -167,7 +167,7 @@ shared_structs! {
         /// No further attempt follows.
         pub last: u32,
         /// Moves the rays in x, and in z by 0.7 of it, m.
-        pub nudge: f32,
+        pub ray_offset: f32,
         /// Crossings of a list.
         pub capacity: u32,
         /// Rays of a workgroup.

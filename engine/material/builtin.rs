@@ -2,6 +2,7 @@
 
 /// A material known by name.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Builtin {
     /// Its name.
     pub name: &'static str,

@@ -9,13 +9,14 @@ mod formula;
 mod table;
 
 use crate::error::{Error, Result};
-use crate::scene::{Beam, MaskBody, MaskSpec, MaterialSpec, Scene};
+use crate::scene::{Beam, MaskSpec, MaterialSpec, Scene};
 use crate::suggestion;
 
 pub use builtin::{Builtin, builtin, builtin_names, builtins};
 
 /// Optical constants of a material at one energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
 pub struct Constants {
     /// Linear attenuation coefficient, 1/m.
     pub mu: f64,
@@ -172,7 +173,7 @@ impl Asked<'_> {
 
 /// Where the constants of a material come from.
 enum Law<'a> {
-    /// The same at every energy that is asked for.
+    /// The same at each of the energies.
     Numbers(Constants),
     Formula {
         formula: &'a str,
@@ -225,9 +226,8 @@ fn unknown(scene: &Scene, name: &str, key: Option<&str>) -> Error {
 
 /// The first key of the scene that names a material.
 fn user(scene: &Scene, name: &str) -> Option<String> {
-    let bars = |mask: &Option<MaskSpec>| match mask {
-        Some(MaskSpec { body: MaskBody::Bars { material, .. }, .. }) => material == name,
-        _ => false,
+    let bars = |mask: &Option<MaskSpec>| {
+        mask.as_ref().and_then(|mask| mask.body.material()).is_some_and(|material| material == name)
     };
     if scene.surroundings == name {
         return Some("surroundings.material".into());

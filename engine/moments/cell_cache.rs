@@ -14,7 +14,7 @@ type Place = (u32, Range<i64>);
 /// Cells of some rows of a view, ready to be illuminated.
 #[derive(Debug, Default)]
 pub(super) struct Part {
-    /// Lists of strips, as [`EnergyBinning::lists`] gives them, by block of the file.
+    /// Lists of cell rows, as [`EnergyBinning::lists`] gives them, by block of the file.
     pub(super) lists: Vec<Vec<CellBatch>>,
     pub(super) covered: Covered,
 }
@@ -23,7 +23,7 @@ impl Part {
     pub(super) fn bytes(&self) -> u64 {
         let of_list = |list: &CellBatch| {
             list.cells.capacity() * size_of::<Cell>()
-                + list.strips.capacity() * size_of::<CellRow>()
+                + list.cell_rows.capacity() * size_of::<CellRow>()
         };
         let lists: usize = self.lists.iter().flatten().map(of_list).sum();
         (lists + self.covered.bytes()) as u64
@@ -50,7 +50,7 @@ impl Made {
         self.by.as_ref().is_some_and(|(r, s)| r.maps_like(resample) && s.gathers_like(spectral))
     }
 
-    /// Whether it is the first scene's or like it, and so many bytes more are not too many.
+    /// Whether it is the first scene's or like it, and `bytes` more still fit.
     fn takes(&self, resample: &Resampled, spectral: &EnergyBinning, bytes: u64, most: u64) -> bool {
         self.bytes + bytes <= most && (self.by.is_none() || self.is_by(resample, spectral))
     }

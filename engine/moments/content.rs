@@ -10,7 +10,7 @@ use std::ops::Range;
 const SLACK: f32 = 1e-3;
 /// Largest moment, sum of a path (m) or of tangents of incidence.
 const MOMENT: f32 = 1e9;
-/// Largest displacement (m), slope (rad) or optical depth of a walked ray.
+/// Largest displacement (m), slope (rad) or optical depth of a traced ray.
 const WALKED: f32 = 1e4;
 
 /// What the moments of a view have to fit.
@@ -33,18 +33,22 @@ impl Bounds {
         }
     }
 
-    /// What is wrong with the strips of a block of these rows.
-    pub(super) fn check(self, strips: &CellBatch, rows: &Range<i64>) -> Result<(), &'static str> {
+    /// What is wrong with the cell rows of a block of these rows.
+    pub(super) fn check(
+        self,
+        cell_rows: &CellBatch,
+        rows: &Range<i64>,
+    ) -> Result<(), &'static str> {
         let mut next = 0_u32;
-        for strip in &strips.strips {
-            if strip.first != next || strip.count == 0 {
-                return Err("strips that do not follow one another");
+        for cell_row in &cell_rows.cell_rows {
+            if cell_row.first_cell != next || cell_row.cell_count == 0 {
+                return Err("cell rows that do not follow one another");
             }
-            next = next.checked_add(strip.count).ok_or("more cells than can be counted")?;
-            self.strip(strip, rows)?;
+            next = next.checked_add(cell_row.cell_count).ok_or("more cells than can be counted")?;
+            self.cell_row(cell_row, rows)?;
         }
-        if next as usize != strips.cells.len() {
-            return Err("cells of no strip");
+        if next as usize != cell_rows.cells.len() {
+            return Err("cells of no cell row");
         }
         let good = |cell: &Cell| {
             let floats: &[f32] = bytemuck::cast_slice(std::slice::from_ref(cell));
@@ -53,39 +57,47 @@ impl Bounds {
                 && cell.x_low <= cell.x_high
                 && cell.x_high <= self.half
         };
-        if !strips.cells.iter().all(good) {
+        if !cell_rows.cells.iter().all(good) {
             return Err("cells outside their beamlet, or values that are not finite");
         }
         // Also false for what is not a number.
-        if !strips.moments.ends.iter().all(|value| value.abs() <= MOMENT) {
+        if !cell_rows.moments.ends.iter().all(|value| value.abs() <= MOMENT) {
             return Err("moments of no ray");
         }
-        let exact = &strips.moments.exact;
+        let exact = &cell_rows.moments.exact;
         let ascend = exact.windows(2).all(|pair| pair[0].cell < pair[1].cell);
         if !ascend || exact.last().is_some_and(|last| last.cell >= next) {
-            return Err("ordered cells that are not there");
+            return Err("exact cells that are not there");
         }
-        match exact.iter().all(|cell| self.ordered(cell)) {
+        match exact.iter().all(|cell| self.is_exact(cell)) {
             true => Ok(()),
-            false => Err("ordered rays that no walk has"),
+            false => Err("exact rays that no tracing has"),
         }
     }
 
-    fn strip(self, strip: &CellRow, rows: &Range<i64>) -> Result<(), &'static str> {
-        let last = i64::from(strip.row) + i64::from(strip.rows) - 1;
-        let inside = rows.contains(&i64::from(strip.row)) && rows.contains(&last);
-        if !inside || strip.column >= self.columns {
-            return Err("strips outside their rows or columns");
+    fn cell_row(self, cell_row: &CellRow, rows: &Range<i64>) -> Result<(), &'static str> {
+        let last = i64::from(cell_row.row) + i64::from(cell_row.rows) - 1;
+        let inside = rows.contains(&i64::from(cell_row.row)) && rows.contains(&last);
+        if !inside || cell_row.column >= self.columns {
+            return Err("cell rows outside their rows or columns");
         }
-        let floats = [strip.light, strip.low_landing, strip.high_landing, strip.spread, strip.bend];
-        let in_row = -SLACK <= strip.top && strip.top < strip.bottom && strip.bottom <= 1.0 + SLACK;
+        let floats = [
+            cell_row.light,
+            cell_row.low_landing,
+            cell_row.high_landing,
+            cell_row.displacement_variance,
+            cell_row.displacement_slope,
+        ];
+        let in_row = -SLACK <= cell_row.top
+            && cell_row.top < cell_row.bottom
+            && cell_row.bottom <= 1.0 + SLACK;
         match in_row && floats.iter().all(|value| value.is_finite()) {
             true => Ok(()),
-            false => Err("strips outside their row, or values that are not finite"),
+            false => Err("cell rows outside their row, or values that are not finite"),
         }
     }
 
-    fn ordered(self, cell: &ExactCell) -> bool {
+    fn is_exact(self, cell: &ExactCell) -> bool {
         let ray = |ray: &Ray| {
             let floats = [ray.x, ray.z, ray.slope_x, ray.slope_z];
             ray.view == self.view && floats.iter().all(|value| value.abs() <= WALKED)

@@ -1,6 +1,6 @@
 //! Moments of a view on disk: `RUN/moments/view_0000.bin`.
 //!
-//! A header, then blocks of strips with their cells, then the SHA-256 of all that. Numbers are
+//! A header, then blocks of cell rows with their cells, then the SHA-256 of all that. Numbers are
 //! little-endian words of 32 bits; docs/kept.md says what they are. A file is written
 //! under another name and renamed when its view is committed.
 
@@ -28,7 +28,7 @@ const HEADER: usize = 16 + 8 + 32;
 const HASH: usize = 32;
 /// Most words of a ray's moments: those of 10,000 materials.
 const WORDS: usize = 10_000 * MOMENTS_PER_MATERIAL;
-/// Words of a block's header: strips, cells, wide cells walked in order, all of those, first and
+/// Words of a block's header: cell rows, cells, wide cells traced exactly, all of those, first and
 /// last row.
 const BLOCK: usize = 6;
 
@@ -67,37 +67,39 @@ impl MomentWriter {
         Self { run: run.into(), open: None }
     }
 
-    /// Appends the strips of some rows of a view, but for whole rows of a beamlet that nothing
+    /// Appends the cell rows of some rows of a view, but for whole rows of a beamlet that nothing
     /// lies before.
     ///
     /// # Errors
     /// [`Error::File`].
-    pub(crate) fn write(&mut self, view: u32, words: usize, strips: &CellBatch) -> Result<()> {
+    pub(crate) fn write(&mut self, view: u32, words: usize, cell_rows: &CellBatch) -> Result<()> {
         let seeing: Vec<&CellRow> =
-            strips.strips.iter().filter(|s| !is_blank(strips, s, words)).collect();
+            cell_rows.cell_rows.iter().filter(|s| !is_blank(cell_rows, s, words)).collect();
         if self.open.as_ref().is_none_or(|open| open.view != view) {
             self.begin(view, words)?;
         }
         let Some(open) = self.open.as_mut().filter(|_| !seeing.is_empty()) else { return Ok(()) };
         let mut cells: Vec<u8> = Vec::new();
         let (mut ends, mut heads) = (Vec::new(), Vec::new());
-        let (mut ordered, mut wide) = (Vec::new(), 0_u32);
+        let (mut wide_exact, mut wide) = (Vec::new(), 0_u32);
         let mut first = 0_u32;
-        for strip in &seeing {
-            let range = strip.first as usize..(strip.first + strip.count) as usize;
-            heads.push(CellRow { first, ..**strip });
-            cells.extend_from_slice(bytemuck::cast_slice(&strips.cells[range.clone()]));
+        for cell_row in &seeing {
+            let range =
+                cell_row.first_cell as usize..(cell_row.first_cell + cell_row.cell_count) as usize;
+            heads.push(CellRow { first_cell: first, ..**cell_row });
+            cells.extend_from_slice(bytemuck::cast_slice(&cell_rows.cells[range.clone()]));
             ends.extend_from_slice(
-                &strips.moments.ends[2 * words * range.start..2 * words * range.end],
+                &cell_rows.moments.ends[2 * words * range.start..2 * words * range.end],
             );
-            let from = strips.moments.exact.partition_point(|e| (e.cell as usize) < range.start);
-            let of_strip = strips.moments.exact[from..].iter();
-            for exact in of_strip.take_while(|e| (e.cell as usize) < range.end) {
-                let cell = &strips.cells[exact.cell as usize];
+            let from = cell_rows.moments.exact.partition_point(|e| (e.cell as usize) < range.start);
+            let of_row = cell_rows.moments.exact[from..].iter();
+            for exact in of_row.take_while(|e| (e.cell as usize) < range.end) {
+                let cell = &cell_rows.cells[exact.cell as usize];
                 wide += u32::from(cell.x_high - cell.x_low > NARROW);
-                ordered.push(ExactCell { cell: exact.cell - strip.first + first, ..*exact });
+                wide_exact
+                    .push(ExactCell { cell: exact.cell - cell_row.first_cell + first, ..*exact });
             }
-            first += strip.count;
+            first += cell_row.cell_count;
         }
         let rows = seeing.iter().map(|s| s.row);
         let (low, high) = (rows.clone().min().unwrap_or(0), rows.max().unwrap_or(0));
@@ -105,17 +107,17 @@ impl MomentWriter {
             numbers::count(heads.len()),
             first,
             wide,
-            numbers::count(ordered.len()),
+            numbers::count(wide_exact.len()),
             low.cast_unsigned(),
             high.cast_unsigned(),
         ];
-        let ordered: Vec<u32> = ordered.iter().flat_map(words_of).collect();
+        let wide_exact: Vec<u32> = wide_exact.iter().flat_map(words_of).collect();
         let parts: [&[u8]; 5] = [
             bytemuck::cast_slice(&head),
             bytemuck::cast_slice(&heads),
             &cells,
             bytemuck::cast_slice(&ends),
-            bytemuck::cast_slice(&ordered),
+            bytemuck::cast_slice(&wide_exact),
         ];
         parts.into_iter().try_for_each(|part| open.put(part))
     }
@@ -198,7 +200,7 @@ impl Open {
     }
 }
 
-/// Removes the moments of an earlier run of so many views from its directory. Files of others
+/// Removes the moments of an earlier run of `views` views from its directory. Files of others
 /// stay, whatever their names.
 ///
 /// # Errors
@@ -241,20 +243,20 @@ fn is_of_beamlet(path: &Path) -> Result<bool> {
     }
 }
 
-/// Whether a strip is one cell over a whole row and period, without a sample.
-fn is_blank(strips: &CellBatch, strip: &CellRow, words: usize) -> bool {
-    let cells = strip.first as usize..(strip.first + strip.count) as usize;
-    let cell = &strips.cells[cells.start];
-    let whole = strip.count == 1
-        && strip.top <= 0.0
-        && strip.bottom >= 1.0
+/// Whether a cell row is one cell over a whole row and period, without a sample.
+fn is_blank(cell_rows: &CellBatch, cell_row: &CellRow, words: usize) -> bool {
+    let cells = cell_row.first_cell as usize..(cell_row.first_cell + cell_row.cell_count) as usize;
+    let cell = &cell_rows.cells[cells.start];
+    let whole = cell_row.cell_count == 1
+        && cell_row.top <= 0.0
+        && cell_row.bottom >= 1.0
         && cell.x_low.to_bits() == (-cell.x_high).to_bits();
-    let mut moments = strips.moments.ends[2 * words * cells.start..2 * words * cells.end].iter();
+    let mut moments = cell_rows.moments.ends[2 * words * cells.start..2 * words * cells.end].iter();
     whole && moments.all(|moment| moment.abs() <= 0.0)
 }
 
-/// An ordered cell as words: cell, and for both ends ray and result.
-const ORDERED: usize = 1 + 2 * (5 + 8);
+/// An exact cell as words: cell, and for both ends ray and result.
+const EXACT_WORDS: usize = 1 + 2 * (5 + 8);
 
 fn words_of(cell: &ExactCell) -> Vec<u32> {
     let mut words = vec![cell.cell];

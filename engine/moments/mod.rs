@@ -86,8 +86,8 @@ impl StoredMoments {
         Ok(Self { directory, scene, views, shared: CellCache::default(), _lock: lock })
     }
 
-    /// Keeps up to so many bytes of the cells that the first scene makes, for the next ones that
-    /// would make the same: those with the same energies, constants, spot, detector, reach of the
+    /// Caches up to `bytes` of the cells that the first scene makes, so that later scenes with the
+    /// same sampling reuse them: those with the same energies, constants, spot, detector, reach of the
     /// scan, place and period of the sample mask and, under a spectrum, thickness and material of
     /// the masks.
     #[must_use]
@@ -128,8 +128,8 @@ impl StoredMoments {
         let rows = -lattice.halo..i64::from(optics.detector.pixels[1]) + lattice.halo;
         let mut cells = 0;
         for view in (0_u32..).take(self.views.len()) {
-            source.read(view, &rows, &mut Covered::default(), |strips| {
-                cells += strips.cells.len();
+            source.read(view, &rows, &mut Covered::default(), |cell_rows| {
+                cells += cell_rows.cells.len();
                 Ok(())
             })?;
         }
@@ -179,23 +179,23 @@ fn lock(run: &Path) -> Result<Option<File>> {
     }
 }
 
-/// Kept moments as the strips of another scene.
+/// Kept moments as the cell rows of another scene.
 #[derive(Debug)]
 pub(crate) struct StoredSource<'k> {
     kept: &'k StoredMoments,
     resample: Resampled,
     /// Materials of the other scene in the order of the moments.
     pub(crate) media: MaterialTable,
-    /// Constants that ordered walks were made at.
+    /// Constants that exact transport was computed at.
     pub(crate) reference: Vec<crate::material::Constants>,
     /// The strongest delta that rays were flagged for.
     pub(crate) flagged: f64,
-    /// Some ordered walks have to be repeated.
+    /// Exact transport of some rays has to be repeated.
     pub(crate) retrace: bool,
 }
 
 impl StoredSource<'_> {
-    /// Lists of the strips of some rows of a view, those without a sample among them, handed over
+    /// Lists of the cell rows of some rows of a view, those without a sample among them, handed over
     /// in parts: as `gather`, of `spectral`, makes them, or as it made them for a scene before.
     ///
     /// # Errors
@@ -223,8 +223,8 @@ impl StoredSource<'_> {
         let mut keeps = shared.takes(&self.resample, spectral, 0);
         let mut part = Part::default();
         let mut covered = std::mem::take(&mut part.covered);
-        self.read(view, rows, &mut covered, |strips| {
-            let lists = gather(&strips)?;
+        self.read(view, rows, &mut covered, |cell_rows| {
+            let lists = gather(&cell_rows)?;
             take(&lists)?;
             if keeps {
                 part.lists.push(lists);
@@ -243,7 +243,7 @@ impl StoredSource<'_> {
         Ok(())
     }
 
-    /// Hands over the strips of some rows of a view, cut to the lattice of the other scene, and
+    /// Hands over the cell rows of some rows of a view, cut to the lattice of the other scene, and
     /// notes what they cover of it.
     fn read(
         &self,

@@ -5,7 +5,7 @@ use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
 use crate::numbers::{self, single};
 use crate::optics::Optics;
 use crate::sampling::{
-    CellBatch, CellMoments, ExactCell, Lattice, blank_strips, empty_cell, empty_strip,
+    CellBatch, CellMoments, ExactCell, Lattice, blank_cell_rows, empty_cell, empty_cell_row,
 };
 use crate::{Error, Result};
 use std::collections::HashMap;
@@ -14,7 +14,7 @@ use std::ops::Range;
 /// Pieces thinner than this share of a period or row come from rounding.
 const SLIVER: f64 = 1e-6;
 
-/// A beamlet and row is covered where strips take this share of it: slanting ones leave gaps and
+/// A beamlet and row is covered where cell rows take this share of it: slanting ones leave gaps and
 /// overlaps of the same size.
 const COVERED: f64 = 0.999;
 
@@ -33,7 +33,7 @@ pub(super) struct Resampled {
     same_rows: bool,
 }
 
-/// What kept strips cover of the new lattice: by row and beamlet, intervals of z in the row
+/// What kept cell rows cover of the new lattice: by row and beamlet, intervals of z in the row
 /// with intervals of x.
 #[derive(Debug, Default)]
 pub(super) struct Covered(HashMap<(i64, i64), Vec<[f64; 4]>>);
@@ -82,12 +82,12 @@ impl Resampled {
         })
     }
 
-    /// The lattice of the strips.
+    /// The lattice of the cell rows.
     pub(super) const fn old(&self) -> &Lattice {
         &self.old
     }
 
-    /// Whether the cells that `other` makes of strips of the same run are the same.
+    /// Whether the cells that `other` makes of cell rows of the same run are the same.
     pub(super) fn maps_like(&self, other: &Self) -> bool {
         let numbers =
             |r: &Self| [r.rows, r.row_slopes, [r.lever, 0.0]].map(|n| n.map(f64::to_bits));
@@ -116,71 +116,78 @@ impl Resampled {
         numbers::whole::<i64>(old(rows.start).floor())..numbers::whole::<i64>(old(rows.end).ceil())
     }
 
-    /// The strips of `rows` of the new detector.
+    /// The cell rows of `rows` of the new detector.
     pub(super) fn map(
         &self,
-        strips: CellBatch,
+        cell_rows: CellBatch,
         rows: &Range<i64>,
         covered: &mut Covered,
     ) -> CellBatch {
         if self.same_columns && self.same_rows && self.lever.to_bits() == 0 {
-            return self.keep(strips, rows, covered);
+            return self.keep(cell_rows, rows, covered);
         }
         let mut out = CellBatch::default();
-        for strip in &strips.strips {
-            let at = f64::from(strip.row);
-            let [top, bottom] = [strip.top, strip.bottom].map(|z| self.row(at + f64::from(z)));
+        for cell_row in &cell_rows.cell_rows {
+            let at = f64::from(cell_row.row);
+            let [top, bottom] =
+                [cell_row.top, cell_row.bottom].map(|z| self.row(at + f64::from(z)));
             for row in numbers::whole::<i64>(top.floor())..numbers::whole::<i64>(bottom.ceil()) {
                 let z = [top.max(row as f64), bottom.min((row + 1) as f64)].map(|z| z - row as f64);
                 if rows.contains(&row) && z[1] - z[0] > SLIVER {
-                    self.map_strip(&strips, strip, row, z, &mut out, covered);
+                    self.map_cell_row(&cell_rows, cell_row, row, z, &mut out, covered);
                 }
             }
         }
         out
     }
 
-    /// Strips of the same lattice: those of `rows` stay as they are.
-    fn keep(&self, mut strips: CellBatch, rows: &Range<i64>, covered: &mut Covered) -> CellBatch {
-        let CellBatch { strips: all, cells, .. } = &mut strips;
-        all.retain_mut(|strip| {
-            let beamlet = i64::from(strip.column) + self.old.beamlets.start;
-            let row = i64::from(strip.row);
+    /// Cell rows of the same lattice: those of `rows` stay as they are.
+    fn keep(
+        &self,
+        mut cell_rows: CellBatch,
+        rows: &Range<i64>,
+        covered: &mut Covered,
+    ) -> CellBatch {
+        let CellBatch { cell_rows: all, cells, .. } = &mut cell_rows;
+        all.retain_mut(|cell_row| {
+            let beamlet = i64::from(cell_row.column) + self.old.beamlets.start;
+            let row = i64::from(cell_row.row);
             if !rows.contains(&row) || !self.new.beamlets.contains(&beamlet) {
                 return false;
             }
-            strip.column = numbers::narrow::<u32>(beamlet - self.new.beamlets.start);
-            let of_strip = &cells[strip.first as usize..(strip.first + strip.count) as usize];
-            if let [first, .., last] | [first @ last] = of_strip {
-                let [top, bottom] = [strip.top, strip.bottom].map(f64::from);
+            cell_row.column = numbers::narrow::<u32>(beamlet - self.new.beamlets.start);
+            let of_row = &cells[cell_row.first_cell as usize
+                ..(cell_row.first_cell + cell_row.cell_count) as usize];
+            if let [first, .., last] | [first @ last] = of_row {
+                let [top, bottom] = [cell_row.top, cell_row.bottom].map(f64::from);
                 let x = [first.x_low, last.x_high].map(f64::from);
                 covered.0.entry((row, beamlet)).or_default().push([top, bottom, x[0], x[1]]);
             }
             true
         });
-        strips
+        cell_rows
     }
 
-    fn map_strip(
+    fn map_cell_row(
         &self,
-        strips: &CellBatch,
-        strip: &CellRow,
+        cell_rows: &CellBatch,
+        cell_row: &CellRow,
         row: i64,
         z: [f64; 2],
         out: &mut CellBatch,
         covered: &mut Covered,
     ) {
-        let words = strips.moments.ends.len() / strips.cells.len().max(1) / 2;
-        let old_beamlet = i64::from(strip.column) + self.old.beamlets.start;
+        let words = cell_rows.moments.ends.len() / cell_rows.cells.len().max(1) / 2;
+        let old_beamlet = i64::from(cell_row.column) + self.old.beamlets.start;
         let scale = self.new.plane / self.old.plane;
-        let first = strip.first as usize;
-        let mut from = strips.moments.exact.partition_point(|e| (e.cell as usize) < first);
+        let first = cell_row.first_cell as usize;
+        let mut from = cell_rows.moments.exact.partition_point(|e| (e.cell as usize) < first);
         let mut piece = Overlap::default();
-        for index in first..first + strip.count as usize {
-            let cell = &strips.cells[index];
-            let ends = &strips.moments.ends[2 * words * index..2 * words * (index + 1)];
-            let ordered = strips.moments.exact.get(from).filter(|e| e.cell as usize == index);
-            from += usize::from(ordered.is_some());
+        for index in first..first + cell_row.cell_count as usize {
+            let cell = &cell_rows.cells[index];
+            let ends = &cell_rows.moments.ends[2 * words * index..2 * words * (index + 1)];
+            let exact = cell_rows.moments.exact.get(from).filter(|e| e.cell as usize == index);
+            from += usize::from(exact.is_some());
             let [low, high] = [cell.x_low, cell.x_high]
                 .map(|x| (self.old.centre(old_beamlet) + f64::from(x)) * scale);
             let beamlets = if self.same_columns {
@@ -219,7 +226,7 @@ impl Resampled {
                     Cell { x_low: x[0], x_high: x[1], ..*cell },
                     ends,
                     share,
-                    ordered,
+                    exact,
                     self.lever,
                 );
             }
@@ -227,7 +234,7 @@ impl Resampled {
         self.flush(&mut piece, row, z, out, covered);
     }
 
-    /// Appends the strip of a beamlet.
+    /// Appends the cell row of a beamlet.
     fn flush(
         &self,
         piece: &mut Overlap,
@@ -247,15 +254,15 @@ impl Resampled {
         }
         let x = [first.x_low.into(), last.x_high.into()];
         covered.0.entry((row, beamlet)).or_default().push([z[0], z[1], x[0], x[1]]);
-        let strip = CellRow {
+        let cell_row = CellRow {
             top: single(z[0]),
             bottom: single(z[1]),
-            ..empty_strip(beamlet - self.new.beamlets.start, row)
+            ..empty_cell_row(beamlet - self.new.beamlets.start, row)
         };
-        out.push(strip, &done.cells, &done.moments);
+        out.push(cell_row, &done.cells, &done.moments);
     }
 
-    /// Strips of what no kept strip covers: there is no sample there.
+    /// Cell rows of what no kept cell row covers: there is no sample there.
     pub(super) fn blank(
         &self,
         rows: &Range<i64>,
@@ -268,9 +275,9 @@ impl Resampled {
         let mut blank = Vec::new();
         for row in rows.start.max(lit.start)..rows.end.min(lit.end) {
             for beamlet in self.new.direct.clone() {
-                let strip = empty_strip(beamlet - self.new.beamlets.start, row);
+                let cell_row = empty_cell_row(beamlet - self.new.beamlets.start, row);
                 let Some(parts) = covered.0.get(&(row, beamlet)) else {
-                    blank.push((i64::from(strip.column), row));
+                    blank.push((i64::from(cell_row.column), row));
                     continue;
                 };
                 let ends = half - SLIVER * self.new.period;
@@ -304,15 +311,15 @@ impl Resampled {
                     }
                     let [above, below] = self.new.row_shares(z[0], z[1], 0.0);
                     for cell in &mut cells {
-                        (cell.above, cell.below) = (above, below);
+                        (cell.share_above, cell.share_below) = (above, below);
                     }
-                    let strip = CellRow { top: single(z[0]), bottom: single(z[1]), ..strip };
-                    out.push(strip, &cells, &CellMoments::default());
+                    let cell_row = CellRow { top: single(z[0]), bottom: single(z[1]), ..cell_row };
+                    out.push(cell_row, &cells, &CellMoments::default());
                 }
             }
         }
-        for strip in blank_strips(&self.new, blank) {
-            out.push(strip, &[whole], &CellMoments::default());
+        for cell_row in blank_cell_rows(&self.new, blank) {
+            out.push(cell_row, &[whole], &CellMoments::default());
         }
         out
     }
@@ -333,7 +340,7 @@ impl Overlap {
         cell: Cell,
         ends: &[f32],
         share: [f32; 2],
-        ordered: Option<&ExactCell>,
+        exact: Option<&ExactCell>,
         lever: f64,
     ) {
         let (low, high) = ends.split_at(ends.len() / 2);
@@ -354,17 +361,17 @@ impl Overlap {
                 m[2] += single(f64::from(m[4]) * lever);
             }
         }
-        if let Some(ordered) = ordered {
-            let range = ordered.range[1] - ordered.range[0];
+        if let Some(exact) = exact {
+            let range = exact.range[1] - exact.range[0];
             self.moments.exact.push(ExactCell {
                 cell: numbers::count(self.cells.len()),
-                range: share.map(|t| ordered.range[0] + range * t),
-                results: ordered.results.map(|mut result| {
+                range: share.map(|t| exact.range[0] + range * t),
+                results: exact.results.map(|mut result| {
                     result.displacement_x += single(f64::from(result.slope_x) * lever);
                     result.displacement_z += single(f64::from(result.slope_z) * lever);
                     result
                 }),
-                ..*ordered
+                ..*exact
             });
         }
         self.cells.push(cell);

@@ -66,9 +66,9 @@ impl MaskShape {
         }
     }
 
-    /// Share of the shadow width that narrows apertures, as `edge_mean` there tells, where bars
+    /// Share of the shadow width that narrows apertures, as `edge_mean` there gives it, where bars
     /// leak so much.
-    pub(crate) fn shade(&self, secant: f64, leak: f64) -> f64 {
+    pub(crate) fn narrowing(&self, secant: f64, leak: f64) -> f64 {
         let a = self.attenuation * secant;
         if a <= 0.0 || 1.0 - leak < 1e-5 {
             return 0.0;
@@ -78,7 +78,7 @@ impl MaskShape {
     }
 
     /// Variance of an edge in squared shadow widths, as `edge_variance` there.
-    pub(crate) fn softness(&self) -> f64 {
+    pub(crate) fn edge_variance(&self) -> f64 {
         let (a, leak) = (self.attenuation, self.leak(1.0));
         if a <= 0.0 {
             return 0.0;
@@ -90,7 +90,7 @@ impl MaskShape {
     }
 
     /// Whether bars do the same to light in the way of them; apertures do not count.
-    pub(crate) fn shades_like(&self, other: &Self) -> bool {
+    pub(crate) fn same_bars(&self, other: &Self) -> bool {
         let of =
             |mask: &Self| [mask.thickness, mask.attenuation, mask.transmission].map(f64::to_bits);
         of(self) == of(other)

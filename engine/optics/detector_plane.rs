@@ -28,6 +28,11 @@ impl DetectorPlane {
         self.pitch[axis] * plane / self.distance
     }
 
+    /// Columns that a metre across at `distance` covers as seen from the source.
+    pub(crate) fn columns_per_metre(&self, distance: f64) -> f64 {
+        self.distance / distance / self.pitch[0]
+    }
+
     /// Area of a pixel, m2.
     pub(crate) fn pixel_area(&self) -> f64 {
         self.pitch[0] * self.pitch[1]

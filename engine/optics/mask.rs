@@ -1,5 +1,6 @@
 //! Where the apertures and bars of a mask stand: the only place that computes it.
 
+use super::DetectorPlane;
 use crate::scene::{MaskBody, MaskSpec};
 
 /// A mask on the beam. Aperture k stands at (k + 1/2 - C/2) periods, with C columns of pixels.
@@ -79,6 +80,28 @@ impl Mask {
         let first = slope * plane - self.spec.offset * self.scale_at(plane);
         let at = first / period + f64::from(self.columns) / 2.0 - 0.5;
         (at - at.round()) * period
+    }
+
+    /// Columns of pixels from the light of one aperture to that of the next.
+    pub(crate) fn period_columns(&self, detector: &DetectorPlane) -> f64 {
+        self.spec.period * detector.columns_per_metre(self.spec.distance)
+    }
+
+    /// Width of the light of an aperture, columns of pixels.
+    pub(crate) fn aperture_columns(&self, detector: &DetectorPlane) -> f64 {
+        self.spec.aperture * detector.columns_per_metre(self.spec.distance)
+    }
+
+    /// Columns that the light is displaced by while the mask is displaced by `shift` (m) besides
+    /// its own offset.
+    pub(crate) fn offset_columns(&self, detector: &DetectorPlane, shift: f64) -> f64 {
+        (self.spec.offset + shift) * detector.columns_per_metre(self.spec.distance)
+    }
+
+    /// Its lengths by name, m: what files record of it.
+    pub(crate) const fn lengths(&self) -> [(&'static str, f64); 4] {
+        let MaskSpec { distance, period, aperture, offset, .. } = self.spec;
+        [("distance", distance), ("period", period), ("aperture", aperture), ("offset", offset)]
     }
 
     /// What the shadow of bars with a thickness takes of each side of an aperture, m in the plane

@@ -125,6 +125,15 @@ impl Optics {
         }
     }
 
+    /// Widths of the apertures whose overlap is an illumination curve, m: of the sample mask as it
+    /// is projected onto the analyser, of the detector mask in its own plane. 0 without the mask.
+    pub(crate) fn overlapping_apertures(&self) -> [f64; 2] {
+        [
+            self.sample_mask.as_ref().map_or(0.0, |mask| mask.aperture_at(self.analyser)),
+            self.detector_mask.as_ref().map_or(0.0, Mask::aperture),
+        ]
+    }
+
     /// Source to where light is cut off for good, m: the detector mask, or the pixels.
     pub(crate) fn cutting_plane(&self) -> f64 {
         if self.detector_mask.is_some() { self.analyser } else { self.detector.distance }
@@ -137,7 +146,7 @@ impl Optics {
         offset * (detector.distance - self.rotation) / self.rotation / detector.pitch[1]
     }
 
-    /// Cosine and sine of a view's angle as directions of the detector's columns tell them.
+    /// Cosine and sine of a view's angle from the direction of the detector's columns.
     pub(crate) fn turn(&self, angle: f64) -> [f64; 2] {
         let across = [libm::cos(angle), libm::sin(angle)].map(|part| self.detector.pitch[0] * part);
         let length = libm::hypot(across[0], across[1]);

@@ -2,6 +2,7 @@
 
 use super::method::BEAMLET_PIXELS;
 use crate::numbers;
+use crate::optics::Optics;
 use crate::scene::Scene;
 use crate::{Error, Result};
 use ndarray::{Array3, ArrayView3};
@@ -15,20 +16,20 @@ pub(super) struct Beamlets {
     pixels: usize,
     /// Columns of the detector.
     columns: usize,
+    /// Width of a pixel, m.
     pitch: f64,
 }
 
 impl Beamlets {
     /// Of a scene that [`super::Method::check`] let through.
     pub(super) fn of(scene: &Scene) -> Result<Self> {
-        let Some(mask) = &scene.sample_mask else {
+        let optics = Optics::of(scene);
+        let Some(mask) = &optics.sample_mask else {
             return Err(Error::scene("sample_mask", "nothing", "a sample mask"));
         };
-        let pitch = scene.detector.pitch[0];
-        let columns = f64::from(scene.detector.pixels[0]);
-        let enlarged = scene.detector.distance / mask.distance / pitch;
-        let period = mask.period * enlarged;
-        let shift = (mask.offset + scene.scan.mask_offsets[0]) * enlarged;
+        let columns = f64::from(optics.detector.pixels[0]);
+        let period = mask.period_columns(&optics.detector);
+        let shift = mask.offset_columns(&optics.detector, optics.mask_offsets[0]);
         // Window of whole pixels about each centre; the detector's pixel c has its centre at c.
         let pixels = period.round().max(BEAMLET_PIXELS);
         let centre = |k: f64| (k + 0.5 - columns / 2.0) * period + shift + columns / 2.0 - 0.5;
@@ -50,7 +51,7 @@ impl Beamlets {
             starts,
             pixels: numbers::whole::<usize>(pixels),
             columns: numbers::whole::<usize>(columns),
-            pitch,
+            pitch: optics.detector.pitch[0],
         })
     }
 

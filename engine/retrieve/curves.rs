@@ -38,7 +38,7 @@ impl Curve {
     }
 }
 
-/// Results of many curves, one entry per curve. `NaN` where a method does not tell.
+/// Results of many curves, one entry per curve. `NaN` where a method gives none.
 #[derive(Debug, Clone, Default)]
 #[non_exhaustive]
 pub struct Curves {

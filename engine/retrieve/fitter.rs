@@ -20,6 +20,7 @@ const AT_ONCE: usize = 1 << 20;
 /// How values of a curve count in a fit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Weights {
     /// All the same.
     #[default]
@@ -29,8 +30,10 @@ pub enum Weights {
     Poisson,
 }
 
-/// How curves are fitted.
+/// How curves are fitted. `FitOptions::default()` weighs all values alike; what differs from it is
+/// set in a chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct FitOptions {
     /// Weights of the values.
     pub weights: Weights,
@@ -48,6 +51,19 @@ impl Default for FitOptions {
     }
 }
 
+impl FitOptions {
+    setters! {
+        /// Chooses the weights of the values.
+        with_weights(weights: Weights);
+        /// Sets the value of one count.
+        with_gain(gain: f64);
+        /// Sets the standard deviation of noise besides that of counts.
+        with_read_noise(read_noise: f64);
+        /// Leaves out values from here on.
+        with_saturation(saturation: impl Into<Option<f32>>);
+    }
+}
+
 /// Fits curves taken at the same offsets.
 #[derive(Debug)]
 pub struct Fitter {
@@ -61,8 +77,8 @@ pub struct Fitter {
     /// Added to values while they are fitted: with it their variance is the gain times them.
     pedestal: f32,
     /// Least and most width, in half widths.
-    narrow: f64,
-    wide: f64,
+    min_width: f64,
+    max_width: f64,
     options: FitOptions,
 }
 
@@ -117,8 +133,8 @@ impl Fitter {
             step_count: offsets.len(),
             middle,
             half,
-            narrow: least / 3.0,
-            wide: 2.0,
+            min_width: least / 3.0,
+            max_width: 2.0,
             pedestal: match options.weights {
                 Weights::None => 0.0,
                 Weights::Poisson => single(options.read_noise * options.read_noise / options.gain),
@@ -197,8 +213,8 @@ impl Fitter {
                 poisson: (self.options.weights == Weights::Poisson).into(),
                 gain: single(self.options.gain),
                 saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
-                narrow: single(self.narrow),
-                wide: single(self.wide),
+                min_width: single(self.min_width),
+                max_width: single(self.max_width),
             };
             let groups = [n.div_ceil(GROUP), 1, 1];
             let time = self.device.run(|r| {

@@ -15,7 +15,7 @@ pub const FEW: u32 = interface::CURVE_FEW;
 pub const NOT_CONVERGED: u32 = interface::CURVE_NOT_CONVERGED;
 /// The condition number of the normal equations (unit diagonal) passes 100.
 pub const ILL_CONDITIONED: u32 = interface::CURVE_ILL_CONDITIONED;
-/// The width is beyond what the offsets can tell: a third of their least distance, or the scan.
+/// The width is beyond what the offsets resolve: a third of their least distance, or the scan.
 pub const WIDTH: u32 = interface::CURVE_WIDTH;
 /// The centre lies outside the scan: extrapolated.
 pub const OUTSIDE: u32 = interface::CURVE_OUTSIDE;

@@ -56,7 +56,7 @@ impl Images {
         self.names.iter().copied().zip(&self.maps)
     }
 
-    /// An image; `None` where the method does not tell it. In images, 1-sigma uncertainties
+    /// An image; `None` where the method does not give it. In images, 1-sigma uncertainties
     /// have the unit of what they belong to: transmission 1, refraction rad, dark field rad^2;
     /// centres and widths are in m.
     #[must_use]
@@ -65,7 +65,13 @@ impl Images {
     }
 
     /// Fills the pixels `at` from the curves of the whole flat and of these pixels' sample.
-    pub(super) fn take(&mut self, at: Range<usize>, flat: &Curves, sample: &Curves, arm: f64) {
+    pub(super) fn take(
+        &mut self,
+        at: Range<usize>,
+        flat: &Curves,
+        sample: &Curves,
+        angle_per_shift: f64,
+    ) {
         let find = |name: &str| self.names.iter().position(|other| *other == name);
         let of_flags = find(FLAGS);
         let of_sample = OF_SAMPLE.map(find);
@@ -92,7 +98,7 @@ impl Images {
                 put(map, pixel, value);
             }
             if flat.has_answer(pixel) {
-                let values = contrasts(flat, pixel, sample, s, arm);
+                let values = contrasts(flat, pixel, sample, s, angle_per_shift);
                 for (map, value) in of_contrasts.into_iter().zip(values) {
                     put(map, pixel, single(value));
                 }
@@ -101,9 +107,9 @@ impl Images {
     }
 }
 
-/// Contrasts and their uncertainties, in the order of [`CONTRASTS`]. `arm`: refraction angle per
+/// Contrasts and their uncertainties, in the order of [`CONTRASTS`]. `angle_per_shift`: refraction angle per
 /// shift of the centre, -M/z for a scan of the sample mask.
-fn contrasts(flat: &Curves, f: usize, sample: &Curves, s: usize, arm: f64) -> [f64; 6] {
+fn contrasts(flat: &Curves, f: usize, sample: &Curves, s: usize, angle_per_shift: f64) -> [f64; 6] {
     let pair = |of: fn(&Curves) -> &Vec<f32>| [f64::from(of(flat)[f]), f64::from(of(sample)[s])];
     let [area_f, area_s] = pair(|c| &c.area);
     let [centre_f, centre_s] = pair(|c| &c.centre);
@@ -114,10 +120,12 @@ fn contrasts(flat: &Curves, f: usize, sample: &Curves, s: usize, arm: f64) -> [f
     let transmission = area_s / area_f;
     [
         transmission,
-        arm * (centre_s - centre_f),
-        arm * arm * (width_s - width_f) * (width_s + width_f),
+        angle_per_shift * (centre_s - centre_f),
+        angle_per_shift * angle_per_shift * (width_s - width_f) * (width_s + width_f),
         transmission * area_sigma_f.hypot(area_sigma_s),
-        arm.abs() * centre_sigma_f.hypot(centre_sigma_s),
-        2.0 * arm * arm * (width_f * width_sigma_f).hypot(width_s * width_sigma_s),
+        angle_per_shift.abs() * centre_sigma_f.hypot(centre_sigma_s),
+        2.0 * angle_per_shift
+            * angle_per_shift
+            * (width_f * width_sigma_f).hypot(width_s * width_sigma_s),
     ]
 }

@@ -22,7 +22,7 @@ pub struct Input {
     dark: Option<Array2<f32>>,
     /// Values from here on, before the dark is subtracted, are left out.
     saturation: Option<f32>,
-    /// Detector number of one photon, and the noise of no light, where the scene tells them.
+    /// Detector number of one photon, and the noise of no light, where the scene has them.
     noise: Option<[f64; 2]>,
     counts: bool,
 }

@@ -30,7 +30,7 @@ pub(super) struct Values {
 }
 
 impl Scan {
-    /// Sorts out values; flags tell what stands against an answer.
+    /// Sorts out values; flags say why there is no answer.
     pub(super) fn values(&self, curve: impl Iterator<Item = f32>, needed: usize) -> Values {
         let mut values = Values {
             points: Vec::with_capacity(self.offsets.len()),

@@ -1,5 +1,6 @@
 //! The estimators, what each needs, and what it refuses.
 
+use crate::optics::Optics;
 use crate::scene::Scene;
 use crate::units::Dimension::Length;
 use crate::{Error, Result};
@@ -9,6 +10,7 @@ use std::fmt;
 /// How curves become contrasts. Validity and bias of each: docs/retrieval.md.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Method {
     /// A Gaussian on a background, by least squares (eq. 1). Four steps or more.
     #[default]
@@ -62,7 +64,7 @@ impl Method {
         }
     }
 
-    /// Whether it tells the dark field.
+    /// Whether it gives the dark field.
     #[must_use]
     pub const fn has_dark_field(self) -> bool {
         !matches!(self, Self::TwoStep)
@@ -157,14 +159,15 @@ fn spot(scene: &Scene) -> String {
 
 fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {
     let needs = "beamlet needs a sample mask and no detector mask";
-    if scene.detector_mask.is_some() {
+    let optics = Optics::of(scene);
+    if optics.detector_mask.is_some() {
         return Err(Error::scene("detector_mask", "a mask", format!("{needs}: use gaussian")));
     }
-    let Some(mask) = &scene.sample_mask else {
+    let Some(mask) = &optics.sample_mask else {
         return Err(Error::scene("sample_mask", "nothing", needs));
     };
     debug_assert_eq!(offsets.len(), 1, "checked before");
-    let pixels = mask.period * scene.detector.distance / mask.distance / scene.detector.pitch[0];
+    let pixels = mask.period_columns(&optics.detector);
     if pixels < BEAMLET_PIXELS {
         return Err(Error::scene(
             "sample_mask.period",

@@ -7,8 +7,18 @@ use ndarray::Array3;
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
-/// How to retrieve.
+/// How to retrieve. `RetrieveOptions::default()` fits a Gaussian to each pixel, unweighted; what
+/// differs from it is set in a chain.
+///
+/// ```
+/// use beamlet::retrieve::{Method, RetrieveOptions, Weights};
+///
+/// let options =
+///     RetrieveOptions::default().with_method(Method::Beamlet).with_weights(Weights::Poisson);
+/// assert_eq!(options.method, Method::Beamlet);
+/// ```
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct RetrieveOptions {
     /// The estimator.
     pub method: Method,
@@ -27,13 +37,42 @@ pub struct RetrieveOptions {
     pub sample_offsets: Option<Vec<f64>>,
 }
 
-/// What steers a retrieval while it goes on.
+impl RetrieveOptions {
+    setters! {
+        /// Chooses the estimator.
+        with_method(method: Method);
+        /// Chooses the weights of the values.
+        with_weights(weights: Weights);
+        /// Declares values to be counts, of which one is `gain`.
+        with_gain(gain: impl Into<Option<f64>>);
+        /// Sets the standard deviation of noise besides that of counts.
+        with_read_noise(read_noise: f64);
+        /// Leaves out and flags values from here on.
+        with_saturation(saturation: impl Into<Option<f32>>);
+        /// Two-step: chooses the steps of the sample.
+        with_steps(steps: impl Into<Option<[usize; 2]>>);
+        /// Two-step: sets the offsets of the sample's steps, m.
+        with_sample_offsets(sample_offsets: impl Into<Option<Vec<f64>>>);
+    }
+}
+
+/// What steers a retrieval while it goes on; set in a chain as [`crate::Control`] is.
 #[derive(Default)]
+#[non_exhaustive]
 pub struct RetrieveControl<'a> {
     /// Called now and then with rows done and rows in all, the flat's included.
     pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
     /// Set to true to end with [`crate::Error::Interrupted`].
     pub cancel: Option<&'a AtomicBool>,
+}
+
+impl<'a> RetrieveControl<'a> {
+    setters! {
+        /// Sets what is called with the progress.
+        with_progress(progress: &'a mut dyn FnMut(u64, u64));
+        /// Sets the flag that ends the retrieval.
+        with_cancel(cancel: &'a AtomicBool);
+    }
 }
 
 impl std::fmt::Debug for RetrieveControl<'_> {

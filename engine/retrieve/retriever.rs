@@ -30,7 +30,7 @@ pub struct Retriever {
     beamlets: Option<Beamlets>,
     shape: CurveGeometry,
     /// Refraction angle per shift of the centre.
-    arm: f64,
+    angle_per_shift: f64,
     flat: Option<Flat>,
 }
 
@@ -112,7 +112,11 @@ impl Retriever {
         Ok(Self {
             options: options.clone(),
             fitter: if fits { Some(Fitter::new(engine, &along, &fit_options)?) } else { None },
-            arm: if beamlets.is_some() { 1.0 / lever } else { -scene.magnification() / lever },
+            angle_per_shift: if beamlets.is_some() {
+                1.0 / lever
+            } else {
+                -scene.magnification() / lever
+            },
             beamlets,
             shape: CurveGeometry::of(scene),
             offsets,
@@ -130,8 +134,8 @@ impl Retriever {
     /// Refraction angle per metre of shift of a curve's centre: -M/z for a scan of the sample
     /// mask, 1/z for beamlets on the detector.
     #[must_use]
-    pub const fn arm(&self) -> f64 {
-        self.arm
+    pub const fn angle_per_shift(&self) -> f64 {
+        self.angle_per_shift
     }
 
     /// Curves of the flat, counted over rows; `None` before it was taken.
@@ -143,11 +147,11 @@ impl Retriever {
     /// Names of the images of a view.
     #[must_use]
     pub fn names(&self) -> Vec<&'static str> {
-        let told = |name: &&'static str| {
+        let is_given = |name: &&'static str| {
             let dark = name.starts_with("dark_field");
             !dark || self.options.method.has_dark_field()
         };
-        CONTRASTS.into_iter().filter(told).chain([FLAGS]).chain(OF_SAMPLE).collect()
+        CONTRASTS.into_iter().filter(is_given).chain([FLAGS]).chain(OF_SAMPLE).collect()
     }
 
     /// Takes the flat, `rows` rows of `columns` pixels.
@@ -231,7 +235,7 @@ impl Retriever {
             let pixels = band.start as usize * across..band.end as usize * across;
             let known = chosen.map(|_| (&flat.curves, pixels.start));
             let curves = self.curves(data, &offsets, known, control.cancel)?;
-            images.take(pixels, &flat.curves, &curves, self.arm);
+            images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
             Ok(())
         })?;
         Ok(images)

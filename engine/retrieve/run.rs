@@ -15,6 +15,7 @@ use std::path::Path;
 
 /// Where images go.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct ImagesTo<'a> {
     /// Directory of the images: `RUN/retrieved`, or any other.
     pub path: &'a Path,
@@ -24,11 +25,40 @@ pub struct ImagesTo<'a> {
     pub overwrite: bool,
 }
 
+impl<'a> ImagesTo<'a> {
+    /// A directory that must not hold images yet.
+    #[must_use]
+    pub const fn new(path: &'a Path, format: ImageFormat) -> Self {
+        Self { path, format, overwrite: false }
+    }
+
+    setters! {
+        /// Replaces images that are there.
+        with_overwrite(overwrite: bool);
+    }
+}
+
 /// Retrieves every view of an input into a directory, whole or not at all.
 ///
 /// # Errors
 /// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::File`] where the place is taken
 /// or cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::retrieve::{ImageFormat, ImagesTo, Input, RetrieveControl, RetrieveOptions, retrieve};
+/// use beamlet::{Engine, EngineOptions, stack::OpenRun};
+///
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// // Intensities; `true` takes the counts of a detector with noise.
+/// let input = Input::of_run(&OpenRun::open("run")?, false)?;
+/// let to = ImagesTo::new("run/retrieved".as_ref(), ImageFormat::Npy);
+/// let options = RetrieveOptions::default();
+/// let record = retrieve(&engine, input, &options, to, &mut RetrieveControl::default())?;
+/// println!("{} pixels without an answer", record.without_answer);
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn retrieve(
     engine: &Engine,
     input: Input,
@@ -39,7 +69,7 @@ pub fn retrieve(
     refuse_overlap(to.path, &input.paths())?;
     ImageDirectory::check(to.path, to.overwrite)?;
     let saturation = input.saturation().or(options.saturation);
-    let options = RetrieveOptions { saturation, ..options.clone() };
+    let options = options.clone().with_saturation(saturation);
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
     let input = input.fitted_to(&retriever)?;
     let [rows, columns] = input.frame();
@@ -131,7 +161,7 @@ fn begun(
         offsets: scene.scan.mask_offsets.clone(),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),
-        angle_per_shift: retriever.arm(),
+        angle_per_shift: retriever.angle_per_shift(),
         shape,
         units: BTreeMap::new(),
         flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),
@@ -140,7 +170,7 @@ fn begun(
     }
 }
 
-/// What every image tells of itself.
+/// The metadata of every image.
 fn about(record: &Record) -> serde_json::Value {
     serde_json::json!({
         "beamlet": record.version,

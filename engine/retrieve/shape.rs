@@ -1,6 +1,7 @@
 //! Shapes of illumination curves that follow from the masks: triangle, trapezoid, and the closed
 //! form of design 6.1 with any blur.
 
+use crate::optics::Optics;
 use crate::scene::Scene;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
@@ -10,7 +11,7 @@ const SIGMA_PER_FWHM: f64 = 0.424_660_900_144_009_5;
 /// What the masks make of a curve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CurveGeometry {
-    /// Widths of both apertures on the analyser, m.
+    /// Widths of the apertures of sample and detector mask on the analyser, m.
     pub(super) projected: [f64; 2],
     /// Blur of the focal spot on the analyser, standard deviation, m.
     pub(super) blur: f64,
@@ -22,13 +23,8 @@ impl CurveGeometry {
     /// Of a scene with both masks; zero widths without.
     pub(super) fn of(scene: &Scene) -> Self {
         let magnification = scene.magnification();
-        let aperture =
-            |mask: &Option<crate::scene::MaskSpec>| mask.as_ref().map_or(0.0, |mask| mask.aperture);
         Self {
-            projected: [
-                magnification * aperture(&scene.sample_mask),
-                aperture(&scene.detector_mask),
-            ],
+            projected: Optics::of(scene).overlapping_apertures(),
             blur: (magnification - 1.0) * SIGMA_PER_FWHM * scene.source.spot.fwhm()[0],
             magnification,
         }

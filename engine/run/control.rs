@@ -7,8 +7,23 @@ use crate::trace::Tally;
 use std::fmt;
 use std::sync::atomic::AtomicBool;
 
-/// What a caller may steer while a run goes on.
+/// What a caller may steer while a run goes on. `Control::default()` runs every view to its end
+/// without a word; what differs from it is set in a chain.
+///
+/// ```no_run
+/// use beamlet::stack::ArraySink;
+/// use beamlet::{Control, Engine, EngineOptions, Progress, scene::Scene};
+/// use std::sync::atomic::AtomicBool;
+///
+/// let cancel = AtomicBool::new(false);
+/// let mut report = |progress: Progress| println!("{progress:?}");
+/// let control = Control::default().with_progress(&mut report).with_cancel(&cancel);
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// let record = engine.run(&Scene::load("scene.toml")?, &mut ArraySink::new(), control)?;
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 #[derive(Default)]
+#[non_exhaustive]
 pub struct Control<'a> {
     /// Called from the calling thread: at each step of the loading of objects and ten times a
     /// second while it lasts, then now and then while views are made.
@@ -26,6 +41,21 @@ pub struct Control<'a> {
     pub keep: Option<&'a mut MomentWriter>,
 }
 
+impl<'a> Control<'a> {
+    setters! {
+        /// Sets what is called with the progress.
+        with_progress(progress: &'a mut dyn FnMut(Progress));
+        /// Sets the flag that ends the run.
+        with_cancel(cancel: &'a AtomicBool);
+        /// Sets the views that are committed already.
+        with_skip(skip: Vec<Exposure>);
+        /// Sets what was counted while those were made.
+        with_counted(counted: Tally);
+        /// Sets what keeps the moments of the rays.
+        with_keep(keep: impl Into<Option<&'a mut MomentWriter>>);
+    }
+}
+
 /// Calls `work` with a watcher of the loading of objects that reports to `progress`.
 pub(crate) fn watching<T>(
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,
@@ -35,8 +65,8 @@ pub(crate) fn watching<T>(
     match progress {
         None => work(Watcher { progress: None, cancel }),
         Some(progress) => {
-            let mut told = |loading| progress(Progress::Loading(loading));
-            work(Watcher { progress: Some(&mut told), cancel })
+            let mut report = |loading| progress(Progress::Loading(loading));
+            work(Watcher { progress: Some(&mut report), cancel })
         }
     }
 }

@@ -13,8 +13,17 @@ use crate::stack::{ArraySink, Sink, Stacks};
 use crate::trace::TraceKernels;
 use std::sync::Arc;
 
-/// How to open an [`Engine`].
+/// How to open an [`Engine`]. `EngineOptions::default()` takes the best device that is found; what
+/// differs from it is set in a chain.
+///
+/// ```
+/// use beamlet::{Backend, EngineOptions};
+///
+/// let options = EngineOptions::default().with_backend(Backend::Bvh).with_memory_limit(2 << 30);
+/// assert_eq!(options.backend, Some(Backend::Bvh));
+/// ```
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct EngineOptions {
     /// Device by index or part of its name; `None`: the environment variable
     /// `BEAMLET_DEVICE`, then the best device found.
@@ -38,6 +47,28 @@ pub struct EngineOptions {
     pub faults: Vec<Fault>,
 }
 
+impl EngineOptions {
+    setters! {
+        /// Chooses the device by its index or a part of its name.
+        with_device(device: impl Into<Option<String>>);
+        /// Chooses the backend.
+        with_backend(backend: impl Into<Option<Backend>>);
+        /// Asks for the Khronos validation layer.
+        with_validation(validation: bool);
+        /// Sets the rows of a band.
+        with_band_rows(band_rows: impl Into<Option<u32>>);
+        /// Sets the rays of a dispatch.
+        with_batch_rays(batch_rays: impl Into<Option<u32>>);
+        /// Limits the memory of a run, host and device together, bytes.
+        with_memory_limit(memory_limit: impl Into<Option<u64>>);
+        /// Prepares runs whose moments are kept.
+        with_keep_moments(keep_moments: bool);
+        /// Makes calls of Vulkan fail (for tests).
+        #[doc(hidden)]
+        with_faults(faults: Vec<Fault>);
+    }
+}
+
 /// A Vulkan device that serves many scenes, from several threads where that is wanted.
 #[derive(Debug)]
 pub struct Engine {
@@ -57,10 +88,7 @@ impl Engine {
     /// ```no_run
     /// use beamlet::{Backend, Engine, EngineOptions};
     ///
-    /// let engine = Engine::open(&EngineOptions {
-    ///     backend: Some(Backend::Bvh),
-    ///     ..EngineOptions::default()
-    /// })?;
+    /// let engine = Engine::open(&EngineOptions::default().with_backend(Backend::Bvh))?;
     /// println!("{}", engine.description().name);
     /// # Ok::<(), beamlet::Error>(())
     /// ```
@@ -84,7 +112,7 @@ impl Engine {
         self.device.description()
     }
 
-    /// Messages of the validation layer so far, where it was asked for.
+    /// Messages of the validation layer so far, where it was requested.
     #[must_use]
     pub fn validation_messages(&self) -> u32 {
         self.device.validation_messages()
@@ -111,6 +139,17 @@ impl Engine {
     /// # Errors
     /// [`crate::Error::Scene`], [`crate::Error::Mesh`], [`crate::Error::Device`],
     /// [`crate::Error::Memory`].
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::{Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let simulation = engine.prepare(&Scene::load("scene.toml")?)?;
+    /// println!("{} bytes at the peak", simulation.memory().peak_bytes);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn prepare(&self, scene: &Scene) -> Result<Simulation<'_>> {
         self.prepare_with(scene, &mut Control::default())
     }
@@ -151,7 +190,7 @@ impl Engine {
     }
 
     /// Makes a scene ready whose rays were traced by the run that kept `moments`. Meshes are
-    /// loaded only where rays have to be walked in order again.
+    /// loaded only where rays have to be traced exactly again.
     ///
     /// # Errors
     /// As [`Engine::prepare`]; [`crate::Error::Scene`] where the scene differs from that of the
@@ -188,7 +227,7 @@ impl Engine {
         scene: &Scene,
         control: &mut Control<'_>,
     ) -> Result<Simulation<'e>> {
-        Simulation::of_kept(self, moments, scene, control)
+        Simulation::of_stored(self, moments, scene, control)
     }
 
     /// Runs a scene into arrays.

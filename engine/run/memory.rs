@@ -1,6 +1,6 @@
 //! What a run takes of memory at most, and the bands that keep it within a limit.
 //!
-//! One estimate serves `check`, which tells it, and the run, which chooses its bands by it.
+//! One estimate serves `check`, which reports it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
 mod rays;
@@ -9,7 +9,7 @@ use crate::detector::SubpixelGrid;
 use crate::geometry::{self, ObjectSummary, PEAK_PER_TRIANGLE};
 use crate::numbers;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
-use crate::stack::Extent;
+use crate::stack::StackShape;
 use crate::{Error, Result, reserve};
 use rays::{beamlets, cell_rays};
 use serde::Serialize;
@@ -114,7 +114,7 @@ struct Needs {
     crowded: u64,
 }
 
-/// Chooses the bands of a run and tells what it takes at its peak, with trees for both
+/// Chooses the bands of a run and estimates what it takes at its peak, with trees for both
 /// backends. `objects` are those of the loaded sample. A `limit` bounds the peak, host and device
 /// together; without one a band takes up to 1 GiB. `band_rows` sets the rows of a band.
 ///
@@ -184,7 +184,7 @@ pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
 /// # Errors
 /// [`Error::Memory`] where it is not.
 pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()> {
-    let frames = FRAME_COPIES * Extent::of(scene)?.frame_bytes();
+    let frames = FRAME_COPIES * StackShape::of(scene)?.frame_bytes();
     let bytes = estimate.peak_bytes.saturating_sub(PROGRAM).saturating_sub(frames);
     let rows = estimate.band_rows;
     let purpose = format!("a run in bands of {rows} rows");
@@ -197,7 +197,7 @@ pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()
 
 impl Needs {
     fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
-        let extent = Extent::of(scene)?;
+        let extent = StackShape::of(scene)?;
         let grid = SubpixelGrid::of(scene)?;
         let optics = grid.optics(scene);
         let mut materials: Vec<&str> = scene.objects.iter().map(|o| o.material.as_str()).collect();
@@ -314,7 +314,7 @@ impl Needs {
         }
     }
 
-    /// While views are traced and illuminated in bands of so many rows.
+    /// While views are traced and illuminated in bands of `rows` rows.
     fn run(&self, band_rows: u32, rays_at_once: u64) -> Bytes {
         let rays = rays_at_once.max(self.row_rays).min(self.rays);
         let band = u64::from(band_rows) + self.beside;

@@ -10,5 +10,5 @@ pub(crate) use control::watching;
 pub use control::{Control, Progress, ViewProgress};
 pub use engine::{Engine, EngineOptions, devices};
 pub use estimate::RunEstimate;
-pub use memory::require_memory;
+pub use memory::{MemoryEstimate, require_memory};
 pub use simulation::Simulation;

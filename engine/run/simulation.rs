@@ -21,6 +21,7 @@ use crate::scene::{Exposure, Scene};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
 use crate::trace::{DeviceSample, MaterialTable, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
+pub use rays::{moments, trace};
 use std::sync::Arc;
 use std::time::Instant;
 use work::ViewWork;
@@ -34,7 +35,7 @@ pub struct Simulation<'e> {
     engine: &'e Engine,
     scene: Scene,
     /// The detector; its optics are what is traced and illuminated.
-    detection: DetectorModel,
+    detector: DetectorModel,
     sample: Sample,
     on_device: Arc<DeviceSample>,
     /// Surfaces of the sample, for means over facets.
@@ -44,13 +45,13 @@ pub struct Simulation<'e> {
     /// For a spectrum or kept moments, by cells.
     spectral: Option<EnergyBinning>,
     /// For what moments of the rays that bound cells are kept.
-    keep: Option<sampling::MomentRecording>,
+    recording: Option<sampling::MomentRecording>,
     /// What changes of a cell do to recorded values.
     response: Response,
     /// What sampling may leave in them.
     budget: ErrorBudget,
     /// Moments that another run kept, in place of rays.
-    kept: Option<StoredSource<'e>>,
+    stored: Option<StoredSource<'e>>,
     memory: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
@@ -101,9 +102,8 @@ impl<'e> Simulation<'e> {
     }
 
     /// The detector, and the grid that takes its light.
-    #[must_use]
-    pub const fn detection(&self) -> &DetectorModel {
-        &self.detection
+    pub(crate) const fn detector_model(&self) -> &DetectorModel {
+        &self.detector
     }
 
     /// Words of a ray's moments.
@@ -113,14 +113,14 @@ impl<'e> Simulation<'e> {
 
     fn view<'a>(&'a self, index: u32, shadows: &'a [ProjectedBounds]) -> sampling::ViewContext<'a> {
         sampling::ViewContext {
-            optics: self.detection.optics(),
+            optics: self.detector.optics(),
             angle: self.scene.scan.angles[index as usize],
             sample: &self.sample,
             facets: self.facets.as_ref(),
             lattice: &self.lattice,
             index,
             shadows,
-            keep: self.keep.as_ref(),
+            recording: self.recording.as_ref(),
             response: &self.response,
             budget: self.budget,
         }
@@ -143,7 +143,7 @@ impl<'e> Simulation<'e> {
     /// # Errors
     /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
-        if self.kept.is_some() && control.keep.is_some() {
+        if self.stored.is_some() && control.keep.is_some() {
             let found = "moments to be kept of a scene that is itself made from kept moments";
             return Err(Error::argument("control.keep", found, "a simulation that traces"));
         }

@@ -9,7 +9,7 @@ pub struct CellMoments {
     /// `[cell][end][material][moment]`, in the order of [`crate::trace::Moment`]: path, lever in
     /// x and z, slope in x and z. Empty where they are not kept.
     pub ends: Vec<f32>,
-    /// Cells whose ends were walked in order.
+    /// Cells whose ends were traced exactly.
     pub exact: Vec<ExactCell>,
 }
 

@@ -5,7 +5,7 @@ use super::facet_lists::MOST_FACETS;
 use super::patch_grid::PatchGrid;
 use super::projected_bounds::ProjectedBounds;
 
-/// Patches that are crowded as the projected bounds of components tell, and the components that
+/// Patches that are crowded by the projected bounds of components, and the components that
 /// stand in such patches alone: bundles of fibres, whose facets need not be looked at one by one.
 pub(super) fn bundles(view: &ViewContext<'_>, grid: &PatchGrid) -> (Vec<bool>, Vec<bool>) {
     let each = |shadow: &ProjectedBounds, visit: &mut dyn FnMut(usize)| {

@@ -25,7 +25,7 @@ impl ErrorBudget {
     }
 }
 
-/// Counts of a patch that was sampled by so many rays and may be wrong by `error`, share of open
+/// Counts of a patch that was sampled by `rays` rays and may be wrong by `error`, share of open
 /// beam.
 pub(super) fn tally_of(error: f64, rays: u32, tolerance: f64) -> Tally {
     let parts = 1e9 * error;

@@ -1,7 +1,7 @@
 //! Error of one rectangle of a patch: what recorded values may miss because its result is that of one
 //! ray, or the linear one that fits it best.
 //!
-//! By a ray: the result is linear, with slopes from its neighbours. Its error is taken from the
+//! By a ray (`ray_error.rs`): the result is linear, with slopes from its neighbours. Its error is taken from the
 //! neighbours that it predicts worst: the change of the recorded light if the rectangle were like
 //! that neighbour, times 1 / sqrt(12), the standard deviation of a place spread evenly over a step.
 //! By its best fit: the standard deviation of what the facets do from the fit counts, and only
@@ -11,7 +11,7 @@
 use super::base_lattice::BaseLattice;
 use super::dissection::Piece;
 use super::error_budget::ErrorBudget;
-use super::patch::{Axis, Known, Node, Patch, Residuals, alike};
+use super::patch::{Axis, Known, Node, Patch, Residuals};
 use super::response::Response;
 use crate::interface::RayResult;
 use crate::numbers::single;
@@ -35,12 +35,8 @@ const BLURRED: f32 = 0.398_942_3;
 const CANCELLED: f32 = 0.25;
 /// Rays that are off by more standard deviations are too few to count.
 const FARTHEST: f32 = 100.0;
-/// Share of the light at a silhouette that may land in recorded rows from outside.
-const THROWN: f32 = 0.05;
 /// Standard deviation of a place spread evenly over an interval, share of the interval.
 pub(super) const SPREAD: f32 = 0.288_675_13;
-/// A silhouette among at most as many crossings may take or give all light of a rectangle.
-const SILHOUETTE_CROSSINGS: f32 = 8.0;
 
 /// Error of one rectangle, for a mask step that opens all of it.
 #[derive(Debug, Clone, Copy)]
@@ -79,7 +75,7 @@ pub(super) struct Estimator<'a> {
     /// Moments are kept: light moves otherwise at other energies.
     pub(super) other_energies: bool,
     /// Rows whose light is recorded.
-    pub(super) lit: Range<i64>,
+    pub(super) recorded_rows: Range<i64>,
 }
 
 /// The error of light whose displacement has a standard deviation and is off by `farthest` at most,
@@ -263,91 +259,5 @@ impl Estimator<'_> {
     fn leak(&self, node: &Node) -> f32 {
         let borders = f32::from(u8::from(node.z[0] <= 0.0) + u8::from(node.z[1] >= 1.0));
         (borders * BLURRED * self.row_blur / node.height()).min(1.0)
-    }
-
-    /// Of a rectangle that is known by a ray.
-    fn ray_error(&self, patch: &Patch, index: u32) -> CellError {
-        let node = &patch.nodes[index as usize];
-        let neighbours = self.neighbours(patch, node);
-        let slopes = self.slopes(node, &neighbours);
-        let column = self.column(patch.beamlet);
-        let own = &node.result;
-        let centre = node.centre();
-        let area = node.width() * node.height() * self.response.weight;
-        let passed = (-own.optical_depth).exp();
-        let x = patch.place(centre)[0];
-        let at = self.response.landing(column, x, own.displacement_x);
-        let half =
-            0.5 * (self.response.magnification + slopes.displacement[0]).abs() * node.width();
-        let landing_z = |result: &RayResult| result.landing_z(self.gap);
-        let at_border = node.z[0] <= 0.0 || node.z[1] >= 1.0;
-        // From a row beside the recorded ones, only light that lands there counts.
-        let beside = (self.lit.start - patch.row).max(patch.row + 1 - self.lit.end).max(0);
-        let reaches =
-            |result: &RayResult| 2.0 * landing_z(result).abs() > beside as f32 * self.row_pitch;
-        let mut change = [0.0_f32; 2];
-        let mut silhouette = false;
-        let mut moved: f32 = 0.0;
-        for (number, found) in neighbours.iter().enumerate() {
-            let Some(found) = found else { continue };
-            let result = &found.result;
-            let axis = number / 6;
-            let light = if beside > 0 && !reaches(own) && !reaches(result) {
-                if alike(own, result) {
-                    0.0
-                } else {
-                    THROWN * passed.max((-result.optical_depth).exp())
-                }
-            } else if alike(own, result) {
-                let apart = [found.x - centre[0], found.z - centre[1]];
-                let off = |of: fn(&RayResult) -> f32, slopes: [f32; 2]| {
-                    of(result) - of(own) - slopes[0] * apart[0] - slopes[1] * apart[1]
-                };
-                let depth = off(|result| result.optical_depth, slopes.depth);
-                let displacement = off(|result| result.displacement_x, slopes.displacement);
-                moved = moved.max(displacement.abs());
-                let other = [passed * (-depth).exp(), at + displacement];
-                let mut light = self.response.change([passed, at], other, half);
-                if at_border {
-                    // Light that moves over the border of the row.
-                    let down = (landing_z(result) - landing_z(own)).abs() / self.row_pitch;
-                    light += passed * (down / node.height()).min(1.0);
-                }
-                light
-            } else {
-                silhouette = true;
-                let there = (-result.optical_depth).exp();
-                let moved = self.response.landing(column, x, result.displacement_x);
-                let share =
-                    SILHOUETTE_CROSSINGS / own.crossings.max(result.crossings).max(1) as f32;
-                let all = share.min(1.0) * passed.max(there);
-                self.response.change([passed, at], [there, moved], half).max(all)
-            };
-            change[axis] = change[axis].max(light);
-        }
-        // Rays that cross other surfaces than its own, where no neighbour shows them.
-        let hidden = node.hidden();
-        if hidden > 0.0 && !silhouette {
-            let all = hidden / SPREAD;
-            silhouette = true;
-            change = change.map(|change| change.max(all));
-        }
-        let [width, height] = [node.width(), node.height() * self.row_height];
-        let axis = if change[0] > 2.0 * change[1] {
-            Axis::X
-        } else if change[1] > 2.0 * change[0] || height > width {
-            Axis::Z
-        } else {
-            Axis::X
-        };
-        CellError {
-            node: index,
-            light: SPREAD * area * change[0].max(change[1]),
-            whole: 1.0,
-            moment: SPREAD * area * passed * moved,
-            through: area * passed,
-            silhouette,
-            axis,
-        }
     }
 }

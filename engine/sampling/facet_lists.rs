@@ -46,7 +46,7 @@ pub(crate) struct SampleFacets {
 
 impl SampleFacets {
     /// At the mean constants of the media; rays are flagged for steps of delta that are `delta_ratio`
-    /// times as large. Nothing where all rays are traced in order. `across`:
+    /// times as large. Nothing where all rays are traced exactly. `across`:
     /// [`crate::geometry::across_edges`] of the sample.
     #[must_use]
     pub(crate) fn new(
@@ -180,8 +180,8 @@ impl Triangles<'_> {
     fn corners(&self, triangle: usize) -> [DVec3; 3] {
         let [cos, sin] = self.turn;
         self.sample.triangles[triangle].map(|v| {
-            let v = self.sample.vertices[v as usize];
-            DVec3::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin, v.z)
+            let [x, y, z] = self.sample.vertices[v as usize];
+            DVec3::new(x * cos + y * sin, y * cos - x * sin, z)
         })
     }
 

@@ -6,7 +6,7 @@ use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
 use super::patch::{Border, Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
-use super::sheets::{RectangleSums, farthest, flags, widen};
+use super::sheets::{RectangleSums, SheetFits, farthest, flags, widen};
 use crate::interface::RayResult;
 use crate::numbers::{self, single};
 use crate::trace::FIRST_ORDER_ERROR;
@@ -129,7 +129,7 @@ impl<'a> FacetMeans<'a> {
             gap: single(optics.gap()),
             row_pitch: optics.detector.pitch[1],
             far: FAR_OFF * optics.detector.pitch[1],
-            strict: view.keep.is_some(),
+            strict: view.recording.is_some(),
         }
     }
 
@@ -297,22 +297,12 @@ impl<'a> FacetMeans<'a> {
         }
     }
 
-    fn fit(
-        &self,
-        sums: &RectangleSums,
-        [width, height]: [f64; 2],
-    ) -> Option<(RayResult, Residuals)> {
-        if !sums.sound {
-            return None;
-        }
+    /// Fits the displacements of each sheet by a plane over a rectangle of this width, whose
+    /// variances of x and z are `squares`; nothing where a sheet does not cover all of it.
+    fn fit_sheets(&self, sums: &RectangleSums, width: f64, squares: [f64; 2]) -> Option<SheetFits> {
         let area = sums.area;
-        let [x2, z2] = [width * width / 12.0, height * height / 12.0];
-        let mut met = sums.whole;
-        let (mut slope, mut slope_z, mut depth) = (0.0, 0.0, 0.0_f64);
-        // Of the displacement along x, over z.
-        let mut across = 0.0;
-        let (mut variance, mut variance_z) = (0.0, 0.0);
-        let mut farthest_by = [0.0; 2];
+        let [x2, z2] = squares;
+        let mut fits = SheetFits { met: sums.whole, ..SheetFits::default() };
         for sheet in &sums.sheets {
             let layers = (sheet.area / area).round();
             if (sheet.area / area - layers).abs() > WHOLE || layers > f64::from(u16::MAX) {
@@ -323,7 +313,7 @@ impl<'a> FacetMeans<'a> {
             }
             let count = numbers::whole::<u32>(layers);
             let step = &self.steps[sheet.component as usize];
-            met.add(step.hash, sheet.front, count);
+            fits.met.add(step.hash, sheet.front, count);
             // Least squares over the rectangle.
             let [by_x, by_z] = [sheet.by_x / area / x2, sheet.by_z / area / z2];
             let mean = sheet.moved / area;
@@ -333,18 +323,43 @@ impl<'a> FacetMeans<'a> {
             let [z_by_x, z_by_z] = [sheet.z_by_x / area / x2, sheet.z_by_z / area / z2];
             let all_z = sheet.square_z / area - mean_z * mean_z / layers;
             let own_z = (all_z - z_by_x * z_by_x * x2 - z_by_z * z_by_z * z2).max(0.0);
-            slope += step.delta * by_x;
-            across += step.delta * by_z;
-            slope_z += step.delta * z_by_z;
-            farthest_by[0] += step.delta.abs() * farthest(sheet.range, mean, layers);
-            farthest_by[1] += step.delta.abs() * farthest(sheet.range_z, mean_z, layers);
-            variance += step.delta * step.delta * own;
-            variance_z += step.delta * step.delta * own_z;
+            fits.slope += step.delta * by_x;
+            fits.across += step.delta * by_z;
+            fits.slope_z += step.delta * z_by_z;
+            fits.farthest[0] += step.delta.abs() * farthest(sheet.range, mean, layers);
+            fits.farthest[1] += step.delta.abs() * farthest(sheet.range_z, mean_z, layers);
+            fits.variance += step.delta * step.delta * own;
+            fits.variance_z += step.delta * step.delta * own_z;
             // Depth is the integral of what moves light: a bow where that rises, kinks where it
             // jumps.
             let bow = BOW * by_x.abs() * width * width + KINKS * own.sqrt() * width;
-            depth += (step.mu * bow / self.analyser).powi(2);
+            fits.depth += (step.mu * bow / self.analyser).powi(2);
         }
+        Some(fits)
+    }
+
+    /// The linear result that fits a rectangle best, and what it leaves; nothing where sheets do not
+    /// cover all of it, or the first order is not enough.
+    fn fit(
+        &self,
+        sums: &RectangleSums,
+        [width, height]: [f64; 2],
+    ) -> Option<(RayResult, Residuals)> {
+        if !sums.sound {
+            return None;
+        }
+        let area = sums.area;
+        let [x2, z2] = [width * width / 12.0, height * height / 12.0];
+        let SheetFits {
+            met,
+            slope,
+            across,
+            slope_z,
+            depth,
+            variance,
+            variance_z,
+            farthest: farthest_by,
+        } = self.fit_sheets(sums, width, [x2, z2])?;
         let error = sums.first_order / area;
         if !error.is_finite() || met.balance != 0 {
             return None;

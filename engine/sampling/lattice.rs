@@ -4,7 +4,7 @@
 use super::dissection::PieceRows;
 use super::projected_bounds::ProjectedBounds;
 use super::row_spread::RowSpread;
-use crate::interface::{Column, Ray};
+use crate::interface::{BeamletGeometry, Ray};
 use crate::numbers::{self, single};
 use crate::optics::{DetectorPlane, LEAST_CELLS, Mask, Optics};
 use std::ops::Range;
@@ -48,7 +48,7 @@ pub struct Lattice {
 }
 
 /// Largest distance over which the sample throws light, in x and z on the detector, m.
-fn throw(optics: &Optics, delta: f64) -> f64 {
+fn max_deflection(optics: &Optics, delta: f64) -> f64 {
     REFLECTION_REACH * (2.0 * delta.abs()).sqrt() * (optics.detector.distance - optics.rotation)
 }
 
@@ -80,7 +80,7 @@ impl Lattice {
         let (detector, pitch) = (optics.detector.distance, optics.detector.pitch);
         let [period, offset, aperture] = optics.beamlets();
         let cells = optics.sampling.cells.unwrap_or_else(|| default_cells(period, aperture));
-        let throw = throw(optics, delta);
+        let deflection = max_deflection(optics, delta);
         let spot = &optics.spot;
         let reach = spot.reach();
         let spread = |axis: usize, from: f64| reach[axis] * (detector - from) / from;
@@ -93,14 +93,14 @@ impl Lattice {
             numbers::whole::<i64>((middle - half).floor())
                 ..numbers::whole::<i64>((middle + half).ceil()) + 1
         };
-        let beamlets = within(direct + throw);
+        let beamlets = within(direct + deflection);
         let direct = within(direct);
         let blur = [0, 1].map(|axis| spread(axis, optics.rotation) / pitch[axis]);
         // Cells hold the rows' shares of the first part of the spot.
         let first = spot.parts().iter().find(|part| part.weight > 0.0);
         let first = 6.0 * first.map_or(0.0, |part| crate::spot::deviation(part.fwhm[1]));
         let row_blur = optics.rows_of_source(first);
-        let halo = numbers::whole::<i64>((throw / pitch[1] + blur[1]).ceil());
+        let halo = numbers::whole::<i64>((deflection / pitch[1] + blur[1]).ceil());
         Self {
             plane,
             period,
@@ -109,7 +109,7 @@ impl Lattice {
             beamlets,
             direct,
             halo,
-            halo_columns: numbers::whole::<i64>((throw / pitch[0] + blur[0]).ceil()),
+            halo_columns: numbers::whole::<i64>((deflection / pitch[0] + blur[0]).ceil()),
             blur_rows: numbers::whole::<i64>(blur[1].ceil()),
             edge_blur: edge_blur(optics),
             alike_rows: 1,
@@ -203,19 +203,19 @@ impl Lattice {
 
     /// Table of the beamlets, in the order of `self.beamlets`.
     #[must_use]
-    pub fn columns(&self, optics: &Optics) -> Vec<Column> {
-        let of = |beamlet| column(optics, self.centre(beamlet) / self.plane);
+    pub fn beamlet_geometry(&self, optics: &Optics) -> Vec<BeamletGeometry> {
+        let of = |beamlet| beamlet_geometry(optics, self.centre(beamlet) / self.plane);
         self.beamlets.clone().map(of).collect()
     }
 }
 
 /// What depends on the direction of a beamlet's (or pixel's) central ray alone.
-pub(crate) fn column(optics: &Optics, slope: f64) -> Column {
+pub(crate) fn beamlet_geometry(optics: &Optics, slope: f64) -> BeamletGeometry {
     let [pixel, pixel_offset] = optics.detector.column_of_slope(slope, optics.analyser);
     let off = |mask: &Option<Mask>, plane: f64| {
         mask.as_ref().map_or(0.0, |mask| mask.off_aperture(slope, plane))
     };
-    Column {
+    BeamletGeometry {
         pixel: numbers::whole::<i32>(pixel),
         pixel_offset: single(pixel_offset),
         aperture_offset: single(off(&optics.detector_mask, optics.analyser)),
@@ -224,8 +224,8 @@ pub(crate) fn column(optics: &Optics, slope: f64) -> Column {
     }
 }
 
-/// Enough cells that the linear model holds in them almost everywhere before refinement: four to
-/// an aperture, within reason.
+/// Cells of a period before refinement, enough that the linear model holds in them almost
+/// everywhere: two to an aperture, and [`LEAST_CELLS`] to 64 in all.
 fn default_cells(period: f64, aperture: f64) -> u32 {
     numbers::whole::<u32>((2.0 * period / aperture).ceil()).clamp(LEAST_CELLS, 64)
 }

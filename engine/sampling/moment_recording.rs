@@ -15,7 +15,7 @@ use crate::parallel;
 use crate::trace::{MaterialTable, Tracer, object_hash};
 use rayon::prelude::*;
 
-/// Of constants on both sides of a surface, by which a result tells moments.
+/// Of constants on both sides of a surface, by which moments follow from a result.
 const LEAST_CONTRAST: f64 = 0.05;
 
 /// For what moments are kept.
@@ -27,7 +27,7 @@ pub(crate) struct MomentRecording {
     pub(super) delta_ratio: f64,
     /// Signature of a ray that goes into a body and out of it, and meets no other, with the
     /// body's material; sorted.
-    alone: Vec<(u32, u32)>,
+    single: Vec<(u32, u32)>,
 }
 
 impl MomentRecording {
@@ -41,23 +41,22 @@ impl MomentRecording {
             .fold(1.0, f64::max);
         let twice = |object| object_hash(object).wrapping_mul(2);
         let bodies = (0..).zip(&media.of_object);
-        let mut alone: Vec<_> =
+        let mut single: Vec<_> =
             bodies.map(|(object, material)| (twice(object), *material)).collect();
-        alone.sort_unstable();
-        // What two bodies share tells nothing.
-        alone = alone
+        single.sort_unstable();
+        // A signature that two bodies share identifies neither.
+        single = single
             .chunk_by(|a, b| a.0 == b.0)
             .filter(|same| same.len() == 1)
             .flatten()
             .copied()
             .collect();
-        Self { reference: reference.to_vec(), delta_ratio: in_hand * delta_ratio, alone }
+        Self { reference: reference.to_vec(), delta_ratio: in_hand * delta_ratio, single }
     }
 
-    /// Whether a result tells the moments of its ray, and then of which material they are: those of a
-    /// ray through one body alone are its numbers over the constants. Nothing is told by ordered
-    /// walks, or where the constants do not differ from those of the surroundings.
-    pub(super) fn told_by(&self, result: &RayResult) -> Option<usize> {
+    /// The material, if the ray crossed exactly one object: its moments are then the result divided
+    /// by (mu, delta). `None` for results of exact transport, and of rays that are flagged.
+    pub(super) fn single_material(&self, result: &RayResult) -> Option<usize> {
         if result.crossings == 0 {
             return Some(0);
         }
@@ -65,15 +64,15 @@ impl MomentRecording {
         if result.crossings != 2 || result.flags & unlike != 0 {
             return None;
         }
-        let at = self.alone.binary_search_by_key(&result.signature, |(signature, _)| *signature);
-        let material = self.alone[at.ok()?].1 as usize;
+        let at = self.single.binary_search_by_key(&result.signature, |(signature, _)| *signature);
+        let material = self.single[at.ok()?].1 as usize;
         let (inside, outside) = (&self.reference[material], &self.reference[0]);
         // A result is the difference of what either side does, rounded.
-        let tells = |of: fn(&Constants) -> f64| {
+        let differs = |of: fn(&Constants) -> f64| {
             let (inside, outside) = (of(inside), of(outside));
             (inside - outside).abs() > LEAST_CONTRAST * inside.abs().max(outside.abs())
         };
-        (tells(|c| c.mu) && tells(|c| c.delta)).then_some(material)
+        (differs(|c| c.mu) && differs(|c| c.delta)).then_some(material)
     }
 
     /// Differences of mu and delta from those of the surroundings.
@@ -82,8 +81,8 @@ impl MomentRecording {
         [inside.mu - outside.mu, inside.delta - outside.delta]
     }
 
-    /// Appends the moments that a result tells.
-    fn push_told(&self, result: &RayResult, material: usize, moments: &mut Vec<f32>) {
+    /// Appends the moments that follow from a result.
+    fn push_from_result(&self, result: &RayResult, material: usize, moments: &mut Vec<f32>) {
         let first = moments.len();
         moments.resize(first + self.reference.len() * MOMENTS_PER_MATERIAL, 0.0);
         if result.crossings == 0 {
@@ -98,7 +97,7 @@ impl MomentRecording {
     }
 
     /// Moments of the rectangles of patches at both ends of x,
-    /// `[rectangle][end][material][moment]` for each patch. Rays whose results do not tell them, few of
+    /// `[rectangle][end][material][moment]` for each patch. Rays whose results do not determine them, few of
     /// a patch, are traced once more.
     pub(super) fn record(
         &self,
@@ -108,7 +107,8 @@ impl MomentRecording {
         rectangles: &[Vec<Rectangle>],
     ) -> Result<Vec<Vec<f32>>> {
         let unknown = |(patch, rectangles): (&&Patch, &Vec<Rectangle>)| -> Vec<Ray> {
-            let unknown = rectangles.iter().filter(|r| self.told_by(&r.ends.result).is_none());
+            let unknown =
+                rectangles.iter().filter(|r| self.single_material(&r.ends.result).is_none());
             unknown
                 .map(|r| {
                     let [x, z] = patch.place(r.ray);
@@ -135,8 +135,8 @@ impl MomentRecording {
             for rectangle in rectangles {
                 let ends = &rectangle.ends;
                 of_ray.clear();
-                if let Some(material) = self.told_by(&ends.result) {
-                    self.push_told(&ends.result, material, &mut of_ray);
+                if let Some(material) = self.single_material(&ends.result) {
+                    self.push_from_result(&ends.result, material, &mut of_ray);
                 } else {
                     let words = traced.next().and_then(|words| words.get(MOMENTS_HEAD..));
                     of_ray

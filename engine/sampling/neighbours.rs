@@ -1,4 +1,4 @@
-//! Neighbours of a rectangle, and the slopes of its result that they tell.
+//! Neighbours of a rectangle, and the slopes of its result that follow from them.
 
 use super::base_lattice::Found;
 use super::error_estimate::Estimator;

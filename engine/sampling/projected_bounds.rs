@@ -16,7 +16,7 @@ pub struct ProjectedBounds {
     pub rows: [f64; 2],
     /// Cells wider than this may step over the component, m in the cell plane.
     pub width: f64,
-    /// Strips higher than this may step over it, rows.
+    /// Cell rows higher than this may step over it, rows.
     pub height: f64,
 }
 
@@ -85,7 +85,7 @@ fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool)
             if !hide[component as usize] {
                 continue;
             }
-            let [a, b, c] = t.map(|v| sample.vertices[v as usize]);
+            let [a, b, c] = t.map(|v| DVec3::from_array(sample.vertices[v as usize]));
             let area = 0.5 * (b - a).cross(c - a);
             let sum = &mut areas[component as usize];
             sum[0] += 0.5 * area.dot(x).abs();

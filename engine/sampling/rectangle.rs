@@ -5,7 +5,7 @@ use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::Border;
 
-/// Over less, m, no depth rises: nothing in f32 tells it.
+/// Over less, m, no depth rises: f32 does not resolve it.
 const THINNEST: f32 = 1e-12;
 
 /// A rectangle as a cell: its result at both ends of x.
@@ -17,7 +17,7 @@ pub(super) struct Rectangle {
     pub(super) ray: [f32; 2],
     pub(super) ends: LinearModel,
     /// Variance of the displacement about the result, m2.
-    pub(super) spread: f32,
+    pub(super) displacement_variance: f32,
     /// Displacement on the detector along z at both ends of z, m.
     pub(super) ends_z: [f32; 2],
     /// What crosses the borders of the row, of a mean.
@@ -45,7 +45,7 @@ impl Rectangle {
             z: piece.z,
             ray: piece.centroid,
             ends,
-            spread: magnification * magnification * wider,
+            displacement_variance: magnification * magnification * wider,
             ends_z: [piece.result.landing_z(gap); 2],
             borders: [None; 2],
             rows: Some(piece.rows),

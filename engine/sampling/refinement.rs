@@ -30,7 +30,7 @@ const MOST_ALIGNED: u32 = 8;
 /// Most that rectangles slant over a row, periods.
 const MOST_SHEAR: f32 = 2.0;
 /// Without a sample mask no opening bounds rectangles, and light of a rim goes far: patches with
-/// silhouettes begin with so many times the columns. At a tolerance of 1e-3 the error of the rims of
+/// silhouettes begin with this many times the columns. At a tolerance of 1e-3 the error of the rims of
 /// a coarse ball is 0.35 of it without, and 0.15 with three (`--test sampling -- truth::`).
 const COLUMNS_AT_RIMS: u32 = 3;
 /// Lines of rectangles that a patch with silhouettes begins with.
@@ -61,7 +61,7 @@ pub(super) struct Refiner<'a> {
     pub(super) estimator: Estimator<'a>,
     facets: Option<(FacetLists<'a>, FacetMeans<'a>)>,
     narrow: HashMap<(i64, i64), Vec<Narrow>>,
-    lit: &'a Range<i64>,
+    recorded_rows: &'a Range<i64>,
 }
 
 impl<'a> Refiner<'a> {
@@ -70,7 +70,7 @@ impl<'a> Refiner<'a> {
         base: &'a BaseLattice,
         rows: &Range<i64>,
         narrow: HashMap<(i64, i64), Vec<Narrow>>,
-        lit: &'a Range<i64>,
+        recorded_rows: &'a Range<i64>,
     ) -> Self {
         let optics = view.optics;
         let detector = &optics.detector;
@@ -84,23 +84,24 @@ impl<'a> Refiner<'a> {
             row_pitch: single(detector.pitch[1]),
             row_blur: single(view.lattice.row_spread.blur),
             gap: single(optics.gap()),
-            other_energies: view.keep.is_some(),
+            other_energies: view.recording.is_some(),
             // Of the whole detector, so that cells do not depend on bands.
-            lit: -view.lattice.blur_rows..i64::from(detector.pixels[1]) + view.lattice.blur_rows,
+            recorded_rows: -view.lattice.blur_rows
+                ..i64::from(detector.pixels[1]) + view.lattice.blur_rows,
         };
         let facets = view.facets.zip(FacetLists::new(view, rows));
         let facets = facets.map(|(all, lists)| (lists, FacetMeans::new(view, &all.steps)));
-        Self { view, estimator, facets, narrow, lit }
+        Self { view, estimator, facets, narrow, recorded_rows }
     }
 
-    /// A patch with its base rays; nothing where no light of it can reach the lit rows.
+    /// A patch with its base rays; nothing where no light of it can reach the recorded rows.
     pub(super) fn begin(&self, (beamlet, row): (i64, i64)) -> Option<PatchWork> {
         let base = self.estimator.base;
         let results = base.patch(beamlet, row)?;
         let period = single(self.view.lattice.period);
         let patch = Patch::new(beamlet, row, period, base.base, results);
         let narrow = self.narrow.get(&(beamlet, row)).cloned().unwrap_or_default();
-        if narrow.is_empty() && self.misses(&patch) {
+        if narrow.is_empty() && self.cannot_reach(&patch) {
             return None;
         }
         let column = self.estimator.column(beamlet);
@@ -125,16 +126,16 @@ impl<'a> Refiner<'a> {
         self.facets.as_ref().map_or(0, |(lists, _)| lists.count(beamlet, row))
     }
 
-    /// Whether a silhouette crosses a patch, as far as its facets tell.
+    /// Whether a silhouette crosses a patch, as far as its facets show.
     pub(super) fn has_silhouette(&self, (beamlet, row): (i64, i64)) -> bool {
         self.facets.as_ref().is_none_or(|(lists, _)| lists.has_silhouette(beamlet, row))
     }
 
-    /// Whether a patch outside the lit rows is seen to throw no light into them: no silhouette
+    /// Whether a patch outside the recorded rows is seen to send no light into them: no silhouette
     /// there or beside it, and no ray that lands half as far off.
-    fn misses(&self, patch: &Patch) -> bool {
+    fn cannot_reach(&self, patch: &Patch) -> bool {
         let row = patch.row;
-        if self.lit.contains(&row) {
+        if self.recorded_rows.contains(&row) {
             return false;
         }
         let first = &patch.nodes[0].result;
@@ -145,7 +146,7 @@ impl<'a> Refiner<'a> {
         let reach = patch.nodes.iter().map(|node| node.result.landing_z(self.estimator.gap).abs());
         let rows = f64::from(2.0 * reach.fold(0.0, f32::max) / self.estimator.row_pitch);
         let rows = numbers::whole::<i64>((rows * self.view.delta_ratio()).ceil());
-        smooth && (row + rows < self.lit.start || row - rows >= self.lit.end)
+        smooth && (row + rows < self.recorded_rows.start || row - rows >= self.recorded_rows.end)
     }
 
     /// Lets the rectangles of patches with silhouettes slant as these do.
@@ -269,7 +270,7 @@ impl<'a> Refiner<'a> {
         let rectangles = AtomicUsize::new(work.iter().map(|work| work.patch.size()).sum());
         loop {
             let undone = work.par_iter_mut().filter(|work| !work.done);
-            undone.for_each(|work| self.judge(work, &rectangles, most));
+            undone.for_each(|work| self.accept_or_split(work, &rectangles, most));
             if work.iter().all(|work| work.done) {
                 return Ok(true);
             }
@@ -282,7 +283,7 @@ impl<'a> Refiner<'a> {
 
     /// Judges a patch and splits the rectangles that it is wrong in, until it needs rays or all
     /// patches together have `most` of them.
-    fn judge(&self, work: &mut PatchWork, rectangles: &AtomicUsize, most: usize) {
+    fn accept_or_split(&self, work: &mut PatchWork, rectangles: &AtomicUsize, most: usize) {
         while work.pending.is_empty()
             && work.pending_pieces.is_empty()
             && !work.done

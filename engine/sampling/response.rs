@@ -65,9 +65,9 @@ impl Response {
     pub(crate) fn new(optics: &Optics, lattice: &Lattice, any_masks: bool) -> Self {
         let Optics { rotation, analyser, detector, .. } = optics;
         let [period, width] = optics.windows();
-        let columns = lattice.columns(optics);
+        let beamlets = lattice.beamlet_geometry(optics);
         let masked = optics.detector_mask.is_some();
-        let landing = |c: &crate::interface::Column| {
+        let landing = |c: &crate::interface::BeamletGeometry| {
             if masked { c.aperture_offset } else { c.pixel_offset }
         };
         // Of the whole spot: recorded values are sums over its parts.
@@ -106,15 +106,15 @@ impl Response {
             period: single(period),
             blur: single(blur),
             magnification: single(analyser / lattice.plane),
-            landing: columns.iter().map(landing).collect(),
+            landing: beamlets.iter().map(landing).collect(),
             openings,
             mask_period: single(mask_period),
             mask_offset: if any_masks {
-                vec![0.0; columns.len()]
+                vec![0.0; beamlets.len()]
             } else {
-                columns.iter().map(|c| c.sample_offset).collect()
+                beamlets.iter().map(|c| c.sample_offset).collect()
             },
-            shadow: columns
+            shadow: beamlets
                 .iter()
                 .map(|c| if hard { 0.0 } else { shadow(optics, c.slope) })
                 .collect(),
@@ -130,7 +130,7 @@ impl Response {
         0.4 / f64::from(self.blur)
     }
 
-    /// Part of a change of light within a rectangle of this width, m, that windows tell although
+    /// Part of a change of light within a rectangle of this width, m, that windows record although
     /// its mean and slope are right: they are nearly straight over less than the blur.
     pub(super) fn bend(&self, width: f32) -> f32 {
         (0.1 * (self.magnification * width / self.blur).powi(2)).min(1.0)
@@ -143,13 +143,13 @@ impl Response {
         (0.1 * deviation * farthest.max(deviation) / self.blur.powi(2)).min(1.0)
     }
 
-    /// What windows tell of light that is spread evenly with this standard deviation, m, where a
+    /// What windows record of light that is spread evenly with this standard deviation, m, where a
     /// Gaussian stands for that: its fourth cumulant, -6/5 of the square of the variance.
     pub(super) fn flat(&self, deviation: f32) -> f32 {
         (0.03 * (deviation / self.blur).powi(4)).min(1.0)
     }
 
-    /// Mask steps that are told apart.
+    /// Mask steps that differ enough to count.
     pub(super) fn steps(&self) -> usize {
         self.openings.len().max(1)
     }

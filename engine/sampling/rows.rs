@@ -1,7 +1,7 @@
 //! Cells of some rows of a view: base rays, refinement of each patch, and what that makes.
 
 use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
-use super::cell_batch::{CellBatch, blank_strips, empty_cell};
+use super::cell_batch::{CellBatch, blank_cell_rows, empty_cell};
 use super::cell_moments::CellMoments;
 use super::emission::Emitter;
 use super::error_budget::{ErrorBudget, tally_of};
@@ -27,7 +27,7 @@ use std::ops::Range;
 const LEAVES_OF_A_PATCH: usize = 256;
 /// Facets of a patch that take as much memory as those leaves.
 const FACETS_OF_A_PATCH: usize = 40;
-/// Strips without a sample that are handed over at once.
+/// Cell rows without a sample that are handed over at once.
 const BLANK_AT_ONCE: usize = 1 << 12;
 
 /// What the cells of a view are made from.
@@ -48,7 +48,7 @@ pub(crate) struct ViewContext<'a> {
     /// Projected bounds of the components.
     pub shadows: &'a [ProjectedBounds],
     /// Keep the moments of the rays, for other energies or masks.
-    pub keep: Option<&'a MomentRecording>,
+    pub recording: Option<&'a MomentRecording>,
     /// What changes of a result do to recorded values.
     pub response: &'a Response,
     /// What sampling may leave.
@@ -63,11 +63,11 @@ impl ViewContext<'_> {
 
     /// How much farther than its result says light may land, at another energy.
     pub(super) fn delta_ratio(&self) -> f64 {
-        self.keep.map_or(1.0, |keep| keep.delta_ratio)
+        self.recording.map_or(1.0, |recording| recording.delta_ratio)
     }
 }
 
-/// Takes strips as they are ready; may trace with the tracer that it is lent.
+/// Takes cell rows as they are ready; may trace with the tracer that it is lent.
 pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<()>;
 
 /// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
@@ -124,11 +124,12 @@ pub(crate) fn sample_rows(
         })?;
     }
     let cell = empty_cell(view.lattice);
-    let words = if view.keep.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
+    let words =
+        if view.recording.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
-    for strips in blank_strips(view.lattice, blank).chunks(BLANK_AT_ONCE) {
+    for cell_rows in blank_cell_rows(view.lattice, blank).chunks(BLANK_AT_ONCE) {
         let mut part = CellBatch::default();
-        strips.iter().for_each(|strip| part.push(*strip, &[cell], &none));
+        cell_rows.iter().for_each(|cell_row| part.push(*cell_row, &[cell], &none));
         take(tracer, &part)?;
     }
     Ok(())

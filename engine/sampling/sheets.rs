@@ -59,7 +59,7 @@ pub(super) struct Met {
 }
 
 impl Met {
-    /// Adds a surface of the object with this hash that is crossed so many times.
+    /// Adds a surface of the object with this hash that is crossed `times` times.
     pub(super) fn add(&mut self, hash: u32, front: bool, times: u32) {
         let all = hash.wrapping_mul(times);
         self.crossings += times;
@@ -67,6 +67,23 @@ impl Met {
         self.balance =
             if front { self.balance.wrapping_add(all) } else { self.balance.wrapping_sub(all) };
     }
+}
+
+/// Planes fitted to the displacements of all sheets of a rectangle.
+#[derive(Default)]
+pub(super) struct SheetFits {
+    /// What its rays cross.
+    pub(super) met: Met,
+    /// Slope over x of the displacement along x, over z of the same, over z of that along z.
+    pub(super) slope: f64,
+    pub(super) across: f64,
+    pub(super) slope_z: f64,
+    /// Variances about the fits: of the optical depth, of the displacements along x and z, m2.
+    pub(super) depth: f64,
+    pub(super) variance: f64,
+    pub(super) variance_z: f64,
+    /// Farthest that the displacements along x and z are off their means, m.
+    pub(super) farthest: [f64; 2],
 }
 
 /// Integrals over a rectangle.

@@ -15,7 +15,7 @@ use std::time::Instant;
 /// Most rectangles in memory at a time.
 const MOST_RECTANGLES: usize = 1 << 18;
 
-/// Takes cells as [`super::rows::Take`] does, and tells the seconds that a run takes for them
+/// Takes cells as [`super::rows::Take`] does, and returns the seconds that a run takes for them
 /// beyond those that it took itself.
 pub(crate) type TakePart<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<f64>;
 
@@ -125,7 +125,7 @@ pub(crate) fn survey_rows(
             lit,
             &mut |tracer, cells, _| {
                 splits += cells.splits;
-                if !cells.strips.is_empty() {
+                if !cells.cell_rows.is_empty() {
                     beyond += take(tracer, &cells)?;
                 }
                 Ok(())

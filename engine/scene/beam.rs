@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 /// What the source emits.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Beam {
     /// Photons of one energy, keV. > 0.
     Energy(f64),
@@ -23,6 +24,7 @@ impl Beam {
 
 /// A spectrum, before and after its filters.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct SpectrumSpec {
     /// Where the photons come from.
     pub origin: SpectrumOrigin,
@@ -32,8 +34,24 @@ pub struct SpectrumSpec {
     pub nodes: Option<u32>,
 }
 
+impl SpectrumSpec {
+    /// A spectrum without further filters, with as many energy nodes as its accuracy needs.
+    #[must_use]
+    pub const fn new(origin: SpectrumOrigin) -> Self {
+        Self { origin, filters: Vec::new(), nodes: None }
+    }
+
+    setters! {
+        /// Puts filters into the beam.
+        with_filters(filters: Vec<Filter>);
+        /// Sets the number of energy nodes.
+        with_nodes(nodes: impl Into<Option<u32>>);
+    }
+}
+
 /// Where the photons of a spectrum come from.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum SpectrumOrigin {
     /// Table file: energy in keV, weight in photons.
     File {
@@ -61,6 +79,7 @@ pub(super) const ANODE_ANGLE: f64 = 12.0_f64.to_radians();
 
 /// Metal of the target of a tube.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Anode {
     /// Z = 74.
     Tungsten,
@@ -81,6 +100,14 @@ impl Anode {
         }
     }
 
+    /// Its chemical symbol.
+    pub const fn symbol(self) -> &'static str {
+        match self {
+            Self::Tungsten => "W",
+            Self::Molybdenum => "Mo",
+        }
+    }
+
     /// Least and greatest tube voltage of the built-in model, kV.
     pub const fn kvp_range(self) -> [f64; 2] {
         match self {
@@ -92,9 +119,18 @@ impl Anode {
 
 /// A sheet across the whole beam.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Filter {
     /// Material name.
     pub material: String,
     /// Thickness along the beam, m. > 0.
     pub thickness: f64,
+}
+
+impl Filter {
+    /// A sheet of a material, thickness in m.
+    #[must_use]
+    pub fn new(material: impl Into<String>, thickness: f64) -> Self {
+        Self { material: material.into(), thickness }
+    }
 }

@@ -12,7 +12,7 @@ impl Scene {
         let detector = self.detector.distance;
         match &self.detector_mask {
             Some(mask) => {
-                let back = mask.distance + mask.body.thickness() / 2.0;
+                let [_, back] = mask.faces();
                 if (detector - back).abs() <= AT_DETECTOR { detector } else { mask.distance }
             }
             None => detector,
@@ -38,17 +38,29 @@ impl Scene {
 
     /// Full angle that the detector rows span as seen from the source, rad.
     pub fn fan_angle(&self) -> f64 {
-        let half = self.detector.pitch[0] * f64::from(self.detector.pixels[0]) / 2.0;
+        let half = self.detector.size()[0] / 2.0;
         2.0 * libm::atan2(half, self.detector.distance)
     }
 
     /// Width and height at the rotation centre that the detector covers, along x and z, m.
     pub fn field_of_view(&self) -> [f64; 2] {
         let shrink = self.source.distance / self.detector.distance;
-        let side = |axis: usize| {
-            self.detector.pitch[axis] * f64::from(self.detector.pixels[axis]) * shrink
-        };
-        [side(0), side(1)]
+        self.detector.size().map(|side| side * shrink)
+    }
+
+    /// Where a sample may be: the nearest and farthest distance from the source, m, and what is
+    /// there.
+    pub fn clearance(&self) -> [(f64, &'static str); 2] {
+        let before = self
+            .sample_mask
+            .as_ref()
+            .map_or((0.0, "the source"), |mask| (mask.faces()[1], "the back of the sample mask"));
+        let detector = (self.detector.distance, "the detector");
+        let behind = self
+            .detector_mask
+            .as_ref()
+            .map_or(detector, |mask| (mask.faces()[0], "the front of the detector mask"));
+        [before, behind]
     }
 
     /// Number of mask steps: frames per view.

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 /// Flat detector across the optical axis.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Detector {
     /// Source to detector, m. > source distance.
     pub distance: f64,
@@ -38,10 +39,17 @@ impl Detector {
             counts: None,
         }
     }
+
+    /// Width and height of all pixels, m.
+    #[must_use]
+    pub fn size(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.pitch[axis] * f64::from(self.pixels[axis]))
+    }
 }
 
 /// What a photon adds to the signal.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub enum DetectorMode {
     /// One count, if its energy lies within the thresholds.
     Counting {
@@ -56,6 +64,7 @@ pub enum DetectorMode {
 
 /// The layer that absorbs photons: the fraction 1 - exp(-mu thickness) of them.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Absorber {
     /// Material name.
     pub material: String,
@@ -63,8 +72,17 @@ pub struct Absorber {
     pub thickness: f64,
 }
 
+impl Absorber {
+    /// A layer of a material, thickness in m.
+    #[must_use]
+    pub fn new(material: impl Into<String>, thickness: f64) -> Self {
+        Self { material: material.into(), thickness }
+    }
+}
+
 /// Blur of the light behind the detector mask, before pixels integrate it.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Blur {
     /// Gaussian.
     Gaussian {
@@ -77,6 +95,7 @@ pub enum Blur {
 
 /// An image of a kernel: its middle is the origin, its sum counts as 1.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct KernelFile {
     /// NPY, TIFF or PNG file, relative to the scene's directory.
     pub path: PathBuf,
@@ -84,8 +103,17 @@ pub struct KernelFile {
     pub pixel: [f64; 2],
 }
 
+impl KernelFile {
+    /// An image and the size of its pixels along x and z, m.
+    #[must_use]
+    pub fn new(path: impl Into<PathBuf>, pixel: [f64; 2]) -> Self {
+        Self { path: path.into(), pixel }
+    }
+}
+
 /// Light that is added: scatter is not simulated.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum Scatter {
     /// An image in units of open beam, of the detector's pixels, added to every frame with the
     /// sample.
@@ -101,6 +129,7 @@ pub enum Scatter {
 
 /// From intensities to the numbers that the detector reads out.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct Counts {
     /// Mean number of photons that an open pixel detects. > 0.
     pub photons: f64,
@@ -121,5 +150,18 @@ impl Counts {
     #[must_use]
     pub const fn of_photons(photons: f64) -> Self {
         Self { photons, electronic_noise: 0.0, swank: 1.0, gain: 1.0, offset: 0.0, bit_depth: None }
+    }
+
+    setters! {
+        /// Sets the standard deviation of the electronic noise, detector numbers.
+        with_electronic_noise(electronic_noise: f64);
+        /// Sets the Swank factor of an integrating detector.
+        with_swank(swank: f64);
+        /// Sets the detector numbers per photon.
+        with_gain(gain: f64);
+        /// Sets the detector number of no light.
+        with_offset(offset: f64);
+        /// Rounds and clips to this many bits.
+        with_bit_depth(bit_depth: impl Into<Option<u32>>);
     }
 }

@@ -133,7 +133,7 @@ pub(super) fn hash(path: &Path) -> Result<String> {
     let read = || {
         let mut hasher = Sha256::new();
         let mut file = match input_file::open(path) {
-            // What an empty file lacks, its reader tells by line.
+            // What an empty file lacks, its reader reports by line.
             Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(hasher.finalize()),
             opened => opened?,
         };

@@ -23,6 +23,7 @@ mod read_beam;
 mod read_detector;
 mod read_sample;
 mod read_spot;
+mod sample;
 mod set;
 mod table;
 mod tree;
@@ -40,10 +41,8 @@ pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, S
 pub use exposure::Exposure;
 pub use formula::check_formula;
 pub use keys::known_keys;
-pub use model::{
-    MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene, Scheme,
-    Shape, ShapeOrMesh, Source, Transport,
-};
+pub use model::{MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
+pub use sample::{MaterialSpec, Mesh, Object, Placement, Shape, ShapeOrMesh};
 pub(crate) use validate_detector::validate_thresholds;
 pub use view::{Pose, View};
 

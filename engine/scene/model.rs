@@ -4,11 +4,12 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{Beam, Detector};
+use super::{Beam, Detector, MaterialSpec, Object};
 use crate::spot::Spot;
 
 /// A whole scene, every default filled in. See docs/scene.md for the file form.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Scene {
     /// Directory that relative paths start from.
     pub directory: PathBuf,
@@ -36,8 +37,46 @@ pub struct Scene {
     pub files: BTreeMap<PathBuf, String>,
 }
 
+impl Scene {
+    /// An empty scene in vacuum without masks, one frame of it; relative paths start from the
+    /// working directory. What is more stands in its fields.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use beamlet::scene::{Beam, Detector, MaterialSpec, Object, Scene, Shape, Source};
+    ///
+    /// let source = Source::new(1.21, [30e-6, 26e-6], Beam::Energy(30.0));
+    /// let mut scene = Scene::new(source, Detector::new(1.8, [64, 4], [150e-6; 2]));
+    /// scene.scan.mask_offsets = vec![-10e-6, 0.0, 10e-6];
+    /// let carbon = MaterialSpec::Formula { formula: "C".into(), density: 2.0 };
+    /// scene.materials.insert("carbon fibre".into(), carbon);
+    /// let ball = Shape::Sphere { radius: 4e-3, sides: 256 };
+    /// scene.objects.push(Object::new("ball", ball, "carbon fibre"));
+    /// scene.validate()?;
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
+    #[must_use]
+    pub fn new(source: Source, detector: Detector) -> Self {
+        Self {
+            directory: PathBuf::from("."),
+            source,
+            detector,
+            sample_mask: None,
+            detector_mask: None,
+            sampling: Sampling::default(),
+            scan: Scan::default(),
+            materials: BTreeMap::new(),
+            surroundings: "vacuum".into(),
+            objects: Vec::new(),
+            files: BTreeMap::new(),
+        }
+    }
+}
+
 /// X-ray source on the optical axis at (0, -distance, 0).
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Source {
     /// Source to rotation centre, m. > 0.
     pub distance: f64,
@@ -47,8 +86,18 @@ pub struct Source {
     pub beam: Beam,
 }
 
+impl Source {
+    /// A source at a distance (m) before the rotation centre. `spot`: a [`Spot`], or `[x, z]`, the
+    /// FWHM of a Gaussian in m.
+    #[must_use]
+    pub fn new(distance: f64, spot: impl Into<Spot>, beam: Beam) -> Self {
+        Self { distance, spot: spot.into(), beam }
+    }
+}
+
 /// A slit mask, periodic without end in x and unbounded in z.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct MaskSpec {
     /// Source to the centre plane of the bars, m.
     pub distance: f64,
@@ -62,8 +111,27 @@ pub struct MaskSpec {
     pub body: MaskBody,
 }
 
+impl MaskSpec {
+    /// A mask at a distance (m) from the source, with its period and aperture (m) in its own
+    /// plane and an aperture on the optical axis.
+    #[must_use]
+    pub const fn new(distance: f64, period: f64, aperture: f64, body: MaskBody) -> Self {
+        Self { distance, period, aperture, offset: 0.0, body }
+    }
+}
+
+impl MaskSpec {
+    /// Source to the face of the bars before the mask's plane and to that behind it, m.
+    #[must_use]
+    pub const fn faces(&self) -> [f64; 2] {
+        let half = self.body.thickness() / 2.0;
+        [self.distance - half, self.distance + half]
+    }
+}
+
 /// What the bars of a mask are.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub enum MaskBody {
     /// Straight boxes of a material.
     Bars {
@@ -87,10 +155,20 @@ impl MaskBody {
             Self::Sheet { .. } => 0.0,
         }
     }
+
+    /// Name of the material of the bars; `None` for a sheet.
+    #[must_use]
+    pub fn material(&self) -> Option<&str> {
+        match self {
+            Self::Bars { material, .. } => Some(material),
+            Self::Sheet { .. } => None,
+        }
+    }
 }
 
 /// How rays are chosen.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Sampling {
     /// Cells or random rays.
     pub scheme: Scheme,
@@ -131,6 +209,7 @@ impl Default for Sampling {
 
 /// How rays are chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Scheme {
     /// One ray per cell boundary, cells integrated analytically.
     Cells,
@@ -140,17 +219,19 @@ pub enum Scheme {
 
 /// Order of the transport through the sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Transport {
     /// First order, and exact for the rays that need it.
     Auto,
     /// First order in delta for every ray.
     FirstOrder,
-    /// Ordered walk with refraction at every surface for every ray.
+    /// Exact transport, with refraction at every surface, for every ray.
     Exact,
 }
 
 /// Mask offsets and angles.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Scan {
     /// Displacements of the sample mask along +x in its own plane, m. At least one.
     pub mask_offsets: Vec<f64>,
@@ -165,126 +246,10 @@ impl Default for Scan {
     }
 }
 
-/// Definition of a material.
-#[derive(Debug, Clone, PartialEq)]
-pub enum MaterialSpec {
-    /// Chemical formula and density.
-    Formula {
-        /// Such as "C" or "H2O".
-        formula: String,
-        /// Density, g/cm3. > 0.
-        density: f64,
-    },
-    /// Constants for the scene's single energy.
-    Constants {
-        /// Linear attenuation coefficient, 1/m. >= 0.
-        mu: f64,
-        /// Refractive index decrement.
-        delta: f64,
-    },
-    /// Table file with columns `energy_keV,mu_per_cm,delta`.
-    Table {
-        /// The file, relative to the scene's directory.
-        path: PathBuf,
-    },
-}
-
-/// One object of the sample.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Object {
-    /// Unique name.
-    pub name: String,
-    /// Shape or mesh.
-    pub geometry: ShapeOrMesh,
-    /// Material name.
-    pub material: String,
-    /// Where it stands.
-    pub placement: Placement,
-    /// SHA-256 of the mesh file that the scene was resolved with, 64 lower-case hexadecimal
-    /// digits. A mesh file that does not have it is refused.
-    pub sha256: Option<String>,
-    /// Take a mesh that is open or crosses itself, at one's own risk.
-    pub allow_defects: bool,
-}
-
-/// What an object's surface is.
-#[derive(Debug, Clone, PartialEq)]
-pub enum ShapeOrMesh {
-    /// Built-in shape, in metres.
-    Shape(Shape),
-    /// Mesh file, or arrays given in the library.
-    Mesh(Mesh),
-}
-
-/// Built-in shapes: along z, centred, with area-preserving facets.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shape {
-    /// Full edge lengths along x, y, z, m.
-    Box {
-        /// Edge lengths, m.
-        size: [f64; 3],
-    },
-    /// Cylinder along z.
-    Cylinder {
-        /// Radius, m.
-        radius: f64,
-        /// Height, m.
-        height: f64,
-        /// Facets around. >= 3.
-        sides: u32,
-    },
-    /// Regular prism along z; `radius` is the circumradius of its base, not area-corrected.
-    Prism {
-        /// Circumradius, m.
-        radius: f64,
-        /// Height, m.
-        height: f64,
-        /// Sides. >= 3.
-        sides: u32,
-    },
-    /// Sphere.
-    Sphere {
-        /// Radius, m.
-        radius: f64,
-        /// Facets around the equator. >= 4.
-        sides: u32,
-    },
-}
-
-/// A triangle mesh.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Mesh {
-    /// A file; `unit` is the length of 1.0 in it, m.
-    File {
-        /// The file, relative to the scene's directory.
-        path: PathBuf,
-        /// Metres per unit of the file.
-        unit: f64,
-    },
-    /// Vertices in metres and triangles that index them, counter-clockwise seen from outside.
-    Arrays {
-        /// Vertex positions, m.
-        vertices: Vec<[f64; 3]>,
-        /// Vertex indices.
-        triangles: Vec<[u32; 3]>,
-    },
-}
-
-/// Placement of an object: center, then scale, then rotations, then position.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Placement {
-    /// Move the centre of the bounding box to the mesh origin first.
-    pub center: bool,
-    /// Scale about the mesh origin. > 0.
-    pub scale: f64,
-    /// Rotations about the mesh origin in the order listed: axis, angle in rad.
-    pub rotate: Vec<([f64; 3], f64)>,
-    /// Translation, m.
-    pub position: [f64; 3],
-}
-
-impl Default for Placement {
-    fn default() -> Self {
-        Self { center: false, scale: 1.0, rotate: Vec::new(), position: [0.0; 3] }
+impl Scan {
+    /// Mask offsets (m) and angles (rad), at least one each.
+    #[must_use]
+    pub const fn new(mask_offsets: Vec<f64>, angles: Vec<f64>) -> Self {
+        Self { mask_offsets, angles }
     }
 }

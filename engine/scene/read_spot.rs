@@ -1,4 +1,4 @@
-//! The focal spot from the tree: a size, or a table that tells another shape. Files are read at
+//! The focal spot from the tree: a size, or a table of another shape. Files are read at
 //! once: a scene holds the Gaussians that were made of them.
 
 use std::path::{Path, PathBuf};

@@ -6,7 +6,7 @@ use super::{Beam, Scene, SpectrumOrigin, SpectrumSpec, limits};
 use crate::units::Dimension::{Energy, Length};
 use crate::{Error, Result};
 
-/// Photons of an open pixel: beyond this f64 does not tell neighbouring counts apart.
+/// Photons of an open pixel: beyond this f64 does not resolve neighbouring counts.
 const PHOTONS: f64 = 1e12;
 
 pub(super) fn validate_detector(scene: &Scene) -> Result<()> {

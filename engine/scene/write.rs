@@ -98,7 +98,7 @@ pub(super) fn to_toml(
     Ok(out.0)
 }
 
-/// The Gaussians themselves, so that a run needs no file to be told by.
+/// The Gaussians themselves, so that a run needs no file.
 fn write_spot(out: &mut Text, spot: &Spot) {
     if let Some(fit) = spot.fit() {
         out.comment(&format!("spot: {} Gaussians for {}", spot.parts().len(), fit.file));

@@ -67,7 +67,7 @@ pub(super) fn read(path: &Path) -> Result<Spectrum> {
 }
 
 /// Neighbouring rows of a long table as one, of their photons at their mean energy: constants
-/// change less over some electronvolts than tables tell.
+/// change less over some electronvolts than tables resolve.
 fn joined(spectrum: Spectrum) -> Spectrum {
     let group = spectrum.weights.len().div_ceil(JOINED);
     if group <= 1 {

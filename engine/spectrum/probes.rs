@@ -8,7 +8,7 @@
 use super::Spectrum;
 use crate::Result;
 use crate::material::{self, Constants};
-use crate::scene::{MaskBody, Scene};
+use crate::scene::Scene;
 
 /// Transmissions of the slabs that are tried.
 const TRANSMISSIONS: [f64; 13] =
@@ -66,8 +66,9 @@ impl<'a> Probes<'a> {
         for (key, mask) in
             [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
         {
-            if let Some(MaskBody::Bars { material, thickness }) = mask.as_ref().map(|m| &m.body) {
-                bars.push((medium(material, format!("{key}.material"))?, *thickness));
+            let Some(body) = mask.as_ref().map(|mask| &mask.body) else { continue };
+            if let Some(material) = body.material() {
+                bars.push((medium(material, format!("{key}.material"))?, body.thickness()));
             }
         }
         let mut probes = Self { scene, energies, media, list: Vec::new() };

@@ -4,7 +4,7 @@
 //! The continuum is tabulated before its way out of the target: photons by energy and depth, in
 //! units in which it varies slowly with the tube voltage (energy over voltage, depth over the
 //! range of the electrons). Self-absorption, which jumps at the edges of the target, is applied
-//! here at the energy asked for, with the attenuation that SpekPy uses for it. Lines are
+//! here at the requested energy, with the attenuation that SpekPy uses for it. Lines are
 //! tabulated behind the target, as a multiple of a power of the voltage above their edge.
 
 use crate::numbers;

@@ -176,7 +176,7 @@ fn improved(patches: &[Patch], parts: &[Patch]) -> Vec<Patch> {
 }
 
 const DIAGONAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// x, z, and both diagonals: those tell a slanted spot from an upright one.
+/// x, z, and both diagonals: those distinguish a slanted spot from an upright one.
 const DIRECTIONS: [[f64; 2]; 4] = [[1.0, 0.0], [0.0, 1.0], [DIAGONAL; 2], [DIAGONAL, -DIAGONAL]];
 
 /// The twice integrated profile of the image along a direction.

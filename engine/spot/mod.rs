@@ -14,6 +14,7 @@ pub(crate) fn deviation(fwhm: f64) -> f64 {
 
 /// One Gaussian of a focal spot.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct SpotPart {
     /// Share of the light, in any unit. >= 0.
     pub weight: f64,
@@ -23,8 +24,17 @@ pub struct SpotPart {
     pub offset: [f64; 2],
 }
 
+impl SpotPart {
+    /// A Gaussian of this weight, with FWHM and centre along x and z, m.
+    #[must_use]
+    pub const fn new(weight: f64, fwhm: [f64; 2], offset: [f64; 2]) -> Self {
+        Self { weight, fwhm, offset }
+    }
+}
+
 /// How well the parts stand for the image or profile that they were made from.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct SpotFit {
     /// Where the image or profile was read, or empty.
     pub file: String,
@@ -48,13 +58,13 @@ pub struct Spot {
 
 /// A part with the spot's centroid on the axis and weights that sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlacedPart {
+pub(crate) struct PlacedPart {
     /// Share of all light.
-    pub share: f64,
+    pub(crate) share: f64,
     /// Centre from the optical axis, x and z, m.
-    pub offset: [f64; 2],
+    pub(crate) offset: [f64; 2],
     /// Standard deviation along x and z, m.
-    pub deviation: [f64; 2],
+    pub(crate) deviation: [f64; 2],
 }
 
 impl PartialEq for Spot {
@@ -115,7 +125,7 @@ impl Spot {
 
     /// The parts with light, their centroid on the axis.
     #[must_use]
-    pub fn placed(&self) -> Vec<PlacedPart> {
+    pub(crate) fn placed(&self) -> Vec<PlacedPart> {
         let total: f64 = self.parts.iter().map(|part| part.weight).sum();
         let centre = [0, 1].map(|axis| {
             self.parts.iter().map(|part| part.weight * part.offset[axis]).sum::<f64>() / total

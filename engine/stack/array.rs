@@ -1,6 +1,6 @@
 //! Stacks in memory, for callers that go on computing with them.
 
-use super::{CountStacks, Exposure, Extent, RunStart, Sink, Stacks};
+use super::{CountStacks, Exposure, RunStart, Sink, StackShape, Stacks};
 use crate::scene::Scene;
 use crate::{Error, Result, RunRecord};
 use ndarray::{Array3, Array4, ArrayView3, ArrayViewMut3, Axis, s};
@@ -32,7 +32,7 @@ impl ArraySink {
 
 impl Sink for ArraySink {
     fn begin(&mut self, scene: &Scene, _start: &RunStart) -> Result<()> {
-        let extent = Extent::of(scene)?;
+        let extent = StackShape::of(scene)?;
         let [views, steps, rows, columns] =
             [extent.views, extent.steps, extent.rows, extent.columns].map(|n| n as usize);
         let zeros = |len: usize| {

@@ -6,13 +6,15 @@
 
 use super::npy::{hex, le_bytes};
 use super::read::read_exr;
-use super::{Exposure, Extent};
+use super::{Exposure, StackShape};
+use crate::optics::{Mask, Optics};
 use crate::scene::Scene;
 use crate::{Error, Result, reserve};
 use exr::prelude::*;
 use ndarray::{ArrayView2, ArrayView3};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::ops::Range;
@@ -25,7 +27,7 @@ pub(super) const PARTIAL: &str = "partial";
 #[derive(Debug)]
 pub(super) struct ExrFrames {
     root: PathBuf,
-    extent: Extent,
+    extent: StackShape,
     about: About,
     /// Raw values `[step][row][column]` of the view in work, when it comes in several bands.
     spool: Option<File>,
@@ -35,7 +37,7 @@ pub(super) struct ExrFrames {
 
 impl ExrFrames {
     /// Frames under `root` with these values: intensities, or detector numbers.
-    pub(super) fn begin(root: &Path, extent: Extent, scene: &Scene, values: Values) -> Self {
+    pub(super) fn begin(root: &Path, extent: StackShape, scene: &Scene, values: Values) -> Self {
         let about = About::of(scene, values);
         Self { root: root.to_path_buf(), extent, about, spool: None, converted: None }
     }
@@ -205,7 +207,7 @@ const ENCODING: Encoding = Encoding {
 };
 
 /// Directory of a view's frames, relative to the run directory.
-pub(super) fn view_directory(extent: Extent, view: Exposure) -> PathBuf {
+pub(super) fn view_directory(extent: StackShape, view: Exposure) -> PathBuf {
     match view {
         Exposure::Flat => "flat".into(),
         Exposure::Dark => "dark".into(),
@@ -217,7 +219,7 @@ pub(super) fn view_directory(extent: Extent, view: Exposure) -> PathBuf {
 }
 
 /// File name of a step's frame.
-pub(super) fn step_file(extent: Extent, step: u32) -> String {
+pub(super) fn step_file(extent: StackShape, step: u32) -> String {
     let width = digits(extent.steps).max(3);
     format!("step_{step:0width$}.exr")
 }
@@ -228,7 +230,7 @@ fn digits(count: u32) -> usize {
 }
 
 /// SHA-256 of a view as it stands in its frames under `root`.
-pub(super) fn checksum(root: &Path, extent: Extent, view: Exposure) -> Result<String> {
+pub(super) fn checksum(root: &Path, extent: StackShape, view: Exposure) -> Result<String> {
     let directory = root.join(view_directory(extent, view));
     let mut hasher = Sha256::new();
     let shape = [extent.rows as usize, extent.columns as usize];
@@ -243,7 +245,7 @@ fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Er
     move |error| Error::file(path, problem, Some(error))
 }
 
-/// What the header of a frame tells, as JSON in the attribute `beamlet`.
+/// The metadata of a frame, JSON in the attribute `beamlet`.
 #[derive(Debug)]
 struct About {
     /// What all frames share.
@@ -262,12 +264,9 @@ pub(super) enum Values {
 
 impl About {
     fn of(scene: &Scene, values: Values) -> Self {
-        let mask = |mask: &Option<crate::scene::MaskSpec>| match mask {
-            Some(mask) => serde_json::json!({
-                "distance": mask.distance, "period": mask.period,
-                "aperture": mask.aperture, "offset": mask.offset,
-            }),
-            None => serde_json::Value::Null,
+        let optics = Optics::of(scene);
+        let mask = |mask: &Option<Mask>| {
+            serde_json::json!(mask.as_ref().map(|mask| BTreeMap::from(mask.lengths())))
         };
         let shared = [
             ("units", "m, rad, keV".into()),
@@ -281,8 +280,8 @@ impl About {
             ("spot", scene.source.spot.fwhm().to_vec().into()),
             ("detector_distance", scene.detector.distance.into()),
             ("pitch", scene.detector.pitch.to_vec().into()),
-            ("sample_mask", mask(&scene.sample_mask)),
-            ("detector_mask", mask(&scene.detector_mask)),
+            ("sample_mask", mask(&optics.sample_mask)),
+            ("detector_mask", mask(&optics.detector_mask)),
         ];
         Self {
             shared: shared.into_iter().map(|(key, value)| (key.to_owned(), value)).collect(),

@@ -41,9 +41,9 @@ use std::ops::Range;
 /// angles in order.
 ///
 /// # Errors
-/// As [`Extent::of`].
+/// As [`StackShape::of`].
 pub fn views(scene: &Scene) -> Result<impl Iterator<Item = Exposure> + use<>> {
-    let extent = Extent::of(scene)?;
+    let extent = StackShape::of(scene)?;
     let dark = scene.detector.counts.map(|_| Exposure::Dark);
     Ok([Some(Exposure::Flat), dark]
         .into_iter()
@@ -163,10 +163,10 @@ pub struct CountStacks {
     pub dark: Array3<f32>,
 }
 
-/// Extent of the stacks of a scene.
+/// Shape of the stacks of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub struct Extent {
+pub struct StackShape {
     /// Views with the sample (the flat is one more).
     pub views: u32,
     /// Mask steps.
@@ -177,8 +177,8 @@ pub struct Extent {
     pub columns: u32,
 }
 
-impl Extent {
-    /// Extent of the stacks of `scene`.
+impl StackShape {
+    /// Shape of the stacks of `scene`.
     ///
     /// # Errors
     /// [`Error::Scene`] where a list of the scan is longer than 2^32, or the stacks would have

@@ -2,9 +2,9 @@
 //!
 //! Version 1.0 of the format with the header padded to 64 bytes, f32 little endian, C order:
 //! numpy, and everything that memory-maps, reads it as it is. Until a run is done the views
-//! that are not committed read as zero or as a part; progress.log tells which count.
+//! that are not committed read as zero or as a part; progress.log lists those that count.
 
-use super::{Exposure, Extent};
+use super::{Exposure, StackShape};
 use crate::{Error, Result, input_file, reserve};
 use ndarray::ArrayView3;
 use sha2::{Digest, Sha256};
@@ -28,7 +28,7 @@ pub(super) const DARK: &str = "dark.npy";
 #[derive(Debug)]
 pub(super) struct NpyFrames {
     root: PathBuf,
-    extent: Extent,
+    extent: StackShape,
     flat: Array,
     sample: Array,
     dark: Option<Array>,
@@ -45,7 +45,7 @@ struct Array {
 impl NpyFrames {
     /// Creates the files, or opens those of a run that is resumed; with one for dark frames where
     /// there are any.
-    pub(super) fn begin(root: &Path, extent: Extent, dark: bool) -> Result<Self> {
+    pub(super) fn begin(root: &Path, extent: StackShape, dark: bool) -> Result<Self> {
         let flat_bytes = extent.view_bytes();
         let sample_bytes = flat_bytes * u64::from(extent.views);
         let [flat, sample] = headers(extent);
@@ -127,7 +127,7 @@ impl Array {
 
 /// Files under `root` that do not have the header and the length that they were made with, one
 /// message each; with the file of dark frames where there is one.
-pub(super) fn header_problems(root: &Path, extent: Extent, dark: bool) -> Vec<String> {
+pub(super) fn header_problems(root: &Path, extent: StackShape, dark: bool) -> Vec<String> {
     let [flat, sample] = headers(extent);
     let flat_bytes = extent.view_bytes();
     let mut files =
@@ -156,7 +156,7 @@ pub(super) fn header_problems(root: &Path, extent: Extent, dark: bool) -> Vec<St
 }
 
 /// SHA-256 of a view as it stands in the files under `root`.
-pub(super) fn checksum(root: &Path, extent: Extent, view: Exposure) -> Result<String> {
+pub(super) fn checksum(root: &Path, extent: StackShape, view: Exposure) -> Result<String> {
     let [flat, sample] = headers(extent);
     let (name, header, start) = match view {
         Exposure::Flat => (FLAT, flat, 0),
@@ -182,8 +182,8 @@ pub(super) fn checksum(root: &Path, extent: Extent, view: Exposure) -> Result<St
 }
 
 /// Headers of flat.npy and sample.npy.
-fn headers(extent: Extent) -> [Vec<u8>; 2] {
-    let Extent { views, steps, rows, columns } = extent;
+fn headers(extent: StackShape) -> [Vec<u8>; 2] {
+    let StackShape { views, steps, rows, columns } = extent;
     let flat = format!("{steps}, {rows}, {columns}");
     [header(&flat), header(&format!("{views}, {flat}"))]
 }

@@ -2,7 +2,7 @@
 //! and no link is followed.
 
 use super::run_directory::{COUNTS, LOG, RUN, SCENE};
-use super::{Exposure, Extent, RunFile, exr_frames, npy};
+use super::{Exposure, RunFile, StackShape, exr_frames, npy};
 use crate::whole_file::refuse_link;
 use crate::{Error, Result};
 use std::fs;
@@ -114,7 +114,7 @@ fn number(name: &str, (start, end): (&str, &str)) -> Option<u32> {
 }
 
 /// Removes the stacks under `root` of a run with this extent, but for the views in `keep`.
-pub(super) fn remove_stacks(root: &Path, extent: Extent, keep: &[Exposure]) -> Result<()> {
+pub(super) fn remove_stacks(root: &Path, extent: StackShape, keep: &[Exposure]) -> Result<()> {
     for view in [Exposure::Flat, Exposure::Dark] {
         if !keep.contains(&view) {
             remove_frames(&root.join(exr_frames::view_directory(extent, view)), extent)?;
@@ -138,7 +138,7 @@ pub(super) fn remove_stacks(root: &Path, extent: Extent, keep: &[Exposure]) -> R
 }
 
 /// Removes the frames (and the spool) in a directory, and the directory if nothing else is in it.
-pub(super) fn remove_frames(directory: &Path, extent: Extent) -> Result<()> {
+pub(super) fn remove_frames(directory: &Path, extent: StackShape) -> Result<()> {
     refuse_link(directory)?;
     each_entry(directory, |name, entry| {
         let step = number(name, ("step_", ".exr")).filter(|step| *step < extent.steps);

@@ -196,11 +196,11 @@ fn parse(line: &str) -> Option<(Exposure, Entry, bool)> {
 fn tally_word(tally: &Tally) -> String {
     let counts = serde_json::to_value(tally).unwrap_or_default();
     let counts = counts.as_object().into_iter().flatten();
-    let told: serde_json::Map<_, _> = counts
+    let counted: serde_json::Map<_, _> = counts
         .filter(|(_, count)| count.as_u64() != Some(0))
         .map(|(name, count)| (name.clone(), count.clone()))
         .collect();
-    format!(" {TALLY}{}", serde_json::Value::Object(told))
+    format!(" {TALLY}{}", serde_json::Value::Object(counted))
 }
 
 /// The view's name in the log.

@@ -11,7 +11,7 @@ use super::npy::{self, NpyFrames};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::progress_log::{Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
-use super::{Exposure, Extent, RunStart, Sink, scene_file};
+use super::{Exposure, RunStart, Sink, StackShape, scene_file};
 use crate::numbers;
 use crate::scene::Scene;
 use crate::whole_file::{sync_directory, write_whole};
@@ -32,6 +32,7 @@ pub(super) const COUNTS: &str = "counts";
 /// File format of frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum Format {
     /// One 32-bit float EXR file per frame.
     #[default]
@@ -211,7 +212,7 @@ impl RunDirectory {
     }
 
     /// Removes what an earlier run, or an interrupted view, left; never a file of others.
-    fn clear(&self, extent: Extent, log: &mut ProgressLog) -> Result<()> {
+    fn clear(&self, extent: StackShape, log: &mut ProgressLog) -> Result<()> {
         let keep = self.resumed.as_ref().map_or(&[][..], |resumed| &resumed.intact);
         let earlier = match &self.resumed {
             Some(_) => extent,
@@ -251,7 +252,7 @@ impl RunDirectory {
 
 impl Sink for RunDirectory {
     fn begin(&mut self, scene: &Scene, start: &RunStart) -> Result<()> {
-        let extent = Extent::of(scene)?;
+        let extent = StackShape::of(scene)?;
         let scene = &scene.with_file_hashes()?;
         let mut file = RunFile::begin(self.format, extent, scene.sampling.seed, start);
         file.keep_moments = Some(self.keep_moments);
@@ -383,7 +384,7 @@ fn opened<'a>(open: &'a mut Option<Open>, path: &Path) -> Result<&'a mut Open> {
 /// Whether a band of a view comes where it should, in its shape.
 fn follows(
     path: &Path,
-    extent: Extent,
+    extent: StackShape,
     view: Exposure,
     next: u32,
     rows: &Range<u32>,

@@ -1,6 +1,6 @@
 //! run.json: the provenance of a run, written when it begins and again when it ends.
 
-use super::{Extent, Format, RunStart};
+use super::{Format, RunStart, StackShape};
 use crate::input_file;
 use crate::{Error, Result, RunRecord};
 use serde::{Deserialize, Serialize};
@@ -9,6 +9,7 @@ use std::path::Path;
 /// How far a run came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum RunState {
     /// It runs, or was interrupted.
     Running,
@@ -38,8 +39,8 @@ pub struct RunFile {
     pub state: RunState,
     /// File format of the frames.
     pub format: Format,
-    /// Extent of the stacks.
-    pub extent: Extent,
+    /// Shape of the stacks.
+    pub extent: StackShape,
     /// Views that stood already when the run was resumed; times leave them out.
     #[serde(default)]
     pub resumed_views: u32,
@@ -62,7 +63,7 @@ const fn is_zero(count: &u32) -> bool {
 
 impl RunFile {
     /// The file of a run that begins.
-    pub(super) fn begin(format: Format, extent: Extent, seed: u64, start: &RunStart) -> Self {
+    pub(super) fn begin(format: Format, extent: StackShape, seed: u64, start: &RunStart) -> Self {
         Self {
             format_version: FORMAT_VERSION,
             state: RunState::Running,

@@ -40,11 +40,11 @@ pub(super) fn differences(
     let none = BTreeMap::new();
     let mut now = parse(path, &resolved(directory, scene, mesh_hashes.unwrap_or(&none), &[])?)?;
     let [stored_files, files] = [&mut stored, &mut now].map(take_files);
+    if mesh_hashes.is_none() {
+        [&mut stored, &mut now].into_iter().for_each(remove_mesh_hashes);
+    }
     let mut found = Vec::new();
     compare("", Some(&stored), Some(&now), &mut found);
-    if mesh_hashes.is_none() {
-        found.retain(|(key, _)| !key.ends_with(".sha256"));
-    }
     let found = found.into_iter().map(|(key, values)| format!("{key}: {values}")).collect();
     let mut differences = Differences { found, unhashed: Vec::new() };
     for (file, hash) in &files {
@@ -66,6 +66,14 @@ fn take_files(scene: &mut Value) -> toml::Table {
     match scene.as_table_mut().and_then(|table| table.remove("files")) {
         Some(Value::Table(files)) => files,
         _ => toml::Table::new(),
+    }
+}
+
+/// Removes the hash of its mesh from each object.
+fn remove_mesh_hashes(scene: &mut Value) {
+    let Some(Value::Array(objects)) = scene.get_mut("object") else { return };
+    for object in objects.iter_mut().filter_map(Value::as_table_mut) {
+        object.remove("sha256");
     }
 }
 

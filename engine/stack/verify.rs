@@ -3,7 +3,7 @@
 use super::progress_log::{self, Entry};
 use super::read::read_scene;
 use super::run_directory::{COUNTS, LOG, RUN, SCENE};
-use super::{Exposure, Extent, Format, RunFile, RunState, exr_frames, npy};
+use super::{Exposure, Format, RunFile, RunState, StackShape, exr_frames, npy};
 use crate::{Result, moments};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -37,7 +37,7 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
     let file = RunFile::read(&path.join(RUN))?;
     let scene = read_scene(&path.join(SCENE))?;
     let entries = progress_log::read(&path.join(LOG))?;
-    let extent = Extent::of(&scene)?;
+    let extent = StackShape::of(&scene)?;
     let place = path.display();
     let mut problems = Vec::new();
     if extent != file.extent {
@@ -85,7 +85,7 @@ pub(super) struct Verified {
 pub(super) fn frames(
     path: &Path,
     format: Format,
-    extent: Extent,
+    extent: StackShape,
     counts: bool,
     entries: &BTreeMap<Exposure, Entry>,
 ) -> Verified {
@@ -127,7 +127,7 @@ pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)
 fn problem_of_view(
     path: &Path,
     format: Format,
-    extent: Extent,
+    extent: StackShape,
     counts: bool,
     view: Exposure,
     entry: &Entry,

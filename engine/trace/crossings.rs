@@ -1,10 +1,11 @@
 //! Crossings of rays in order, for pictures of the sample: what is seen first, and through it.
 
+use super::ray::Ray;
 use super::tracer::push_bytes;
 use super::upload::DeviceSample;
 use crate::Result;
 use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
-use crate::interface::{self, Crossing, CrossingsPush, GROUP, Ray};
+use crate::interface::{self, Crossing, CrossingsPush, GROUP};
 use std::sync::Arc;
 
 /// Rays whose crossings lie on the device at once.
@@ -32,7 +33,7 @@ impl From<&interface::SurfaceCrossing> for SurfaceCrossing {
 
 /// Finds the first crossings of rays, with the software BVH on any device.
 #[derive(Debug)]
-pub struct CrossingFinder {
+pub(crate) struct CrossingFinder {
     device: Arc<Device>,
     sample: Arc<DeviceSample>,
     kernel: Kernel,
@@ -48,7 +49,7 @@ impl CrossingFinder {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], or [`crate::Error::Device`] where the driver refuses.
-    pub fn new(device: &Arc<Device>, sample: &Arc<DeviceSample>, most: u32) -> Result<Self> {
+    pub(crate) fn new(device: &Arc<Device>, sample: &Arc<DeviceSample>, most: u32) -> Result<Self> {
         let push = push_bytes::<CrossingsPush>();
         let most = most.max(1);
         let of_all = |each: usize| u64::from(RAYS) * u64::from(most) * each as u64;
@@ -58,7 +59,7 @@ impl CrossingFinder {
             sample: sample.clone(),
             kernel: device.kernel("crossings", shaders::CROSSINGS, push)?,
             most,
-            rays: make("rays", u64::from(RAYS) * size_of::<Ray>() as u64)?,
+            rays: make("rays", u64::from(RAYS) * size_of::<interface::Ray>() as u64)?,
             met: make("crossings", of_all(size_of::<interface::SurfaceCrossing>()))?,
             lists: make("lists of crossings", of_all(size_of::<Crossing>()))?,
             counts: make("counts of crossings", u64::from(RAYS) * 4)?,
@@ -70,7 +71,7 @@ impl CrossingFinder {
     ///
     /// # Errors
     /// [`crate::Error::Device`].
-    pub fn find(
+    pub(crate) fn find(
         &self,
         rays: &[Ray],
         mut visit: impl FnMut(usize, &[SurfaceCrossing]),
@@ -81,7 +82,8 @@ impl CrossingFinder {
         let mut met_by_ray = Vec::with_capacity(most);
         for batch in rays.chunks(RAYS as usize) {
             let count = u32::try_from(batch.len()).unwrap_or(RAYS);
-            self.rays.write(0, batch)?;
+            let packed: Vec<interface::Ray> = batch.iter().map(interface::Ray::from).collect();
+            self.rays.write(0, &packed)?;
             let mut first = 0;
             while first < count {
                 let push = CrossingsPush {

@@ -3,15 +3,18 @@
 mod crossings;
 mod media;
 mod moments;
+mod ray;
 mod tally;
 mod tracer;
 mod upload;
 
-pub use crate::interface::{Ray, RayResult};
-pub use crossings::{CrossingFinder, SurfaceCrossing};
+pub(crate) use crate::interface::RayResult;
+pub(crate) use crossings::CrossingFinder;
+pub use crossings::SurfaceCrossing;
 pub use media::MaterialTable;
 pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};
+pub use ray::Ray;
 pub use tally::Tally;
 pub(crate) use tracer::push_bytes;
 pub use tracer::{TraceKernels, Tracer};

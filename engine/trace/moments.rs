@@ -5,7 +5,7 @@ use crate::interface::{
     MOMENTS_PATH, MOMENTS_PER_MATERIAL, MOMENTS_SLOPE, RayResult,
 };
 
-/// Least cosine of incidence of a ray over that below which rays are walked in order.
+/// Least cosine of incidence of a ray over that below which rays are traced exactly.
 pub(crate) fn grazing(result: &RayResult) -> f64 {
     f64::from(result.flags >> FLAG_SHARE_SHIFT) / 255.0
 }

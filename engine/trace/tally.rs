@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 pub struct Tally {
     /// Rays traced to first order.
     pub rays: u64,
-    /// Rays traced again in order (or in order alone with `transport = exact`).
+    /// Rays traced again exactly (or exactly alone with `transport = exact`).
     pub exact: u64,
     /// Cells split by refinement.
     pub split: u64,
     /// Rays that entered and left some object unequally often after all re-tracing.
     pub unbalanced: u64,
-    /// Rays that could not be followed in order after all re-tracing; they count with their first
+    /// Rays that could not be followed exactly after all re-tracing; they count with their first
     /// order.
     pub unordered: u64,
     /// Ray-query rays traced again with the software BVH.

@@ -1,8 +1,8 @@
 //! The tracer: rays in, results out, in batches, on either backend.
 
 mod batch;
+mod exact;
 mod kernels;
-mod ordered;
 
 use super::upload::DeviceSample;
 use crate::accel::Backend;
@@ -16,9 +16,9 @@ use crate::scene::Transport;
 use crate::trace::Tally;
 use crate::{Result, reserve};
 use batch::{Batch, stride};
+use exact::{ExactRays, LISTED};
 use kernels::OrderFree;
 pub use kernels::TraceKernels;
-use ordered::{LISTED, Ordered};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -31,7 +31,7 @@ const SMALLEST_BATCH: u32 = 1024;
 const LARGEST_BATCH: u32 = 1 << 19;
 /// Unbalanced rays are tried again this far to the side, m: far below any accuracy wanted, far
 /// above the rounding of coordinates that made an edge ambiguous.
-const NUDGES: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
+const RAY_OFFSETS: [f32; 5] = [0.0, 3e-10, -7e-10, 2.3e-9, -6e-9];
 
 /// Bytes of a push constant struct.
 pub(crate) const fn push_bytes<T>() -> u32 {
@@ -51,7 +51,7 @@ pub struct Tracer {
     node: Option<usize>,
     batch: Batch,
     tally: Buffer,
-    /// Crossings of the rays that are traced in order.
+    /// Crossings of the rays that are traced exactly.
     lists: Buffer,
     fixed_batch: Option<u32>,
     most: u32,
@@ -102,7 +102,7 @@ impl Tracer {
             batch: Batch::new(device, capacity, sample.materials)?,
             tally: device.upload("tally", &[0_u32; TALLY_COUNTERS])?,
             lists: device.buffer(
-                "crossings in order",
+                "crossings of exact rays",
                 u64::from(LISTED) * size_of::<Crossing>() as u64,
                 Memory::Device,
             )?,
@@ -176,7 +176,7 @@ impl Tracer {
         Ok((results, moments))
     }
 
-    /// Moments of rays whose results are known, `[ray][word]`: none is walked in order.
+    /// Moments of rays whose results are known, `[ray][word]`: none is traced exactly.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -250,7 +250,7 @@ impl Tracer {
         // Whatever the driver's search or the rounding at an edge lost is traced again by the
         // software BVH, at last a hair beside.
         let mut unbalanced = self.batch.unbalanced.read::<u32>(0, 1)?[0];
-        for (i, nudge) in NUDGES.into_iter().enumerate() {
+        for (i, ray_offset) in RAY_OFFSETS.into_iter().enumerate() {
             if unbalanced == 0 {
                 break;
             }
@@ -258,18 +258,19 @@ impl Tracer {
                 continue;
             }
             self.counts.retraced.fetch_add(u64::from(unbalanced), Ordering::Relaxed);
-            let last = i + 1 == NUDGES.len();
-            time += self.pass(&self.kernels.trace_bvh, moments, unbalanced, true, nudge, last)?;
+            let last = i + 1 == RAY_OFFSETS.len();
+            time +=
+                self.pass(&self.kernels.trace_bvh, moments, unbalanced, true, ray_offset, last)?;
             unbalanced = if last { 0 } else { self.batch.unbalanced.read::<u32>(0, 1)?[0] };
         }
         let all = self.transport == Transport::Exact;
         let flagged = if all { n } else { self.batch.exact.read::<u32>(0, 1)?[0] };
-        let ordered = wanted != Wanted::Moments && self.transport != Transport::FirstOrder;
-        if flagged > 0 && ordered {
+        let may_be_exact = wanted != Wanted::Moments && self.transport != Transport::FirstOrder;
+        if flagged > 0 && may_be_exact {
             self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
             let list = &self.batch.exact;
-            let ordered = Ordered { list, rays: flagged, all, runs: false };
-            time += self.exact_pass(exact.get()?, ordered, false, 0.0, false)?;
+            let exact_rays = ExactRays { list, rays: flagged, all, runs: false };
+            time += self.exact_pass(exact.get()?, exact_rays, false, 0.0, false)?;
             time += self.exact_again(false)?;
         }
         Ok(time)
@@ -281,7 +282,7 @@ impl Tracer {
         moments: bool,
         n: u32,
         listed: bool,
-        nudge: f32,
+        ray_offset: f32,
         last: bool,
     ) -> Result<Duration> {
         let b = &self.batch;
@@ -301,7 +302,7 @@ impl Tracer {
             materials: self.sample.materials,
             listed: listed.into(),
             last: last.into(),
-            nudge,
+            ray_offset,
         };
         self.device.run(|r| {
             if listed {

@@ -8,6 +8,7 @@ use crate::gpu::{AccelerationStructure, Buffer, Device};
 use crate::interface::{self, Surface, View};
 use crate::numbers::{count, single};
 use crate::scene::{self, Scene, Transport};
+use glam::DVec2;
 use std::sync::Arc;
 
 /// Error of the slope, rad, above which the first order is not enough at a surface.
@@ -21,7 +22,7 @@ pub struct DeviceSample {
     records: Buffer,
     /// Number of materials.
     pub materials: u32,
-    _kept: Vec<Buffer>,
+    _buffers: Vec<Buffer>,
     acceleration: Option<AccelerationStructure>,
 }
 
@@ -41,7 +42,8 @@ impl DeviceSample {
         delta_ratio: f64,
     ) -> Result<Self> {
         let Bvh { nodes, leaves, boxes, neighbours } = Bvh::build(sample, across)?;
-        let reach = sample.vertices.iter().fold(0.0_f64, |m, v| m.max(v.truncate().length()));
+        let from_axis = |[x, y, _]: &[f64; 3]| DVec2::new(*x, *y).length();
+        let reach = sample.vertices.iter().map(from_axis).fold(0.0_f64, f64::max);
         let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
             sample.components.iter().map(|c| surface(scene, media, c, delta_ratio)).collect();
@@ -51,7 +53,7 @@ impl DeviceSample {
             .flatten()
             .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
             .collect();
-        let kept = vec![
+        let buffers = vec![
             upload(device, "nodes", &nodes)?,
             upload(device, "leaves", &leaves)?,
             upload(device, "surfaces", &surfaces)?,
@@ -72,18 +74,18 @@ impl DeviceSample {
         };
         let table = (materials * size_of::<interface::Constants>()) as u64;
         let record = |table_index: u64| interface::Sample {
-            nodes: kept[0].address(),
-            leaves: kept[1].address(),
-            surfaces: kept[2].address(),
-            constants: kept[3].address() + table_index * table,
-            object_materials: kept[4].address(),
-            views: kept[5].address(),
-            neighbours: kept[6].address(),
+            nodes: buffers[0].address(),
+            leaves: buffers[1].address(),
+            surfaces: buffers[2].address(),
+            constants: buffers[3].address() + table_index * table,
+            object_materials: buffers[4].address(),
+            views: buffers[5].address(),
+            neighbours: buffers[6].address(),
             acceleration: acceleration.as_ref().map_or(0, AccelerationStructure::address),
         };
         let records: Vec<_> = (0..=media.weights.len() as u64).map(record).collect();
         let records = device.upload("sample", &records)?;
-        Ok(Self { records, materials: count(materials), _kept: kept, acceleration })
+        Ok(Self { records, materials: count(materials), _buffers: buffers, acceleration })
     }
 
     /// Address of the record that shaders start from, at a node of the spectrum or (`None`) at

@@ -1,4 +1,4 @@
-// Light of a strip may land in any row: each of its terms goes to the sums at once.
+// Light of a cell row may land in any row: each of its terms goes to the sums at once.
 
 // Rows that light lands on which is evenly spread over as many from 0 on.
 float rows_before(float at, float blur) {
@@ -6,12 +6,12 @@ float rows_before(float at, float blur) {
     return at <= -6.0 * blur ? 0.0 : blur * ramp(at / blur);
 }
 
-// Adds light of a cell to all rows where it lands, for each row of the strip.
+// Adds light of a cell to all rows where it lands, for each row of the cell row.
 void spread_over_rows(Cell cell, int pixel, uint mask_step, float value) {
-    float shift = light.row_move - cell.displacement_z / light.row_pitch;
-    float top = strip.top + shift;
-    float bottom = strip.bottom + shift;
-    float per_row = value / (strip.bottom - strip.top);
+    float shift = light.row_shift - cell.displacement_z / light.row_pitch;
+    float top = cell_row.top + shift;
+    float bottom = cell_row.bottom + shift;
+    float per_row = value / (cell_row.bottom - cell_row.top);
     float reach = 6.0 * light.row_blur;
     float before = 0.0;
     int last = int(floor(bottom + reach));
@@ -20,14 +20,14 @@ void spread_over_rows(Cell cell, int pixel, uint mask_step, float value) {
         float through = rows_before(end - top, light.row_blur)
             - rows_before(end - bottom, light.row_blur);
         uvec2 words = fixed_point(per_row * (through - before));
-        for (uint k = 0u; k < strip.rows; k++) {
-            add_to_pixel(strip.row + r + int(k), pixel, mask_step, words);
+        for (uint k = 0u; k < cell_row.rows; k++) {
+            add_to_pixel(cell_row.row + r + int(k), pixel, mask_step, words);
         }
         before = through;
     }
 }
 
-// Where light of a strip goes at one mask step.
+// Where light of a cell row goes at one mask step.
 struct Landing {
     uint mask_step;
 };
@@ -36,14 +36,14 @@ struct Landing {
 Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
     Landing landing = Landing(mask_step);
     if (faint > 0.0) {
-        spread_over_rows(push.cells.at[strip.first], column.pixel, mask_step, faint);
+        spread_over_rows(push.cells.at[cell_row.first_cell], beamlet.pixel, mask_step, faint);
     }
     return landing;
 }
 
 // Light of a cell lands in a pixel, counted from the beamlet's own.
 void land(inout Landing landing, Cell cell, int pixel, float value) {
-    spread_over_rows(cell, column.pixel + pixel, landing.mask_step, value);
+    spread_over_rows(cell, beamlet.pixel + pixel, landing.mask_step, value);
 }
 
 void landing_end(Landing landing) {}

@@ -60,7 +60,7 @@ struct Layer {
     float variance;  // m2
 };
 
-// At most so many layers,
+// Most layers,
 const uint MOST_LAYERS = 12u;
 // and only as many as leave this error, as a share of the open beam.
 const float LAYER_ERROR = 1e-6;
@@ -166,7 +166,7 @@ Bars bars_of(Mask mask, float slope_x, float sec, float blur) {
     }
     float shadow = mask.thickness * slope;
     float leak = mask.present == 0u ? 1.0 : (mask.averaged != 0u ? 0.0 : mask.transmission);
-    float variance = mask.averaged != 0u ? shadow * shadow * mask.softness : 0.0;
+    float variance = mask.averaged != 0u ? shadow * shadow * mask.edge_variance : 0.0;
     return Bars(leak, 1.0 - leak, slope, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, variance, mask.last, 0.0, 1u);
 }
 
@@ -206,14 +206,14 @@ vec2 mean_size(float slope, float spread) {
 
 // Edges of an aperture whose middle stands at `centre`, each seen under its own angle, which is
 // `slope` at the place 0; `plane`: distance from the source, whose width is `spot` (standard
-// deviation). `shade`: share of the shadow that narrows the apertures of averaged masks, as cells
-// tell.
+// deviation). `narrowing`: share of the shadow that narrows the apertures of averaged masks, a field of the
+// cell.
 Edges edges_of(Mask mask, Bars bars, Layer layer, Aperture aperture, float centre, float slope,
-               float plane, float spot, float shade) {
+               float plane, float spot, float narrowing) {
     float low = centre + aperture.low;
     float high = centre + aperture.high;
     bool averaged = mask.averaged != 0u;
-    float per = averaged ? 0.5 * mask.thickness * shade : layer.narrowing;
+    float per = averaged ? 0.5 * mask.thickness * narrowing : layer.narrowing;
     float from = averaged ? 0.0 : bars.slope;
     float spread = spot / plane;
     vec2 at_low = mean_size(slope + low / plane, spread);

@@ -1,10 +1,10 @@
-// Light of a strip lands in its own row and the two beside it. What lands in three pixels waits in
+// Light of a cell row lands in its own row and the two beside it. What lands in three pixels waits in
 // registers until the step ends.
 
-// Adds light that waits for a pixel: in the row above a strip's, its own and the one below, for
-// each row of the strip, to the same sums as if each row had its own strip.
+// Adds light that waits for a pixel: in the row above a cell row's, its own and the one below, for
+// each row of the cell row, to the same sums as if each row had its own cell row.
 void flush(int pixel, uint mask_step, vec3 waiting) {
-    int rows = int(strip.rows);
+    int rows = int(cell_row.rows);
     uvec2 above = fixed_point(waiting.x);
     uvec2 own = fixed_point(waiting.y);
     uvec2 below = fixed_point(waiting.z);
@@ -13,12 +13,12 @@ void flush(int pixel, uint mask_step, vec3 waiting) {
         uvec2 value = r < rows - 1 ? above : uvec2(0u);
         if (r >= 0 && r < rows) value = plus(value, own);
         if (r > 0) value = plus(value, below);
-        add_to_pixel(strip.row + r, pixel, mask_step, value);
+        add_to_pixel(cell_row.row + r, pixel, mask_step, value);
         r++;
     } while (r <= rows);
 }
 
-// Where light of a strip goes at one mask step.
+// Where light of a cell row goes at one mask step.
 struct Landing {
     uint mask_step;
     // Light that waits, by rows: of the pixel `base`, counted from the own, and the next two.
@@ -46,7 +46,7 @@ Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
 // Light of a cell lands in a pixel, counted from the beamlet's own.
 void land(inout Landing landing, Cell cell, int pixel, float value) {
     int base = landing.base;
-    vec3 rows = value * vec3(cell.above, 1.0 - cell.above - cell.below, cell.below);
+    vec3 rows = value * vec3(cell.share_above, 1.0 - cell.share_above - cell.share_below, cell.share_below);
     landing.left += pixel == base ? rows : vec3(0.0);
     landing.middle += pixel == base + 1 ? rows : vec3(0.0);
     landing.right += pixel == base + 2 ? rows : vec3(0.0);
@@ -54,7 +54,7 @@ void land(inout Landing landing, Cell cell, int pixel, float value) {
     landing.first_lit = waits ? min(landing.first_lit, pixel) : landing.first_lit;
     landing.last_lit = waits ? max(landing.last_lit, pixel) : landing.last_lit;
     if (value > 0.0 && !waits) {
-        flush(column.pixel + pixel, landing.mask_step, rows);
+        flush(beamlet.pixel + pixel, landing.mask_step, rows);
     }
 }
 
@@ -65,7 +65,7 @@ void landing_end(Landing landing) {
         vec3 waiting = pixel == base ? landing.left
             : (pixel == base + 1 ? landing.middle : landing.right);
         if (pixel <= landing.last_lit) {
-            flush(column.pixel + pixel, landing.mask_step, waiting);
+            flush(beamlet.pixel + pixel, landing.mask_step, waiting);
         }
         pixel++;
     } while (pixel <= landing.last_lit);

@@ -9,13 +9,13 @@ IlluminationParams light;
 
 // Width of the focal spot, m, standard deviation.
 float source_spot() {
-    return light.spot * light.rotation / (light.analyser - light.rotation);
+    return light.spot * light.rotation_distance / (light.analyser - light.rotation_distance);
 }
 
 // Periods of the detector mask with an aperture where light of a piece lands.
-ivec2 periods_in_reach(Mask mask, Bars bars, Column column, Piece piece) {
+ivec2 periods_in_reach(Mask mask, Bars bars, BeamletGeometry beamlet, Piece piece) {
     float reach = abs(piece.half_width) + 6.5 * piece.blur + bars.reach;
-    float middle = piece.middle + column.aperture_offset;
+    float middle = piece.middle + beamlet.aperture_offset;
     return ivec2(int(ceil((middle - reach) / mask.period)),
                  int(floor((middle + reach) / mask.period)));
 }
@@ -27,7 +27,7 @@ vec2 between_edges(Piece piece) {
 
 // Light of the piece that passes the detector mask and lands in the pixel [low, high], as a share of
 // the piece; `home`: the pixel that faint light of the piece is put into.
-float response(Column column, Bars bars, Piece piece, float low, float high, bool home) {
+float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float high, bool home) {
     Edge pixel_low = Edge(low, piece.pixel_blur);
     Edge pixel_high = Edge(high, piece.pixel_blur);
     Mask mask = light.detector_mask;
@@ -37,9 +37,9 @@ float response(Column column, Bars bars, Piece piece, float low, float high, boo
     Place place = Place(0, 0u);
     int apertures = 0;
     if (masked && bars.open > 0.0) {
-        ivec2 reached = periods_in_reach(mask, bars, column, piece);
-        float from = low + column.aperture_offset - bars.reach;
-        float to = high + column.aperture_offset + bars.reach;
+        ivec2 reached = periods_in_reach(mask, bars, beamlet, piece);
+        float from = low + beamlet.aperture_offset - bars.reach;
+        float to = high + beamlet.aperture_offset + bars.reach;
         place.period = max(reached.x, int(ceil(from / mask.period)));
         int last = min(reached.y, int(floor(to / mask.period)));
         apertures = max(last - place.period + 1, 0) * int(mask.count * bars.layers);
@@ -57,9 +57,9 @@ float response(Column column, Bars bars, Piece piece, float low, float high, boo
         float part = 0.0;
         if (n >= 0 && n < apertures) {
             Layer layer = layer_of(bars, index);
-            float centre = float(place.period) * mask.period - column.aperture_offset;
-            Edges edges = edges_of(mask, bars, layer, aperture_of(mask, place), centre, column.slope,
-                                   light.analyser, source_spot(), piece.detector_shade);
+            float centre = float(place.period) * mask.period - beamlet.aperture_offset;
+            Edges edges = edges_of(mask, bars, layer, aperture_of(mask, place), centre, beamlet.slope,
+                                   light.analyser, source_spot(), piece.detector_narrowing);
             index++;
             if (index == bars.layers) {
                 place = next_place(mask, place);
@@ -70,10 +70,10 @@ float response(Column column, Bars bars, Piece piece, float low, float high, boo
             // Energies for which bars shade more may be displaced more: such light lands farther
             // from one edge, and closer to the other. So does light of an offset of the source
             // for which bars shade more.
-            float lean = mask.thickness * bars.slope * piece.detector_lean;
+            float covariance = mask.thickness * bars.slope * piece.detector_covariance;
             float variance = piece.blur * piece.blur + (layer.variance - bars.variance);
-            float above = variance + lean + 2.0 * light.spot * edges.high_turn;
-            float below = variance - lean - 2.0 * light.spot * edges.low_turn;
+            float above = variance + covariance + 2.0 * light.spot * edges.high_turn;
+            float below = variance - covariance - 2.0 * light.spot * edges.low_turn;
             if (edges.high < high) upper = Edge(edges.high, sqrt(max(above, 0.0)));
             if (edges.low > low) lower = Edge(edges.low, sqrt(max(below, 0.0)));
         }
@@ -95,29 +95,29 @@ float response(Column column, Bars bars, Piece piece, float low, float high, boo
 // that meets the sample in the same place crosses the cell plane: what the sample does depends
 // on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
 // cell plane and of the detector mask on the analyser.
-Piece piece_of(CellRow strip, Cell cell, float a, float b, float transmission, vec2 soft) {
+Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission, vec2 soft) {
     float span = cell.x_high - cell.x_low;
     float depth_slope = (cell.depth_high - cell.depth_low) / span;
-    float bend = (cell.displacement_high - cell.displacement_low) / span;
+    float displacement_slope = (cell.displacement_high - cell.displacement_low) / span;
     float middle = 0.5 * (a + b);
     float width = b - a;
     float from_low = middle - cell.x_low;
-    float growth = light.magnification + bend;
-    float lean = depth_slope * width;
+    float growth = light.magnification + displacement_slope;
+    float depth_change = depth_slope * width;
     Piece piece;
     piece.amount = transmission * exp(-(cell.depth_low + depth_slope * from_low)) * width
-        * (1.0 + lean * lean / 24.0) * light.weight * (strip.bottom - strip.top);
-    piece.middle = light.magnification * middle + cell.displacement_low + bend * from_low;
+        * (1.0 + depth_change * depth_change / 24.0) * light.weight * (cell_row.bottom - cell_row.top);
+    piece.middle = light.magnification * middle + cell.displacement_low + displacement_slope * from_low;
     piece.half_width = 0.5 * growth * width;
     // Soft edges of the aperture move light within the piece, not beyond it.
     float shadow = min(growth * growth * soft.x, piece.half_width * piece.half_width / 3.0);
-    piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.spread);
-    piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.spread);
+    piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.displacement_variance);
+    piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.displacement_variance);
     piece.pixel_shift = cell.pixel_shift;
-    piece.lean = 0.5 * lean;
-    piece.detector_shade = cell.detector_shade;
-    piece.sample_lean = 0.0;
-    piece.detector_lean = cell.detector_lean;
+    piece.depth_change = 0.5 * depth_change;
+    piece.detector_narrowing = cell.detector_narrowing;
+    piece.sample_covariance = 0.0;
+    piece.detector_covariance = cell.detector_covariance;
     piece.steep_low = piece.steep_high = STEEP;
     piece.low = -STEEP - BEYOND;
     piece.high = STEEP + BEYOND;

@@ -1,12 +1,12 @@
-// What the light of a strip meets: at all steps, at one step, and in one layer of one aperture.
+// What the light of a cell row meets: at all steps, at one step, and in one layer of one aperture.
 
-// The strip of this invocation, its beamlet, and the bars of sample and detector mask before it.
-CellRow strip;
-Column column;
+// The cell row of this invocation, its beamlet, and the bars of sample and detector mask before it.
+CellRow cell_row;
+BeamletGeometry beamlet;
 Bars bars;
 Bars bars_behind;
 
-// What else is the same for all steps and cells of the strip.
+// What else is the same for all steps and cells of the cell row.
 struct Setting {
     vec2 soft;     // variance of the soft edges of both masks
     float faint;   // light that stays in its pixel
@@ -21,18 +21,18 @@ struct Setting {
 
 Setting setting;
 
-// The beamlet of the strip, at this offset of the source.
-void column_begin() {
-    column = Columns(light.columns).at[strip.column];
-    column.sample_offset += light.mask_move;
-    column.aperture_offset -= light.landing_move;
-    column.pixel_offset -= light.pixel_move;
-    column.slope -= light.slope_move;
+// The beamlet of the cell row, at this offset of the source.
+void beamlet_begin() {
+    beamlet = BeamletTable(light.beamlets).at[cell_row.column];
+    beamlet.sample_offset += light.mask_shift;
+    beamlet.aperture_offset -= light.landing_shift;
+    beamlet.pixel_offset -= light.pixel_shift;
+    beamlet.slope -= light.slope_shift;
 }
 
 // Slope dz/dy under which a row sees the bars: rows of a block see them under one angle.
 float slope_of_rows() {
-    float block = (floor(float(strip.row) / light.alike_rows) + 0.5) * light.alike_rows;
+    float block = (floor(float(cell_row.row) / light.alike_rows) + 0.5) * light.alike_rows;
     return (block - light.middle_row) * light.row_slope;
 }
 
@@ -41,7 +41,7 @@ float faint_light() {
     float faint = 0.0;
     if (light.sample_mask.present != 0u && bars.leak > NEGLIGIBLE && bars.leak < FAINT) {
         Mask behind = light.detector_mask;
-        faint = bars.leak * strip.light * light.weight * (strip.bottom - strip.top)
+        faint = bars.leak * cell_row.light * light.weight * (cell_row.bottom - cell_row.top)
             * (bars_behind.leak
                + bars_behind.open * (behind.present != 0u ? open_part(behind) : 1.0));
     }
@@ -49,28 +49,28 @@ float faint_light() {
 }
 
 void setting_begin() {
-    column_begin();
-    float sec = secant(column.slope, slope_of_rows());
+    beamlet_begin();
+    float sec = secant(beamlet.slope, slope_of_rows());
     float behind_blur = light.detector_mask.present != 0u ? light.spot : light.pixel_spot;
-    bars = bars_of(light.sample_mask, column.slope, sec, behind_blur / light.magnification);
-    bars_behind = bars_of(light.detector_mask, column.slope, sec, light.spot);
-    column.sample_offset -= bars.lattice_shift;
-    column.aperture_offset -= bars_behind.lattice_shift;
+    bars = bars_of(light.sample_mask, beamlet.slope, sec, behind_blur / light.magnification);
+    bars_behind = bars_of(light.detector_mask, beamlet.slope, sec, light.spot);
+    beamlet.sample_offset -= bars.lattice_shift;
+    beamlet.aperture_offset -= bars_behind.lattice_shift;
     setting.soft = vec2(bars.variance, bars_behind.variance);
     setting.faint = faint_light();
     setting.leaks = light.sample_mask.present != 0u && bars.leak >= FAINT;
-    setting.sharp = light.shift <= 0.0;
-    setting.reach = 6.5 * light.shift;
-    setting.ends = Aperture(push.cells.at[strip.first].x_low,
-                            push.cells.at[strip.first + strip.count - 1u].x_high);
-    float growth = light.magnification + strip.bend;
+    setting.sharp = light.mask_blur <= 0.0;
+    setting.reach = 6.5 * light.mask_blur;
+    setting.ends = Aperture(push.cells.at[cell_row.first_cell].x_low,
+                            push.cells.at[cell_row.first_cell + cell_row.cell_count - 1u].x_high);
+    float growth = light.magnification + cell_row.displacement_slope;
     float blur = max(light.spot * light.spot + setting.soft.y, light.pixel_spot * light.pixel_spot);
-    blur = sqrt(blur + growth * growth * setting.soft.x + strip.spread);
-    setting.low_landing = strip.low_landing + column.pixel_offset - 6.5 * blur;
-    setting.high_landing = strip.high_landing + column.pixel_offset + 6.5 * blur;
+    blur = sqrt(blur + growth * growth * setting.soft.x + cell_row.displacement_variance);
+    setting.low_landing = cell_row.low_landing + beamlet.pixel_offset - 6.5 * blur;
+    setting.high_landing = cell_row.high_landing + beamlet.pixel_offset + 6.5 * blur;
 }
 
-// A mask step of a strip; behind the last step stands the light that is the same at all.
+// A mask step of a cell row; behind the last step stands the light that is the same at all.
 struct Exposed {
     bool at_all_steps;
     float offset;   // of the sample mask against the beamlet
@@ -84,7 +84,7 @@ Exposed exposed_at(uint mask_step) {
     Mask mask = light.sample_mask;
     vec2 lit = vec2(setting.ends.low, setting.ends.high);
     if (!step_.at_all_steps && bars.open > 0.0) {
-        step_.offset = Offsets(light.offsets).at[mask_step] - column.sample_offset;
+        step_.offset = Offsets(light.offsets).at[mask_step] - beamlet.sample_offset;
         float edge = bars.reach + setting.reach;
         step_.from = int(ceil((setting.ends.low - step_.offset - edge) / mask.period));
         int to = int(floor((setting.ends.high - step_.offset + edge) / mask.period));
@@ -95,16 +95,16 @@ Exposed exposed_at(uint mask_step) {
     if (lit.y > lit.x) {
         float low = light.magnification * lit.x + setting.low_landing;
         float high = light.magnification * lit.y + setting.high_landing;
-        step_.pixels = ivec2(int(floor(low / light.pixel + 0.5)),
-                             int(floor(high / light.pixel + 0.5)));
+        step_.pixels = ivec2(int(floor(low / light.pixel_pitch + 0.5)),
+                             int(floor(high / light.pixel_pitch + 0.5)));
     }
     if (setting.faint > 0.0) {
         step_.pixels.x = min(step_.pixels.x, 0);
         step_.pixels.y = max(step_.pixels.y, 0);
     }
     // Far outside the detector there is nothing to sum.
-    step_.pixels.x = max(step_.pixels.x, -column.pixel);
-    step_.pixels.y = min(step_.pixels.y, int(light.column_count) - 1 - column.pixel);
+    step_.pixels.x = max(step_.pixels.x, -beamlet.pixel);
+    step_.pixels.y = min(step_.pixels.y, int(light.column_count) - 1 - beamlet.pixel);
     return step_;
 }
 
@@ -122,18 +122,18 @@ Opening leak_of() {
     return Opening(false, Layer(bars.leak, 0.0, 0.0, 0.0), Aperture(0.0, 0.0), 0.0, 0u, 1e30);
 }
 
-Edges edges_in(Opening opening, float shade) {
+Edges edges_in(Opening opening, float narrowing) {
     return edges_of(light.sample_mask, bars, opening.layer, opening.aperture, opening.centre,
-                    column.slope, light.cell_plane, source_spot(), shade);
+                    beamlet.slope, light.cell_plane, source_spot(), narrowing);
 }
 
 // The first cell that ends beyond x; cells are sorted.
 uint cell_beyond(float x) {
     uint first = 0u;
-    uint last = strip.count;
+    uint last = cell_row.cell_count;
     do {
         uint middle = (first + last) / 2u;
-        bool beyond = push.cells.at[strip.first + middle].x_high > x;
+        bool beyond = push.cells.at[cell_row.first_cell + middle].x_high > x;
         last = beyond ? middle : last;
         first = beyond ? first : middle + 1u;
     } while (first < last);

@@ -16,10 +16,10 @@ struct Piece {
     float blur;       // at edges of the detector mask
     float pixel_blur; // at edges of pixels
     float pixel_shift;
-    float lean;       // half the change of optical depth over the piece
-    float detector_shade;
-    float sample_lean; // over the half width of the piece in the cell plane
-    float detector_lean;
+    float depth_change;       // half the change of optical depth over the piece
+    float detector_narrowing;
+    float sample_covariance; // over the half width of the piece in the cell plane
+    float detector_covariance;
     // The aperture of the sample mask lets t through between low - steep_low * xi and
     // high - steep_high * xi.
     float low;
@@ -34,28 +34,28 @@ struct Edge {
     float blur;
 };
 
-// Integral of (1 - lean * xi) Phi over xi in [p, q], where the argument of Phi goes from a to b.
-float below_between(float a, float b, float p, float q, float lean) {
+// Integral of (1 - depth_change * xi) Phi over xi in [p, q], where the argument of Phi goes from a to b.
+float below_between(float a, float b, float p, float q, float depth_change) {
     float density_a, below_a, density_b, below_b;
     normal(a, density_a, below_a);
     normal(b, density_b, below_b);
     float h = q - p;
     float w = b - a;
-    float at_a = 1.0 - lean * p;
-    float at_b = 1.0 - lean * q;
+    float at_a = 1.0 - depth_change * p;
+    float at_b = 1.0 - depth_change * q;
     if (abs(w) < 0.5) {
         // The closed form would lose its digits: Euler and Maclaurin's sum.
-        float first = w * (at_b * density_b - at_a * density_a) - lean * h * (below_b - below_a);
+        float first = w * (at_b * density_b - at_a * density_a) - depth_change * h * (below_b - below_a);
         float third = w * w
             * (w * (at_b * (b * b - 1.0) * density_b - at_a * (a * a - 1.0) * density_a)
-               + 3.0 * lean * h * (b * density_b - a * density_a));
+               + 3.0 * depth_change * h * (b * density_b - a * density_a));
         return h * (0.5 * (at_a * below_a + at_b * below_b) - first / 12.0 + third / 720.0);
     }
     float per = h / w;
     float once = at_b * (b * below_b + density_b) - at_a * (a * below_a + density_a);
     float twice = 0.5 * ((b * b + 1.0) * below_b + b * density_b - (a * a + 1.0) * below_a
                          - a * density_a);
-    return per * (once + lean * per * twice);
+    return per * (once + depth_change * per * twice);
 }
 
 // Where two lines meet, cut to [-1, 1].
@@ -70,7 +70,7 @@ float leaning(Piece piece, float xi, float low, float low_blur, float high, floa
     float at = piece.middle + piece.half_width * xi;
     float l = (low - at) / low_blur;
     float h = (high - at) / high_blur;
-    return 0.5 * piece.sample_lean * INV_SQRT_2PI
+    return 0.5 * piece.sample_covariance * INV_SQRT_2PI
         * (exp(-0.5 * l * l) / low_blur - exp(-0.5 * h * h) / high_blur);
 }
 
@@ -98,26 +98,26 @@ float window(Piece piece, Edge low, Edge high) {
     float high_upper = meeting(piece.high - upper, upper_slope + steep_high);
     float low_lower = meeting(piece.low - lower, lower_slope + steep_low);
     float low_upper = meeting(piece.low - upper, upper_slope + steep_low);
-    float lean = piece.lean;
+    float depth_change = piece.depth_change;
     // Edges of the aperture that do not cut the piece stand at its ends.
     bool cut_high = piece.high < steep_high + BEYOND;
     bool cut_low = piece.low > -steep_low - BEYOND;
     if (!cut_high) high_lower = high_upper = 2.0 * turned;
     if (!cut_low) low_lower = low_upper = -2.0 * turned;
     float share = below_between(upper + upper_slope * low_upper, upper + upper_slope * high_upper,
-                                low_upper, high_upper, lean)
+                                low_upper, high_upper, depth_change)
         - below_between(lower + lower_slope * low_lower, lower + lower_slope * high_lower,
-                        low_lower, high_lower, lean);
+                        low_lower, high_lower, depth_change);
     if (cut_high) {
         share += below_between(piece.high - steep_high * high_upper,
-                               piece.high - steep_high * high_lower, high_upper, high_lower, lean);
+                               piece.high - steep_high * high_lower, high_upper, high_lower, depth_change);
     }
     if (cut_low) {
         share -= below_between(piece.low - steep_low * low_upper, piece.low - steep_low * low_lower,
-                               low_upper, low_lower, lean);
+                               low_upper, low_lower, depth_change);
     }
     share *= turned;
-    if (piece.sample_lean != 0.0) {
+    if (piece.sample_covariance != 0.0) {
         // Energies that an edge takes away more of are displaced more, there alone.
         if (cut_high) share -= leaning(piece, piece.high / steep_high, low.at, low_blur, high.at, high_blur);
         if (cut_low) share -= leaning(piece, piece.low / steep_low, low.at, low_blur, high.at, high_blur);

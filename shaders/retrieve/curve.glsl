@@ -23,7 +23,7 @@ float value(Curve c, uint i) {
     return push.curves.at[i * push.pixel_count + c.pixel];
 }
 
-Curve look(uint pixel, out float range) {
+Curve summarise(uint pixel, out float range) {
     Curve c = Curve(1e38, 1.0, push.saturation, 0u, pixel, true);
     float most = -1e38;
     for (uint i = 0; i < push.step_count; i++) {
@@ -53,7 +53,7 @@ Gaussian moments(Curve c, float range) {
     }
     float centre = sums.y / sums.x;
     float variance = max(sums.z / sums.x - centre * centre, 0.0);
-    float width = clamp(sqrt(variance), push.narrow, 0.5);
+    float width = clamp(sqrt(variance), push.min_width, 0.5);
     return Gaussian(range * c.scale, centre, width, 0.0);
 }
 
@@ -73,7 +73,7 @@ float weight(Curve c, Gaussian g, float f) {
 Gaussian moved(Gaussian g, vec4 step) {
     g.amplitude += step.x;
     g.centre += g.width * clamp(step.y, -1.0, 1.0);
-    g.width = clamp(g.width * exp(clamp(step.z, -0.7, 0.7)), 0.5 * push.narrow, 2.0 * push.wide);
+    g.width = clamp(g.width * exp(clamp(step.z, -0.7, 0.7)), 0.5 * push.min_width, 2.0 * push.max_width);
     g.background += step.w;
     return g;
 }

@@ -15,8 +15,8 @@ layout(local_size_x = GROUP) in;
 #include "retrieve/twofold.glsl"
 #include "retrieve/solve.glsl"
 #include "retrieve/curve.glsl"
-#include "retrieve/rough.glsl"
-#include "retrieve/polish.glsl"
+#include "retrieve/levenberg_marquardt.glsl"
+#include "retrieve/newton.glsl"
 
 void put(uint pixel, uint at, float x) {
     push.fits.at[at * push.pixel_count + pixel] = x;
@@ -26,7 +26,7 @@ void main() {
     uint pixel = push.first + gl_GlobalInvocationID.x;
     if (pixel >= push.pixel_count) return;
     float range;
-    Curve c = look(pixel, range);
+    Curve c = summarise(pixel, range);
     uint flags = c.used < push.step_count ? CURVE_SATURATED : 0u;
     if (!c.finite) {
         flags = CURVE_NOT_FINITE;
@@ -40,15 +40,15 @@ void main() {
     if ((flags & ~CURVE_SATURATED) != 0u) return;
 
     Gaussian g = moments(c, range);
-    rough(c, g);
-    Polished last;
-    if (!polish(c, g, last)) flags |= CURVE_NOT_CONVERGED;
+    levenberg_marquardt(c, g);
+    NewtonFit last;
+    if (!newton(c, g, last)) flags |= CURVE_NOT_CONVERGED;
 
     vec4 scale = inversesqrt(max(diagonal(last.normal), vec4(1e-30)));
     Factor f;
     bool regular = factorise(last.normal, scale, 0.0, f);
     if (!regular || condition(last.normal, scale, f) > 100.0) flags |= CURVE_ILL_CONDITIONED;
-    if (g.width < push.narrow || g.width > push.wide) flags |= CURVE_WIDTH;
+    if (g.width < push.min_width || g.width > push.max_width) flags |= CURVE_WIDTH;
     float first = push.steps.at[0].offset;
     float end = push.steps.at[push.step_count - 1u].offset;
     if (g.centre < min(first, end) || g.centre > max(first, end)) flags |= CURVE_OUTSIDE;

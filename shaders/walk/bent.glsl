@@ -79,7 +79,7 @@ Meeting meet(Bent ray, uint leaf_index, bool entering) {
         meeting.normal = beam_from_world(ray.line, leaf.normal);
         float along = dot(meeting.normal, vec3(slope.x, 1.0, slope.y));
         bool faces = along == 0.0 || (along < 0.0) == entering;
-        // Slivers may be turned over by rounding: normals tell better.
+        // Slivers may be turned over by rounding: normals decide better.
         if (!faces && (facet.area > 0.0) != entering) {
             meeting.outcome = MISSES;
             return meeting;

@@ -4,8 +4,8 @@
 // comparisons of intervals. Padded boxes hold whatever a ray crosses, so every ray has its
 // crossings, in the order of the single walk, whatever its company: the same bits.
 
-// Nodes that a bundle may visit before its rays are tested against inner children too: so many,
-// and so many per triangle that some ray crosses.
+// Nodes that a bundle may visit before its rays are tested against inner children too: this many,
+// and this many per triangle that some ray crosses.
 const uint NODES = 64u;
 const uint NODES_PER_TRIANGLE = 4u;
 

@@ -10,8 +10,8 @@
 
 Ray ray_at(uint index) {
     Ray ray = push.rays.at[index];
-    ray.x += push.nudge;
-    ray.z += 0.7 * push.nudge;
+    ray.x += push.ray_offset;
+    ray.z += 0.7 * push.ray_offset;
     return ray;
 }
 

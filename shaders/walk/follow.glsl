@@ -18,7 +18,7 @@ struct Walk {
     uint searches;
     // The last crossing.
     float y;
-    float room; // what rounding leaves of y
+    float clearance; // what rounding leaves of y
     uint leaf;
 };
 
@@ -74,7 +74,7 @@ uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
     Surface surface = sample_.surfaces.at[surface_at(leaf)];
     uint place = place_of(walk.media, surface.object);
     // A new search begins at a crossing, which neighbours of the facet may bring up once more.
-    bool known = walk.searches > 1u && crossing.y - list.after <= walk.room;
+    bool known = walk.searches > 1u && crossing.y - list.after <= walk.clearance;
     if (known && entering == (place < DEPTH)) return THROUGH;
     if (!entering && place == DEPTH) {
         // Its entry stands behind it by rounding: they change places.
@@ -106,7 +106,7 @@ uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
     walk.crossings += 1u;
     walk.signature += surface.hash;
     walk.y = y;
-    walk.room = SAME_PLACE / max(abs(along), 1e-5);
+    walk.clearance = SAME_PLACE / max(abs(along), 1e-5);
     walk.leaf = leaf;
     if (reflected) return SEARCHING;
     media_change(walk.media, surface.object, entering, place);
@@ -131,7 +131,7 @@ uint follow(inout Walk walk, inout Gathered list, inout bool known) {
             list_renew(list);
         } else {
             list = list_begin(walk.y, walk.leaf);
-            traverse(walk.ray.line, walk.y - walk.room, list);
+            traverse(walk.ray.line, walk.y - walk.clearance, list);
             if (list.count > push.capacity) return SEARCHING;
             list_sort(list);
         }
@@ -160,7 +160,7 @@ Walk walk_begin(Beam line, uint flags, uint constants) {
     walk.crossings = 0u;
     walk.searches = 0u;
     walk.y = -1e30;
-    walk.room = 0.0;
+    walk.clearance = 0.0;
     walk.leaf = NO_LEAF;
     return walk;
 }

@@ -31,7 +31,7 @@ void head_of_moments(uint head, RayResult result, uint balance) {
 }
 
 #ifdef SUMS_IN_REGISTERS
-// Few materials: moments are written once, where they are asked for.
+// Few materials: moments are written once, where they are wanted.
 #define EACH_MATERIAL [[unroll]] for (uint m = 0u; m < MATERIALS_IN_REGISTERS; m++)
 struct Sums {
     float path[MATERIALS_IN_REGISTERS];

@@ -38,7 +38,7 @@ fn ball(levels: u32) -> Scene {
 }
 
 fn run(c: &mut Criterion) {
-    let options = EngineOptions { backend: Some(Backend::Bvh), ..EngineOptions::default() };
+    let options = EngineOptions::default().with_backend(Backend::Bvh);
     let engine = Engine::open(&options).unwrap();
     let mut group = c.benchmark_group("acquisition");
     group.sample_size(10).warm_up_time(Duration::from_millis(500));

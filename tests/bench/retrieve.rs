@@ -26,7 +26,7 @@ fn main() {
     println!("{:10}{:>24}{:>30}", "weights", "million fits / s", "million fits / processor s");
     let mut best = [0.0; 2];
     for weights in [Weights::None, Weights::Poisson] {
-        let options = FitOptions { weights, ..FitOptions::default() };
+        let options = FitOptions::default().with_weights(weights);
         let fitter = Fitter::new(&engine, &offsets, &options).unwrap();
         fitter.fit(curves.slice(s![.., ..4096]), None).unwrap();
         let mut rates = [0.0_f64; 2];

@@ -3,10 +3,7 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
 
 use beamlet::internals::trace::Ray;
-use beamlet::scene::{
-    Beam, Detector, MaterialSpec, Mesh, Object, Placement, Sampling, Scan, Scene, ShapeOrMesh,
-    Source,
-};
+use beamlet::scene::{Beam, Detector, MaterialSpec, Mesh, Object, Scene, Source, Transport};
 use std::f64::consts::TAU;
 
 /// Triangles of a scene by name.
@@ -118,28 +115,11 @@ pub(crate) fn rays(name: &str, n: u32) -> Vec<Ray> {
 
 /// The scene around the triangles.
 pub(crate) fn scene((vertices, triangles): Soup) -> Scene {
-    Scene {
-        directory: ".".into(),
-        source: Source { distance: 1.21, spot: [0.0, 0.0].into(), beam: Beam::Energy(30.0) },
-        detector: Detector::new(1.8, [64, 64], [150e-6, 150e-6]),
-        sample_mask: None,
-        detector_mask: None,
-        sampling: Sampling {
-            transport: beamlet::scene::Transport::FirstOrder,
-            ..Sampling::default()
-        },
-        scan: Scan::default(),
-        materials: [("matter".to_owned(), MaterialSpec::Constants { mu: 50.0, delta: 4.6e-7 })]
-            .into(),
-        surroundings: "vacuum".into(),
-        files: std::collections::BTreeMap::new(),
-        objects: vec![Object {
-            name: "sample".into(),
-            geometry: ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }),
-            material: "matter".into(),
-            placement: Placement::default(),
-            sha256: None,
-            allow_defects: false,
-        }],
-    }
+    let source = Source::new(1.21, [0.0, 0.0], Beam::Energy(30.0));
+    let mut scene = Scene::new(source, Detector::new(1.8, [64, 64], [150e-6, 150e-6]));
+    scene.sampling.transport = Transport::FirstOrder;
+    let matter = MaterialSpec::Constants { mu: 50.0, delta: 4.6e-7 };
+    scene.materials.insert("matter".into(), matter);
+    scene.objects.push(Object::new("sample", Mesh::Arrays { vertices, triangles }, "matter"));
+    scene
 }

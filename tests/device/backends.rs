@@ -11,8 +11,8 @@ use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Random, body, cuboid, star};
 use crate::support::{CARBON, WATER, Worst, backends, engine, engine_with};
 use beamlet::internals::interface::{FLAG_EXACT, FLAG_UNBALANCED};
-use beamlet::internals::trace::Ray;
-use beamlet::scene::{MaterialSpec, Object, Placement, Scene, Shape, ShapeOrMesh, Transport};
+use beamlet::internals::trace::{Ray, trace};
+use beamlet::scene::{MaterialSpec, Object, Scene, Shape, Transport};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
 
@@ -66,14 +66,8 @@ fn ball(sides: u32) -> Scene {
     scene
         .materials
         .insert("carbon".into(), MaterialSpec::Constants { mu: CARBON[0], delta: CARBON[1] });
-    scene.objects.push(Object {
-        name: "ball".into(),
-        geometry: ShapeOrMesh::Shape(Shape::Sphere { radius: 0.4e-3, sides }),
-        material: "carbon".into(),
-        placement: Placement::default(),
-        sha256: None,
-        allow_defects: false,
-    });
+    let sphere = Shape::Sphere { radius: 0.4e-3, sides };
+    scene.objects.push(Object::new("ball", sphere, "carbon"));
     scene
 }
 
@@ -139,7 +133,7 @@ fn results_are_the_same_ray_by_ray() {
         scene.sampling.transport = transport;
         let results: Vec<_> = backends()
             .into_iter()
-            .map(|b| engine(b).prepare(&scene).expect("a sample").trace(&rays).expect("results"))
+            .map(|b| trace(&engine(b).prepare(&scene).expect("a sample"), &rays).expect("results"))
             .collect();
         for other in &results[1..] {
             for ((ray, a), b) in rays.iter().zip(&results[0]).zip(other) {

@@ -3,6 +3,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::files;
 use beamlet::geometry::{self, ObjectSummary};
 use beamlet::internals::gpu::FaultAnswer::{
     self, DeviceLost, OutOfDeviceMemory, OutOfHostMemory, Timeout,
@@ -11,9 +12,8 @@ use beamlet::internals::gpu::{Fault, FaultyCall};
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, RunDirectory};
 use beamlet::{Backend, Control, Engine, EngineOptions, Error, RunRecord, internals::memory};
-use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const SCENE: &str = concat!(
     include_str!("../support/masks.toml"),
@@ -48,34 +48,16 @@ fn workplace() -> (tempfile::TempDir, Scene) {
 }
 
 fn run(scene: &Scene, sink: &mut RunDirectory, faults: &[Fault]) -> Result<RunRecord, Error> {
-    let engine = Engine::open(&EngineOptions {
-        backend: Some(Backend::Bvh),
-        validation: std::env::var_os("BEAMLET_VALIDATION").is_some(),
-        faults: faults.to_vec(),
-        ..EngineOptions::default()
-    })?;
+    let engine = Engine::open(
+        &EngineOptions::default()
+            .with_backend(Backend::Bvh)
+            .with_validation(std::env::var_os("BEAMLET_VALIDATION").is_some())
+            .with_faults(faults.to_vec()),
+    )?;
     let skip = sink.committed().to_vec();
-    let done = engine.run(scene, sink, Control { skip, ..Control::default() });
+    let done = engine.run(scene, sink, Control::default().with_skip(skip));
     assert_eq!(engine.validation_messages(), 0);
     done
-}
-
-/// Every file below `root` that is not run.json, with its bytes.
-fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut open = vec![root.to_path_buf()];
-    while let Some(directory) = open.pop() {
-        for entry in fs::read_dir(directory).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                open.push(path);
-            } else {
-                found.insert(path.strip_prefix(root).unwrap().into(), fs::read(&path).unwrap());
-            }
-        }
-    }
-    found.remove(Path::new("run.json"));
-    found
 }
 
 /// Whether the error is the one for this answer, with advice.
@@ -125,7 +107,7 @@ impl Stages {
             RunDirectory::create(&path, Format::Npy, false).unwrap()
         };
         run(scene, &mut sink, &[]).unwrap();
-        assert!(files(&path) == files(whole), "{fault:?}: other bits");
+        assert!(files::of_run(&path) == files::of_run(whole), "{fault:?}: other bits");
         true
     }
 }
@@ -186,11 +168,9 @@ fn a_device_that_is_lost_or_hangs_leaves_committed_views() {
 fn a_memory_limit_changes_bands_and_groups_but_no_bit() {
     let (_place, scene) = workplace();
     let stacks = |limit: Option<u64>| {
-        let engine = Engine::open(&EngineOptions {
-            backend: Some(Backend::Bvh),
-            memory_limit: limit,
-            ..EngineOptions::default()
-        })
+        let engine = Engine::open(
+            &EngineOptions::default().with_backend(Backend::Bvh).with_memory_limit(limit),
+        )
         .unwrap();
         let simulation = engine.prepare(&scene).unwrap();
         (*simulation.memory(), engine.simulate(&scene).unwrap())

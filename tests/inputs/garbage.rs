@@ -7,9 +7,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use crate::geometry::set_up::normal;
 use crate::paper::PAPER;
 use beamlet::geometry::{Sample, diagnose, load};
-use beamlet::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
+use beamlet::scene::{Mesh, Object, Scene};
 use proptest::prelude::*;
 
 fn paper_json() -> String {
@@ -140,16 +141,12 @@ fn arrays(meshes: &[Arrays], allow_defects: bool) -> Scene {
     scene.objects = meshes
         .iter()
         .enumerate()
-        .map(|(number, (vertices, triangles))| Object {
-            name: format!("part {number}"),
-            geometry: ShapeOrMesh::Mesh(Mesh::Arrays {
-                vertices: vertices.clone(),
-                triangles: triangles.clone(),
-            }),
-            material: "carbon".into(),
-            placement: Placement::default(),
-            sha256: None,
-            allow_defects,
+        .map(|(number, (vertices, triangles))| {
+            let (vertices, triangles) = (vertices.clone(), triangles.clone());
+            let mesh = Mesh::Arrays { vertices, triangles };
+            let mut object = Object::new(format!("part {number}"), mesh, "carbon");
+            object.allow_defects = allow_defects;
+            object
         })
         .collect();
     scene
@@ -161,7 +158,7 @@ fn closed(sample: &Sample) {
     let mut sums = vec![[0.0_f64; 3]; sample.components.len()];
     for (triangle, component) in sample.triangles.iter().zip(&sample.triangle_component) {
         let [a, b, c] = triangle.map(|vertex| sample.vertices[vertex as usize]);
-        let area = (b - a).cross(c - a).to_array();
+        let area = normal([a, b, c]);
         let sum = &mut sums[*component as usize];
         sum.iter_mut().zip(area).for_each(|(sum, area)| *sum += area);
     }

@@ -6,22 +6,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use beamlet::material::{builtin, builtin_names, constants};
-use beamlet::scene::{Beam, Detector, MaterialSpec, Sampling, Scan, Scene, Source};
+use beamlet::scene::{Beam, Detector, MaterialSpec, Scene, Source};
 
 fn scene(energy: f64) -> Scene {
-    Scene {
-        directory: ".".into(),
-        source: Source { distance: 1.21, spot: [0.0; 2].into(), beam: Beam::Energy(energy) },
-        detector: Detector::new(1.8, [128, 128], [150e-6; 2]),
-        sample_mask: None,
-        detector_mask: None,
-        sampling: Sampling { rays: [1, 1], ..Sampling::default() },
-        scan: Scan { mask_offsets: vec![0.0], angles: vec![0.0] },
-        materials: BTreeMap::new(),
-        surroundings: "vacuum".into(),
-        files: BTreeMap::new(),
-        objects: Vec::new(),
-    }
+    let source = Source::new(1.21, [0.0; 2], Beam::Energy(energy));
+    Scene::new(source, Detector::new(1.8, [128, 128], [150e-6; 2]))
 }
 
 fn with(energy: f64, name: &str, spec: MaterialSpec) -> Scene {

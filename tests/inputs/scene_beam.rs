@@ -19,7 +19,7 @@ fn scene(lines: &str) -> Result<Scene, Error> {
 fn spectrum(lines: &str) -> SpectrumSpec {
     match scene(lines).unwrap().source.beam {
         Beam::Spectrum(spec) => spec,
-        Beam::Energy(_) => panic!("one energy"),
+        other => panic!("{other:?}"),
     }
 }
 
@@ -28,14 +28,14 @@ const TUBE: &str = r#"spectrum = { anode = "tungsten", kvp = "60 kV", anode_angl
 #[test]
 fn a_file_may_stand_alone_or_in_a_table() {
     let origin = SpectrumOrigin::File { path: "tube.csv".into() };
-    let expected = SpectrumSpec { origin, filters: Vec::new(), nodes: None };
+    let expected = SpectrumSpec::new(origin);
     assert_eq!(spectrum("spectrum = \"tube.csv\""), expected);
     assert_eq!(spectrum("spectrum = { file = \"tube.csv\" }"), expected);
 }
 
 #[test]
 fn every_key_of_a_tube_is_read() {
-    let filter = |material: &str, thickness| Filter { material: material.into(), thickness };
+    let filter = |material: &str, thickness| Filter::new(material, thickness);
     let origin = SpectrumOrigin::Tube {
         anode: Anode::Tungsten,
         kvp: 60.0,
@@ -43,7 +43,7 @@ fn every_key_of_a_tube_is_read() {
         inherent_filters: vec![filter("Be", 0.2e-3)],
     };
     let filters = vec![filter("Al", 1e-3), filter("Cu", 50e-6)];
-    assert_eq!(spectrum(TUBE), SpectrumSpec { origin, filters, nodes: Some(9) });
+    assert_eq!(spectrum(TUBE), SpectrumSpec::new(origin).with_filters(filters).with_nodes(9));
     let short = spectrum("spectrum = { anode = \"molybdenum\", kvp = \"30 kV\" }");
     let SpectrumOrigin::Tube { anode, anode_angle, .. } = short.origin else { panic!("a file") };
     assert_eq!((anode, anode_angle.to_bits()), (Anode::Molybdenum, 12_f64.to_radians().to_bits()));

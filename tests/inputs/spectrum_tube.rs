@@ -33,7 +33,7 @@ fn cases() -> Vec<Case> {
         let filter = |text: &str| {
             let (material, thickness) = text.split_once(':').unwrap();
             let thickness = thickness.parse::<f64>().unwrap() * 1e-3;
-            Filter { material: material.into(), thickness }
+            Filter::new(material, thickness)
         };
         let texts = fields[3].split('+').filter(|text| !text.is_empty());
         let filters: Vec<Filter> = texts.map(filter).collect();

@@ -215,21 +215,21 @@ fn under_a_spectrum(
 ) -> Scene {
     let mut scene = scenes::scene(setup, &[], offsets);
     let spectrum = match light {
-        Light::Tube(nodes) => SpectrumSpec {
-            origin: SpectrumOrigin::Tube {
+        Light::Tube(nodes) => {
+            let origin = SpectrumOrigin::Tube {
                 anode: Anode::Tungsten,
                 kvp: 60.0,
                 anode_angle: 12.0_f64.to_radians(),
                 inherent_filters: Vec::new(),
-            },
-            filters: vec![Filter { material: "Al".to_owned(), thickness: 1e-3 }],
-            nodes: Some(nodes),
-        },
+            };
+            let filters = vec![Filter::new("Al", 1e-3)];
+            SpectrumSpec::new(origin).with_filters(filters).with_nodes(nodes)
+        }
         Light::Two => {
             let path = folder.join("two.csv");
             std::fs::write(&path, "energy_keV,weight\n28,1\n43,0\n58,1\n").expect("a file");
             let origin = SpectrumOrigin::File { path };
-            SpectrumSpec { origin, filters: Vec::new(), nodes: Some(2) }
+            SpectrumSpec::new(origin).with_nodes(2)
         }
     };
     scene.source.beam = Beam::Spectrum(spectrum);

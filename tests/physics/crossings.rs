@@ -28,7 +28,7 @@ shape = { sphere = { radius = "1 mm", sides = 256 } }
 "#;
 
 fn parallel(x: f32, z: f32) -> Ray {
-    Ray { x, z, slope_x: 0.0, slope_z: 0.0, view: 0 }
+    Ray::new(0, [x, z], [0.0; 2])
 }
 
 fn crossings(rays: &[Ray], most: u32) -> Vec<Vec<SurfaceCrossing>> {
@@ -114,7 +114,7 @@ fn y_is_that_of_the_plane_on_long_facets_that_lean_towards_the_beam() {
                 let mut at = || random.between(-5e-3, 5e-3);
                 let (x, z) = (at(), at());
                 let slope = [x / SOURCE, z / SOURCE].map(|s| s as f32);
-                Ray { x: x as f32, z: z as f32, slope_x: slope[0], slope_z: slope[1], view: 0 }
+                Ray::new(0, [x as f32, z as f32], slope)
             })
             .collect();
         for by in [0, 1] {
@@ -124,8 +124,8 @@ fn y_is_that_of_the_plane_on_long_facets_that_lean_towards_the_beam() {
             (setup.sample_mask, setup.detector_mask) = (None, None);
             let simulation = engine.prepare(&scenes::scene(&setup, &bodies, &[0.0])).unwrap();
             let compare = |ray: usize, met: &[SurfaceCrossing]| {
-                let Ray { x, z, slope_x, slope_z, .. } = rays[ray];
-                let slope = [slope_x, slope_z].map(f64::from);
+                let [[x, z], slope] = [rays[ray].point, rays[ray].slope];
+                let slope = slope.map(f64::from);
                 let from =
                     [f64::from(x) - SOURCE * slope[0], -SOURCE, f64::from(z) - SOURCE * slope[1]];
                 let want = truth.trace(from, [slope[0], 1.0, slope[1]], 0.59, Order::First);

@@ -14,7 +14,7 @@ use crate::support::{CARBON, Worst, backends, engine};
 use beamlet::internals::gpu::{Device, DeviceOptions};
 use beamlet::internals::interface::{FLAG_DROPPED, FLAG_UNBALANCED};
 use beamlet::internals::trace::{
-    DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer,
+    DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer, moments,
 };
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
@@ -210,7 +210,7 @@ fn results(
     // Sheets that lie on one another are a defect of a mesh; the walks count them all the same.
     scene.objects.iter_mut().for_each(|object| object.allow_defects = true);
     let simulation = engine.prepare(&scene).expect("a sample");
-    let (results, moments) = simulation.moments(rays).expect("results");
+    let (results, moments) = moments(&simulation, rays).expect("results");
     let each = (0..rays.len())
         .map(|i| (f64::from(moments.of(i, 1).path), moments.balance(i), moments.crossings(i)))
         .collect();

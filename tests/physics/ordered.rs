@@ -20,7 +20,6 @@ use beamlet::internals::trace::{
 };
 use beamlet::scene::Transport;
 use beamlet::{Backend, geometry};
-use glam::DVec3;
 use std::sync::Arc;
 
 const SOURCE: f64 = 1.21;
@@ -38,17 +37,14 @@ fn sample_of(bodies: &[Body]) -> geometry::Sample {
     let mut sample = geometry::Sample::default();
     for (object, Body { mesh, .. }) in (0..).zip(bodies) {
         let first = sample.vertices.len() as u32;
-        sample.vertices.extend(mesh.vertices.iter().map(|v| DVec3::from_array(*v)));
+        sample.vertices.extend(&mesh.vertices);
         sample.triangles.extend(mesh.triangles.iter().map(|t| t.map(|v| v + first)));
         sample.triangle_component.resize(sample.triangles.len(), object);
         let outside = object.checked_sub(1);
-        sample.components.push(geometry::Component {
-            object,
-            outside,
-            volume: mesh.volume(),
-            area: mesh.area(),
-            bounds: [DVec3::ZERO; 2],
-        });
+        let mut component = geometry::Component::default();
+        (component.object, component.outside) = (object, outside);
+        (component.volume, component.area) = (mesh.volume(), mesh.area());
+        sample.components.push(component);
     }
     sample
 }

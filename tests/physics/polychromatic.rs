@@ -293,12 +293,10 @@ fn bands_and_batches_change_no_bit_under_a_spectrum() {
     let (_directory, beam) = five_lines();
     let scene = cylinder(&beam);
     let run = |band_rows, batch_rays| {
-        let options = beamlet::EngineOptions {
-            backend: Some(Backend::Bvh),
-            band_rows,
-            batch_rays,
-            ..beamlet::EngineOptions::default()
-        };
+        let options = beamlet::EngineOptions::default()
+            .with_backend(Backend::Bvh)
+            .with_band_rows(band_rows)
+            .with_batch_rays(batch_rays);
         engine_with(options).simulate(&scene).unwrap()
     };
     let whole = run(None, None);

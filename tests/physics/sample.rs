@@ -317,7 +317,7 @@ fn first_order_stack_is_the_exact_one_but_for_grazing_rays() {
         engine.simulate(&scene).expect("a stack").sample
     });
     // Second order in delta: 1e-9 rad where rays are not flagged, 0.6 nm on the detector and
-    // 4e-6 of open beam. A cylinder's flagged rays are a strip of 60 nm at either rim, most of
+    // 4e-6 of open beam. A cylinder's flagged rays are a cell row of 60 nm at either rim, most of
     // whose light misses the apertures in any order.
     // Rims stand in columns 1 and 30. There the stack in order, which rays alone make, is cut down
     // to the 2 nm that coordinates in f32 allow, and right to 2e-5.

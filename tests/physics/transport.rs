@@ -15,7 +15,7 @@ use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid, cylinder, sph
 use crate::support::{CARBON, Checked, WATER, Worst, engine};
 use beamlet::Backend;
 use beamlet::internals::interface::{FLAG_EXACT, FLAG_REFLECTED};
-use beamlet::internals::trace::{Moments, Ray, RayResult};
+use beamlet::internals::trace::{Moments, Ray, RayResult, moments};
 use beamlet::scene::Transport;
 
 /// Source to rotation centre, and rotation centre to analyser, m.
@@ -57,7 +57,7 @@ fn trace(
     scene.scan.angles = angles.to_vec();
     scene.sampling.transport = transport;
     let simulation = engine.prepare(&scene).expect("a sample");
-    simulation.moments(rays).expect("results")
+    moments(&simulation, rays).expect("results")
 }
 
 /// The very same ray in the reference, f32 numbers and all.

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use crate::support::program::{beamlet, run, workplace};
+use crate::support::program::{beamlet, ended, run, stderr, workplace};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -48,15 +48,6 @@ fn stdout(output: &Output) -> String {
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
-fn stderr(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
-#[track_caller]
-fn assert_code(output: &Output, code: i32) {
-    assert_eq!(output.status.code(), Some(code), "{}\n{}", stdout(output), stderr(output));
-}
-
 fn names(directory: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(directory)
         .unwrap()
@@ -84,7 +75,7 @@ fn usage_errors_end_with_2_and_say_what_is_missing() {
         ("simulat scene.toml", "simulate"),
     ] {
         let output = run(place.path(), line);
-        assert_code(&output, 2);
+        ended(&output, 2);
         assert!(stderr(&output).contains(wanted), "{line}: {}", stderr(&output));
         assert!(output.stdout.is_empty(), "{line}");
     }
@@ -100,7 +91,7 @@ fn help_and_version_go_to_stdout_with_examples() {
         ("--help", "130"),
     ] {
         let output = run(place.path(), line);
-        assert_code(&output, 0);
+        ended(&output, 0);
         assert!(stdout(&output).contains(wanted), "{line}");
     }
 }
@@ -111,7 +102,7 @@ fn an_unknown_key_is_shown_with_its_place_and_nothing_is_written() {
     let text = SCENE.replace("pitch =", "pich =");
     fs::write(place.path().join("scene.toml"), text).unwrap();
     let output = run(place.path(), "simulate scene.toml -o run");
-    assert_code(&output, 1);
+    ended(&output, 1);
     let message = stderr(&output);
     assert!(message.starts_with("error: ") && message.contains("scene.toml:10"), "{message}");
     assert!(message.contains("pitch"), "suggests the right key: {message}");
@@ -122,7 +113,7 @@ fn an_unknown_key_is_shown_with_its_place_and_nothing_is_written() {
 fn a_missing_scene_is_named() {
     let place = workplace(SCENE);
     let output = run(place.path(), "simulate nowhere.toml -o run");
-    assert_code(&output, 1);
+    ended(&output, 1);
     assert!(stderr(&output).contains("nowhere.toml"));
 }
 
@@ -130,10 +121,10 @@ fn a_missing_scene_is_named() {
 fn a_directory_with_files_of_others_is_not_written_to() {
     let place = workplace(SCENE);
     let output = run(place.path(), "simulate scene.toml -o .");
-    assert_code(&output, 1);
+    ended(&output, 1);
     assert!(stderr(&output).contains("not empty"), "{}", stderr(&output));
     let output = run(place.path(), "simulate scene.toml -o . --overwrite");
-    assert_code(&output, 1);
+    ended(&output, 1);
     assert_eq!(fs::read_to_string(place.path().join("scene.toml")).unwrap(), SCENE);
     assert_eq!(names(place.path()), ["scene.toml"]);
 }
@@ -142,7 +133,7 @@ fn a_directory_with_files_of_others_is_not_written_to() {
 fn resuming_where_there_is_no_run_fails() {
     let place = workplace(SCENE);
     let output = run(place.path(), "simulate scene.toml -o run --resume");
-    assert_code(&output, 1);
+    ended(&output, 1);
     assert!(stderr(&output).contains("run.json"));
 }
 
@@ -150,7 +141,7 @@ fn resuming_where_there_is_no_run_fails() {
 fn check_tells_geometry_materials_objects_and_work() {
     let place = workplace(SCENE);
     let output = run(place.path(), "check scene.toml");
-    assert_code(&output, 0);
+    ended(&output, 0);
     let text = stdout(&output);
     for wanted in ["mask magnification    1.5\n", "lever arm", "carbon", "gold", "rod", "rays"] {
         assert!(text.contains(wanted), "{wanted}: {text}");
@@ -158,7 +149,7 @@ fn check_tells_geometry_materials_objects_and_work() {
     let mut command = beamlet(place.path());
     command.args(["check", "scene.toml", "--json", "--set", "source.energy=40 keV"]);
     let output = command.output().unwrap();
-    assert_code(&output, 0);
+    ended(&output, 0);
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(report["setup"]["energy"], 40.0);
     assert_eq!(report["setup"]["extent"]["steps"], 3);
@@ -172,13 +163,13 @@ fn a_memory_limit_that_is_too_small_is_refused_and_check_tells_what_fits() {
     let place = workplace(SCENE);
     for verb in ["check", "simulate -o run"] {
         let output = run(place.path(), &format!("{verb} scene.toml --memory-limit 20MiB"));
-        assert_code(&output, 1);
+        ended(&output, 1);
         let message = stderr(&output);
         assert!(message.contains("20 MiB are available; raise the memory limit"), "{message}");
     }
     assert_eq!(names(place.path()), ["scene.toml"]);
     let output = run(place.path(), "check scene.toml --json --memory-limit 1GiB");
-    assert_code(&output, 0);
+    ended(&output, 0);
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let memory = &report["work"]["memory"];
     assert_eq!(memory["band_rows"], 4);
@@ -189,17 +180,17 @@ fn a_memory_limit_that_is_too_small_is_refused_and_check_tells_what_fits() {
 fn examples_are_listed_and_written_and_pass_their_own_check() {
     let place = workplace(SCENE);
     let output = run(place.path(), "example");
-    assert_code(&output, 0);
+    ended(&output, 0);
     for name in ["cylinder", "bracket", "cylinders"] {
         assert!(stdout(&output).contains(name));
         let write = format!("example {name} -o {name}");
-        assert_code(&run(place.path(), &write), 0);
-        assert_code(&run(place.path(), &format!("check {name}/scene.toml")), 0);
+        ended(&run(place.path(), &write), 0);
+        ended(&run(place.path(), &format!("check {name}/scene.toml")), 0);
         let scene = place.path().join(name).join("scene.toml");
         fs::write(&scene, "mine").unwrap();
-        assert_code(&run(place.path(), &write), 1);
+        ended(&run(place.path(), &write), 1);
         assert_eq!(fs::read_to_string(&scene).unwrap(), "mine");
-        assert_code(&run(place.path(), &format!("{write} --overwrite")), 0);
+        ended(&run(place.path(), &format!("{write} --overwrite")), 0);
         assert_ne!(fs::read_to_string(&scene).unwrap(), "mine");
     }
 }
@@ -208,7 +199,7 @@ fn examples_are_listed_and_written_and_pass_their_own_check() {
 fn devices_are_listed_for_people_and_programs() {
     let place = workplace(SCENE);
     let output = run(place.path(), "devices --json");
-    assert_code(&output, 0);
+    ended(&output, 0);
     let devices: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let name = devices[0]["name"].as_str().unwrap();
     assert!(stdout(&run(place.path(), "devices")).contains(name));
@@ -218,7 +209,7 @@ fn devices_are_listed_for_people_and_programs() {
 fn a_small_scene_is_simulated_once_and_not_overwritten_unasked() {
     let place = workplace(SCENE);
     let output = run(place.path(), "simulate scene.toml -o run");
-    assert_code(&output, 0);
+    ended(&output, 0);
     let text = stdout(&output);
     assert!(text.contains("run ") && text.contains("2 x 3 steps of 16 x 4 pixels"), "{text}");
     let path = place.path().join("run");
@@ -229,12 +220,12 @@ fn a_small_scene_is_simulated_once_and_not_overwritten_unasked() {
     assert_eq!(record["state"], "done");
 
     let output = run(place.path(), "simulate scene.toml -o run");
-    assert_code(&output, 1);
+    ended(&output, 1);
     assert!(stderr(&output).contains("holds a run already"));
-    assert_code(&run(place.path(), "simulate scene.toml -o run --overwrite -q --format npy"), 0);
+    ended(&run(place.path(), "simulate scene.toml -o run --overwrite -q --format npy"), 0);
     assert_eq!(names(&path), ["flat.npy", "progress.log", "run.json", "sample.npy", "scene.toml"]);
     let output = run(place.path(), "simulate scene.toml -o run --resume");
-    assert_code(&output, 0);
+    ended(&output, 0);
     assert!(stdout(&output).contains("complete already"));
 }
 
@@ -244,9 +235,9 @@ fn the_resolved_scene_of_a_run_gives_the_same_bits() {
     let mut command = beamlet(place.path());
     command.args(["simulate", "scene.toml", "-o", "one", "--format", "npy"]);
     command.args(["--backend", "bvh", "--set", "detector.pixels=[8, 3]"]);
-    assert_code(&command.output().unwrap(), 0);
+    ended(&command.output().unwrap(), 0);
     let line = "simulate one/scene.toml -o two --format npy --backend bvh";
-    assert_code(&run(place.path(), line), 0);
+    ended(&run(place.path(), line), 0);
     for name in ["flat.npy", "sample.npy"] {
         let bytes = |run: &str| fs::read(place.path().join(run).join(name)).unwrap();
         assert!(bytes("one") == bytes("two"), "{name}");
@@ -280,18 +271,18 @@ fn interrupted(place: &Path) -> Output {
 fn an_interrupted_run_names_the_command_that_resumes_it_to_the_same_bits() {
     let place = workplace(SCENE);
     let output = interrupted(place.path());
-    assert_code(&output, 130);
+    ended(&output, 130);
     let message = stderr(&output);
     let resume = message.lines().find_map(|line| line.strip_prefix("to resume: beamlet ")).unwrap();
     let command = format!("{} {resume}", env!("CARGO_BIN_EXE_beamlet"));
     let resumed =
         Command::new("sh").args(["-c", &command]).current_dir(place.path()).output().unwrap();
-    assert_code(&resumed, 0);
+    ended(&resumed, 0);
 
     let mut whole = beamlet(place.path());
     whole.args(["simulate", "scene.toml", "-o", "whole", "--format", "npy", "--backend", "bvh"]);
     whole.args(["--set", "scan.angles={ from = \"0 deg\", to = \"360 deg\", count = 400 }"]);
-    assert_code(&whole.output().unwrap(), 0);
+    ended(&whole.output().unwrap(), 0);
     for name in ["flat.npy", "sample.npy"] {
         let bytes = |run: &str| fs::read(place.path().join(run).join(name)).unwrap();
         assert!(bytes("run") == bytes("whole"), "{name}");
@@ -321,7 +312,7 @@ fn interrupted_at_once(mut command: Command) -> Output {
 #[cfg(target_os = "linux")]
 fn an_overwriting_run_interrupted_before_it_writes_names_the_command_that_starts_it_again() {
     let place = workplace(SCENE);
-    assert_code(&run(place.path(), "simulate scene.toml -o run --backend bvh -q"), 0);
+    ended(&run(place.path(), "simulate scene.toml -o run --backend bvh -q"), 0);
     let recorded = || fs::read(place.path().join("run/run.json")).unwrap();
     let before = recorded();
     let mut command = beamlet(place.path());
@@ -330,7 +321,7 @@ fn an_overwriting_run_interrupted_before_it_writes_names_the_command_that_starts
         command.args(["--overwrite", "--set", "detector.pixels=[8, 2]"]);
         command
     });
-    assert_code(&output, 130);
+    ended(&output, 130);
     let message = stderr(&output);
     let begin = "nothing was written; to start again: beamlet ";
     let again = message.lines().find_map(|line| line.strip_prefix(begin)).expect(&message);
@@ -339,7 +330,7 @@ fn an_overwriting_run_interrupted_before_it_writes_names_the_command_that_starts
     let command = format!("{} {again}", env!("CARGO_BIN_EXE_beamlet"));
     let output =
         Command::new("sh").args(["-c", &command]).current_dir(place.path()).output().unwrap();
-    assert_code(&output, 0);
+    ended(&output, 0);
     assert!(place.path().join("run/flat.npy").is_file() && before != recorded(), "{again}");
 }
 
@@ -355,6 +346,6 @@ fn a_reader_that_goes_away_is_no_failure() {
         .unwrap();
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
-    assert_code(&output, 0);
+    ended(&output, 0);
     assert_eq!(stderr(&output), "");
 }

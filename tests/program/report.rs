@@ -83,8 +83,10 @@ fn run_with_maps() -> tempfile::TempDir {
         write(&format!("{of}_background"), &|_, _, _| 0.0);
     }
     let flags = BTreeMap::from([(1, "flat dead: on purpose".into()), (2, "flat other".into())]);
-    let record =
-        Record { method: "gaussian".into(), shape: [2, 4, 16], flags, ..Record::default() };
+    let mut record = Record::default();
+    record.method = "gaussian".into();
+    record.shape = [2, 4, 16];
+    record.flags = flags;
     let text = serde_json::to_string(&record).unwrap();
     fs::write(retrieved.join("retrieved.json"), text).unwrap();
     place

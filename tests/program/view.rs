@@ -86,7 +86,9 @@ fn run_with_maps() -> tempfile::TempDir {
         write(&format!("{of}_width"), &|_, _, _| 10e-6);
         write(&format!("{of}_background"), &|_, _, _| 0.0);
     }
-    let record = Record { method: "gaussian".into(), shape: [2, 4, 16], ..Record::default() };
+    let mut record = Record::default();
+    record.method = "gaussian".into();
+    record.shape = [2, 4, 16];
     let text = serde_json::to_string(&record).unwrap();
     fs::write(retrieved.join("retrieved.json"), text).unwrap();
     place
@@ -215,7 +217,9 @@ fn curves_of_counts_are_drawn_less_their_dark() {
         .unwrap();
     write_npy(run.join("dark.npy"), &Array3::<f32>::from_elem((3, 4, 16), 100.0)).unwrap();
     commit(&run);
-    let record = Record { method: "moments".into(), counts: true, ..Record::default() };
+    let mut record = Record::default();
+    record.method = "moments".into();
+    record.counts = true;
     let text = serde_json::to_string(&record).unwrap();
     fs::write(run.join("retrieved/retrieved.json"), text).unwrap();
     done(place.path(), "view run -o pictures --show curve,frames --pixel 6,1");
@@ -242,7 +246,9 @@ fn images_of_beamlets_are_drawn_over_their_numbers() {
     // Five beamlets in each of the four rows; the last one deflects most.
     let map = Array3::from_shape_fn((2, 4, 5), |(_, _, beamlet)| beamlet as f32 * 1e-6);
     write_npy(retrieved.join("refraction.npy"), &map).unwrap();
-    let record = Record { method: "beamlet".into(), shape: [2, 4, 5], ..Record::default() };
+    let mut record = Record::default();
+    record.method = "beamlet".into();
+    record.shape = [2, 4, 5];
     fs::write(retrieved.join("retrieved.json"), serde_json::to_string(&record).unwrap()).unwrap();
     let printed = done(place.path(), "view run -o pictures");
     assert!(printed.contains("refraction_view_0000.png"), "{printed}");

@@ -35,7 +35,7 @@ fn even(count: usize, half: f64) -> Vec<f64> {
 
 /// Fits curves, one per row, on the device.
 fn on_device(engine: &Engine, offsets: &[f64], curves: &[Vec<f64>], weights: Weights) -> Curves {
-    let options = FitOptions { weights, ..FitOptions::default() };
+    let options = FitOptions::default().with_weights(weights);
     let fitter = Fitter::new(engine, offsets, &options).unwrap();
     let data = Array2::from_shape_fn((offsets.len(), curves.len()), |(s, c)| curves[c][s] as f32);
     fitter.fit(data.view(), None).unwrap()

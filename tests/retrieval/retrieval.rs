@@ -63,7 +63,7 @@ fn retrieve(
     flat: &Array3<f32>,
     sample: &Array3<f32>,
 ) -> Images {
-    let options = RetrieveOptions { method, ..RetrieveOptions::default() };
+    let options = RetrieveOptions::default().with_method(method);
     let mut retriever = Retriever::new(engine, scene, &options).unwrap();
     retriever.set_flat_array(flat.view()).unwrap();
     retriever.retrieve_array(sample.view()).unwrap()
@@ -341,7 +341,7 @@ fn methods_refuse_what_they_cannot_serve_and_say_why() {
     ];
     for (method, count, sets, word) in cases {
         let offsets = if count == 1 { vec![0.0] } else { even(count, 25.0) };
-        let options = RetrieveOptions { method, ..RetrieveOptions::default() };
+        let options = RetrieveOptions::default().with_method(method);
         let message =
             Retriever::new(&engine, &scene(&offsets, sets), &options).unwrap_err().to_string();
         assert!(message.contains(word), "{method}: {message}");
@@ -365,7 +365,7 @@ fn bad_pixels_are_flagged_and_hold_no_number() {
     // Two saturated values: the rest tells the same curve.
     sample[[0, 0, 6]] = 2.0;
     sample[[5, 0, 6]] = 1.5;
-    let options = RetrieveOptions { saturation: Some(1.5), ..RetrieveOptions::default() };
+    let options = RetrieveOptions::default().with_saturation(1.5);
     let engine = engine();
     let scene = scene(&offsets, &[]);
     let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();

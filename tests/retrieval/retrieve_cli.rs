@@ -188,10 +188,11 @@ fn images_are_not_replaced_unless_asked_and_files_of_others_stop_it() {
 fn a_retrieval_that_is_stopped_or_fails_leaves_nothing() {
     let (_folder, run) = copy();
     let engine = Engine::open(&EngineOptions::default()).unwrap();
-    let to = ImagesTo { path: &run.join("retrieved"), format: ImageFormat::Npy, overwrite: false };
+    let images = run.join("retrieved");
+    let to = ImagesTo::new(&images, ImageFormat::Npy);
     let cancel = AtomicBool::new(true);
     let input = || Input::of_run(&OpenRun::open(&run).unwrap(), false).unwrap();
-    let mut control = RetrieveControl { cancel: Some(&cancel), progress: None };
+    let mut control = RetrieveControl::default().with_cancel(&cancel);
     let stopped = retrieve(&engine, input(), &RetrieveOptions::default(), to, &mut control);
     assert!(matches!(stopped, Err(Error::Interrupted)));
     // Stopped between the views.
@@ -201,7 +202,7 @@ fn a_retrieval_that_is_stopped_or_fails_leaves_nothing() {
             later.store(true, std::sync::atomic::Ordering::Relaxed);
         }
     };
-    let mut control = RetrieveControl { cancel: Some(&later), progress: Some(&mut progress) };
+    let mut control = RetrieveControl::default().with_cancel(&later).with_progress(&mut progress);
     let stopped = retrieve(&engine, input(), &RetrieveOptions::default(), to, &mut control);
     assert!(matches!(stopped, Err(Error::Interrupted)));
     let left: Vec<String> = fs::read_dir(&run)

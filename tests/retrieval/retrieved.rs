@@ -123,7 +123,7 @@ fn beam_tracking_behind_a_single_mask_tells_a_wedge_and_a_slab() {
         let scene = scenes::scene(&setup, std::slice::from_ref(of), &[0.0]);
         let engine = engine(backends()[0]);
         let stacks = engine.simulate(&scene).unwrap();
-        let options = RetrieveOptions { method: Method::Beamlet, ..RetrieveOptions::default() };
+        let options = RetrieveOptions::default().with_method(Method::Beamlet);
         let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
         retriever.set_flat_array(stacks.flat.view()).unwrap();
         let images =

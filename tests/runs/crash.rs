@@ -5,7 +5,7 @@
 #![allow(clippy::print_stdout, reason = "measured figures are printed")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use crate::support::program::{beamlet, workplace};
+use crate::support::program::{beamlet, ended, workplace};
 use beamlet::scene::{Exposure, Scene};
 use beamlet::stack::RunDirectory;
 use std::collections::BTreeMap;
@@ -39,12 +39,6 @@ fn simulate(place: &Path, run: &str, more: &[&str]) -> Command {
     command.args(["simulate", "scene.toml", "-q", "--backend", "bvh", "-o", run]).args(more);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
-}
-
-#[track_caller]
-fn assert_code(output: &Output, code: i32) {
-    let message = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(code), "{message}");
 }
 
 /// Views whose lines in progress.log are whole.
@@ -155,7 +149,7 @@ fn kills() -> u32 {
 fn end_again_and_again(scene: &str, arguments: &[&str], views: usize, seed: u64) {
     let place = workplace(SCENE);
     fs::write(place.path().join("scene.toml"), scene).unwrap();
-    assert_code(&simulate(place.path(), "whole", arguments).output().unwrap(), 0);
+    ended(&simulate(place.path(), "whole", arguments).output().unwrap(), 0);
     let run = place.path().join("run");
     // Nothing but --resume: format and moments follow the run.
     let go_on = || match run.join("run.json").exists() {
@@ -186,7 +180,7 @@ fn end_again_and_again(scene: &str, arguments: &[&str], views: usize, seed: u64)
         }
         let _ = assert_whole(place.path(), "run");
     }
-    assert_code(&go_on().output().unwrap(), 0);
+    ended(&go_on().output().unwrap(), 0);
     assert_same(place.path(), views);
     assert!(!run.join("partial").exists());
     whole += 1;
@@ -248,16 +242,16 @@ fn a_disk_that_fills_up_is_named_and_leaves_committed_views() {
     // It begins with room for the whole array, as a disk that others fill up later.
     let child = simulate(place.path(), "run", &npy).spawn().unwrap();
     let output = end(child, &run, 2, 0, "-INT");
-    assert_code(&output, 130);
+    ended(&output, 130);
     let before = assert_whole(place.path(), "run").len();
     let output = with_full_disk(place.path(), "--resume");
-    assert_code(&output, 1);
+    ended(&output, 1);
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(message.contains("run/sample.npy: cannot be written: "), "{message}");
     let committed = assert_whole(place.path(), "run").len();
     assert!((before + 1..VIEWS).contains(&committed), "{committed} of {before} views: {message}");
-    assert_code(&simulate(place.path(), "run", &["--resume"]).output().unwrap(), 0);
-    assert_code(&simulate(place.path(), "whole", &npy).output().unwrap(), 0);
+    ended(&simulate(place.path(), "run", &["--resume"]).output().unwrap(), 0);
+    ended(&simulate(place.path(), "whole", &npy).output().unwrap(), 0);
     assert_same(place.path(), VIEWS);
 }
 
@@ -265,7 +259,7 @@ fn a_disk_that_fills_up_is_named_and_leaves_committed_views() {
 fn a_disk_without_room_for_the_arrays_is_named_and_nothing_counts() {
     let place = large_workplace();
     let output = with_full_disk(place.path(), "--format npy");
-    assert_code(&output, 1);
+    ended(&output, 1);
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(message.contains("run/sample.npy: cannot be created: "), "{message}");
     assert_eq!(committed_lines(&place.path().join("run")), 0);

@@ -57,19 +57,19 @@ fn scene(changes: &[&str]) -> Scene {
 }
 
 fn keeping(band_rows: Option<u32>) -> Checked {
-    engine_with(EngineOptions {
-        backend: Some(Backend::Bvh),
-        keep_moments: true,
-        band_rows,
-        ..EngineOptions::default()
-    })
+    engine_with(
+        EngineOptions::default()
+            .with_backend(Backend::Bvh)
+            .with_keep_moments(true)
+            .with_band_rows(band_rows),
+    )
 }
 
 /// A run of the base scene with its moments.
 fn run(directory: &Path, band_rows: Option<u32>) {
     let mut sink = RunDirectory::create(directory, Format::Npy, false).unwrap();
     let mut keep = MomentWriter::new(directory);
-    let control = Control { keep: Some(&mut keep), ..Control::default() };
+    let control = Control::default().with_keep(&mut keep);
     keeping(band_rows).run(&scene(&[]), &mut sink, control).unwrap();
 }
 
@@ -91,7 +91,7 @@ fn same_scene_gives_the_same_bits_without_a_ray() {
     let engine = keeping(None);
     let simulation = engine.reilluminate(&kept, kept.scene()).unwrap();
     let mut keep = MomentWriter::new(directory.path());
-    let control = Control { keep: Some(&mut keep), ..Control::default() };
+    let control = Control::default().with_keep(&mut keep);
     let error = simulation.run(&mut ArraySink::new(), control).unwrap_err();
     assert!(error.to_string().contains("kept moments"), "{error}");
     let fresh = keeping(None).simulate(&scene(&[])).unwrap();

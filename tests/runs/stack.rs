@@ -2,18 +2,17 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::support::files;
 use beamlet::scene::{
-    Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Placement, Sampling, Scan, Scene, Shape,
-    ShapeOrMesh, Source,
+    Beam, Detector, Exposure, MaskBody, MaskSpec, Object, Scan, Scene, Shape, Source,
 };
 use beamlet::stack::{
-    ArraySink, CallbackSink, Extent, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState,
-    Sink,
+    ArraySink, CallbackSink, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState, Sink,
+    StackShape,
 };
 use beamlet::{Backend, Error, RunRecord};
 use ndarray::{Array3, Array4, s};
 use ndarray_npy::ReadNpyExt;
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -24,34 +23,17 @@ const VIEWS: u32 = 2;
 
 fn scene() -> Scene {
     let mask = |distance: f64, period: f64, aperture: f64| {
-        Some(MaskSpec {
-            distance,
-            period,
-            aperture,
-            offset: 0.0,
-            body: MaskBody::Sheet { transmission: 0.0 },
-        })
+        Some(MaskSpec::new(distance, period, aperture, MaskBody::Sheet { transmission: 0.0 }))
     };
-    Scene {
-        directory: PathBuf::new(),
-        source: Source { distance: 1.21, spot: [30e-6, 26e-6].into(), beam: Beam::Energy(30.0) },
-        detector: Detector::new(1.8, [7, 5], [150e-6; 2]),
-        sample_mask: mask(1.2, 100e-6, 20e-6),
-        detector_mask: mask(1.8, 150e-6, 30e-6),
-        sampling: Sampling::default(),
-        scan: Scan { mask_offsets: vec![-1e-5, 0.0, 1e-5], angles: vec![0.0, 1.0] },
-        materials: BTreeMap::new(),
-        surroundings: "vacuum".into(),
-        files: BTreeMap::new(),
-        objects: vec![Object {
-            name: "rod".into(),
-            geometry: ShapeOrMesh::Shape(Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: 64 }),
-            material: "carbon".into(),
-            placement: Placement::default(),
-            sha256: None,
-            allow_defects: false,
-        }],
-    }
+    let source = Source::new(1.21, [30e-6, 26e-6], Beam::Energy(30.0));
+    let mut scene = Scene::new(source, Detector::new(1.8, [7, 5], [150e-6; 2]));
+    scene.directory = PathBuf::new();
+    scene.sample_mask = mask(1.2, 100e-6, 20e-6);
+    scene.detector_mask = mask(1.8, 150e-6, 30e-6);
+    scene.scan = Scan::new(vec![-1e-5, 0.0, 1e-5], vec![0.0, 1.0]);
+    let rod = Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: 64 };
+    scene.objects.push(Object::new("rod", rod, "carbon"));
+    scene
 }
 
 fn start() -> RunStart {
@@ -102,24 +84,6 @@ fn whole_run(sink: &mut dyn Sink, band: usize) {
 
 fn run_in(path: &Path, format: Format, band: usize) {
     whole_run(&mut RunDirectory::create(path, format, false).unwrap(), band);
-}
-
-/// Every file below `root` that is not run.json, with its bytes.
-fn files(root: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut open = vec![root.to_path_buf()];
-    while let Some(directory) = open.pop() {
-        for entry in fs::read_dir(directory).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                open.push(path);
-            } else {
-                found.insert(path.strip_prefix(root).unwrap().into(), fs::read(&path).unwrap());
-            }
-        }
-    }
-    found.remove(Path::new("run.json"));
-    found
 }
 
 fn read_exr(path: &Path) -> (Vec<f32>, String) {
@@ -185,7 +149,7 @@ fn bands_do_not_change_a_byte() {
         let [one, many] = ["one", "many"].map(|name| temporary.path().join(name));
         run_in(&one, format, ROWS);
         run_in(&many, format, 2);
-        assert_eq!(files(&one), files(&many));
+        assert_eq!(files::of_run(&one), files::of_run(&many));
     }
 }
 
@@ -193,7 +157,7 @@ fn bands_do_not_change_a_byte() {
 fn a_finished_run_leaves_nothing_but_its_files() {
     let temporary = tempfile::tempdir().unwrap();
     run_in(temporary.path(), Format::Exr, 2);
-    let names: Vec<String> = files(temporary.path())
+    let names: Vec<String> = files::of_run(temporary.path())
         .into_keys()
         .map(|path| path.display().to_string())
         .filter(|name| !name.ends_with(".exr"))
@@ -249,7 +213,7 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
             sink.commit(view).unwrap();
         }
         sink.finish(&record()).unwrap();
-        assert_eq!(files(&whole), files(&resumed));
+        assert_eq!(files::of_run(&whole), files::of_run(&resumed));
         let file = RunFile::read(&resumed.join("run.json")).unwrap();
         assert_eq!((file.state, file.resumed_views), (RunState::Done, 1));
     }
@@ -388,7 +352,7 @@ fn names_grow_with_the_numbers_they_hold() {
     put(&mut sink, view, ROWS);
     sink.commit(view).unwrap();
     assert!(temporary.path().join("sample/view_00007/step_002.exr").exists());
-    assert_eq!(Extent::of(&scene).unwrap().all_views().count(), 10_002);
+    assert_eq!(StackShape::of(&scene).unwrap().all_views().count(), 10_002);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, star};
 use crate::support::{CARBON, WATER, backends, engine, engine_with};
-use beamlet::internals::trace::{Ray, RayResult};
+use beamlet::internals::trace::{Ray, RayResult, moments, trace};
 use beamlet::scene::{Scene, Scheme, Transport};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
@@ -29,9 +29,7 @@ fn scene(scheme: Scheme) -> Scene {
 }
 
 fn run(options: EngineOptions, scene: &Scene) -> Stacks {
-    engine_with(EngineOptions { backend: Some(Backend::Bvh), ..options })
-        .simulate(scene)
-        .expect("a stack")
+    engine_with(options.with_backend(Backend::Bvh)).simulate(scene).expect("a stack")
 }
 
 /// Fails where any bit differs.
@@ -52,8 +50,7 @@ fn band_and_batch_size_change_no_bit() {
         let whole = run(EngineOptions::default(), &scene);
         assert!(whole.record.tally.exact > 0 && whole.record.tally.reflected > 0);
         for (band, batch) in [(Some(1), None), (Some(3), Some(4096)), (None, Some(257))] {
-            let options =
-                EngineOptions { band_rows: band, batch_rays: batch, ..EngineOptions::default() };
+            let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
             let what = format!("{scheme:?}, bands of {band:?} rows, batches of {batch:?} rays");
             same(&what, &whole, &run(options, &scene));
         }
@@ -63,7 +60,7 @@ fn band_and_batch_size_change_no_bit() {
 #[test]
 fn memory_limit_changes_no_bit() {
     let scene = scene(Scheme::Cells);
-    let little = EngineOptions { memory_limit: Some(160 << 20), ..EngineOptions::default() };
+    let little = EngineOptions::default().with_memory_limit(160 << 20);
     same("a limit of 160 MiB", &run(EngineOptions::default(), &scene), &run(little, &scene));
 }
 
@@ -158,14 +155,14 @@ fn result_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
         for backend in backends() {
             let engine = engine(backend);
             let simulation = engine.prepare(&scene).expect("a sample");
-            let results = simulation.trace(&rays).expect("results");
+            let results = trace(&simulation, &rays).expect("results");
             let met = results.iter().filter(|result| result.crossings > 2).count();
             assert!(met * 4 > results.len(), "{met} of {} rays", results.len());
-            let (with_moments, _) = simulation.moments(&rays).expect("results");
+            let (with_moments, _) = moments(&simulation, &rays).expect("results");
             // Neighbours far apart, and of all views.
             let apart: Vec<usize> = (0..rays.len()).map(|i| i * 2_503 % rays.len()).collect();
             let shuffled: Vec<Ray> = apart.iter().map(|&i| rays[i]).collect();
-            let shuffled = simulation.trace(&shuffled).expect("results");
+            let shuffled = trace(&simulation, &shuffled).expect("results");
             for (i, result) in results.iter().enumerate() {
                 assert_eq!(
                     bits(result),
@@ -178,7 +175,7 @@ fn result_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
                 assert_eq!(bits(result), bits(&results[i]), "other company: {:?}", rays[i]);
             }
             for i in (0..rays.len()).step_by(601) {
-                let alone = simulation.trace(&rays[i..=i]).expect("a result");
+                let alone = trace(&simulation, &rays[i..=i]).expect("a result");
                 assert_eq!(bits(&alone[0]), bits(&results[i]), "alone: {:?}", rays[i]);
             }
         }

@@ -133,7 +133,7 @@ fn horizontal_edge_is_blurred_by_the_height_of_the_spot() {
     setup.spot = [30e-6, 260e-6];
     let blur = setup.sigma()[1] * 0.59 / 1.21;
     let engine = engine(Backend::Bvh);
-    // A strip in which the edge stands is at least 1/256 of a row.
+    // A cell row in which the edge stands is at least 1/256 of a row.
     let mut worst = Worst::new("sampling, cells, horizontal edge", 1.0 / 512.0);
     let mut scores = Scores::default();
     for edge in [0.0, 0.031e-3, 0.08e-3] {

@@ -3,11 +3,14 @@
 
 #![allow(dead_code, reason = "every test binary uses another part")]
 
+pub(crate) mod files;
 pub(crate) mod log;
 #[cfg(feature = "cli")]
 pub(crate) mod program;
 
-use beamlet::{Backend, Engine, EngineOptions};
+use beamlet::scene::Scene;
+use beamlet::stack::{Sink, Stacks};
+use beamlet::{Backend, Control, Engine, EngineOptions, Result, RunRecord, Simulation};
 use std::ops::Deref;
 
 /// Carbon of 2.0 g/cm3 at 30 keV: mu in 1/m, delta.
@@ -17,7 +20,8 @@ pub(crate) const WATER: [f64; 2] = [37.559, 2.5604e-7];
 /// Gold at 30 keV, 1/m.
 pub(crate) const GOLD: f64 = 53_122.0;
 
-/// An engine that must not have heard a word from the validation layer when it is dropped.
+/// An engine that fails a test at the call in which the validation layer speaks.
+#[must_use = "an engine that does nothing tests nothing"]
 #[derive(Debug)]
 pub(crate) struct Checked(Engine);
 
@@ -29,23 +33,46 @@ impl Deref for Checked {
     }
 }
 
-impl Drop for Checked {
-    fn drop(&mut self) {
-        if !std::thread::panicking() {
-            assert_eq!(self.0.validation_messages(), 0, "messages of the validation layer");
-        }
+// These methods stand before those of the engine. What a simulation does outside of them is
+// compared with the log of the layer by .ci/test.
+impl Checked {
+    #[track_caller]
+    pub(crate) fn simulate(&self, scene: &Scene) -> Result<Stacks> {
+        self.silent(self.0.simulate(scene))
+    }
+
+    #[track_caller]
+    pub(crate) fn run(
+        &self,
+        scene: &Scene,
+        sink: &mut dyn Sink,
+        control: Control<'_>,
+    ) -> Result<RunRecord> {
+        self.silent(self.0.run(scene, sink, control))
+    }
+
+    #[track_caller]
+    pub(crate) fn prepare(&self, scene: &Scene) -> Result<Simulation<'_>> {
+        self.silent(self.0.prepare(scene))
+    }
+
+    /// What a call returned, if the validation layer said nothing of it.
+    #[track_caller]
+    fn silent<T>(&self, returned: T) -> T {
+        assert_eq!(self.0.validation_messages(), 0, "messages of the validation layer");
+        returned
     }
 }
 
 /// An engine on this backend.
 pub(crate) fn engine(backend: Backend) -> Checked {
-    engine_with(EngineOptions { backend: Some(backend), ..EngineOptions::default() })
+    engine_with(EngineOptions::default().with_backend(backend))
 }
 
 /// An engine; with `BEAMLET_VALIDATION` in the environment under the validation layer.
 pub(crate) fn engine_with(options: EngineOptions) -> Checked {
     let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
-    Checked(Engine::open(&EngineOptions { validation, ..options }).expect("a Vulkan device"))
+    Checked(Engine::open(&options.with_validation(validation)).expect("a Vulkan device"))
 }
 
 /// The backends that this device can run.

@@ -1,6 +1,6 @@
 //! The real program in a directory.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
@@ -24,9 +24,59 @@ pub(crate) fn done(directory: &Path, line: &str) -> String {
     String::from_utf8(output.stdout).expect("text")
 }
 
+/// What a program that was run printed to stderr.
+pub(crate) fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// What stands on stderr of a program that ended with this code.
+#[track_caller]
+pub(crate) fn ended(output: &Output, code: i32) -> String {
+    let message = stderr(output);
+    let printed = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(code), "{printed}\n{message}");
+    message
+}
+
 /// A temporary directory with a scene in scene.toml.
 pub(crate) fn workplace(scene: &str) -> TempDir {
     let directory = tempfile::tempdir().expect("a temporary directory");
     std::fs::write(directory.path().join("scene.toml"), scene).expect("the scene is written");
     directory
+}
+
+/// A temporary directory with a scene in scene.toml, and what the program does there.
+pub(crate) struct Workplace(TempDir);
+
+impl Workplace {
+    pub(crate) fn new(scene: &str) -> Self {
+        Self(workplace(scene))
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs the program with these words.
+    pub(crate) fn beamlet(&self, words: &[&str]) -> Output {
+        beamlet(&self.0).args(words).output().expect("it starts")
+    }
+
+    /// `beamlet simulate scene.toml -q --backend bvh -o run`, with more words.
+    pub(crate) fn simulate(&self, more: &[&str]) -> Output {
+        let mut words = vec!["simulate", "scene.toml", "-q", "--backend", "bvh", "-o", "run"];
+        words.extend(more);
+        self.beamlet(&words)
+    }
+
+    /// The bytes of a file of the run.
+    pub(crate) fn bytes(&self, name: &str) -> Vec<u8> {
+        let path = self.path("run").join(name);
+        std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    }
+
+    /// Writes a file of the run.
+    pub(crate) fn write(&self, name: &str, bytes: &[u8]) {
+        std::fs::write(self.path("run").join(name), bytes).expect("the file is written");
+    }
 }

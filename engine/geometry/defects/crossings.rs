@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
-use super::Found;
+use super::DefectCount;
 use super::overlap::{Contact, Facet, contact};
 use crate::geometry::surface::Surface;
 use crate::geometry::tree::{LEAF, Tree};
@@ -28,7 +28,12 @@ type Met = (u32, u32, Contact);
 ///
 /// # Errors
 /// [`Error::Interrupted`].
-pub(super) fn find(surface: &Surface, tree: &Tree, resolved: f64, task: Task<'_>) -> Result<Found> {
+pub(super) fn find(
+    surface: &Surface,
+    tree: &Tree,
+    resolved: f64,
+    task: Task<'_>,
+) -> Result<DefectCount> {
     let mut met: Vec<Met> = Vec::new();
     let mut passed = 0;
     let leaves = tree.leaves();
@@ -49,7 +54,7 @@ pub(super) fn find(surface: &Surface, tree: &Tree, resolved: f64, task: Task<'_>
     }
     met.sort_by_key(|(first, second, _)| (*first, *second));
     met.dedup_by_key(|(first, second, _)| (*first, *second));
-    let mut found = Found::default();
+    let mut found = DefectCount::default();
     let mut grazes = HashMap::new();
     for (first, second, contact) in met {
         let place = match contact {

@@ -2,7 +2,7 @@
 //!
 //! Open, non-manifold and wrongly wound edges (`edges`), vertices where fans of triangles meet
 //! in a point (`vertices`), triangles without area or given twice (`triangles`), and
-//! triangles that pass through each other (`crossings`, `overlap`). `words` tells it.
+//! triangles that pass through each other (`crossings`, `overlap`). `words` describes it.
 
 mod crossings;
 mod edges;
@@ -21,55 +21,57 @@ use super::watch::Task;
 use crate::error::Result;
 
 /// Most places that are kept of each kind of defect.
-pub const PLACES: usize = 10;
+pub const MAX_DEFECT_PLACES: usize = 10;
 
 /// Defects of the surface of one object after welding.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Defects {
     /// Edges of one triangle only: a hole or a gap.
-    pub open_edges: Found,
+    pub open_edges: DefectCount,
     /// Edges of more than two triangles.
-    pub non_manifold_edges: Found,
+    pub non_manifold_edges: DefectCount,
     /// Edges between two triangles that wind opposite ways.
-    pub flipped_edges: Found,
+    pub flipped_edges: DefectCount,
     /// Vertices where triangles meet that share no edge around it.
-    pub non_manifold_vertices: Found,
+    pub non_manifold_vertices: DefectCount,
     /// Pairs of triangles that pass through or lie on each other by more than f32 resolves.
     /// Counted to 100 000, from there on at least that many.
-    pub self_intersections: Found,
+    pub self_intersections: DefectCount,
     /// Triangles without area. Those with two equal corners are left out.
-    pub degenerate_triangles: Found,
+    pub degenerate_triangles: DefectCount,
     /// Triangles with the same corners as an earlier one.
-    pub duplicate_triangles: Found,
+    pub duplicate_triangles: DefectCount,
     /// Triangles with a coordinate that is NaN or infinite. They are left out.
-    pub not_finite: Found,
+    pub not_finite: DefectCount,
 }
 
 /// One kind of defect: how often it was found, and the first places.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct Found {
+#[non_exhaustive]
+pub struct DefectCount {
     /// How many there are.
     pub count: usize,
     /// The first ten places, in the order of the triangles.
-    pub places: Vec<Spot>,
+    pub places: Vec<DefectPlace>,
 }
 
 /// Where a defect is.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Spot {
+#[non_exhaustive]
+pub struct DefectPlace {
     /// The triangles, counted from 1 in the order of the file.
     pub triangles: Vec<u32>,
     /// Position after placement, mm; `None` where it is not finite.
     pub position_mm: Option<[f64; 3]>,
 }
 
-impl Found {
+impl DefectCount {
     fn add(&mut self, triangles: &[u32], position: impl FnOnce() -> Option<DVec3>) {
         self.count += 1;
-        if self.places.len() < PLACES {
+        if self.places.len() < MAX_DEFECT_PLACES {
             let position_mm = position().map(|metres| (metres * 1e3).to_array());
-            self.places.push(Spot { triangles: triangles.to_vec(), position_mm });
+            self.places.push(DefectPlace { triangles: triangles.to_vec(), position_mm });
         }
     }
 }

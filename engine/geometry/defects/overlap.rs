@@ -140,7 +140,7 @@ fn off_plane(heights: [f64; 3]) -> Option<usize> {
 /// How two triangles meet beyond the corners that they share, if they do. Either may be the first.
 ///
 /// Most pairs that are looked at are neighbours, and most of the rest pass each other: these are
-/// told by the heights alone.
+/// decided by the heights alone.
 pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Contact> {
     let (a, b) = if one.number < other.number { (one, other) } else { (other, one) };
     if a.vertices.iter().all(|vertex| b.vertices.contains(vertex)) {

@@ -2,12 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::Found;
+use super::DefectCount;
 use crate::geometry::surface::{Surface, Welded, bounds_of};
 use crate::numbers;
 
 /// Triangles that welding left out, and those that are no wider than `resolved`.
-pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> Found {
+pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> DefectCount {
     let thin = |triangle: &u32| width(surface.corners(*triangle as usize)) <= resolved;
     let mut all: Vec<_> = (0..numbers::count(surface.triangles.len()))
         .into_par_iter()
@@ -19,7 +19,7 @@ pub(super) fn degenerate(surface: &Surface, welded: &Welded, resolved: f64) -> F
         .collect();
     all.extend(&welded.dropped);
     all.sort_by_key(|(number, _)| *number);
-    let mut found = Found::default();
+    let mut found = DefectCount::default();
     for (number, place) in all {
         found.add(&[number], || Some(place));
     }
@@ -33,7 +33,7 @@ pub(super) fn width([a, b, c]: [glam::DVec3; 3]) -> f64 {
 }
 
 /// Triangles with the corners of an earlier one, in whatever order.
-pub(super) fn duplicate(surface: &Surface) -> Found {
+pub(super) fn duplicate(surface: &Surface) -> DefectCount {
     let mut sorted: Vec<([u32; 3], u32)> = surface
         .triangles
         .par_iter()
@@ -50,7 +50,7 @@ pub(super) fn duplicate(surface: &Surface) -> Found {
         .flat_map(|group| group[1..].iter().map(|later| [later.1, group[0].1]))
         .collect();
     again.sort_unstable();
-    let mut found = Found::default();
+    let mut found = DefectCount::default();
     for [later, first] in again {
         found.add(&[first, later].map(|triangle| surface.number(triangle)), || {
             let [a, b, c] = surface.corners(later as usize);

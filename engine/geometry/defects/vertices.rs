@@ -1,11 +1,11 @@
 //! Vertices in which surfaces meet in a point.
 
-use super::Found;
+use super::DefectCount;
 use crate::geometry::surface::Surface;
 use crate::geometry::topology::{Edge, root};
 
 /// Vertices whose triangles are not all connected through edges at that vertex.
-pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> Found {
+pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> DefectCount {
     // Corners of triangles, three each; those of one vertex are joined across each edge.
     let mut parent: Vec<u32> = (0..).take(3 * surface.triangles.len()).collect();
     let corner = |triangle: u32, vertex: u32| {
@@ -25,8 +25,8 @@ pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> Found {
     }
     // The first corner of a vertex leads its first fan: any other leader is another fan.
     let mut first = vec![u32::MAX; surface.vertices.len()];
-    let mut told = vec![false; surface.vertices.len()];
-    let mut found = Found::default();
+    let mut reported = vec![false; surface.vertices.len()];
+    let mut found = DefectCount::default();
     for corner in (0..).take(parent.len()) {
         if parent[corner as usize] != corner {
             continue;
@@ -34,8 +34,8 @@ pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> Found {
         let vertex = surface.triangles[corner as usize / 3][corner as usize % 3] as usize;
         if first[vertex] == u32::MAX {
             first[vertex] = corner;
-        } else if !told[vertex] {
-            told[vertex] = true;
+        } else if !reported[vertex] {
+            reported[vertex] = true;
             let numbers = [first[vertex], corner].map(|corner| surface.number(corner / 3));
             found.add(&numbers, || Some(surface.vertices[vertex]));
         }

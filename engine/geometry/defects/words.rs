@@ -1,12 +1,12 @@
 //! Defects in words.
 
-use super::{Defects, Found, Spot};
+use super::{DefectCount, DefectPlace, Defects};
 use std::fmt::{self, Display, Formatter};
 
 impl Defects {
     /// Every kind with its name, those that get a mesh refused first.
     #[must_use]
-    pub const fn kinds(&self) -> [(&'static str, &Found); 8] {
+    pub const fn kinds(&self) -> [(&'static str, &DefectCount); 8] {
         [
             ("open edges", &self.open_edges),
             ("non-manifold edges", &self.non_manifold_edges),
@@ -21,12 +21,12 @@ impl Defects {
 
     /// What is wrong where the mesh is refused, and what to do.
     pub(in crate::geometry) fn problem(&self) -> String {
-        self.told() + "; mend the mesh, or accept it with allow_defects = true"
+        self.description() + "; mend the mesh, or accept it with allow_defects = true"
     }
 
     /// What is wrong where the mesh is refused.
-    pub(in crate::geometry) fn told(&self) -> String {
-        let edges = told(&[
+    pub(in crate::geometry) fn description(&self) -> String {
+        let edges = listed(&[
             (&self.open_edges, "edge", "used by one triangle only (a hole or a gap)"),
             (
                 &self.non_manifold_edges,
@@ -35,7 +35,7 @@ impl Defects {
             ),
             (&self.flipped_edges, "edge", "between triangles that wind opposite ways"),
         ]);
-        let crossings = told(&[(
+        let crossings = listed(&[(
             &self.self_intersections,
             "pair",
             "of triangles that pass through or lie on each other",
@@ -60,7 +60,7 @@ impl Defects {
 
     /// One sentence for each kind that does not get a mesh refused.
     pub(in crate::geometry) fn warnings(&self) -> Vec<String> {
-        let first = |found: &Found| {
+        let first = |found: &DefectCount| {
             found.places.first().map(|spot| format!("; the first: {spot}")).unwrap_or_default()
         };
         [
@@ -70,13 +70,13 @@ impl Defects {
         ]
         .into_iter()
         .filter(|(found, ..)| found.count > 0)
-        .map(|kind| format!("{}{}", told(&[kind]), first(kind.0)))
+        .map(|kind| format!("{}{}", listed(&[kind]), first(kind.0)))
         .collect()
     }
 }
 
 /// Counts with their nouns, as in "3 edges used by one triangle only".
-fn told(kinds: &[(&Found, &str, &str)]) -> String {
+fn listed(kinds: &[(&DefectCount, &str, &str)]) -> String {
     let texts: Vec<String> = kinds
         .iter()
         .filter(|(found, ..)| found.count > 0)
@@ -90,7 +90,7 @@ fn told(kinds: &[(&Found, &str, &str)]) -> String {
 }
 
 /// The count, then a line for each place.
-impl Display for Found {
+impl Display for DefectCount {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.count)?;
         if self.places.len() < self.count {
@@ -101,7 +101,7 @@ impl Display for Found {
     }
 }
 
-impl Display for Spot {
+impl Display for DefectPlace {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let plural = if self.triangles.len() == 1 { "" } else { "s" };
         let numbers: Vec<String> = self.triangles.iter().map(u32::to_string).collect();

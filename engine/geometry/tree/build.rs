@@ -13,7 +13,7 @@ const TASK: usize = 4096;
 /// much larger than the largest of them.
 const CROWDED: f64 = 1.5;
 
-/// Nodes of a tree over so many members.
+/// Nodes of a tree over `members` members.
 pub(super) const fn nodes_of(members: usize) -> usize {
     (2 * members.div_ceil(LEAF)).saturating_sub(1)
 }

@@ -17,7 +17,7 @@ pub(super) struct Slab {
 }
 
 impl Slab {
-    /// The slab of points of a box, widened by `margin`, if it tells more than the box.
+    /// The slab of points of a box, widened by `margin`, if it is narrower than the box.
     pub(super) fn around(
         across: DVec3,
         points: impl IntoIterator<Item = DVec3>,

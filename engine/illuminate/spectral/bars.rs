@@ -17,11 +17,11 @@ const LEAK_RESIDUAL: f64 = 0.3;
 const LITTLE: f64 = 0.02;
 /// and their light changes by no more than this.
 const LEAK_CHANGE: f64 = 0.15;
-/// The light of groups below this is spread over the whole strip.
+/// The light of groups below this is spread over the whole cell row.
 const FAINT: f64 = 1e-3;
 
 /// What the masks do to the light of a column in a block of rows: by node and group, and how much
-/// they shade.
+/// they narrowing.
 #[derive(Debug)]
 pub(super) struct MaskTransmission {
     /// `[group][node]`.
@@ -31,7 +31,7 @@ pub(super) struct MaskTransmission {
     /// `[group]`: the nodes that have light which takes this way.
     pub(super) nodes: Vec<Range<usize>>,
     /// `[node][mask]`.
-    pub(super) shades: Vec<[f64; 2]>,
+    pub(super) narrowings: Vec<[f64; 2]>,
     /// `[group]`: how far cells of light that leaks through bars are joined.
     pub(super) joined: Vec<Option<Limits>>,
     /// Energies do not share edges: light goes energy by energy.
@@ -41,7 +41,7 @@ pub(super) struct MaskTransmission {
 /// A column, and a block of rows ([`Lattice::alike_rows`]).
 pub(super) type Place = (u32, i64);
 
-/// What bars do at the places of the strips that were gathered last: the next ones are near.
+/// What bars do at the places of the cell rows that were gathered last: the next ones are near.
 #[derive(Debug, Default)]
 pub(crate) struct MaskTransmissionCache {
     first_block: i64,
@@ -50,19 +50,20 @@ pub(crate) struct MaskTransmissionCache {
 }
 
 impl MaskTransmissionCache {
-    /// Knows the places of strips, and no others.
-    pub(super) fn look_at(&mut self, spectral: &EnergyBinning, strips: &CellBatch) {
+    /// Knows the places of cell rows, and no others.
+    pub(super) fn look_at(&mut self, spectral: &EnergyBinning, cell_rows: &CellBatch) {
         let columns = spectral.slopes.len();
-        let block = |strip: &CellRow| spectral.place(strip).1;
-        let first_block = strips.strips.iter().map(block).min().unwrap_or_default();
-        let blocks = strips.strips.iter().map(|strip| block(strip) - first_block + 1).max();
+        let block = |cell_row: &CellRow| spectral.place(cell_row).1;
+        let first_block = cell_rows.cell_rows.iter().map(block).min().unwrap_or_default();
+        let blocks =
+            cell_rows.cell_rows.iter().map(|cell_row| block(cell_row) - first_block + 1).max();
         let mut wanted =
             vec![false; columns * numbers::narrow::<usize>(blocks.unwrap_or_default())];
         let mut before = std::mem::take(&mut self.table);
         let moved = (self.first_block - first_block) * columns as i64;
         *self = Self { first_block, table: Vec::new() };
-        for strip in &strips.strips {
-            wanted[self.index(spectral, strip)] = true;
+        for cell_row in &cell_rows.cell_rows {
+            wanted[self.index(spectral, cell_row)] = true;
         }
         let known = |(index, wanted): (usize, &bool)| {
             let at = usize::try_from(index as i64 - moved).ok().filter(|_| *wanted)?;
@@ -79,14 +80,14 @@ impl MaskTransmissionCache {
             wanted.into_par_iter().zip(known).enumerate().with_min_len(64).map(bars).collect();
     }
 
-    fn index(&self, spectral: &EnergyBinning, strip: &CellRow) -> usize {
-        let (column, block) = spectral.place(strip);
+    fn index(&self, spectral: &EnergyBinning, cell_row: &CellRow) -> usize {
+        let (column, block) = spectral.place(cell_row);
         numbers::narrow::<usize>(block - self.first_block) * spectral.slopes.len() + column as usize
     }
 
-    /// Those at the place of a strip, which was looked at.
-    pub(super) fn at(&self, spectral: &EnergyBinning, strip: &CellRow) -> &MaskTransmission {
-        self.table[self.index(spectral, strip)].as_ref().expect("the place was looked at")
+    /// Those at the place of a cell row, which was looked at.
+    pub(super) fn at(&self, spectral: &EnergyBinning, cell_row: &CellRow) -> &MaskTransmission {
+        self.table[self.index(spectral, cell_row)].as_ref().expect("the place was looked at")
     }
 }
 
@@ -115,7 +116,7 @@ impl EnergyBinning {
     pub(super) fn bars_like(&self, other: &Self) -> bool {
         let mask = |(these, others): (&Option<Vec<MaskShape>>, &Option<Vec<MaskShape>>)| {
             let [these, others] = [these, others].map(|mask| mask.as_deref().unwrap_or_default());
-            these.len() == others.len() && these.iter().zip(others).all(|(a, b)| a.shades_like(b))
+            these.len() == others.len() && these.iter().zip(others).all(|(a, b)| a.same_bars(b))
         };
         self.lattice.alike_rows == other.lattice.alike_rows
             && self.row_slope.to_bits() == other.row_slope.to_bits()
@@ -132,8 +133,8 @@ impl EnergyBinning {
         self.masks.iter().flatten().flatten().any(closed) || !self.edges.are_close(slope)
     }
 
-    pub(super) fn place(&self, strip: &CellRow) -> Place {
-        (strip.column, i64::from(strip.row).div_euclid(self.lattice.alike_rows.into()))
+    pub(super) fn place(&self, cell_row: &CellRow) -> Place {
+        (cell_row.column, i64::from(cell_row.row).div_euclid(self.lattice.alike_rows.into()))
     }
 
     pub(super) fn bars(&self, (column, block): Place) -> MaskTransmission {
@@ -142,7 +143,7 @@ impl EnergyBinning {
                 shares: Vec::new(),
                 by_node: Vec::new(),
                 nodes: Vec::new(),
-                shades: Vec::new(),
+                narrowings: Vec::new(),
                 joined: Vec::new(),
                 apart: true,
             };
@@ -151,12 +152,12 @@ impl EnergyBinning {
         let row = (block as f64 + 0.5) * f64::from(self.lattice.alike_rows);
         let slope_z = (row - self.middle_row) * self.row_slope;
         let secant = (1.0 + slope * slope + slope_z * slope_z).sqrt();
-        let (mut by_node, mut shades) = (Vec::new(), Vec::with_capacity(self.nodes()));
+        let (mut by_node, mut narrowings) = (Vec::new(), Vec::with_capacity(self.nodes()));
         for node in 0..self.nodes() {
             let shapes = [0, 1].map(|i| self.masks[i].as_ref().map(|mask| &mask[node]));
             let leaks = shapes.map(|shape| shape.map(|shape| shape.leak(secant)));
-            let shade = |i: usize| Some(shapes[i]?.shade(secant, leaks[i]?));
-            shades.push([0, 1].map(|mask| shade(mask).unwrap_or_default()));
+            let narrowing = |i: usize| Some(shapes[i]?.narrowing(secant, leaks[i]?));
+            narrowings.push([0, 1].map(|mask| narrowing(mask).unwrap_or_default()));
             let share = |group| self.weights[node] * passing(leaks, group);
             by_node.extend(self.groups.iter().map(|group| share(*group)));
         }
@@ -185,7 +186,7 @@ impl EnergyBinning {
             joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
             by_node: by_node.chunks(groups).map(|shares| shares.iter().sum()).collect(),
             shares,
-            shades,
+            narrowings,
             apart: self.is_apart(slope),
         }
     }

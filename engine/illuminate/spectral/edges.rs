@@ -19,7 +19,7 @@ pub(super) struct SharedEdges {
     /// Sum over the masks of the standard deviation of the place of an edge, m per unit of dx/dy.
     deviation: f64,
     /// Standard deviation of a soft edge of each mask, m per unit of dx/dy.
-    softness: [f64; 2],
+    edge_variance: [f64; 2],
     /// Blur of light at edges, m.
     blur: f64,
     /// Of the detector mask, or what it would be, m.
@@ -36,7 +36,7 @@ impl SharedEdges {
         blur: f64,
         period: f64,
     ) -> Self {
-        let mut edges = Self { deviation: 0.0, softness: [0.0; 2], blur, period };
+        let mut edges = Self { deviation: 0.0, edge_variance: [0.0; 2], blur, period };
         for (i, shapes) in masks.into_iter().enumerate() {
             let Some(shapes) = shapes else { continue };
             let (mut all, mut sums) = (f64::MIN_POSITIVE, [0.0; 3]);
@@ -44,8 +44,8 @@ impl SharedEdges {
                 let leak = shape.leak(1.0);
                 let weight = weight * (1.0 - leak);
                 // Either edge moves by half of what narrows the aperture.
-                let place = 0.5 * shape.thickness * shape.shade(1.0, leak);
-                let variance = shape.thickness * shape.thickness * shape.softness();
+                let place = 0.5 * shape.thickness * shape.narrowing(1.0, leak);
+                let variance = shape.thickness * shape.thickness * shape.edge_variance();
                 all += weight;
                 sums[0] += weight * place;
                 sums[1] += weight * place * place;
@@ -54,7 +54,7 @@ impl SharedEdges {
             let [place, square, variance] = sums.map(|sum| sum / all);
             let spread = (square - place * place).max(0.0);
             edges.deviation += magnifications[i] * spread.sqrt();
-            edges.softness[i] = magnifications[i] * (spread + variance).sqrt();
+            edges.edge_variance[i] = magnifications[i] * (spread + variance).sqrt();
         }
         edges
     }
@@ -66,8 +66,8 @@ impl SharedEdges {
         // The covariance of two edges times the curvature of what passes both.
         let blur = self.blur.max(deviation).max(f64::MIN_POSITIVE);
         let together = deviation * deviation / (2.0 * (std::f64::consts::TAU).sqrt() * blur);
-        let alone = self.softness.map(|softness| {
-            let width = slope * softness;
+        let alone = self.edge_variance.map(|edge_variance| {
+            let width = slope * edge_variance;
             let variance = width * width;
             let narrow = variance / (variance + self.blur * self.blur).max(f64::MIN_POSITIVE);
             width * (EDGE_SKEWNESS * narrow + EDGE_FLATNESS * narrow * narrow)

@@ -3,7 +3,7 @@
 
 use super::super::light::{IlluminationBuffer, SpectralBand};
 use super::edges::SharedEdges;
-use super::ordered::severe;
+use super::exact::exact_retrace_threshold;
 use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE};
 use crate::Result;
 use crate::gpu::Device;
@@ -21,7 +21,7 @@ impl EnergyBinning {
     /// # Errors
     /// As [`crate::material::constants_at_for`].
     ///
-    /// `reference`: constants that ordered walks were made at; `flagged`: the strongest delta
+    /// `reference`: constants that exact transport was computed at; `flagged`: the strongest delta
     /// that rays were flagged for.
     pub(crate) fn new(
         scene: &Scene,
@@ -70,10 +70,15 @@ impl EnergyBinning {
             mu,
             delta,
             delta_ratio: media.constants.iter().map(delta_ratio).collect(),
-            severe: severe(optics.sampling.transport, media, reference, flagged),
+            exact_retrace_threshold: exact_retrace_threshold(
+                optics.sampling.transport,
+                media,
+                reference,
+                flagged,
+            ),
             materials,
             groups: Vec::new(),
-            slopes: lattice.columns(optics).iter().map(|c| c.slope.into()).collect(),
+            slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
             tolerance: DISPLACEMENT_SHARE * optics.sampling.angle_tolerance * optics.lever_arm(),
             gap: optics.gap(),
@@ -97,12 +102,24 @@ impl EnergyBinning {
         Ok(spectral)
     }
 
-    /// Whether the lists of the same strips are the same as those of another scene, strips in rows
+    /// Whether the lists of the same cell rows are the same as those of another scene, cell rows in rows
     /// without a sample apart. Masks matter where energies are gathered by what bars do to them.
     pub(crate) fn gathers_like(&self, other: &Self) -> bool {
         let numbers = |s: &Self| [s.tolerance, s.gap, s.ratio, s.row_pitch].map(f64::to_bits);
-        let energies = [&self.weights, &self.mu, &self.delta, &self.delta_ratio, &self.severe];
-        let others = [&other.weights, &other.mu, &other.delta, &other.delta_ratio, &other.severe];
+        let energies = [
+            &self.weights,
+            &self.mu,
+            &self.delta,
+            &self.delta_ratio,
+            &self.exact_retrace_threshold,
+        ];
+        let others = [
+            &other.weights,
+            &other.mu,
+            &other.delta,
+            &other.delta_ratio,
+            &other.exact_retrace_threshold,
+        ];
         let alike = self.lattice.places_like(&other.lattice)
             && numbers(self) == numbers(other)
             && energies == others
@@ -122,26 +139,26 @@ impl EnergyBinning {
         optics: &Optics,
         media: &MaterialTable,
     ) -> Result<Vec<IlluminationBuffer>> {
-        let softness = |mask: usize, leaks: [bool; 2]| {
+        let edge_variance = |mask: usize, leaks: [bool; 2]| {
             let shapes = self.masks[mask].as_ref().filter(|_| !leaks[mask])?;
             let (mut sum, mut all) = ([0.0; 3], 0.0);
             for (n, shape) in shapes.iter().enumerate() {
                 let weight = self.weights[n] * self.passes(n, leaks);
                 all += weight;
-                let shade = shape.shade(1.0, shape.leak(1.0));
-                sum[0] += weight * shape.softness();
-                sum[1] += weight * shade;
-                sum[2] += weight * shade * shade;
+                let narrowing = shape.narrowing(1.0, shape.leak(1.0));
+                sum[0] += weight * shape.edge_variance();
+                sum[1] += weight * narrowing;
+                sum[2] += weight * narrowing * narrowing;
             }
             if all <= 0.0 {
                 return Some(0.0);
             }
-            let [softness, shade, shade2] = sum.map(|s| s / all);
-            // Either edge moves by half of what the shade differs from its mean.
-            Some(single(softness + 0.25 * (shade2 - shade * shade)))
+            let [edge_variance, narrowing, narrowing2] = sum.map(|s| s / all);
+            // Either edge moves by half of what the narrowing differs from its mean.
+            Some(single(edge_variance + 0.25 * (narrowing2 - narrowing * narrowing)))
         };
         let groups = self.groups.iter().map(|&leaks| SpectralBand::Group {
-            softness: [softness(0, leaks), softness(1, leaks)],
+            edge_variance: [edge_variance(0, leaks), edge_variance(1, leaks)],
         });
         let nodes = media.energies.iter().zip(&media.weights);
         groups

@@ -8,15 +8,15 @@ use std::ops::Range;
 pub(super) struct Terms([f64; 13]);
 
 // At the low end, the middle and the high end: light, and light times displacement. In the
-// middle: times its square, displacement along z, slope; for either mask times shade, and times
-// shade and displacement.
+// middle: times its square, displacement along z, slope; for either mask times narrowing, and times
+// narrowing and displacement.
 const LIGHT: usize = 0;
 const X: usize = 3;
 const X2: usize = 6;
 const Z: usize = 7;
 const SLOPE_X: usize = 8;
-const SHADE: usize = 9;
-const SHADE_X: usize = 11;
+const NARROWING: usize = 9;
+const NARROWING_X: usize = 11;
 
 impl Terms {
     /// Of a cell with these results at its ends, which lets these shares through there; `spread`:
@@ -25,7 +25,7 @@ impl Terms {
         [low, high]: &[NodeResult; 2],
         light: [f64; 2],
         spread: f64,
-        shades: [f64; 2],
+        narrowings: [f64; 2],
     ) -> Self {
         let middle = (light[0] * light[1]).sqrt();
         let x = 0.5 * (low.x + high.x);
@@ -40,10 +40,10 @@ impl Terms {
             light_x * x + middle * spread,
             middle * 0.5 * (low.z + high.z),
             middle * 0.5 * (low.slope_x + high.slope_x),
-            middle * shades[0],
-            middle * shades[1],
-            light_x * shades[0],
-            light_x * shades[1],
+            middle * narrowings[0],
+            middle * narrowings[1],
+            light_x * narrowings[0],
+            light_x * narrowings[1],
         ])
     }
 
@@ -91,12 +91,12 @@ impl Sums {
         self.mean(SLOPE_X)
     }
 
-    pub(super) fn shade(&self, mask: usize) -> f64 {
-        self.mean(SHADE + mask)
+    pub(super) fn narrowing(&self, mask: usize) -> f64 {
+        self.mean(NARROWING + mask)
     }
 
     /// Optical depth in the middle less the mean of that at the ends, to first order.
-    pub(super) fn bend(&self) -> f64 {
+    pub(super) fn depth_curvature(&self) -> f64 {
         let [low, middle, high] = self.light();
         (middle / (low * high).sqrt() - 1.0).abs()
     }
@@ -108,14 +108,14 @@ impl Sums {
     }
 
     /// Variance of the displacement over the energies, in the middle.
-    pub(super) fn spread(&self) -> f64 {
+    pub(super) fn displacement_variance(&self) -> f64 {
         let mean = self.mean(X + 1);
         (self.mean(X2) - mean * mean).max(0.0)
     }
 
-    /// Covariance over the energies of what bars shade and the displacement, in the middle.
-    pub(super) fn lean(&self, mask: usize) -> f64 {
-        self.mean(SHADE_X + mask) - self.shade(mask) * self.mean(X + 1)
+    /// Covariance over the energies of what bars narrowing and the displacement, in the middle.
+    pub(super) fn covariance(&self, mask: usize) -> f64 {
+        self.mean(NARROWING_X + mask) - self.narrowing(mask) * self.mean(X + 1)
     }
 
     /// Adds the sums of a cell of this width, by its middle.
@@ -132,7 +132,7 @@ impl Sums {
         one.add(self, 1.0 / width);
         let mean = one.mean(X + 1);
         let explained = (x[1] - x[0]).powi(2) / 12.0;
-        let spread = (one.spread() - explained).max(0.0);
+        let spread = (one.displacement_variance() - explained).max(0.0);
         let middle = one.0[LIGHT + 1];
         one.0[X2] = middle * (mean * mean + spread);
         // Light of a cell falls off exponentially between its ends: they are chosen so that the
@@ -179,7 +179,7 @@ mod tests {
             let [from, mean, to] = joined.x();
             let lands = 0.5 * (from + to) + (to - from) * (high - low) / (12.0 * middle);
             assert!((lands - mean).abs() < 1e-12, "{lands} {mean}");
-            assert!(joined.spread() < 1e-3, "{}", joined.spread());
+            assert!(joined.displacement_variance() < 1e-3, "{}", joined.displacement_variance());
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The moments of a view, read: its blocks found and checked, then any rows of them.
 
 use super::super::content::Bounds;
-use super::{BLOCK, HASH, HEADER, MAGIC, ORDERED, VERSION, WORDS, path_of};
+use super::{BLOCK, EXACT_WORDS, HASH, HEADER, MAGIC, VERSION, WORDS, path_of};
 use crate::interface::{Cell, CellRow, RayResult};
 use crate::sampling::{CellBatch, CellMoments, ExactCell};
 use crate::{Error, Result, input_file};
@@ -33,10 +33,10 @@ impl Block {
 
     /// `words` is at most [`WORDS`]: the sum stays below 2^63.
     const fn bytes(&self, words: usize) -> u64 {
-        let [strips, cells, _, ordered, ..] = self.head;
-        strips as u64 * size_of::<CellRow>() as u64
+        let [cell_rows, cells, _, exact, ..] = self.head;
+        cell_rows as u64 * size_of::<CellRow>() as u64
             + cells as u64 * (size_of::<Cell>() + 8 * words) as u64
-            + ordered as u64 * 4 * ORDERED as u64
+            + exact as u64 * 4 * EXACT_WORDS as u64
     }
 }
 
@@ -101,7 +101,7 @@ impl MomentFile {
         self.blocks.iter().any(|block| block.head[2] > 0)
     }
 
-    /// Hands over the blocks that have strips in some rows.
+    /// Hands over the blocks that have cell rows in some rows.
     pub(in crate::moments) fn read(
         &self,
         rows: &Range<i64>,
@@ -124,12 +124,12 @@ impl MomentFile {
                 continue;
             }
             file.seek(SeekFrom::Start(block.at)).map_err(failed)?;
-            let strips = unpack(block, words, &mut file).map_err(failed)?;
-            bounds.check(&strips, &there).map_err(|problem| {
+            let cell_rows = unpack(block, words, &mut file).map_err(failed)?;
+            bounds.check(&cell_rows, &there).map_err(|problem| {
                 let problem = format!("holds {problem}: simulate again");
                 Error::file(&self.path, problem, None)
             })?;
-            take(strips)?;
+            take(cell_rows)?;
         }
         Ok(())
     }
@@ -142,13 +142,16 @@ fn unpack(block: &Block, words: usize, file: &mut File) -> std::io::Result<CellB
         file.read_exact(bytemuck::cast_slice_mut(&mut items))?;
         Ok(items)
     }
-    let [strips, cells, _, ordered, ..] = block.head.map(|n| n as usize);
+    let [cell_rows, cells, _, exact, ..] = block.head.map(|n| n as usize);
     Ok(CellBatch {
-        strips: take(file, strips)?,
+        cell_rows: take(file, cell_rows)?,
         cells: take(file, cells)?,
         moments: CellMoments {
             ends: take(file, 2 * words * cells)?,
-            exact: take(file, ordered * ORDERED)?.chunks_exact(ORDERED).map(ordered_of).collect(),
+            exact: take(file, exact * EXACT_WORDS)?
+                .chunks_exact(EXACT_WORDS)
+                .map(exact_of)
+                .collect(),
         },
         ..CellBatch::default()
     })
@@ -173,7 +176,7 @@ fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {
     Ok(())
 }
 
-fn ordered_of(words: &[u32]) -> ExactCell {
+fn exact_of(words: &[u32]) -> ExactCell {
     let end = |i: usize| &words[1 + 13 * i..1 + 13 * (i + 1)];
     let ray = |i: usize| bytemuck::pod_read_unaligned(bytemuck::cast_slice(&end(i)[..5]));
     let result =

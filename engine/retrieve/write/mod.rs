@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
-/// The file that tells what the images are.
+/// The file that describes the images.
 pub(super) const RECORD: &str = "retrieved.json";
 const OF_OTHERS: &str = "is not of the retrieval and would be lost; choose another directory";
 /// Ending of the folder in the making.
@@ -28,6 +28,7 @@ const MARK: &str = ".beamlet-partial";
 /// File format of retrieved images.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum ImageFormat {
     /// `NAME/view_0000.exr`, 32-bit float, channel `Y`.
     #[default]

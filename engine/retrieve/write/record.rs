@@ -8,6 +8,7 @@ use std::path::Path;
 
 /// Contents of retrieved.json.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Record {
     /// Version of beamlet.
     pub version: String,
@@ -48,7 +49,7 @@ pub struct Record {
 }
 
 impl Record {
-    /// Names of the images that a retrieved.json tells of.
+    /// Names of the images that a retrieved.json lists.
     pub(super) fn names(path: &Path) -> Result<BTreeSet<String>> {
         Ok(Self::read(path)?.units.into_keys().collect())
     }

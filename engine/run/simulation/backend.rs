@@ -3,9 +3,9 @@
 use super::Simulation;
 use crate::accel::Backend;
 use crate::gpu::DeviceDescription;
+use crate::interface::Ray;
 use crate::numbers;
 use crate::sampling::ProjectedBounds;
-use crate::trace::Ray;
 use crate::{Error, Result};
 
 /// Rays of a calibration.

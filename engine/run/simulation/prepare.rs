@@ -22,11 +22,11 @@ use std::time::Instant;
 
 /// What a simulation is made of, besides its geometry.
 struct Parts<'e> {
-    detection: DetectorModel,
+    detector: DetectorModel,
     media: MaterialTable,
     lattice: Lattice,
     spectral: Option<EnergyBinning>,
-    kept: Option<StoredSource<'e>>,
+    stored: Option<StoredSource<'e>>,
     delta_ratio: f64,
 }
 
@@ -49,8 +49,8 @@ impl<'e> Simulation<'e> {
         scene.validate()?;
         // From here on every reader of a file compares it with its hash.
         let scene = &scene.with_file_hashes()?;
-        let detection = DetectorModel::of(scene)?;
-        let optics = detection.optics();
+        let detector = DetectorModel::of(scene)?;
+        let optics = detector.optics();
         let media = MaterialTable::of(scene)?;
         let lattice = lattice_of(scene, optics, &media)?;
         let delta_ratio = if engine.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
@@ -64,13 +64,13 @@ impl<'e> Simulation<'e> {
         Self::with(
             engine,
             scene,
-            Parts { detection, media, lattice, spectral, kept: None, delta_ratio },
+            Parts { detector, media, lattice, spectral, stored: None, delta_ratio },
             sample,
             control,
         )
     }
 
-    pub(crate) fn of_kept(
+    pub(crate) fn of_stored(
         engine: &'e Engine,
         moments: &'e StoredMoments,
         scene: &Scene,
@@ -81,8 +81,8 @@ impl<'e> Simulation<'e> {
             return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
         }
         let scene = &scene.with_file_hashes()?;
-        let detection = DetectorModel::of(scene)?;
-        let optics = detection.optics();
+        let detector = DetectorModel::of(scene)?;
+        let optics = detector.optics();
         let own = MaterialTable::of(scene)?;
         let lattice = lattice_of(scene, optics, &own)?;
         let source = moments.for_scene(scene, optics, &lattice)?;
@@ -90,11 +90,11 @@ impl<'e> Simulation<'e> {
         let flagged = source.flagged;
         let spectral =
             EnergyBinning::new(scene, optics, &media, &lattice, &source.reference, flagged)?;
-        let (kept, delta_ratio) = (Some(source), 1.0);
+        let (stored, delta_ratio) = (Some(source), 1.0);
         Self::with(
             engine,
             scene,
-            Parts { detection, media, lattice, spectral: Some(spectral), kept, delta_ratio },
+            Parts { detector, media, lattice, spectral: Some(spectral), stored, delta_ratio },
             None,
             control,
         )
@@ -121,13 +121,13 @@ impl<'e> Simulation<'e> {
         let wanted = options.backend;
         let description = device.description();
         backend::check(wanted, description)?;
-        let keep = parts.spectral.as_ref().map(|_| {
+        let recording = parts.spectral.as_ref().map(|_| {
             sampling::MomentRecording::new(&parts.media, &parts.media.mean(), parts.delta_ratio)
         });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
-        let Parts { detection, media, lattice, spectral, kept, delta_ratio } = parts;
-        let response = Response::new(detection.optics(), &lattice, options.keep_moments);
-        let budget = error_budget(scene, detection.optics());
+        let Parts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
+        let response = Response::new(detector.optics(), &lattice, options.keep_moments);
+        let budget = error_budget(scene, detector.optics());
         let across = geometry::across_edges(&sample);
         let on_device =
             DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, delta_ratio)?;
@@ -141,7 +141,7 @@ impl<'e> Simulation<'e> {
         let mut simulation = Self {
             engine,
             scene: scene.clone(),
-            detection,
+            detector,
             start: RunStart {
                 mesh_hashes: mesh_hashes(scene, &sample),
                 ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
@@ -154,8 +154,8 @@ impl<'e> Simulation<'e> {
             spectral,
             response,
             budget,
-            keep,
-            kept,
+            recording,
+            stored,
             memory,
             prepared_in: 0.0,
         };
@@ -172,7 +172,7 @@ fn load(
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
 ) -> Result<Sample> {
-    if parts.kept.as_ref().is_some_and(|kept| !kept.retrace) {
+    if parts.stored.as_ref().is_some_and(|stored| !stored.retrace) {
         return Ok(Sample::default());
     }
     memory::check_before_loading(scene, memory_limit)?;

@@ -2,40 +2,41 @@
 
 use super::Simulation;
 use crate::trace::{CrossingFinder, Moments, Ray, RayResult, SurfaceCrossing};
-use crate::{Error, Result};
+use crate::{Error, Result, interface};
+
+/// Traces rays and returns their results at the scene's energy (for a spectrum at the constants
+/// averaged over it), in the order of the rays.
+///
+/// # Errors
+/// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
+pub fn trace(simulation: &Simulation<'_>, rays: &[interface::Ray]) -> Result<Vec<RayResult>> {
+    simulation.check_views(rays.iter().map(|ray| ray.view))?;
+    simulation.tracer(simulation.start.backend)?.trace(rays)
+}
+
+/// Traces rays and returns their results and first-order moments.
+///
+/// # Errors
+/// As [`trace`].
+pub fn moments(
+    simulation: &Simulation<'_>,
+    rays: &[interface::Ray],
+) -> Result<(Vec<RayResult>, Moments)> {
+    simulation.check_views(rays.iter().map(|ray| ray.view))?;
+    let mut tracer = simulation.tracer(simulation.start.backend)?;
+    let (results, words) = tracer.trace_with_moments(rays)?;
+    Ok((results, Moments::new(words, simulation.on_device.materials)))
+}
 
 impl Simulation<'_> {
-    /// Traces rays and returns their results at the scene's energy (for a spectrum at the constants
-    /// averaged over it), in the order of the rays.
-    ///
-    /// # Errors
-    /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
-    pub fn trace(&self, rays: &[Ray]) -> Result<Vec<RayResult>> {
-        self.check_views(rays)?;
-        self.tracer(self.start.backend)?.trace(rays)
-    }
-
-    /// Traces rays and returns their results and first-order moments.
-    ///
-    /// # Errors
-    /// As [`Simulation::trace`].
-    pub fn moments(&self, rays: &[Ray]) -> Result<(Vec<RayResult>, Moments)> {
-        self.check_views(rays)?;
-        let (results, words) = self.tracer(self.start.backend)?.trace_with_moments(rays)?;
-        Ok((results, Moments::new(words, self.on_device.materials)))
-    }
-
-    fn check_views(&self, rays: &[Ray]) -> Result<()> {
-        let views = self.scene.scan.angles.len();
-        match rays.iter().find(|r| r.view as usize >= views) {
-            Some(ray) => {
-                let found = ray.view;
-                Err(Error::argument(
-                    "rays",
-                    format!("a ray of view {found}"),
-                    format!("0 to {}", views - 1),
-                ))
-            }
+    fn check_views(&self, mut views: impl Iterator<Item = u32>) -> Result<()> {
+        let count = self.scene.scan.angles.len();
+        match views.find(|view| *view as usize >= count) {
+            Some(view) => Err(Error::argument(
+                "rays",
+                format!("a ray of view {view}"),
+                format!("0 to {}", count - 1),
+            )),
             None => Ok(()),
         }
     }
@@ -44,14 +45,29 @@ impl Simulation<'_> {
     /// sample, front to back and at most `most` of them.
     ///
     /// # Errors
-    /// As [`Simulation::trace`].
+    /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::{Engine, EngineOptions, Ray, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let simulation = engine.prepare(&Scene::load("scene.toml")?)?;
+    /// // Parallel to the optical axis, 1 mm beside it.
+    /// let rays = [Ray::new(0, [1e-3, 0.0], [0.0, 0.0])];
+    /// simulation.crossings(&rays, 8, |ray, crossings| {
+    ///     println!("ray {ray} meets {} surfaces", crossings.len());
+    /// })?;
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn crossings(
         &self,
         rays: &[Ray],
         most: u32,
         visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
-        self.check_views(rays)?;
+        self.check_views(rays.iter().map(|ray| ray.view))?;
         CrossingFinder::new(self.device(), &self.on_device, most)?.find(rays, visit)
     }
 }

@@ -7,8 +7,8 @@ use crate::Error;
 use crate::Result;
 use crate::gpu::Device;
 use crate::illuminate::{
-    Cast, CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, RandomKernels,
-    SpectralBand, Sums, cast,
+    CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, RandomBatch,
+    RandomKernels, SpectralBand, Sums, illuminate_random,
 };
 use crate::interface::Pixel;
 use crate::numbers;
@@ -40,7 +40,7 @@ pub(super) struct ViewWork<'s> {
     simulation: &'s Simulation<'s>,
     device: Arc<Device>,
     tracer: Tracer,
-    /// One for each list of strips.
+    /// One for each list of cell rows.
     lights: Vec<IlluminationBuffer>,
     sums: Sums,
     cells: CellIlluminator,
@@ -56,10 +56,10 @@ pub(super) struct ViewWork<'s> {
 
 impl<'s> ViewWork<'s> {
     pub(super) fn new(simulation: &'s Simulation<'_>, views: &[Exposure]) -> Result<Self> {
-        let (scene, optics) = (&simulation.scene, simulation.detection.optics());
+        let (scene, optics) = (&simulation.scene, simulation.detector.optics());
         let device = simulation.device().clone();
         let band = simulation.band_rows();
-        let grid = simulation.detection.grid();
+        let grid = simulation.detector.grid();
         let lit_rows = || bands(grid.pixels[1], band).map(|rows| grid.lit_rows(&rows).len());
         let lit_views = views.iter().filter(|view| **view != Exposure::Dark).count();
         let [columns, _] = optics.detector.pixels;
@@ -118,11 +118,11 @@ impl<'s> ViewWork<'s> {
         if view == Exposure::Dark {
             return self.dark(sink);
         }
-        let detection = &self.simulation.detection;
+        let detection = &self.simulation.detector;
         let shadows = match view {
             Exposure::Sample(i)
                 if !self.simulation.sample.triangles.is_empty()
-                    && self.simulation.kept.is_none() =>
+                    && self.simulation.stored.is_none() =>
             {
                 self.simulation.shadows(i)
             }
@@ -152,7 +152,7 @@ impl<'s> ViewWork<'s> {
 
     /// Dark frames need no light.
     fn dark(&mut self, sink: &mut dyn Sink) -> Result<()> {
-        let Some(noise) = self.simulation.detection.noise() else { return Ok(()) };
+        let Some(noise) = self.simulation.detector.noise() else { return Ok(()) };
         for band in bands(self.simulation.scene.detector.pixels[1], self.band) {
             let begin = Instant::now();
             let frame = noise.dark(band.clone());
@@ -180,21 +180,21 @@ impl<'s> ViewWork<'s> {
         let group = self.group_rows(!shadows.is_empty());
         let mut row = inner.start - halo;
         while row < inner.end + halo {
-            // Groups end at the borders of the band, so that its own counts can be told apart.
+            // Groups end at the borders of the band, so that its own counts stay separate.
             let borders = [inner.start, own.start.into(), own.end.into(), inner.end];
             let border = borders.into_iter().find(|b| *b > row).unwrap_or(inner.end + halo);
             let rows = row..border.min(row + group);
             row = rows.end;
             let own = i64::from(own.start)..i64::from(own.end);
             // Rows beside the detector are kept with the band at that end.
-            let all = i64::from(self.simulation.detection.optics().detector.pixels[1]);
+            let all = i64::from(self.simulation.detector.optics().detector.pixels[1]);
             let beside = (rows.end <= 0 && own.start == 0) || (rows.start >= all && own.end == all);
             let own = own.contains(&rows.start);
-            let kept = own || beside;
+            let recorded = own || beside;
             if self.simulation.scene.sampling.scheme == Scheme::Random {
-                self.random_rows(self.simulation.detection.optics(), view, shadows, &rows)?;
+                self.random_rows(self.simulation.detector.optics(), view, shadows, &rows)?;
             } else {
-                self.cell_rows(view, shadows, &rows, &inner, [own, kept], control)?;
+                self.cell_rows(view, shadows, &rows, &inner, [own, recorded], control)?;
             }
             if own {
                 self.rows_done += numbers::narrow::<u64>(rows.end - rows.start);
@@ -206,12 +206,12 @@ impl<'s> ViewWork<'s> {
 
     /// Rows that are sampled together; `traced`: rays of theirs may meet the sample.
     fn group_rows(&self, traced: bool) -> i64 {
-        let optics = self.simulation.detection.optics();
+        let optics = self.simulation.detector.optics();
         let lattice = &self.simulation.lattice;
         let per_row = if optics.sampling.scheme == Scheme::Random {
             let [x, z] = optics.sampling.rays.map(u64::from);
             u64::from(optics.detector.pixels[0]) * x * z
-        } else if self.simulation.kept.is_some() || !traced {
+        } else if self.simulation.stored.is_some() || !traced {
             // Nothing is traced; the blocks of a file are read once each, or nearly. Invocations
             // side by side that see one aperture from several rows do the same work: four times as
             // fast as those that see apertures side by side.
@@ -244,7 +244,7 @@ impl<'s> ViewWork<'s> {
         shadows: &[ProjectedBounds],
         rows: &Range<i64>,
         inner: &Range<i64>,
-        [own, kept]: [bool; 2],
+        [own, recorded]: [bool; 2],
         control: &mut Control<'_>,
     ) -> Result<()> {
         let begin = Instant::now();
@@ -256,10 +256,10 @@ impl<'s> ViewWork<'s> {
         let illuminating = std::cell::Cell::new(0.0);
         let words = simulation.moment_words();
         let keep = &mut control.keep;
-        // Strips as lists, one for each record of light.
-        let mut gather = |tracer: &mut Tracer, spectral: &EnergyBinning, strips: &CellBatch| {
+        // Cell rows as lists, one for each record of light.
+        let mut gather = |tracer: &mut Tracer, spectral: &EnergyBinning, cell_rows: &CellBatch| {
             let begin = Instant::now();
-            let lists = spectral.lists(tracer, bars, strips);
+            let lists = spectral.lists(tracer, bars, cell_rows);
             illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
             lists
         };
@@ -272,24 +272,24 @@ impl<'s> ViewWork<'s> {
             illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
             Ok(())
         };
-        let mut add = |tracer: &mut Tracer, strips: &CellBatch| {
+        let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             if own {
-                tally.split += strips.splits;
-                tally.landed_off += strips.landed_off;
-                *tally = *tally + strips.tally;
+                tally.split += cell_rows.splits;
+                tally.landed_off += cell_rows.landed_off;
+                *tally = *tally + cell_rows.tally;
             }
-            if let (true, Exposure::Sample(index), Some(keep)) = (kept, view, keep.as_mut()) {
-                keep.write(index, words, strips)?;
+            if let (true, Exposure::Sample(index), Some(keep)) = (recorded, view, keep.as_mut()) {
+                keep.write(index, words, cell_rows)?;
             }
             match &simulation.spectral {
-                Some(spectral) => light(&gather(tracer, spectral, strips)?),
-                None => light(std::slice::from_ref(strips)),
+                Some(spectral) => light(&gather(tracer, spectral, cell_rows)?),
+                None => light(std::slice::from_ref(cell_rows)),
             }
         };
-        match (view, &simulation.kept, &simulation.spectral) {
-            (Exposure::Sample(index), Some(kept), Some(spectral)) => {
-                let gather = |strips: &CellBatch| gather(tracer, spectral, strips);
-                kept.lists(spectral, index, [rows, &lit], gather, &mut light)?;
+        match (view, &simulation.stored, &simulation.spectral) {
+            (Exposure::Sample(index), Some(stored), Some(spectral)) => {
+                let gather = |cell_rows: &CellBatch| gather(tracer, spectral, cell_rows);
+                stored.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
             (Exposure::Sample(index), ..) if !shadows.is_empty() => {
                 let view = simulation.view(index, shadows);
@@ -298,11 +298,11 @@ impl<'s> ViewWork<'s> {
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
-                let mut strips = sampling::empty_strips(&simulation.lattice, rows);
+                let mut cell_rows = sampling::empty_cell_rows(&simulation.lattice, rows);
                 if simulation.spectral.is_some() {
-                    strips.keep_nothing(tracer.materials());
+                    cell_rows.keep_nothing(tracer.materials());
                 }
-                add(tracer, &strips)?;
+                add(tracer, &cell_rows)?;
             }
         }
         let illuminating = illuminating.get();
@@ -344,10 +344,18 @@ impl<'s> ViewWork<'s> {
         };
         for (pixels, empty) in [(&met, false), (&missed, true)] {
             if !pixels.is_empty() {
-                let job = Cast { pixels, view, empty };
+                let job = RandomBatch { pixels, view, empty };
                 for (node, light) in self.lights.iter().enumerate() {
                     self.tracer.set_node(Some(node));
-                    cast(&self.device, kernels, optics, &mut self.tracer, light, &self.sums, job)?;
+                    illuminate_random(
+                        &self.device,
+                        kernels,
+                        optics,
+                        &mut self.tracer,
+                        light,
+                        &self.sums,
+                        job,
+                    )?;
                 }
             }
         }

@@ -113,7 +113,7 @@ impl StackFile {
         Ok(self)
     }
 
-    /// The same frames as views of so many steps: files of pages do not say where a view ends.
+    /// The same frames as views of `steps` steps each: files of pages do not say where a view ends.
     ///
     /// # Errors
     /// [`Error::File`] where the number of frames is not a multiple of `steps`, or where the
@@ -206,7 +206,7 @@ impl StackFile {
         let range = rows.start as usize..rows.end as usize;
         if view >= views || step >= steps || range.start > range.end || range.end > row_count {
             let problem = format!(
-                "has {views} views, {steps} steps, {row_count} rows; asked for rows {range:?} of \
+                "has {views} views, {steps} steps, {row_count} rows; requested rows {range:?} of \
                  view {view}, step {step}, counted from 0"
             );
             return Err(Error::file(&self.path, problem, None));

@@ -6,7 +6,7 @@ use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, Entry};
 use crate::stack::run_directory::{COUNTS, LOG, RUN, SCENE};
-use crate::stack::{Exposure, Extent, Format, RunFile};
+use crate::stack::{Exposure, Format, RunFile, StackShape};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ impl OpenRun {
         let file = RunFile::read(&path.join(RUN))?;
         let scene = read_scene(&path.join(SCENE))?;
         let committed = progress_log::read(&path.join(LOG))?;
-        let of_scene = Extent::of(&scene)?;
+        let of_scene = StackShape::of(&scene)?;
         if of_scene != file.extent {
             let problem = format!("claims {:?}; {SCENE} has {of_scene:?}", file.extent);
             return Err(Error::file(path.join(RUN), problem, None));

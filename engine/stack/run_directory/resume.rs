@@ -4,7 +4,7 @@ use super::{LOG, RUN, RunDirectory, SCENE};
 use crate::numbers;
 use crate::scene::Scene;
 use crate::stack::progress_log::{self, ProgressLog};
-use crate::stack::{Exposure, Extent, RunFile, own_files, scene_file, verify};
+use crate::stack::{Exposure, RunFile, StackShape, own_files, scene_file, verify};
 use crate::{Error, Result, RunRecord, Tally, moments};
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ pub(super) struct Resumed {
 
 impl RunDirectory {
     /// The directory of an interrupted run of `scene`. Only looks; what is committed, and still
-    /// has its checksum, is told by [`RunDirectory::committed`].
+    /// has its checksum, is listed by [`RunDirectory::committed`].
     ///
     /// # Errors
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
@@ -38,7 +38,7 @@ impl RunDirectory {
         let scene = &scene.with_file_hashes()?;
         let differences = scene_file::differences(&path.join(SCENE), scene, None)?;
         refuse_other_scene(&path, &differences.found)?;
-        let extent = Extent::of(scene)?;
+        let extent = StackShape::of(scene)?;
         let entries = progress_log::read(&path.join(LOG))?;
         let counts = scene.detector.counts.is_some();
         let found = verify::frames(&path, file.format, extent, counts, &entries);
@@ -104,7 +104,7 @@ impl RunDirectory {
         self.resumed.as_ref().map_or_else(Tally::default, |resumed| resumed.counted)
     }
 
-    /// Whether the run that is resumed keeps moments, where that can be told: runs of earlier
+    /// Whether the run that is resumed keeps moments, where that is known: runs of earlier
     /// versions do not record it, and may have been interrupted before they kept any.
     #[must_use]
     pub fn keeps_moments(&self) -> Option<bool> {

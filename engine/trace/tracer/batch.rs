@@ -30,7 +30,7 @@ impl Batch {
             rays: make("rays", n * size_of::<Ray>() as u64)?,
             moments: make("moments", n * words * 4)?,
             results: make("results", n * size_of::<RayResult>() as u64)?,
-            exact: make("rays to trace in order", (n + 2) * 4)?,
+            exact: make("rays to trace exactly", (n + 2) * 4)?,
             unbalanced: make("unbalanced rays", (n + 1) * 4)?,
             list: make("rays to trace again", (n + 1) * 4)?,
             longer: make("rays of many crossings", (n + 1) * 4)?,

@@ -35,7 +35,7 @@ impl TraceKernels {
     #[must_use]
     pub fn new(device: &Arc<Device>) -> Self {
         let kernel = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<TracePush>());
-        let ordered = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<ExactPush>());
+        let exact = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<ExactPush>());
         let description = device.description();
         let ray_query = description.ray_query.then(|| {
             let walk = OrderFree {
@@ -43,7 +43,7 @@ impl TraceKernels {
                 many: kernel("trace_ray_query_many", shaders::TRACE_RAY_QUERY_MANY),
                 rays: GROUP,
             };
-            (walk, ordered("exact_ray_query", shaders::EXACT_RAY_QUERY))
+            (walk, exact("exact_ray_query", shaders::EXACT_RAY_QUERY))
         });
         let bundles = description.subgroup_exchange && BUNDLES.contains(&description.subgroup_size);
         let trace_bvh = if bundles {
@@ -59,7 +59,7 @@ impl TraceKernels {
                 rays: GROUP,
             }
         };
-        let exact_bvh = ordered("exact_bvh", shaders::EXACT_BVH);
+        let exact_bvh = exact("exact_bvh", shaders::EXACT_BVH);
         Self { trace_bvh, exact_bvh, ray_query }
     }
 

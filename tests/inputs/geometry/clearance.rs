@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use beamlet::geometry::{Extent, check_clearance, fov_warnings, load, swept};
+use beamlet::geometry::{BeamExtent, check_clearance, fov_warnings, load, swept};
 use beamlet::scene::{MaskBody, Object, Scene, Shape};
 
 use super::set_up::{at, cube, scene, shape};
@@ -63,7 +63,7 @@ fn positive_angle_turns_the_beam_and_not_the_sample() {
     // At +90 deg the source stands at +x: what is at +x is nearer the source.
     let scene = scene(vec![at(cube("a", 1e-3), [5e-3, 0.0, 0.0])]);
     let sample = load(&scene).unwrap();
-    let extents: Vec<Extent> = swept(&sample).extents(2.0 * FRAC_PI_4).collect();
+    let extents: Vec<BeamExtent> = swept(&sample).extents(2.0 * FRAC_PI_4).collect();
     assert!((extents[0].y[0] + 5.5e-3).abs() < 1e-9, "{extents:?}");
     assert!((extents[0].y[1] + 4.5e-3).abs() < 1e-9, "{extents:?}");
     assert!((extents[0].x[1] - 0.5e-3).abs() < 1e-9, "{extents:?}");

@@ -8,5 +8,5 @@ mod experiments;
 mod files;
 mod meshes;
 mod nesting;
-mod set_up;
+pub(super) mod set_up;
 mod shapes;

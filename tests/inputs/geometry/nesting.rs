@@ -1,7 +1,7 @@
 //! Objects in objects: what surrounds what, and what is refused.
 
 use beamlet::geometry::load;
-use beamlet::scene::{Placement, Shape};
+use beamlet::scene::Shape;
 use proptest::prelude::*;
 
 use super::set_up::{Arrays, at, close, cube, refusal, scene, shape};
@@ -102,7 +102,7 @@ fn coating_of_a_micrometre_sample_is_not_mistaken_for_contact() {
 fn boxes_that_overlap_do_not_make_objects_meet() {
     let ring = Arrays::cube(8e-3).and(Arrays::cube(6e-3)).object("hollow");
     let mut turned = cube("turned", 3e-3);
-    turned.placement = Placement { rotate: vec![([1.0, 2.0, 3.0], 0.7)], ..Placement::default() };
+    turned.placement.rotate = vec![([1.0, 2.0, 3.0], 0.7)];
     let corner = at(sphere("corner", 0.3e-3), [2.6e-3, 2.6e-3, 2.6e-3]);
     let sample = load(&scene(vec![ring, turned, corner])).unwrap();
     assert!(sample.components.iter().all(|part| part.outside.is_none()));

@@ -1,47 +1,30 @@
 //! Scenes and meshes that the tests share.
 
-use std::collections::BTreeMap;
-
 use beamlet::geometry::{Sample, load};
 use beamlet::scene::{
-    Beam, Detector, MaskBody, MaskSpec, Mesh, Object, Placement, Sampling, Scan, Scene, Shape,
-    ShapeOrMesh, Source,
+    Beam, Detector, MaskBody, MaskSpec, Mesh, Object, Scene, Shape, ShapeOrMesh, Source,
 };
 
 pub(crate) fn mask(distance: f64) -> MaskSpec {
     let body = MaskBody::Bars { material: "gold".into(), thickness: 225e-6 };
-    MaskSpec { distance, period: 1e-4, aperture: 2e-5, offset: 0.0, body }
+    MaskSpec::new(distance, 1e-4, 2e-5, body)
 }
 
 pub(crate) fn scene(objects: Vec<Object>) -> Scene {
-    Scene {
-        directory: ".".into(),
-        source: Source { distance: 1.21, spot: [0.0; 2].into(), beam: Beam::Energy(30.0) },
-        detector: Detector::new(1.8, [128, 128], [150e-6; 2]),
-        sample_mask: Some(mask(1.2)),
-        detector_mask: Some(mask(1.8 - 112.5e-6)),
-        sampling: Sampling { rays: [1, 1], ..Sampling::default() },
-        scan: Scan { mask_offsets: vec![0.0], angles: vec![0.0] },
-        materials: BTreeMap::new(),
-        surroundings: "vacuum".into(),
-        files: BTreeMap::new(),
-        objects,
-    }
+    let source = Source::new(1.21, [0.0; 2], Beam::Energy(30.0));
+    let mut scene = Scene::new(source, Detector::new(1.8, [128, 128], [150e-6; 2]));
+    scene.sample_mask = Some(mask(1.2));
+    scene.detector_mask = Some(mask(1.8 - 112.5e-6));
+    scene.objects = objects;
+    scene
 }
 
-pub(crate) fn object(name: &str, geometry: ShapeOrMesh) -> Object {
-    Object {
-        name: name.into(),
-        geometry,
-        material: "carbon".into(),
-        placement: Placement::default(),
-        sha256: None,
-        allow_defects: false,
-    }
+pub(crate) fn object(name: &str, geometry: impl Into<ShapeOrMesh>) -> Object {
+    Object::new(name, geometry, "carbon")
 }
 
 pub(crate) fn shape(name: &str, shape: Shape) -> Object {
-    object(name, ShapeOrMesh::Shape(shape))
+    object(name, shape)
 }
 
 /// A cube around the origin.
@@ -61,13 +44,13 @@ pub(crate) struct Arrays(pub(crate) Vec<[f64; 3]>, pub(crate) Vec<[u32; 3]>);
 impl Arrays {
     /// The surface of a shape, as the engine makes it.
     pub(crate) fn of(shape: Shape) -> Self {
-        Self::of_object(object("x", ShapeOrMesh::Shape(shape)))
+        Self::of_object(object("x", shape))
     }
 
     /// The surface of an object where it stands.
     pub(crate) fn of_object(object: Object) -> Self {
         let sample = load(&scene(vec![object])).unwrap();
-        Self(sample.vertices.iter().map(|v| v.to_array()).collect(), sample.triangles)
+        Self(sample.vertices, sample.triangles)
     }
 
     pub(crate) fn cube(edge: f64) -> Self {
@@ -98,7 +81,7 @@ impl Arrays {
     }
 
     pub(crate) fn object(self, name: &str) -> Object {
-        object(name, ShapeOrMesh::Mesh(Mesh::Arrays { vertices: self.0, triangles: self.1 }))
+        object(name, Mesh::Arrays { vertices: self.0, triangles: self.1 })
     }
 
     pub(crate) fn load(self) -> beamlet::Result<Sample> {
@@ -113,4 +96,10 @@ pub(crate) fn refusal(objects: Vec<Object>) -> String {
 
 pub(crate) fn close(a: f64, b: f64, relative: f64) -> bool {
     (a - b).abs() <= relative * b.abs()
+}
+
+/// The normal of a triangle, twice its area long.
+pub(crate) fn normal([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
+    let [[u, v, w], [x, y, z]] = [b, c].map(|corner| [0, 1, 2].map(|i| corner[i] - a[i]));
+    [v * z - w * y, w * x - u * z, u * y - v * x]
 }

@@ -63,7 +63,7 @@ fn flat_of_skipped_beamlets_is_the_double_integral() {
         let setup = skipped(spot);
         let scene = blurred(scenes::scene(&setup, &[], &offsets), [sigma, 0.0]);
         let simulation = engine.prepare(&scene).unwrap();
-        let grid = *simulation.detection().grid();
+        let grid = *beamlet::internals::detector::model(&simulation).grid();
         // The grid says what sharp edges may come to at their worst place. Smooth ones meet the
         // mean of a parabola, two thirds of its peak.
         let tolerance = if spot > 0.0 { 0.7 * grid.error } else { grid.error } + 1e-6;
@@ -166,7 +166,7 @@ fn blurred_cylinder_is_the_reference_blurred() {
 /// A horizontal edge, no masks: rows hold shares of a step that the detector blurs.
 #[test]
 fn horizontal_edge_is_blurred_by_the_detector() {
-    // A strip in which the edge stands is at least 1/256 of a row.
+    // A cell row in which the edge stands is at least 1/256 of a row.
     let mut worst = Worst::new("detector, blurred horizontal edge", 1.0 / 512.0);
     let mut setup = Setup::paper([8, 8]);
     (setup.sample_mask, setup.detector_mask) = (None, None);

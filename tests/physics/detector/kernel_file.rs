@@ -12,7 +12,7 @@ use std::path::Path;
 const PITCH: f64 = 150e-6;
 
 fn with_kernel(mut scene: Scene, path: &Path, pixel: f64) -> Scene {
-    scene.detector.blur = Some(Blur::Kernel(KernelFile { path: path.into(), pixel: [pixel; 2] }));
+    scene.detector.blur = Some(Blur::Kernel(KernelFile::new(path, [pixel; 2])));
     scene
 }
 
@@ -42,7 +42,7 @@ fn kernel_moves_light_to_where_its_image_says() {
     let engine = engine(Backend::Bvh);
     let want = engine.simulate(&sharp).unwrap().sample;
     let got = engine.simulate(&with_kernel(sharp, &path, PITCH / 10.0)).unwrap().sample;
-    // Edges in the middle of pixels: no light crosses borders. Strips of 1/256 row, and parts of
+    // Edges in the middle of pixels: no light crosses borders. Cell rows of 1/256 row, and parts of
     // the grid in which the edge stands are as wide as they are.
     let mut worst = Worst::new("detector, kernel that moves light", 1.0 / 256.0);
     for row in 1..8 {

@@ -3,15 +3,16 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, star};
-use crate::support::{CARBON, Worst, engine_with};
+use crate::support::{CARBON, Worst, engine_with, files};
 use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::scene::Exposure;
 use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
 use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks};
 use beamlet::{Backend, Control, EngineOptions, Error, Progress};
 use ndarray::Array2;
+use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Everything that a detector may have, in few pixels.
@@ -23,26 +24,23 @@ fn scene(place: &Path) -> Scene {
     let kernel = |name: &str, values: Array2<f64>, pixel: f64| {
         let path = place.join(name);
         ndarray_npy::write_npy(&path, &values).unwrap();
-        KernelFile { path, pixel: [pixel; 2] }
+        KernelFile::new(path, [pixel; 2])
     };
     let lopsided = Array2::from_shape_fn((5, 7), |(row, column)| (row + 2 * column) as f64);
     let veil = Array2::from_elem((3, 3), 1.0);
     scene.detector.blur = Some(Blur::Kernel(kernel("blur.npy", lopsided, 60e-6)));
     let kernel = kernel("veil.npy", veil, 200e-6);
     scene.detector.scatter = Some(Scatter::Kernel { kernel, fraction: 0.05 });
-    scene.detector.counts = Some(Counts {
-        electronic_noise: 3.0,
-        offset: 20.0,
-        bit_depth: Some(12),
-        ..Counts::of_photons(500.0)
-    });
+    scene.detector.counts = Some(
+        Counts::of_photons(500.0).with_electronic_noise(3.0).with_offset(20.0).with_bit_depth(12),
+    );
     scene.scan.angles = vec![0.0, 0.7, 1.4];
     scene.sampling.tolerance = 1e-3;
     scene
 }
 
 fn run(options: EngineOptions, scene: &Scene) -> Stacks {
-    engine_with(EngineOptions { backend: Some(Backend::Bvh), ..options }).simulate(scene).unwrap()
+    engine_with(options.with_backend(Backend::Bvh)).simulate(scene).unwrap()
 }
 
 fn same(what: &str, a: &Stacks, b: &Stacks) {
@@ -61,7 +59,7 @@ fn bands_batches_and_threads_change_no_bit_of_counts() {
     let scene = scene(place.path());
     let whole = run(EngineOptions::default(), &scene);
     for (band, batch) in [(Some(1), None), (Some(2), Some(4096)), (Some(5), None)] {
-        let options = EngineOptions { band_rows: band, batch_rays: batch, ..Default::default() };
+        let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
         let other = run(options, &scene);
         same(&format!("bands of {band:?} rows"), &whole, &other);
         assert_eq!(whole.record.tally.saturated, other.record.tally.saturated);
@@ -86,38 +84,21 @@ fn gaussian_blur_does_not_depend_on_bands_either() {
     let mut scene = scene(place.path());
     scene.detector.blur = Some(Blur::Gaussian { sigma: [60e-6, 110e-6] });
     let whole = run(EngineOptions::default(), &scene);
-    let bands = EngineOptions { band_rows: Some(2), ..EngineOptions::default() };
+    let bands = EngineOptions::default().with_band_rows(2);
     same("bands of 2 rows", &whole, &run(bands, &scene));
 }
 
-/// Files of a run directory but run.json, which has its times.
-fn files(root: &Path) -> Vec<(String, Vec<u8>)> {
-    fn walk(root: &Path, at: &Path, out: &mut Vec<(String, Vec<u8>)>) {
-        for entry in fs::read_dir(at).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                walk(root, &path, out);
-            } else if path.file_name().unwrap() != "run.json" {
-                let name = path.strip_prefix(root).unwrap().to_string_lossy().into_owned();
-                out.push((name, fs::read(&path).unwrap()));
-            }
-        }
-    }
-    let mut out = Vec::new();
-    walk(root, root, &mut out);
-    out.sort();
-    out
+fn without_log(run: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut files = files::of_run(run);
+    files.remove(Path::new("progress.log"));
+    files
 }
 
 #[test]
 fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
     let place = tempfile::tempdir().unwrap();
     let scene = scene(place.path());
-    let options = EngineOptions {
-        backend: Some(Backend::Bvh),
-        band_rows: Some(4),
-        ..EngineOptions::default()
-    };
+    let options = EngineOptions::default().with_backend(Backend::Bvh).with_band_rows(4);
     let engine = engine_with(options);
     for format in [Format::Exr, Format::Npy] {
         let [whole, broken] =
@@ -130,16 +111,12 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
         let ended = engine.run(
             &scene,
             &mut sink,
-            Control {
-                progress: Some(&mut |progress| {
+            Control::default().with_progress(&mut |progress| {
                     if matches!(&progress, Progress::Views(views) if views.view == Exposure::Sample(1))
                     {
                         cancel.store(true, Ordering::Relaxed);
                     }
-                }),
-                cancel: Some(&cancel),
-                ..Control::default()
-            },
+                }).with_cancel(&cancel),
         );
         assert!(matches!(ended, Err(Error::Interrupted)));
         drop(sink);
@@ -157,12 +134,10 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
             assert_eq!(sink.committed(), [Exposure::Dark, Exposure::Sample(0)]);
         }
         let skip = sink.committed().to_vec();
-        engine.run(&scene, &mut sink, Control { skip, ..Control::default() }).unwrap();
+        engine.run(&scene, &mut sink, Control::default().with_skip(skip)).unwrap();
         drop(sink);
-        let keep = |files: Vec<(String, Vec<u8>)>| -> Vec<_> {
-            files.into_iter().filter(|(name, _)| name != "progress.log").collect()
-        };
-        assert_eq!(keep(files(&whole)), keep(files(&broken)), "{format}");
+        let [one, other] = [&whole, &broken].map(|run| without_log(run));
+        assert_eq!(one, other, "{format}");
         let run = OpenRun::open(&whole).unwrap();
         let rows = |stack: Option<StackFile>| stack.unwrap().rows(0, 0..9).unwrap();
         let flat = rows(Some(run.flat().unwrap()));
@@ -172,7 +147,7 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
         assert!(counts.iter().zip(&flat).all(|(count, light)| z(*count, *light).abs() < 6.0));
         assert!(dark.iter().all(|number| (number - 20.0).abs() < 18.0));
         assert_eq!(run.counts_sample().unwrap().unwrap().shape(), [3, 2, 9, 7]);
-        let names: Vec<String> = files(&whole).into_iter().map(|(name, _)| name).collect();
+        let names = files::paths(&whole);
         let wanted: &[&str] = match format {
             Format::Exr => &[
                 "counts/flat/step_001.exr",
@@ -180,19 +155,21 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
                 "dark/step_001.exr",
                 "flat/step_000.exr",
             ],
-            Format::Npy => &["counts/flat.npy", "counts/sample.npy", "dark.npy", "sample.npy"],
+            _ => &["counts/flat.npy", "counts/sample.npy", "dark.npy", "sample.npy"],
         };
-        assert!(wanted.iter().all(|name| names.iter().any(|n| n == name)), "{names:?}");
+        assert!(
+            wanted.iter().all(|name| names.iter().any(|path| path == Path::new(name))),
+            "{names:?}"
+        );
         // A run without counts takes the place; a file of somebody else stays.
         fs::write(whole.join("counts/notes.txt"), "mine").unwrap();
         let mut bare = scene.clone();
         bare.detector.counts = None;
         let mut sink = RunDirectory::create(&whole, format, true).unwrap();
         engine.run(&bare, &mut sink, Control::default()).unwrap();
-        let left: Vec<String> = files(&whole).into_iter().map(|(name, _)| name).collect();
-        let ours = |name: &&String| name.starts_with("counts") || name.starts_with("dark");
-        let left: Vec<_> = left.iter().filter(ours).collect();
-        assert_eq!(left, ["counts/notes.txt"]);
+        let mut left = files::paths(&whole);
+        left.retain(|path| path.starts_with("counts") || path.starts_with("dark"));
+        assert_eq!(left, [Path::new("counts/notes.txt")]);
     }
 }
 
@@ -208,16 +185,12 @@ fn kept_moments_serve_another_detector() {
     base.sampling.tolerance = 3e-6;
     base.detector.blur = Some(Blur::Gaussian { sigma: [70e-6, 0.0] });
     (base.detector.scatter, base.detector.counts) = (None, None);
-    let options = EngineOptions {
-        backend: Some(Backend::Bvh),
-        keep_moments: true,
-        ..EngineOptions::default()
-    };
+    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
     let engine = engine_with(options);
     let run = place.path().join("run");
     let mut sink = RunDirectory::create(&run, Format::Npy, false).unwrap();
     let mut keep = MomentWriter::new(&run);
-    engine.run(&base, &mut sink, Control { keep: Some(&mut keep), ..Control::default() }).unwrap();
+    engine.run(&base, &mut sink, Control::default().with_keep(&mut keep)).unwrap();
     let kept = StoredMoments::open(&run).unwrap();
     let mut blurred = noisy;
     blurred.sampling.tolerance = 3e-6;

@@ -35,7 +35,7 @@ fn scatter_kernel_spreads_a_fraction_of_the_light_of_the_detector() {
     let mut setup = Setup::paper([9, 7]);
     (setup.sample_mask, setup.detector_mask) = (None, None);
     let mut scene = scenes::scene(&setup, &[], &[0.0]);
-    let kernel = KernelFile { path, pixel: setup.pitch };
+    let kernel = KernelFile::new(path, setup.pitch);
     scene.detector.scatter = Some(Scatter::Kernel { kernel, fraction: 0.1 });
     let flat = engine(Backend::Bvh).simulate(&scene).unwrap().flat;
     // Beyond the detector there is no light.

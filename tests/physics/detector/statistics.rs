@@ -137,12 +137,8 @@ fn every_pixel_has_its_mean() {
 
 #[test]
 fn dark_frames_hold_offset_and_electronic_noise_of_their_own() {
-    let counts = Counts {
-        electronic_noise: 2.5,
-        offset: 100.0,
-        bit_depth: Some(16),
-        ..Counts::of_photons(1e-9)
-    };
+    let counts =
+        Counts::of_photons(1e-9).with_electronic_noise(2.5).with_offset(100.0).with_bit_depth(16);
     let scene = scene([160, 128], STEPS, counts);
     let dark = Noise::of(&scene, 1.0).unwrap().dark(0..128).numbers;
     // Without photons the flat is another dark frame; rounding adds 1/12.
@@ -166,7 +162,7 @@ fn dark_frames_hold_offset_and_electronic_noise_of_their_own() {
 #[test]
 fn gain_offset_and_electronic_noise_make_the_numbers() {
     let counts =
-        Counts { electronic_noise: 30.0, gain: 4.0, offset: -50.0, ..Counts::of_photons(400.0) };
+        Counts::of_photons(400.0).with_electronic_noise(30.0).with_gain(4.0).with_offset(-50.0);
     let scene = scene([160, 128], STEPS, counts);
     let stack = frames(&scene, 1.0, Exposure::Flat);
     let (mean, variance) = (4.0 * 200.0 - 50.0, 16.0 * 200.0 + 900.0_f64);
@@ -182,7 +178,7 @@ fn gain_offset_and_electronic_noise_make_the_numbers() {
 #[test]
 fn integrating_detector_has_the_excess_noise_of_its_swank_factor() {
     for (photons, swank) in [(4.0, 0.5), (100.0, 0.8), (2e4, 0.9), (100.0, 1.0)] {
-        let mut scene = scene([160, 128], STEPS, Counts { swank, ..Counts::of_photons(photons) });
+        let mut scene = scene([160, 128], STEPS, Counts::of_photons(photons).with_swank(swank));
         scene.detector.mode = DetectorMode::Integrating;
         let excess = beamlet::internals::detector::excess_noise(&scene.detector, &[[30.0, 1.0]]);
         assert!((excess - 1.0 / swank).abs() < 1e-12);
@@ -211,8 +207,8 @@ fn integrating_detector_has_the_excess_noise_of_its_swank_factor() {
 
 #[test]
 fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
-    let free = Counts { electronic_noise: 20.0, gain: 2.0, ..Counts::of_photons(240.0) };
-    let clipped = Counts { bit_depth: Some(8), ..free };
+    let free = Counts::of_photons(240.0).with_electronic_noise(20.0).with_gain(2.0);
+    let clipped = free.with_bit_depth(8);
     let scenes = [free, clipped].map(|counts| scene([64, 32], STEPS, counts));
     let [free, numbers] = scenes.each_ref().map(|scene| frames(scene, 1.0, Exposure::Flat));
     for (number, free) in numbers.iter().zip(&free) {
@@ -236,7 +232,7 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
 fn counts_of_a_run_scatter_about_its_intensities() {
     let rod = body(cylinder(0.35e-3, 10e-3, 64, 0.1), CARBON[0], CARBON[1]);
     let mut scene = scenes::scene(&Setup::paper([32, 24]), &[rod], &[-12e-6, 0.0, 9e-6]);
-    scene.detector.counts = Some(Counts { offset: 10.0, ..Counts::of_photons(3000.0) });
+    scene.detector.counts = Some(Counts::of_photons(3000.0).with_offset(10.0));
     scene.scan.angles = vec![0.0, 0.4];
     let stacks = engine(Backend::Bvh).simulate(&scene).unwrap();
     let counts = stacks.counts.unwrap();

@@ -1,6 +1,6 @@
 //! What happens beside a run: clocks that jump, and readers.
 
-use super::{Place, beamlet, said};
+use super::{beamlet, code_and_stderr, workplace};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -56,7 +56,7 @@ fn words(to: &str) -> Vec<&str> {
 
 #[test]
 fn clocks_that_jump_change_nothing() {
-    let place = Place::new();
+    let place = workplace();
     fs::write(place.path("clocks.c"), CLOCKS).unwrap();
     let mut compiler = Command::new("cc");
     compiler.args(["-shared", "-fPIC", "-O1", "-o", "clocks.so", "clocks.c"]);
@@ -65,7 +65,7 @@ fn clocks_that_jump_change_nothing() {
     assert_eq!(left_alone.status.code(), Some(0), "{left_alone:?}");
     let mut jumped = beamlet(&place.path(""), &words("jumped"));
     let jumped = jumped.env("LD_PRELOAD", place.path("clocks.so")).output().unwrap();
-    let (code, message) = said(&jumped);
+    let (code, message) = code_and_stderr(&jumped);
     assert_eq!(code, Some(0), "{message}");
     assert!(!message.contains("panicked"), "{message}");
     assert!(contents(&place.path("jumped")) == contents(&place.path("alone")));
@@ -79,7 +79,7 @@ fn clocks_that_jump_change_nothing() {
 
 #[test]
 fn readers_of_a_run_in_the_making_get_an_answer_and_do_not_disturb_it() {
-    let place = Place::new();
+    let place = workplace();
     assert_eq!(place.beamlet(&words("alone")).status.code(), Some(0));
     let mut running = beamlet(&place.path(""), &words("run"));
     let mut running = running.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
@@ -98,7 +98,7 @@ fn readers_of_a_run_in_the_making_get_an_answer_and_do_not_disturb_it() {
         ended = running.try_wait().unwrap().is_some();
         for command in commands {
             let output = place.beamlet(command);
-            let (code, message) = said(&output);
+            let (code, message) = code_and_stderr(&output);
             let refused = matches!(code, Some(1 | 2)) && message.contains("error: ");
             // What differs is an answer of `compare`: a run and itself never do.
             assert!(code == Some(0) || refused, "{command:?}: {code:?}: {message}");

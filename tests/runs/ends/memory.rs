@@ -3,20 +3,21 @@
 //! A driver (llvmpipe) that has less than it needs to begin with ends the program: so much is asked
 //! for before one is opened.
 
-use super::{Place, npy, said};
+use super::{code_and_stderr, npy, workplace};
+use crate::support::program::Workplace;
 use std::fs;
 use std::process::Command;
 
 /// Runs with so many MiB of address space: done, or an error; whether it was done.
 #[track_caller]
-fn within(place: &Place, mebibytes: u64, words: &[&str]) -> bool {
+fn within(place: &Workplace, mebibytes: u64, words: &[&str]) -> bool {
     let script = format!("ulimit -v {}; exec timeout 300 \"$@\"", mebibytes << 10);
     let mut command = Command::new("bash");
     command.args(["-c", &script, "bash", env!("CARGO_BIN_EXE_beamlet")]).args(words);
     command.current_dir(place.path("")).env_remove("RUST_LOG");
     // Threads take address space: as many everywhere.
     command.env("RAYON_NUM_THREADS", "2").env("LP_NUM_THREADS", "2").env("MALLOC_ARENA_MAX", "2");
-    let (code, message) = said(&command.output().unwrap());
+    let (code, message) = code_and_stderr(&command.output().unwrap());
     let refused = code == Some(1) || code == Some(2);
     let told = message.contains("MiB") || message.contains("memory");
     let shown = format!("{mebibytes} MiB, {words:?}: {code:?}: {message}");
@@ -26,7 +27,7 @@ fn within(place: &Place, mebibytes: u64, words: &[&str]) -> bool {
 
 /// With little memory it is refused, with enough it is done.
 #[track_caller]
-fn sweep(place: &Place, limits: &[u64], words: &[&str]) {
+fn sweep(place: &Workplace, limits: &[u64], words: &[&str]) {
     let done: Vec<bool> = limits
         .iter()
         .map(|limit| {
@@ -43,7 +44,7 @@ const RUN: [&str; 5] = ["simulate", "scene.toml", "-o", "out", "-q"];
 #[ignore = "gigabytes of memory and of frames"]
 fn large_frames() {
     let frame = ["--backend", "bvh", "--format", "npy", "--set", "detector.pixels=[4096,4096]"];
-    sweep(&Place::new(), &[1300, 1600, 3200], &[&RUN[..], &frame].concat());
+    sweep(&workplace(), &[1300, 1600, 3200], &[&RUN[..], &frame].concat());
 }
 
 #[test]
@@ -52,12 +53,12 @@ fn many_mask_steps() {
     let steps = "scan.mask_offsets={ from = \"-25 um\", to = \"25 um\", count = 50000 }";
     let steps = ["--set", steps, "--set", "detector.pixels=[256,16]", "--format", "npy"];
     let words = [&RUN[..], &["--backend", "bvh"], &steps].concat();
-    sweep(&Place::new(), &[1300, 1600, 3200], &words);
+    sweep(&workplace(), &[1300, 1600, 3200], &words);
 }
 
 #[test]
 fn many_triangles() {
-    let place = Place::new();
+    let place = workplace();
     let sphere = "object.part.shape={sphere={radius=\"0.4 mm\",sides=1600}}";
     let limits = [60, 80, 110, 150, 200, 300, 400, 500, 700, 1500];
     let check = ["check", "scene.toml", "--set", sphere];
@@ -109,7 +110,7 @@ fn many_triangles() {
 
 #[test]
 fn pictures_of_a_scene() {
-    let place = Place::new();
+    let place = workplace();
     let limits = [30, 40, 60, 80, 100, 150, 200, 300, 350, 400, 450, 500, 600, 800, 1500];
     sweep(&place, &limits, &["view", "scene.toml", "-o", "out"]);
     // A million triangles, of which the plane of the set-up cuts few.
@@ -120,7 +121,7 @@ fn pictures_of_a_scene() {
 
 #[test]
 fn drivers_that_have_too_little_to_begin_with() {
-    let place = Place::new();
+    let place = workplace();
     let small = ["--set", "detector.pixels=[16,4]", "--backend", "bvh"];
     for limit in [100, 200, 300, 350, 400, 450, 500, 550] {
         let _ = fs::remove_dir_all(place.path("out"));
@@ -131,9 +132,10 @@ fn drivers_that_have_too_little_to_begin_with() {
 
 #[test]
 fn stacks_that_are_read() {
-    let place = Place::new();
+    let place = workplace();
     let small = ["--format", "npy", "--set", "detector.pixels=[600,600]", "--backend", "bvh"];
-    let (code, message) = said(&place.beamlet(&[&RUN[..3], &["run", "-q"], &small].concat()));
+    let (code, message) =
+        code_and_stderr(&place.beamlet(&[&RUN[..3], &["run", "-q"], &small].concat()));
     assert_eq!(code, Some(0), "{message}");
     assert_eq!(npy(&place.path("run/flat.npy")).len(), 5 * 600 * 600);
     // One frame of 200 MB.

@@ -9,9 +9,9 @@ mod progress;
 mod sizes;
 mod spectra;
 
-use crate::support::program::{self, workplace};
+use crate::support::program::{self, Workplace, ended};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 const SCENE: &str = concat!(
@@ -32,55 +32,42 @@ material = "water"
 "#
 );
 
-/// A folder with the scene in it.
-struct Place(tempfile::TempDir);
+fn workplace() -> Workplace {
+    Workplace::new(SCENE)
+}
 
-impl Place {
-    fn new() -> Self {
-        Self(workplace(SCENE))
-    }
+/// Simulates into `run` with these `--set`, on a backend.
+fn simulate(place: &Workplace, backend: &str, sets: &[&str]) -> Output {
+    let _ = fs::remove_dir_all(place.path("run"));
+    let begin = ["simulate", "scene.toml", "-o", "run", "-q", "--format", "npy", "--backend"];
+    let sets = sets.iter().flat_map(|set| ["--set", set]);
+    place.beamlet(&begin.into_iter().chain([backend]).chain(sets).collect::<Vec<_>>())
+}
 
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn beamlet(&self, words: &[&str]) -> Output {
-        beamlet(self.0.path(), words).output().unwrap()
-    }
-
-    /// Simulates into `run` with these `--set`, on a backend.
-    fn simulate(&self, backend: &str, sets: &[&str]) -> Output {
-        let _ = fs::remove_dir_all(self.path("run"));
-        let begin = ["simulate", "scene.toml", "-o", "run", "-q", "--format", "npy", "--backend"];
-        let sets = sets.iter().flat_map(|set| ["--set", set]);
-        self.beamlet(&begin.into_iter().chain([backend]).chain(sets).collect::<Vec<_>>())
-    }
-
-    /// It is done on both backends: rays in balance, values that are light.
-    #[track_caller]
-    fn is_balanced(&self, sets: &[&str]) {
-        for backend in ["bvh", "ray-query"] {
-            let output = self.simulate(backend, sets);
-            assert_eq!(said(&output), (Some(0), String::new()), "{sets:?}");
-            let tally = &json(&self.path("run/run.json"))["tally"];
-            for count in ["unbalanced", "unordered", "dropped", "not_finite", "landed_off"] {
-                assert_eq!(tally[count], 0, "{sets:?} {backend}: {tally}");
-            }
-            let values = npy(&self.path("run/sample.npy"));
-            assert!(values.iter().all(|value| (0.0..=1.1).contains(value)), "{sets:?}");
+/// A run is done on both backends: rays in balance, values that are light.
+#[track_caller]
+fn is_balanced(place: &Workplace, sets: &[&str]) {
+    for backend in ["bvh", "ray-query"] {
+        let output = simulate(place, backend, sets);
+        assert_eq!(ended(&output, 0), "", "{sets:?}");
+        let tally = &json(&place.path("run/run.json"))["tally"];
+        for count in ["unbalanced", "unordered", "dropped", "not_finite", "landed_off"] {
+            assert_eq!(tally[count], 0, "{sets:?} {backend}: {tally}");
         }
+        let values = npy(&place.path("run/sample.npy"));
+        assert!(values.iter().all(|value| (0.0..=1.1).contains(value)), "{sets:?}");
     }
+}
 
-    /// It is refused with all of these words, and nothing is written.
-    #[track_caller]
-    fn is_refused(&self, sets: &[&str], words: &[&str]) {
-        let (code, message) = said(&self.simulate("bvh", sets));
-        assert!(code == Some(1) && message.starts_with("error: "), "{sets:?}: {code:?} {message}");
-        for word in words {
-            assert!(message.contains(word), "{sets:?}: no {word:?} in: {message}");
-        }
-        assert!(!self.path("run").exists(), "{sets:?}");
+/// A run is refused with all of these words, and nothing is written.
+#[track_caller]
+fn is_refused(place: &Workplace, sets: &[&str], words: &[&str]) {
+    let message = ended(&simulate(place, "bvh", sets), 1);
+    assert!(message.starts_with("error: "), "{sets:?}: {message}");
+    for word in words {
+        assert!(message.contains(word), "{sets:?}: no {word:?} in: {message}");
     }
+    assert!(!place.path("run").exists(), "{sets:?}");
 }
 
 fn beamlet(place: &Path, words: &[&str]) -> Command {
@@ -90,8 +77,8 @@ fn beamlet(place: &Path, words: &[&str]) -> Command {
 }
 
 /// Exit code, and what stands on stderr.
-fn said(output: &Output) -> (Option<i32>, String) {
-    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+fn code_and_stderr(output: &Output) -> (Option<i32>, String) {
+    (output.status.code(), program::stderr(output))
 }
 
 fn json(path: &Path) -> serde_json::Value {

@@ -1,7 +1,8 @@
 //! What is told while meshes are read and checked: on a terminal, in a log, and to a library's
 //! callback.
 
-use super::{Place, said};
+use super::{code_and_stderr, workplace};
+use crate::support::program::Workplace;
 use beamlet::geometry::LoadStep;
 use beamlet::scene::Scene;
 use beamlet::stack::ArraySink;
@@ -35,22 +36,22 @@ fn boxes(count: u16) -> Vec<u8> {
 }
 
 /// The scene with a mesh of so many boxes for its object, and the `--set` for it.
-fn with_boxes(count: u16) -> (Place, [&'static str; 4]) {
-    let place = Place::new();
+fn with_boxes(count: u16) -> (Workplace, [&'static str; 4]) {
+    let place = workplace();
     fs::write(place.path("many.stl"), boxes(count)).unwrap();
     let sets = ["--set", "object.part.mesh=many.stl", "--set", "object.part.unit=1 um"];
     (place, sets)
 }
 
 /// What the program draws on a terminal.
-fn on_a_terminal(place: &Place, words: &[&str]) -> String {
+fn on_a_terminal(place: &Workplace, words: &[&str]) -> String {
     let words = words.iter().map(|word| format!("'{word}'")).collect::<Vec<_>>().join(" ");
     let line = format!("stty cols 200; {} {words}", env!("CARGO_BIN_EXE_beamlet"));
     let mut command = Command::new("script");
     command.args(["--quiet", "--return", "--command", &line, "/dev/null"]);
     let output = command.current_dir(place.path("")).env_remove("RUST_LOG").output().unwrap();
     let shown = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert_eq!(said(&output), (Some(0), String::new()), "{words}: {shown}");
+    assert_eq!(code_and_stderr(&output), (Some(0), String::new()), "{words}: {shown}");
     shown
 }
 
@@ -65,11 +66,12 @@ fn a_terminal_shows_what_is_read_and_checked_and_a_pipe_does_not() {
     }
     let shown = on_a_terminal(&place, &[&["check", "-q", "scene.toml"][..], &sets].concat());
     assert!(!shown.contains("checking \"part\"") && shown.contains("memory  "), "{shown}");
-    let (code, message) = said(&place.beamlet(&[&["check", "scene.toml"][..], &sets].concat()));
+    let (code, message) =
+        code_and_stderr(&place.beamlet(&[&["check", "scene.toml"][..], &sets].concat()));
     assert_eq!((code, message), (Some(0), String::new()), "lines come every ten seconds");
 }
 
-fn scene(place: &Place, sets: &[&str]) -> Scene {
+fn scene(place: &Workplace, sets: &[&str]) -> Scene {
     let sets: Vec<String> =
         sets.iter().filter(|it| **it != "--set").map(ToString::to_string).collect();
     Scene::load_with(place.path("scene.toml"), &sets).unwrap()
@@ -97,9 +99,9 @@ fn every_step_of_loading_is_told_before_the_first_view() {
         Progress::Views(_) => views += 1,
         _ => {}
     };
-    let options = EngineOptions { backend: Some(Backend::Bvh), ..EngineOptions::default() };
+    let options = EngineOptions::default().with_backend(Backend::Bvh);
     let engine = Engine::open(&options).unwrap();
-    let control = Control { progress: Some(&mut told), ..Control::default() };
+    let control = Control::default().with_progress(&mut told);
     engine.run(&scene, &mut ArraySink::new(), control).unwrap();
     assert!(views > 0);
     let all = [LoadStep::Reading, LoadStep::Joining, LoadStep::Checking, LoadStep::Nesting];
@@ -129,8 +131,7 @@ fn loading_can_be_cancelled() {
             }
             other => panic!("{at:?}: {other:?}"),
         };
-        let mut control =
-            Control { progress: Some(&mut told), cancel: Some(&cancel), ..Control::default() };
+        let mut control = Control::default().with_progress(&mut told).with_cancel(&cancel);
         let ended = engine.prepare_with(&scene, &mut control);
         assert!(matches!(ended, Err(Error::Interrupted)), "{at:?}: {ended:?}");
     }

@@ -1,23 +1,23 @@
 //! Detectors, samples and meshes as large and as small as may be.
 
-use super::{Place, npy, said};
+use super::{code_and_stderr, is_balanced, is_refused, npy, workplace};
 use std::fs;
 
 #[test]
 fn detectors_have_up_to_65536_pixels_a_side() {
-    let place = Place::new();
+    let place = workplace();
     for pixels in ["[65536,1]", "[1,65536]", "[65536,2]"] {
-        place.is_balanced(&[&format!("detector.pixels={pixels}")]);
+        is_balanced(&place, &[&format!("detector.pixels={pixels}")]);
     }
     for pixels in ["[65537,1]", "[1,65537]"] {
         let set = format!("detector.pixels={pixels}");
-        place.is_refused(&[&set], &["detector.pixels", "65537", "from 1 to 65536"]);
+        is_refused(&place, &[&set], &["detector.pixels", "65537", "from 1 to 65536"]);
     }
 }
 
 #[test]
 fn four_gigapixels_are_told_of_and_do_not_fit_in_little() {
-    let place = Place::new();
+    let place = workplace();
     let set = "detector.pixels=[65536,65536]";
     let output = place.beamlet(&["check", "scene.toml", "--json", "--set", set]);
     let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -25,26 +25,26 @@ fn four_gigapixels_are_told_of_and_do_not_fit_in_little() {
     assert_eq!(told["work"]["output_bytes"], 2 * 5 * 4 * (1_u64 << 32), "{told}");
     let limited = ["--memory-limit", "1 GiB", "--set", set];
     let words = [&["simulate", "scene.toml", "-o", "run", "-q"], &limited[..]].concat();
-    let (code, message) = said(&place.beamlet(&words));
+    let (code, message) = code_and_stderr(&place.beamlet(&words));
     assert!(code == Some(1) && message.contains("MiB are available"), "{code:?}: {message}");
     assert!(!place.path("run").exists());
 }
 
 #[test]
 fn a_sample_comes_as_near_to_a_mask_as_it_likes_but_does_not_touch_it() {
-    let place = Place::new();
+    let place = workplace();
     let set = |depth: f64| {
         format!("object.part.shape={{box={{size=[\"0.3 mm\",\"{depth} mm\",\"0.4 mm\"]}}}}")
     };
     // From the back of the sample mask to the rotation centre it is 9.8875 mm.
     for hair in [1e-3, 1e-6, 1e-10] {
-        place.is_balanced(&[&set(19.775 - hair)]);
-        place.is_refused(&[&set(19.775 + hair)], &["part", "back of the sample mask"]);
+        is_balanced(&place, &[&set(19.775 - hair)]);
+        is_refused(&place, &[&set(19.775 + hair)], &["part", "back of the sample mask"]);
     }
-    place.is_refused(&[&set(19.775)], &["part", "back of the sample mask"]);
+    is_refused(&place, &[&set(19.775)], &["part", "back of the sample mask"]);
     // A corner that comes by while it turns.
     let turning = ["scan.angles=[\"0 deg\",\"0.5 deg\"]", &set(19.775 - 1e-6)];
-    place.is_refused(&turning, &["part", "at angle 0.500 deg", "back of the sample mask"]);
+    is_refused(&place, &turning, &["part", "at angle 0.500 deg", "back of the sample mask"]);
 }
 
 /// A set-up of 150 m, with pixels of 150 mm.
@@ -59,10 +59,10 @@ const HUGE: [&str; 6] = [
 
 #[test]
 fn samples_of_a_nanometre_and_of_ten_metres_are_in_balance_or_no_bodies() {
-    let place = Place::new();
+    let place = workplace();
     for radius in ["1e-30 m", "1e-3 nm", "0.5 nm", "1 um"] {
         let set = format!("object.part.shape={{sphere={{radius=\"{radius}\",sides=16}}}}");
-        place.is_balanced(&[&set]);
+        is_balanced(&place, &[&set]);
     }
     let huge = |shape: &str| {
         let set = format!("object.part.shape={shape}");
@@ -77,13 +77,13 @@ fn samples_of_a_nanometre_and_of_ten_metres_are_in_balance_or_no_bodies() {
     ];
     for body in bodies {
         let sets = huge(&body);
-        place.is_balanced(&sets.iter().map(String::as_str).collect::<Vec<_>>());
+        is_balanced(&place, &sets.iter().map(String::as_str).collect::<Vec<_>>());
     }
     // Ten metres and a nanometre in one body is more than numbers of 32 bits tell apart.
     for body in [box_of("10 m", "10 m", "1 nm"), box_of("1 nm", "10 m", "10 m")] {
         let sets = huge(&body);
         let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
-        place.is_refused(&sets, &["part", "encloses no volume"]);
+        is_refused(&place, &sets, &["part", "encloses no volume"]);
     }
 }
 
@@ -115,12 +115,12 @@ fn ball() -> String {
 
 #[test]
 fn meshes_of_a_nanometre_and_of_ten_metres_are_seen_as_large_as_they_are() {
-    let place = Place::new();
+    let place = workplace();
     fs::write(place.path("ball.obj"), ball()).unwrap();
     let mesh = |unit: &str, more: &[&str]| {
         let sets = ["object.part.mesh=ball.obj".to_owned(), format!("object.part.unit={unit}")];
         let sets: Vec<String> = sets.into_iter().chain(more.iter().map(|s| (*s).into())).collect();
-        place.is_balanced(&sets.iter().map(String::as_str).collect::<Vec<_>>());
+        is_balanced(&place, &sets.iter().map(String::as_str).collect::<Vec<_>>());
         let [flat, sample] =
             ["flat", "sample"].map(|name| npy(&place.path(&format!("run/{name}.npy"))));
         flat.iter().zip(&sample).filter(|(a, b)| (**a - **b).abs() > 0.5 * **a).count()
@@ -133,6 +133,6 @@ fn meshes_of_a_nanometre_and_of_ten_metres_are_seen_as_large_as_they_are() {
     // Units beyond what numbers hold.
     for (unit, word) in [("1e-320 m", "no volume"), ("1e300 m", "finite")] {
         let sets = ["object.part.mesh=ball.obj".to_owned(), format!("object.part.unit={unit}")];
-        place.is_refused(&sets.iter().map(String::as_str).collect::<Vec<_>>(), &[word]);
+        is_refused(&place, &sets.iter().map(String::as_str).collect::<Vec<_>>(), &[word]);
     }
 }

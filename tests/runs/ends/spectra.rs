@@ -1,28 +1,29 @@
 //! Energies and spectra at the ends of their ranges.
 
-use super::Place;
+use super::{is_balanced, is_refused, workplace};
+use crate::support::program::Workplace;
 use std::fs;
 
 #[test]
 fn energies_reach_from_a_tenth_of_a_kilovolt_to_eight_hundred() {
-    let place = Place::new();
+    let place = workplace();
     for energy in ["0.1 keV", "1 keV", "799.999999 keV", "800 keV"] {
-        place.is_balanced(&[&format!("source.energy={energy}")]);
+        is_balanced(&place, &[&format!("source.energy={energy}")]);
     }
     for energy in ["0.0999999 keV", "800.000001 keV", "1e-300 keV", "1e300 keV"] {
         let set = format!("source.energy={energy}");
-        place.is_refused(&[&set], &["source.energy", "0.1 keV to 800 keV"]);
+        is_refused(&place, &[&set], &["source.energy", "0.1 keV to 800 keV"]);
     }
 }
 
-fn file(place: &Place, text: &str) -> String {
+fn file(place: &Workplace, text: &str) -> String {
     fs::write(place.path("a.csv"), text).unwrap();
     "source={distance=\"1.21 m\",spot=\"0 m\",spectrum=\"a.csv\"}".into()
 }
 
 #[test]
 fn spectra_may_fill_the_tables_and_weigh_next_to_nothing() {
-    let place = Place::new();
+    let place = workplace();
     let texts = [
         "0.1,1\n",
         "800,1\n",
@@ -32,7 +33,7 @@ fn spectra_may_fill_the_tables_and_weigh_next_to_nothing() {
         "20,1e307\n30,1e307\n",
     ];
     for text in texts {
-        place.is_balanced(&[&file(&place, text)]);
+        is_balanced(&place, &[&file(&place, text)]);
     }
     let sum = "a finite sum above 1e-300";
     for (text, words) in [
@@ -43,24 +44,24 @@ fn spectra_may_fill_the_tables_and_weigh_next_to_nothing() {
         // A number that is not zero, and of one digit: it was told to be absorbed by filters.
         ("10,5e-324\n20,0\n", ["sum to 5e-324", sum]),
     ] {
-        place.is_refused(&[&file(&place, text)], &words);
+        is_refused(&place, &[&file(&place, text)], &words);
     }
 }
 
 #[test]
 fn tubes_run_at_the_voltages_of_their_tables() {
-    let place = Place::new();
+    let place = workplace();
     let tube = |anode: &str, kvp: &str| {
         let spectrum = format!("{{anode=\"{anode}\",kvp=\"{kvp}\",nodes=3}}");
         format!("source={{distance=\"1.21 m\",spot=\"0 m\",spectrum={spectrum}}}")
     };
     for (anode, low, high) in [("tungsten", 20, 160), ("molybdenum", 20, 50)] {
         for kvp in [low, high] {
-            place.is_balanced(&[&tube(anode, &format!("{kvp} kV"))]);
+            is_balanced(&place, &[&tube(anode, &format!("{kvp} kV"))]);
         }
         for kvp in [f64::from(low) - 1e-4, f64::from(high) + 1e-4] {
             let kvp = format!("{kvp} kV");
-            place.is_refused(&[&tube(anode, &kvp)], &["source.spectrum.kvp", "20 kV to"]);
+            is_refused(&place, &[&tube(anode, &kvp)], &["source.spectrum.kvp", "20 kV to"]);
         }
     }
 }

@@ -1,15 +1,16 @@
 //! Arrays that lost or gained bytes, and their headers.
 
-use super::{Place, SCENE, assert_says, said};
+use super::{SCENE, assert_says};
+use crate::support::program::{Workplace, ended};
 
 const ARRAYS: [&str; 5] =
     ["flat.npy", "sample.npy", "dark.npy", "counts/flat.npy", "counts/sample.npy"];
 
 /// A finished run with counts, and its arrays.
-fn finished() -> (Place, Vec<Vec<u8>>) {
+fn finished() -> (Workplace, Vec<Vec<u8>>) {
     let photons = "pitch = \"150 um\"\nphotons = 1000\n";
-    let place = Place::new(&SCENE.replace("pitch = \"150 um\"\n", photons));
-    said(&place.simulate(&["--format", "npy"]), 0);
+    let place = Workplace::new(&SCENE.replace("pitch = \"150 um\"\n", photons));
+    ended(&place.simulate(&["--format", "npy"]), 0);
     let arrays = ARRAYS.map(|name| place.bytes(name)).to_vec();
     (place, arrays)
 }
@@ -21,7 +22,7 @@ fn mended(damage: impl Fn(&[u8]) -> Vec<u8>) -> Vec<String> {
     let mut told = Vec::new();
     for (name, whole) in ARRAYS.into_iter().zip(&arrays) {
         place.write(name, &damage(whole));
-        let message = said(&place.simulate(&["--resume"]), 0);
+        let message = ended(&place.simulate(&["--resume"]), 0);
         assert_says(&message, &[name]);
         for (name, whole) in ARRAYS.into_iter().zip(&arrays) {
             assert_eq!(place.bytes(name), *whole, "{name} after: {message}");
@@ -75,7 +76,7 @@ fn bytes_lost_in_the_middle_make_the_views_behind_them_again_and_no_other() {
     let at = whole.len() - 3 * view + 7;
     let lost = [&whole[..at], &whole[at + 3..]].concat();
     place.write("sample.npy", &lost);
-    let message = said(&place.simulate(&["--resume"]), 0);
+    let message = ended(&place.simulate(&["--resume"]), 0);
     assert_says(&message, &["sample/1 is", "sample/2 is", "sample/3"]);
     assert!(!message.contains("sample/0"), "{message}");
     assert_eq!(place.bytes("sample.npy"), *whole);
@@ -91,7 +92,7 @@ fn a_damaged_array_is_mended_before_its_run_goes_on() {
     let run = String::from_utf8(place.bytes("run.json")).unwrap();
     place.write("run.json", run.replace("\"done\"", "\"running\"").as_bytes());
     place.write("counts/sample.npy", &arrays[4][..arrays[4].len() - 200]);
-    let message = said(&place.simulate(&["--resume"]), 0);
+    let message = ended(&place.simulate(&["--resume"]), 0);
     assert_says(&message, &["counts/sample.npy", "sample/2", "made again"]);
     for (name, whole) in ARRAYS.into_iter().zip(&arrays) {
         assert_eq!(place.bytes(name), *whole, "{name}");

@@ -1,22 +1,24 @@
 //! Frames are compared with their checksums when they are read, view by view.
 
-use super::{Place, SCENE, assert_says, said};
+use super::{SCENE, assert_says};
+use crate::support::files;
+use crate::support::program::{Workplace, ended};
 use std::fs;
 
 /// Runs with counts in both formats, each frame of 5 steps.
-fn runs() -> [(Place, &'static str); 2] {
+fn runs() -> [(Workplace, &'static str); 2] {
     ["npy", "exr"].map(|format| {
         let photons = "pitch = \"150 um\"\nphotons = 1000\nelectronic_noise = 3\n";
         let steps = "from = \"-25 um\", to = \"25 um\", count = ";
         let scene = SCENE.replace("pitch = \"150 um\"\n", photons);
-        let place = Place::new(&scene.replace(&format!("{steps}2"), &format!("{steps}5")));
-        said(&place.simulate(&["--format", format]), 0);
+        let place = Workplace::new(&scene.replace(&format!("{steps}2"), &format!("{steps}5")));
+        ended(&place.simulate(&["--format", format]), 0);
         (place, format)
     })
 }
 
 /// Doubles one value of a stack: the first of view 2, or of the flat.
-fn double(place: &Place, format: &str, stack: &str) {
+fn double(place: &Workplace, format: &str, stack: &str) {
     if format == "npy" {
         let name = format!("{stack}.npy");
         let mut array = place.bytes(&name);
@@ -36,7 +38,7 @@ fn double(place: &Place, format: &str, stack: &str) {
 }
 
 /// The files of a stack that [`double`] changes.
-fn restore(place: &Place, format: &str, stack: &str, from: &Place) {
+fn restore(place: &Workplace, format: &str, stack: &str, from: &Workplace) {
     let name = match format {
         "npy" => format!("{stack}.npy"),
         _ if stack.ends_with("sample") => format!("{stack}/view_0002/step_000.exr"),
@@ -45,13 +47,12 @@ fn restore(place: &Place, format: &str, stack: &str, from: &Place) {
     place.write(&name, &from.bytes(&name));
 }
 
-fn copy(place: &Place) -> Place {
-    let copy = Place::new(&fs::read_to_string(place.path("scene.toml")).unwrap());
-    for file in super::files(&place.path("run")) {
-        let name = file.strip_prefix(place.path("")).unwrap();
-        let to = copy.path("").join(name);
+fn copy(place: &Workplace) -> Workplace {
+    let copy = Workplace::new(&fs::read_to_string(place.path("scene.toml")).unwrap());
+    for name in files::paths(&place.path("run")) {
+        let to = copy.path("run").join(&name);
         fs::create_dir_all(to.parent().unwrap()).unwrap();
-        fs::copy(&file, to).unwrap();
+        fs::copy(place.path("run").join(name), to).unwrap();
     }
     copy
 }
@@ -71,7 +72,7 @@ fn a_doubled_value_is_found_by_every_verb_that_reads_it() {
             ];
             for verb in verbs {
                 let code = if verb[0] == "compare" { 2 } else { 1 };
-                let message = said(&place.beamlet(verb), code);
+                let message = ended(&place.beamlet(verb), code);
                 let expected = format!("{name} is not what was committed");
                 assert_says(&message, &[&expected, stack]);
             }
@@ -80,11 +81,11 @@ fn a_doubled_value_is_found_by_every_verb_that_reads_it() {
         }
         for (stack, name) in [("counts/sample", "counts/sample/2"), ("dark", "dark")] {
             double(&place, format, stack);
-            let message = said(&place.beamlet(&["retrieve", "run", "-q", "--counts"]), 1);
+            let message = ended(&place.beamlet(&["retrieve", "run", "-q", "--counts"]), 1);
             assert_says(&message, &[&format!("{name} is not what was committed")]);
             restore(&place, format, stack, &whole);
         }
-        said(&place.beamlet(&["compare", "run", &other]), 0);
+        ended(&place.beamlet(&["compare", "run", &other]), 0);
     }
 }
 
@@ -93,9 +94,9 @@ fn pictures_of_one_view_ask_for_no_other() {
     for (place, format) in runs() {
         double(&place, format, "sample");
         let view = ["view", "run", "-o", "pictures", "--show", "frames,profiles,curve"];
-        said(&place.beamlet(&[&view[..], &["--view", "1"]].concat()), 0);
+        ended(&place.beamlet(&[&view[..], &["--view", "1"]].concat()), 0);
         let message =
-            said(&place.beamlet(&[&view[..], &["--view", "2", "--overwrite"]].concat()), 1);
+            ended(&place.beamlet(&[&view[..], &["--view", "2", "--overwrite"]].concat()), 1);
         assert_says(&message, &["sample/2 is not what was committed"]);
     }
 }
@@ -105,7 +106,7 @@ fn check_finds_what_is_wrong_with_a_run_and_says_when_it_is_whole() {
     for (place, format) in runs() {
         let whole = copy(&place);
         let done = place.beamlet(&["check", "run"]);
-        assert_eq!(said(&done, 0), "");
+        assert_eq!(ended(&done, 0), "");
         let told = String::from_utf8_lossy(&done.stdout).into_owned();
         assert_says(&told, &["6 of 6", "whole    yes"]);
         let views = [
@@ -117,21 +118,21 @@ fn check_finds_what_is_wrong_with_a_run_and_says_when_it_is_whole() {
         ];
         for (stack, view) in views {
             double(&place, format, stack);
-            let message = said(&place.beamlet(&["check", "run"]), 1);
+            let message = ended(&place.beamlet(&["check", "run"]), 1);
             assert_says(&message, &[&format!("{view} is not what was committed")]);
             restore(&place, format, stack, &whole);
         }
         let log = String::from_utf8(place.bytes("progress.log")).unwrap();
         let head: String = log.split_inclusive('\n').filter(|l| !l.contains("sample/1")).collect();
         place.write("progress.log", head.as_bytes());
-        let message = said(&place.beamlet(&["check", "run"]), 1);
+        let message = ended(&place.beamlet(&["check", "run"]), 1);
         assert_says(&message, &["1 of 6 views are not committed, first sample/1"]);
     }
 }
 
 #[test]
 fn check_reads_the_moments_of_a_run_and_tells_of_files_that_changed() {
-    let place = Place::new(&SCENE.replace("energy = \"30 keV\"", "spectrum = \"beam.csv\""));
+    let place = Workplace::new(&SCENE.replace("energy = \"30 keV\"", "spectrum = \"beam.csv\""));
     fs::write(place.path("beam.csv"), "energy_keV,weight\n30,1\n").unwrap();
     let table = "table = \"resin.csv\"";
     let scene = fs::read_to_string(place.path("scene.toml")).unwrap();
@@ -139,18 +140,18 @@ fn check_reads_the_moments_of_a_run_and_tells_of_files_that_changed() {
     fs::write(place.path("scene.toml"), scene).unwrap();
     let resin = "energy_keV,mu_per_cm,delta\n5,90,9e-6\n30,0.25,2.4e-7\n60,0.2,6e-8\n";
     fs::write(place.path("resin.csv"), resin).unwrap();
-    said(&place.simulate(&["--keep-moments"]), 0);
+    ended(&place.simulate(&["--keep-moments"]), 0);
     fs::write(place.path("beam.csv"), "energy_keV,weight\n30,2\n").unwrap();
     let done = place.beamlet(&["check", "run"]);
-    assert_eq!(said(&done, 0), "");
+    assert_eq!(ended(&done, 0), "");
     let told = String::from_utf8_lossy(&done.stdout).into_owned();
     assert_says(&told, &["moments  of 4 views", "note ", "beam.csv", "whole    yes"]);
     let mut moments = place.bytes("moments/view_0002.bin");
     let last = moments.len() - 40;
     moments[last] ^= 1;
     place.write("moments/view_0002.bin", &moments);
-    let message = said(&place.beamlet(&["check", "run", "--json"]), 1);
+    let message = ended(&place.beamlet(&["check", "run", "--json"]), 1);
     assert_says(&message, &["view_0002.bin", "sample/2"]);
-    let message = said(&place.beamlet(&["check", "run", "--set", "a.b=1"]), 2);
+    let message = ended(&place.beamlet(&["check", "run", "--set", "a.b=1"]), 2);
     assert_says(&message, &["this is a run"]);
 }

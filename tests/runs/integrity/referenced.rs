@@ -1,7 +1,8 @@
 //! Files that a scene refers to: what they held when the run began is recorded, and no other
 //! beam goes on with it.
 
-use super::{Place, SCENE, assert_says, said};
+use super::{SCENE, assert_says};
+use crate::support::program::{Workplace, ended};
 use ndarray::Array2;
 use ndarray_npy::WriteNpyExt;
 use std::fs;
@@ -23,18 +24,18 @@ fn scene() -> String {
         .replace("mu = \"0.25 /cm\"\ndelta = 2.4e-7", "table = \"resin.csv\"")
 }
 
-fn write_kernel(place: &Place, name: &str, value: f32) {
+fn write_kernel(place: &Workplace, name: &str, value: f32) {
     let mut kernel = Array2::<f32>::ones((3, 3));
     kernel[[1, 1]] = value;
     kernel.write_npy(File::create(place.path(name)).unwrap()).unwrap();
 }
 
-fn place() -> Place {
+fn place() -> Workplace {
     place_of(&scene())
 }
 
-fn place_of(scene: &str) -> Place {
-    let place = Place::new(scene);
+fn place_of(scene: &str) -> Workplace {
+    let place = Workplace::new(scene);
     let texts = [
         ("beam.csv", "energy_keV,weight\n20,1\n30,2\n40,1\n"),
         ("spot.csv", "radius_um,value\n0,1\n10,0.5\n20,0\n"),
@@ -49,7 +50,7 @@ fn place_of(scene: &str) -> Place {
 }
 
 /// Makes a file a little another one.
-fn change(place: &Place, name: &str) {
+fn change(place: &Workplace, name: &str) {
     let path = place.path(name);
     match name {
         "beam.csv" => fs::write(path, "energy_keV,weight\n20,1\n30,2\n40,1.01\n").unwrap(),
@@ -63,9 +64,9 @@ fn change(place: &Place, name: &str) {
 }
 
 /// A run as if it had been interrupted before its last view.
-fn interrupted(place: &Place, more: &[&str]) {
+fn interrupted(place: &Workplace, more: &[&str]) {
     let simulate = [&["--format", "npy"], more].concat();
-    said(&place.simulate(&simulate), 0);
+    ended(&place.simulate(&simulate), 0);
     let log = String::from_utf8(place.bytes("progress.log")).unwrap();
     let head: String = log.split_inclusive('\n').filter(|l| !l.starts_with("sample/3")).collect();
     place.write("progress.log", head.as_bytes());
@@ -96,12 +97,12 @@ fn a_run_goes_on_only_with_the_files_that_it_began_with() {
     for name in FILES {
         let before = fs::read(place.path(name)).unwrap();
         change(&place, name);
-        let message = said(&place.simulate(&["--resume"]), 1);
+        let message = ended(&place.simulate(&["--resume"]), 1);
         assert_says(&message, &["another scene", name, "sha256"]);
         assert_eq!(place.bytes("sample.npy"), whole, "{name}");
         fs::write(place.path(name), before).unwrap();
     }
-    assert_eq!(said(&place.simulate(&["--resume"]), 0), "");
+    assert_eq!(ended(&place.simulate(&["--resume"]), 0), "");
     assert_eq!(place.bytes("sample.npy"), whole);
 }
 
@@ -113,10 +114,10 @@ fn a_run_without_hashes_goes_on_only_where_that_is_allowed() {
     let resolved = String::from_utf8(place.bytes("scene.toml")).unwrap();
     let (without, _) = resolved.split_once("\n[files]\n").unwrap();
     place.write("scene.toml", without.as_bytes());
-    let message = said(&place.simulate(&["--resume"]), 1);
+    let message = ended(&place.simulate(&["--resume"]), 1);
     assert_says(&message, &["beam.csv", "blur.npy", "scatter.npy", "resin.csv"]);
     assert_says(&message, &["without a hash", "--allow-unhashed"]);
-    assert_eq!(said(&place.simulate(&["--resume", "--allow-unhashed"]), 0), "");
+    assert_eq!(ended(&place.simulate(&["--resume", "--allow-unhashed"]), 0), "");
     assert_eq!(place.bytes("sample.npy"), whole);
 }
 
@@ -124,18 +125,18 @@ fn a_run_without_hashes_goes_on_only_where_that_is_allowed() {
 fn kept_moments_are_not_illuminated_where_a_file_of_their_run_has_changed() {
     let place = place();
     interrupted(&place, &["--keep-moments"]);
-    said(&place.simulate(&["--resume", "--keep-moments"]), 0);
+    ended(&place.simulate(&["--resume", "--keep-moments"]), 0);
     let other = scene().replace("beam.csv", "other.csv").replace("resin.csv", "other_resin.csv");
     fs::write(place.path("other.toml"), other).unwrap();
     fs::copy(place.path("beam.csv"), place.path("other.csv")).unwrap();
     fs::copy(place.path("resin.csv"), place.path("other_resin.csv")).unwrap();
     let illuminate =
         ["illuminate", "run", "--scene", "other.toml", "-q", "-o", "out", "--overwrite"];
-    assert_eq!(said(&place.beamlet(&illuminate), 0), "");
+    assert_eq!(ended(&place.beamlet(&illuminate), 0), "");
     for name in ["beam.csv", "resin.csv"] {
         let before = fs::read(place.path(name)).unwrap();
         change(&place, name);
-        let message = said(&place.beamlet(&illuminate), 1);
+        let message = ended(&place.beamlet(&illuminate), 1);
         assert_says(&message, &[name, "is not the file that the scene was made with"]);
         fs::write(place.path(name), before).unwrap();
     }
@@ -146,7 +147,7 @@ fn a_geometry_with_hashes_is_taken_with_its_files_alone() {
     let range = "from = \"-25 um\", to = \"25 um\", count = ";
     let place = place_of(&scene().replace(&format!("{range}2"), &format!("{range}5")));
     interrupted(&place, &[]);
-    said(&place.simulate(&["--resume"]), 0);
+    ended(&place.simulate(&["--resume"]), 0);
     let retrieve = [
         "retrieve",
         "--flat",
@@ -160,7 +161,7 @@ fn a_geometry_with_hashes_is_taken_with_its_files_alone() {
         "images",
         "--overwrite",
     ];
-    said(&place.beamlet(&retrieve), 0);
+    ended(&place.beamlet(&retrieve), 0);
     let record = fs::read_to_string(place.path("images/retrieved.json")).unwrap();
     for name in FILES {
         assert!(record.contains(&format!("{name}\": \"")), "{name}: {record}");
@@ -168,7 +169,7 @@ fn a_geometry_with_hashes_is_taken_with_its_files_alone() {
     for name in ["beam.csv", "blur.npy", "scatter.npy", "resin.csv"] {
         let before = fs::read(place.path(name)).unwrap();
         change(&place, name);
-        let message = said(&place.beamlet(&retrieve), 1);
+        let message = ended(&place.beamlet(&retrieve), 1);
         assert_says(&message, &[name, "is not the file that the scene was made with"]);
         fs::write(place.path(name), before).unwrap();
     }

@@ -165,7 +165,7 @@ fn a_run_that_claims_more_than_a_scene_may_ask_for_is_refused_at_once() {
     for (claim, problem) in [
         ("\"views\": 4000000000", "4000000000 views; allowed: 1 to 10000000"),
         ("\"views\": 0", "0 views; allowed: 1"),
-        ("\"views\": 9999999", "claims Extent"),
+        ("\"views\": 9999999", "claims StackShape"),
     ] {
         fs::write(&path, text.replace("\"views\": 3", claim)).unwrap();
         let before = contents(place.path());

@@ -1,6 +1,7 @@
 //! Every writer reports a write that fails, up to the last, and leaves what was there.
 
-use super::{assert_code, beamlet, contents, ends, simulate, workplace};
+use super::{beamlet, contents, ends, simulate, workplace};
+use crate::support::program::ended;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -66,11 +67,11 @@ fn a_full_disk_is_an_error_of_every_writer_up_to_the_last_byte() {
         for room in (0..kib).rev().step_by(usize::try_from(kib / 12 + 1).unwrap()).chain([kib - 1])
         {
             let output = with_full_disk(place.path(), room, line);
-            let message = assert_code(output, code, line);
+            let message = ended(&output, code);
             assert!(message.contains("cannot be written"), "{line}: {message}");
             assert_eq!(contents(place.path()), before, "{line} with {room} KiB");
         }
-        assert_code(with_full_disk(place.path(), kib, line), 0, line);
+        ended(&with_full_disk(place.path(), kib, line), 0);
         assert_eq!(contents(place.path()).len(), whole.len());
         if out.is_dir() {
             fs::remove_dir_all(&out).unwrap();
@@ -111,7 +112,7 @@ fn results_that_stdout_does_not_take_are_an_error() {
     ] {
         let full = fs::File::options().write(true).open("/dev/full").unwrap();
         let output = beamlet(place.path(), line).stdout(full).output().unwrap();
-        let message = assert_code(output, 1, line);
+        let message = ended(&output, 1);
         assert!(message.contains("stdout cannot be written"), "{line}: {message}");
     }
 }

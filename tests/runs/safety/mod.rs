@@ -12,7 +12,7 @@ use crate::support::program;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 const SCENE: &str = concat!(
     include_str!("../../support/masks.toml"),
@@ -43,14 +43,7 @@ fn beamlet(place: &Path, line: &str) -> Command {
 /// Runs the words of `line`, which must end with this code; stderr.
 #[track_caller]
 fn ends(place: &Path, line: &str, code: i32) -> String {
-    assert_code(beamlet(place, line).output().unwrap(), code, line)
-}
-
-#[track_caller]
-fn assert_code(output: Output, code: i32, line: &str) -> String {
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(code), "{line}: {message}");
-    message
+    program::ended(&beamlet(place, line).output().unwrap(), code)
 }
 
 #[track_caller]

@@ -183,9 +183,10 @@ fn spectrum(bodies: Vec<Body>) -> Case {
         anode_angle: 12.0_f64.to_radians(),
         inherent_filters: Vec::new(),
     };
-    let filters = vec![Filter { material: "Al".to_owned(), thickness: 1e-3 }];
+    let filters = vec![Filter::new("Al", 1e-3)];
     let scene = &mut case.scene;
-    scene.source.beam = Beam::Spectrum(SpectrumSpec { origin, filters, nodes: Some(4) });
+    scene.source.beam =
+        Beam::Spectrum(SpectrumSpec::new(origin).with_filters(filters).with_nodes(4));
     for mask in scene.sample_mask.iter_mut().chain(&mut scene.detector_mask) {
         if let MaskBody::Bars { material, .. } = &mut mask.body {
             "gold".clone_into(material);

@@ -149,20 +149,23 @@ pub(crate) fn displacements(engine: &Engine, scene: &Scene) -> Array3<f64> {
     let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
     let steps = scene.scan.mask_offsets.len();
     let simulation = engine.prepare(scene).expect("a simulation");
-    let strips = cells_of_rows(&simulation, 0, 0..rows as i64).expect("strips");
+    let cell_rows = cells_of_rows(&simulation, 0, 0..rows as i64).expect("cell rows");
     let mut light = Array3::<f64>::zeros((steps, rows, columns));
     let mut moved = light.clone();
-    for strip in &strips.strips {
-        let column = lattice.beamlets.start + i64::from(strip.column);
-        let range = strip.first as usize..(strip.first + strip.count) as usize;
-        for row in i64::from(strip.row)..i64::from(strip.row) + i64::from(strip.rows.max(1)) {
+    for cell_row in &cell_rows.cell_rows {
+        let column = lattice.beamlets.start + i64::from(cell_row.column);
+        let range =
+            cell_row.first_cell as usize..(cell_row.first_cell + cell_row.cell_count) as usize;
+        for row in
+            i64::from(cell_row.row)..i64::from(cell_row.row) + i64::from(cell_row.rows.max(1))
+        {
             if !(0..columns as i64).contains(&column) || !(0..rows as i64).contains(&row) {
                 continue;
             }
-            let height = f64::from(strip.bottom - strip.top);
+            let height = f64::from(cell_row.bottom - cell_row.top);
             for (step, offset) in scene.scan.mask_offsets.iter().enumerate() {
                 let place = [step, row as usize, column as usize];
-                for cell in &strips.cells[range.clone()] {
+                for cell in &cell_rows.cells[range.clone()] {
                     let [low, high] = [cell.x_low, cell.x_high].map(f64::from);
                     let [from, to] = [low.max(offset - half), high.min(offset + half)];
                     if from >= to {

@@ -72,7 +72,7 @@ impl Simulation<'_> {
 
 impl ViewWork<'_> {
     fn lit_rows_of_all(&self) -> i64 {
-        self.simulation.detection.optics().detector.pixels[1].into()
+        self.simulation.detector.optics().detector.pixels[1].into()
     }
 
     /// Mask steps that are illuminated.
@@ -92,7 +92,7 @@ impl ViewWork<'_> {
     /// Makes the sums those of the band with a row of the grid, and gives the band's rows there.
     fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
         let rows = self.simulation.scene.detector.pixels[1];
-        let grid = self.simulation.detection.grid();
+        let grid = self.simulation.detector.grid();
         let mut lit = grid.lit_rows(&(0..rows.min(self.band)));
         for band in bands(rows, self.band) {
             let own = grid.lit_rows(&band);
@@ -201,12 +201,12 @@ impl ViewWork<'_> {
         let steps = self.steps();
         let left_out = self.steps_left_out();
         let Self { cells, bars, lights, sums, tracer, simulation, .. } = self;
-        let mut add = |tracer: &mut Tracer, strips: &CellBatch| {
+        let mut add = |tracer: &mut Tracer, cell_rows: &CellBatch| {
             let gathered = match &simulation.spectral {
-                Some(spectral) => Some(spectral.lists(tracer, bars, strips)?),
+                Some(spectral) => Some(spectral.lists(tracer, bars, cell_rows)?),
                 None => None,
             };
-            let lists = gathered.as_deref().unwrap_or(std::slice::from_ref(strips));
+            let lists = gathered.as_deref().unwrap_or(std::slice::from_ref(cell_rows));
             let begin = Instant::now();
             cells.add(lights.iter().zip(lists), sums, steps)?;
             Ok(left_out * begin.elapsed().as_secs_f64())
@@ -224,13 +224,13 @@ impl ViewWork<'_> {
         let mut least = f64::INFINITY;
         for _ in 0..TIMES {
             let begin = Instant::now();
-            let mut strips = sampling::empty_strips(&self.simulation.lattice, rows.clone());
+            let mut cell_rows = sampling::empty_cell_rows(&self.simulation.lattice, rows.clone());
             let lists = match &self.simulation.spectral {
                 Some(spectral) => {
-                    strips.keep_nothing(self.tracer.materials());
-                    spectral.lists(&mut self.tracer, &mut self.bars, &strips)?
+                    cell_rows.keep_nothing(self.tracer.materials());
+                    spectral.lists(&mut self.tracer, &mut self.bars, &cell_rows)?
                 }
-                None => vec![strips],
+                None => vec![cell_rows],
             };
             let light = Instant::now();
             self.cells.add(self.lights.iter().zip(&lists), &self.sums, self.steps())?;
@@ -253,7 +253,7 @@ impl ViewWork<'_> {
         let rows = middle..(middle + TIMED_ROWS).min(all);
         let timed = (rows.end - rows.start) as f64;
         // Fewer rays of each pixel where these are many.
-        let optics = self.simulation.detection.optics();
+        let optics = self.simulation.detector.optics();
         let mut sparse = optics.clone();
         let of_pixel =
             |optics: &Optics| optics.sampling.rays.map(f64::from).iter().product::<f64>();

@@ -1,7 +1,7 @@
 // Newton's steps with residuals in twofold arithmetic. For counts, weights follow the fit (Fisher
 // scoring): the fixed point is the maximum of the Poisson likelihood.
 
-struct Polished {
+struct NewtonFit {
     Normal normal; // weighted, without second derivatives: the information of the fit
     float squares; // sum of squared residuals
 };
@@ -21,7 +21,7 @@ float residual_of(Curve c, Gaussian g, uint i, float y, out float t, out float e
     return d.high;
 }
 
-bool polish(Curve c, inout Gaussian g, out Polished last) {
+bool newton(Curve c, inout Gaussian g, out NewtonFit last) {
     for (int k = 0; k < 60; k++) {
         last.normal = no_equations();
         last.squares = 0.0;

@@ -1,4 +1,4 @@
-//! Ordered walks under a spectrum: made once, repeated at the energies that they do not tell of.
+//! Exact transport under a spectrum: computed once, repeated at the energies that it does not determine.
 
 use super::{EnergyBinning, NodeResult};
 use crate::Result;
@@ -17,10 +17,10 @@ pub(crate) const NARROW: f32 = 50e-9;
 /// leaves as much: beyond it the error grows by delta^2 / c^3.
 const SEVERE: f64 = 0.2154;
 
-/// Ordered walks repeated at some nodes.
+/// Exact transport repeated at some nodes.
 #[derive(Debug, Default)]
 pub(super) struct Repeated {
-    /// Which of the ordered cells, ascending.
+    /// Which of the exact cells, ascending.
     cells: Vec<u32>,
     nodes: Vec<AtNode>,
 }
@@ -28,7 +28,7 @@ pub(super) struct Repeated {
 /// Places of the results of two ends.
 type Places = Vec<Option<[usize; 2]>>;
 
-/// Ordered walks at a node.
+/// Exact transport at a node.
 #[derive(Debug, Default)]
 struct AtNode {
     results: Vec<RayResult>,
@@ -43,7 +43,7 @@ impl AtNode {
 }
 
 impl Repeated {
-    /// Results at the ends of an ordered cell, by node, where it was repeated at some.
+    /// Results at the ends of an exact cell, by node, where it was repeated at some.
     pub(super) fn of(&self, cell: usize) -> Option<impl Iterator<Item = Option<[&RayResult; 2]>>> {
         let at = self.cells.binary_search_by_key(&cell, |cell| *cell as usize).ok()?;
         Some(self.nodes.iter().map(move |node| node.at(at)))
@@ -51,14 +51,15 @@ impl Repeated {
 }
 
 impl EnergyBinning {
-    /// Repeats ordered walks at the nodes where they cannot be told from the one made.
-    pub(super) fn repeat(&self, tracer: &mut Tracer, strips: &CellBatch) -> Result<Repeated> {
-        let exact = &strips.moments.exact;
+    /// Repeats exact transport at the nodes where it does not follow from that at the mean constants.
+    pub(super) fn repeat(&self, tracer: &mut Tracer, cell_rows: &CellBatch) -> Result<Repeated> {
+        let exact = &cell_rows.moments.exact;
         let repeats = |node: usize, width: f32, grazing: f64| {
-            (width > NARROW || self.severe[node] > 1.0) && grazing < self.severe[node]
+            (width > NARROW || self.exact_retrace_threshold[node] > 1.0)
+                && grazing < self.exact_retrace_threshold[node]
         };
         let asks = |(index, cell): (usize, &ExactCell)| {
-            let Cell { x_low, x_high, .. } = strips.cells[cell.cell as usize];
+            let Cell { x_low, x_high, .. } = cell_rows.cells[cell.cell as usize];
             let (width, grazing) = (x_high - x_low, cell.grazing());
             let nodes: Vec<bool> = (0..self.nodes()).map(|n| repeats(n, width, grazing)).collect();
             nodes.contains(&true).then_some((numbers::count(index), nodes))
@@ -90,7 +91,7 @@ impl EnergyBinning {
         Ok(Repeated { cells, nodes: nodes.collect() })
     }
 
-    /// Adds to the results of the nodes what the ordered walk found beyond the first order: that is
+    /// Adds to the results of the nodes what exact transport found beyond the first order: that is
     /// of second order, so it grows with the square of delta.
     pub(super) fn correct(
         &self,
@@ -100,28 +101,28 @@ impl EnergyBinning {
     ) {
         let reference = self.nodes();
         for end in 0..2 {
-            let walked = self.walked(exact.results.each_ref(), exact.range[end]);
+            let exact_result = self.exact_result(exact.results.each_ref(), exact.range[end]);
             let first = self.result(reference, moments[end]);
             for (node, results) in results.iter_mut().enumerate() {
                 let delta_ratio = self.delta_ratio[node];
                 let result = &mut results[end];
                 // A path that changes by refraction: linear in delta, and in mu.
                 if first.depth > 0.0 {
-                    result.depth +=
-                        (walked.depth - first.depth) * delta_ratio * result.depth / first.depth;
+                    result.depth += (exact_result.depth - first.depth) * delta_ratio * result.depth
+                        / first.depth;
                 }
-                if exact.grazing() < self.severe[node] {
+                if exact.grazing() < self.exact_retrace_threshold[node] {
                     // Narrow, or not repeated: total reflection turns light by as much anywhere.
-                    result.x = walked.x;
+                    result.x = exact_result.x;
                 } else {
-                    result.x += (walked.x - first.x) * delta_ratio * delta_ratio;
+                    result.x += (exact_result.x - first.x) * delta_ratio * delta_ratio;
                 }
             }
         }
     }
 
-    /// Result between the ends that were walked in order.
-    fn walked(&self, ends: [&RayResult; 2], at: f32) -> NodeResult {
+    /// Result between the ends that were traced exactly.
+    fn exact_result(&self, ends: [&RayResult; 2], at: f32) -> NodeResult {
         let [a, b] = ends.map(|result| NodeResult {
             depth: result.optical_depth.into(),
             x: result.displacement_x.into(),
@@ -142,7 +143,7 @@ impl EnergyBinning {
     pub(super) fn push_exact(
         &self,
         list: &mut Vec<Cell>,
-        strip: &CellRow,
+        cell_row: &CellRow,
         cell: &Cell,
         ends: [&RayResult; 2],
         range: [f32; 2],
@@ -151,8 +152,8 @@ impl EnergyBinning {
             return;
         }
         if ends[0].signature == ends[1].signature {
-            let results = range.map(|at| self.walked(ends, at));
-            list.push(self.cell(strip, [cell.x_low, cell.x_high], results));
+            let results = range.map(|at| self.exact_result(ends, at));
+            list.push(self.cell(cell_row, [cell.x_low, cell.x_high], results));
             return;
         }
         let width = cell.x_high - cell.x_low;
@@ -160,16 +161,16 @@ impl EnergyBinning {
         let middle = cell.x_low + share * width;
         for (x, at) in [([cell.x_low, middle], 0.0), ([middle, cell.x_high], 1.0)] {
             if x[1] > x[0] {
-                let result = self.walked(ends, at);
-                list.push(self.cell(strip, x, [result, result]));
+                let result = self.exact_result(ends, at);
+                list.push(self.cell(cell_row, x, [result, result]));
             }
         }
     }
 }
 
-/// Share of the grazing incidence that rays were flagged by, below which an ordered walk at the
-/// reference constants does not tell the walk at a node.
-pub(super) fn severe(
+/// Share of the grazing incidence that rays were flagged by, below which exact transport at the
+/// reference constants does not determine that at a node.
+pub(super) fn exact_retrace_threshold(
     transport: Transport,
     media: &MaterialTable,
     reference: &[Constants],
@@ -179,13 +180,13 @@ pub(super) fn severe(
         return vec![f64::INFINITY; media.constants.len()];
     }
     let strongest = |node: &[Constants]| node.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
-    let walked = strongest(reference);
+    let exact_result = strongest(reference);
     // The third order is delta^3 / c^5, and counts by the light of the node.
     let share = |(node, weight): (&Vec<Constants>, &f64)| {
         if flagged <= 0.0 || node == reference {
             return 0.0;
         }
-        let delta_ratio = strongest(node).max(walked) / flagged;
+        let delta_ratio = strongest(node).max(exact_result) / flagged;
         SEVERE * libm::pow(weight * delta_ratio.powi(3), 0.2)
     };
     media.constants.iter().zip(&media.weights).map(share).collect()

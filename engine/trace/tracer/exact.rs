@@ -1,6 +1,6 @@
-//! Rays in order: several attempts, and lists of crossings as long as each ray needs.
+//! Exact transport: several attempts, and lists of crossings as long as each ray needs.
 
-use super::{NUDGES, Tracer};
+use super::{RAY_OFFSETS, Tracer};
 use crate::Result;
 use crate::accel::Backend;
 use crate::gpu::{Buffer, Kernel, Pace};
@@ -10,16 +10,16 @@ use rayon::prelude::*;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-/// Rays at nodes of the spectrum that are traced in order together at most.
+/// Rays at nodes of the spectrum that are traced exactly together at most.
 const AT_NODES: u32 = 1 << 15;
-/// Crossings that lists of rays in order hold at first.
+/// Crossings that lists of rays that are traced exactly hold at first.
 const SHORT_LIST: u32 = 64;
 /// Crossings that all lists hold together.
 pub(super) const LISTED: u32 = 1 << 21;
 
-/// Rays of the batch that are traced in order.
+/// Rays of the batch that are traced exactly.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Ordered<'a> {
+pub(super) struct ExactRays<'a> {
     pub(super) list: &'a Buffer,
     pub(super) rays: u32,
     pub(super) all: bool,
@@ -28,7 +28,7 @@ pub(super) struct Ordered<'a> {
 }
 
 impl Tracer {
-    /// Traces rays in order at each node of the spectrum, `[node][ray]`. A ray that is given at
+    /// Traces rays exactly at each node of the spectrum, `[node][ray]`. A ray that is given at
     /// several nodes is searched for its crossings once.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl Tracer {
         Ok(results)
     }
 
-    /// Traces rays in order, each at its node; equal rays stand side by side.
+    /// Traces rays exactly, each at its node; equal rays stand side by side.
     fn trace_at_nodes(&self, rays: &[(usize, Ray)]) -> Result<Vec<RayResult>> {
         let (trace, exact) = self.kernels.of(self.backend);
         let n = count(rays.len());
@@ -72,20 +72,20 @@ impl Tracer {
         list[0] = runs;
         list.push(end);
         self.batch.exact.write(0, &list)?;
-        let ordered = Ordered { list: &self.batch.exact, rays: runs, all: false, runs: true };
-        self.exact_pass(exact.get()?, ordered, true, 0.0, false)?;
+        let exact_rays = ExactRays { list: &self.batch.exact, rays: runs, all: false, runs: true };
+        self.exact_pass(exact.get()?, exact_rays, true, 0.0, false)?;
         self.exact_again(true)?;
         self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
         self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
         self.batch.results.read(0, rays.len())
     }
 
-    /// Tries again the rays that could not be followed in order: a bend at an edge, or a new
+    /// Tries again the rays that could not be followed exactly: a bend at an edge, or a new
     /// search there, can lose a crossing.
     pub(super) fn exact_again(&self, at_nodes: bool) -> Result<Duration> {
         let b = &self.batch;
         let mut time = Duration::ZERO;
-        for (i, nudge) in NUDGES.into_iter().enumerate() {
+        for (i, ray_offset) in RAY_OFFSETS.into_iter().enumerate() {
             let lost = b.unbalanced.read::<u32>(0, 1)?[0];
             if lost == 0 {
                 break;
@@ -96,21 +96,21 @@ impl Tracer {
             self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
             self.device.run(|r| r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(lost) + 1) * 4))?;
             let kernel = self.kernels.exact_bvh.get()?;
-            let last = i + 1 == NUDGES.len();
-            let ordered = Ordered { list: &b.list, rays: lost, all: false, runs: false };
-            time += self.exact_pass(kernel, ordered, at_nodes, nudge, last)?;
+            let last = i + 1 == RAY_OFFSETS.len();
+            let exact_rays = ExactRays { list: &b.list, rays: lost, all: false, runs: false };
+            time += self.exact_pass(kernel, exact_rays, at_nodes, ray_offset, last)?;
         }
         Ok(time)
     }
 
-    /// Traces rays in order: first all with short lists of crossings, then those that have more
-    /// with longer and longer ones, so many at a time as their memory takes.
+    /// Traces rays exactly: first all with short lists of crossings, then those that have more
+    /// with longer and longer ones, as many at a time as their memory holds.
     pub(super) fn exact_pass(
         &self,
         kernel: &Kernel,
-        ordered: Ordered<'_>,
+        exact_rays: ExactRays<'_>,
         at_nodes: bool,
-        nudge: f32,
+        ray_offset: f32,
         last: bool,
     ) -> Result<Duration> {
         let b = &self.batch;
@@ -118,18 +118,18 @@ impl Tracer {
             sample_ref: self.sample.record(self.node),
             rays: b.rays.address(),
             results: b.results.address(),
-            list: ordered.list.address(),
+            list: exact_rays.list.address(),
             unbalanced: b.unbalanced.address(),
             longer: b.longer.address(),
             lists: self.lists.address(),
             nodes: if at_nodes { b.nodes.address() } else { 0 },
             tally: self.tally.address(),
-            count: ordered.rays,
-            all: ordered.all.into(),
-            runs: ordered.runs.into(),
+            count: exact_rays.rays,
+            all: exact_rays.all.into(),
+            runs: exact_rays.runs.into(),
             first: 0,
             last: last.into(),
-            nudge,
+            ray_offset,
             capacity: SHORT_LIST,
             stride: GROUP,
         };

@@ -16,7 +16,7 @@ float equations(Curve c, Gaussian g, out Normal n) {
     return cost;
 }
 
-void rough(Curve c, inout Gaussian g) {
+void levenberg_marquardt(Curve c, inout Gaussian g) {
     Normal n;
     float cost = equations(c, g, n);
     float damping = 1e-3;

@@ -1,0 +1,54 @@
+//! Arguments of several verbs: what walks the rays, and how much goes to stderr.
+
+use super::names::BackendName;
+use super::values::memory_size;
+use beamlet::EngineOptions;
+use clap::Args;
+
+/// The device of verbs that trace or fit.
+#[derive(Debug, Args)]
+pub(crate) struct DeviceArguments {
+    /// Vulkan device, by its number or part of its name (see `beamlet devices`)
+    #[arg(long, value_name = "N|NAME")]
+    pub(crate) device: Option<String>,
+}
+
+impl DeviceArguments {
+    /// Options of an engine on this device.
+    pub(crate) fn options(&self) -> EngineOptions {
+        EngineOptions::default().with_device(self.device.clone())
+    }
+}
+
+/// What walks the rays of a run, and in how much memory.
+#[derive(Debug, Args)]
+pub(crate) struct EngineArguments {
+    /// How rays find triangles: auto measures both on the scene
+    #[arg(long, value_enum, default_value_t = BackendName::Auto)]
+    pub(crate) backend: BackendName,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
+    /// Most memory of the run, host and device together, such as "2 GiB" [default: what the
+    /// geometry needs, and up to 1 GiB for a band]
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(crate) memory_limit: Option<u64>,
+}
+
+impl EngineArguments {
+    /// Options of an engine for such a run.
+    pub(crate) fn options(&self) -> EngineOptions {
+        let options = self.device.options().with_backend(self.backend.choice());
+        options.with_memory_limit(self.memory_limit)
+    }
+}
+
+/// How much goes to stderr. Results go to stdout all the same.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct Messages {
+    /// No progress, errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// More of what is going on
+    #[arg(short, long)]
+    pub(crate) verbose: bool,
+}

@@ -1,0 +1,157 @@
+//! Error of a rectangle that is known by one ray: how its recorded light would change if it were
+//! like the neighbour that it predicts worst.
+
+use super::base_lattice::Found;
+use super::error_estimate::{CellError, Estimator, SPREAD};
+use super::neighbours::Slopes;
+use super::patch::{Axis, Node, Patch, alike};
+use crate::interface::RayResult;
+
+/// Share of the light at a silhouette that may land in recorded rows from outside.
+const THROWN: f32 = 0.05;
+/// A silhouette among at most as many crossings may take or give all light of a rectangle.
+const SILHOUETTE_CROSSINGS: f32 = 8.0;
+
+/// A rectangle that is known by a ray.
+struct ByRay<'a> {
+    node: &'a Node,
+    slopes: Slopes,
+    /// Column of its beamlet in the lattice.
+    column: usize,
+    /// Share of its light that passes the sample.
+    passed: f32,
+    /// x of its ray from the centre of the beamlet, and where it lands, m.
+    x: f32,
+    at: f32,
+    /// Half the width over which its light lands, m.
+    half: f32,
+    /// Rows from its own to the recorded ones; 0 within them.
+    beside: i64,
+}
+
+/// What a neighbour shows.
+#[derive(Default)]
+struct Change {
+    /// Change of the recorded light if the rectangle were like the neighbour, share of its light.
+    light: f32,
+    /// Error of the displacement that the rectangle predicts there, m.
+    moved: f32,
+    /// The neighbour crosses other surfaces.
+    silhouette: bool,
+}
+
+impl Estimator<'_> {
+    /// Of a rectangle that is known by a ray.
+    pub(super) fn ray_error(&self, patch: &Patch, index: u32) -> CellError {
+        let node = &patch.nodes[index as usize];
+        let neighbours = self.neighbours(patch, node);
+        let by_ray = self.by_ray(patch, node, self.slopes(node, &neighbours));
+        let mut change = [0.0_f32; 2];
+        let mut silhouette = false;
+        let mut moved: f32 = 0.0;
+        for (number, found) in neighbours.iter().enumerate() {
+            let Some(found) = found else { continue };
+            let axis = number / 6;
+            let shown = self.change_to(&by_ray, found);
+            change[axis] = change[axis].max(shown.light);
+            moved = moved.max(shown.moved);
+            silhouette |= shown.silhouette;
+        }
+        // Rays that cross other surfaces than its own, where no neighbour shows them.
+        let hidden = node.hidden();
+        if hidden > 0.0 && !silhouette {
+            let all = hidden / SPREAD;
+            silhouette = true;
+            change = change.map(|change| change.max(all));
+        }
+        let [width, height] = [node.width(), node.height() * self.row_height];
+        let axis = if change[0] > 2.0 * change[1] {
+            Axis::X
+        } else if change[1] > 2.0 * change[0] || height > width {
+            Axis::Z
+        } else {
+            Axis::X
+        };
+        let area = node.width() * node.height() * self.response.weight;
+        CellError {
+            node: index,
+            light: SPREAD * area * change[0].max(change[1]),
+            whole: 1.0,
+            moment: SPREAD * area * by_ray.passed * moved,
+            through: area * by_ray.passed,
+            silhouette,
+            axis,
+        }
+    }
+
+    fn by_ray<'a>(&self, patch: &Patch, node: &'a Node, slopes: Slopes) -> ByRay<'a> {
+        let column = self.column(patch.beamlet);
+        let x = patch.place(node.centre())[0];
+        let growth = (self.response.magnification + slopes.displacement[0]).abs();
+        ByRay {
+            node,
+            slopes,
+            column,
+            passed: (-node.result.optical_depth).exp(),
+            x,
+            at: self.response.landing(column, x, node.result.displacement_x),
+            half: 0.5 * growth * node.width(),
+            beside: (self.recorded_rows.start - patch.row)
+                .max(patch.row + 1 - self.recorded_rows.end)
+                .max(0),
+        }
+    }
+
+    /// What a neighbour shows of a rectangle.
+    fn change_to(&self, by_ray: &ByRay<'_>, found: &Found) -> Change {
+        let own = &by_ray.node.result;
+        let result = &found.result;
+        // From a row beside the recorded ones, only light that lands there counts.
+        let reaches = |result: &RayResult| {
+            2.0 * result.landing_z(self.gap).abs() > by_ray.beside as f32 * self.row_pitch
+        };
+        if by_ray.beside > 0 && !reaches(own) && !reaches(result) {
+            let there = (-result.optical_depth).exp();
+            let light = if alike(own, result) { 0.0 } else { THROWN * by_ray.passed.max(there) };
+            Change { light, ..Change::default() }
+        } else if alike(own, result) {
+            self.change_on_surface(by_ray, found)
+        } else {
+            Change {
+                light: self.change_over_silhouette(by_ray, result),
+                silhouette: true,
+                ..Change::default()
+            }
+        }
+    }
+
+    /// What a neighbour on the same surfaces shows: how far the linear result is off there.
+    fn change_on_surface(&self, by_ray: &ByRay<'_>, found: &Found) -> Change {
+        let ByRay { node, slopes, passed, at, half, .. } = by_ray;
+        let (own, result, centre) = (&node.result, &found.result, node.centre());
+        let apart = [found.x - centre[0], found.z - centre[1]];
+        let off = |of: fn(&RayResult) -> f32, slopes: [f32; 2]| {
+            of(result) - of(own) - slopes[0] * apart[0] - slopes[1] * apart[1]
+        };
+        let depth = off(|result| result.optical_depth, slopes.depth);
+        let displacement = off(|result| result.displacement_x, slopes.displacement);
+        let other = [passed * (-depth).exp(), at + displacement];
+        let mut light = self.response.change([*passed, *at], other, *half);
+        if node.z[0] <= 0.0 || node.z[1] >= 1.0 {
+            // Light that moves over the border of the row.
+            let fall = (result.landing_z(self.gap) - own.landing_z(self.gap)).abs();
+            light += passed * (fall / self.row_pitch / node.height()).min(1.0);
+        }
+        Change { light, moved: displacement.abs(), silhouette: false }
+    }
+
+    /// Change of the recorded light if the silhouette towards a neighbour stood on the other side.
+    fn change_over_silhouette(&self, by_ray: &ByRay<'_>, result: &RayResult) -> f32 {
+        let ByRay { node, column, passed, x, at, half, .. } = *by_ray;
+        let there = (-result.optical_depth).exp();
+        let moved = self.response.landing(column, x, result.displacement_x);
+        let crossings = node.result.crossings.max(result.crossings).max(1);
+        let all = (SILHOUETTE_CROSSINGS / crossings as f32).min(1.0) * passed.max(there);
+        self.response.change([passed, at], [there, moved], half).max(all)
+    }
+}

@@ -1,0 +1,164 @@
+//! The sample of a scene: materials, and objects with their shapes or meshes and places.
+
+use std::path::PathBuf;
+
+/// Definition of a material.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum MaterialSpec {
+    /// Chemical formula and density.
+    Formula {
+        /// Such as "C" or "H2O".
+        formula: String,
+        /// Density, g/cm3. > 0.
+        density: f64,
+    },
+    /// Constants for the scene's single energy.
+    Constants {
+        /// Linear attenuation coefficient, 1/m. >= 0.
+        mu: f64,
+        /// Refractive index decrement.
+        delta: f64,
+    },
+    /// Table file with columns `energy_keV,mu_per_cm,delta`.
+    Table {
+        /// The file, relative to the scene's directory.
+        path: PathBuf,
+    },
+}
+
+/// One object of the sample.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Object {
+    /// Unique name.
+    pub name: String,
+    /// Shape or mesh.
+    pub geometry: ShapeOrMesh,
+    /// Material name.
+    pub material: String,
+    /// Where it stands.
+    pub placement: Placement,
+    /// SHA-256 of the mesh file that the scene was resolved with, 64 lower-case hexadecimal
+    /// digits. A mesh file that does not have it is refused.
+    pub sha256: Option<String>,
+    /// Take a mesh that is open or crosses itself, at one's own risk.
+    pub allow_defects: bool,
+}
+
+impl Object {
+    /// An object of a material, where its shape or mesh has it: neither turned nor scaled.
+    #[must_use]
+    pub fn new(
+        name: impl Into<String>,
+        geometry: impl Into<ShapeOrMesh>,
+        material: impl Into<String>,
+    ) -> Self {
+        Self {
+            name: name.into(),
+            geometry: geometry.into(),
+            material: material.into(),
+            placement: Placement::default(),
+            sha256: None,
+            allow_defects: false,
+        }
+    }
+}
+
+/// What an object's surface is.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum ShapeOrMesh {
+    /// Built-in shape, in metres.
+    Shape(Shape),
+    /// Mesh file, or arrays given in the library.
+    Mesh(Mesh),
+}
+
+impl From<Shape> for ShapeOrMesh {
+    fn from(shape: Shape) -> Self {
+        Self::Shape(shape)
+    }
+}
+
+impl From<Mesh> for ShapeOrMesh {
+    fn from(mesh: Mesh) -> Self {
+        Self::Mesh(mesh)
+    }
+}
+
+/// Built-in shapes: along z, centred, with area-preserving facets.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Shape {
+    /// Full edge lengths along x, y, z, m.
+    Box {
+        /// Edge lengths, m.
+        size: [f64; 3],
+    },
+    /// Cylinder along z.
+    Cylinder {
+        /// Radius, m.
+        radius: f64,
+        /// Height, m.
+        height: f64,
+        /// Facets around. >= 3.
+        sides: u32,
+    },
+    /// Regular prism along z; `radius` is the circumradius of its base, not area-corrected.
+    Prism {
+        /// Circumradius, m.
+        radius: f64,
+        /// Height, m.
+        height: f64,
+        /// Sides. >= 3.
+        sides: u32,
+    },
+    /// Sphere.
+    Sphere {
+        /// Radius, m.
+        radius: f64,
+        /// Facets around the equator. >= 4.
+        sides: u32,
+    },
+}
+
+/// A triangle mesh.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Mesh {
+    /// A file; `unit` is the length of 1.0 in it, m.
+    File {
+        /// The file, relative to the scene's directory.
+        path: PathBuf,
+        /// Metres per unit of the file.
+        unit: f64,
+    },
+    /// Vertices in metres and triangles that index them, counter-clockwise seen from outside.
+    Arrays {
+        /// Vertex positions, m.
+        vertices: Vec<[f64; 3]>,
+        /// Vertex indices.
+        triangles: Vec<[u32; 3]>,
+    },
+}
+
+/// Placement of an object: center, then scale, then rotations, then position.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Placement {
+    /// Move the centre of the bounding box to the mesh origin first.
+    pub center: bool,
+    /// Scale about the mesh origin. > 0.
+    pub scale: f64,
+    /// Rotations about the mesh origin in the order listed: axis, angle in rad.
+    pub rotate: Vec<([f64; 3], f64)>,
+    /// Translation, m.
+    pub position: [f64; 3],
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self { center: false, scale: 1.0, rotate: Vec::new(), position: [0.0; 3] }
+    }
+}
