@@ -31,6 +31,8 @@ pub(super) struct Narrow {
     pub(super) z: [f32; 2],
     pub(super) width: f32,
     pub(super) height: f32,
+    /// Light that it may take at most, share of open beam.
+    pub(super) light: f64,
 }
 
 /// What is known of the rectangles of a patch, by node.

@@ -18,6 +18,9 @@ pub struct ProjectedBounds {
     pub width: f64,
     /// Cell rows higher than this may step over it, rows.
     pub height: f64,
+    /// Area of a component that may hide, m in the cell plane times rows: the mean of what one ray
+    /// after the other along the axis crosses.
+    pub area: f64,
 }
 
 impl ProjectedBounds {
@@ -46,7 +49,7 @@ pub(crate) fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Pr
         .components
         .iter()
         .zip(chords)
-        .map(|(component, [chord_x, chord_z])| {
+        .map(|(component, [chord_x, chord_z, area])| {
             let [low, high] = component.bounds;
             let mut x = [f64::INFINITY, f64::NEG_INFINITY];
             let mut rows = x;
@@ -63,6 +66,7 @@ pub(crate) fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<Pr
                 rows,
                 width: CHORD_SHARE * chord_x * scale,
                 height: CHORD_SHARE * chord_z * rows_per_metre,
+                area: area * scale * rows_per_metre,
             }
         })
         .collect()
@@ -74,12 +78,14 @@ fn least_chord(component: &Component) -> f64 {
     2.0 * component.volume.abs() / component.area
 }
 
-/// Mean chord of each component along `x` and along z: volume over projected area (Cauchy).
-/// Of components that cannot hide it is the least in any direction, which says as much and
-/// needs no walk over millions of triangles in every view.
-fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool) -> Vec<[f64; 2]> {
+/// Mean chord of each component along `x` and along z: volume over projected area (Cauchy); and the
+/// area that it shows along y, m2. Of components that cannot hide the chords are the least in any
+/// direction, which says as much and needs no walk over millions of triangles in every view, and the
+/// area is infinite.
+fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool) -> Vec<[f64; 3]> {
     let hide: Vec<bool> = sample.components.iter().map(may_hide).collect();
-    let mut areas = vec![[0.0_f64; 2]; sample.components.len()];
+    let y = DVec3::Z.cross(x);
+    let mut areas = vec![[0.0_f64; 3]; sample.components.len()];
     if hide.contains(&true) {
         for (t, &component) in sample.triangles.iter().zip(&sample.triangle_component) {
             if !hide[component as usize] {
@@ -90,6 +96,7 @@ fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool)
             let sum = &mut areas[component as usize];
             sum[0] += 0.5 * area.dot(x).abs();
             sum[1] += 0.5 * area.z.abs();
+            sum[2] += 0.5 * area.dot(y).abs();
         }
     }
     sample
@@ -97,10 +104,12 @@ fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool)
         .iter()
         .zip(areas)
         .zip(hide)
-        .map(
-            |((c, [ax, az]), hide)| {
-                if hide { [c.volume.abs() / ax, c.volume.abs() / az] } else { [least_chord(c); 2] }
-            },
-        )
+        .map(|((c, [ax, az, ay]), hide)| {
+            if hide {
+                [c.volume.abs() / ax, c.volume.abs() / az, ay]
+            } else {
+                [least_chord(c), least_chord(c), f64::INFINITY]
+            }
+        })
         .collect()
 }

@@ -27,6 +27,8 @@ use std::ops::Range;
 const LEAVES_OF_A_PATCH: usize = 256;
 /// Facets of a patch that take as much memory as those leaves.
 const FACETS_OF_A_PATCH: usize = 40;
+/// Components that take less light than this share of the budget together may hide.
+const HIDDEN: f64 = 0.05;
 /// Cell rows without a sample that are handed over at once.
 const BLANK_AT_ONCE: usize = 1 << 12;
 
@@ -202,9 +204,23 @@ pub(super) fn narrow_components(
                     z: shadow.rows.map(|z| single(z - row as f64)),
                     width: single(shadow.width),
                     height: single(shadow.height),
+                    light: shadow.area * f64::from(view.response.weight),
                 });
             }
         }
     }
+    // Slivers that booleans leave may be thousands, and take no light to speak of together.
+    let least = HIDDEN * view.budget.light;
+    for narrow in all.values_mut() {
+        narrow.sort_by(|a, b| a.light.total_cmp(&b.light));
+        let mut sum = 0.0;
+        let mut is_hidden = |component: &Narrow| {
+            sum += component.light;
+            sum <= least
+        };
+        let hidden = narrow.iter().take_while(|component| is_hidden(component)).count();
+        narrow.drain(..hidden);
+    }
+    all.retain(|_, narrow| !narrow.is_empty());
     all
 }
