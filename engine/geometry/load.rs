@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use glam::DVec3;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
@@ -22,8 +23,8 @@ use crate::{input_file, reserve};
 ///
 /// # Errors
 /// Files that cannot be read, surfaces that are not closed or cross themselves (unless their
-/// object allows defects), and objects whose surfaces meet or that a later one swallows. A
-/// scene without objects is an empty sample.
+/// object allows defects), and objects that overlap and cannot be cut. A scene without objects
+/// is an empty sample.
 ///
 /// # Example
 ///
@@ -120,12 +121,22 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, watch: &Watch<'_>) -> Result<Sampl
     let mut bodies = Vec::with_capacity(loaded.len());
     let mut notes = Vec::with_capacity(loaded.len());
     for object in loaded {
+        notes.push(Note {
+            bounds: object.body.bounds(),
+            hash: object.hash,
+            defects: object.defects,
+            cut_by: Vec::new(),
+        });
         bodies.push(object.body);
-        notes.push((object.hash, object.defects));
     }
     let begin = Instant::now();
-    nesting::nest(&mut bodies, &names, watch.nesting())?;
+    let accepted = |note: &Note| note.defects.refused().then(|| note.defects.told());
+    let defects: Vec<Option<String>> = notes.iter().map(accepted).collect();
+    let cut_by = nesting::nest(&mut bodies, &names, &defects, watch.nesting())?;
     log::info!("what stands in what: found in {:.1} s", begin.elapsed().as_secs_f64());
+    for (note, cut_by) in notes.iter_mut().zip(cut_by) {
+        note.cut_by = cut_by;
+    }
     assemble(bodies, names, notes)
 }
 
@@ -339,11 +350,16 @@ fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {
     hash(&vertices.chain(triangles).collect::<Vec<u8>>())
 }
 
-fn assemble(
-    bodies: Vec<Body>,
-    names: Vec<String>,
-    notes: Vec<(String, Defects)>,
-) -> Result<Sample> {
+/// What is known of an object beside its surface.
+struct Note {
+    /// Bounding box of its mesh.
+    bounds: [DVec3; 2],
+    hash: String,
+    defects: Defects,
+    cut_by: Vec<u32>,
+}
+
+fn assemble(bodies: Vec<Body>, names: Vec<String>, notes: Vec<Note>) -> Result<Sample> {
     let count = |of: fn(&Body) -> usize| bodies.iter().map(of).sum::<usize>();
     let (vertices, triangles) =
         (count(|body| body.surface.vertices.len()), count(|body| body.surface.triangles.len()));
@@ -356,7 +372,10 @@ fn assemble(
     }
     let mut sample = Sample::default();
     let number = numbers::count;
-    for ((body, name), (hash, defects)) in bodies.into_iter().zip(names).zip(notes) {
+    for ((body, name), note) in bodies.into_iter().zip(names).zip(notes) {
+        // Of an object that vanishes, where it was.
+        let vanished = body.components.is_empty();
+        let bounds = if vanished { note.bounds } else { body.bounds() };
         let mut inside = Vec::new();
         for component in body.components.iter().filter(|component| component.volume > 0.0) {
             if !inside.contains(&component.outside) {
@@ -367,10 +386,11 @@ fn assemble(
             name,
             triangles: body.surface.triangles.len(),
             volume: body.components.iter().map(|component| component.volume).sum(),
-            bounds: body.bounds().map(Into::into),
+            bounds: bounds.map(Into::into),
             inside,
-            hash,
-            defects,
+            cut_by: note.cut_by,
+            hash: note.hash,
+            defects: note.defects,
             warnings: body.warnings,
         });
         let (vertex, component) = (number(sample.vertices.len()), number(sample.components.len()));

@@ -2,7 +2,8 @@
 //!
 //! [`load`] reads the objects of a scene (`stl`, `obj`, `shapes`), welds and places them,
 //! refuses what is not closed or crosses itself (`defects`), turns what is inside out (`body`),
-//! and finds which object surrounds which (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
+//! cuts away what later objects cover (`overlap`), and finds which object surrounds which
+//! (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
 //! the sample sweeps over the views with the set-up.
 
 mod adjacency;
@@ -13,6 +14,7 @@ mod ears;
 mod load;
 mod nesting;
 mod obj;
+mod overlap;
 mod placement;
 mod polygon;
 mod search;
@@ -73,14 +75,17 @@ pub struct Component {
 pub struct ObjectSummary {
     /// Name in the scene.
     pub name: String,
-    /// Number of triangles.
+    /// Number of triangles, after cuts.
     pub triangles: usize,
-    /// Volume of its outer surfaces less its voids, m3.
+    /// Volume of its outer surfaces less its voids, after cuts, m3.
     pub volume: f64,
     /// Least and greatest corner of its bounding box, m.
     pub bounds: [[f64; 3]; 2],
     /// Objects that it stands in, by its components (`None`: the surroundings).
     pub inside: Vec<Option<u32>>,
+    /// Later objects whose surfaces meet its own, or that cover a part of it: what they cover of
+    /// it is cut away.
+    pub cut_by: Vec<u32>,
     /// SHA-256 of the mesh as read (file bytes, or arrays), hexadecimal; empty for shapes.
     pub hash: String,
     /// What is wrong with its surface.
