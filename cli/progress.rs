@@ -143,6 +143,7 @@ fn words(loading: &LoadProgress) -> String {
         LoadStep::Joining => "joining vertices of",
         LoadStep::Checking => "checking",
         LoadStep::Nesting => return "looking for objects that meet".to_owned(),
+        LoadStep::Comparing => return "measuring where objects meet".to_owned(),
         LoadStep::Cutting => return "cutting objects that overlap".to_owned(),
         _ => "loading",
     };

@@ -45,13 +45,14 @@ pub(crate) fn load_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<Sample
         let mut loaded = read_all(scene, watch)?;
         match loaded.iter_mut().find_map(|object| object.refusal.take()) {
             Some(refusal) => Err(refusal),
-            None => sample(scene, loaded, watch),
+            None => sample(scene, loaded, false, watch),
         }
     })
 }
 
 /// As [`load`], but lets every defect through, to tell of all objects what is wrong with them.
-/// Beside the sample stand the errors that `load` would give, one for each refused object.
+/// Beside the sample stand the errors that `load` would give, one for each refused object; the
+/// sample lists its contacts.
 ///
 /// # Errors
 /// As [`load`], where there is no surface to tell of.
@@ -68,7 +69,7 @@ pub(crate) fn load_lenient_watched(
         let mut loaded = read_all(scene, watch)?;
         let mut refusals: Vec<Error> =
             loaded.iter_mut().filter_map(|object| object.refusal.take()).collect();
-        match sample(scene, loaded, watch) {
+        match sample(scene, loaded, true, watch) {
             Ok(sample) => Ok((sample, refusals)),
             Err(Error::Interrupted) => Err(Error::Interrupted),
             // What goes wrong between broken objects follows from the first that is broken.
@@ -116,7 +117,8 @@ fn read_all(scene: &Scene, watch: &Watch<'_>) -> Result<Vec<Loaded>> {
         .collect()
 }
 
-fn sample(scene: &Scene, loaded: Vec<Loaded>, watch: &Watch<'_>) -> Result<Sample> {
+/// The sample; with `contacts`, those of its objects, too.
+fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch<'_>) -> Result<Sample> {
     let names = names(scene);
     let mut bodies = Vec::with_capacity(loaded.len());
     let mut notes = Vec::with_capacity(loaded.len());
@@ -132,12 +134,13 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, watch: &Watch<'_>) -> Result<Sampl
     let begin = Instant::now();
     let accepted = |note: &Note| note.defects.refused().then(|| note.defects.told());
     let defects: Vec<Option<String>> = notes.iter().map(accepted).collect();
-    let cut_by = nesting::nest(&mut bodies, &names, &defects, watch.nesting())?;
+    let (cut_by, contacts) =
+        nesting::nest(&mut bodies, &names, &defects, contacts, watch.nesting())?;
     log::info!("what stands in what: found in {:.1} s", begin.elapsed().as_secs_f64());
     for (note, cut_by) in notes.iter_mut().zip(cut_by) {
         note.cut_by = cut_by;
     }
-    assemble(bodies, names, notes)
+    Ok(Sample { contacts, ..assemble(bodies, names, notes)? })
 }
 
 /// Triangles of the meshes of a scene as far as that can be told without reading them: those in

@@ -33,6 +33,7 @@ pub use defects::{Defects, Found, PLACES, Spot};
 pub(crate) use load::PEAK_PER_TRIANGLE;
 pub use load::{diagnose, file_hash, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
+pub use overlap::{Contact, ContactKind};
 pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
 pub(crate) use watch::Watcher;
 pub use watch::{LoadProgress, LoadStep};
@@ -52,6 +53,8 @@ pub struct Sample {
     pub components: Vec<Component>,
     /// Objects in the order of the scene.
     pub objects: Vec<ObjectSummary>,
+    /// Where objects overlap, touch or nearly do; of [`load_lenient`] alone.
+    pub contacts: Vec<Contact>,
 }
 
 /// A connected surface of one object.

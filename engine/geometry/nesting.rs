@@ -4,14 +4,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::body::Body;
-use super::overlap::{Cuts, Meetings, Parts, pairs};
+use super::overlap::{Assembly, Contact, Cuts, Meetings, Parts, pairs, pairs_to_compare};
 use super::search::Search;
 use super::watch::{LoadStep, Task};
 use crate::error::Result;
 
 /// Cuts away what later objects cover, and fills in `outside` of every component: the latest
 /// object that contains it. `defects`: what is wrong with bodies that are accepted with defects.
-/// Gives the later objects that cut each one.
+/// Gives the later objects that cut each one and, where they are `wanted`, the contacts.
 ///
 /// # Errors
 /// Objects that overlap and cannot be cut; [`crate::Error::Memory`];
@@ -20,12 +20,14 @@ pub(super) fn nest(
     bodies: &mut [Body],
     names: &[String],
     defects: &[Option<String>],
+    wanted: bool,
     task: Task<'_>,
-) -> Result<Vec<Vec<u32>>> {
+) -> Result<(Vec<Vec<u32>>, Vec<Contact>)> {
     let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
     let pairs = pairs(&bounds);
+    let compared = if wanted { pairs_to_compare(bodies) } else { Vec::new() };
     let mut is_near = vec![false; bodies.len()];
-    for (a, b) in &pairs {
+    for (a, b) in pairs.iter().chain(&compared) {
         is_near[*a] = true;
         is_near[*b] = true;
     }
@@ -40,7 +42,17 @@ pub(super) fn nest(
     task.begin(LoadStep::Nesting, pairs.len() as u64)?;
     let parts = Parts::of(bodies, defects);
     let meetings = Meetings::find(bodies, &pairs, &parts, &searches, task)?;
-    let cuts = Cuts::of(bodies, &parts, &meetings, &searches);
+    let around = meetings.around(bodies, &parts, &searches);
+    let cuts = Cuts::of(bodies, &parts, &meetings, &around);
+    let assembly = Assembly {
+        bodies,
+        parts: &parts,
+        searches: &searches,
+        meetings: &meetings,
+        around: &around,
+        names,
+    };
+    let contacts = assembly.contacts(&compared, task)?;
     drop(searches);
     for (body, outside) in bodies.iter_mut().zip(&cuts.outside) {
         for (component, outside) in body.components.iter_mut().zip(outside) {
@@ -48,5 +60,5 @@ pub(super) fn nest(
         }
     }
     cuts.make(bodies, &parts, names, task)?;
-    Ok(cuts.cut_by)
+    Ok((cuts.cut_by, contacts))
 }

@@ -14,6 +14,9 @@ use super::super::watch::Task;
 use super::parts::Parts;
 use crate::error::{Error, Result};
 
+/// Parts of other objects around each component of each object, by the number of the part.
+pub(in crate::geometry) type Around = Vec<Vec<Vec<u32>>>;
+
 /// Pairs of parts whose surfaces cross, touch or come within the tolerance of each other.
 #[derive(Debug, Default)]
 pub(in crate::geometry) struct Meetings {
@@ -53,14 +56,24 @@ impl Meetings {
         &self.of[part]
     }
 
-    /// Parts of other objects around each component of each object, by the number of the part.
-    /// What meets a part of an object is in none of that object's parts.
-    pub(super) fn around(
+    /// Pairs of parts of two objects that meet.
+    pub(super) fn between(&self, parts: &Parts, [a, b]: [usize; 2]) -> Vec<[u32; 2]> {
+        let of_first = parts.of[a].iter().copied().collect::<BTreeSet<u32>>();
+        let with = |first: u32| {
+            let met = self.of[first as usize].iter().copied();
+            met.filter(|it| parts.all[*it as usize].object == b).map(move |it| [first, it])
+        };
+        of_first.into_iter().flat_map(with).collect()
+    }
+
+    /// What is around each component. What meets a part of an object is in none of that object's
+    /// parts.
+    pub(in crate::geometry) fn around(
         &self,
         bodies: &[Body],
         parts: &Parts,
         searches: &[Option<Search>],
-    ) -> Vec<Vec<Vec<u32>>> {
+    ) -> Around {
         let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
         let of_component = |object: usize, component: usize, point: DVec3| {
             let part = parts.of[object][component];
@@ -178,8 +191,16 @@ fn first_corners(body: &Body) -> Vec<DVec3> {
 
 /// Pairs of objects whose boxes come near each other.
 pub(in crate::geometry) fn pairs(bounds: &[[DVec3; 2]]) -> Vec<(usize, usize)> {
+    pairs_within(bounds, |a, b| tolerance(bounds[a], bounds[b]))
+}
+
+/// Pairs of objects whose boxes come within a distance of each other.
+pub(super) fn pairs_within(
+    bounds: &[[DVec3; 2]],
+    distance: impl Fn(usize, usize) -> f64,
+) -> Vec<(usize, usize)> {
     (0..bounds.len())
         .flat_map(|a| (a + 1..bounds.len()).map(move |b| (a, b)))
-        .filter(|(a, b)| near(bounds[*a], bounds[*b], tolerance(bounds[*a], bounds[*b])))
+        .filter(|(a, b)| near(bounds[*a], bounds[*b], distance(*a, *b)))
         .collect()
 }

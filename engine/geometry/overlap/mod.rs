@@ -5,22 +5,25 @@
 //! order. Only *parts* (`parts`: a closed outer surface with its voids) that meet are cut
 //! (`meeting`); those that lie apart or properly in one another stay as they are.
 
+mod contacts;
 mod meeting;
 mod parts;
 mod solid;
 
+use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::HashSet;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::body::Body;
-use super::search::Search;
-use super::surface::{Surface, in_mm};
+use super::surface::Surface;
 use super::watch::{LoadStep, Task};
 use crate::error::{Error, Result};
 use crate::numbers;
-pub(super) use meeting::{Meetings, pairs};
+pub(super) use contacts::{Assembly, pairs_to_compare};
+pub use contacts::{Contact, ContactKind};
+pub(super) use meeting::{Around, Meetings, pairs};
 pub(super) use parts::Parts;
 use solid::Solid;
 
@@ -42,16 +45,10 @@ impl Cuts {
     ///
     /// A part loses the later parts that meet it. With them go later parts that stand in it
     /// without contact but meet one of those: they would stand half in what is left of it.
-    pub(super) fn of(
-        bodies: &[Body],
-        parts: &Parts,
-        meetings: &Meetings,
-        searches: &[Option<Search>],
-    ) -> Self {
-        let around = meetings.around(bodies, parts, searches);
+    pub(super) fn of(bodies: &[Body], parts: &Parts, meetings: &Meetings, around: &Around) -> Self {
         let cutters: Vec<Vec<u32>> = (0..parts.all.len())
             .into_par_iter()
-            .map(|part| cutters(part, parts, meetings, &around))
+            .map(|part| cutters(part, parts, meetings, around))
             .collect();
         let mut cuts = Self {
             covered: vec![Vec::new(); parts.all.len()],
@@ -104,12 +101,7 @@ impl Cuts {
             return Ok(());
         }
         task.begin(LoadStep::Cutting, work.len() as u64)?;
-        let operands = Operands {
-            bodies,
-            parts,
-            members: parts.members(bodies),
-            solids: parts.all.iter().map(|_| OnceLock::new()).collect(),
-        };
+        let operands = Operands::new(bodies, parts);
         let done = AtomicU64::new(0);
         let left: Vec<(usize, Surface)> = work
             .par_iter()
@@ -172,22 +164,7 @@ impl Cuts {
             if task.is_cancelled() {
                 return Err(Error::Interrupted);
             }
-            let failed = |problem: String| {
-                let cutter = &parts.all[group[0] as usize];
-                let [low, high] = part.bounds;
-                let [from, to] = cutter.bounds;
-                let place = low.max(from).midpoint(high.min(to));
-                let defects = part.defective.as_ref().or(cutter.defective.as_ref());
-                let defects = defects.map_or(String::new(), |it| format!(" ({it})"));
-                Error::mesh(
-                    format!("\"{}\" and \"{}\"", names[part.object], names[cutter.object]),
-                    format!(
-                        "they overlap, and the first cannot be cut: {problem}{defects}; mend their \
-                         meshes, or leave a gap between them"
-                    ),
-                    format!("near {}", in_mm(place)),
-                )
-            };
+            let failed = |problem| parts.failed([number, group[0] as usize], names, problem);
             left = match group[..] {
                 [one] => left.less(operands.solid(one as usize), task, failed)?,
                 _ => left.less(&operands.joined(&group), task, failed)?,
@@ -205,7 +182,12 @@ struct Operands<'a> {
     solids: Vec<OnceLock<Solid>>,
 }
 
-impl Operands<'_> {
+impl<'a> Operands<'a> {
+    fn new(bodies: &'a [Body], parts: &'a Parts) -> Self {
+        let solids = parts.all.iter().map(|_| OnceLock::new()).collect();
+        Self { bodies, parts, members: parts.members(bodies), solids }
+    }
+
     fn solid(&self, part: usize) -> &Solid {
         self.solids[part].get_or_init(|| self.joined(&[numbers::count(part)]))
     }
@@ -238,4 +220,41 @@ fn cutters(part: usize, parts: &Parts, meetings: &Meetings, around: &[Vec<Vec<u3
     }
     found.sort_unstable();
     found
+}
+
+/// Area where two triangles lie on each other, within `limit`, m2: the second, cut to the edges of
+/// the first.
+fn overlap_area(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> f64 {
+    let normal = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).normalize_or_zero();
+    let (up, other) = (normal(a), normal(b));
+    if up.dot(other).abs() < 0.999 {
+        return 0.0;
+    }
+    let mut polygon = b.to_vec();
+    for k in 0..3 {
+        // Inside is to the left of each edge.
+        let (from, to) = (a[k], a[(k + 1) % 3]);
+        let inward = up.cross(to - from);
+        let side = |point: DVec3| inward.dot(point - from);
+        let mut cut = Vec::with_capacity(polygon.len() + 1);
+        for (i, &point) in polygon.iter().enumerate() {
+            let next = polygon[(i + 1) % polygon.len()];
+            let (here, there) = (side(point), side(next));
+            if here >= 0.0 {
+                cut.push(point);
+            }
+            if (here > 0.0 && there < 0.0) || (here < 0.0 && there > 0.0) {
+                cut.push(point.lerp(next, here / (here - there)));
+            }
+        }
+        polygon = cut;
+    }
+    let Some(&first) = polygon.first() else { return 0.0 };
+    let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
+    if up.dot(middle - a[0]).abs() > limit {
+        return 0.0;
+    }
+    let twice =
+        polygon.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum::<DVec3>();
+    0.5 * twice.dot(up).abs()
 }

@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::super::body::Body;
-use super::super::surface::{Surface, bounds_of, encloses, near};
+use super::super::surface::{Surface, bounds_of, encloses, in_mm, near};
+use crate::error::Error;
 use crate::numbers;
 
 /// A closed outer surface with the voids in it; all of an object that is accepted with defects.
@@ -88,6 +89,23 @@ impl Parts {
             vertices.extend(used.iter().map(|corner| surface.vertices[*corner as usize]));
         }
         Surface::new(vertices, triangles)
+    }
+
+    /// The error where two parts overlap and the boolean of them fails.
+    pub(super) fn failed(&self, pair: [usize; 2], names: &[String], problem: String) -> Error {
+        let [first, second] = pair.map(|part| &self.all[part]);
+        let low = first.bounds[0].max(second.bounds[0]);
+        let high = first.bounds[1].min(second.bounds[1]);
+        let defects = first.defective.as_ref().or(second.defective.as_ref());
+        let defects = defects.map_or(String::new(), |it| format!(" ({it})"));
+        Error::mesh(
+            format!("\"{}\" and \"{}\"", names[first.object], names[second.object]),
+            format!(
+                "they overlap or touch, and the first cannot be cut: {problem}{defects}; mend \
+                 their meshes, or leave a gap between them"
+            ),
+            format!("near {}", in_mm(low.midpoint(high))),
+        )
     }
 
     /// Groups of parts whose boxes lie apart: they can be taken away at once.

@@ -58,6 +58,24 @@ impl Solid {
         self.combine(other, OpType::Subtract, task, failed)
     }
 
+    /// What it shares with `other`.
+    ///
+    /// # Errors
+    /// As [`Solid::less`].
+    pub(super) fn and(
+        &self,
+        other: &Self,
+        task: Task<'_>,
+        failed: impl Fn(String) -> Error,
+    ) -> Result<Self> {
+        self.combine(other, OpType::Intersect, task, failed)
+    }
+
+    /// Volume, m3.
+    pub(super) fn volume(&self) -> f64 {
+        self.mesh.volume()
+    }
+
     fn combine(
         &self,
         other: &Self,
