@@ -33,6 +33,7 @@ pub use defects::{Defects, Found, PLACES, Spot};
 pub(crate) use load::PEAK_PER_TRIANGLE;
 pub use load::{diagnose, file_hash, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
+pub(crate) use overlap::PEAK_PER_CUT_TRIANGLE;
 pub use overlap::{Contact, ContactKind};
 pub use swept::{Extent, Swept, check_clearance, fov_warnings, room, swept};
 pub(crate) use watch::Watcher;

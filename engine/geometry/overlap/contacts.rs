@@ -20,8 +20,8 @@ use crate::numbers;
 
 /// Gaps that are thinner are told, m.
 const THIN: f64 = 1e-6;
-/// Vertices of an overlap whose depth is measured.
-const SOUNDINGS: usize = 2000;
+/// Points on an overlap whose depth is measured, about.
+const SOUNDINGS: usize = 4000;
 
 /// Two objects that overlap, touch or nearly do.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,7 +44,7 @@ pub enum ContactKind {
     Overlap {
         /// Of the overlap, m3.
         volume: f64,
-        /// Farthest that a vertex of one lies in the other, m.
+        /// Farthest that the surface of one lies in the other, m.
         depth: f64,
     },
     /// Their surfaces coincide within rounding, or touch in a line or a point.
@@ -144,29 +144,29 @@ impl Assembly<'_> {
             volume += both.volume();
             shared.push(both.surface());
         }
+        let soundings: Vec<DVec3> = shared.iter().flat_map(points_on).collect();
         let limit = tolerance(self.bodies[a].bounds(), self.bodies[b].bounds());
-        let (area, place) = self.touching_area([a, b], limit);
         let size = |body: usize| {
             let [low, high] = self.bodies[body].bounds();
             (high - low).max_element()
         };
-        let corners = shared.iter().flat_map(|it| &it.vertices);
-        if volume <= 2.0 * limit * area + 1e-12 * size(a).min(size(b)).powi(3) {
-            let place = place.or_else(|| corners.copied().next());
-            let place = place.or_else(|| self.nearest([a, b], limit).map(|(_, place)| place));
-            return Ok((ContactKind::Touch { area }, place.unwrap_or(self.bodies[a].bounds()[0])));
+        let of_size = 1e-12 * size(a).min(size(b)).powi(3);
+        let is_rounding = |area: f64| volume <= 2.0 * limit * area + of_size;
+        let surface = |body: usize| self.bodies[body].components.iter().map(|it| it.area).sum();
+        if is_rounding(f64::min(surface(a), surface(b))) {
+            let (area, place) = self.touching_area([a, b], limit);
+            if is_rounding(area) {
+                let place = place.or_else(|| soundings.first().copied());
+                let place = place.or_else(|| self.nearest([a, b], limit).map(|(_, place)| place));
+                let place = place.unwrap_or(self.bodies[a].bounds()[0]);
+                return Ok((ContactKind::Touch { area }, place));
+            }
         }
-        let every = corners.clone().count().div_ceil(SOUNDINGS).max(1);
-        let soundings: Vec<(f64, DVec3)> = corners
-            .step_by(every)
-            .copied()
-            .collect::<Vec<_>>()
-            .par_iter()
-            .map(|vertex| {
-                (self.from_surface(a, *vertex).max(self.from_surface(b, *vertex)), *vertex)
-            })
-            .collect();
-        let (depth, place) = soundings
+        let every = soundings.len().div_ceil(SOUNDINGS).max(1);
+        let depth = |point: DVec3| self.from_surface(a, point).max(self.from_surface(b, point));
+        let depths: Vec<(f64, DVec3)> =
+            soundings.par_iter().step_by(every).map(|point| (depth(*point), *point)).collect();
+        let (depth, place) = depths
             .into_iter()
             .fold((0.0, DVec3::ZERO), |deepest, it| if it.0 > deepest.0 { it } else { deepest });
         Ok((ContactKind::Overlap { volume, depth }, place))
@@ -179,7 +179,7 @@ impl Assembly<'_> {
         let [low, high] = self.bodies[object].bounds();
         let size = (high - low).max_element();
         let mut limit = 1e-6 * size;
-        while limit < 2.0 * size {
+        while limit < 16.0 * size {
             let mut least = f64::INFINITY;
             search.near(&Query::new([point; 3], None, limit), |triangle| {
                 let nearest = closest_on_triangle(point, surface.corners(triangle));
@@ -258,6 +258,16 @@ impl Assembly<'_> {
         let (width, place) = self.nearest(objects, limit)?;
         Some((ContactKind::Gap { width }, place))
     }
+}
+
+/// Corners of triangles, the middles of their sides, and their own: where an overlap of bodies with
+/// flat faces is deepest.
+fn points_on(surface: &Surface) -> impl Iterator<Item = DVec3> {
+    let middles = (0..surface.triangles.len()).flat_map(|triangle| {
+        let [a, b, c] = surface.corners(triangle);
+        [a.midpoint(b), b.midpoint(c), c.midpoint(a), (a + b + c) / 3.0]
+    });
+    surface.vertices.iter().copied().chain(middles)
 }
 
 /// Pairs of objects that may overlap, touch or nearly do.

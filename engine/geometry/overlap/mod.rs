@@ -25,6 +25,7 @@ pub(super) use contacts::{Assembly, pairs_to_compare};
 pub use contacts::{Contact, ContactKind};
 pub(super) use meeting::{Around, Meetings, pairs};
 pub(super) use parts::Parts;
+pub(crate) use solid::PEAK_PER_CUT_TRIANGLE;
 use solid::Solid;
 
 /// What happens to the objects of a sample because they overlap.
@@ -193,7 +194,8 @@ impl<'a> Operands<'a> {
     }
 
     fn joined(&self, parts: &[u32]) -> Solid {
-        Solid::of(&self.parts.joined(parts, &self.members, self.bodies))
+        let clean = parts.iter().all(|it| self.parts.all[*it as usize].defective.is_none());
+        Solid::of(&self.parts.joined(parts, &self.members, self.bodies), clean)
     }
 }
 

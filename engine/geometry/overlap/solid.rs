@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 use crate::{numbers, reserve};
 
 /// Peak bytes per triangle of both operands, as measured.
-const PEAK_PER_TRIANGLE: u64 = 1500;
+pub(crate) const PEAK_PER_CUT_TRIANGLE: u64 = 560;
 /// Triangles above which somebody may want to cancel one boolean.
 const SLOW: usize = 20_000;
 /// Time between two looks at whether to stop.
@@ -30,19 +30,26 @@ pub(super) struct Solid {
 }
 
 impl Solid {
-    /// Takes a surface, oriented outwards.
-    pub(super) fn of(surface: &Surface) -> Self {
+    /// Takes a surface, oriented outwards; `clean`: that passes through itself nowhere.
+    pub(super) fn of(surface: &Surface, clean: bool) -> Self {
         let mesh = MeshGLP::<f64, u32> {
             num_prop: 3,
             vert_properties: surface.vertices.iter().flat_map(|it| it.to_array()).collect(),
             tri_verts: surface.triangles.as_flattened().to_vec(),
             ..Default::default()
         };
-        let made = Manifold::from_mesh_glp(&mesh);
-        if made.status() == types::Error::NoError {
-            return Self { mesh: made, clean: true };
+        // What the library does not expect ends one object, and not the program.
+        let taken = |take: fn(&MeshGLP<f64, u32>) -> Manifold| {
+            catch_unwind(|| take(&mesh))
+                .unwrap_or_else(|_| Manifold::make_empty(types::Error::InvalidConstruction))
+        };
+        if clean {
+            let mesh = taken(Manifold::from_mesh_glp);
+            if mesh.status() == types::Error::NoError {
+                return Self { mesh, clean };
+            }
         }
-        Self { mesh: Manifold::from_mesh_glp_robust(&mesh), clean: false }
+        Self { mesh: taken(Manifold::from_mesh_glp_robust), clean: false }
     }
 
     /// What is left of it outside `other`; `failed` makes the error of what went wrong.
@@ -89,13 +96,12 @@ impl Solid {
             }
         }
         let triangles = self.mesh.num_tri() + other.mesh.num_tri();
-        let needed = PEAK_PER_TRIANGLE.saturating_mul(triangles as u64);
+        let needed = PEAK_PER_CUT_TRIANGLE.saturating_mul(triangles as u64);
         reserve::ask(needed, "cutting objects that overlap", reserve::REMEDY)?;
         let clean = self.clean && other.clean;
         let engine = if clean { BooleanEngine::Exact } else { BooleanEngine::Robust };
         let token = CancelToken::new();
         let work = || {
-            // A library of geometry may meet what it did not expect: that ends one object.
             catch_unwind(AssertUnwindSafe(|| {
                 self.mesh.boolean_with_engine_and_token(
                     &other.mesh,
