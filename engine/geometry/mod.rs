@@ -7,6 +7,7 @@
 //! the sample sweeps over the views with the set-up.
 
 mod adjacency;
+mod assemble;
 mod body;
 mod defects;
 mod distance;

@@ -163,7 +163,7 @@ impl Assembly<'_> {
             }
         }
         let every = soundings.len().div_ceil(SOUNDINGS).max(1);
-        let depth = |point: DVec3| self.from_surface(a, point).max(self.from_surface(b, point));
+        let depth = |point: DVec3| self.depth_in(a, point).max(self.depth_in(b, point));
         let depths: Vec<(f64, DVec3)> =
             soundings.par_iter().step_by(every).map(|point| (depth(*point), *point)).collect();
         let (depth, place) = depths
@@ -173,7 +173,7 @@ impl Assembly<'_> {
     }
 
     /// Distance of a point from the surface of an object, m.
-    fn from_surface(self, object: usize, point: DVec3) -> f64 {
+    fn depth_in(self, object: usize, point: DVec3) -> f64 {
         let Some(search) = self.searches[object].as_ref() else { return 0.0 };
         let surface = &self.bodies[object].surface;
         let [low, high] = self.bodies[object].bounds();

@@ -58,12 +58,11 @@ impl Cuts {
         };
         for (object, body) in bodies.iter().enumerate() {
             let mut outside = Vec::with_capacity(body.components.len());
-            for component in 0..body.components.len() {
-                let part = parts.of[object][component];
-                let containers = &around[object][component];
+            for (component, containers) in (0_u32..).zip(&around[object]) {
+                let part = parts.of[object][component as usize];
                 let object_of = |container: &u32| parts.all[*container as usize].object;
                 if let Some(cover) = containers.iter().map(object_of).find(|it| *it > object) {
-                    cuts.covered[part as usize].push(numbers::count(component));
+                    cuts.covered[part as usize].push(component);
                     cuts.cut_by[object].push(numbers::count(cover));
                 }
                 let whole = |it: &&u32| cutters[**it as usize].binary_search(&part).is_err();

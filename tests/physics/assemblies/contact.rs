@@ -8,7 +8,7 @@ use crate::support::{CARBON, WATER, Worst, backends};
 use beamlet::Backend;
 use beamlet::internals::interface::FLAG_REFLECTED;
 use beamlet::internals::trace::Ray;
-use beamlet::scene::{MaterialSpec, Transport};
+use beamlet::scene::{MaterialSpec, Scheme, Transport};
 
 /// Mu and delta of the block below: less than those of the carbon around it, which reflects rays
 /// within 0.85 mrad.
@@ -73,6 +73,31 @@ fn gap_of_two_nanometres_changes_nothing_and_one_of_a_hundred_reflects() {
         }
     }
     bench.end();
+}
+
+#[test]
+fn random_rays_see_touching_plates_as_the_one_block() {
+    let engine = crate::support::engine(Backend::Bvh);
+    for transport in [Transport::FirstOrder, Transport::Exact] {
+        let stack = |bodies: &[Body]| {
+            let mut scene = scenes::scene(&Setup::paper([16, 8]), bodies, &[0.0, 1e-5]);
+            scene.sampling.scheme = Scheme::Random;
+            scene.sampling.rays = [200, 1];
+            scene.sampling.transport = transport;
+            let stacks = engine.simulate(&scene).expect("a stack");
+            let tally = &stacks.record.tally;
+            assert_eq!([tally.unbalanced, tally.unordered, tally.not_finite], [0; 3]);
+            stacks.sample
+        };
+        let block = cuboid([3e-3, 4e-3, 2e-3]).turned([0.3, 0.2, 1.0], 0.4).rounded();
+        let one = stack(&[body(block, CARBON[0], CARBON[1])]);
+        let many = stack(&plates(20, 0.4, |_| CARBON));
+        // One ray beside an edge in f32 is 1/200 of a pixel; most pixels have none.
+        let differ = one.iter().zip(&many).filter(|(a, b)| (*a - *b).abs() > 1e-6).count();
+        let worst = one.iter().zip(&many).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        println!("measured {transport:?}: {differ} of {} differ, by {worst:e}", one.len());
+        assert!(differ * 50 < one.len() && worst < 2e-3, "{differ} differ, by {worst:e}");
+    }
 }
 
 /// Plates face to face, one on the other.

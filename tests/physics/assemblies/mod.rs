@@ -1,5 +1,11 @@
 //! Objects that overlap, touch and coincide: at every point the one listed later wins.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts are small; rays are rounded to f32 as the engine takes them"
+)]
+
 mod cad;
 mod contact;
 mod overlap;
@@ -70,10 +76,9 @@ impl Bench {
 /// Way of a ray through every body, of a material of its own each, from the words of moments.
 pub(super) fn paths_of(words: &[u32], ray: usize, bodies: usize) -> Vec<f64> {
     // Material 0 is the surroundings.
-    let of_ray =
-        &words[ray * (MOMENTS_HEAD as usize + (bodies + 1) * MOMENTS_PER_MATERIAL as usize)..];
-    let of_material = |k: usize| MOMENTS_HEAD as usize + (k + 1) * MOMENTS_PER_MATERIAL as usize;
-    let path = |k: usize| f32::from_bits(of_ray[of_material(k) + MOMENTS_PATH as usize]);
+    let of_ray = &words[ray * (MOMENTS_HEAD + (bodies + 1) * MOMENTS_PER_MATERIAL)..];
+    let of_material = |k: usize| MOMENTS_HEAD + (k + 1) * MOMENTS_PER_MATERIAL;
+    let path = |k: usize| f32::from_bits(of_ray[of_material(k) + MOMENTS_PATH]);
     (0..bodies).map(|k| path(k).into()).collect()
 }
 
