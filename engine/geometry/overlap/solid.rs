@@ -16,7 +16,7 @@ use crate::{numbers, reserve};
 
 /// Peak bytes per triangle of both operands, as measured.
 pub(crate) const PEAK_PER_CUT_TRIANGLE: u64 = 560;
-/// Triangles above which somebody may want to cancel one boolean.
+/// Triangles above which somebody may want to cancel a boolean of clean meshes.
 const SLOW: usize = 20_000;
 /// Time between two looks at whether to stop.
 const TICK: Duration = Duration::from_millis(50);
@@ -111,7 +111,7 @@ impl Solid {
                 )
             }))
         };
-        let made = if triangles < SLOW { work() } else { watched(work, &token, task) };
+        let made = if clean && triangles < SLOW { work() } else { watched(work, &token, task) };
         let made = made.map_err(|_| failed("the boolean failed".to_owned()))?;
         match made.status() {
             types::Error::NoError => Ok(Self { mesh: made, clean }),
