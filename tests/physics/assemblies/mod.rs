@@ -19,7 +19,7 @@ use beamlet::internals::interface::{
     FLAG_UNBALANCED, MOMENTS_HEAD, MOMENTS_PATH, MOMENTS_PER_MATERIAL,
 };
 use beamlet::internals::trace::{
-    DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer,
+    CrossingFinder, DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer,
 };
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
@@ -45,27 +45,29 @@ impl Bench {
         Self { device, kernels }
     }
 
-    /// A tracer of a scene as it is loaded for a run.
-    pub(super) fn tracer(&self, backend: Backend, scene: &Scene) -> Tracer {
+    /// A scene as it is loaded for a run, on the device.
+    pub(super) fn sample(&self, backend: Backend, scene: &Scene) -> Arc<DeviceSample> {
         let media = MaterialTable::of(scene).expect("media");
         let sample = geometry::load(scene).expect("a sample");
         let across = geometry::across_edges(&sample);
         let query = backend == Backend::RayQuery;
         let on_device =
-            DeviceSample::upload(&self.device, scene, &sample, &across, &media, query, 1.0)
-                .expect("room");
-        let on_device = Arc::new(on_device);
-        let transport = scene.sampling.transport;
-        let tracer = Tracer::new(
-            &self.device,
-            &self.kernels,
-            &on_device,
-            backend,
-            transport,
-            None,
-            u32::MAX,
-        );
-        tracer.expect("a tracer")
+            DeviceSample::upload(&self.device, scene, &sample, &across, &media, query, 1.0);
+        Arc::new(on_device.expect("room"))
+    }
+
+    /// A tracer of it.
+    pub(super) fn tracer(&self, backend: Backend, scene: &Scene) -> Tracer {
+        let sample = self.sample(backend, scene);
+        let (kernels, transport) = (&self.kernels, scene.sampling.transport);
+        let made = Tracer::new(&self.device, kernels, &sample, backend, transport, None, u32::MAX);
+        made.expect("a tracer")
+    }
+
+    /// What finds its crossings.
+    pub(super) fn finder(&self, scene: &Scene) -> CrossingFinder {
+        let sample = self.sample(Backend::Bvh, scene);
+        CrossingFinder::new(&self.device, &sample, 64).expect("a finder")
     }
 
     pub(super) fn end(self) {
