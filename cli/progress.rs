@@ -143,6 +143,8 @@ fn words(loading: &LoadProgress) -> String {
         LoadStep::Joining => "joining vertices of",
         LoadStep::Checking => "checking",
         LoadStep::Nesting => return "looking for objects that meet".to_owned(),
+        LoadStep::Comparing => return "measuring where objects meet".to_owned(),
+        LoadStep::Cutting => return "cutting objects that overlap".to_owned(),
         _ => "loading",
     };
     let name = printed::line(&loading.object);

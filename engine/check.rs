@@ -16,9 +16,11 @@ use crate::{Control, Engine, Progress, Result, run};
 use serde::Serialize;
 use std::time::Instant;
 
+mod contacts;
 mod display;
 
 pub use crate::detector::SubpixelGrid;
+pub use contacts::CheckedContact;
 pub use display::count;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.
@@ -31,6 +33,8 @@ pub struct CheckReport {
     pub materials: Vec<Material>,
     /// Objects of the sample, in the order of the scene.
     pub objects: Vec<CheckedObject>,
+    /// Where objects overlap, touch or nearly do.
+    pub contacts: Vec<CheckedContact>,
     /// What it will cost.
     pub work: Work,
     /// What looks odd but does not stop a run.
@@ -125,6 +129,8 @@ pub struct CheckedObject {
     pub bounds: [[f64; 3]; 2],
     /// Names of the objects that it stands in; empty: none.
     pub inside: Vec<String>,
+    /// Names of the later objects that overlap it: what they cover is cut away.
+    pub cut_by: Vec<String>,
     /// SHA-256 of its mesh; empty for a shape.
     pub hash: String,
     /// What is wrong with its surface.
@@ -265,6 +271,7 @@ fn load_lenient(
         },
         materials,
         objects: objects(scene, &sample),
+        contacts: contacts::contacts(&sample),
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
@@ -367,22 +374,24 @@ fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
 }
 
 fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
-    let checked = |(index, summary): (usize, &ObjectSummary)| {
-        let mut inside: Vec<String> = Vec::new();
-        for &outer in summary.inside.iter().flatten() {
-            let name = scene.objects.get(outer as usize).map(|object| object.name.clone());
-            inside.extend(name.filter(|name| !inside.contains(name)));
+    let names = |objects: &mut dyn Iterator<Item = u32>| {
+        let mut names: Vec<String> = Vec::new();
+        for object in objects {
+            let name = scene.objects.get(object as usize).map(|object| object.name.clone());
+            names.extend(name.filter(|name| !names.contains(name)));
         }
-        CheckedObject {
-            name: summary.name.clone(),
-            material: scene.objects.get(index).map(|o| o.material.clone()).unwrap_or_default(),
-            triangles: summary.triangles,
-            volume: summary.volume,
-            bounds: summary.bounds,
-            inside,
-            hash: summary.hash.clone(),
-            defects: summary.defects.clone(),
-        }
+        names
+    };
+    let checked = |(index, summary): (usize, &ObjectSummary)| CheckedObject {
+        name: summary.name.clone(),
+        material: scene.objects.get(index).map(|o| o.material.clone()).unwrap_or_default(),
+        triangles: summary.triangles,
+        volume: summary.volume,
+        bounds: summary.bounds,
+        inside: names(&mut summary.inside.iter().flatten().copied()),
+        cut_by: names(&mut contacts::winners(sample, index)),
+        hash: summary.hash.clone(),
+        defects: summary.defects.clone(),
     };
     sample.objects.iter().enumerate().map(checked).collect()
 }

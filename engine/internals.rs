@@ -40,5 +40,7 @@ pub mod sampling {
 pub mod trace {
     pub use crate::interface::{Ray, RayResult};
     pub use crate::run::simulation::{moments, trace};
-    pub use crate::trace::{DeviceSample, MaterialTable, Moment, Moments, TraceKernels, Tracer};
+    pub use crate::trace::{
+        CrossingFinder, DeviceSample, MaterialTable, Moment, Moments, TraceKernels, Tracer,
+    };
 }

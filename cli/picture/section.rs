@@ -60,7 +60,9 @@ pub(super) fn section(sample: &Sample) -> Vec<Loop> {
             loops.push(Loop { points, component: start.1, hole: area < 0.0, area: area.abs() });
         }
     }
-    loops.sort_by(|a, b| b.area.total_cmp(&a.area));
+    // A hole before what fills it to the last digit, as a bolt fills its bore.
+    let rank = |it: &Loop| it.area * if it.hole { 1.0 + 1e-9 } else { 1.0 };
+    loops.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
     loops
 }
 

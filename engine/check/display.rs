@@ -27,6 +27,10 @@ impl Display for CheckReport {
         for object in &self.objects {
             write_object(f, object)?;
         }
+        if !self.contacts.is_empty() {
+            writeln!(f, "\noverlaps, contacts and gaps")?;
+        }
+        self.contacts.iter().try_for_each(|contact| writeln!(f, "  {contact}"))?;
         let work = &self.work;
         writeln!(f, "\nwork")?;
         write_estimate(f, work)?;
@@ -128,6 +132,9 @@ fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
     detail(f, "box x, y, z [mm]", format!("{}; {}; {}", range(0), range(1), range(2)))?;
     if !object.inside.is_empty() {
         detail(f, "inside", object.inside.join(", "))?;
+    }
+    if !object.cut_by.is_empty() {
+        detail(f, "gives way to", object.cut_by.join(", "))?;
     }
     let kinds = object.defects.kinds();
     for (kind, found) in kinds.into_iter().filter(|(_, found)| found.count > 0) {

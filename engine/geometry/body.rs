@@ -8,6 +8,7 @@ use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Defect, Surface, bounds_of, encloses, in_mm};
 use super::topology::{self, Edge};
 use super::tree::Tree;
+use crate::numbers;
 
 /// A surface, its components turned so that material lies behind every triangle.
 #[derive(Debug)]
@@ -71,6 +72,45 @@ impl Body {
         Ok(Self { surface, triangle_component, components, warnings, search })
     }
 
+    /// Puts pieces, each with the object around it, in the place of the components that are gone.
+    pub(super) fn replace(
+        &mut self,
+        gone: &[bool],
+        pieces: impl Iterator<Item = (Surface, Option<u32>)>,
+        object: u32,
+    ) {
+        let is_left = |component: u32| !gone[component as usize];
+        self.surface.keep(|triangle| is_left(self.triangle_component[triangle]));
+        self.triangle_component.retain(|component| is_left(*component));
+        let mut next = 0;
+        let renumbered: Vec<u32> = gone
+            .iter()
+            .map(|gone| {
+                let number = next;
+                next += u32::from(!gone);
+                number
+            })
+            .collect();
+        for component in &mut self.triangle_component {
+            *component = renumbered[*component as usize];
+        }
+        let mut flags = gone.iter();
+        self.components.retain(|_| !flags.next().copied().unwrap_or_default());
+        for (mut surface, outside) in pieces {
+            let edges = topology::edges(&surface);
+            let (mut of, count) = topology::components(&surface, &edges);
+            let mut components = measure(&surface, &of, count, object);
+            drop_thin(&mut surface, &mut of, &mut components);
+            let vertex = numbers::count(self.surface.vertices.len());
+            let first = numbers::count(self.components.len());
+            self.surface.append(surface, vertex);
+            self.triangle_component.extend(of.iter().map(|it| it + first));
+            components.iter_mut().for_each(|component| component.outside = outside);
+            self.components.extend(components);
+        }
+        self.search = None;
+    }
+
     /// Bounding box of all components.
     pub(super) fn bounds(&self) -> [DVec3; 2] {
         self.surface.bounds()
@@ -107,17 +147,36 @@ fn measure(surface: &Surface, of: &[u32], count: u32, object: u32) -> Vec<Compon
 }
 
 /// The bounding box of a component as vectors.
-fn corners_of(component: &Component) -> [DVec3; 2] {
+pub(super) fn corners_of(component: &Component) -> [DVec3; 2] {
     component.bounds.map(DVec3::from_array)
 }
 
 /// Removes components that enclose nothing, such as a sheet folded onto itself: they have no
 /// outside, and change nothing.
 fn drop_flat(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Component>) -> usize {
-    let solid: Vec<bool> = components
-        .iter()
-        .map(|component| component.volume.abs() > 1e-10 * component.area.powf(1.5))
-        .collect();
+    let solid = |it: &Component| it.volume.abs() > 1e-10 * it.area.powf(1.5);
+    keep(solid, surface, of, components)
+}
+
+/// Removes components that are thinner than f32 resolves, as cuts along faces that coincide
+/// leave them: the device sees them without thickness.
+fn drop_thin(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Component>) {
+    let thick = |it: &Component| {
+        let [low, high] = corners_of(it);
+        let reach = low.abs().max(high.abs()).max_element();
+        it.volume.abs() > 0.25 * f64::from(f32::EPSILON) * reach * it.area
+    };
+    keep(thick, surface, of, components);
+}
+
+/// Keeps the components that are wanted; gives the number of others.
+fn keep(
+    wanted: impl Fn(&Component) -> bool,
+    surface: &mut Surface,
+    of: &mut Vec<u32>,
+    components: &mut Vec<Component>,
+) -> usize {
+    let solid: Vec<bool> = components.iter().map(wanted).collect();
     let flat = solid.iter().filter(|solid| !**solid).count();
     if flat == 0 {
         return 0;

@@ -41,6 +41,24 @@ pub(super) fn meet(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> Option<DVec3> {
     None
 }
 
+/// Distance of two triangles that do not cross, and a point of the first where it is least.
+pub(super) fn distance(a: [DVec3; 3], b: [DVec3; 3]) -> (f64, DVec3) {
+    let edges = |t: [DVec3; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
+    let corners = a.into_iter().map(|point| (point.distance(closest_on_triangle(point, b)), point));
+    let others = b.into_iter().map(|point| {
+        let nearest = closest_on_triangle(point, a);
+        (point.distance(nearest), nearest)
+    });
+    let sides = edges(a).into_iter().flat_map(|first| {
+        edges(b).into_iter().map(move |second| {
+            let (p, q) = closest_of_segments(first, second);
+            (p.distance(q), p)
+        })
+    });
+    let all = corners.chain(others).chain(sides);
+    all.fold((f64::INFINITY, a[0]), |least, it| if it.0 < least.0 { it } else { least })
+}
+
 /// Whether all of `b` lies beyond `limit` on one side of the plane of `a`.
 fn one_side(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> bool {
     let normal = (a[1] - a[0]).cross(a[2] - a[0]);
@@ -55,7 +73,10 @@ fn pierce((p, q): (DVec3, DVec3), triangle: [DVec3; 3]) -> Option<DVec3> {
     let [a, b, c] = triangle.map(|corner| corner - p);
     let along = q - p;
     let sides = [c.cross(b), a.cross(c), b.cross(a)].map(|normal| along.dot(normal));
-    let inside = sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0);
+    // Nearer to an edge than rounding tells, or without area: distances decide.
+    let size = a.length_squared().max(b.length_squared()).max(c.length_squared());
+    let doubt = 1e-14 * size * along.length();
+    let inside = sides.iter().all(|side| *side > doubt) || sides.iter().all(|side| *side < -doubt);
     if !inside {
         return None;
     }
@@ -65,7 +86,7 @@ fn pierce((p, q): (DVec3, DVec3), triangle: [DVec3; 3]) -> Option<DVec3> {
 }
 
 /// Closest point of a triangle (Ericson, Real-Time Collision Detection, 5.1.5).
-fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
+pub(super) fn closest_on_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::assemble::{Note, assemble};
 use super::body::Body;
 use super::defects::{self, Defects};
 use super::read::{PEAK_PER_TRIANGLE, SIMPLIFY, failed, hash, parse, read_surface};
@@ -12,7 +13,7 @@ use super::search::Search;
 use super::surface::{Defect, Surface};
 use super::topology::{self, Edge};
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
-use super::{ObjectSummary, Sample, nesting, placement, stl};
+use super::{Sample, nesting, placement, stl};
 use crate::error::{Error, Result};
 use crate::numbers;
 use crate::reserve;
@@ -22,8 +23,8 @@ use crate::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
 ///
 /// # Errors
 /// Files that cannot be read, surfaces that are not closed or cross themselves (unless their
-/// object allows defects), and objects whose surfaces meet or that a later one swallows. A
-/// scene without objects is an empty sample.
+/// object allows defects), and objects that overlap and cannot be cut. A scene without objects
+/// is an empty sample.
 ///
 /// # Example
 ///
@@ -44,13 +45,14 @@ pub(crate) fn load_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<Sample
         let mut loaded = read_all(scene, watch)?;
         match loaded.iter_mut().find_map(|object| object.refusal.take()) {
             Some(refusal) => Err(refusal),
-            None => sample(scene, loaded, watch),
+            None => sample(scene, loaded, false, watch),
         }
     })
 }
 
 /// As [`load`], but lets every defect through, to report what is wrong with each object.
-/// Beside the sample stand the errors that `load` would give, one for each refused object.
+/// Beside the sample stand the errors that `load` would give, one for each refused object; the
+/// sample lists its contacts.
 ///
 /// # Errors
 /// As [`load`], where an object has no surface.
@@ -67,7 +69,7 @@ pub(crate) fn load_lenient_watched(
         let mut loaded = read_all(scene, watch)?;
         let mut refusals: Vec<Error> =
             loaded.iter_mut().filter_map(|object| object.refusal.take()).collect();
-        match sample(scene, loaded, watch) {
+        match sample(scene, loaded, true, watch) {
             Ok(sample) => Ok((sample, refusals)),
             Err(Error::Interrupted) => Err(Error::Interrupted),
             // What goes wrong between broken objects follows from the first that is broken.
@@ -115,18 +117,30 @@ fn read_all(scene: &Scene, watch: &Watch<'_>) -> Result<Vec<Loaded>> {
         .collect()
 }
 
-fn sample(scene: &Scene, loaded: Vec<Loaded>, watch: &Watch<'_>) -> Result<Sample> {
+/// The sample; with `contacts`, those of its objects, too.
+fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch<'_>) -> Result<Sample> {
     let names = names(scene);
     let mut bodies = Vec::with_capacity(loaded.len());
     let mut notes = Vec::with_capacity(loaded.len());
     for object in loaded {
+        notes.push(Note {
+            bounds: object.body.bounds(),
+            hash: object.hash,
+            defects: object.defects,
+            cut_by: Vec::new(),
+        });
         bodies.push(object.body);
-        notes.push((object.hash, object.defects));
     }
     let begin = Instant::now();
-    nesting::nest(&mut bodies, &names, watch.nesting())?;
+    let accepted = |note: &Note| note.defects.refused().then(|| note.defects.description());
+    let defects: Vec<Option<String>> = notes.iter().map(accepted).collect();
+    let (cut_by, contacts) =
+        nesting::nest(&mut bodies, &names, &defects, contacts, watch.nesting())?;
     log::info!("what stands in what: found in {:.1} s", begin.elapsed().as_secs_f64());
-    assemble(bodies, names, notes)
+    for (note, cut_by) in notes.iter_mut().zip(cut_by) {
+        note.cut_by = cut_by;
+    }
+    Ok(Sample { contacts, ..assemble(bodies, names, notes)? })
 }
 
 /// Triangles of the meshes of a scene as far as that is known without reading them: those in
@@ -246,49 +260,4 @@ pub(super) fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Stri
     let vertices = vertices.as_flattened().iter().flat_map(|number| number.to_le_bytes());
     let triangles = triangles.as_flattened().iter().flat_map(|index| index.to_le_bytes());
     hash(&vertices.chain(triangles).collect::<Vec<u8>>())
-}
-
-fn assemble(
-    bodies: Vec<Body>,
-    names: Vec<String>,
-    notes: Vec<(String, Defects)>,
-) -> Result<Sample> {
-    let count = |of: fn(&Body) -> usize| bodies.iter().map(of).sum::<usize>();
-    let (vertices, triangles) =
-        (count(|body| body.surface.vertices.len()), count(|body| body.surface.triangles.len()));
-    if u32::try_from(vertices.max(triangles)).is_err() {
-        return Err(Error::mesh(
-            "the sample",
-            format!("{triangles} triangles are more than 32 bits can count"),
-            "all objects together",
-        ));
-    }
-    let mut sample = Sample::default();
-    let number = numbers::count;
-    for ((body, name), (hash, defects)) in bodies.into_iter().zip(names).zip(notes) {
-        let mut inside = Vec::new();
-        for component in body.components.iter().filter(|component| component.volume > 0.0) {
-            if !inside.contains(&component.outside) {
-                inside.push(component.outside);
-            }
-        }
-        sample.objects.push(ObjectSummary {
-            name,
-            triangles: body.surface.triangles.len(),
-            volume: body.components.iter().map(|component| component.volume).sum(),
-            bounds: body.bounds().map(Into::into),
-            inside,
-            hash,
-            defects,
-            warnings: body.warnings,
-        });
-        let (vertex, component) = (number(sample.vertices.len()), number(sample.components.len()));
-        sample.vertices.extend(body.surface.vertices.iter().map(|vertex| vertex.to_array()));
-        sample
-            .triangles
-            .extend(body.surface.triangles.iter().map(|corners| corners.map(|it| it + vertex)));
-        sample.triangle_component.extend(body.triangle_component.iter().map(|it| it + component));
-        sample.components.extend(body.components);
-    }
-    Ok(sample)
 }

@@ -2,10 +2,12 @@
 //!
 //! [`load`] reads the objects of a scene (`stl`, `obj`, `shapes`), welds and places them,
 //! refuses what is not closed or crosses itself (`defects`), turns what is inside out (`body`),
-//! and finds which object surrounds which (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
+//! cuts away what later objects cover (`overlap`), and finds which object surrounds which
+//! (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
 //! the sample sweeps over the views with the set-up.
 
 mod adjacency;
+mod assemble;
 mod body;
 mod defects;
 mod distance;
@@ -13,6 +15,7 @@ mod ears;
 mod load;
 mod nesting;
 mod obj;
+mod overlap;
 mod placement;
 mod polygon;
 mod read;
@@ -29,6 +32,8 @@ pub use adjacency::across_edges;
 pub use defects::{DefectCount, DefectPlace, Defects, MAX_DEFECT_PLACES};
 pub use load::{diagnose, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
+pub(crate) use overlap::PEAK_PER_CUT_TRIANGLE;
+pub use overlap::{Contact, ContactKind};
 pub(crate) use read::PEAK_PER_TRIANGLE;
 pub use read::file_hash;
 pub use swept::{BeamExtent, Swept, check_clearance, fov_warnings, swept};
@@ -51,6 +56,8 @@ pub struct Sample {
     pub components: Vec<Component>,
     /// Objects in the order of the scene.
     pub objects: Vec<ObjectSummary>,
+    /// Where objects overlap, touch or nearly do; of [`load_lenient`] alone.
+    pub contacts: Vec<Contact>,
 }
 
 /// A connected surface of one object.
@@ -75,14 +82,17 @@ pub struct Component {
 pub struct ObjectSummary {
     /// Name in the scene.
     pub name: String,
-    /// Number of triangles.
+    /// Number of triangles, after cuts.
     pub triangles: usize,
-    /// Volume of its outer surfaces less its voids, m3.
+    /// Volume of its outer surfaces less its voids, after cuts, m3.
     pub volume: f64,
     /// Least and greatest corner of its bounding box, m.
     pub bounds: [[f64; 3]; 2],
     /// Objects that it stands in, by its components (`None`: the surroundings).
     pub inside: Vec<Option<u32>>,
+    /// Later objects whose surfaces meet its own, or that cover a part of it: what they cover of
+    /// it is cut away.
+    pub cut_by: Vec<u32>,
     /// SHA-256 of the mesh as read (file bytes, or arrays), hexadecimal; empty for shapes.
     pub hash: String,
     /// What is wrong with its surface.

@@ -50,17 +50,6 @@ impl Search {
             .then_some(hits)
     }
 
-    /// Whether a point is in the material: outer surfaces around it less voids around it.
-    pub(super) fn contains(&self, surface: &Surface, point: DVec3) -> bool {
-        match self.crossings(surface, point) {
-            Some(hits) => hits.iter().map(|(_, sign)| sign).sum::<i32>() > 0,
-            None => {
-                let all = 0..surface.triangles.len();
-                winding_by_solid_angle(surface, all, point) > 0.5
-            }
-        }
-    }
-
     /// Whether it is clear what the ray meets.
     fn shoot(
         &self,

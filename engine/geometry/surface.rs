@@ -142,6 +142,13 @@ impl Surface {
         self.forget_unused();
     }
 
+    /// Adds another surface, whose vertices become those from number `first` on.
+    pub(super) fn append(&mut self, other: Self, first: u32) {
+        self.numbers.clear();
+        self.vertices.extend(other.vertices);
+        self.triangles.extend(other.triangles.iter().map(|it| it.map(|corner| corner + first)));
+    }
+
     /// Removes vertices that no triangle uses: they would count in the bounding box.
     fn forget_unused(&mut self) {
         let mut moved = vec![None; self.vertices.len()];

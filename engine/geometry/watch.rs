@@ -21,9 +21,14 @@ pub enum LoadStep {
     Joining,
     /// Triangles are looked at for what passes through what; counted in groups of triangles.
     Checking,
-    /// Objects are looked at for what stands in what; counted in pairs of objects. Last, and of
-    /// all objects together.
+    /// Objects are looked at for what stands in what; counted in pairs of objects. Of all objects
+    /// together.
     Nesting,
+    /// Objects that meet or nearly do are measured, for a check alone; counted in pairs of objects.
+    Comparing,
+    /// What later objects cover is cut away; counted in parts of objects. Only where objects
+    /// overlap or touch, last, and of all objects together.
+    Cutting,
 }
 
 /// How far the reading and checking of objects is.
@@ -32,7 +37,7 @@ pub enum LoadStep {
 pub struct LoadProgress {
     /// The step in work; where objects are read side by side, the one with the most work left.
     pub step: LoadStep,
-    /// Name of its object; empty for [`LoadStep::Nesting`].
+    /// Name of its object; empty from [`LoadStep::Nesting`] on.
     pub object: String,
     /// Objects that are read and checked.
     pub objects_done: usize,
@@ -62,8 +67,14 @@ struct Slot {
     total: AtomicU64,
 }
 
-const STEPS: [LoadStep; 4] =
-    [LoadStep::Reading, LoadStep::Joining, LoadStep::Checking, LoadStep::Nesting];
+const STEPS: [LoadStep; 6] = [
+    LoadStep::Reading,
+    LoadStep::Joining,
+    LoadStep::Checking,
+    LoadStep::Nesting,
+    LoadStep::Comparing,
+    LoadStep::Cutting,
+];
 const FINISHED: u64 = STEPS.len() as u64 + 1;
 
 /// A step that began.

@@ -6,13 +6,14 @@
 mod rays;
 
 use crate::detector::SubpixelGrid;
-use crate::geometry::{self, ObjectSummary, PEAK_PER_TRIANGLE};
+use crate::geometry::{self, ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
 use crate::numbers;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::StackShape;
 use crate::{Error, Result, reserve};
 use rays::{beamlets, cell_rays};
 use serde::Serialize;
+use std::collections::BTreeSet;
 
 /// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
 const PROGRAM: u64 = 122 << 20;
@@ -75,6 +76,15 @@ pub struct MemoryEstimate {
     pub peak_bytes: u64,
 }
 
+/// Triangles of objects that cut others or are cut.
+fn cut_triangles(objects: &[ObjectSummary]) -> u64 {
+    let cutters = objects.iter().flat_map(|it| &it.cut_by).copied().collect::<BTreeSet<u32>>();
+    let meets = |(number, object): &(u32, &ObjectSummary)| {
+        !object.cut_by.is_empty() || cutters.contains(number)
+    };
+    (0..).zip(objects).filter(meets).map(|(_, object)| object.triangles as u64).sum()
+}
+
 /// Bytes on the host and on the device.
 #[derive(Debug, Clone, Copy)]
 struct Bytes {
@@ -92,6 +102,8 @@ impl Bytes {
 #[derive(Debug)]
 struct Needs {
     triangles: u64,
+    /// Of them, those of objects that meet.
+    cut: u64,
     largest_mesh: u64,
     views: u64,
     rows: u32,
@@ -236,6 +248,7 @@ impl Needs {
         let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
         Ok(Self {
             triangles: objects.iter().map(|o| o.triangles as u64).sum(),
+            cut: cut_triangles(objects),
             largest_mesh: scene.objects.iter().zip(objects).map(of_mesh).max().unwrap_or(0),
             views: extent.views.into(),
             rows: extent.rows,
@@ -296,6 +309,7 @@ impl Needs {
                 host: PEAK_PER_TRIANGLE * self.largest_mesh + KEPT * (n - self.largest_mesh),
                 device: 0,
             },
+            Bytes { host: PEAK_PER_CUT_TRIANGLE * self.cut + KEPT * (n - self.cut), device: 0 },
             Bytes { host: BUILD * n, device: 0 },
             Bytes { host: KEPT * n, device: (TREE + STRUCTURE + SCRATCH) * n },
         ]

@@ -33,7 +33,7 @@ impl From<&interface::SurfaceCrossing> for SurfaceCrossing {
 
 /// Finds the first crossings of rays, with the software BVH on any device.
 #[derive(Debug)]
-pub(crate) struct CrossingFinder {
+pub struct CrossingFinder {
     device: Arc<Device>,
     sample: Arc<DeviceSample>,
     kernel: Kernel,
@@ -49,7 +49,7 @@ impl CrossingFinder {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], or [`crate::Error::Device`] where the driver refuses.
-    pub(crate) fn new(device: &Arc<Device>, sample: &Arc<DeviceSample>, most: u32) -> Result<Self> {
+    pub fn new(device: &Arc<Device>, sample: &Arc<DeviceSample>, most: u32) -> Result<Self> {
         let push = push_bytes::<CrossingsPush>();
         let most = most.max(1);
         let of_all = |each: usize| u64::from(RAYS) * u64::from(most) * each as u64;
@@ -71,7 +71,7 @@ impl CrossingFinder {
     ///
     /// # Errors
     /// [`crate::Error::Device`].
-    pub(crate) fn find(
+    pub fn find(
         &self,
         rays: &[Ray],
         mut visit: impl FnMut(usize, &[SurfaceCrossing]),

@@ -9,8 +9,7 @@ mod tracer;
 mod upload;
 
 pub(crate) use crate::interface::RayResult;
-pub(crate) use crossings::CrossingFinder;
-pub use crossings::SurfaceCrossing;
+pub use crossings::{CrossingFinder, SurfaceCrossing};
 pub use media::MaterialTable;
 pub(crate) use moments::grazing;
 pub use moments::{Moment, Moments};

@@ -25,6 +25,16 @@ struct Walk {
 const uint THROUGH = 0u;    // behind the last crossing of the list
 const uint SEARCHING = 1u;  // no longer on the list
 const uint LOST = 2u;       // an object is left that was not entered, or a limit is met
+const uint UNCLEAR = 3u;    // crossings are to be taken one by one
+
+// Whether a crossing was taken before the search that brought it up: a new search begins at a
+// crossing, which neighbours of the facet may bring up once more. `place`: of the object in the
+// set of media.
+bool is_known(Walk walk, Gathered list, Crossing crossing, uint place) {
+    bool entering = (crossing.facet & FACET_ENTERED) != 0u;
+    bool near = walk.searches > 1u && crossing.y - list.after <= walk.clearance;
+    return near && entering == (place < DEPTH);
+}
 
 // The first crossing behind entry i into the object, or out of it; the count if there is none.
 uint next_of(Gathered list, uint i, uint object, uint entered) {
@@ -73,9 +83,7 @@ uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
     bool entering = (crossing.facet & FACET_ENTERED) != 0u;
     Surface surface = sample_.surfaces.at[surface_at(leaf)];
     uint place = place_of(walk.media, surface.object);
-    // A new search begins at a crossing, which neighbours of the facet may bring up once more.
-    bool known = walk.searches > 1u && crossing.y - list.after <= walk.clearance;
-    if (known && entering == (place < DEPTH)) return THROUGH;
+    if (is_known(walk, list, crossing, place)) return THROUGH;
     if (!entering && place == DEPTH) {
         // Its entry stands behind it by rounding: they change places.
         uint entry = next_of(list, i, surface.object, FACET_ENTERED);
@@ -113,6 +121,23 @@ uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
     return THROUGH;
 }
 
+#include "walk/contact.glsl"
+
+// Takes the crossings at i of the list, as far as they are one interface; i: behind them.
+uint take_next(inout Walk walk, Gathered list, inout uint i) {
+    Crossing crossing = list_at(list, i);
+    uint end = contact_end(walk.ray, list, i, crossing);
+    if (end > i + 1u && !is_known(walk, list, crossing, place_of(walk.media, object_of(crossing)))) {
+        uint outcome = take_contact(walk, list, i, end);
+        if (outcome != UNCLEAR) {
+            i = end;
+            return outcome;
+        }
+    }
+    i += 1u;
+    return take(walk, list, i - 1u, crossing);
+}
+
 // Crossings that were missed at another energy count again.
 void list_renew(Gathered list) {
     for (uint i = 0u; i < list.count; i++) {
@@ -137,9 +162,10 @@ uint follow(inout Walk walk, inout Gathered list, inout bool known) {
         }
         walk.searches += 1u;
         outcome = THROUGH;
-        for (uint i = 0u; i < list.count && outcome == THROUGH; i++) {
-            Crossing crossing = list_at(list, i);
-            if ((crossing.facet & FACET_MISSED) == 0u) outcome = take(walk, list, i, crossing);
+        for (uint i = 0u; i < list.count && outcome == THROUGH;) {
+            bool missed = (list_at(list, i).facet & FACET_MISSED) != 0u;
+            if (missed) i += 1u;
+            else outcome = take_next(walk, list, i);
         }
         straighten(walk.ray);
         known = outcome != SEARCHING && walk.searches == 1u;

@@ -24,6 +24,13 @@ uint material_after(MediumSet media, uint object, bool entering, uint place) {
     return winner == 0u ? 0u : sample_.object_materials.at[winner - 1u];
 }
 
+// The material that wins.
+uint material_of(MediumSet media) {
+    uint winner = 0u; // object index + 1
+    for (uint i = 0u; i < media.count; i++) winner = max(winner, media.objects[i] + 1u);
+    return winner == 0u ? 0u : sample_.object_materials.at[winner - 1u];
+}
+
 // Enters the object, or leaves it from its place.
 void media_change(inout MediumSet media, uint object, bool entering, uint place) {
     if (entering) {

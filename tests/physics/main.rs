@@ -6,6 +6,7 @@ mod reference;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod assemblies;
 mod bars;
 mod crossings;
 mod detector;

@@ -6,6 +6,9 @@ use super::vector::{Vector, add, cross, dot, scaled, sub, turned, unit};
 /// Two hits nearer than this are at one place (coincident faces), m.
 const SAME_PLACE: f64 = 1e-11;
 
+/// Surfaces of several bodies that are nearer than this are one interface, m.
+const CONTACT: f64 = 5e-9;
+
 /// How a ray goes through the sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Order {
@@ -228,6 +231,40 @@ impl Sample {
         [before, self.medium(depth)]
     }
 
+    fn leaves(&self, hit: Hit, d: Vector) -> bool {
+        dot(self.triangles[hit.triangle].normal, d) > 0.0
+    }
+
+    /// Triangles of one interface with the one that is met at `o`: bodies are left and others
+    /// entered within [`CONTACT`]. Until that is so no body is met twice.
+    fn interface(&self, o: Vector, d: Vector, first: Hit, here: &[usize]) -> Vec<usize> {
+        let mut hits = Vec::new();
+        self.fan.each(o, d, |triangle| {
+            if let Some(t) = self.meet(triangle, o, d)
+                && (-SAME_PLACE..1e-2).contains(&t)
+                && !here.contains(&triangle)
+            {
+                hits.push(Hit { t, triangle });
+            }
+        });
+        hits.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        hits.dedup_by_key(|hit| hit.triangle);
+        let cosine = |hit: Hit| dot(self.triangles[hit.triangle].normal, d).abs();
+        let (mut group, mut mixed) = (vec![first.triangle], false);
+        for hit in hits {
+            let body = |triangle: usize| self.triangles[triangle].body;
+            let repeated = group.iter().any(|met| body(*met) == body(hit.triangle));
+            let apart = hit.t * cosine(hit).max(cosine(first)).max(1e-4);
+            if (repeated && !mixed) || apart > CONTACT {
+                break;
+            }
+            mixed |= self.leaves(hit, d) != self.leaves(first, d);
+            group.push(hit.triangle);
+        }
+        group.truncate(if mixed { group.len() } else { 1 });
+        group
+    }
+
     fn first(&self, source: Vector, d: Vector, analyser: f64) -> Trace {
         let mut hits = Vec::new();
         self.fan.each(source, d, |triangle| {
@@ -299,11 +336,19 @@ impl Sample {
             out.crossings += 1;
             out.met.push((hit.triangle, o[1]));
             assert!(out.crossings < 1_000_000, "a ray does not get out");
-            let triangle = &self.triangles[hit.triangle];
-            let leaving = dot(triangle.normal, d) > 0.0;
+            let leaving = self.leaves(hit, d);
             let old = depth.clone();
-            let media = self.cross(&mut depth, triangle.body, !leaving);
-            let [before, after] = media.map(|m| self.constants(m));
+            let before = self.medium(&depth);
+            for (number, met) in self.interface(o, d, hit, &here).into_iter().enumerate() {
+                depth[self.triangles[met].body] +=
+                    if dot(self.triangles[met].normal, d) < 0.0 { 1 } else { -1 };
+                if number > 0 {
+                    here.push(met);
+                    out.crossings += 1;
+                }
+            }
+            let triangle = &self.triangles[hit.triangle];
+            let [before, after] = [before, self.medium(&depth)].map(|m| self.constants(m));
             if before[1] == after[1] {
                 continue;
             }

@@ -8,5 +8,6 @@ mod experiments;
 mod files;
 mod meshes;
 mod nesting;
+mod overlap;
 pub(super) mod set_up;
 mod shapes;

@@ -136,3 +136,50 @@ fn loading_can_be_cancelled() {
         assert!(matches!(ended, Err(Error::Interrupted)), "{at:?}: {ended:?}");
     }
 }
+
+/// Two balls that overlap.
+fn overlapping() -> Scene {
+    let ball = |name: &str, place: &str| {
+        format!(
+            "[[object]]\nname = \"{name}\"\nmaterial = \"water\"\nposition = [\"{place}\", \"0 mm\", \
+             \"0 mm\"]\nshape = {{ sphere = {{ radius = \"1 mm\", sides = 200 }} }}\n"
+        )
+    };
+    let setup = "source = { distance = \"1 m\", spot = \"0 um\", energy = \"30 keV\" }\n\
+                 detector = { distance = \"2 m\", pixels = [8, 8], pitch = \"1 mm\" }\n";
+    Scene::from_toml(&[setup, &ball("a", "0 mm"), &ball("b", "0.7 mm")].concat(), ".").unwrap()
+}
+
+#[test]
+fn cuts_are_told_measured_by_check_alone_and_end_where_they_are_cancelled() {
+    let scene = overlapping();
+    let engine = Engine::open(&EngineOptions::default()).unwrap();
+    let mut steps = Vec::new();
+    let mut told = |progress: Progress| {
+        let Progress::Loading(loading) = progress else { panic!("{progress:?}") };
+        steps.push(loading.step);
+    };
+    let mut control = Control::default().with_progress(&mut told);
+    engine.prepare_with(&scene, &mut control).unwrap();
+    assert!(steps.contains(&LoadStep::Cutting) && !steps.contains(&LoadStep::Comparing));
+    let mut steps = Vec::new();
+    let mut told = |progress: Progress| {
+        let Progress::Loading(loading) = progress else { panic!("{progress:?}") };
+        steps.push(loading.step);
+    };
+    let report = check::check_watched(&scene, None, Some(&mut told)).unwrap();
+    assert!(steps.contains(&LoadStep::Comparing), "{steps:?}");
+    assert_eq!(report.contacts.len(), 1);
+    assert_eq!(report.objects[0].cut_by, ["b"]);
+    assert!(report.to_string().contains("\"a\" and \"b\" overlap"), "{report}");
+
+    let cancel = AtomicBool::new(false);
+    let mut told = |progress: Progress| {
+        if let Progress::Loading(loading) = progress {
+            cancel.fetch_or(loading.step == LoadStep::Cutting, Ordering::Relaxed);
+        }
+    };
+    let mut control = Control::default().with_progress(&mut told).with_cancel(&cancel);
+    let ended = engine.prepare_with(&scene, &mut control);
+    assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
+}

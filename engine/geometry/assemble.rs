@@ -1,0 +1,67 @@
+//! From the bodies of objects to a sample.
+
+use glam::DVec3;
+
+use super::body::Body;
+use super::defects::Defects;
+use super::{ObjectSummary, Sample};
+use crate::error::{Error, Result};
+use crate::numbers;
+
+/// What is known of an object beside its surface.
+pub(super) struct Note {
+    /// Bounding box of its mesh.
+    pub(super) bounds: [DVec3; 2],
+    pub(super) hash: String,
+    pub(super) defects: Defects,
+    pub(super) cut_by: Vec<u32>,
+}
+
+/// Puts the bodies of all objects together.
+///
+/// # Errors
+/// More triangles than 32 bits can count.
+pub(super) fn assemble(bodies: Vec<Body>, names: Vec<String>, notes: Vec<Note>) -> Result<Sample> {
+    let count = |of: fn(&Body) -> usize| bodies.iter().map(of).sum::<usize>();
+    let (vertices, triangles) =
+        (count(|body| body.surface.vertices.len()), count(|body| body.surface.triangles.len()));
+    if u32::try_from(vertices.max(triangles)).is_err() {
+        return Err(Error::mesh(
+            "the sample",
+            format!("{triangles} triangles are more than 32 bits can count"),
+            "all objects together",
+        ));
+    }
+    let mut sample = Sample::default();
+    let number = numbers::count;
+    for ((body, name), note) in bodies.into_iter().zip(names).zip(notes) {
+        // Of an object that vanishes, where it was.
+        let vanished = body.components.is_empty();
+        let bounds = if vanished { note.bounds } else { body.bounds() };
+        let mut inside = Vec::new();
+        for component in body.components.iter().filter(|component| component.volume > 0.0) {
+            if !inside.contains(&component.outside) {
+                inside.push(component.outside);
+            }
+        }
+        sample.objects.push(ObjectSummary {
+            name,
+            triangles: body.surface.triangles.len(),
+            volume: body.components.iter().map(|component| component.volume).sum(),
+            bounds: bounds.map(Into::into),
+            inside,
+            cut_by: note.cut_by,
+            hash: note.hash,
+            defects: note.defects,
+            warnings: body.warnings,
+        });
+        let (vertex, component) = (number(sample.vertices.len()), number(sample.components.len()));
+        sample.vertices.extend(body.surface.vertices.iter().map(|vertex| vertex.to_array()));
+        sample
+            .triangles
+            .extend(body.surface.triangles.iter().map(|corners| corners.map(|it| it + vertex)));
+        sample.triangle_component.extend(body.triangle_component.iter().map(|it| it + component));
+        sample.components.extend(body.components);
+    }
+    Ok(sample)
+}

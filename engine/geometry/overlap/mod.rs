@@ -1,0 +1,261 @@
+//! What objects cover of one another: where they overlap the one listed later wins.
+//!
+//! Every earlier object loses what later ones cover, by booleans of meshes in f64 (`solid`), so
+//! that all behind it sees bodies that are disjoint or nested: sums over their surfaces need no
+//! order. Only *parts* (`parts`: a closed outer surface with its voids) that meet are cut
+//! (`meeting`); those that lie apart or properly in one another stay as they are.
+
+mod contacts;
+mod meeting;
+mod parts;
+mod solid;
+
+use glam::DVec3;
+use rayon::prelude::*;
+use std::collections::HashSet;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::body::Body;
+use super::surface::Surface;
+use super::watch::{LoadStep, Task};
+use crate::error::{Error, Result};
+use crate::numbers;
+pub(super) use contacts::{Assembly, pairs_to_compare};
+pub use contacts::{Contact, ContactKind};
+pub(super) use meeting::{Around, Meetings, pairs};
+pub(super) use parts::Parts;
+pub(crate) use solid::PEAK_PER_CUT_TRIANGLE;
+use solid::Solid;
+
+/// What happens to the objects of a sample because they overlap.
+#[derive(Debug, Default)]
+pub(super) struct Cuts {
+    /// Of each part: later parts that are taken away from it.
+    cutters: Vec<Vec<u32>>,
+    /// Of each part, components of it that lie in a later object.
+    covered: Vec<Vec<u32>>,
+    /// Of each object: the object around each of its components.
+    pub(super) outside: Vec<Vec<Option<u32>>>,
+    /// Of each object: later ones that meet or cover a part of it.
+    pub(super) cut_by: Vec<Vec<u32>>,
+}
+
+impl Cuts {
+    /// Decides from what meets what.
+    ///
+    /// A part loses the later parts that meet it. With them go later parts that stand in it
+    /// without contact but meet one of those: they would stand half in what is left of it.
+    pub(super) fn of(bodies: &[Body], parts: &Parts, meetings: &Meetings, around: &Around) -> Self {
+        let cutters: Vec<Vec<u32>> = (0..parts.all.len())
+            .into_par_iter()
+            .map(|part| cutters(part, parts, meetings, around))
+            .collect();
+        let mut cuts = Self {
+            covered: vec![Vec::new(); parts.all.len()],
+            cut_by: vec![Vec::new(); bodies.len()],
+            ..Self::default()
+        };
+        for (object, body) in bodies.iter().enumerate() {
+            let mut outside = Vec::with_capacity(body.components.len());
+            for (component, containers) in (0_u32..).zip(&around[object]) {
+                let part = parts.of[object][component as usize];
+                let object_of = |container: &u32| parts.all[*container as usize].object;
+                if let Some(cover) = containers.iter().map(object_of).find(|it| *it > object) {
+                    cuts.covered[part as usize].push(component);
+                    cuts.cut_by[object].push(numbers::count(cover));
+                }
+                let whole = |it: &&u32| cutters[**it as usize].binary_search(&part).is_err();
+                let latest = containers.iter().filter(whole).map(object_of).max();
+                outside.push(latest.map(numbers::count));
+            }
+            cuts.outside.push(outside);
+        }
+        for (part, cutters) in parts.all.iter().zip(&cutters) {
+            let objects =
+                cutters.iter().map(|cutter| numbers::count(parts.all[*cutter as usize].object));
+            cuts.cut_by[part.object].extend(objects);
+        }
+        for cut_by in &mut cuts.cut_by {
+            cut_by.sort_unstable();
+            cut_by.dedup();
+        }
+        cuts.cutters = cutters;
+        cuts
+    }
+
+    /// Cuts the bodies. Those that nothing meets stay as they are, bit by bit.
+    ///
+    /// # Errors
+    /// Meshes that the boolean cannot take; [`Error::Memory`]; [`Error::Interrupted`].
+    pub(super) fn make(
+        &self,
+        bodies: &mut [Body],
+        parts: &Parts,
+        names: &[String],
+        task: Task<'_>,
+    ) -> Result<()> {
+        let work: Vec<usize> =
+            (0..parts.all.len()).filter(|part| !self.cutters[*part].is_empty()).collect();
+        if work.is_empty() && self.covered.iter().all(Vec::is_empty) {
+            return Ok(());
+        }
+        task.begin(LoadStep::Cutting, work.len() as u64)?;
+        let operands = Operands::new(bodies, parts);
+        let done = AtomicU64::new(0);
+        let left: Vec<(usize, Surface)> = work
+            .par_iter()
+            .map(|part| {
+                let surface = self.cut(*part, &operands, names, task)?;
+                task.reach(done.fetch_add(1, Ordering::Relaxed) + 1);
+                Ok((*part, surface))
+            })
+            .collect::<Result<_>>()?;
+        drop(operands);
+        let mut left_of: Vec<Vec<(usize, Surface)>> = bodies.iter().map(|_| Vec::new()).collect();
+        for (part, surface) in left {
+            left_of[parts.all[part].object].push((part, surface));
+        }
+        for (object, (body, left)) in bodies.iter_mut().zip(left_of).enumerate() {
+            let gone = self.gone(object, parts, body.components.len());
+            if !gone.contains(&true) {
+                continue;
+            }
+            let outside = &self.outside[object];
+            let pieces = left
+                .into_iter()
+                .map(|(part, surface)| (surface, outside[parts.all[part].components[0] as usize]));
+            body.replace(&gone, pieces, numbers::count(object));
+            if body.components.is_empty() {
+                body.warnings.push(
+                    "nothing is left of it: it lies wholly in objects that are listed later"
+                        .to_owned(),
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Components of an object that are cut, or covered.
+    fn gone(&self, object: usize, parts: &Parts, components: usize) -> Vec<bool> {
+        let mut gone = vec![false; components];
+        for (part, known) in parts.all.iter().enumerate().filter(|(_, it)| it.object == object) {
+            let cut = if self.cutters[part].is_empty() { &[] } else { &known.components[..] };
+            cut.iter().chain(&self.covered[part]).for_each(|it| gone[*it as usize] = true);
+        }
+        gone
+    }
+
+    /// What is left of a part.
+    fn cut(
+        &self,
+        number: usize,
+        operands: &Operands<'_>,
+        names: &[String],
+        task: Task<'_>,
+    ) -> Result<Surface> {
+        let parts = operands.parts;
+        let part = &parts.all[number];
+        if !self.covered[number].is_empty() && part.defective.is_none() {
+            return Ok(Surface::default());
+        }
+        let mut left = operands.solid(number).clone();
+        for group in parts.apart(&self.cutters[number]) {
+            if task.is_cancelled() {
+                return Err(Error::Interrupted);
+            }
+            let failed = |problem| parts.failed([number, group[0] as usize], names, problem);
+            left = match group[..] {
+                [one] => left.less(operands.solid(one as usize), task, failed)?,
+                _ => left.less(&operands.joined(&group), task, failed)?,
+            };
+        }
+        Ok(left.surface())
+    }
+}
+
+/// Parts as the booleans take them, each made once.
+struct Operands<'a> {
+    bodies: &'a [Body],
+    parts: &'a Parts,
+    members: Vec<Vec<u32>>,
+    solids: Vec<OnceLock<Solid>>,
+}
+
+impl<'a> Operands<'a> {
+    fn new(bodies: &'a [Body], parts: &'a Parts) -> Self {
+        let solids = parts.all.iter().map(|_| OnceLock::new()).collect();
+        Self { bodies, parts, members: parts.members(bodies), solids }
+    }
+
+    fn solid(&self, part: usize) -> &Solid {
+        self.solids[part].get_or_init(|| self.joined(&[numbers::count(part)]))
+    }
+
+    fn joined(&self, parts: &[u32]) -> Solid {
+        let clean = parts.iter().all(|it| self.parts.all[*it as usize].defective.is_none());
+        Solid::of(&self.parts.joined(parts, &self.members, self.bodies), clean)
+    }
+}
+
+/// Later parts that are taken away from a part.
+fn cutters(part: usize, parts: &Parts, meetings: &Meetings, around: &[Vec<Vec<u32>>]) -> Vec<u32> {
+    let object = parts.all[part].object;
+    let later = |it: &&u32| parts.all[**it as usize].object > object;
+    let mut found: Vec<u32> = meetings.of(part).iter().filter(later).copied().collect();
+    let number = numbers::count(part);
+    let inside = |it: u32| {
+        let Some(known) = parts.all.get(it as usize) else { return false };
+        let containers = |component: &u32| &around[known.object][*component as usize];
+        known.components.iter().any(|component| containers(component).contains(&number))
+    };
+    let mut known: HashSet<u32> = found.iter().copied().collect();
+    let mut next = 0;
+    while let Some(cutter) = found.get(next).copied() {
+        for other in meetings.of(cutter as usize).iter().filter(later) {
+            if inside(*other) && known.insert(*other) {
+                found.push(*other);
+            }
+        }
+        next += 1;
+    }
+    found.sort_unstable();
+    found
+}
+
+/// Area where two triangles lie on each other, within `limit`, m2: the second, cut to the edges of
+/// the first.
+fn overlap_area(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> f64 {
+    let normal = |t: [DVec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).normalize_or_zero();
+    let (up, other) = (normal(a), normal(b));
+    if up.dot(other).abs() < 0.999 {
+        return 0.0;
+    }
+    let mut polygon = b.to_vec();
+    for k in 0..3 {
+        // Inside is to the left of each edge.
+        let (from, to) = (a[k], a[(k + 1) % 3]);
+        let inward = up.cross(to - from);
+        let side = |point: DVec3| inward.dot(point - from);
+        let mut cut = Vec::with_capacity(polygon.len() + 1);
+        for (i, &point) in polygon.iter().enumerate() {
+            let next = polygon[(i + 1) % polygon.len()];
+            let (here, there) = (side(point), side(next));
+            if here >= 0.0 {
+                cut.push(point);
+            }
+            if (here > 0.0 && there < 0.0) || (here < 0.0 && there > 0.0) {
+                cut.push(point.lerp(next, here / (here - there)));
+            }
+        }
+        polygon = cut;
+    }
+    let Some(&first) = polygon.first() else { return 0.0 };
+    let middle = polygon.iter().sum::<DVec3>() / polygon.len() as f64;
+    if up.dot(middle - a[0]).abs() > limit {
+        return 0.0;
+    }
+    let twice =
+        polygon.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum::<DVec3>();
+    0.5 * twice.dot(up).abs()
+}

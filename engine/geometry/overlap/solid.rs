@@ -1,0 +1,184 @@
+//! Booleans of closed meshes in f64: the one place that knows the library.
+
+use glam::DVec3;
+use manifold_rust::cancel::CancelToken;
+use manifold_rust::manifold::Manifold;
+use manifold_rust::types::{self, BooleanEngine, MeshGLP, OpType};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use super::super::surface::Surface;
+use super::super::watch::Task;
+use crate::error::{Error, Result};
+use crate::{numbers, reserve};
+
+/// Peak bytes per triangle of both operands, as measured.
+pub(crate) const PEAK_PER_CUT_TRIANGLE: u64 = 560;
+/// Triangles above which somebody may want to cancel a boolean of clean meshes.
+const SLOW: usize = 20_000;
+/// Time between two looks at whether to stop.
+const TICK: Duration = Duration::from_millis(50);
+
+/// A closed mesh as the library takes it.
+#[derive(Clone)]
+pub(super) struct Solid {
+    mesh: Manifold,
+    /// The fast engine takes it: every edge has two triangles, and none pass through others.
+    clean: bool,
+}
+
+impl Solid {
+    /// Takes a surface, oriented outwards; `clean`: that passes through itself nowhere.
+    pub(super) fn of(surface: &Surface, clean: bool) -> Self {
+        let mesh = MeshGLP::<f64, u32> {
+            num_prop: 3,
+            vert_properties: surface.vertices.iter().flat_map(|it| it.to_array()).collect(),
+            tri_verts: surface.triangles.as_flattened().to_vec(),
+            ..Default::default()
+        };
+        // What the library does not expect ends one object, and not the program.
+        let taken = |take: fn(&MeshGLP<f64, u32>) -> Manifold| {
+            catch_unwind(|| take(&mesh))
+                .unwrap_or_else(|_| Manifold::make_empty(types::Error::InvalidConstruction))
+        };
+        if clean {
+            let mesh = taken(Manifold::from_mesh_glp);
+            if mesh.status() == types::Error::NoError {
+                return Self { mesh, clean };
+            }
+        }
+        Self { mesh: taken(Manifold::from_mesh_glp_robust), clean: false }
+    }
+
+    /// What is left of it outside `other`; `failed` makes the error of what went wrong.
+    ///
+    /// # Errors
+    /// Of `failed`; [`Error::Memory`]; [`Error::Interrupted`].
+    pub(super) fn less(
+        &self,
+        other: &Self,
+        task: Task<'_>,
+        failed: impl Fn(String) -> Error,
+    ) -> Result<Self> {
+        self.combine(other, OpType::Subtract, task, failed)
+    }
+
+    /// What it shares with `other`.
+    ///
+    /// # Errors
+    /// As [`Solid::less`].
+    pub(super) fn and(
+        &self,
+        other: &Self,
+        task: Task<'_>,
+        failed: impl Fn(String) -> Error,
+    ) -> Result<Self> {
+        self.combine(other, OpType::Intersect, task, failed)
+    }
+
+    /// Volume, m3.
+    pub(super) fn volume(&self) -> f64 {
+        self.mesh.volume()
+    }
+
+    fn combine(
+        &self,
+        other: &Self,
+        operation: OpType,
+        task: Task<'_>,
+        failed: impl Fn(String) -> Error,
+    ) -> Result<Self> {
+        for solid in [self, other] {
+            if solid.mesh.status() != types::Error::NoError {
+                return Err(failed(solid.mesh.status().to_str().to_lowercase()));
+            }
+        }
+        let triangles = self.mesh.num_tri() + other.mesh.num_tri();
+        let needed = PEAK_PER_CUT_TRIANGLE.saturating_mul(triangles as u64);
+        reserve::ask(needed, "cutting objects that overlap", reserve::REMEDY)?;
+        let clean = self.clean && other.clean;
+        let engine = if clean { BooleanEngine::Exact } else { BooleanEngine::Robust };
+        let token = CancelToken::new();
+        let work = || {
+            catch_unwind(AssertUnwindSafe(|| {
+                self.mesh.boolean_with_engine_and_token(
+                    &other.mesh,
+                    operation,
+                    engine,
+                    Some(&token),
+                )
+            }))
+        };
+        let made = if clean && triangles < SLOW { work() } else { watched(work, &token, task) };
+        let made = made.map_err(|_| failed("the boolean failed".to_owned()))?;
+        match made.status() {
+            types::Error::NoError => Ok(Self { mesh: made, clean }),
+            types::Error::Cancelled => Err(Error::Interrupted),
+            status => Err(failed(status.to_str().to_lowercase())),
+        }
+    }
+
+    /// Its triangles, in an order of their own: the library's depends on what else runs.
+    pub(super) fn surface(&self) -> Surface {
+        let mesh: MeshGLP<f64, u32> = self.mesh.get_mesh_glp(-1);
+        let positions = mesh.vert_properties.as_chunks::<3>().0;
+        let mut order: Vec<u32> = (0..numbers::count(positions.len())).collect();
+        let key = |vertex: &u32| positions[*vertex as usize].map(|it| it + 0.0);
+        order.sort_by(|a, b| {
+            let (a, b) = (key(a), key(b));
+            let parts = a.iter().zip(&b).map(|(a, b)| a.total_cmp(b));
+            parts.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
+        });
+        let mut rank = vec![0_u32; order.len()];
+        for (place, vertex) in (0..).zip(&order) {
+            rank[*vertex as usize] = place;
+        }
+        let merged = |vertex: u32| rank.get(vertex as usize).copied().unwrap_or_default();
+        let mut triangles: Vec<[u32; 3]> = mesh
+            .tri_verts
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|corners| {
+                let [a, b, c] = corners.map(merged);
+                // The least corner first, the turn as it was.
+                if a < b && a < c {
+                    [a, b, c]
+                } else if b < c {
+                    [b, c, a]
+                } else {
+                    [c, a, b]
+                }
+            })
+            .collect();
+        triangles.sort_unstable();
+        let vertices = order.iter().map(|it| DVec3::from_array(positions[*it as usize])).collect();
+        Surface::new(vertices, triangles)
+    }
+}
+
+/// Does `work` while somebody looks whether to stop it.
+fn watched<T: Send>(work: impl FnOnce() -> T, token: &CancelToken, task: Task<'_>) -> T {
+    let finished = AtomicBool::new(false);
+    thread::scope(|scope| {
+        let look = || {
+            while !finished.load(Ordering::Acquire) {
+                if task.is_cancelled() {
+                    token.cancel();
+                    return;
+                }
+                thread::park_timeout(TICK);
+            }
+        };
+        // Without memory for a thread it goes on unwatched.
+        let watcher = thread::Builder::new().spawn_scoped(scope, look).ok();
+        let made = work();
+        finished.store(true, Ordering::Release);
+        if let Some(watcher) = &watcher {
+            watcher.thread().unpark();
+        }
+        made
+    })
+}

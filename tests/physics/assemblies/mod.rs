@@ -1,0 +1,153 @@
+//! Objects that overlap, touch and coincide: at every point the one listed later wins.
+
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "counts are small; rays are rounded to f32 as the engine takes them"
+)]
+
+mod cad;
+mod contact;
+mod overlap;
+
+use crate::reference::rays::{Order, Sample, Trace};
+use crate::reference::scenes;
+use crate::reference::stack::Setup;
+use crate::reference::surfaces::{Body, Random};
+use beamlet::internals::gpu::{Device, DeviceOptions};
+use beamlet::internals::interface::{
+    FLAG_UNBALANCED, MOMENTS_HEAD, MOMENTS_PATH, MOMENTS_PER_MATERIAL,
+};
+use beamlet::internals::trace::{
+    CrossingFinder, DeviceSample, MaterialTable, Ray, RayResult, TraceKernels, Tracer,
+};
+use beamlet::scene::{Scene, Transport};
+use beamlet::{Backend, geometry};
+use std::sync::Arc;
+
+pub(super) const SOURCE: f64 = 1.21;
+pub(super) const LEVER: f64 = 0.59;
+/// What f32 may move a ray by against the vertices, m.
+pub(super) const HAIR: f64 = 1e-9;
+
+/// A device, for tracers of many samples.
+pub(super) struct Bench {
+    device: Arc<Device>,
+    kernels: Arc<TraceKernels>,
+}
+
+impl Bench {
+    pub(super) fn new() -> Self {
+        let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
+        let device = Device::open(&DeviceOptions { validation, ..DeviceOptions::default() })
+            .expect("a Vulkan device");
+        let kernels = Arc::new(TraceKernels::new(&device));
+        Self { device, kernels }
+    }
+
+    /// A scene as it is loaded for a run, on the device.
+    pub(super) fn sample(&self, backend: Backend, scene: &Scene) -> Arc<DeviceSample> {
+        let media = MaterialTable::of(scene).expect("media");
+        let sample = geometry::load(scene).expect("a sample");
+        let across = geometry::across_edges(&sample);
+        let query = backend == Backend::RayQuery;
+        let on_device =
+            DeviceSample::upload(&self.device, scene, &sample, &across, &media, query, 1.0);
+        Arc::new(on_device.expect("room"))
+    }
+
+    /// A tracer of it.
+    pub(super) fn tracer(&self, backend: Backend, scene: &Scene) -> Tracer {
+        let sample = self.sample(backend, scene);
+        let (kernels, transport) = (&self.kernels, scene.sampling.transport);
+        let made = Tracer::new(&self.device, kernels, &sample, backend, transport, None, u32::MAX);
+        made.expect("a tracer")
+    }
+
+    /// What finds its crossings.
+    pub(super) fn finder(&self, scene: &Scene) -> CrossingFinder {
+        let sample = self.sample(Backend::Bvh, scene);
+        CrossingFinder::new(&self.device, &sample, 64).expect("a finder")
+    }
+
+    pub(super) fn end(self) {
+        assert_eq!(self.device.validation_messages(), 0);
+    }
+}
+
+/// Way of a ray through every body, of a material of its own each, from the words of moments.
+pub(super) fn paths_of(words: &[u32], ray: usize, bodies: usize) -> Vec<f64> {
+    // Material 0 is the surroundings.
+    let of_ray = &words[ray * (MOMENTS_HEAD + (bodies + 1) * MOMENTS_PER_MATERIAL)..];
+    let of_material = |k: usize| MOMENTS_HEAD + (k + 1) * MOMENTS_PER_MATERIAL;
+    let path = |k: usize| f32::from_bits(of_ray[of_material(k) + MOMENTS_PATH]);
+    (0..bodies).map(|k| path(k).into()).collect()
+}
+
+pub(super) fn scene(bodies: &[Body], transport: Transport) -> Scene {
+    let mut setup = Setup::paper([16, 16]);
+    (setup.sample_mask, setup.detector_mask) = (None, None);
+    let mut scene = scenes::scene(&setup, bodies, &[0.0]);
+    scene.sampling.transport = transport;
+    scene
+}
+
+/// The same ray in the reference, moved by a hair.
+pub(super) fn reference(sample: &Sample, ray: &Ray, by: [f64; 2], order: Order) -> Trace {
+    let slope = [f64::from(ray.slope_x), f64::from(ray.slope_z)];
+    let at = [f64::from(ray.x) + by[0], f64::from(ray.z) + by[1]];
+    let from = [at[0] - SOURCE * slope[0], -SOURCE, at[1] - SOURCE * slope[1]];
+    sample.trace(from, [slope[0], 1.0, slope[1]], LEVER, order)
+}
+
+pub(super) fn random_rays(count: usize, random: &mut Random) -> Vec<Ray> {
+    let one = |random: &mut Random| {
+        let [x, z] = [0; 2].map(|_| random.between(-1.8e-3, 1.8e-3));
+        let slope = |at: f64| (at / SOURCE) as f32;
+        Ray { x: x as f32, z: z as f32, slope_x: slope(x), slope_z: slope(z), view: 0 }
+    };
+    (0..count).map(|_| one(random)).collect()
+}
+
+/// Whether path lengths in every body, the displacement and the slope are those of the reference,
+/// or between those a hair beside the ray.
+pub(super) fn is_true(sample: &Sample, ray: &Ray, result: &RayResult, paths: &[f64]) -> bool {
+    let near = [[0.0, 0.0], [HAIR, 0.0], [-HAIR, 0.0], [0.0, HAIR], [0.0, -HAIR]]
+        .map(|by| reference(sample, ray, by, Order::First));
+    let middle = &near[0];
+    let steep = near.iter().map(|it| it.grazing).fold(1.0, f64::min).max(1e-4);
+    let met = middle.crossings.max(2) as f64;
+    let values = |trace: &Trace| {
+        let mut all = trace.path.clone();
+        all.extend([trace.displacement[0], trace.displacement[1]]);
+        all
+    };
+    let got =
+        paths.iter().copied().chain([result.displacement_x, result.displacement_z].map(f64::from));
+    got.enumerate().all(|(k, got)| {
+        let all = near.iter().map(|trace| values(trace)[k]);
+        let low = all.clone().fold(f64::MAX, f64::min);
+        let high = all.fold(f64::MIN, f64::max);
+        let room = if k < paths.len() {
+            met * 2e-9 / steep
+        } else {
+            1e-13 + met * 6e-7 * LEVER * 3e-6 / steep
+        };
+        (low - room..=high + room).contains(&got)
+    })
+}
+
+pub(super) fn exact(
+    bench: &Bench,
+    backend: Backend,
+    scene: &Scene,
+    rays: &[Ray],
+) -> Vec<RayResult> {
+    let mut tracer = bench.tracer(backend, scene);
+    let results = tracer.trace(rays).expect("results");
+    let tally = tracer.tally().expect("a tally");
+    let failed = [tally.unbalanced, tally.unordered, tally.dropped, tally.not_finite];
+    assert_eq!(failed, [0; 4]);
+    assert!(results.iter().all(|it| it.flags & FLAG_UNBALANCED == 0));
+    results
+}
