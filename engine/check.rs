@@ -194,6 +194,23 @@ pub fn check_watched(
 ///
 /// # Errors
 /// As [`check_within`]. Where the device fails, [`Work::no_estimate`] says why.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::check::check_on;
+/// use beamlet::{Engine, EngineOptions, scene::Scene};
+///
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// let scene = Scene::load("scene.toml")?;
+/// let report = check_on(&engine, &scene)?;
+/// // For people, as `beamlet check` prints it; fields hold the numbers in SI units.
+/// println!("{report}");
+/// if let Some(estimate) = &report.work.estimate {
+///     println!("{} rays, {} s", estimate.rays, estimate.seconds);
+/// }
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
     check_on_watched(engine, scene, None)
 }

@@ -62,6 +62,21 @@ struct Open {
 
 impl MomentWriter {
     /// A writer beside the frames of the run in `run`. Nothing is written before the first view.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::moments::MomentWriter;
+    /// use beamlet::stack::{Format, RunDirectory};
+    /// use beamlet::{Control, Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default().with_keep_moments(true))?;
+    /// let mut directory = RunDirectory::create("run", Format::Npy, false)?;
+    /// let mut moments = MomentWriter::new("run");
+    /// let control = Control::default().with_keep(&mut moments);
+    /// engine.run(&Scene::load("scene.toml")?, &mut directory, control)?;
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     #[must_use]
     pub fn new(run: impl Into<PathBuf>) -> Self {
         Self { run: run.into(), open: None }

@@ -142,6 +142,22 @@ impl<'e> Simulation<'e> {
     ///
     /// # Errors
     /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::stack::ArraySink;
+    /// use beamlet::{Control, Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let scene = Scene::load("scene.toml")?;
+    /// let simulation = engine.prepare(&scene)?;
+    /// println!("about {} s", simulation.estimate()?.seconds);
+    /// let mut sink = ArraySink::new();
+    /// let record = simulation.run(&mut sink, Control::default())?;
+    /// println!("{} rays", record.tally.rays);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         if self.stored.is_some() && control.keep.is_some() {
             let found = "moments to be kept of a scene that is itself made from kept moments";

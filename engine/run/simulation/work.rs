@@ -118,7 +118,7 @@ impl<'s> ViewWork<'s> {
         if view == Exposure::Dark {
             return self.dark(sink);
         }
-        let detection = &self.simulation.detector;
+        let detector = &self.simulation.detector;
         let shadows = match view {
             Exposure::Sample(i)
                 if !self.simulation.sample.triangles.is_empty()
@@ -129,15 +129,15 @@ impl<'s> ViewWork<'s> {
             _ => Vec::new(),
         };
         for band in bands(rows, self.band) {
-            let lit = detection.grid().lit_rows(&band);
+            let lit = detector.grid().lit_rows(&band);
             self.sums.clear(&lit)?;
             self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
-            self.band(view, &shadows, &lit, &detection.grid().own_rows(&band), control)?;
+            self.band(view, &shadows, &lit, &detector.grid().own_rows(&band), control)?;
             let begin = Instant::now();
-            let intensities = detection.intensities(view, &band, self.sums.intensities()?);
+            let intensities = detector.intensities(view, &band, self.sums.intensities()?);
             self.seconds.detect += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
-            let counts = detection.counts(view, &band, intensities.view())?;
+            let counts = detector.counts(view, &band, intensities.view())?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
             sink.write(view, band.clone(), intensities.view())?;
