@@ -25,7 +25,7 @@ use exact::Repeated;
 use join::Joining;
 use rayon::prelude::*;
 use std::ops::Range;
-use sums::{Sums, Terms};
+use sums::{BandSums, Terms};
 
 pub(crate) use bars::MaskTransmissionCache;
 pub(crate) use exact::NARROW;
@@ -326,7 +326,7 @@ impl EnergyBinning {
             let all_nodes = &bars.nodes[group];
             let mut next = Some(all_nodes.clone());
             while let Some(band) = next.take().or_else(|| scratch.waiting.pop()) {
-                let sums = Sums::over(band.clone(), shares, &scratch.terms);
+                let sums = BandSums::over(band.clone(), shares, &scratch.terms);
                 let light = sums.light();
                 if !light.iter().all(|light| *light > 0.0) {
                     continue;
@@ -368,7 +368,7 @@ impl EnergyBinning {
         (self.lattice.period * FULL_SHARE / width).max(1.0)
     }
 
-    fn gathered(&self, cell_row: &CellRow, x: [f32; 2], sums: &Sums) -> Cell {
+    fn gathered(&self, cell_row: &CellRow, x: [f32; 2], sums: &BandSums) -> Cell {
         let end = |i: usize| NodeResult {
             depth: -sums.light()[i].ln(),
             x: sums.x()[i],

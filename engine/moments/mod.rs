@@ -79,9 +79,9 @@ impl StoredMoments {
             return Err(Error::file(run, problem, None));
         }
         let lock = lock(run)?;
-        let seal = file::seal(run)?;
+        let scene_digest = file::scene_digest(run)?;
         let views = (0..scene.scan.angles.len())
-            .map(|view| MomentFile::open(&directory, numbers::count(view), &seal))
+            .map(|view| MomentFile::open(&directory, numbers::count(view), &scene_digest))
             .collect::<Result<_>>()?;
         Ok(Self { directory, scene, views, shared: CellCache::default(), _lock: lock })
     }

@@ -96,9 +96,9 @@ impl<'e> Simulation<'e> {
         )
     }
 
-    fn shadows(&self, view: u32) -> Vec<ProjectedBounds> {
+    fn projected_bounds(&self, view: u32) -> Vec<ProjectedBounds> {
         let angle = self.scene.scan.angles[view as usize];
-        sampling::shadows(&self.sample, &self.lattice, &self.scene.view_at(angle))
+        sampling::projected_bounds(&self.sample, &self.lattice, &self.scene.view_at(angle))
     }
 
     /// The detector, and the grid that takes its light.
@@ -111,7 +111,11 @@ impl<'e> Simulation<'e> {
         self.media.names.len() * crate::interface::MOMENTS_PER_MATERIAL
     }
 
-    fn view<'a>(&'a self, index: u32, shadows: &'a [ProjectedBounds]) -> sampling::ViewContext<'a> {
+    fn view<'a>(
+        &'a self,
+        index: u32,
+        projected_bounds: &'a [ProjectedBounds],
+    ) -> sampling::ViewContext<'a> {
         sampling::ViewContext {
             optics: self.detector.optics(),
             angle: self.scene.scan.angles[index as usize],
@@ -119,7 +123,7 @@ impl<'e> Simulation<'e> {
             facets: self.facets.as_ref(),
             lattice: &self.lattice,
             index,
-            shadows,
+            projected_bounds,
             recording: self.recording.as_ref(),
             response: &self.response,
             budget: self.budget,
