@@ -177,7 +177,7 @@ impl ViewWork<'_> {
         Ok(looks)
     }
 
-    /// Rows of a view that projected_bounds reach, as far as a run samples them.
+    /// Rows of a view that shadows reach, as far as a run samples them.
     fn rows_of(&self, projected_bounds: &[ProjectedBounds]) -> Range<i64> {
         let halo = self.simulation.lattice.halo;
         let top = projected_bounds
