@@ -3,12 +3,11 @@
 
 use crate::detector::DetectorModel;
 use crate::geometry::{self, Defects, ObjectSummary, Sample};
-use crate::material;
 use crate::optics::{Mask, Optics};
 use crate::run::RunEstimate;
 use crate::run::Simulation;
 use crate::run::memory::{self, MemoryEstimate};
-use crate::scene::{MaskSpec, Object, Scene};
+use crate::scene::Scene;
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::StackShape;
@@ -18,10 +17,12 @@ use std::time::Instant;
 
 mod contacts;
 mod display;
+mod materials;
 
 pub use crate::detector::SubpixelGrid;
 pub use contacts::CheckedContact;
 pub use display::count;
+use materials::materials;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -200,6 +201,23 @@ pub fn check_watched(
 ///
 /// # Errors
 /// As [`check_within`]. Where the device fails, [`Work::no_estimate`] says why.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::check::check_on;
+/// use beamlet::{Engine, EngineOptions, scene::Scene};
+///
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// let scene = Scene::load("scene.toml")?;
+/// let report = check_on(&engine, &scene)?;
+/// // For people, as `beamlet check` prints it; fields hold the numbers in SI units.
+/// println!("{report}");
+/// if let Some(estimate) = &report.work.estimate {
+///     println!("{} rays, {} s", estimate.rays, estimate.seconds);
+/// }
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
     check_on_watched(engine, scene, None)
 }
@@ -328,49 +346,6 @@ fn spot(scene: &Scene, optics: &Optics) -> CheckedSpot {
         curve_error: fit.as_ref().zip(slope).map(|(fit, slope)| 2.0 * slope * fit.error),
         fit,
     }
-}
-
-/// Materials in use, each once, in the order: surroundings, objects, masks.
-fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
-    let bars = |mask: &Option<MaskSpec>| Some(mask.as_ref()?.body.material()?.to_owned());
-    // Who uses it, the key where it is named, its name.
-    let object = |(number, object): (usize, &Object)| {
-        let key = format!("object[{number}].material");
-        (object.name.clone(), key, Some(object.material.clone()))
-    };
-    let mask = |name: &str, spec| (name.to_owned(), format!("{name}.material"), bars(spec));
-    let surroundings = Some(scene.surroundings.clone());
-    let uses = [("surroundings".to_owned(), "surroundings.material".to_owned(), surroundings)]
-        .into_iter()
-        .chain(scene.objects.iter().enumerate().map(object))
-        .chain([
-            mask("sample_mask", &scene.sample_mask),
-            mask("detector_mask", &scene.detector_mask),
-            (
-                "detector".to_owned(),
-                "detector.absorber.material".to_owned(),
-                scene.detector.absorber.as_ref().map(|absorber| absorber.material.clone()),
-            ),
-        ]);
-    let mut found: Vec<Material> = Vec::new();
-    for (user, key, name) in uses.filter_map(|(user, key, name)| name.map(|name| (user, key, name)))
-    {
-        if let Some(known) = found.iter_mut().find(|material| material.name == name) {
-            known.used_by.push(user);
-            continue;
-        }
-        let constants = material::constants_at_for(scene, &name, energy, &key)?;
-        found.push(Material {
-            used_by: vec![user],
-            mu: constants.mu,
-            delta: constants.delta,
-            critical_angle: (2.0 * constants.delta.max(0.0)).sqrt(),
-            shadows_builtin: scene.materials.contains_key(&name)
-                && material::builtin(&name).is_some(),
-            name,
-        });
-    }
-    Ok(found)
 }
 
 fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {

@@ -69,7 +69,7 @@ uint children_met(Children children, bool all_) {
 
 // A bundle on its way through the tree.
 struct Search {
-    View view;
+    ViewTransform view;
     Bounds bounds;
     Stack stack;
     uvec2 group;    // inner children that are left, for pop_child()
@@ -80,7 +80,7 @@ struct Search {
     bool more;      // nodes are left
 };
 
-Search search_begin(View view, Bounds bounds) {
+Search search_begin(ViewTransform view, Bounds bounds) {
     return Search(view, bounds, stack_begin(), uvec2(0u, 0x80000000u), 0u, 0u, 0u, 0u, true);
 }
 
@@ -162,7 +162,7 @@ bool visit_leaves(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE
 }
 
 // Hands all crossings of the rays that walk to their runs.
-void walk_together(View view) {
+void walk_together(ViewTransform view) {
     Search search = search_begin(view, bounds_of_rays());
     Beam frame = rays[0].beam;
     frame.cos_angle = view.cos_angle;
@@ -196,7 +196,7 @@ void main() {
         Ray ray = ray_at(index);
         rays[k].index = index;
         rays[k].view = ray.view;
-        rays[k].beam = beam_of(ray, View(1.0, 0.0, 0.0, 0.0));
+        rays[k].beam = beam_of(ray, ViewTransform(1.0, 0.0, 0.0, 0.0));
         rays[k].all = gathered_begin(rays[k].beam, index, rays[k].waits);
     }
     bool left;
@@ -211,7 +211,7 @@ void main() {
             left = left || rays[k].waits;
         }
         left = any_lane(uint(left)) != 0u;
-        View frame = sample_.views.at[view];
+        ViewTransform frame = sample_.views.at[view];
         EACH_RAY rays[k].beam.analyser = frame.analyser;
         walk_together(frame);
     } while (left);

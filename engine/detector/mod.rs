@@ -2,15 +2,15 @@
 //! mask, scatter, and the noise of the numbers that are read out (docs/detector.md).
 
 mod blur;
-mod detection;
 mod excess;
 mod grid;
 mod kernel;
+mod model;
 mod noise;
 mod scatter;
 mod spread;
 
-pub use detection::DetectorModel;
 pub use excess::excess_noise;
 pub use grid::SubpixelGrid;
+pub use model::DetectorModel;
 pub use noise::Noise;

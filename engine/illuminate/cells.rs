@@ -1,7 +1,7 @@
 //! Illuminates cell rows of cells at every mask step.
 
 use super::light::IlluminationBuffer;
-use super::sums::Sums;
+use super::sums::PixelSums;
 use crate::Result;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace, shaders};
 use crate::interface::{Cell, CellRow, GROUP, IlluminatePush};
@@ -77,7 +77,7 @@ impl CellIlluminator {
     pub(crate) fn add<'l>(
         &mut self,
         lists: impl Iterator<Item = (&'l IlluminationBuffer, &'l CellBatch)>,
-        sums: &Sums,
+        sums: &PixelSums,
         steps: u32,
     ) -> Result<()> {
         let lists = lists.filter(|(_, list)| !list.cell_rows.is_empty() && !list.cells.is_empty());
@@ -100,7 +100,7 @@ impl CellIlluminator {
     fn add_together(
         &mut self,
         lists: &[(&IlluminationBuffer, &CellBatch)],
-        sums: &Sums,
+        sums: &PixelSums,
         steps: u32,
     ) -> Result<()> {
         let count = |of: fn(&CellBatch) -> usize| lists.iter().map(|(_, list)| of(list)).sum();

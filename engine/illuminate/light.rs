@@ -30,8 +30,8 @@ pub(crate) enum SpectralBand {
         /// Of all light.
         weight: f64,
     },
-    /// That of all energies which took the same way through the masks: through the apertures of a
-    /// mask that has an edge variance; the mask is not there for it where it has none.
+    /// That of all energies which took the same way through the masks: where a mask has an
+    /// edge variance, through its apertures; where not, the mask is not there for it.
     Group {
         /// Variance of the edges of the sample mask and the detector mask, in squared shadow
         /// widths.

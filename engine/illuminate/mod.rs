@@ -12,4 +12,4 @@ pub(crate) use light::{IlluminationBuffer, SpectralBand};
 pub(crate) use random::{RandomBatch, RandomKernels, illuminate_random};
 pub(crate) use spectral::NARROW;
 pub(crate) use spectral::{EnergyBinning, MaskTransmissionCache};
-pub(crate) use sums::Sums;
+pub(crate) use sums::PixelSums;

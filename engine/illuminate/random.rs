@@ -1,7 +1,7 @@
 //! The random scheme: rays made, traced and illuminated on the device.
 
 use super::light::IlluminationBuffer;
-use super::sums::Sums;
+use super::sums::PixelSums;
 use crate::Result;
 use crate::gpu::{Device, Kernel, shaders};
 use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
@@ -52,7 +52,7 @@ pub(crate) fn illuminate_random(
     optics: &Optics,
     tracer: &mut Tracer,
     light: &IlluminationBuffer,
-    sums: &Sums,
+    sums: &PixelSums,
     job: RandomBatch<'_>,
 ) -> Result<()> {
     let rays_per_pixel = optics.sampling.rays;

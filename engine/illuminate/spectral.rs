@@ -6,6 +6,7 @@
 //! which that is not enough go energy by energy.
 
 mod bars;
+mod cell;
 mod edges;
 mod exact;
 mod integrals;
@@ -25,7 +26,7 @@ use exact::Repeated;
 use join::Joining;
 use rayon::prelude::*;
 use std::ops::Range;
-use sums::{Sums, Terms};
+use sums::{BandSums, Terms};
 
 pub(crate) use bars::MaskTransmissionCache;
 pub(crate) use exact::NARROW;
@@ -146,7 +147,13 @@ impl EnergyBinning {
             .map_init(Scratch::default, |scratch, some| {
                 let mut lists = vec![CellBatch::default(); self.groups.len() + self.nodes()];
                 for cell_row in some {
-                    self.gather(cell_rows, cell_row, &repeated, known.at(self, cell_row), scratch);
+                    self.bin_energies(
+                        cell_rows,
+                        cell_row,
+                        &repeated,
+                        known.at(self, cell_row),
+                        scratch,
+                    );
                     for (list, cells) in lists.iter_mut().zip(&scratch.lists) {
                         list.push(*cell_row, cells, &CellMoments::default());
                     }
@@ -167,7 +174,7 @@ impl EnergyBinning {
     }
 
     /// Cells of a cell row for every list, in the scratch.
-    fn gather(
+    fn bin_energies(
         &self,
         cell_rows: &CellBatch,
         cell_row: &CellRow,
@@ -186,6 +193,7 @@ impl EnergyBinning {
         let mut before: &[f32] = &[];
         for index in first..first + cell_row.cell_count as usize {
             let cell = &cell_rows.cells[index];
+            let x = [cell.x_low, cell.x_high];
             let ends = &cell_rows.moments.ends[index * words..(index + 1) * words];
             let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
             // Neighbours share a ray.
@@ -211,42 +219,37 @@ impl EnergyBinning {
                     *light = results.map(|result| result.light());
                 }
                 if let Some(nodes) = repeated.of(exact_index) {
+                    let range = exact[exact_index].range;
                     let lists = &mut scratch.lists[groups..];
                     for ((results, again), list) in scratch.results.iter().zip(nodes).zip(lists) {
                         match again {
-                            None => {
-                                list.push(self.cell(cell_row, [cell.x_low, cell.x_high], *results))
-                            }
-                            Some(results) => {
-                                self.push_exact(
-                                    list,
-                                    cell_row,
-                                    cell,
-                                    results,
-                                    exact[exact_index].range,
-                                );
-                            }
+                            None => list.push(self.cell(cell_row, x, *results)),
+                            Some(again) => self.push_exact(list, cell_row, cell, again, range),
                         }
                     }
                     continue;
                 }
             }
             if bars.apart {
-                let results = scratch.results.iter().zip(&self.delta_ratio);
-                for ((results, delta_ratio), list) in results.zip(&mut scratch.lists[groups..]) {
-                    let spread = cell.displacement_variance * single(delta_ratio * delta_ratio);
-                    let x = [cell.x_low, cell.x_high];
-                    list.push(Cell {
-                        displacement_variance: spread,
-                        ..self.cell(cell_row, x, *results)
-                    });
-                }
+                self.push_nodes(cell_row, cell, scratch);
             } else {
                 self.push_groups(cell_row, cell, bars, scratch);
             }
         }
         for group in 0..groups {
             self.push_joined(cell_row, group, scratch);
+        }
+    }
+
+    /// A cell for each node.
+    fn push_nodes(&self, cell_row: &CellRow, cell: &Cell, scratch: &mut Scratch) {
+        let results = scratch.results.iter().zip(&self.delta_ratio);
+        let lists = &mut scratch.lists[self.groups.len()..];
+        for ((results, delta_ratio), list) in results.zip(lists) {
+            let displacement_variance =
+                cell.displacement_variance * single(delta_ratio * delta_ratio);
+            let x = [cell.x_low, cell.x_high];
+            list.push(Cell { displacement_variance, ..self.cell(cell_row, x, *results) });
         }
     }
 
@@ -283,7 +286,7 @@ impl EnergyBinning {
     /// Ends the cell that light of a group is joined to.
     fn push_joined(&self, cell_row: &CellRow, group: usize, scratch: &mut Scratch) {
         if let Some((x, sums)) = scratch.joining[group].take() {
-            scratch.lists[group].push(self.gathered(cell_row, x, &sums));
+            scratch.lists[group].push(self.of_band(cell_row, x, &sums));
         }
     }
 
@@ -326,7 +329,7 @@ impl EnergyBinning {
             let all_nodes = &bars.nodes[group];
             let mut next = Some(all_nodes.clone());
             while let Some(band) = next.take().or_else(|| scratch.waiting.pop()) {
-                let sums = Sums::over(band.clone(), shares, &scratch.terms);
+                let sums = BandSums::over(band.clone(), shares, &scratch.terms);
                 let light = sums.light();
                 if !light.iter().all(|light| *light > 0.0) {
                     continue;
@@ -348,7 +351,7 @@ impl EnergyBinning {
                 if (is_resolved && part * sums.displacement_variance() <= spread * spread)
                     || band.len() == 1
                 {
-                    scratch.lists[group].push(self.gathered(cell_row, x, &sums));
+                    scratch.lists[group].push(self.of_band(cell_row, x, &sums));
                     continue;
                 }
                 let mut below = 0.0;
@@ -359,52 +362,6 @@ impl EnergyBinning {
                 let cut = half.unwrap_or(band.start).clamp(band.start + 1, band.end - 1);
                 scratch.waiting.extend([cut..band.end, band.start..cut]);
             }
-        }
-    }
-
-    /// How much more than the widest cell of full accuracy a cell may err: it has less light.
-    fn tolerance_scale(&self, x: [f32; 2]) -> f64 {
-        let width = f64::from(x[1] - x[0]);
-        (self.lattice.period * FULL_SHARE / width).max(1.0)
-    }
-
-    fn gathered(&self, cell_row: &CellRow, x: [f32; 2], sums: &Sums) -> Cell {
-        let end = |i: usize| NodeResult {
-            depth: -sums.light()[i].ln(),
-            x: sums.x()[i],
-            z: sums.z(),
-            slope_x: sums.slope_x(),
-        };
-        Cell {
-            displacement_variance: single(sums.displacement_variance()),
-            sample_narrowing: single(sums.narrowing(0)),
-            detector_narrowing: single(sums.narrowing(1)),
-            sample_covariance: single(sums.covariance(0)),
-            detector_covariance: single(sums.covariance(1)),
-            ..self.cell(cell_row, x, [end(0), end(2)])
-        }
-    }
-
-    fn cell(&self, cell_row: &CellRow, x: [f32; 2], [low, high]: [NodeResult; 2]) -> Cell {
-        let mean = |f: fn(&NodeResult) -> f64| 0.5 * (f(&low) + f(&high));
-        let z = mean(|l| l.z);
-        let down = -z / self.row_pitch;
-        let [above, below] =
-            self.lattice.row_shares(cell_row.top.into(), cell_row.bottom.into(), down);
-        Cell {
-            x_low: x[0],
-            x_high: x[1],
-            depth_low: single(low.depth),
-            depth_high: single(high.depth),
-            displacement_low: single(low.x),
-            displacement_high: single(high.x),
-            displacement_z: single(z),
-            share_above: above,
-            share_below: below,
-            pixel_shift: single(
-                mean(|l| l.x) * (1.0 - self.ratio) - mean(|l| l.slope_x) * self.gap * self.ratio,
-            ),
-            ..bytemuck::Zeroable::zeroed()
         }
     }
 }

@@ -14,14 +14,14 @@ const PART: usize = 1 << 20;
 /// Sums of a band, `[step][row][column]`, and behind the last step those of light that is the same
 /// at every step.
 #[derive(Debug)]
-pub(crate) struct Sums {
+pub(crate) struct PixelSums {
     /// Two words per pixel and step.
     pub buffer: Buffer,
     device: Arc<Device>,
     shape: [usize; 3],
 }
 
-impl Sums {
+impl PixelSums {
     /// Room for a band.
     ///
     /// # Errors

@@ -86,7 +86,7 @@ pub use light::{
 };
 pub use walk::{
     Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Ray, RayResult, Sample, Surface,
-    SurfaceCrossing, TracePush, View,
+    SurfaceCrossing, TracePush, ViewTransform,
 };
 
 /// Every shared struct, by topic.

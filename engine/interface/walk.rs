@@ -16,7 +16,7 @@ shared_structs! {
     }
 
     /// Rotation of the beam frame against the world, and planes of constant y in the beam frame.
-    pub struct View in Views(readonly) {
+    pub struct ViewTransform in Views(readonly) {
         pub cos_angle: f32,
         pub sin_angle: f32,
         /// Plane before the sample, where ray queries start.

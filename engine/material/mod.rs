@@ -179,7 +179,7 @@ enum Law<'a> {
         formula: &'a str,
         density: f64,
     },
-    Table(table::Table),
+    Table(table::ConstantsTable),
 }
 
 impl<'a> Law<'a> {
@@ -204,7 +204,7 @@ impl<'a> Law<'a> {
                 Ok(Self::Formula { formula, density: *density })
             }
             MaterialSpec::Table { path } => {
-                Ok(Self::Table(table::Table::read(&scene.checked(path)?)?))
+                Ok(Self::Table(table::ConstantsTable::read(&scene.checked(path)?)?))
             }
         }
     }

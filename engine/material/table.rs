@@ -10,12 +10,12 @@ use crate::interpolation::log_log;
 const COLUMNS: [&str; 3] = ["energy_keV", "mu_per_cm", "delta"];
 
 /// Rows of (energy keV, mu 1/cm, delta), energies strictly ascending, everything above 0.
-pub(super) struct Table {
+pub(super) struct ConstantsTable {
     path: PathBuf,
     rows: Vec<[f64; 3]>,
 }
 
-impl Table {
+impl ConstantsTable {
     pub(super) fn read(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
             .map_err(|e| Error::file(path, "cannot read the material table", Some(e)))?;
@@ -72,7 +72,7 @@ impl Table {
     }
 }
 
-impl Table {
+impl ConstantsTable {
     /// Least and greatest energy, keV.
     pub(super) fn range(&self) -> [f64; 2] {
         [self.rows[0][0], self.rows[self.rows.len() - 1][0]]

@@ -33,7 +33,7 @@ const WORDS: usize = 10_000 * MOMENTS_PER_MATERIAL;
 const BLOCK: usize = 6;
 
 /// What ties moments to their run: the hash of its scene.toml.
-pub(super) fn seal(run: &Path) -> Result<[u8; 32]> {
+pub(super) fn scene_digest(run: &Path) -> Result<[u8; 32]> {
     let path = run.join("scene.toml");
     let text = input_file::read(&path, input_file::TEXT)
         .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
@@ -62,6 +62,21 @@ struct Open {
 
 impl MomentWriter {
     /// A writer beside the frames of the run in `run`. Nothing is written before the first view.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::moments::MomentWriter;
+    /// use beamlet::stack::{Format, RunDirectory};
+    /// use beamlet::{Control, Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default().with_keep_moments(true))?;
+    /// let mut directory = RunDirectory::create("run", Format::Npy, false)?;
+    /// let mut moments = MomentWriter::new("run");
+    /// let control = Control::default().with_keep(&mut moments);
+    /// engine.run(&Scene::load("scene.toml")?, &mut directory, control)?;
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     #[must_use]
     pub fn new(run: impl Into<PathBuf>) -> Self {
         Self { run: run.into(), open: None }
@@ -125,7 +140,7 @@ impl MomentWriter {
     fn begin(&mut self, view: u32, words: usize) -> Result<()> {
         self.open = None;
         let directory = self.run.join(DIRECTORY);
-        let seal = seal(&self.run)?;
+        let scene_digest = scene_digest(&self.run)?;
         let path = path_of(&directory, view);
         let partial = path.with_extension("partial");
         [&directory, &path, &partial].into_iter().try_for_each(|path| refuse_link(path))?;
@@ -141,7 +156,7 @@ impl MomentWriter {
         let mut open = Open { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
         open.put(&MAGIC)?;
         open.put(bytemuck::cast_slice(&[VERSION, numbers::count(words)]))?;
-        open.put(&seal)?;
+        open.put(&scene_digest)?;
         self.open = Some(open);
         Ok(())
     }
@@ -174,7 +189,7 @@ impl MomentWriter {
 /// # Errors
 /// [`Error::File`].
 pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
-    MomentFile::open(&run.join(DIRECTORY), view, &seal(run)?).map(|_| ())
+    MomentFile::open(&run.join(DIRECTORY), view, &scene_digest(run)?).map(|_| ())
 }
 
 /// Whether the run has a folder for moments.

@@ -79,9 +79,9 @@ impl StoredMoments {
             return Err(Error::file(run, problem, None));
         }
         let lock = lock(run)?;
-        let seal = file::seal(run)?;
+        let scene_digest = file::scene_digest(run)?;
         let views = (0..scene.scan.angles.len())
-            .map(|view| MomentFile::open(&directory, numbers::count(view), &seal))
+            .map(|view| MomentFile::open(&directory, numbers::count(view), &scene_digest))
             .collect::<Result<_>>()?;
         Ok(Self { directory, scene, views, shared: CellCache::default(), _lock: lock })
     }
@@ -121,8 +121,8 @@ impl StoredMoments {
     /// those of this run; [`Error::Scene`] where the scene differs in more than moments can follow.
     pub fn cells(&self, scene: &Scene) -> Result<usize> {
         scene.validate()?;
-        let detection = DetectorModel::of(scene)?;
-        let optics = detection.optics();
+        let detector = DetectorModel::of(scene)?;
+        let optics = detector.optics();
         let lattice = Lattice::of(optics, MaterialTable::of(scene)?.strongest());
         let source = self.for_scene(scene, optics, &lattice)?;
         let rows = -lattice.halo..i64::from(optics.detector.pixels[1]) + lattice.halo;
@@ -147,8 +147,8 @@ impl StoredMoments {
         lattice: &Lattice,
     ) -> Result<StoredSource<'_>> {
         compatibility::check(&self.scene, scene)?;
-        let detection = DetectorModel::of(&self.scene)?;
-        let traced = detection.optics();
+        let detector = DetectorModel::of(&self.scene)?;
+        let traced = detector.optics();
         let (base, now) = (MaterialTable::of(&self.scene)?, MaterialTable::of(scene)?);
         let media = compatibility::media(&self.scene, &base, scene, &now)?;
         let reference = base.mean();

@@ -89,6 +89,21 @@ impl Fitter {
     /// # Errors
     /// [`Error::Argument`] with fewer than four different offsets, one that is not finite, or a
     /// gain that is not above zero; [`Error::Device`], [`Error::Memory`].
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::retrieve::{FitOptions, Fitter};
+    /// use beamlet::{Engine, EngineOptions, ndarray::Array2};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let offsets = [-20e-6, -10e-6, 0.0, 10e-6, 20e-6];
+    /// let fitter = Fitter::new(&engine, &offsets, &FitOptions::default())?;
+    /// // `[step][curve]`.
+    /// let curves = Array2::<f32>::zeros((5, 1000));
+    /// println!("{:?}", fitter.fit(curves.view(), None)?.centre);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn new(engine: &Engine, offsets: &[f64], options: &FitOptions) -> Result<Self> {
         let mut sorted = offsets.to_vec();
         sorted.sort_by(f64::total_cmp);

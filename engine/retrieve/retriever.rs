@@ -52,6 +52,20 @@ impl Retriever {
     /// [`Error::Argument`] for options that cannot be; [`Error::Scene`] where the method cannot serve
     /// the set-up or the offsets;
     /// [`Error::Device`], [`Error::Memory`].
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
+    /// use beamlet::{Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let scene = Scene::load("scene.toml")?;
+    /// let options = RetrieveOptions::default().with_method(Method::Moments);
+    /// let retriever = Retriever::new(&engine, &scene, &options)?;
+    /// println!("{:?}", retriever.names());
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn new(engine: &Engine, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let method = options.method;
         let offsets = scene.scan.mask_offsets.clone();

@@ -96,9 +96,9 @@ impl<'e> Simulation<'e> {
         )
     }
 
-    fn shadows(&self, view: u32) -> Vec<ProjectedBounds> {
+    fn projected_bounds(&self, view: u32) -> Vec<ProjectedBounds> {
         let angle = self.scene.scan.angles[view as usize];
-        sampling::shadows(&self.sample, &self.lattice, &self.scene.view_at(angle))
+        sampling::projected_bounds(&self.sample, &self.lattice, &self.scene.view_at(angle))
     }
 
     /// The detector, and the grid that takes its light.
@@ -111,7 +111,11 @@ impl<'e> Simulation<'e> {
         self.media.names.len() * crate::interface::MOMENTS_PER_MATERIAL
     }
 
-    fn view<'a>(&'a self, index: u32, shadows: &'a [ProjectedBounds]) -> sampling::ViewContext<'a> {
+    fn view<'a>(
+        &'a self,
+        index: u32,
+        projected_bounds: &'a [ProjectedBounds],
+    ) -> sampling::ViewContext<'a> {
         sampling::ViewContext {
             optics: self.detector.optics(),
             angle: self.scene.scan.angles[index as usize],
@@ -119,7 +123,7 @@ impl<'e> Simulation<'e> {
             facets: self.facets.as_ref(),
             lattice: &self.lattice,
             index,
-            shadows,
+            projected_bounds,
             recording: self.recording.as_ref(),
             response: &self.response,
             budget: self.budget,
@@ -142,6 +146,22 @@ impl<'e> Simulation<'e> {
     ///
     /// # Errors
     /// See [`Error`]; [`Error::Interrupted`] when `control.cancel` was set.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::stack::ArraySink;
+    /// use beamlet::{Control, Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let scene = Scene::load("scene.toml")?;
+    /// let simulation = engine.prepare(&scene)?;
+    /// println!("about {} s", simulation.estimate()?.seconds);
+    /// let mut sink = ArraySink::new();
+    /// let record = simulation.run(&mut sink, Control::default())?;
+    /// println!("{} rays", record.tally.rays);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         if self.stored.is_some() && control.keep.is_some() {
             let found = "moments to be kept of a scene that is itself made from kept moments";

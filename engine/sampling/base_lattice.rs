@@ -143,8 +143,8 @@ impl BaseLattice {
 
 /// Marks the patches of rows that a shadow touches.
 fn mark_occupied(view: &ViewContext<'_>, grid: &PatchGrid, places: &mut [Option<u32>]) {
-    for shadow in view.shadows {
-        let [rows, beamlets] = shadow.patches(view.lattice);
+    for bounds in view.projected_bounds {
+        let [rows, beamlets] = bounds.patches(view.lattice);
         for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {
             places[grid.in_row(row, beamlets.clone())].fill(Some(0));
         }

@@ -16,7 +16,7 @@ pub(super) fn bundles(view: &ViewContext<'_>, grid: &PatchGrid) -> (Vec<bool>, V
     };
     let counts = view.facets.map_or(&[][..], |facets| &facets.triangles);
     let mut least = vec![0.0_f32; grid.count()];
-    for (shadow, count) in view.shadows.iter().zip(counts) {
+    for (shadow, count) in view.projected_bounds.iter().zip(counts) {
         let [rows, beamlets] = shadow.patches(view.lattice);
         let among = (rows.end - rows.start) * (beamlets.end - beamlets.start).max(1);
         let share = *count as f32 / among as f32;
@@ -29,6 +29,6 @@ pub(super) fn bundles(view: &ViewContext<'_>, grid: &PatchGrid) -> (Vec<bool>, V
         each(shadow, &mut |patch| alone &= crowded[patch]);
         alone
     };
-    let left_out = view.shadows.iter().map(alone).collect();
+    let left_out = view.projected_bounds.iter().map(alone).collect();
     (crowded, left_out)
 }

@@ -190,9 +190,9 @@ impl Lattice {
 
     /// Whether a ray from anywhere on the spot to this pixel can meet one of the shadows.
     #[must_use]
-    pub fn pixel_meets(&self, shadows: &[ProjectedBounds], column: i64, row: i64) -> bool {
+    pub fn pixel_meets(&self, projected_bounds: &[ProjectedBounds], column: i64, row: i64) -> bool {
         let (column, row) = (column as f64, row as f64);
-        shadows.iter().any(|s| {
+        projected_bounds.iter().any(|s| {
             let at = |x: f64| self.detector.column_at(x, self.plane);
             at(s.x[0]) - self.blur[0] <= column + 1.0
                 && at(s.x[1]) + self.blur[0] >= column

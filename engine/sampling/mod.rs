@@ -40,7 +40,7 @@ pub(crate) use facet_lists::SampleFacets;
 pub use lattice::Lattice;
 pub(crate) use lattice::beamlet_geometry;
 pub(crate) use moment_recording::MomentRecording;
-pub(crate) use projected_bounds::{ProjectedBounds, shadows};
+pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds};
 pub(crate) use response::Response;
 pub(crate) use rows::{ViewContext, sample_rows};
 pub(crate) use survey::{RowsCost, survey_rows};

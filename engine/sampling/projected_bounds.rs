@@ -36,7 +36,11 @@ impl ProjectedBounds {
 const CHORD_SHARE: f64 = 0.5;
 
 /// Shadows of all components in a view.
-pub(crate) fn shadows(sample: &Sample, lattice: &Lattice, view: &View) -> Vec<ProjectedBounds> {
+pub(crate) fn projected_bounds(
+    sample: &Sample,
+    lattice: &Lattice,
+    view: &View,
+) -> Vec<ProjectedBounds> {
     let [cos, sin] = view.turn();
     let scale = lattice.project(1.0, 0.0, 0.0)[0];
     let rows_per_metre = lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];

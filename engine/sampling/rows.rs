@@ -48,7 +48,7 @@ pub(crate) struct ViewContext<'a> {
     /// Index of the view.
     pub index: u32,
     /// Projected bounds of the components.
-    pub shadows: &'a [ProjectedBounds],
+    pub projected_bounds: &'a [ProjectedBounds],
     /// Keep the moments of the rays, for other energies or masks.
     pub recording: Option<&'a MomentRecording>,
     /// What changes of a result do to recorded values.
@@ -191,20 +191,20 @@ pub(super) fn narrow_components(
     let lattice = view.lattice;
     let cell = [lattice.period / f64::from(base[0]), 1.0 / f64::from(base[1])];
     let mut all: HashMap<(i64, i64), Vec<Narrow>> = HashMap::new();
-    for shadow in view.shadows {
-        if shadow.width >= cell[0] && shadow.height >= cell[1] {
+    for bounds in view.projected_bounds {
+        if bounds.width >= cell[0] && bounds.height >= cell[1] {
             continue;
         }
-        let [touched, beamlets] = shadow.patches(lattice);
+        let [touched, beamlets] = bounds.patches(lattice);
         for row in touched.start.max(rows.start)..touched.end.min(rows.end) {
             for beamlet in beamlets.clone() {
                 let centre = lattice.centre(beamlet);
                 all.entry((beamlet, row)).or_default().push(Narrow {
-                    x: shadow.x.map(|x| single(x - centre)),
-                    z: shadow.rows.map(|z| single(z - row as f64)),
-                    width: single(shadow.width),
-                    height: single(shadow.height),
-                    light: shadow.area * f64::from(view.response.weight),
+                    x: bounds.x.map(|x| single(x - centre)),
+                    z: bounds.rows.map(|z| single(z - row as f64)),
+                    width: single(bounds.width),
+                    height: single(bounds.height),
+                    light: bounds.area * f64::from(view.response.weight),
                 });
             }
         }

@@ -59,6 +59,16 @@ impl Spectrum {
     ///
     /// # Errors
     /// [`Error::Scene`] for a voltage or an angle out of range.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::{scene::Anode, spectrum::Spectrum};
+    ///
+    /// let spectrum = Spectrum::of_tube(Anode::Tungsten, 60.0, 12_f64.to_radians())?;
+    /// println!("{} keV", spectrum.mean_energy());
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn of_tube(anode: Anode, kvp: f64, anode_angle: f64) -> Result<Self> {
         tube::spectrum(anode, kvp, anode_angle)
     }

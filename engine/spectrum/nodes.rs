@@ -48,6 +48,18 @@ impl Nodes {
 /// # Errors
 /// Spectrum files that cannot be read, materials that are unknown, are given as numbers, or
 /// whose tables do not cover the spectrum.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::{scene::Scene, spectrum};
+///
+/// let nodes = spectrum::nodes(&Scene::load("scene.toml")?)?;
+/// for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
+///     println!("{energy} keV: {weight} of the signal");
+/// }
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn nodes(scene: &Scene) -> Result<Nodes> {
     nodes_with(scene, |energy| super::response(scene, energy))
 }

@@ -18,8 +18,8 @@ use crate::{Error, Result};
 mod grid;
 mod table;
 
-use grid::Place;
-use table::Table;
+use grid::GridPlace;
+use table::TubeTable;
 
 /// Width of the rows, keV, and the least energy of the model.
 const WIDTH: f64 = 0.25;
@@ -38,7 +38,7 @@ pub(super) fn spectrum(anode: Anode, kvp: f64, anode_angle: f64) -> Result<Spect
         return Err(Error::scene("source.spectrum.anode_angle", found, allowed));
     }
     let table = table(anode)?;
-    let angle = Place::of(&table.angles, anode_angle.to_degrees());
+    let angle = GridPlace::of(&table.angles, anode_angle.to_degrees());
     let mut rows = continuum(table, kvp, anode_angle, angle);
     for shell in &table.shells {
         for (energy, photons) in shell.lines(kvp, angle) {
@@ -59,21 +59,21 @@ pub(super) fn spectrum(anode: Anode, kvp: f64, anode_angle: f64) -> Result<Spect
     Ok(spectrum)
 }
 
-fn table(anode: Anode) -> Result<&'static Table> {
-    static TUNGSTEN: OnceLock<Option<Table>> = OnceLock::new();
-    static MOLYBDENUM: OnceLock<Option<Table>> = OnceLock::new();
+fn table(anode: Anode) -> Result<&'static TubeTable> {
+    static TUNGSTEN: OnceLock<Option<TubeTable>> = OnceLock::new();
+    static MOLYBDENUM: OnceLock<Option<TubeTable>> = OnceLock::new();
     let (cell, bytes): (_, &[u8]) = match anode {
         Anode::Tungsten => (&TUNGSTEN, include_bytes!("tungsten.bin")),
         Anode::Molybdenum => (&MOLYBDENUM, include_bytes!("molybdenum.bin")),
     };
-    cell.get_or_init(|| Table::read(bytes)).as_ref().ok_or_else(|| {
+    cell.get_or_init(|| TubeTable::read(bytes)).as_ref().ok_or_else(|| {
         Error::scene("source.spectrum.anode", anode.name(), "a build with whole tables")
     })
 }
 
 /// Bremsstrahlung behind the target: energy, keV, and photons of each row.
-fn continuum(table: &Table, kvp: f64, anode_angle: f64, angle: Place) -> Vec<(f64, f64)> {
-    let voltage = Place::of(&table.voltages, kvp);
+fn continuum(table: &TubeTable, kvp: f64, anode_angle: f64, angle: GridPlace) -> Vec<(f64, f64)> {
+    let voltage = GridPlace::of(&table.voltages, kvp);
     let range = voltage.between_logs(|index| table.ranges[index]);
     let count = numbers::whole::<usize>(((kvp - LEAST) / WIDTH).ceil());
     let width = (kvp - LEAST) / count as f64;
@@ -81,7 +81,7 @@ fn continuum(table: &Table, kvp: f64, anode_angle: f64, angle: Place) -> Vec<(f6
         let energy = LEAST + (index as f64 + 0.5) * width;
         // The way out of the target from the depth 1, in ranges.
         let escape = table.attenuation(energy) * range / anode_angle.sin();
-        let ratio = Place::of(&table.ratios, energy / kvp);
+        let ratio = GridPlace::of(&table.ratios, energy / kvp);
         let at = |depth: usize| {
             let source = table.source(voltage, angle, ratio, depth);
             source * (-escape * table.depths[depth]).exp()

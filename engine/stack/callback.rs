@@ -19,6 +19,22 @@ where
     F: FnMut(Exposure, Range<u32>, ArrayView3<'_, f32>) -> Result<()>,
 {
     /// A sink that hands every band to `on_band`; an error from it ends the run.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::stack::CallbackSink;
+    /// use beamlet::{Control, Engine, EngineOptions, scene::Scene};
+    ///
+    /// let engine = Engine::open(&EngineOptions::default())?;
+    /// let scene = Scene::load("scene.toml")?;
+    /// let mut sink = CallbackSink::new(|view, rows, data| {
+    ///     println!("{view:?}, rows {rows:?}: {:?} steps, rows, columns", data.dim());
+    ///     Ok(())
+    /// });
+    /// engine.run(&scene, &mut sink, Control::default())?;
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn new(on_band: F) -> Self {
         Self { on_band, record: None }
     }

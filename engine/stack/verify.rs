@@ -33,6 +33,14 @@ pub struct RunCheck {
 /// # Errors
 /// [`crate::Error::File`] where there is no run, or its record or log cannot be read;
 /// [`crate::Error::Scene`] where its scene cannot.
+///
+/// # Example
+///
+/// ```no_run
+/// let checked = beamlet::stack::check_run("run".as_ref())?;
+/// println!("{} of {} views are whole", checked.whole, checked.views);
+/// # Ok::<(), beamlet::Error>(())
+/// ```
 pub fn check_run(path: &Path) -> Result<RunCheck> {
     let file = RunFile::read(&path.join(RUN))?;
     let scene = read_scene(&path.join(SCENE))?;

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::accel::Bvh;
 use crate::geometry;
 use crate::gpu::{AccelerationStructure, Buffer, Device};
-use crate::interface::{self, Surface, View};
+use crate::interface::{self, Surface, ViewTransform};
 use crate::numbers::{count, single};
 use crate::scene::{self, Scene, Transport};
 use glam::DVec2;
@@ -44,7 +44,7 @@ impl DeviceSample {
         let Bvh { nodes, leaves, boxes, neighbours } = Bvh::build(sample, across)?;
         let from_axis = |[x, y, _]: &[f64; 3]| DVec2::new(*x, *y).length();
         let reach = sample.vertices.iter().map(from_axis).fold(0.0_f64, f64::max);
-        let views: Vec<View> = scene.views().map(|v| view(scene, &v, reach)).collect();
+        let views: Vec<ViewTransform> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
             sample.components.iter().map(|c| surface(scene, media, c, delta_ratio)).collect();
         let materials = media.names.len();
@@ -108,9 +108,9 @@ fn upload<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, items: &[T]) -> Re
     if items.is_empty() { device.upload(name, &[T::zeroed()]) } else { device.upload(name, items) }
 }
 
-fn view(scene: &Scene, view: &scene::View, reach: f64) -> View {
+fn view(scene: &Scene, view: &scene::View, reach: f64) -> ViewTransform {
     let [cos, sin] = view.turn();
-    View {
+    ViewTransform {
         cos_angle: single(cos),
         sin_angle: single(sin),
         start: -single(1.01 * reach + 1e-6),

@@ -53,7 +53,7 @@ bool meets(Beam beam, Box box) {
 }
 
 // A box of the world from the beam: the smallest around it.
-Box box_from_world(vec3 low, vec3 high, View view) {
+Box box_from_world(vec3 low, vec3 high, ViewTransform view) {
     vec2 xc = vec2(low.x, high.x) * view.cos_angle;
     vec2 xs = vec2(low.x, high.x) * view.sin_angle;
     vec2 yc = vec2(low.y, high.y) * view.cos_angle;
@@ -66,7 +66,7 @@ Box box_of_lane(Box box, uint lane) {
     return Box(subgroupShuffle(box.low, lane), subgroupShuffle(box.high, lane));
 }
 
-Children children_of(Words nodes, uint node, View view, Bounds bounds) {
+Children children_of(Words nodes, uint node, ViewTransform view, Bounds bounds) {
     Record record = record_at(nodes, node, NODE_WORDS);
     vec3 origin = numbers_of(record, NODE_ORIGIN);
     uint exponents = word_of(record, NODE_EXPONENTS);

@@ -14,7 +14,7 @@ struct Beam {
     float analyser;
 };
 
-Beam beam_of(Ray ray, View view) {
+Beam beam_of(Ray ray, ViewTransform view) {
     return Beam(ray.x, ray.z, ray.slope_x, ray.slope_z, view.cos_angle, view.sin_angle,
                 view.start, view.analyser);
 }

@@ -1,7 +1,7 @@
 //! Neighbouring cells of faint light joined to fewer.
 
 use super::integrals::Integrals;
-use super::sums::Sums;
+use super::sums::BandSums;
 
 /// How far cells are joined.
 #[derive(Debug, Clone, Copy)]
@@ -18,7 +18,7 @@ pub(super) struct Limits {
 #[derive(Debug, Default)]
 pub(super) struct Joining {
     ends: Option<[f32; 2]>,
-    sums: Sums,
+    sums: BandSums,
     light: Integrals,
     x: Integrals,
     /// Least and most light.
@@ -27,7 +27,7 @@ pub(super) struct Joining {
 
 impl Joining {
     /// Takes a cell, if it fits with those before it.
-    pub(super) fn takes(&mut self, ends: [f32; 2], sums: &Sums, limits: &Limits) -> bool {
+    pub(super) fn takes(&mut self, ends: [f32; 2], sums: &BandSums, limits: &Limits) -> bool {
         let [first, mut last] = self.ends.unwrap_or([ends[0]; 2]);
         let [light, x] = [sums.light(), sums.x()];
         let mut range = if self.ends.is_some() { self.range } else { [f64::INFINITY, 0.0] };
@@ -50,7 +50,7 @@ impl Joining {
     }
 
     /// The interval joined, with its sums per metre.
-    pub(super) fn take(&mut self) -> Option<([f32; 2], Sums)> {
+    pub(super) fn take(&mut self) -> Option<([f32; 2], BandSums)> {
         let Self { ends, sums, light, x, .. } = std::mem::take(self);
         let ends = ends?;
         let width = f64::from(ends[1]) - f64::from(ends[0]);

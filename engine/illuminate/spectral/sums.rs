@@ -55,9 +55,9 @@ impl Terms {
 
 /// Sums over the energies of a group, at the ends and the middle of a cell.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Sums([f64; 13]);
+pub(super) struct BandSums([f64; 13]);
 
-impl Sums {
+impl BandSums {
     pub(super) fn over(nodes: Range<usize>, shares: &[f64], terms: &[Terms]) -> Self {
         let mut sums = Self::default();
         for (share, Terms(terms)) in shares[nodes.clone()].iter().zip(&terms[nodes]) {
@@ -163,9 +163,9 @@ mod tests {
         let result = |x: f64| NodeResult { x, ..NodeResult::default() };
         let cell = |light: [f64; 2], x: [f64; 2]| {
             let terms = [Terms::new(&x.map(result), light, 0.0, [0.0; 2])];
-            Sums::over(0..1, &[1.0], &terms)
+            BandSums::over(0..1, &[1.0], &terms)
         };
-        let mut parts = Sums::default();
+        let mut parts = BandSums::default();
         parts.add(&cell([1.0, 0.97], [0.0, 1.0]), 1.0);
         parts.add(&cell([0.97, 0.86], [1.0, 2.0]), 1.0);
         for (light, even) in [([1.01, 0.86], false), ([1.4, 0.4], true)] {

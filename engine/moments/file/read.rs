@@ -42,7 +42,11 @@ impl Block {
 
 impl MomentFile {
     /// Opens the file of a view, checks its hash and finds its blocks.
-    pub(in crate::moments) fn open(directory: &Path, view: u32, seal: &[u8; 32]) -> Result<Self> {
+    pub(in crate::moments) fn open(
+        directory: &Path,
+        view: u32,
+        scene_digest: &[u8; 32],
+    ) -> Result<Self> {
         let path = path_of(directory, view);
         let failed = |error| Error::file(&path, "cannot be read", Some(error));
         let damaged = |what: &str| Error::file(&path, format!("{what}: simulate again"), None);
@@ -65,7 +69,7 @@ impl MomentFile {
             let found = word(16);
             return Err(damaged(&format!("has version {found} of moments, this is {VERSION}")));
         }
-        if head[24..] != *seal {
+        if head[24..] != *scene_digest {
             return Err(damaged("belongs to another scene than the run's scene.toml"));
         }
         let words = word(20) as usize;

@@ -66,9 +66,9 @@ impl Simulation<'_> {
     /// Rays over the shadow of the sample in the first view, side by side in lines as in a run:
     /// how fast a backend is depends on their order.
     fn calibration_rays(&self) -> Vec<Ray> {
-        let shadows = self.shadows(0);
+        let projected_bounds = self.projected_bounds(0);
         let span = |f: fn(&ProjectedBounds) -> [f64; 2]| {
-            shadows
+            projected_bounds
                 .iter()
                 .map(f)
                 .fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])])

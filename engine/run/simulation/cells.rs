@@ -16,9 +16,9 @@ pub fn cells_of_rows(
     view: u32,
     rows: Range<i64>,
 ) -> Result<CellBatch> {
-    let shadows = simulation.shadows(view);
+    let projected_bounds = simulation.projected_bounds(view);
     let mut tracer = simulation.tracer(simulation.start.backend)?;
-    let view = simulation.view(view, &shadows);
+    let view = simulation.view(view, &projected_bounds);
     let mut parts = Vec::new();
     let at_once = numbers::length(simulation.memory.rays_at_once);
     sampling::sample_rows(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {

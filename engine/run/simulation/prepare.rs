@@ -116,7 +116,7 @@ impl<'e> Simulation<'e> {
         let memory =
             memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
         memory::ask_for_run(scene, &memory)?;
-        tell_of_spot(scene);
+        log_spot(scene);
         let device = engine.device();
         let wanted = options.backend;
         let description = device.description();
@@ -190,7 +190,7 @@ fn load(
 }
 
 /// Logs what stands for a focal spot that is not one Gaussian.
-fn tell_of_spot(scene: &Scene) {
+fn log_spot(scene: &Scene) {
     let spot = &scene.source.spot;
     let Some(fit) = spot.fit() else { return };
     let (parts, samples) = (spot.parts().len(), fit.samples);

@@ -7,8 +7,8 @@ use crate::Error;
 use crate::Result;
 use crate::gpu::Device;
 use crate::illuminate::{
-    CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, RandomBatch,
-    RandomKernels, SpectralBand, Sums, illuminate_random,
+    CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, PixelSums,
+    RandomBatch, RandomKernels, SpectralBand, illuminate_random,
 };
 use crate::interface::Pixel;
 use crate::numbers;
@@ -42,7 +42,7 @@ pub(super) struct ViewWork<'s> {
     tracer: Tracer,
     /// One for each list of cell rows.
     lights: Vec<IlluminationBuffer>,
-    sums: Sums,
+    sums: PixelSums,
     cells: CellIlluminator,
     bars: MaskTransmissionCache,
     random: Option<RandomKernels>,
@@ -89,7 +89,7 @@ impl<'s> ViewWork<'s> {
         Ok(Self {
             tracer,
             lights,
-            sums: Sums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
+            sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels())?,
             bars: MaskTransmissionCache::default(),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
@@ -118,26 +118,26 @@ impl<'s> ViewWork<'s> {
         if view == Exposure::Dark {
             return self.dark(sink);
         }
-        let detection = &self.simulation.detector;
-        let shadows = match view {
+        let detector = &self.simulation.detector;
+        let projected_bounds = match view {
             Exposure::Sample(i)
                 if !self.simulation.sample.triangles.is_empty()
                     && self.simulation.stored.is_none() =>
             {
-                self.simulation.shadows(i)
+                self.simulation.projected_bounds(i)
             }
             _ => Vec::new(),
         };
         for band in bands(rows, self.band) {
-            let lit = detection.grid().lit_rows(&band);
+            let lit = detector.grid().lit_rows(&band);
             self.sums.clear(&lit)?;
             self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
-            self.band(view, &shadows, &lit, &detection.grid().own_rows(&band), control)?;
+            self.band(view, &projected_bounds, &lit, &detector.grid().own_rows(&band), control)?;
             let begin = Instant::now();
-            let intensities = detection.intensities(view, &band, self.sums.intensities()?);
+            let intensities = detector.intensities(view, &band, self.sums.intensities()?);
             self.seconds.detect += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
-            let counts = detection.counts(view, &band, intensities.view())?;
+            let counts = detector.counts(view, &band, intensities.view())?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
             sink.write(view, band.clone(), intensities.view())?;
@@ -170,14 +170,14 @@ impl<'s> ViewWork<'s> {
     fn band(
         &mut self,
         view: Exposure,
-        shadows: &[ProjectedBounds],
+        projected_bounds: &[ProjectedBounds],
         band: &Range<u32>,
         own: &Range<u32>,
         control: &mut Control<'_>,
     ) -> Result<()> {
         let inner = i64::from(band.start)..i64::from(band.end);
         let halo = self.simulation.lattice.halo;
-        let group = self.group_rows(!shadows.is_empty());
+        let group = self.group_rows(!projected_bounds.is_empty());
         let mut row = inner.start - halo;
         while row < inner.end + halo {
             // Groups end at the borders of the band, so that its own counts stay separate.
@@ -192,9 +192,9 @@ impl<'s> ViewWork<'s> {
             let own = own.contains(&rows.start);
             let recorded = own || beside;
             if self.simulation.scene.sampling.scheme == Scheme::Random {
-                self.random_rows(self.simulation.detector.optics(), view, shadows, &rows)?;
+                self.random_rows(self.simulation.detector.optics(), view, projected_bounds, &rows)?;
             } else {
-                self.cell_rows(view, shadows, &rows, &inner, [own, recorded], control)?;
+                self.cell_rows(view, projected_bounds, &rows, &inner, [own, recorded], control)?;
             }
             if own {
                 self.rows_done += numbers::narrow::<u64>(rows.end - rows.start);
@@ -241,7 +241,7 @@ impl<'s> ViewWork<'s> {
     fn cell_rows(
         &mut self,
         view: Exposure,
-        shadows: &[ProjectedBounds],
+        projected_bounds: &[ProjectedBounds],
         rows: &Range<i64>,
         inner: &Range<i64>,
         [own, recorded]: [bool; 2],
@@ -291,8 +291,8 @@ impl<'s> ViewWork<'s> {
                 let gather = |cell_rows: &CellBatch| gather(tracer, spectral, cell_rows);
                 stored.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
-            (Exposure::Sample(index), ..) if !shadows.is_empty() => {
-                let view = simulation.view(index, shadows);
+            (Exposure::Sample(index), ..) if !projected_bounds.is_empty() => {
+                let view = simulation.view(index, projected_bounds);
                 let at_once = numbers::narrow::<usize>(simulation.memory.rays_at_once);
                 sampling::sample_rows(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
             }
@@ -315,7 +315,7 @@ impl<'s> ViewWork<'s> {
         &mut self,
         optics: &Optics,
         view: Exposure,
-        shadows: &[ProjectedBounds],
+        projected_bounds: &[ProjectedBounds],
         rows: &Range<i64>,
     ) -> Result<()> {
         let Some(kernels) = &self.random else { return Ok(()) };
@@ -331,7 +331,7 @@ impl<'s> ViewWork<'s> {
                     row: numbers::narrow::<i32>(row),
                     table: numbers::narrow::<u32>(column - self.pixel_columns.start),
                 };
-                if self.simulation.lattice.pixel_meets(shadows, column, row) {
+                if self.simulation.lattice.pixel_meets(projected_bounds, column, row) {
                     met.push(pixel);
                 } else if inside {
                     missed.push(pixel);

@@ -2,13 +2,13 @@
 
 /// Between which two entries a value lies, and how far.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct GridPlace {
     pub(super) below: usize,
     /// 0 at the entry below, 1 at the one above; beyond them outside the axis.
     pub(super) part: f64,
 }
 
-impl Place {
+impl GridPlace {
     /// Of `value` on an ascending `axis` of at least two entries.
     pub(super) fn of(axis: &[f64], value: f64) -> Self {
         let below = axis.partition_point(|entry| *entry <= value).clamp(1, axis.len() - 1) - 1;

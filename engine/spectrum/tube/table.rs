@@ -1,13 +1,13 @@
 //! The table of an anode, as tests/tables/tube.py lays it out.
 
-use super::grid::Place;
+use super::grid::GridPlace;
 use crate::interpolation::log_log;
 use crate::numbers::single;
 
 /// Lines grow about as this power of the voltage above their edge; what is left is smooth.
 const GROWTH: f64 = 1.6;
 
-pub(super) struct Table {
+pub(super) struct TubeTable {
     /// kV.
     pub(super) voltages: Vec<f64>,
     /// Degrees.
@@ -37,7 +37,7 @@ pub(super) struct Shell {
     angles: usize,
 }
 
-impl Table {
+impl TubeTable {
     /// `None` where the bytes are not such a table.
     pub(super) fn read(bytes: &[u8]) -> Option<Self> {
         let mut bytes = Bytes(bytes);
@@ -79,7 +79,13 @@ impl Table {
     }
 
     /// Continuum at a depth of the table, linear between its other entries.
-    pub(super) fn source(&self, voltage: Place, angle: Place, ratio: Place, depth: usize) -> f64 {
+    pub(super) fn source(
+        &self,
+        voltage: GridPlace,
+        angle: GridPlace,
+        ratio: GridPlace,
+        depth: usize,
+    ) -> f64 {
         let at = |v: usize, a: usize, r: usize| {
             let row = (v * self.angles.len() + a) * self.ratios.len() + r;
             f64::from(self.values[row * self.depths.len() + depth])
@@ -99,13 +105,13 @@ impl Shell {
     }
 
     /// Energy, keV, and photons of each line at a voltage, kV.
-    pub(super) fn lines(&self, kvp: f64, angle: Place) -> Vec<(f64, f64)> {
+    pub(super) fn lines(&self, kvp: f64, angle: GridPlace) -> Vec<(f64, f64)> {
         if kvp <= self.edge {
             return Vec::new();
         }
         // Nearer to the edge than the table the growth law alone holds.
         let excess = kvp - self.edge;
-        let place = Place::of(&self.excesses, excess.max(self.excesses[0]));
+        let place = GridPlace::of(&self.excesses, excess.max(self.excesses[0]));
         let line = |(line, energy): (usize, &f64)| {
             let at = |e: usize, a: usize| {
                 self.values[(e * self.angles + a) * self.energies.len() + line]

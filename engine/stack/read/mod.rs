@@ -59,6 +59,18 @@ impl StackFile {
     /// [`Error::File`] with file, what was found and what is allowed: a format, sample type or
     /// shape that is not in the table, a file shorter than its header says, frames that are
     /// missing from a series of numbers.
+    ///
+    /// # Example
+    ///
+    /// ```no_run
+    /// use beamlet::stack::StackFile;
+    ///
+    /// let stack = StackFile::open("measured.tif")?;
+    /// // View 0, step 0, rows 0 to 15.
+    /// let frame = stack.frame(0, 0, 0..16)?;
+    /// println!("{:?}, first pixel {}", stack.shape(), frame[[0, 0]]);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let found = std::fs::metadata(path)

@@ -154,9 +154,9 @@ impl ViewWork<'_> {
             let view = (f64::from(number) * GOLDEN + 0.5).fract() * self.view_count();
             let view = numbers::whole::<u32>(view);
             let shadow = Instant::now();
-            let shadows = self.simulation.shadows(view);
+            let projected_bounds = self.simulation.projected_bounds(view);
             let shadow_seconds = shadow.elapsed().as_secs_f64();
-            let all = self.rows_of(&shadows);
+            let all = self.rows_of(&projected_bounds);
             let blocks = (all.end - all.start + ROWS - 1) / ROWS;
             let block = numbers::whole::<i64>(radical_inverse(number) * blocks as f64);
             if blocks == 0 || !seen.insert((view, block)) {
@@ -165,7 +165,7 @@ impl ViewWork<'_> {
             let first = all.start + block * ROWS;
             let rows = first..(first + ROWS).min(all.end);
             let start = (f64::from(number) * GOLDEN).fract();
-            let cost = self.look(view, &shadows, rows, (patches, start))?;
+            let cost = self.look(view, &projected_bounds, rows, (patches, start))?;
             for (most, kind) in patches.iter_mut().zip(&cost.kinds) {
                 if kind.refined > 0.0 {
                     let each = (kind.seconds / kind.refined).max(1e-9);
@@ -178,12 +178,18 @@ impl ViewWork<'_> {
     }
 
     /// Rows of a view that shadows reach, as far as a run samples them.
-    fn rows_of(&self, shadows: &[ProjectedBounds]) -> Range<i64> {
+    fn rows_of(&self, projected_bounds: &[ProjectedBounds]) -> Range<i64> {
         let halo = self.simulation.lattice.halo;
-        let top =
-            shadows.iter().map(|s| numbers::whole::<i64>(s.rows[0].floor())).min().unwrap_or(0);
-        let bottom =
-            shadows.iter().map(|s| numbers::whole::<i64>(s.rows[1].floor()) + 1).max().unwrap_or(0);
+        let top = projected_bounds
+            .iter()
+            .map(|s| numbers::whole::<i64>(s.rows[0].floor()))
+            .min()
+            .unwrap_or(0);
+        let bottom = projected_bounds
+            .iter()
+            .map(|s| numbers::whole::<i64>(s.rows[1].floor()) + 1)
+            .max()
+            .unwrap_or(0);
         let top = top.max(-halo);
         top..bottom.min(self.lit_rows_of_all() + halo).max(top)
     }
@@ -191,7 +197,7 @@ impl ViewWork<'_> {
     fn look(
         &mut self,
         view: u32,
-        shadows: &[ProjectedBounds],
+        projected_bounds: &[ProjectedBounds],
         rows: Range<i64>,
         chosen: ([f64; 2], f64),
     ) -> Result<RowsCost> {
@@ -211,7 +217,7 @@ impl ViewWork<'_> {
             cells.add(lights.iter().zip(lists), sums, steps)?;
             Ok(left_out * begin.elapsed().as_secs_f64())
         };
-        let view = simulation.view(view, shadows);
+        let view = simulation.view(view, projected_bounds);
         sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
     }
 
@@ -246,7 +252,7 @@ impl ViewWork<'_> {
 
     fn random_estimate(&mut self) -> Result<RunEstimate> {
         let all = self.lit_rows_of_all();
-        let shadows = self.simulation.shadows(0);
+        let projected_bounds = self.simulation.projected_bounds(0);
         let middle = all / 2;
         self.begin_band(middle)?;
         let begin = Instant::now();
@@ -262,7 +268,7 @@ impl ViewWork<'_> {
             let [x, z] = sparse.sampling.rays;
             sparse.sampling.rays = if x >= z { [x.div_ceil(2), z] } else { [x, z.div_ceil(2)] };
         }
-        self.random_rows(&sparse, Exposure::Sample(0), &shadows, &rows)?;
+        self.random_rows(&sparse, Exposure::Sample(0), &projected_bounds, &rows)?;
         let share = timed / all as f64 * of_pixel(&sparse) / of_pixel(optics);
         let seconds = begin.elapsed().as_secs_f64() / share;
         let [x, z] = self.simulation.scene.sampling.rays.map(f64::from);

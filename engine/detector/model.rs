@@ -71,7 +71,7 @@ impl DetectorModel {
     }
 
     /// Intensities of a band of the detector's rows, from the light on the grid's
-    /// [`SubpixelGrid::lit_rows`], `[step][row][column]`.
+    /// `SubpixelGrid::lit_rows`, `[step][row][column]`.
     #[must_use]
     pub fn intensities(&self, view: Exposure, band: &Range<u32>, lit: Array3<f32>) -> Array3<f32> {
         let needed = self.grid.needed(band);

@@ -1,0 +1,48 @@
+//! The materials of a scene and who uses them.
+
+use super::Material;
+use crate::scene::{MaskSpec, Object, Scene};
+use crate::{Result, material};
+
+/// Materials in use, each once, in the order: surroundings, objects, masks.
+pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
+    let bars = |mask: &Option<MaskSpec>| Some(mask.as_ref()?.body.material()?.to_owned());
+    // Who uses it, the key where it is named, its name.
+    let object = |(number, object): (usize, &Object)| {
+        let key = format!("object[{number}].material");
+        (object.name.clone(), key, Some(object.material.clone()))
+    };
+    let mask = |name: &str, spec| (name.to_owned(), format!("{name}.material"), bars(spec));
+    let surroundings = Some(scene.surroundings.clone());
+    let uses = [("surroundings".to_owned(), "surroundings.material".to_owned(), surroundings)]
+        .into_iter()
+        .chain(scene.objects.iter().enumerate().map(object))
+        .chain([
+            mask("sample_mask", &scene.sample_mask),
+            mask("detector_mask", &scene.detector_mask),
+            (
+                "detector".to_owned(),
+                "detector.absorber.material".to_owned(),
+                scene.detector.absorber.as_ref().map(|absorber| absorber.material.clone()),
+            ),
+        ]);
+    let mut found: Vec<Material> = Vec::new();
+    for (user, key, name) in uses.filter_map(|(user, key, name)| name.map(|name| (user, key, name)))
+    {
+        if let Some(known) = found.iter_mut().find(|material| material.name == name) {
+            known.used_by.push(user);
+            continue;
+        }
+        let constants = material::constants_at_for(scene, &name, energy, &key)?;
+        found.push(Material {
+            used_by: vec![user],
+            mu: constants.mu,
+            delta: constants.delta,
+            critical_angle: (2.0 * constants.delta.max(0.0)).sqrt(),
+            shadows_builtin: scene.materials.contains_key(&name)
+                && material::builtin(&name).is_some(),
+            name,
+        });
+    }
+    Ok(found)
+}
