@@ -8,6 +8,10 @@ use super::overlap::{Assembly, Contact, Cuts, Meetings, Parts, pairs, pairs_to_c
 use super::search::Search;
 use super::watch::{LoadStep, Task};
 use crate::error::Result;
+use crate::reserve;
+
+/// Bytes per part, of many small pieces: its record, what it meets, what is around it.
+const PER_PART: u64 = 400;
 
 /// Cuts away what later objects cover, and fills in `outside` of every component: the latest
 /// object that contains it. `defects`: what is wrong with bodies that are accepted with defects.
@@ -25,7 +29,7 @@ pub(super) fn nest(
 ) -> Result<(Vec<Vec<u32>>, Vec<Contact>)> {
     let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
     let pairs = pairs(&bounds);
-    let compared = if wanted { pairs_to_compare(bodies) } else { Vec::new() };
+    let compared = if wanted { pairs_to_compare(bodies)? } else { Vec::new() };
     let mut is_near = vec![false; bodies.len()];
     for (a, b) in pairs.iter().chain(&compared) {
         is_near[*a] = true;
@@ -40,6 +44,11 @@ pub(super) fn nest(
         })
         .collect();
     task.begin(LoadStep::Nesting, pairs.len() as u64)?;
+    if pairs.is_empty() && compared.is_empty() {
+        return Ok((vec![Vec::new(); bodies.len()], Vec::new()));
+    }
+    let components = bodies.iter().map(|body| body.components.len() as u64).sum::<u64>();
+    reserve::ask(PER_PART * components, "comparing the parts of objects", reserve::REMEDY)?;
     let parts = Parts::of(bodies, defects);
     let meetings = Meetings::find(bodies, &pairs, &parts, &searches, task)?;
     let around = meetings.around(bodies, &parts, &searches);

@@ -16,10 +16,14 @@ use super::meeting::{self, Around, Meetings, tolerance};
 use super::parts::Parts;
 use super::{Operands, overlap_area};
 use crate::error::{Error, Result};
-use crate::numbers;
+use crate::{numbers, reserve};
 
 /// Gaps that are thinner are told, m.
 const THIN: f64 = 1e-6;
+/// Largest height of an arc over facets that counts, of the size of the body.
+const ARC: f64 = 0.01;
+/// Bytes per triangle while that is measured.
+const PER_ARC: u64 = 100;
 /// Points on an overlap whose depth is measured, about.
 const SOUNDINGS: usize = 4000;
 
@@ -84,7 +88,7 @@ impl Assembly<'_> {
             return Ok(Vec::new());
         }
         task.begin(LoadStep::Comparing, pairs.len() as u64)?;
-        let arcs: Vec<f64> = self.bodies.par_iter().map(|body| arc(&body.surface)).collect();
+        let arcs = arcs(self.bodies, pairs)?;
         let operands = Operands::new(self.bodies, self.parts);
         let mut contacts = Vec::new();
         for (number, (a, b)) in pairs.iter().enumerate() {
@@ -271,10 +275,33 @@ fn points_on(surface: &Surface) -> impl Iterator<Item = DVec3> {
 }
 
 /// Pairs of objects that may overlap, touch or nearly do.
-pub(in crate::geometry) fn pairs_to_compare(bodies: &[Body]) -> Vec<(usize, usize)> {
-    let arcs: Vec<f64> = bodies.par_iter().map(|body| arc(&body.surface)).collect();
+///
+/// # Errors
+/// [`Error::Memory`].
+pub(in crate::geometry) fn pairs_to_compare(bodies: &[Body]) -> Result<Vec<(usize, usize)>> {
     let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
-    meeting::pairs_within(&bounds, |a, b| THIN.max(arcs[a]).max(arcs[b]))
+    let most = |body: usize| ARC * (bounds[body][1] - bounds[body][0]).max_element();
+    let pairs = meeting::pairs_within(&bounds, |a, b| THIN.max(most(a)).max(most(b)));
+    let arcs = arcs(bodies, &pairs)?;
+    let reach = |a: usize, b: usize| THIN.max(arcs[a]).max(arcs[b]);
+    let is_near = |(a, b): &(usize, usize)| near(bounds[*a], bounds[*b], reach(*a, *b));
+    Ok(pairs.into_iter().filter(is_near).collect())
+}
+
+/// Heights of arcs over the facets of bodies that are in pairs; 0 for the others.
+///
+/// # Errors
+/// [`Error::Memory`].
+fn arcs(bodies: &[Body], pairs: &[(usize, usize)]) -> Result<Vec<f64>> {
+    let mut arcs = vec![0.0; bodies.len()];
+    let used: BTreeSet<usize> = pairs.iter().flat_map(|(a, b)| [*a, *b]).collect();
+    for body in used {
+        let surface = &bodies[body].surface;
+        let needed = PER_ARC * surface.triangles.len() as u64;
+        reserve::ask(needed, "measuring the facets of objects that meet", reserve::REMEDY)?;
+        arcs[body] = arc(surface);
+    }
+    Ok(arcs)
 }
 
 /// Greatest height of an arc over the facets that stand for it, m: of facets that lean against
@@ -301,5 +328,5 @@ fn arc(surface: &Surface) -> f64 {
             if smooth && turn > 1e-6 { width * turn / 8.0 } else { 0.0 }
         })
         .reduce(|| 0.0, f64::max);
-    height.min(0.01 * (high - low).max_element())
+    height.min(ARC * (high - low).max_element())
 }
