@@ -48,7 +48,7 @@ impl Scene {
     ///
     /// let source = Source::new(1.21, [30e-6, 26e-6], Beam::Energy(30.0));
     /// let mut scene = Scene::new(source, Detector::new(1.8, [64, 4], [150e-6; 2]));
-    /// scene.scan.mask_offsets = vec![-10e-6, 0.0, 10e-6];
+    /// scene.scan.angles = vec![0.0, 1.0];
     /// let carbon = MaterialSpec::Formula { formula: "C".into(), density: 2.0 };
     /// scene.materials.insert("carbon fibre".into(), carbon);
     /// let ball = Shape::Sphere { radius: 4e-3, sides: 256 };
