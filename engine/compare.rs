@@ -154,7 +154,7 @@ pub fn compare(
             let mut read: Vec<_> =
                 pairs.iter().flat_map(|(_, pair)| pair).map(|s| s.path().to_path_buf()).collect();
             // Other files may stand in a run, not among images.
-            let whole = [a, b].into_iter().filter(|path| !matches!(kind(path), Kind::Run));
+            let whole = [a, b].into_iter().filter(|path| !matches!(kind(path), ComparedKind::Run));
             read.extend(whole.map(Path::to_path_buf));
             refuse_overlap(to.path, &read)?;
             let about = serde_json::json!({
@@ -184,7 +184,7 @@ type Pair = (String, [StackFile; 2]);
 fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
     let kinds = [kind(a), kind(b)];
     match kinds {
-        [Kind::Run, Kind::Run] => {
+        [ComparedKind::Run, ComparedKind::Run] => {
             let runs = [OpenRun::open(a)?, OpenRun::open(b)?];
             let mut all = vec![
                 ("flat".to_owned(), [runs[0].flat()?, runs[1].flat()?]),
@@ -205,8 +205,8 @@ fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
             }
             Ok(all)
         }
-        [Kind::Maps, Kind::Maps] => maps(a, b),
-        [Kind::Stack, Kind::Stack] => {
+        [ComparedKind::Maps, ComparedKind::Maps] => maps(a, b),
+        [ComparedKind::Stack, ComparedKind::Stack] => {
             Ok(vec![("stack".to_owned(), [StackFile::open(a)?, StackFile::open(b)?])])
         }
         [found, other] => {
@@ -236,13 +236,13 @@ fn maps(a: &Path, b: &Path) -> Result<Vec<Pair>> {
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Kind {
+enum ComparedKind {
     Run,
     Maps,
     Stack,
 }
 
-impl Kind {
+impl ComparedKind {
     const fn word(self) -> &'static str {
         match self {
             Self::Run => "a run",
@@ -252,13 +252,13 @@ impl Kind {
     }
 }
 
-fn kind(path: &Path) -> Kind {
+fn kind(path: &Path) -> ComparedKind {
     if path.join("run.json").exists() {
-        Kind::Run
+        ComparedKind::Run
     } else if path.join("retrieved.json").exists() {
-        Kind::Maps
+        ComparedKind::Maps
     } else {
-        Kind::Stack
+        ComparedKind::Stack
     }
 }
 

@@ -49,16 +49,16 @@ impl fmt::Display for QuantityError {
 impl std::error::Error for QuantityError {}
 
 #[derive(Clone, Copy)]
-enum Scale {
+enum UnitScale {
     /// Power of ten of the base unit.
     Ten(i64),
     Degree,
 }
 
-use Scale::{Degree, Ten};
+use UnitScale::{Degree, Ten};
 
 /// Spellings of the units; the micro sign and the Greek letter both stand for micro.
-const LENGTHS: &[(&str, Scale)] = &[
+const LENGTHS: &[(&str, UnitScale)] = &[
     ("m", Ten(0)),
     ("cm", Ten(-2)),
     ("mm", Ten(-3)),
@@ -68,9 +68,9 @@ const LENGTHS: &[(&str, Scale)] = &[
     ("nm", Ten(-9)),
     ("pm", Ten(-12)),
 ];
-const ENERGIES: &[(&str, Scale)] = &[("eV", Ten(-3)), ("keV", Ten(0)), ("MeV", Ten(3))];
-const DENSITIES: &[(&str, Scale)] = &[("g/cm3", Ten(0)), ("kg/m3", Ten(-3))];
-const ANGLES: &[(&str, Scale)] = &[
+const ENERGIES: &[(&str, UnitScale)] = &[("eV", Ten(-3)), ("keV", Ten(0)), ("MeV", Ten(3))];
+const DENSITIES: &[(&str, UnitScale)] = &[("g/cm3", Ten(0)), ("kg/m3", Ten(-3))];
+const ANGLES: &[(&str, UnitScale)] = &[
     ("deg", Degree),
     ("rad", Ten(0)),
     ("mrad", Ten(-3)),
@@ -79,8 +79,8 @@ const ANGLES: &[(&str, Scale)] = &[
     ("\u{3bc}rad", Ten(-6)),
     ("nrad", Ten(-9)),
 ];
-const VOLTAGES: &[(&str, Scale)] = &[("V", Ten(-3)), ("kV", Ten(0)), ("MV", Ten(3))];
-const ATTENUATIONS: &[(&str, Scale)] = &[
+const VOLTAGES: &[(&str, UnitScale)] = &[("V", Ten(-3)), ("kV", Ten(0)), ("MV", Ten(3))];
+const ATTENUATIONS: &[(&str, UnitScale)] = &[
     ("1/m", Ten(0)),
     ("/m", Ten(0)),
     ("1/cm", Ten(2)),
@@ -90,7 +90,7 @@ const ATTENUATIONS: &[(&str, Scale)] = &[
 ];
 
 impl Dimension {
-    const fn table(self) -> &'static [(&'static str, Scale)] {
+    const fn table(self) -> &'static [(&'static str, UnitScale)] {
         match self {
             Self::Length => LENGTHS,
             Self::Energy => ENERGIES,
@@ -121,7 +121,7 @@ impl Dimension {
         Err(QuantityError { found: found.into(), allowed: self.allowed() })
     }
 
-    fn scale(self, unit: &str) -> Option<Scale> {
+    fn scale(self, unit: &str) -> Option<UnitScale> {
         self.table().iter().find(|entry| entry.0 == unit).map(|entry| entry.1)
     }
 

@@ -21,7 +21,7 @@ const TABLES: &str = "mu: total cross sections of Elam, Ravel and Sieber (2002);
 
 /// A built-in material.
 #[derive(Debug, Serialize)]
-struct Known {
+struct BuiltIn {
     name: &'static str,
     formula: &'static str,
     density_g_cm3: f64,
@@ -42,7 +42,7 @@ struct MaterialValues {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct MaterialReport {
     name: String,
     formula: Option<String>,
     density_g_cm3: Option<f64>,
@@ -77,7 +77,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
         Some(MaterialSpec::Table { path }) => Some(beamlet::printed::path(path)),
         _ => None,
     };
-    let report = Report {
+    let report = MaterialReport {
         values: match &arguments.spectrum {
             Some(_) => vec![over_spectrum(&scene, name, arguments.thickness)?],
             None => at_energies(&scene, name, &arguments.energies, arguments.thickness)?,
@@ -190,7 +190,7 @@ fn critical_angle(delta: f64) -> f64 {
     (2.0 * delta.max(0.0)).sqrt()
 }
 
-fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {
+fn write_text(report: &MaterialReport, out: &mut impl Write) -> std::io::Result<()> {
     write!(out, "{}", report.name)?;
     if let (Some(formula), Some(density)) = (&report.formula, report.density_g_cm3) {
         write!(out, "  {formula}, {}", Density.format(density))?;
@@ -222,7 +222,7 @@ fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {
 }
 
 fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
-    let known = material::builtins().iter().map(|entry| Known {
+    let known = material::builtins().iter().map(|entry| BuiltIn {
         name: entry.name,
         formula: entry.formula,
         density_g_cm3: entry.density,
@@ -231,7 +231,7 @@ fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
     if json {
         return super::write_json(&known.collect::<Vec<_>>(), out);
     }
-    for Known { name, formula, density_g_cm3, aliases } in known {
+    for BuiltIn { name, formula, density_g_cm3, aliases } in known {
         let density = Density.format(density_g_cm3);
         writeln!(out, "{name:<18}{density:<18}{formula:<38}{}", aliases.join(", "))?;
     }

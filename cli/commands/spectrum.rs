@@ -40,7 +40,7 @@ impl BeamSummary {
 }
 
 #[derive(Debug, Serialize)]
-struct Report {
+struct SpectrumReport {
     source: String,
     /// Of the tube itself and those behind it, as "1 mm Al".
     inherent_filters: Vec<String>,
@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
         _ => error,
     };
     let of_scene = arguments.input.as_deref().is_some_and(beam::is_scene);
-    let report = Report {
+    let report = SpectrumReport {
         source: source(&spec),
         inherent_filters: match &spec.origin {
             SpectrumOrigin::Tube { inherent_filters, .. } => listed(inherent_filters),
@@ -148,7 +148,7 @@ fn save(drawing: &Drawing, path: &Path, overwrite: bool) -> Result<(), Failure> 
     Ok(beamlet::write_file(path, &bytes)?)
 }
 
-fn write_text(report: &Report, out: &mut impl Write) -> std::io::Result<()> {
+fn write_text(report: &SpectrumReport, out: &mut impl Write) -> std::io::Result<()> {
     writeln!(out, "{}", report.source)?;
     let none = || "none".to_owned();
     let list = |filters: &[String]| match filters {

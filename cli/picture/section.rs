@@ -4,7 +4,7 @@ use beamlet::geometry::Sample;
 use std::collections::HashMap;
 
 /// An edge of the mesh: its two vertices, the lower one first.
-type Edge = (u32, u32);
+type MeshEdge = (u32, u32);
 
 /// A closed line of a section, in m (x, y), with material to its left.
 #[derive(Debug)]
@@ -21,7 +21,7 @@ pub(super) struct Loop {
 pub(super) fn section(sample: &Sample) -> Vec<Loop> {
     // From corner to corner of the section; a corner lies on an edge of the mesh, by which both
     // neighbours know it.
-    let mut next: HashMap<(Edge, usize), (Edge, [f64; 2])> = HashMap::new();
+    let mut next: HashMap<(MeshEdge, usize), (MeshEdge, [f64; 2])> = HashMap::new();
     let height = |vertex: u32| sample.vertices[vertex as usize][2];
     let corner = |a: u32, b: u32| {
         let (a, b) = (a.min(b), a.max(b));

@@ -83,10 +83,10 @@ struct Content<'a> {
 }
 
 /// Makes a part. Long ones are moved out of the content, not copied.
-type Part = fn(&mut Content<'_>) -> Result<String, Failure>;
+type PagePart = fn(&mut Content<'_>) -> Result<String, Failure>;
 
 /// The marks of page.html and what stands in their place.
-const PARTS: [(&str, Part); 12] = [
+const PARTS: [(&str, PagePart); 12] = [
     ("{{title}}", |content| Ok(escaped(&content.name))),
     ("{{summary}}", |content| Ok(escaped(&tables::summary(content.run)))),
     ("{{notes}}", |content| Ok(take(&mut content.notes))),

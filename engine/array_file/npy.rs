@@ -15,12 +15,12 @@ pub(crate) struct NpyFile {
     fortran: bool,
     /// Bytes before the first value.
     header: u64,
-    sample: Sample,
+    sample: ValueType,
     big_endian: bool,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Sample {
+enum ValueType {
     F32,
     F64,
     U8,
@@ -31,7 +31,7 @@ enum Sample {
     I32,
 }
 
-impl Sample {
+impl ValueType {
     const fn bytes(self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,
@@ -104,14 +104,14 @@ impl NpyFile {
             raw.chunks_exact_mut(bytes).for_each(<[u8]>::reverse);
         }
         match self.sample {
-            Sample::U8 => values(&raw, u8::from_le_bytes),
-            Sample::U16 => values(&raw, u16::from_le_bytes),
-            Sample::U32 => values(&raw, u32::from_le_bytes),
-            Sample::I8 => values(&raw, i8::from_le_bytes),
-            Sample::I16 => values(&raw, i16::from_le_bytes),
-            Sample::I32 => values(&raw, i32::from_le_bytes),
-            Sample::F32 => values(&raw, f32::from_le_bytes),
-            Sample::F64 => values(&raw, f64::from_le_bytes),
+            ValueType::U8 => values(&raw, u8::from_le_bytes),
+            ValueType::U16 => values(&raw, u16::from_le_bytes),
+            ValueType::U32 => values(&raw, u32::from_le_bytes),
+            ValueType::I8 => values(&raw, i8::from_le_bytes),
+            ValueType::I16 => values(&raw, i16::from_le_bytes),
+            ValueType::I32 => values(&raw, i32::from_le_bytes),
+            ValueType::F32 => values(&raw, f32::from_le_bytes),
+            ValueType::F64 => values(&raw, f64::from_le_bytes),
         }
     }
 }
@@ -125,17 +125,17 @@ fn values<S: Into<f64>, T: Value, const N: usize>(
 }
 
 /// The sample type and whether its bytes are swapped.
-fn sample_of(dtype: &DType) -> Option<(Sample, bool)> {
+fn sample_of(dtype: &DType) -> Option<(ValueType, bool)> {
     let DType::Plain(text) = dtype else { return None };
     let sample = match (text.type_char(), text.size_field()) {
-        (TypeChar::Float, 4) => Sample::F32,
-        (TypeChar::Float, 8) => Sample::F64,
-        (TypeChar::Uint, 1) => Sample::U8,
-        (TypeChar::Uint, 2) => Sample::U16,
-        (TypeChar::Uint, 4) => Sample::U32,
-        (TypeChar::Int, 1) => Sample::I8,
-        (TypeChar::Int, 2) => Sample::I16,
-        (TypeChar::Int, 4) => Sample::I32,
+        (TypeChar::Float, 4) => ValueType::F32,
+        (TypeChar::Float, 8) => ValueType::F64,
+        (TypeChar::Uint, 1) => ValueType::U8,
+        (TypeChar::Uint, 2) => ValueType::U16,
+        (TypeChar::Uint, 4) => ValueType::U32,
+        (TypeChar::Int, 1) => ValueType::I8,
+        (TypeChar::Int, 2) => ValueType::I16,
+        (TypeChar::Int, 4) => ValueType::I32,
         _ => return None,
     };
     Some((sample, text.endianness() == Endianness::Big))

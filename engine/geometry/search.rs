@@ -61,43 +61,43 @@ impl Search {
         self.tree.along(point, direction, |triangle| {
             let triangle = triangle as usize;
             match cross(point, direction, surface.corners(triangle)) {
-                Crossing::Miss => {}
-                Crossing::Hit(sign) => hit(triangle, sign),
-                Crossing::Unclear => return false,
+                LineCrossing::Miss => {}
+                LineCrossing::Hit(sign) => hit(triangle, sign),
+                LineCrossing::Unclear => return false,
             }
             true
         })
     }
 }
 
-enum Crossing {
+enum LineCrossing {
     Miss,
     Hit(i32),
     Unclear,
 }
 
 /// Where a ray passes a triangle; unclear within rounding of an edge or of the start.
-fn cross(point: DVec3, direction: DVec3, corners: [DVec3; 3]) -> Crossing {
+fn cross(point: DVec3, direction: DVec3, corners: [DVec3; 3]) -> LineCrossing {
     let [a, b, c] = corners.map(|corner| corner - point);
     let sides = [c.cross(b), a.cross(c), b.cross(a)].map(|normal| direction.dot(normal));
     let size = a.length_squared().max(b.length_squared()).max(c.length_squared());
     let doubt = 1e-14 * size;
     if sides.iter().any(|side| *side > doubt) && sides.iter().any(|side| *side < -doubt) {
-        return Crossing::Miss;
+        return LineCrossing::Miss;
     }
     let normal = (b - a).cross(c - a);
     let (height, slope) = (a.dot(normal), direction.dot(normal));
     if sides.iter().any(|side| side.abs() <= doubt) {
         // An edge that the ray has left behind does not matter.
         let behind = a.dot(direction).max(b.dot(direction)).max(c.dot(direction)) < 0.0;
-        return if behind { Crossing::Miss } else { Crossing::Unclear };
+        return if behind { LineCrossing::Miss } else { LineCrossing::Unclear };
     }
     if height.abs() <= 1e-13 * size.sqrt() * normal.length() {
-        return Crossing::Unclear;
+        return LineCrossing::Unclear;
     }
     match (height > 0.0) == (slope > 0.0) {
-        false => Crossing::Miss,
-        true => Crossing::Hit(if slope > 0.0 { 1 } else { -1 }),
+        false => LineCrossing::Miss,
+        true => LineCrossing::Hit(if slope > 0.0 { 1 } else { -1 }),
     }
 }
 

@@ -22,7 +22,7 @@ impl ConstantsTable {
         let mut rows: Vec<[f64; 3]> = Vec::new();
         let mut order = None;
         for (index, line) in text.lines().enumerate() {
-            let at = Line { path, number: index + 1, text: line };
+            let at = TableLine { path, number: index + 1, text: line };
             let line = line.trim_start_matches('\u{feff}').trim();
             if line.is_empty() || line.starts_with('#') {
                 continue;
@@ -39,7 +39,7 @@ impl ConstantsTable {
             rows.push(row);
         }
         if rows.is_empty() {
-            let at = Line { path, number: text.lines().count().max(1), text: "" };
+            let at = TableLine { path, number: text.lines().count().max(1), text: "" };
             return Err(at.error("table", "no rows", "a header and at least one row of numbers"));
         }
         Ok(Self { path: path.to_owned(), rows })
@@ -87,7 +87,7 @@ impl ConstantsTable {
 }
 
 /// Position of each of `COLUMNS` in the file.
-fn header(at: &Line<'_>, fields: &[&str]) -> Result<[usize; 3]> {
+fn header(at: &TableLine<'_>, fields: &[&str]) -> Result<[usize; 3]> {
     let mut order = [0; 3];
     for (slot, column) in order.iter_mut().zip(COLUMNS) {
         *slot = fields.iter().position(|field| *field == column).ok_or_else(|| {
@@ -101,7 +101,7 @@ fn header(at: &Line<'_>, fields: &[&str]) -> Result<[usize; 3]> {
     Ok(order)
 }
 
-fn row(at: &Line<'_>, fields: &[&str], order: [usize; 3]) -> Result<[f64; 3]> {
+fn row(at: &TableLine<'_>, fields: &[&str], order: [usize; 3]) -> Result<[f64; 3]> {
     let mut row = [0.0; 3];
     for ((value, index), column) in row.iter_mut().zip(order).zip(COLUMNS) {
         let field = fields.get(index).copied().unwrap_or("nothing");
@@ -114,13 +114,13 @@ fn row(at: &Line<'_>, fields: &[&str], order: [usize; 3]) -> Result<[f64; 3]> {
 }
 
 /// A line of the file, for messages.
-struct Line<'a> {
+struct TableLine<'a> {
     path: &'a Path,
     number: usize,
     text: &'a str,
 }
 
-impl Line<'_> {
+impl TableLine<'_> {
     fn error(&self, key: &str, found: &str, allowed: &str) -> Error {
         let place = Place::of_word(self.path, self.number, self.text, found);
         Error::scene_at(place, key, found, allowed)

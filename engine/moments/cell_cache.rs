@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Some rows of a view.
-type Place = (u32, Range<i64>);
+type RowsOfView = (u32, Range<i64>);
 
 /// Cells of some rows of a view, ready to be illuminated.
 #[derive(Debug, Default)]
@@ -41,7 +41,7 @@ pub(super) struct CellCache {
 #[derive(Debug, Default)]
 struct Made {
     by: Option<(Resampled, EnergyBinning)>,
-    parts: HashMap<Place, Arc<Part>>,
+    parts: HashMap<RowsOfView, Arc<Part>>,
     bytes: u64,
 }
 
@@ -70,7 +70,7 @@ impl CellCache {
         &self,
         resample: &Resampled,
         spectral: &EnergyBinning,
-        place: &Place,
+        place: &RowsOfView,
     ) -> Option<Arc<Part>> {
         let made = self.lock();
         made.parts.get(place).filter(|_| made.is_by(resample, spectral)).cloned()
@@ -86,7 +86,7 @@ impl CellCache {
         &self,
         resample: &Resampled,
         spectral: &EnergyBinning,
-        place: Place,
+        place: RowsOfView,
         part: Part,
     ) {
         let bytes = part.bytes();

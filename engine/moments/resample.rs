@@ -182,7 +182,7 @@ impl Resampled {
         let scale = self.new.plane / self.old.plane;
         let first = cell_row.first_cell as usize;
         let mut from = cell_rows.moments.exact.partition_point(|e| (e.cell as usize) < first);
-        let mut piece = Overlap::default();
+        let mut piece = NewBeamlet::default();
         for index in first..first + cell_row.cell_count as usize {
             let cell = &cell_rows.cells[index];
             let ends = &cell_rows.moments.ends[2 * words * index..2 * words * (index + 1)];
@@ -237,7 +237,7 @@ impl Resampled {
     /// Appends the cell row of a beamlet.
     fn flush(
         &self,
-        piece: &mut Overlap,
+        piece: &mut NewBeamlet,
         row: i64,
         z: [f64; 2],
         out: &mut CellBatch,
@@ -327,13 +327,13 @@ impl Resampled {
 
 /// Cells of one new beamlet in the making.
 #[derive(Default)]
-struct Overlap {
+struct NewBeamlet {
     beamlet: Option<i64>,
     cells: Vec<Cell>,
     moments: CellMoments,
 }
 
-impl Overlap {
+impl NewBeamlet {
     /// Takes the part `share` of a cell, to an analyser farther by `lever`.
     fn push(
         &mut self,

@@ -117,9 +117,9 @@ pub(super) fn by_moments(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve
 
 /// The flat's fitted curve: A, mu, sigma, b.
 #[derive(Debug, Clone, Copy)]
-struct Known([f64; 4]);
+struct FlatFit([f64; 4]);
 
-impl Known {
+impl FlatFit {
     fn at(self, x: f64) -> f64 {
         let Self([a, mu, sigma, b]) = self;
         let t = (x - mu) / sigma;
@@ -159,7 +159,7 @@ pub(super) fn two_step(
         let dead = if values.least <= 0.0 { flags::DEAD } else { 0 };
         return Curve::unknown(values.flags | dead);
     }
-    let known = Known(
+    let known = FlatFit(
         [flat.amplitude[at], flat.centre[at], flat.width[at], flat.background[at]].map(f64::from),
     );
     let mut points = values.points;

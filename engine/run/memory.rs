@@ -87,12 +87,12 @@ fn cut_triangles(objects: &[ObjectSummary]) -> u64 {
 
 /// Bytes on the host and on the device.
 #[derive(Debug, Clone, Copy)]
-struct Bytes {
+struct HostAndDevice {
     host: u64,
     device: u64,
 }
 
-impl Bytes {
+impl HostAndDevice {
     const fn sum(self) -> u64 {
         self.host.saturating_add(self.device)
     }
@@ -110,7 +110,7 @@ struct Needs {
     steps: u64,
     /// Per row of pixels with all steps: sums on the device; light, blurred light and counts on
     /// the host.
-    row: Bytes,
+    row: HostAndDevice,
     /// Rows beside a band whose light it needs.
     beside: u64,
     frame: u64,
@@ -237,7 +237,7 @@ impl Needs {
         let copies = u64::from(detector.blur.is_some())
             + u64::from(detector.counts.is_some())
             + if matches!(detector.scatter, Some(Scatter::Kernel { .. })) { 2 } else { 0 };
-        let row = Bytes {
+        let row = HostAndDevice {
             host: 4 * lit_row + 8 * lit_pixels + copies * 4 * steps * u64::from(extent.columns),
             device: 8 * (lit_row + lit_pixels),
         };
@@ -303,20 +303,27 @@ impl Needs {
 
     fn at(&self, band_rows: u32, rays_at_once: u64) -> MemoryEstimate {
         let n = self.triangles;
-        let program = |bytes: Bytes| Bytes { host: bytes.host.saturating_add(PROGRAM), ..bytes };
+        let program = |bytes: HostAndDevice| HostAndDevice {
+            host: bytes.host.saturating_add(PROGRAM),
+            ..bytes
+        };
         let phases = [
-            Bytes {
+            HostAndDevice {
                 host: PEAK_PER_TRIANGLE * self.largest_mesh + KEPT * (n - self.largest_mesh),
                 device: 0,
             },
-            Bytes { host: PEAK_PER_CUT_TRIANGLE * self.cut + KEPT * (n - self.cut), device: 0 },
-            Bytes { host: BUILD * n, device: 0 },
-            Bytes { host: KEPT * n, device: (TREE + STRUCTURE + SCRATCH) * n },
+            HostAndDevice {
+                host: PEAK_PER_CUT_TRIANGLE * self.cut + KEPT * (n - self.cut),
+                device: 0,
+            },
+            HostAndDevice { host: BUILD * n, device: 0 },
+            HostAndDevice { host: KEPT * n, device: (TREE + STRUCTURE + SCRATCH) * n },
         ]
         .map(program);
         let run = self.run(band_rows, rays_at_once);
-        let peak =
-            |of: fn(Bytes) -> u64| phases.into_iter().chain([run]).map(of).max().unwrap_or(0);
+        let peak = |of: fn(HostAndDevice) -> u64| {
+            phases.into_iter().chain([run]).map(of).max().unwrap_or(0)
+        };
         MemoryEstimate {
             band_rows,
             rays_at_once,
@@ -324,12 +331,12 @@ impl Needs {
             band_bytes: self.row_bytes().saturating_mul(u64::from(band_rows) + self.beside),
             host_bytes: peak(|b| b.host),
             device_bytes: peak(|b| b.device),
-            peak_bytes: peak(Bytes::sum),
+            peak_bytes: peak(HostAndDevice::sum),
         }
     }
 
     /// While views are traced and illuminated in bands of `rows` rows.
-    fn run(&self, band_rows: u32, rays_at_once: u64) -> Bytes {
+    fn run(&self, band_rows: u32, rays_at_once: u64) -> HostAndDevice {
         let rays = rays_at_once.max(self.row_rays).min(self.rays);
         let band = u64::from(band_rows) + self.beside;
         let refined = if self.cells { self.ray_host * rays } else { 0 };
@@ -342,7 +349,7 @@ impl Needs {
             + FRAME_COPIES * self.frame;
         let device =
             LISTS + (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
-        Bytes {
+        HostAndDevice {
             host: host.saturating_add(band.saturating_mul(self.row.host)),
             device: device.saturating_add(band.saturating_mul(self.row.device)),
         }

@@ -308,9 +308,8 @@ fn lay(
         if sides.contains(&Side::Outside) {
             continue;
         }
-        let mut rest = regions[number].polygon.clone();
+        let (mut rest, mut disjoint) = (regions[number].polygon.clone(), false);
         let mut outside = ArrayVec::<Polygon, 3>::new();
-        let mut disjoint = false;
         for line in &lines {
             match rest.side(line) {
                 Side::Inside => {}

@@ -115,7 +115,7 @@ impl Estimator<'_> {
     fn pieces_error(&self, patch: &Patch, index: u32, pieces: &[Piece]) -> CellError {
         let node = &patch.nodes[index as usize];
         let column = self.column(patch.beamlet);
-        let (mut cut, mut told, mut all) = (0.0_f32, 0.0_f32, 0.0);
+        let (mut cut, mut where_open, mut all) = (0.0_f32, 0.0_f32, 0.0);
         let rectangle = node.width() * node.height() * self.response.weight;
         for piece in pieces {
             let light = rectangle * piece.share * (-piece.result.optical_depth).exp();
@@ -140,14 +140,14 @@ impl Estimator<'_> {
             }
             let down = piece.outline[1] * self.beyond_border(piece);
             cut += (light * (CUT * piece.outline[0] + aside + down)).powi(2);
-            told += (light * (along + down)).powi(2);
+            where_open += (light * (along + down)).powi(2);
             all += light;
         }
         let [width, height] = [node.width(), node.height() * self.row_height];
         CellError {
             node: index,
             light: cut.sqrt(),
-            whole: if cut > 0.0 { (told / cut).sqrt() } else { 0.0 },
+            whole: if cut > 0.0 { (where_open / cut).sqrt() } else { 0.0 },
             moment: 0.0,
             through: all,
             silhouette: node.has_silhouette(),
@@ -187,7 +187,7 @@ impl Estimator<'_> {
         let growth = (self.response.magnification + residuals.slope).abs();
         let half = 0.5 * growth * node.width();
         let [along, across] = self.along_x(residuals, [passed, at], half);
-        let whole = self.response.bend(node.width())
+        let whole = self.response.curvature(node.width())
             + self.response.skew(residuals.displacement, residuals.farthest[0]);
         let (deviation, farthest) = (residuals.displacement_z, residuals.farthest[1]);
         let skewed = deviation * farthest.max(deviation);
@@ -247,11 +247,11 @@ impl Estimator<'_> {
         // Mean and slope are right: a wide blur tells little more.
         let height = node.height();
         let blur2 = self.row_blur.powi(2).max(1e-12);
-        let bend = (BEND * height * height / blur2).min(if known { BAND } else { 1.0 });
-        let told = (bend + BEND * skewed / blur2).min(1.0);
+        let curvature = (BEND * height * height / blur2).min(if known { BAND } else { 1.0 });
+        let visible = (curvature + BEND * skewed / blur2).min(1.0);
         // Neighbours along x that are thinner than high err together.
         let together = (height * self.row_height / node.width()).max(1.0).sqrt();
-        told * together * (off / height).min(1.0)
+        visible * together * (off / height).min(1.0)
     }
 
     /// Share of the light of a rectangle that the blur takes over the borders of the row that it

@@ -9,8 +9,8 @@ use super::base_lattice::BaseLattice;
 use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
-use super::judgement::{Judged, Narrow};
 use super::patch::{Known, Patch, alike};
+use super::patch_error::{KnownErrors, Narrow};
 use super::response::Opening;
 use crate::Result;
 use crate::interface::{Ray, RayResult};
@@ -51,7 +51,7 @@ pub(super) struct PatchWork {
     pending: Vec<u32>,
     /// Pieces that wait for the rays through their centroids.
     pending_pieces: Vec<u32>,
-    judged: Judged,
+    known_errors: KnownErrors,
     done: bool,
 }
 
@@ -113,7 +113,7 @@ impl<'a> Refiner<'a> {
             changed: Vec::new(),
             pending: Vec::new(),
             pending_pieces: Vec::new(),
-            judged: Judged::default(),
+            known_errors: KnownErrors::default(),
             done: false,
             patch,
         };
@@ -188,7 +188,7 @@ impl<'a> Refiner<'a> {
                 numbers::whole::<u32>(f64::from((width * base[0] as f32 / period).ceil()));
             let base = [columns, LINES * base[1]];
             let Patch { beamlet, row, .. } = work.patch;
-            work.judged = Judged::default();
+            work.known_errors = KnownErrors::default();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
             work.patch.straight = slant.is_some_and(|slant| slant.straight);
             work.pending.extend(0..numbers::count(work.patch.nodes.len()));
@@ -296,13 +296,13 @@ impl<'a> Refiner<'a> {
     }
 
     fn split_once(&self, work: &mut PatchWork) {
-        let PatchWork { patch, openings, narrow, judged, .. } = work;
-        // Neighbours of new rectangles are judged anew.
+        let PatchWork { patch, openings, narrow, known_errors, .. } = work;
+        // Errors of neighbours of new rectangles are found anew.
         for node in std::mem::take(&mut work.changed) {
             let node = &patch.nodes[node as usize];
-            self.estimator.leaves_beside(patch, node).for_each(|leaf| judged.forget(leaf));
+            self.estimator.leaves_beside(patch, node).for_each(|leaf| known_errors.forget(leaf));
         }
-        let error = self.estimator.judge(patch, openings, narrow, judged);
+        let error = self.estimator.patch_error(patch, openings, narrow, known_errors);
         work.light = error.light;
         let most = self.view.budget.max_rays;
         let left = most.saturating_sub(work.rays.max(2 * work.patch.splits)) / 2;
@@ -321,7 +321,7 @@ impl<'a> Refiner<'a> {
                 if mean { self.dissect_mean(work, node) } else { self.dissect(work, node) };
             if dissected {
                 work.patch.splits += 1;
-                work.judged.forget(node);
+                work.known_errors.forget(node);
                 continue;
             }
             let parent = work.patch.nodes[node as usize].known;

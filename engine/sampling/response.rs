@@ -132,7 +132,7 @@ impl Response {
 
     /// Part of a change of light within a rectangle of this width, m, that windows record although
     /// its mean and slope are right: they are nearly straight over less than the blur.
-    pub(super) fn bend(&self, width: f32) -> f32 {
+    pub(super) fn curvature(&self, width: f32) -> f32 {
         (0.1 * (self.magnification * width / self.blur).powi(2)).min(1.0)
     }
 

@@ -97,7 +97,7 @@ pub fn nodes_with(scene: &Scene, response: impl Fn(f64) -> Result<f64>) -> Resul
     let at_rows = probes.at_rows();
     let parts = segments
         .into_iter()
-        .map(|rows| Part::of(&spectrum, rows, &probes, &at_rows, spec.nodes))
+        .map(|rows| RowsBetweenEdges::of(&spectrum, rows, &probes, &at_rows, spec.nodes))
         .collect::<Result<Vec<_>>>()?;
     Ok(chosen(&parts, spec.nodes.map(|count| count as usize), spectrum.total()))
 }
@@ -115,13 +115,13 @@ fn join_lightest(segments: &mut Vec<Range<usize>>, weights: &[f64]) {
 }
 
 /// The rows between two edges.
-struct Part {
+struct RowsBetweenEdges {
     recurrence: Recurrence,
     /// Error of each probe with 1, 2, ... nodes: [count - 1][probe], times the total weight.
     errors: Vec<Vec<f64>>,
 }
 
-impl Part {
+impl RowsBetweenEdges {
     fn of(
         spectrum: &Spectrum,
         rows: Range<usize>,
@@ -161,7 +161,7 @@ impl Part {
 
 /// Gives the next node to the part that errs most, until all probes together are within the
 /// tolerance, or until there are as many as wanted.
-fn chosen(parts: &[Part], wanted: Option<usize>, total: f64) -> Nodes {
+fn chosen(parts: &[RowsBetweenEdges], wanted: Option<usize>, total: f64) -> Nodes {
     let mut counts = vec![1; parts.len()];
     let error = |counts: &[usize]| {
         let probes = parts.first().map_or(0, |part| part.errors[0].len());

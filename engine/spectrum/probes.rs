@@ -25,10 +25,10 @@ struct Medium<'a> {
 }
 
 /// Optical depth = sum of attenuation times thickness: index of the medium, m.
-type Slab = Vec<(usize, f64)>;
+type LayeredPath = Vec<(usize, f64)>;
 
 struct Probe {
-    slab: Slab,
+    slab: LayeredPath,
     /// Medium whose deflection is weighted, and its mean delta behind the slab.
     deflection: Option<(usize, f64)>,
     /// What errors are relative to.
@@ -82,7 +82,7 @@ impl<'a> Probes<'a> {
             values.iter().zip(weights).map(|(value, weight)| value * weight).sum::<f64>() / total
         };
         let mut list = Vec::new();
-        let add = |list: &mut Vec<Probe>, slab: Slab, deflected: &[usize]| {
+        let add = |list: &mut Vec<Probe>, slab: LayeredPath, deflected: &[usize]| {
             let passed = self.passed(&slab);
             let transmission = mean(passed.clone());
             let scale = transmission.max(FLOOR);
@@ -101,7 +101,7 @@ impl<'a> Probes<'a> {
         };
         // The surroundings fill the way from the source to the detector.
         add(&mut list, vec![(around, self.scene.detector.distance)], &[around]);
-        let leaks: Vec<Slab> = bars
+        let leaks: Vec<LayeredPath> = bars
             .iter()
             .map(|bar| vec![*bar])
             .chain((bars.len() > 1).then(|| bars.to_vec()))

@@ -25,7 +25,7 @@ impl Spot {
     pub fn read_profile(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
             .map_err(|error| Error::file(path, "cannot read the profile", Some(error)))?;
-        let profile = Profile::parse(path, &text)?;
+        let profile = MeasuredProfile::parse(path, &text)?;
         let mut spot = profile.spot()?;
         if let Some(fit) = &mut spot.fit {
             fit.file = path.display().to_string();
@@ -34,13 +34,13 @@ impl Spot {
     }
 }
 
-struct Profile {
+struct MeasuredProfile {
     /// Position from the centre in um and value.
     rows: Vec<[f64; 2]>,
     round: bool,
 }
 
-impl Profile {
+impl MeasuredProfile {
     fn parse(path: &Path, text: &str) -> Result<Self> {
         let refuse = |line: usize, key: &str, found: &str, allowed: &str| {
             Error::scene_at(Place::of_word(path, line, "", ""), key, found, allowed)

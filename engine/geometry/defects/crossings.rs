@@ -22,7 +22,7 @@ const ENOUGH: usize = 100_000;
 const ENOUGH_OF_ONE: usize = 1000;
 
 /// A pair of triangles, in their order, and how they meet.
-type Met = (u32, u32, Contact);
+type MeetingPair = (u32, u32, Contact);
 
 /// Pairs that pass through, or lie on, each other deeper than `resolved`.
 ///
@@ -34,7 +34,7 @@ pub(super) fn find(
     resolved: f64,
     task: Task<'_>,
 ) -> Result<DefectCount> {
-    let mut met: Vec<Met> = Vec::new();
+    let mut met: Vec<MeetingPair> = Vec::new();
     let mut passed = 0;
     let leaves = tree.leaves();
     task.begin(LoadStep::Checking, leaves.len() as u64)?;
@@ -44,7 +44,7 @@ pub(super) fn find(
         }
         task.reach((number * CHUNK) as u64);
         let partners = |leaves: &[u32]| partners(surface, tree, leaves, resolved);
-        let chunk: Vec<Met> = chunk.par_chunks(TOGETHER).flat_map_iter(partners).collect();
+        let chunk: Vec<MeetingPair> = chunk.par_chunks(TOGETHER).flat_map_iter(partners).collect();
         passed += chunk.iter().filter(|it| matches!(it.2, Contact::Crossing(_))).count();
         met.extend(chunk);
         // Some pairs are found twice.
@@ -74,7 +74,7 @@ pub(super) fn find(
 }
 
 /// Pairs of triangles of leaves that stand together and others, in their order.
-fn partners(surface: &Surface, tree: &Tree, leaves: &[u32], resolved: f64) -> Vec<Met> {
+fn partners(surface: &Surface, tree: &Tree, leaves: &[u32], resolved: f64) -> Vec<MeetingPair> {
     let mut met = Vec::new();
     let margin = 2.0 * resolved;
     let start = tree.start(leaves, margin);

@@ -65,7 +65,7 @@ impl Facet {
 }
 
 /// A triangle with its unit normal, and the heights of its corners above the other's plane.
-struct Side {
+struct TriangleSide {
     number: u32,
     vertices: [u32; 3],
     corners: [DVec3; 3],
@@ -73,7 +73,7 @@ struct Side {
     heights: [f64; 3],
 }
 
-impl Side {
+impl TriangleSide {
     fn new(facet: &Facet, heights: [f64; 3]) -> Self {
         let Facet { number, vertices, corners, normal, .. } = *facet;
         Self { number, vertices, corners, normal: normal.normalize_or_zero(), heights }
@@ -170,7 +170,7 @@ pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Conta
     if width(a.corners) <= resolved || width(b.corners) <= resolved {
         return None;
     }
-    let (a, b) = (Side::new(a, of_a), Side::new(b, of_b));
+    let (a, b) = (TriangleSide::new(a, of_a), TriangleSide::new(b, of_b));
     if in_one_plane {
         let plane = if level(of_a) { b.normal } else { a.normal };
         return common_area(a.corners, b.corners, plane, resolved).map(Contact::Crossing);
@@ -200,7 +200,7 @@ pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Conta
 
 /// The point at `t` of the line in which the planes meet: it passes through a corner of `side`
 /// or through one of its edges.
-fn on_line(side: &Side, along: DVec3, t: f64) -> DVec3 {
+fn on_line(side: &TriangleSide, along: DVec3, t: f64) -> DVec3 {
     let point = (0..3).find_map(|k| {
         let (p, q) = (side.corners[k], side.corners[(k + 1) % 3]);
         let (a, b) = (side.heights[k], side.heights[(k + 1) % 3]);

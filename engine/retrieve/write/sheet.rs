@@ -64,12 +64,12 @@ pub(crate) struct Sheet {
     about: serde_json::Value,
     views: usize,
     next: usize,
-    file: Kind,
+    file: SheetKind,
     /// The file of all views, but for EXR, which has one for each.
     out: Option<Out>,
 }
 
-enum Kind {
+enum SheetKind {
     Exr,
     Npy(Out),
     Tiff(Box<TiffEncoder<Out>>),
@@ -100,23 +100,23 @@ impl Sheet {
         let bytes = 4 * (views * rows * columns) as u64;
         if format == ImageFormat::Exr {
             std::fs::create_dir_all(&path).map_err(|error| written(&path, error))?;
-            return Ok(Self { path, about, views, next: 0, file: Kind::Exr, out: None });
+            return Ok(Self { path, about, views, next: 0, file: SheetKind::Exr, out: None });
         }
         let out = Out::create(&path)?;
         let mut file = out.clone();
         let file = match format {
             ImageFormat::Tiff if bytes < CLASSIC => {
                 let encoder = TiffEncoder::new(file).map_err(|e| refused(&path, e))?;
-                Kind::Tiff(Box::new(encoder))
+                SheetKind::Tiff(Box::new(encoder))
             }
             ImageFormat::Tiff => {
                 let encoder = TiffEncoder::new_big(file).map_err(|e| refused(&path, e))?;
-                Kind::BigTiff(Box::new(encoder))
+                SheetKind::BigTiff(Box::new(encoder))
             }
             _ => {
                 let header = crate::stack::npy_header(&[views, rows, columns]);
                 file.write_all(&header).map_err(|error| written(&path, error))?;
-                Kind::Npy(file)
+                SheetKind::Npy(file)
             }
         };
         Ok(Self { path, about, views, next: 0, file, out: Some(out) })
@@ -132,15 +132,15 @@ impl Sheet {
             about.insert("view".into(), self.next.into());
         }
         match &mut self.file {
-            Kind::Exr => {
+            SheetKind::Exr => {
                 write_exr(&self.view_path(self.next), image, &about)?;
             }
-            Kind::Npy(file) => {
+            SheetKind::Npy(file) => {
                 let bytes = crate::stack::le_bytes(image.iter().copied())?;
                 file.write_all(&bytes).map_err(|error| written(&self.path, error))?;
             }
-            Kind::Tiff(encoder) => page(&self.path, encoder, image, &about)?,
-            Kind::BigTiff(encoder) => page(&self.path, encoder, image, &about)?,
+            SheetKind::Tiff(encoder) => page(&self.path, encoder, image, &about)?,
+            SheetKind::BigTiff(encoder) => page(&self.path, encoder, image, &about)?,
         }
         self.next += 1;
         Ok(())
@@ -161,7 +161,7 @@ impl Sheet {
             return sync_directory(&self.path);
         };
         // What the encoder writes as it goes.
-        self.file = Kind::Exr;
+        self.file = SheetKind::Exr;
         out.sync().map_err(|error| written(&self.path, error))
     }
 }

@@ -21,7 +21,7 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// What a simulation is made of, besides its geometry.
-struct Parts<'e> {
+struct SimulationParts<'e> {
     detector: DetectorModel,
     media: MaterialTable,
     lattice: Lattice,
@@ -64,7 +64,7 @@ impl<'e> Simulation<'e> {
         Self::with(
             engine,
             scene,
-            Parts { detector, media, lattice, spectral, stored: None, delta_ratio },
+            SimulationParts { detector, media, lattice, spectral, stored: None, delta_ratio },
             sample,
             control,
         )
@@ -94,7 +94,14 @@ impl<'e> Simulation<'e> {
         Self::with(
             engine,
             scene,
-            Parts { detector, media, lattice, spectral: Some(spectral), stored, delta_ratio },
+            SimulationParts {
+                detector,
+                media,
+                lattice,
+                spectral: Some(spectral),
+                stored,
+                delta_ratio,
+            },
             None,
             control,
         )
@@ -103,7 +110,7 @@ impl<'e> Simulation<'e> {
     fn with(
         engine: &'e Engine,
         scene: &Scene,
-        parts: Parts<'e>,
+        parts: SimulationParts<'e>,
         loaded: Option<Sample>,
         control: &mut Control<'_>,
     ) -> Result<Self> {
@@ -125,7 +132,7 @@ impl<'e> Simulation<'e> {
             sampling::MomentRecording::new(&parts.media, &parts.media.mean(), parts.delta_ratio)
         });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
-        let Parts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
+        let SimulationParts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
         let response = Response::new(detector.optics(), &lattice, options.keep_moments);
         let budget = error_budget(scene, detector.optics());
         let across = geometry::across_edges(&sample);
@@ -168,7 +175,7 @@ impl<'e> Simulation<'e> {
 /// The sample, where rays will be traced through it.
 fn load(
     scene: &Scene,
-    parts: &Parts<'_>,
+    parts: &SimulationParts<'_>,
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
 ) -> Result<Sample> {

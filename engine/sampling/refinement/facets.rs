@@ -1,7 +1,7 @@
 //! Means over facets and dissections into pieces, in place of rays.
 
-use super::super::judgement::Judged;
 use super::super::patch::{Known, Node, Patch};
+use super::super::patch_error::KnownErrors;
 use super::{COLUMNS_AT_RIMS, PatchWork, Refiner};
 use crate::numbers;
 
@@ -22,7 +22,12 @@ impl Refiner<'_> {
         let silhouette = lists.has_silhouette(beamlet, row);
         if !silhouette {
             work.narrow.clear();
-            let error = self.estimator.judge(&work.patch, &work.openings, &[], &mut work.judged);
+            let error = self.estimator.patch_error(
+                &work.patch,
+                &work.openings,
+                &[],
+                &mut work.known_errors,
+            );
             if error.splits.is_empty() {
                 (work.light, work.done) = (error.light, true);
                 return;
@@ -30,7 +35,7 @@ impl Refiner<'_> {
         }
         let Some(facets) = lists.facets(beamlet, row) else { return };
         work.narrow.clear();
-        work.judged = Judged::default();
+        work.known_errors = KnownErrors::default();
         let column = self.estimator.column(beamlet);
         let [cells, lines] = self.estimator.base.base;
         let rim = silhouette && self.view.optics.sample_mask.is_none();

@@ -40,9 +40,9 @@ pub(super) struct Shell {
 impl TubeTable {
     /// `None` where the bytes are not such a table.
     pub(super) fn read(bytes: &[u8]) -> Option<Self> {
-        let mut bytes = Bytes(bytes);
+        let mut bytes = RemainingBytes(bytes);
         let [voltages, angles, ratios, depths, rows, shells] = bytes.counts()?;
-        let read = |bytes: &mut Bytes<'_>, count| bytes.numbers(count);
+        let read = |bytes: &mut RemainingBytes<'_>, count| bytes.numbers(count);
         let (voltages, angles) = (read(&mut bytes, voltages)?, read(&mut bytes, angles)?);
         let (ratios, depths) = (read(&mut bytes, ratios)?, read(&mut bytes, depths)?);
         let ranges = read(&mut bytes, voltages.len())?;
@@ -95,7 +95,7 @@ impl TubeTable {
 }
 
 impl Shell {
-    fn read(bytes: &mut Bytes<'_>, angles: usize) -> Option<Self> {
+    fn read(bytes: &mut RemainingBytes<'_>, angles: usize) -> Option<Self> {
         let edge = *bytes.numbers(1)?.first()?;
         let [excesses, lines] = bytes.counts()?;
         let excesses = bytes.numbers(excesses)?;
@@ -124,9 +124,9 @@ impl Shell {
 }
 
 /// What is left of the bytes.
-struct Bytes<'a>(&'a [u8]);
+struct RemainingBytes<'a>(&'a [u8]);
 
-impl<'a> Bytes<'a> {
+impl<'a> RemainingBytes<'a> {
     fn take(&mut self, count: usize) -> Option<&'a [u8]> {
         let (head, tail) = self.0.split_at_checked(count)?;
         self.0 = tail;

@@ -39,13 +39,13 @@ use std::sync::Arc;
 pub struct StackFile {
     path: PathBuf,
     shape: [usize; 4],
-    source: Source,
+    source: StackSource,
     /// Of a stack of a run.
     checksums: Option<Checksums>,
 }
 
 #[derive(Debug)]
-enum Source {
+enum StackSource {
     Npy(NpyFile),
     Pages(Box<TiffPages>),
     /// One file per frame, the views one after another.
@@ -81,16 +81,16 @@ impl StackFile {
         let (shape, source) = match extension(path).as_str() {
             "npy" => {
                 let file = NpyFile::open(path)?;
-                (shape_of(path, &file)?, Source::Npy(file))
+                (shape_of(path, &file)?, StackSource::Npy(file))
             }
             "tif" | "tiff" => {
                 let pages = TiffPages::open(path)?;
                 let [rows, columns] = pages.frame_shape();
-                ([1, pages.count(), rows, columns], Source::Pages(Box::new(pages)))
+                ([1, pages.count(), rows, columns], StackSource::Pages(Box::new(pages)))
             }
             "exr" => {
                 let [rows, columns] = exr::frame_shape(path)?;
-                ([1, 1, rows, columns], Source::Frames(vec![path.to_path_buf()]))
+                ([1, 1, rows, columns], StackSource::Frames(vec![path.to_path_buf()]))
             }
             _ => {
                 let problem = "is no stack: allowed are .npy, .tif, .tiff, .exr, and folders of \
@@ -110,7 +110,7 @@ impl StackFile {
             None => [0, 0],
         };
         let shape = [views, frames.len() / views.max(1), rows, columns];
-        let source = Source::Frames(frames);
+        let source = StackSource::Frames(frames);
         Self { path: path.to_path_buf(), shape, source, checksums: None }.refuse_empty()
     }
 
@@ -164,7 +164,7 @@ impl StackFile {
 
     /// Whether a few rows cost no more than their share: nothing is decoded or compared whole.
     pub(crate) const fn reads_any_rows(&self) -> bool {
-        matches!(self.source, Source::Npy(_)) && self.checksums.is_none()
+        matches!(self.source, StackSource::Npy(_)) && self.checksums.is_none()
     }
 
     /// Some rows of a view with all its steps, `[step][row][column]`.
@@ -191,7 +191,9 @@ impl StackFile {
         let read = |step| self.frame(view, step, rows.clone());
         let frames: Vec<Array2<f32>> = match &self.source {
             // Frames are compressed one by one: worth a thread each.
-            Source::Frames(_) => (0..steps).into_par_iter().map(read).collect::<Result<_>>()?,
+            StackSource::Frames(_) => {
+                (0..steps).into_par_iter().map(read).collect::<Result<_>>()?
+            }
             _ => (0..steps).map(read).collect::<Result<_>>()?,
         };
         let [_, _, _, columns] = self.shape;
@@ -246,12 +248,12 @@ impl StackFile {
         let [_, _, row_count, columns] = self.shape;
         let frame = [row_count, columns];
         match &self.source {
-            Source::Npy(file) => {
+            StackSource::Npy(file) => {
                 let first = (index * row_count + rows.start) as u64 * columns as u64;
                 file.read(first, rows.len() * columns)
             }
-            Source::Pages(pages) => pages.read(index, rows),
-            Source::Frames(files) => {
+            StackSource::Pages(pages) => pages.read(index, rows),
+            StackSource::Frames(files) => {
                 let path = &files[index];
                 match extension(path).as_str() {
                     "exr" => exr::read(path, frame, rows),

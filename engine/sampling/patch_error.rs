@@ -37,7 +37,7 @@ pub(super) struct Narrow {
 
 /// What is known of the rectangles of a patch, by node.
 #[derive(Debug, Default)]
-pub(super) struct Judged {
+pub(super) struct KnownErrors {
     errors: Vec<Option<CellError>>,
     /// Places of their shares in `shares`.
     seen: Vec<Option<[u32; 2]>>,
@@ -45,7 +45,7 @@ pub(super) struct Judged {
     shares: Vec<(u32, f32)>,
 }
 
-impl Judged {
+impl KnownErrors {
     /// Forgets the error of a node: a neighbour has changed.
     pub(super) fn forget(&mut self, node: u32) {
         if let Some(error) = self.errors.get_mut(node as usize) {
@@ -100,36 +100,36 @@ impl Estimator<'_> {
     }
 
     /// Finds what is not known of the leaves of a patch. `openings`: of its beamlet.
-    fn complete(&self, patch: &Patch, openings: &[Opening], judged: &mut Judged) {
-        judged.errors.resize(patch.nodes.len(), None);
-        judged.seen.resize(patch.nodes.len(), None);
+    fn complete(&self, patch: &Patch, openings: &[Opening], known_errors: &mut KnownErrors) {
+        known_errors.errors.resize(patch.nodes.len(), None);
+        known_errors.seen.resize(patch.nodes.len(), None);
         for leaf in patch.leaves() {
             let index = leaf as usize;
-            if judged.errors[index].is_none() {
-                judged.errors[index] = Some(self.cell_error(patch, leaf));
+            if known_errors.errors[index].is_none() {
+                known_errors.errors[index] = Some(self.cell_error(patch, leaf));
             }
-            if judged.seen[index].is_none() {
-                let first = judged.shares.len();
-                shares(patch, leaf, openings, &mut judged.shares);
-                let range = [first, judged.shares.len()];
-                judged.seen[index] = Some(range.map(|n| numbers::count(n)));
+            if known_errors.seen[index].is_none() {
+                let first = known_errors.shares.len();
+                shares(patch, leaf, openings, &mut known_errors.shares);
+                let range = [first, known_errors.shares.len()];
+                known_errors.seen[index] = Some(range.map(|n| numbers::count(n)));
             }
         }
     }
 
     /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide.
-    /// `judged`: what is known of its nodes; the rest is found.
-    pub(super) fn judge(
+    /// `known_errors`: what is known of its nodes; the rest is found.
+    pub(super) fn patch_error(
         &self,
         patch: &Patch,
         openings: &[Opening],
         narrow: &[Narrow],
-        judged: &mut Judged,
+        known_errors: &mut KnownErrors,
     ) -> PatchError {
-        self.complete(patch, openings, judged);
+        self.complete(patch, openings, known_errors);
         let leaves = || {
             patch.leaves().filter_map(|leaf| {
-                let (error, shares) = judged.of(leaf)?;
+                let (error, shares) = known_errors.of(leaf)?;
                 Some((error, &patch.nodes[leaf as usize].known, shares))
             })
         };
