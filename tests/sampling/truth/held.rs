@@ -10,7 +10,8 @@ use beamlet::Backend;
 const LATTICE: [u32; 2] = [100, 24];
 
 /// Interior pixels hold the default tolerance, pixels with a silhouette one ten times as wide: at
-/// tighter ones some rims do not (docs/validation.md).
+/// tighter ones some rims do not (docs/validation.md). With the default none is beyond what README.md
+/// says of silhouettes.
 #[test]
 fn values_are_within_the_tolerance_of_much_finer_stacks() {
     let engine = engine(Backend::Bvh);
@@ -31,6 +32,12 @@ fn values_are_within_the_tolerance_of_much_finer_stacks() {
                 errors.rms / tolerance,
                 errors.worst / tolerance,
             );
+            if class == Class::Interior {
+                let of = Some(Class::Silhouette);
+                let errors = Errors::of(of, &classes, tolerance, [&got.values, &truth]);
+                println!("measured truth, {}, silhouettes: {:.1e}", case.name, errors.worst);
+                assert!(errors.worst < 1e-3, "{}, silhouettes: {errors:?}", case.name);
+            }
             let failures = errors.failures(class, tolerance);
             assert!(failures.is_empty(), "{}, {class:?}: {failures:?}: {errors:?}", case.name);
         }
