@@ -26,7 +26,7 @@ impl Fit {
 
 /// One of the curves of a pixel.
 #[derive(Debug, Clone)]
-pub(crate) struct Curve {
+pub(crate) struct CurvePlot {
     pub(crate) name: String,
     /// Intensity at every mask step.
     pub(crate) values: Vec<f64>,
@@ -37,7 +37,7 @@ pub(crate) struct Curve {
 pub(crate) fn draw(
     [title, label]: [&str; 2],
     offsets: &[f64],
-    curves: &[Curve],
+    curves: &[CurvePlot],
     notes: &[String],
 ) -> Drawing {
     let fitted = curves.iter().any(|curve| curve.fit.is_some());
@@ -93,9 +93,9 @@ fn residuals(
     x: [f64; 2],
     micro: &[f64],
     offsets: &[f64],
-    curves: &[Curve],
+    curves: &[CurvePlot],
 ) {
-    let left = |curve: &Curve| -> Vec<f64> {
+    let left = |curve: &CurvePlot| -> Vec<f64> {
         let Some(fit) = curve.fit else { return Vec::new() };
         curve.values.iter().zip(offsets).map(|(value, offset)| value - fit.at(*offset)).collect()
     };
@@ -114,7 +114,7 @@ fn residuals(
     axes.frame(drawing, "mask offset [µm]", "less fit");
 }
 
-fn legend(drawing: &mut Drawing, [left, mut y]: [f64; 2], curves: &[Curve], notes: &[String]) {
+fn legend(drawing: &mut Drawing, [left, mut y]: [f64; 2], curves: &[CurvePlot], notes: &[String]) {
     for (curve, colour) in curves.iter().zip(SET) {
         drawing.disc([left + 7.0, y - 4.5], 4.0, dot(colour));
         drawing.text([left + 19.0, y], curve.name.clone(), 13.0, INK, Anchor::Start);

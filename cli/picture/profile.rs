@@ -6,7 +6,7 @@ use super::drawing::{Anchor, Area, Drawing, INK, Paint, text_width};
 
 /// A line of a panel.
 #[derive(Debug, Clone)]
-pub(crate) struct Line {
+pub(crate) struct ProfileLine {
     /// In the legend; empty where the panel has one line.
     pub(crate) name: String,
     pub(crate) values: Vec<f64>,
@@ -14,7 +14,7 @@ pub(crate) struct Line {
     pub(crate) sigma: Option<Vec<f64>>,
 }
 
-impl Line {
+impl ProfileLine {
     /// Values and the edges of their band.
     fn reach(&self) -> Vec<f64> {
         let of = |sign: f64| {
@@ -29,7 +29,7 @@ impl Line {
 #[derive(Debug, Clone)]
 pub(crate) struct Panel {
     pub(crate) label: String,
-    pub(crate) lines: Vec<Line>,
+    pub(crate) lines: Vec<ProfileLine>,
     /// Whether a line stands at zero.
     pub(crate) zero: bool,
 }
@@ -53,7 +53,7 @@ pub(crate) fn draw(title: &str, x: &[f64], across: &str, panels: &[Panel]) -> Dr
         let axes = Axes {
             area,
             x: range,
-            y: roomy(panel.lines.iter().flat_map(Line::reach)),
+            y: roomy(panel.lines.iter().flat_map(ProfileLine::reach)),
             ..Axes::default()
         };
         axes.grid(&mut drawing);

@@ -31,13 +31,13 @@ const NONE: u32 = u32::MAX;
 /// The tree: nodes before their children, the left child right behind its parent.
 #[derive(Debug)]
 pub(super) struct Tree {
-    nodes: Vec<Node>,
+    nodes: Vec<BoundsNode>,
     /// Members in the order of the leaves.
     order: Vec<u32>,
 }
 
 #[derive(Debug, Clone, Default)]
-pub(super) struct Node {
+pub(super) struct BoundsNode {
     low: Vec3,
     high: Vec3,
     /// Leaf: its first member in the order. Inner node: its right child.
@@ -81,7 +81,7 @@ impl Tree {
                 (low.midpoint(high).as_vec3(), member)
             })
             .collect();
-        let mut nodes = vec![Node::default(); nodes_of(count)];
+        let mut nodes = vec![BoundsNode::default(); nodes_of(count)];
         if count > 0 {
             let builder = Builder { bounds: &bounds, surface };
             builder.build(&mut members, &mut nodes, [0; 2]);
@@ -92,13 +92,13 @@ impl Tree {
 
     /// Calls `visit` with members near `query`, until it returns false. Some may be further away.
     pub(super) fn near(&self, query: &Query, mut visit: impl FnMut(u32) -> bool) {
-        let reaches = |node: &Node| query.reaches(node);
+        let reaches = |node: &BoundsNode| query.reaches(node);
         self.walk(&ROOT, 0, reaches, |_, members| members.iter().all(|it| visit(*it)));
     }
 
     /// Calls `visit` with members whose boxes, rounded outwards, enclose `inner`.
     pub(super) fn around(&self, inner: [DVec3; 2], mut visit: impl FnMut(u32)) {
-        let encloses = |node: &Node| {
+        let encloses = |node: &BoundsNode| {
             let (low, high) = (node.low.as_dvec3(), node.high.as_dvec3());
             low.cmple(inner[0]).all() && inner[1].cmple(high).all()
         };
@@ -117,7 +117,7 @@ impl Tree {
         mut visit: impl FnMut(u32) -> bool,
     ) -> bool {
         let inverse = direction.recip();
-        let meets = |node: &Node| {
+        let meets = |node: &BoundsNode| {
             let a = (node.low.as_dvec3() - point) * inverse;
             let b = (node.high.as_dvec3() - point) * inverse;
             let (mut enter, mut leave) = (a.min(b).max_element(), a.max(b).min_element());
@@ -163,7 +163,7 @@ impl Tree {
             let below: Vec<u32> = start
                 .iter()
                 .flat_map(|at| match &self.nodes[*at as usize] {
-                    Node { count: 0, next, .. } => [Some(at + 1), Some(*next)],
+                    BoundsNode { count: 0, next, .. } => [Some(at + 1), Some(*next)],
                     _ => [Some(*at), None],
                 })
                 .flatten()
@@ -176,7 +176,7 @@ impl Tree {
         }
     }
 
-    fn members(&self, leaf: &Node) -> &[u32] {
+    fn members(&self, leaf: &BoundsNode) -> &[u32] {
         &self.order[leaf.next as usize..(leaf.next + leaf.count) as usize]
     }
 
@@ -186,8 +186,8 @@ impl Tree {
         &'a self,
         start: &[u32],
         from: u32,
-        enter: impl Fn(&Node) -> bool,
-        mut visit: impl FnMut(&'a Node, &'a [u32]) -> bool,
+        enter: impl Fn(&BoundsNode) -> bool,
+        mut visit: impl FnMut(&'a BoundsNode, &'a [u32]) -> bool,
     ) -> bool {
         if self.nodes.is_empty() {
             return true;

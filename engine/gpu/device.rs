@@ -6,7 +6,7 @@ use super::faults::{Fault, Faults};
 use super::instance::Instance;
 use super::physical::{self, DeviceDescription, Physical};
 use super::retire::{Retired, Retirement};
-use super::submission::Batch;
+use super::submission::CommandBatch;
 use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::Allocator;
@@ -51,9 +51,9 @@ pub struct Device {
     pub(super) allocator: Mutex<Option<Allocator>>,
     pub(super) retirement: Mutex<Retirement>,
     /// Batches whose end was not to be waited for.
-    pub(super) stuck: Mutex<Vec<Batch>>,
+    pub(super) stuck: Mutex<Vec<CommandBatch>>,
     /// Batches that ended and wait for reuse.
-    pub(super) batches: Mutex<Vec<Batch>>,
+    pub(super) batches: Mutex<Vec<CommandBatch>>,
     /// After everything made from it; kept open where the device hangs.
     instance: ManuallyDrop<Instance>,
 }

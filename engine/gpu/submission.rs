@@ -17,13 +17,13 @@ const PATIENCE: Duration = Duration::from_secs(30 * 60);
 const PARTS: u32 = 180;
 
 /// A command buffer with its pool, and the fence that signals its end.
-pub(super) struct Batch {
+pub(super) struct CommandBatch {
     pool: vk::CommandPool,
     commands: vk::CommandBuffer,
     fence: vk::Fence,
 }
 
-impl Batch {
+impl CommandBatch {
     fn new(raw: &ash::Device, family: u32) -> Result<Self> {
         let failed = |e| failure::vulkan("memory for commands", e);
         let info = vk::CommandPoolCreateInfo::default()
@@ -77,7 +77,7 @@ impl Batch {
 pub struct Submission {
     device: Arc<Device>,
     /// `None` once it has ended.
-    batch: Option<Batch>,
+    batch: Option<CommandBatch>,
     number: u64,
     started: Instant,
 }
@@ -100,7 +100,7 @@ impl Device {
         let reused = lock(&self.batches).pop();
         let batch = match reused {
             Some(batch) => batch,
-            None => Batch::new(&self.raw, self.physical.queue_family)?,
+            None => CommandBatch::new(&self.raw, self.physical.queue_family)?,
         };
         // What recording names may be dropped while it runs, even before this returns.
         let number = lock(&self.retirement).begin();
@@ -119,7 +119,7 @@ impl Device {
         }
     }
 
-    fn record(&self, batch: &Batch, record: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
+    fn record(&self, batch: &CommandBatch, record: impl FnOnce(&mut Recorder<'_>)) -> Result<()> {
         let failed = |e| failure::vulkan("submitting work to the device", e);
         let info = vk::CommandBufferBeginInfo::default()
             .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);

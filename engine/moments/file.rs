@@ -49,11 +49,11 @@ pub(crate) fn path_of(directory: &Path, view: u32) -> PathBuf {
 #[derive(Debug)]
 pub struct MomentWriter {
     run: PathBuf,
-    open: Option<Open>,
+    open: Option<ViewInWork>,
 }
 
 #[derive(Debug)]
-struct Open {
+struct ViewInWork {
     view: u32,
     file: BufWriter<File>,
     partial: PathBuf,
@@ -153,7 +153,8 @@ impl MomentWriter {
         let file = fs::create_dir_all(&directory)
             .and_then(|()| File::create(&partial))
             .map_err(|error| Error::file(&partial, "cannot be written", Some(error)))?;
-        let mut open = Open { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
+        let mut open =
+            ViewInWork { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
         open.put(&MAGIC)?;
         open.put(bytemuck::cast_slice(&[VERSION, numbers::count(words)]))?;
         open.put(&scene_digest)?;
@@ -206,7 +207,7 @@ impl Drop for MomentWriter {
     }
 }
 
-impl Open {
+impl ViewInWork {
     fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.hash.update(bytes);
         self.file

@@ -2,7 +2,7 @@
 
 use super::curves::{Curve, Curves};
 use super::flags;
-use super::least_squares::{Scan, moments};
+use super::least_squares::{CurveScan, moments};
 
 /// Part of the greatest value that the ends of a scan may have for moments to count: the paper's
 /// curve, cut there, loses 0.2 % of its shift and 2.5 % of what it widens.
@@ -48,7 +48,7 @@ fn through_three(x: &[f64], y: &[f64]) -> Option<[f64; 3]> {
 }
 
 /// Three steps.
-pub(super) fn three_step(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve {
+pub(super) fn three_step(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
     let values = scan.values(curve, 3);
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
@@ -78,7 +78,7 @@ pub(super) fn three_step(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve
 }
 
 /// Area, centroid and standard deviation.
-pub(super) fn by_moments(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve {
+pub(super) fn by_moments(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
     let values = scan.values(curve, 3);
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
@@ -146,7 +146,7 @@ impl FlatFit {
 
 /// Two steps of the sample on the flat's fitted curve; the width is taken to be the flat's.
 pub(super) fn two_step(
-    scan: &Scan,
+    scan: &CurveScan,
     curve: impl Iterator<Item = f32>,
     flat: &Curves,
     at: usize,

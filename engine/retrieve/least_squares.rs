@@ -2,14 +2,14 @@
 
 use super::curves::Curve;
 use super::flags;
-use super::shape::Shape;
+use super::shape::CurveShape;
 
 /// Steps below this, in half widths of the scan and ranges of the curve, end a fit.
 const SETTLED: f64 = 1e-7;
 
 /// What all curves share.
 #[derive(Debug, Clone)]
-pub(super) struct Scan {
+pub(super) struct CurveScan {
     /// Offsets, m.
     pub(super) offsets: Vec<f64>,
     /// The part of the scan that each offset stands for, m.
@@ -21,7 +21,7 @@ pub(super) struct Scan {
 }
 
 /// A curve's values that count, and the flags so far.
-pub(super) struct Values {
+pub(super) struct CurveValues {
     /// Offset, value, share.
     pub(super) points: Vec<[f64; 3]>,
     pub(super) flags: u32,
@@ -29,10 +29,10 @@ pub(super) struct Values {
     pub(super) most: f64,
 }
 
-impl Scan {
+impl CurveScan {
     /// Sorts out values; flags say why there is no answer.
-    pub(super) fn values(&self, curve: impl Iterator<Item = f32>, needed: usize) -> Values {
-        let mut values = Values {
+    pub(super) fn values(&self, curve: impl Iterator<Item = f32>, needed: usize) -> CurveValues {
+        let mut values = CurveValues {
             points: Vec::with_capacity(self.offsets.len()),
             flags: 0,
             least: f64::INFINITY,
@@ -78,7 +78,7 @@ pub(super) fn moments(points: &[[f64; 3]], floor: f64) -> [f64; 3] {
 }
 
 /// Fits a shape to a curve.
-pub(super) fn fit(shape: Shape, scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve {
+pub(super) fn fit(shape: CurveShape, scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
     let values = scan.values(curve, 5);
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
@@ -144,7 +144,7 @@ struct Descent {
 
 /// Levenberg-Marquardt from `p`; steps are judged in `units`.
 fn descend(
-    shape: Shape,
+    shape: CurveShape,
     points: &[[f64; 3]],
     mut p: [f64; 4],
     least_spread: f64,
@@ -184,7 +184,7 @@ fn descend(
 type Equations = [[f64; 5]; 4];
 
 /// Normal equations with their right side, and the sum of squares.
-fn normal(shape: Shape, points: &[[f64; 3]], p: &[f64; 4]) -> (Equations, f64) {
+fn normal(shape: CurveShape, points: &[[f64; 3]], p: &[f64; 4]) -> (Equations, f64) {
     let (mut n, mut squares) = ([[0.0; 5]; 4], 0.0);
     for [x, y, _] in points {
         let (value, slope) = shape.at(p, *x);

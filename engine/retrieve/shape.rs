@@ -45,7 +45,7 @@ impl CurveGeometry {
 /// The spread is what the curve is most nearly linear in: half the base of a trapezoid, the
 /// variance of a blur.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Shape {
+pub(super) enum CurveShape {
     /// Height 1 between `-top` and `top`, falling to 0 at the spread.
     Trapezoid {
         /// Half the top.
@@ -60,7 +60,7 @@ pub(super) enum Shape {
     },
 }
 
-impl Shape {
+impl CurveShape {
     /// Value and slopes at `x` by scale, centre, spread and background.
     pub(super) fn at(self, p: &[f64; 4], x: f64) -> (f64, [f64; 4]) {
         let [scale, centre, spread, background] = *p;

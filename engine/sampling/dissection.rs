@@ -6,7 +6,7 @@ use super::facet_lists::{Overlap, PatchFacet};
 use super::facet_means::{EDGE_ON, FacetMeans, result_of};
 use super::layout::stand;
 use super::patch::{Patch, middle};
-use super::polygon::{Area, CuttingLine, Moments, NEAR, Polygon, Side};
+use super::polygon::{Area, AreaMoments, CuttingLine, NEAR, Polygon, Side};
 use super::row_spread::Crossed;
 use super::sheets::{Met, flags};
 use crate::interface::RayResult;
@@ -150,7 +150,7 @@ impl FacetMeans<'_> {
         let mut covered = 0.0;
         let same = |a: &Region, b: &Region| a.facets == b.facets && !a.facets.is_empty();
         for group in regions.chunk_by(same) {
-            let mut moments = Moments::NONE;
+            let mut moments = AreaMoments::NONE;
             for region in group {
                 let area = region.polygon.area();
                 if area.area > 0.0 {
@@ -187,7 +187,7 @@ impl FacetMeans<'_> {
         &self,
         patch: &Patch,
         facets: &[&PatchFacet],
-        (moments, polygons): (&Moments, impl Fn() -> I),
+        (moments, polygons): (&AreaMoments, impl Fn() -> I),
         [centre, rectangle]: [[f64; 2]; 2],
     ) -> Option<Option<Piece>> {
         let (from_centre, [xx, zz]) = moments.about_centroid();
@@ -255,7 +255,7 @@ impl FacetMeans<'_> {
     /// changes by `rise` per row.
     fn rows_of<'p, I: Iterator<Item = &'p Polygon>>(
         &self,
-        moments: &Moments,
+        moments: &AreaMoments,
         polygons: impl Fn() -> I,
         [whole, [centre, rise]]: [[f64; 2]; 2],
         down: f64,

@@ -26,7 +26,7 @@ pub(super) struct PatchError {
 /// Rectangles of a patch that must be split whatever their neighbours say: a component may hide
 /// in wider or higher ones.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Narrow {
+pub(super) struct NarrowComponent {
     pub(super) x: [f32; 2],
     pub(super) z: [f32; 2],
     pub(super) width: f32,
@@ -123,7 +123,7 @@ impl Estimator<'_> {
         &self,
         patch: &Patch,
         openings: &[Opening],
-        narrow: &[Narrow],
+        narrow: &[NarrowComponent],
         known_errors: &mut KnownErrors,
     ) -> PatchError {
         self.complete(patch, openings, known_errors);
@@ -203,7 +203,7 @@ impl Estimator<'_> {
         &self,
         patch: &Patch,
         error: &CellError,
-        narrow: &[Narrow],
+        narrow: &[NarrowComponent],
         seen: bool,
     ) -> Option<Axis> {
         let node = &patch.nodes[error.node as usize];
@@ -212,7 +212,7 @@ impl Estimator<'_> {
             return None;
         }
         let slant = patch.shear.abs();
-        let overlaps = |n: &&Narrow| {
+        let overlaps = |n: &&NarrowComponent| {
             n.x[0] < node.x[1] + slant
                 && n.x[1] > node.x[0] - slant
                 && n.z[0] < node.z[1]

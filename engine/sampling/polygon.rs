@@ -196,7 +196,7 @@ impl Polygon {
 
 /// Sums over polygons.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Moments {
+pub(super) struct AreaMoments {
     pub(super) area: f64,
     x: f64,
     z: f64,
@@ -206,7 +206,7 @@ pub(super) struct Moments {
     pub(super) reach: [[f64; 2]; 2],
 }
 
-impl Moments {
+impl AreaMoments {
     pub(super) const NONE: Self = Self {
         area: 0.0,
         x: 0.0,

@@ -10,7 +10,7 @@ use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
 use super::patch::{Known, Patch, alike};
-use super::patch_error::{KnownErrors, Narrow};
+use super::patch_error::{KnownErrors, NarrowComponent};
 use super::response::Opening;
 use crate::Result;
 use crate::interface::{Ray, RayResult};
@@ -41,7 +41,7 @@ const LINES: u32 = 3;
 pub(super) struct PatchWork {
     pub(super) patch: Patch,
     openings: Vec<Opening>,
-    narrow: Vec<Narrow>,
+    narrow: Vec<NarrowComponent>,
     pub(super) rays: u32,
     /// Estimated error of the recorded value that has the largest.
     pub(super) light: f64,
@@ -60,7 +60,7 @@ pub(super) struct Refiner<'a> {
     view: &'a ViewContext<'a>,
     pub(super) estimator: Estimator<'a>,
     facets: Option<(FacetLists<'a>, FacetMeans<'a>)>,
-    narrow: HashMap<(i64, i64), Vec<Narrow>>,
+    narrow: HashMap<(i64, i64), Vec<NarrowComponent>>,
     recorded_rows: &'a Range<i64>,
 }
 
@@ -69,7 +69,7 @@ impl<'a> Refiner<'a> {
         view: &'a ViewContext<'a>,
         base: &'a BaseLattice,
         rows: &Range<i64>,
-        narrow: HashMap<(i64, i64), Vec<Narrow>>,
+        narrow: HashMap<(i64, i64), Vec<NarrowComponent>>,
         recorded_rows: &'a Range<i64>,
     ) -> Self {
         let optics = view.optics;

@@ -9,7 +9,7 @@ use super::facet_lists::SampleFacets;
 use super::lattice::Lattice;
 use super::moment_recording::MomentRecording;
 use super::patch::Patch;
-use super::patch_error::Narrow;
+use super::patch_error::NarrowComponent;
 use super::projected_bounds::ProjectedBounds;
 use super::refinement::{PatchWork, Refiner};
 use super::response::Response;
@@ -187,10 +187,10 @@ pub(super) fn narrow_components(
     view: &ViewContext<'_>,
     rows: &Range<i64>,
     base: [u32; 2],
-) -> HashMap<(i64, i64), Vec<Narrow>> {
+) -> HashMap<(i64, i64), Vec<NarrowComponent>> {
     let lattice = view.lattice;
     let cell = [lattice.period / f64::from(base[0]), 1.0 / f64::from(base[1])];
-    let mut all: HashMap<(i64, i64), Vec<Narrow>> = HashMap::new();
+    let mut all: HashMap<(i64, i64), Vec<NarrowComponent>> = HashMap::new();
     for bounds in view.projected_bounds {
         if bounds.width >= cell[0] && bounds.height >= cell[1] {
             continue;
@@ -199,7 +199,7 @@ pub(super) fn narrow_components(
         for row in touched.start.max(rows.start)..touched.end.min(rows.end) {
             for beamlet in beamlets.clone() {
                 let centre = lattice.centre(beamlet);
-                all.entry((beamlet, row)).or_default().push(Narrow {
+                all.entry((beamlet, row)).or_default().push(NarrowComponent {
                     x: bounds.x.map(|x| single(x - centre)),
                     z: bounds.rows.map(|z| single(z - row as f64)),
                     width: single(bounds.width),
@@ -214,7 +214,7 @@ pub(super) fn narrow_components(
     for narrow in all.values_mut() {
         narrow.sort_by(|a, b| a.light.total_cmp(&b.light));
         let mut sum = 0.0;
-        let mut is_hidden = |component: &Narrow| {
+        let mut is_hidden = |component: &NarrowComponent| {
             sum += component.light;
             sum <= least
         };

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::tree::{Document, Entry, Node, Origin, Value, excerpt};
+use super::tree::{Document, Origin, TreeEntry, TreeNode, TreeValue, excerpt};
 use crate::{Error, Place, Result};
 
 fn syntax(
@@ -31,8 +31,8 @@ pub(super) fn toml(text: &str, file: Option<PathBuf>) -> Result<Document> {
         let at = error.span().unwrap_or(text.len()..text.len());
         syntax(file.clone(), text, at, error.message(), "TOML")
     })?;
-    let mut root = Node {
-        value: Value::Table(entries(table.get_ref(), &|span| Origin::Text(span))),
+    let mut root = TreeNode {
+        value: TreeValue::Table(entries(table.get_ref(), &|span| Origin::Text(span))),
         origin: Origin::Whole,
     };
     sort(&mut root);
@@ -40,8 +40,8 @@ pub(super) fn toml(text: &str, file: Option<PathBuf>) -> Result<Document> {
 }
 
 /// Reads the value of an override: a TOML value, or a bare string.
-pub(super) fn toml_value(text: &str, origin: &Origin) -> std::result::Result<Value, String> {
-    let bare = || Value::Text(text.trim().to_owned());
+pub(super) fn toml_value(text: &str, origin: &Origin) -> std::result::Result<TreeValue, String> {
+    let bare = || TreeValue::Text(text.trim().to_owned());
     match DeValue::parse(text.trim()) {
         Ok(value) => match value.get_ref() {
             DeValue::Datetime(_) => Ok(bare()),
@@ -58,8 +58,8 @@ pub(super) fn toml_value(text: &str, origin: &Origin) -> std::result::Result<Val
 /// Turns a span of the text into an origin.
 type Locate<'a> = &'a dyn Fn(std::ops::Range<usize>) -> Origin;
 
-fn entries(table: &DeTable<'_>, origin: Locate<'_>) -> Vec<Entry> {
-    let entry = |(key, value): (&Spanned<_>, &Spanned<DeValue<'_>>)| Entry {
+fn entries(table: &DeTable<'_>, origin: Locate<'_>) -> Vec<TreeEntry> {
+    let entry = |(key, value): (&Spanned<_>, &Spanned<DeValue<'_>>)| TreeEntry {
         key: AsRef::<str>::as_ref(key.get_ref()).to_owned(),
         origin: origin(key.span()),
         node: node(value, origin),
@@ -67,31 +67,33 @@ fn entries(table: &DeTable<'_>, origin: Locate<'_>) -> Vec<Entry> {
     table.iter().map(entry).collect()
 }
 
-fn node(value: &Spanned<DeValue<'_>>, origin: Locate<'_>) -> Node {
-    Node { value: convert(value.get_ref(), origin), origin: origin(value.span()) }
+fn node(value: &Spanned<DeValue<'_>>, origin: Locate<'_>) -> TreeNode {
+    TreeNode { value: convert(value.get_ref(), origin), origin: origin(value.span()) }
 }
 
-fn convert(value: &DeValue<'_>, origin: Locate<'_>) -> Value {
+fn convert(value: &DeValue<'_>, origin: Locate<'_>) -> TreeValue {
     match value {
-        DeValue::String(text) => Value::Text(text.to_string()),
+        DeValue::String(text) => TreeValue::Text(text.to_string()),
         DeValue::Integer(integer) => i128::from_str_radix(integer.as_str(), integer.radix())
-            .map_or(Value::Other("a number that is too large"), Value::Integer),
+            .map_or(TreeValue::Other("a number that is too large"), TreeValue::Integer),
         DeValue::Float(float) => {
-            float.as_str().parse().map_or(Value::Other("a broken number"), Value::Float)
+            float.as_str().parse().map_or(TreeValue::Other("a broken number"), TreeValue::Float)
         }
-        DeValue::Boolean(value) => Value::Bool(*value),
-        DeValue::Datetime(_) => Value::Other("a date or time"),
-        DeValue::Array(items) => Value::List(items.iter().map(|item| node(item, origin)).collect()),
-        DeValue::Table(table) => Value::Table(entries(table, origin)),
+        DeValue::Boolean(value) => TreeValue::Bool(*value),
+        DeValue::Datetime(_) => TreeValue::Other("a date or time"),
+        DeValue::Array(items) => {
+            TreeValue::List(items.iter().map(|item| node(item, origin)).collect())
+        }
+        DeValue::Table(table) => TreeValue::Table(entries(table, origin)),
     }
 }
 
 /// TOML tables come in the order of their keys: restore the order of the text, so that the
 /// first error shown is the first in the file.
-fn sort(node: &mut Node) {
+fn sort(node: &mut TreeNode) {
     match &mut node.value {
-        Value::List(items) => items.iter_mut().for_each(sort),
-        Value::Table(entries) => {
+        TreeValue::List(items) => items.iter_mut().for_each(sort),
+        TreeValue::Table(entries) => {
             entries.iter_mut().for_each(|entry| sort(&mut entry.node));
             entries.sort_by_key(|entry| match &entry.origin {
                 Origin::Text(span) => span.start,
@@ -142,7 +144,7 @@ impl JsonWalk<'_> {
         found
     }
 
-    fn node(&mut self) -> Option<Node> {
+    fn node(&mut self) -> Option<TreeNode> {
         let first = self.peek()?;
         let start = self.at;
         let value = match first {
@@ -155,10 +157,10 @@ impl JsonWalk<'_> {
                     let key = self.string()?;
                     let origin = Origin::Text(key_start..self.at);
                     self.eat(b':').then_some(())?;
-                    entries.push(Entry { key, origin, node: self.node()? });
+                    entries.push(TreeEntry { key, origin, node: self.node()? });
                     self.eat(b',');
                 }
-                Value::Table(entries)
+                TreeValue::Table(entries)
             }
             b'[' => {
                 self.at += 1;
@@ -167,12 +169,12 @@ impl JsonWalk<'_> {
                     items.push(self.node()?);
                     self.eat(b',');
                 }
-                Value::List(items)
+                TreeValue::List(items)
             }
-            b'"' => Value::Text(self.string()?),
+            b'"' => TreeValue::Text(self.string()?),
             _ => self.word()?,
         };
-        Some(Node { value, origin: Origin::Text(start..self.at) })
+        Some(TreeNode { value, origin: Origin::Text(start..self.at) })
     }
 
     fn string(&mut self) -> Option<String> {
@@ -188,18 +190,18 @@ impl JsonWalk<'_> {
         serde_json::from_str(quoted).ok()
     }
 
-    fn word(&mut self) -> Option<Value> {
+    fn word(&mut self) -> Option<TreeValue> {
         let rest = &self.text[self.at..];
         let ends = |c: char| c.is_whitespace() || matches!(c, ',' | ']' | '}');
         let word = &rest[..rest.find(ends).unwrap_or(rest.len())];
         self.at += word.len();
         Some(match word {
-            "true" => Value::Bool(true),
-            "false" => Value::Bool(false),
-            "null" => Value::Other("null"),
+            "true" => TreeValue::Bool(true),
+            "false" => TreeValue::Bool(false),
+            "null" => TreeValue::Other("null"),
             _ => match word.parse::<i128>() {
-                Ok(integer) => Value::Integer(integer),
-                Err(_) => Value::Float(word.parse().ok()?),
+                Ok(integer) => TreeValue::Integer(integer),
+                Err(_) => TreeValue::Float(word.parse().ok()?),
             },
         })
     }

@@ -10,7 +10,7 @@ use super::read_beam::read_beam;
 use super::read_detector::read_detector;
 use super::read_sample::{read_hash, read_materials, read_objects};
 use super::read_spot::{read_spot, spot_file};
-use super::table::{Item, Table};
+use super::table::{ListItem, Table};
 use super::tree::Document;
 use super::{Detector, MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
 use crate::Result;
@@ -18,7 +18,7 @@ use crate::units::Dimension::{self, Angle, Length};
 
 /// Reads a scene. The result still has to be validated.
 pub(super) fn read_scene(document: &Document, directory: &Path) -> Result<Scene> {
-    let top = Item::root(document).table("")?;
+    let top = ListItem::root(document).table("")?;
     let source = top.require("source", "a table [source]")?.table("source")?;
     let mut files = read_files(&top)?;
     let source = read_source(&source, directory, &mut files)?;
@@ -88,7 +88,7 @@ pub(super) fn pair_allowed(dimension: Dimension) -> String {
 }
 
 /// One quantity for both directions, or a list of x and z.
-pub(super) fn read_pair(item: &Item<'_>, dimension: Dimension) -> Result<[f64; 2]> {
+pub(super) fn read_pair(item: &ListItem<'_>, dimension: Dimension) -> Result<[f64; 2]> {
     if item.is_list() {
         return item.array(&pair_allowed(dimension), |item| item.quantity(dimension));
     }
@@ -177,7 +177,7 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
 }
 
 /// The tolerance as a share of open beam. Up to version 0.1 it was a length.
-fn read_tolerance(item: &Item<'_>) -> Result<f64> {
+fn read_tolerance(item: &ListItem<'_>) -> Result<f64> {
     if item.text("").is_ok_and(|text| Length.parse(text).is_ok()) {
         return Err(item.mismatch(
             "a share of open beam from 1e-6 to 1e-2, such as 1e-4 (a length until version 0.1; \
@@ -202,7 +202,7 @@ fn read_scan(top: &Table<'_>) -> Result<Scan> {
 
 /// A list, or a range { from, to, count } spread out by `spread`.
 fn read_series(
-    item: &Item<'_>,
+    item: &ListItem<'_>,
     dimension: Dimension,
     most: u32,
     spread: fn(f64, f64, u32) -> Vec<f64>,

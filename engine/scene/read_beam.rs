@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::beam::ANODE_ANGLE;
-use super::table::{Item, Table};
+use super::table::{ListItem, Table};
 use super::{Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec, limits};
 use crate::Result;
 use crate::units::Dimension::{Angle, Energy, Length, Voltage};
@@ -23,14 +23,14 @@ pub(super) fn read_beam(source: &Table<'_>) -> Result<Beam> {
     }
 }
 
-fn read_spectrum(item: &Item<'_>) -> Result<SpectrumSpec> {
+fn read_spectrum(item: &ListItem<'_>) -> Result<SpectrumSpec> {
     if !item.is_table() {
         let path = PathBuf::from(item.text(FORMS)?);
         let origin = SpectrumOrigin::File { path };
         return Ok(SpectrumSpec { origin, filters: Vec::new(), nodes: None });
     }
     let table = item.table("source.spectrum")?;
-    let nodes = |item: Item<'_>| item.integer(1..=limits::NODES);
+    let nodes = |item: ListItem<'_>| item.integer(1..=limits::NODES);
     Ok(SpectrumSpec {
         origin: read_origin(item, &table)?,
         filters: read_filters(&table, "filters")?,
@@ -38,7 +38,7 @@ fn read_spectrum(item: &Item<'_>) -> Result<SpectrumSpec> {
     })
 }
 
-fn read_origin(item: &Item<'_>, table: &Table<'_>) -> Result<SpectrumOrigin> {
+fn read_origin(item: &ListItem<'_>, table: &Table<'_>) -> Result<SpectrumOrigin> {
     if let Some(file) = table.get("file") {
         for key in ["anode", "kvp", "anode_angle", "inherent_filters"] {
             table.forbid(key, "either file, or anode and kvp")?;
@@ -63,7 +63,7 @@ fn read_filters(table: &Table<'_>, key: &str) -> Result<Vec<Filter>> {
     item.items(filters)?.iter().map(read_filter).collect()
 }
 
-fn read_filter(item: &Item<'_>) -> Result<Filter> {
+fn read_filter(item: &ListItem<'_>) -> Result<Filter> {
     let table = item.table("source.spectrum.filter")?;
     let (material, thickness) = read_layer(&table)?;
     Ok(Filter { material, thickness })

@@ -6,7 +6,7 @@ use super::detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile
 use super::limits;
 use super::read::{pair_allowed, read_pair};
 use super::read_beam::read_layer;
-use super::table::{Item, Table};
+use super::table::{ListItem, Table};
 use crate::Result;
 use crate::units::Dimension::{Energy, Length};
 
@@ -46,13 +46,13 @@ fn read_mode(table: &Table<'_>) -> Result<DetectorMode> {
     Ok(DetectorMode::Integrating)
 }
 
-fn read_absorber(item: &Item<'_>) -> Result<Absorber> {
+fn read_absorber(item: &ListItem<'_>) -> Result<Absorber> {
     let table = item.table("detector.absorber")?;
     let (material, thickness) = read_layer(&table)?;
     Ok(Absorber { material, thickness })
 }
 
-fn read_blur(item: &Item<'_>) -> Result<Blur> {
+fn read_blur(item: &ListItem<'_>) -> Result<Blur> {
     let table = item.table("detector.blur")?;
     let one = "one of: sigma; fwhm; kernel and pixel";
     let only = |wanted: &[&str]| {
@@ -73,7 +73,7 @@ fn read_blur(item: &Item<'_>) -> Result<Blur> {
     Ok(Blur::Gaussian { sigma })
 }
 
-fn read_scatter(item: &Item<'_>) -> Result<Scatter> {
+fn read_scatter(item: &ListItem<'_>) -> Result<Scatter> {
     let table = item.table("detector.scatter")?;
     let one = "either image; or kernel, pixel and fraction";
     if let Some(item) = table.get("image") {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::limits;
-use super::table::{Item, Table};
+use super::table::{ListItem, Table};
 use super::{MaterialSpec, Mesh, Object, Placement, Shape, ShapeOrMesh};
 use crate::Result;
 use crate::units::Dimension::{Angle, Attenuation, Density, Length};
@@ -15,11 +15,12 @@ const FILE: &str = "path of a file";
 pub(super) fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
     let Some(item) = top.get("materials") else { return Ok(BTreeMap::new()) };
     let named = item.named()?;
-    let entry = |(name, item): &(&str, Item<'_>)| Ok(((*name).to_owned(), read_material(item)?));
+    let entry =
+        |(name, item): &(&str, ListItem<'_>)| Ok(((*name).to_owned(), read_material(item)?));
     named.iter().map(entry).collect()
 }
 
-fn read_material(item: &Item<'_>) -> Result<MaterialSpec> {
+fn read_material(item: &ListItem<'_>) -> Result<MaterialSpec> {
     let table = item.table("materials.NAME")?;
     let one = "one of: formula and density; mu and delta; table";
     let only = |wanted: &[&str]| {
@@ -48,7 +49,7 @@ pub(super) fn read_objects(top: &Table<'_>) -> Result<Vec<Object>> {
     item.items("tables [[object]]")?.iter().map(read_object).collect()
 }
 
-fn read_object(item: &Item<'_>) -> Result<Object> {
+fn read_object(item: &ListItem<'_>) -> Result<Object> {
     let table = item.table("object")?;
     let name = "a name of its own";
     Ok(Object {
@@ -76,7 +77,7 @@ fn read_geometry(table: &Table<'_>) -> Result<ShapeOrMesh> {
     Ok(ShapeOrMesh::Mesh(Mesh::File { path, unit }))
 }
 
-pub(super) fn read_hash(item: &Item<'_>) -> Result<String> {
+pub(super) fn read_hash(item: &ListItem<'_>) -> Result<String> {
     let allowed = "the SHA-256 of the file, 64 hexadecimal digits";
     let text = item.text(allowed)?;
     if text.len() != 64 || !text.bytes().all(|byte| byte.is_ascii_hexdigit()) {
@@ -85,7 +86,7 @@ pub(super) fn read_hash(item: &Item<'_>) -> Result<String> {
     Ok(text.to_ascii_lowercase())
 }
 
-fn read_shape(item: &Item<'_>) -> Result<Shape> {
+fn read_shape(item: &ListItem<'_>) -> Result<Shape> {
     let allowed = "one of box, cylinder, prism, sphere, as { sphere = { ... } }";
     let table = item.table("object.shape")?;
     let mut kinds = ["box", "cylinder", "prism", "sphere"]
@@ -139,9 +140,9 @@ fn read_placement(table: &Table<'_>) -> Result<Placement> {
     Ok(placement)
 }
 
-fn read_turn(item: &Item<'_>) -> Result<([f64; 3], f64)> {
+fn read_turn(item: &ListItem<'_>) -> Result<([f64; 3], f64)> {
     let table = item.table("object.rotate")?;
     let allowed = "a direction, such as [0, 0, 1]";
-    let axis = table.require("axis", allowed)?.array(allowed, Item::number)?;
+    let axis = table.require("axis", allowed)?.array(allowed, ListItem::number)?;
     Ok((axis, table.quantity("angle", Angle)?))
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::limits;
 use super::read::{pair_allowed, read_pair};
-use super::table::{Item, Table};
+use super::table::{ListItem, Table};
 use crate::spot::{Spot, SpotPart};
 use crate::units::Dimension::Length;
 use crate::{Error, Result};
@@ -13,7 +13,7 @@ use crate::{Error, Result};
 const FORMS: &str = "image and pixel; profile; gaussians; or fwhm, with points where it is to be \
                      a superposition of point sources";
 
-pub(super) fn read_spot(item: &Item<'_>, directory: &Path) -> Result<Spot> {
+pub(super) fn read_spot(item: &ListItem<'_>, directory: &Path) -> Result<Spot> {
     if !item.is_table() {
         return Ok(read_pair(item, Length)?.into());
     }
@@ -54,7 +54,7 @@ pub(super) fn read_spot(item: &Item<'_>, directory: &Path) -> Result<Spot> {
 }
 
 /// The file of a spot, as the scene names it.
-pub(super) fn spot_file(item: &Item<'_>) -> Result<Option<PathBuf>> {
+pub(super) fn spot_file(item: &ListItem<'_>) -> Result<Option<PathBuf>> {
     if !item.is_table() {
         return Ok(None);
     }
@@ -63,7 +63,7 @@ pub(super) fn spot_file(item: &Item<'_>) -> Result<Option<PathBuf>> {
     file.map(|file| Ok(PathBuf::from(file.text("path of a file")?))).transpose()
 }
 
-fn read_gaussian(item: &Item<'_>) -> Result<SpotPart> {
+fn read_gaussian(item: &ListItem<'_>) -> Result<SpotPart> {
     let table = item.table("source.spot.gaussian")?;
     let pair = |key: &str| table.get(key).map(|item| read_pair(&item, Length)).transpose();
     Ok(SpotPart {
@@ -74,7 +74,7 @@ fn read_gaussian(item: &Item<'_>) -> Result<SpotPart> {
 }
 
 /// The error of a file at the key that names it; errors with a line of their own keep that.
-fn placed(table: &Table<'_>, item: &Item<'_>, error: Error) -> Error {
+fn placed(table: &Table<'_>, item: &ListItem<'_>, error: Error) -> Error {
     match error {
         Error::Scene { place, key, found, allowed } if place.file.is_none() => {
             let name = key.rsplit('.').next().unwrap_or_default();

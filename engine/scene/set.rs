@@ -3,7 +3,7 @@
 use super::parse::toml_value;
 use super::path::{self, Step};
 use super::table::with_suggestion;
-use super::tree::{Document, Entry, Node, Origin, Value};
+use super::tree::{Document, Origin, TreeEntry, TreeNode, TreeValue};
 use crate::{Error, Result};
 
 /// Keys that exclude each other: an override of one side drops what the file says on the other.
@@ -56,7 +56,7 @@ pub(super) fn apply(document: &mut Document, set: &str) -> Result<()> {
     };
     match target(&mut document.root, &steps, &origin) {
         Ok(node) => {
-            *node = Node { value, origin };
+            *node = TreeNode { value, origin };
             Ok(())
         }
         Err((found, allowed)) => Err(refuse(document, key, found, allowed)),
@@ -69,36 +69,36 @@ type Astray = (String, String);
 /// The node that the steps lead to. Tables and keys that are not there are added, for the
 /// reader to judge.
 fn target<'a>(
-    mut node: &'a mut Node,
+    mut node: &'a mut TreeNode,
     steps: &[Step],
     origin: &Origin,
-) -> std::result::Result<&'a mut Node, Astray> {
+) -> std::result::Result<&'a mut TreeNode, Astray> {
     for (depth, step) in steps.iter().enumerate() {
         // The keys of [materials] are names that the scene chose.
         let names = matches!(&steps[..depth], [Step::Key(table)] if table == "materials");
         node = match (&mut node.value, step) {
-            (Value::Table(entries), Step::Key(key)) => {
+            (TreeValue::Table(entries), Step::Key(key)) => {
                 if !names {
                     drop_rivals(entries, key, &steps[..depth]);
                 }
                 let at = match entries.iter().position(|entry| entry.key == *key) {
                     Some(at) => at,
                     None => {
-                        let value = Value::Table(Vec::new());
-                        let node = Node { value, origin: origin.clone() };
-                        entries.push(Entry { key: key.clone(), origin: origin.clone(), node });
+                        let value = TreeValue::Table(Vec::new());
+                        let node = TreeNode { value, origin: origin.clone() };
+                        entries.push(TreeEntry { key: key.clone(), origin: origin.clone(), node });
                         entries.len() - 1
                     }
                 };
                 &mut entries[at].node
             }
-            (Value::List(items), Step::Index(index)) => {
+            (TreeValue::List(items), Step::Index(index)) => {
                 let count = items.len();
                 items.get_mut(*index).ok_or_else(|| {
                     (format!("index {index} of a list of {count}"), "an index from 0".to_owned())
                 })?
             }
-            (Value::List(items), Step::Key(name)) => {
+            (TreeValue::List(items), Step::Key(name)) => {
                 let names: Vec<_> = items.iter().map(|item| name_of(item).to_owned()).collect();
                 match names.iter().position(|other| other == name) {
                     Some(at) => &mut items[at],
@@ -121,7 +121,7 @@ fn target<'a>(
     Ok(node)
 }
 
-fn drop_rivals(entries: &mut Vec<Entry>, key: &str, table: &[Step]) {
+fn drop_rivals(entries: &mut Vec<TreeEntry>, key: &str, table: &[Step]) {
     if matches!(table, [.., Step::Key(spot)] if spot == "spot") {
         let Some(own) = SPOT_RIVALS.iter().find(|keys| keys.contains(&key)) else { return };
         entries.retain(|entry| {
@@ -148,11 +148,11 @@ fn drop_rivals(entries: &mut Vec<Entry>, key: &str, table: &[Step]) {
     }
 }
 
-fn name_of(item: &Node) -> &str {
-    let Value::Table(entries) = &item.value else { return "" };
+fn name_of(item: &TreeNode) -> &str {
+    let TreeValue::Table(entries) = &item.value else { return "" };
     let name = entries.iter().find(|entry| entry.key == "name");
     match name.map(|entry| &entry.node.value) {
-        Some(Value::Text(name)) => name,
+        Some(TreeValue::Text(name)) => name,
         _ => "",
     }
 }

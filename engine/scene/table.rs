@@ -7,27 +7,27 @@ use std::ops::RangeInclusive;
 
 use super::keys::keys_of;
 use super::path;
-use super::tree::{Document, Entry, Node, Origin, Value};
+use super::tree::{Document, Origin, TreeEntry, TreeNode, TreeValue};
 use crate::units::{Dimension, QuantityError};
 use crate::{Error, Result, suggestion};
 
 /// A value in the document and the path that leads to it.
 #[derive(Debug, Clone)]
-pub(super) struct Item<'a> {
+pub(super) struct ListItem<'a> {
     document: &'a Document,
     path: String,
-    node: &'a Node,
+    node: &'a TreeNode,
 }
 
 /// A table that has known keys only.
 #[derive(Debug)]
 pub(super) struct Table<'a> {
-    item: Item<'a>,
-    entries: &'a [Entry],
+    item: ListItem<'a>,
+    entries: &'a [TreeEntry],
     known: &'static [&'static str],
 }
 
-impl<'a> Item<'a> {
+impl<'a> ListItem<'a> {
     pub(super) fn root(document: &'a Document) -> Self {
         Self { document, path: String::new(), node: &document.root }
     }
@@ -42,23 +42,23 @@ impl<'a> Item<'a> {
     }
 
     pub(super) fn is_list(&self) -> bool {
-        matches!(self.node.value, Value::List(_))
+        matches!(self.node.value, TreeValue::List(_))
     }
 
     pub(super) fn is_table(&self) -> bool {
-        matches!(self.node.value, Value::Table(_))
+        matches!(self.node.value, TreeValue::Table(_))
     }
 
     pub(super) fn text(&self, allowed: &str) -> Result<&'a str> {
         match &self.node.value {
-            Value::Text(text) if !text.trim().is_empty() => Ok(text),
+            TreeValue::Text(text) if !text.trim().is_empty() => Ok(text),
             _ => Err(self.mismatch(allowed)),
         }
     }
 
     pub(super) fn boolean(&self) -> Result<bool> {
         match self.node.value {
-            Value::Bool(value) => Ok(value),
+            TreeValue::Bool(value) => Ok(value),
             _ => Err(self.mismatch("true or false")),
         }
     }
@@ -66,8 +66,10 @@ impl<'a> Item<'a> {
     /// A quantity with its unit.
     pub(super) fn quantity(&self, dimension: Dimension) -> Result<f64> {
         match &self.node.value {
-            Value::Text(text) => dimension.parse(text).map_err(|error| self.quantity_error(error)),
-            Value::Integer(_) | Value::Float(_) => {
+            TreeValue::Text(text) => {
+                dimension.parse(text).map_err(|error| self.quantity_error(error))
+            }
+            TreeValue::Integer(_) | TreeValue::Float(_) => {
                 let found = format!("{}, without a unit", describe(&self.node.value));
                 Err(self.error(found, dimension.allowed()))
             }
@@ -82,8 +84,8 @@ impl<'a> Item<'a> {
     /// A number without a unit.
     pub(super) fn number(&self) -> Result<f64> {
         match self.node.value {
-            Value::Float(value) if value.is_finite() => Ok(value),
-            Value::Integer(value) => Ok(value as f64),
+            TreeValue::Float(value) if value.is_finite() => Ok(value),
+            TreeValue::Integer(value) => Ok(value as f64),
             _ => Err(self.mismatch("a finite number without a unit")),
         }
     }
@@ -96,7 +98,7 @@ impl<'a> Item<'a> {
         let (low, high): (i128, i128) = ((*range.start()).into(), (*range.end()).into());
         let refuse = || self.mismatch(format!("a whole number from {low} to {high}"));
         match self.node.value {
-            Value::Integer(value) if (low..=high).contains(&value) => {
+            TreeValue::Integer(value) if (low..=high).contains(&value) => {
                 T::try_from(value).map_err(|_| refuse())
             }
             _ => Err(refuse()),
@@ -107,7 +109,7 @@ impl<'a> Item<'a> {
     pub(super) fn choice<T: Copy>(&self, words: &[(&str, T)]) -> Result<T> {
         let names = || words.iter().map(|word| word.0);
         let quoted: Vec<_> = names().map(|name| format!("{name:?}")).collect();
-        let Value::Text(text) = &self.node.value else {
+        let TreeValue::Text(text) = &self.node.value else {
             return Err(self.mismatch(quoted.join(", ")));
         };
         match words.iter().find(|word| word.0 == text) {
@@ -118,7 +120,7 @@ impl<'a> Item<'a> {
 
     /// The values of a list.
     pub(super) fn items(&self, allowed: &str) -> Result<Vec<Self>> {
-        let Value::List(nodes) = &self.node.value else {
+        let TreeValue::List(nodes) = &self.node.value else {
             return Err(self.mismatch(allowed));
         };
         let item = |(index, node)| Self {
@@ -159,7 +161,7 @@ impl<'a> Item<'a> {
     }
 
     fn any_table(&self, known: &'static [&'static str]) -> Result<Table<'a>> {
-        let Value::Table(entries) = &self.node.value else {
+        let TreeValue::Table(entries) = &self.node.value else {
             let allowed = match known {
                 [] => "a table".to_owned(),
                 _ => format!("a table with the keys {}", known.join(", ")),
@@ -180,19 +182,19 @@ impl<'a> Item<'a> {
 }
 
 impl<'a> Table<'a> {
-    fn child(&self, entry: &'a Entry) -> Item<'a> {
+    fn child(&self, entry: &'a TreeEntry) -> ListItem<'a> {
         let path = path::join(&self.item.path, &entry.key);
-        Item { document: self.item.document, path, node: &entry.node }
+        ListItem { document: self.item.document, path, node: &entry.node }
     }
 
     /// The value of a key, if it is there.
-    pub(super) fn get(&self, key: &str) -> Option<Item<'a>> {
+    pub(super) fn get(&self, key: &str) -> Option<ListItem<'a>> {
         debug_assert!(self.known.contains(&key), "{key} is read but not listed in keys.rs");
         self.entries.iter().find(|entry| entry.key == key).map(|entry| self.child(entry))
     }
 
     /// The value of a key that must be there.
-    pub(super) fn require(&self, key: &str, allowed: impl Into<String>) -> Result<Item<'a>> {
+    pub(super) fn require(&self, key: &str, allowed: impl Into<String>) -> Result<ListItem<'a>> {
         self.get(key).ok_or_else(|| self.missing(key, allowed))
     }
 
@@ -249,17 +251,17 @@ pub(super) fn with_suggestion<'a>(
     allowed
 }
 
-fn describe(value: &Value) -> String {
+fn describe(value: &TreeValue) -> String {
     match value {
-        Value::Text(text) if text.chars().count() > 60 => {
+        TreeValue::Text(text) if text.chars().count() > 60 => {
             format!("{:?}...", text.chars().take(60).collect::<String>())
         }
-        Value::Text(text) => format!("{text:?}"),
-        Value::Integer(number) => format!("the number {number}"),
-        Value::Float(number) => format!("the number {number:?}"),
-        Value::Bool(value) => format!("{value}"),
-        Value::List(items) => format!("a list of {}", items.len()),
-        Value::Table(_) => "a table".to_owned(),
-        Value::Other(what) => (*what).to_owned(),
+        TreeValue::Text(text) => format!("{text:?}"),
+        TreeValue::Integer(number) => format!("the number {number}"),
+        TreeValue::Float(number) => format!("the number {number:?}"),
+        TreeValue::Bool(value) => format!("{value}"),
+        TreeValue::List(items) => format!("a list of {}", items.len()),
+        TreeValue::Table(_) => "a table".to_owned(),
+        TreeValue::Other(what) => (*what).to_owned(),
     }
 }

@@ -20,30 +20,30 @@ pub(super) enum Origin {
 
 /// A value and where it came from.
 #[derive(Debug, Clone)]
-pub(super) struct Node {
-    pub(super) value: Value,
+pub(super) struct TreeNode {
+    pub(super) value: TreeValue,
     pub(super) origin: Origin,
 }
 
 /// A value, of TOML or JSON.
 #[derive(Debug, Clone)]
-pub(super) enum Value {
+pub(super) enum TreeValue {
     Text(String),
     Integer(i128),
     Float(f64),
     Bool(bool),
-    List(Vec<Node>),
-    Table(Vec<Entry>),
+    List(Vec<TreeNode>),
+    Table(Vec<TreeEntry>),
     /// Something that no key takes: a date, null, an integer past 128 bits.
     Other(&'static str),
 }
 
 /// A key of a table with its value.
 #[derive(Debug, Clone)]
-pub(super) struct Entry {
+pub(super) struct TreeEntry {
     pub(super) key: String,
     pub(super) origin: Origin,
-    pub(super) node: Node,
+    pub(super) node: TreeNode,
 }
 
 /// A whole scene file with the overrides that were applied to it.
@@ -52,7 +52,7 @@ pub(super) struct Document {
     pub(super) file: Option<PathBuf>,
     pub(super) text: String,
     pub(super) sets: Vec<String>,
-    pub(super) root: Node,
+    pub(super) root: TreeNode,
 }
 
 /// Longest part of a line that an excerpt shows: a JSON file may be one long line.
@@ -94,7 +94,7 @@ impl Document {
         let mut node = &self.root;
         for step in path::parse(key).unwrap_or_default() {
             let next = match (&node.value, &step) {
-                (Value::Table(entries), Step::Key(key)) => entries
+                (TreeValue::Table(entries), Step::Key(key)) => entries
                     .iter()
                     .find(|entry| entry.key == *key)
                     // An aperture may stand in the file as its projection.
@@ -103,7 +103,7 @@ impl Document {
                         entries.iter().find(|entry| entry.key == projected)
                     })
                     .map(|entry| &entry.node),
-                (Value::List(items), Step::Index(index)) => items.get(*index),
+                (TreeValue::List(items), Step::Index(index)) => items.get(*index),
                 _ => None,
             };
             match next {

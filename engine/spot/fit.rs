@@ -22,7 +22,7 @@ const CHUNK: usize = 512;
 
 /// Some light: its share, centroid and variances (x, z), m.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Patch {
+pub(super) struct PicturePatch {
     pub(super) weight: f64,
     pub(super) at: [f64; 2],
     pub(super) variance: [f64; 2],
@@ -36,11 +36,11 @@ pub(super) struct Fitted {
     pub(super) relative_error: f64,
 }
 
-pub(super) fn fit(patches: &[Patch]) -> Fitted {
+pub(super) fn fit(patches: &[PicturePatch]) -> Fitted {
     let whole = sum(patches.iter().map(|patch| (1.0, patch)));
     let views: Vec<Profile> =
         DIRECTIONS.iter().map(|along| Profile::new(*along, patches, &whole)).collect();
-    let mut best: Option<(f64, Vec<Patch>)> = None;
+    let mut best: Option<(f64, Vec<PicturePatch>)> = None;
     let mut count = 1;
     loop {
         let mut parts = divided(patches, count);
@@ -60,7 +60,7 @@ pub(super) fn fit(patches: &[Patch]) -> Fitted {
     }
     let (relative_error, parts) = best.unwrap_or_default();
     let error = views[0].error(&parts) * views[0].deviation;
-    let part = |part: &Patch| SpotPart {
+    let part = |part: &PicturePatch| SpotPart {
         weight: part.weight,
         fwhm: part.variance.map(|variance| variance.sqrt() / deviation(1.0)),
         offset: part.at,
@@ -69,18 +69,18 @@ pub(super) fn fit(patches: &[Patch]) -> Fitted {
 }
 
 /// Weight, centroid and variance of patches, each with a share of its light.
-fn sum<'a>(patches: impl Iterator<Item = (f64, &'a Patch)> + Clone) -> Patch {
+fn sum<'a>(patches: impl Iterator<Item = (f64, &'a PicturePatch)> + Clone) -> PicturePatch {
     let weight: f64 = patches.clone().map(|(share, patch)| share * patch.weight).sum();
-    let mean = |f: &dyn Fn(&Patch) -> f64| {
+    let mean = |f: &dyn Fn(&PicturePatch) -> f64| {
         patches.clone().map(|(share, patch)| share * patch.weight * f(patch)).sum::<f64>() / weight
     };
     let at = [0, 1].map(|axis| mean(&|patch| patch.at[axis]));
     let variance = [0, 1].map(|axis| mean(&|p| p.variance[axis] + (p.at[axis] - at[axis]).powi(2)));
-    Patch { weight, at, variance }
+    PicturePatch { weight, at, variance }
 }
 
 /// The patches in `count` groups of about the same light, cut across their longer side.
-fn divided(patches: &[Patch], count: usize) -> Vec<Patch> {
+fn divided(patches: &[PicturePatch], count: usize) -> Vec<PicturePatch> {
     let mut groups = vec![patches.to_vec()];
     loop {
         // Groups of one pixel stay, so that others may have to be cut once more.
@@ -103,7 +103,7 @@ fn divided(patches: &[Patch], count: usize) -> Vec<Patch> {
     groups.iter().map(|group| sum(group.iter().map(|patch| (1.0, patch)))).collect()
 }
 
-fn halves(mut group: Vec<Patch>) -> Vec<Vec<Patch>> {
+fn halves(mut group: Vec<PicturePatch>) -> Vec<Vec<PicturePatch>> {
     if group.len() < 2 {
         return vec![group];
     }
@@ -127,12 +127,12 @@ fn halves(mut group: Vec<Patch>) -> Vec<Vec<Patch>> {
 type Sums = Vec<[f64; 5]>;
 
 /// One round: light goes to the parts by their density there, parts become what they were given.
-fn improved(patches: &[Patch], parts: &[Patch]) -> Vec<Patch> {
+fn improved(patches: &[PicturePatch], parts: &[PicturePatch]) -> Vec<PicturePatch> {
     let heights: Vec<f64> = parts
         .iter()
         .map(|p| libm::log(p.weight) - 0.5 * libm::log(p.variance[0] * p.variance[1]))
         .collect();
-    let some = |patches: &[Patch]| -> Sums {
+    let some = |patches: &[PicturePatch]| -> Sums {
         let mut sums = vec![[0.0; 5]; parts.len()];
         let mut density = vec![0.0; parts.len()];
         for patch in patches {
@@ -170,7 +170,7 @@ fn improved(patches: &[Patch], parts: &[Patch]) -> Vec<Patch> {
             let at = [x / weight, z / weight];
             // Rounding may take a little from a part that has one pixel.
             let variance = [x2 / weight - at[0] * at[0], z2 / weight - at[1] * at[1]];
-            Patch { weight, at, variance: [0, 1].map(|i| variance[i].max(least[i])) }
+            PicturePatch { weight, at, variance: [0, 1].map(|i| variance[i].max(least[i])) }
         })
         .collect()
 }
@@ -189,9 +189,9 @@ struct Profile {
 }
 
 impl Profile {
-    fn new(along: [f64; 2], patches: &[Patch], whole: &Patch) -> Self {
-        let onto = |patch: &Patch| along[0] * patch.at[0] + along[1] * patch.at[1];
-        let spread = |patch: &Patch| {
+    fn new(along: [f64; 2], patches: &[PicturePatch], whole: &PicturePatch) -> Self {
+        let onto = |patch: &PicturePatch| along[0] * patch.at[0] + along[1] * patch.at[1];
+        let spread = |patch: &PicturePatch| {
             along[0] * along[0] * patch.variance[0] + along[1] * along[1] * patch.variance[1]
         };
         let centre = onto(whole);
@@ -221,11 +221,11 @@ impl Profile {
     }
 
     /// Range of the difference to that of Gaussians, over the deviation.
-    fn error(&self, parts: &[Patch]) -> f64 {
+    fn error(&self, parts: &[PicturePatch]) -> f64 {
         let along = self.along;
         let range =
             self.places.iter().zip(&self.values).fold([0.0_f64; 2], |range, (at, value)| {
-                let of = |part: &Patch| {
+                let of = |part: &PicturePatch| {
                     let middle = along[0] * part.at[0] + along[1] * part.at[1];
                     let variance = along[0] * along[0] * part.variance[0]
                         + along[1] * along[1] * part.variance[1];
@@ -249,11 +249,11 @@ fn mean_distance(d: f64, sigma: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn image(value: impl Fn(f64, f64) -> f64) -> Vec<Patch> {
+    fn image(value: impl Fn(f64, f64) -> f64) -> Vec<PicturePatch> {
         let places = || (-30..=30).map(|i| f64::from(i) * 1e-6);
         let all = places().flat_map(|z| places().map(move |x| [x, z]));
-        let mut patches: Vec<Patch> = all
-            .map(|at| Patch { weight: value(at[0], at[1]), at, variance: [1e-12 / 12.0; 2] })
+        let mut patches: Vec<PicturePatch> = all
+            .map(|at| PicturePatch { weight: value(at[0], at[1]), at, variance: [1e-12 / 12.0; 2] })
             .filter(|patch| patch.weight > 0.0)
             .collect();
         let sum: f64 = patches.iter().map(|patch| patch.weight).sum();
@@ -273,10 +273,10 @@ mod tests {
             assert!(fitted.parts.len() > 1 && fitted.relative_error <= 2e-3, "{fitted:?}");
             let whole = sum(patches.iter().map(|patch| (1.0, patch)));
             let sigma = deviation(1.0);
-            let parts: Vec<Patch> = fitted
+            let parts: Vec<PicturePatch> = fitted
                 .parts
                 .iter()
-                .map(|p| Patch {
+                .map(|p| PicturePatch {
                     weight: p.weight,
                     at: p.offset,
                     variance: p.fwhm.map(|f| (f * sigma).powi(2)),

@@ -1,6 +1,6 @@
 //! Spots from images.
 
-use super::fit::{self, Patch};
+use super::fit::{self, PicturePatch};
 use super::{Spot, SpotFit};
 use crate::{Error, Result, image};
 use ndarray::Array2;
@@ -67,7 +67,12 @@ impl Spot {
 }
 
 /// Pixels, or blocks of pixels with their centroid and variance.
-fn patches(values: &Array2<f64>, pixel: [f64; 2], block: [usize; 2], sum: f64) -> Vec<Patch> {
+fn patches(
+    values: &Array2<f64>,
+    pixel: [f64; 2],
+    block: [usize; 2],
+    sum: f64,
+) -> Vec<PicturePatch> {
     let [rows, columns] = [values.nrows(), values.ncols()];
     let middle = [0.5 * (columns as f64 - 1.0), 0.5 * (rows as f64 - 1.0)];
     let mut patches = Vec::new();
@@ -86,7 +91,7 @@ fn patches(values: &Array2<f64>, pixel: [f64; 2], block: [usize; 2], sum: f64) -
         let variance = [0, 1].map(|axis| {
             mean(&|p| (p[axis] - centre[axis]).powi(2)) + pixel[axis] * pixel[axis] / 12.0
         });
-        patches.push(Patch { weight: weight / sum, at: centre, variance });
+        patches.push(PicturePatch { weight: weight / sum, at: centre, variance });
     }
     patches
 }

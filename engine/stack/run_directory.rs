@@ -65,12 +65,12 @@ pub struct RunDirectory {
     resumed: Option<Resumed>,
     /// Lock of the run that stands here: from the first look at it to the end.
     log: Option<ProgressLog>,
-    open: Option<Open>,
+    open: Option<Begun>,
 }
 
 /// State between `begin` and `finish`.
 #[derive(Debug)]
-struct Open {
+struct Begun {
     file: RunFile,
     log: ProgressLog,
     frames: Frames,
@@ -297,7 +297,7 @@ impl Sink for RunDirectory {
         // Files that were made here last from now on.
         sync_directory(&self.path)?;
         let tally = None;
-        self.open = Some(Open { file, log, frames, counts, tally, next_row: 0, next_counts: 0 });
+        self.open = Some(Begun { file, log, frames, counts, tally, next_row: 0, next_counts: 0 });
         Ok(())
     }
 
@@ -377,7 +377,7 @@ impl Drop for RunDirectory {
     }
 }
 
-fn opened<'a>(open: &'a mut Option<Open>, path: &Path) -> Result<&'a mut Open> {
+fn opened<'a>(open: &'a mut Option<Begun>, path: &Path) -> Result<&'a mut Begun> {
     open.as_mut().ok_or_else(|| Error::file(path, "no run has begun here", None))
 }
 

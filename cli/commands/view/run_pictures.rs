@@ -4,9 +4,9 @@ use super::super::pictures::Pictures;
 use crate::args::{Show, ViewOfRun};
 use crate::failure::Failure;
 use crate::picture::colour::Scale;
-use crate::picture::curve::{self, Curve};
+use crate::picture::curve::{self, CurvePlot};
 use crate::picture::image::{self, Words};
-use crate::picture::profile::{self, Line, Panel};
+use crate::picture::profile::{self, Panel, ProfileLine};
 use crate::picture::quantity::Quantity;
 use crate::picture::text::short;
 use crate::run_reader::{RunReader, row_number};
@@ -221,7 +221,7 @@ impl<'a> Chosen<'a> {
             let frame = stack.frame(view, self.step, row..row + 1)?;
             Ok(frame.iter().map(|value| f64::from(*value)).collect())
         };
-        let named = |name: &str, values| Line { name: name.into(), values, sigma: None };
+        let named = |name: &str, values| ProfileLine { name: name.into(), values, sigma: None };
         let mut panels = vec![Panel {
             label: "intensity".into(),
             lines: vec![
@@ -244,7 +244,7 @@ impl<'a> Chosen<'a> {
             };
             panels.push(Panel {
                 label: quantity.words(),
-                lines: vec![Line { name: String::new(), values: along(name)?, sigma }],
+                lines: vec![ProfileLine { name: String::new(), values: along(name)?, sigma }],
                 zero: *name != "transmission",
             });
         }
@@ -267,8 +267,8 @@ impl<'a> Chosen<'a> {
         };
         let fit = |of: &str| self.run.fit(of, self.view, self.pixel);
         let curves = [
-            Curve { name: "flat".into(), values: values(None)?, fit: fit("flat")? },
-            Curve {
+            CurvePlot { name: "flat".into(), values: values(None)?, fit: fit("flat")? },
+            CurvePlot {
                 name: "with the sample".into(),
                 values: values(Some(self.view))?,
                 fit: fit("sample")?,

@@ -6,7 +6,7 @@ use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
 use super::DefectCount;
-use super::overlap::{Contact, Facet, contact};
+use super::overlap::{Facet, TriangleContact, contact};
 use crate::geometry::surface::Surface;
 use crate::geometry::tree::{LEAF, Tree};
 use crate::geometry::watch::{LoadStep, Task};
@@ -22,7 +22,7 @@ const ENOUGH: usize = 100_000;
 const ENOUGH_OF_ONE: usize = 1000;
 
 /// A pair of triangles, in their order, and how they meet.
-type MeetingPair = (u32, u32, Contact);
+type MeetingPair = (u32, u32, TriangleContact);
 
 /// Pairs that pass through, or lie on, each other deeper than `resolved`.
 ///
@@ -45,7 +45,7 @@ pub(super) fn find(
         task.reach((number * CHUNK) as u64);
         let partners = |leaves: &[u32]| partners(surface, tree, leaves, resolved);
         let chunk: Vec<MeetingPair> = chunk.par_chunks(TOGETHER).flat_map_iter(partners).collect();
-        passed += chunk.iter().filter(|it| matches!(it.2, Contact::Crossing(_))).count();
+        passed += chunk.iter().filter(|it| matches!(it.2, TriangleContact::Crossing(_))).count();
         met.extend(chunk);
         // Some pairs are found twice.
         if passed >= 2 * ENOUGH {
@@ -58,8 +58,8 @@ pub(super) fn find(
     let mut grazes = HashMap::new();
     for (first, second, contact) in met {
         let place = match contact {
-            Contact::Crossing(place) => Some(place),
-            Contact::Graze { edge, through, side, place } => {
+            TriangleContact::Crossing(place) => Some(place),
+            TriangleContact::Graze { edge, through, side, place } => {
                 // Alone it is a touch; with the triangle beyond the edge, a crossing.
                 let sides = grazes.entry((edge, through)).or_insert([false; 2]);
                 sides[usize::from(side)] = true;
@@ -137,7 +137,7 @@ mod tests {
             let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
             let met = |&(a, b): &(u32, u32)| {
                 let [a, b] = [a, b].map(|it| Facet::new(&surface, it));
-                matches!(contact(&a, &b, resolved), Some(Contact::Crossing(_)))
+                matches!(contact(&a, &b, resolved), Some(TriangleContact::Crossing(_)))
             };
             let want: Vec<_> = all.filter(met).take(100_000).collect();
             assert_eq!(found.count, want.len(), "{mixed} {tilt}");
@@ -193,7 +193,7 @@ mod tests {
                 let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
                 let met = |&(a, b): &(u32, u32)| {
                     let [a, b] = [a, b].map(|it| Facet::new(&surface, it));
-                    matches!(contact(&a, &b, resolved), Some(Contact::Crossing(_)))
+                    matches!(contact(&a, &b, resolved), Some(TriangleContact::Crossing(_)))
                 };
                 let want = all.filter(met).count();
                 // Edges that graze count besides, in the order of the triangles.

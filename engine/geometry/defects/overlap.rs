@@ -10,7 +10,7 @@ use crate::geometry::surface::Surface;
 
 /// How two triangles meet.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Contact {
+pub(super) enum TriangleContact {
     /// They pass through each other, or lie on each other.
     Crossing(DVec3),
     /// An edge of one runs inside the other, and all of the one is on one side.
@@ -141,7 +141,7 @@ fn off_plane(heights: [f64; 3]) -> Option<usize> {
 ///
 /// Most pairs that are looked at are neighbours, and most of the rest pass each other: these are
 /// decided by the heights alone.
-pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Contact> {
+pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<TriangleContact> {
     let (a, b) = if one.number < other.number { (one, other) } else { (other, one) };
     if a.vertices.iter().all(|vertex| b.vertices.contains(vertex)) {
         // The same triangle twice is another kind of defect.
@@ -173,7 +173,7 @@ pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Conta
     let (a, b) = (TriangleSide::new(a, of_a), TriangleSide::new(b, of_b));
     if in_one_plane {
         let plane = if level(of_a) { b.normal } else { a.normal };
-        return common_area(a.corners, b.corners, plane, resolved).map(Contact::Crossing);
+        return common_area(a.corners, b.corners, plane, resolved).map(TriangleContact::Crossing);
     }
     let along = a.normal.cross(b.normal).normalize_or_zero();
     let (of_a, of_b) = (a.interval(along), b.interval(along));
@@ -184,13 +184,13 @@ pub(super) fn contact(one: &Facet, other: &Facet, resolved: f64) -> Option<Conta
     }
     let place = on_line(if through_b { &a } else { &b }, along, from.midpoint(to));
     if through_a && through_b {
-        return Some(Contact::Crossing(place));
+        return Some(TriangleContact::Crossing(place));
     }
     let (edge_of, through) = if through_a { (&a, &b) } else { (&b, &a) };
     let (edge, side) = edge_of.edge_in_plane()?;
     let place = on_line(edge_of, along, from.midpoint(to));
     let through_number = through.number;
-    through.holds(place, resolved).then_some(Contact::Graze {
+    through.holds(place, resolved).then_some(TriangleContact::Graze {
         edge,
         through: through_number,
         side,

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::slab::{self, Slab};
-use super::{Band, LEAF, NONE, Node, outwards};
+use super::{Band, BoundsNode, LEAF, NONE, outwards};
 use crate::geometry::surface::Surface;
 use crate::numbers;
 
@@ -26,7 +26,12 @@ pub(super) struct Builder<'a, B> {
 impl<B: Fn(u32) -> [DVec3; 2] + Sync> Builder<'_, B> {
     /// Builds the node that is the first of `nodes`, and what is below it. `start`: places of
     /// the first node and the first member in the tree.
-    pub(super) fn build(&self, members: &mut [(Vec3, u32)], nodes: &mut [Node], start: [u32; 2]) {
+    pub(super) fn build(
+        &self,
+        members: &mut [(Vec3, u32)],
+        nodes: &mut [BoundsNode],
+        start: [u32; 2],
+    ) {
         let [first_node, first_member] = start;
         if members.len() <= LEAF {
             nodes[0] = self.leaf(members, first_member);
@@ -70,10 +75,10 @@ impl<B: Fn(u32) -> [DVec3; 2] + Sync> Builder<'_, B> {
             (Some(a), Some(b)) => self.slab(members, a.between(b), [low, high]).map(Box::new),
             _ => None,
         };
-        node[0] = Node { low, high, next, count: 0, band, plate };
+        node[0] = BoundsNode { low, high, next, count: 0, band, plate };
     }
 
-    fn leaf(&self, members: &[(Vec3, u32)], first: u32) -> Node {
+    fn leaf(&self, members: &[(Vec3, u32)], first: u32) -> BoundsNode {
         let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = members.iter().fold(empty, |(low, high), (_, member)| {
             let bounds = (self.bounds)(*member);
@@ -94,7 +99,7 @@ impl<B: Fn(u32) -> [DVec3; 2] + Sync> Builder<'_, B> {
             .and_then(|normal| self.slab(members, normal, [low, high]))
             .map(Box::new);
         let count = u32::try_from(members.len()).unwrap_or(0);
-        Node { low, high, next: first, count, band, plate }
+        BoundsNode { low, high, next: first, count, band, plate }
     }
 
     /// The mean normal of the triangles of a leaf, either way round, if they fill the boxes of one

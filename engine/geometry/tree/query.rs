@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use super::slab::{self, Slab};
-use super::{NONE, Node, outwards};
+use super::{BoundsNode, NONE, outwards};
 use crate::geometry::surface::bounds_of;
 
 /// A triangle, or another set of three points, that looks for what is near.
@@ -51,7 +51,7 @@ impl Query {
     }
 
     /// What comes within `margin` of the triangles of a leaf, whose corners are `corners`.
-    pub(super) fn of_leaf(leaf: &Node, corners: Vec<DVec3>, margin: f64) -> Self {
+    pub(super) fn of_leaf(leaf: &BoundsNode, corners: Vec<DVec3>, margin: f64) -> Self {
         let bounds = [leaf.low.as_dvec3(), leaf.high.as_dvec3()];
         let [low, high] = outwards(bounds, margin);
         Self {
@@ -72,7 +72,7 @@ impl Query {
         self.bounds[0].cmple(high).all() && low.cmple(self.bounds[1]).all()
     }
 
-    pub(super) fn reaches(&self, node: &Node) -> bool {
+    pub(super) fn reaches(&self, node: &BoundsNode) -> bool {
         if !(self.low.cmple(node.high).all() && node.low.cmple(self.high).all()) {
             return false;
         }

@@ -39,7 +39,7 @@ pub(super) struct MaskTransmission {
 }
 
 /// A column, and a block of rows ([`Lattice::alike_rows`]).
-pub(super) type Place = (u32, i64);
+pub(super) type BarPlace = (u32, i64);
 
 /// What bars do at the places of the cell rows that were gathered last: the next ones are near.
 #[derive(Debug, Default)]
@@ -133,11 +133,11 @@ impl EnergyBinning {
         self.masks.iter().flatten().flatten().any(closed) || !self.edges.are_close(slope)
     }
 
-    pub(super) fn place(&self, cell_row: &CellRow) -> Place {
+    pub(super) fn place(&self, cell_row: &CellRow) -> BarPlace {
         (cell_row.column, i64::from(cell_row.row).div_euclid(self.lattice.alike_rows.into()))
     }
 
-    pub(super) fn bars(&self, (column, block): Place) -> MaskTransmission {
+    pub(super) fn bars(&self, (column, block): BarPlace) -> MaskTransmission {
         if self.groups.is_empty() {
             return MaskTransmission {
                 shares: Vec::new(),

@@ -2,9 +2,9 @@
 
 use super::super::curves::{Curve, Curves};
 use super::super::fitter::share;
-use super::super::least_squares::{self, Scan};
+use super::super::least_squares::{self, CurveScan};
 use super::super::method::Method;
-use super::super::shape::Shape;
+use super::super::shape::CurveShape;
 use super::super::{closed, flags};
 use super::{Flat, Retriever};
 use crate::{Error, Result};
@@ -83,21 +83,21 @@ impl Retriever {
     }
 
     /// The shape of methods that fit one, in the unit of offsets.
-    pub(super) fn shape(&self) -> Option<Shape> {
+    pub(super) fn shape(&self) -> Option<CurveShape> {
         let m = self.shape.magnification;
         let [base, top] = [self.shape.half_base() / m, self.shape.half_top() / m];
         match self.options.method {
-            Method::Triangle => Some(Shape::Trapezoid { top: 0.0 }),
-            Method::Trapezoid => Some(Shape::Trapezoid { top }),
-            Method::ExactCurve => Some(Shape::Blurred { base, top }),
+            Method::Triangle => Some(CurveShape::Trapezoid { top: 0.0 }),
+            Method::Trapezoid => Some(CurveShape::Trapezoid { top }),
+            Method::ExactCurve => Some(CurveShape::Blurred { base, top }),
             _ => None,
         }
     }
 
-    pub(super) fn scan(&self, offsets: &[f64]) -> Scan {
+    pub(super) fn scan(&self, offsets: &[f64]) -> CurveScan {
         let mut sorted = offsets.to_vec();
         sorted.sort_by(f64::total_cmp);
-        Scan {
+        CurveScan {
             offsets: offsets.to_vec(),
             shares: offsets.iter().map(|offset| share(&sorted, *offset)).collect(),
             saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
