@@ -2,6 +2,7 @@
 
 use crate::numbers;
 use crate::retrieve::{ImageDirectory, ImageFormat};
+use crate::run::RowsControl;
 use crate::stack::{Maps, OpenRun, StackFile, refuse_overlap};
 use crate::{Error, Result};
 use ndarray::{Array2, Zip};
@@ -9,7 +10,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 /// What two series of images differ by. `b - a` where there is a sign.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -47,34 +48,9 @@ impl Difference {
     }
 }
 
-/// What steers a comparison while it goes on; set in a chain as [`crate::Control`] is.
-#[derive(Default)]
-#[non_exhaustive]
-pub struct CompareControl<'a> {
-    /// Called now and then with rows compared and rows in all, over all images.
-    pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
-    /// Set to true to end with [`Error::Interrupted`].
-    pub cancel: Option<&'a AtomicBool>,
-}
-
-impl<'a> CompareControl<'a> {
-    setters! {
-        /// Sets what is called with the progress.
-        with_progress(progress: &'a mut dyn FnMut(u64, u64));
-        /// Sets the flag that ends the comparison.
-        with_cancel(cancel: &'a AtomicBool);
-    }
-}
-
-impl std::fmt::Debug for CompareControl<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("CompareControl").finish_non_exhaustive()
-    }
-}
-
 /// Rows compared so far, and who is to know.
 struct Advance<'a, 'b> {
-    control: &'a mut CompareControl<'b>,
+    control: &'a mut RowsControl<'b>,
     done: u64,
     all: u64,
 }
@@ -123,9 +99,9 @@ impl<'a> DifferencesTo<'a> {
 /// # Example
 ///
 /// ```no_run
-/// use beamlet::compare::{CompareControl, compare};
+/// use beamlet::{RowsControl, compare::compare};
 ///
-/// let mut control = CompareControl::default();
+/// let mut control = RowsControl::default();
 /// for difference in compare("run".as_ref(), "other".as_ref(), None, &mut control)? {
 ///     println!("{} {}", difference.name, difference.largest);
 /// }
@@ -135,7 +111,7 @@ pub fn compare(
     a: &Path,
     b: &Path,
     to: Option<DifferencesTo<'_>>,
-    control: &mut CompareControl<'_>,
+    control: &mut RowsControl<'_>,
 ) -> Result<Vec<Difference>> {
     let pairs = pairs(a, b)?;
     for (name, [a, b]) in &pairs {

@@ -59,7 +59,7 @@ pub use accel::Backend;
 pub use error::{Error, Place, Result};
 pub use gpu::{DeviceDescription, DeviceKind};
 pub use run::{
-    Control, Engine, EngineOptions, MemoryEstimate, Progress, RunEstimate, Simulation,
+    Control, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate, Simulation,
     ViewProgress, devices, require_memory,
 };
 pub use stack::{RunRecord, SamplingSummary};

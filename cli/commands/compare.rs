@@ -5,7 +5,8 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::Error;
-use beamlet::compare::{CompareControl, Difference, DifferencesTo, compare};
+use beamlet::RowsControl;
+use beamlet::compare::{Difference, DifferencesTo, compare};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failure> {
@@ -15,7 +16,7 @@ pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failu
     let mut reporter = Reporter::new(arguments.messages);
     let mut progress = |done, all| reporter.rows(done, all);
     let mut control =
-        CompareControl::default().with_progress(&mut progress).with_cancel(&interrupt::CANCELLED);
+        RowsControl::default().with_progress(&mut progress).with_cancel(&interrupt::CANCELLED);
     let found = compare(&arguments.a, &arguments.b, to, &mut control);
     reporter.finish();
     let found = found.map_err(|error| match error {

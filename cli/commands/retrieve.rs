@@ -4,8 +4,9 @@ use crate::args::Retrieve;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
+use beamlet::RowsControl;
 use beamlet::retrieve::{
-    ImagesTo, Input, Method, Record, RetrieveControl, RetrieveOptions, Weights, offsets, retrieve,
+    ImagesTo, Input, Method, Record, RetrieveOptions, Weights, offsets, retrieve,
 };
 use beamlet::scene::Scene;
 use beamlet::stack::{OpenRun, StackFile, refuse_overlap};
@@ -61,7 +62,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     let engine = Engine::open(&arguments.device.options())?;
     let mut progress = |done, all| reporter.rows(done, all);
     let mut control =
-        RetrieveControl::default().with_progress(&mut progress).with_cancel(&interrupt::CANCELLED);
+        RowsControl::default().with_progress(&mut progress).with_cancel(&interrupt::CANCELLED);
     let to = ImagesTo::new(&path, arguments.format.into()).with_overwrite(arguments.overwrite);
     let done = retrieve(&engine, input, &options, to, &mut control);
     reporter.finish();

@@ -31,9 +31,9 @@ pub(super) fn nest(
     let pairs = pairs(&bounds);
     let compared = if wanted { pairs_to_compare(bodies)? } else { Vec::new() };
     let mut is_near = vec![false; bodies.len()];
-    for (a, b) in pairs.iter().chain(&compared) {
-        is_near[*a] = true;
-        is_near[*b] = true;
+    let meeting = pairs.iter().map(|(a, b)| [*a, *b]);
+    for object in meeting.chain(compared.iter().map(|pair| pair.objects)).flatten() {
+        is_near[object] = true;
     }
     let searches: Vec<Option<Search>> = bodies
         .par_iter_mut()

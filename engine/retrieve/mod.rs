@@ -22,7 +22,7 @@ pub use fitter::{FitOptions, Fitter, Weights};
 pub use images::Images;
 pub use input::{Input, offsets};
 pub use method::Method;
-pub use options::{ReadRows, RetrieveControl, RetrieveOptions};
+pub use options::{ReadRows, RetrieveOptions};
 pub use retriever::Retriever;
 pub use run::{ImagesTo, retrieve};
 pub(crate) use write::ImageDirectory;

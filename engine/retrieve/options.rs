@@ -5,7 +5,6 @@ use super::method::Method;
 use crate::Result;
 use ndarray::Array3;
 use std::ops::Range;
-use std::sync::atomic::AtomicBool;
 
 /// How to retrieve. `RetrieveOptions::default()` fits a Gaussian to each pixel, unweighted; what
 /// differs from it is set in a chain.
@@ -53,31 +52,6 @@ impl RetrieveOptions {
         with_steps(steps: impl Into<Option<[usize; 2]>>);
         /// Two-step: sets the offsets of the sample's steps, m.
         with_sample_offsets(sample_offsets: impl Into<Option<Vec<f64>>>);
-    }
-}
-
-/// What steers a retrieval while it goes on; set in a chain as [`crate::Control`] is.
-#[derive(Default)]
-#[non_exhaustive]
-pub struct RetrieveControl<'a> {
-    /// Called now and then with rows done and rows in all, the flat's included.
-    pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
-    /// Set to true to end with [`crate::Error::Interrupted`].
-    pub cancel: Option<&'a AtomicBool>,
-}
-
-impl<'a> RetrieveControl<'a> {
-    setters! {
-        /// Sets what is called with the progress.
-        with_progress(progress: &'a mut dyn FnMut(u64, u64));
-        /// Sets the flag that ends the retrieval.
-        with_cancel(cancel: &'a AtomicBool);
-    }
-}
-
-impl std::fmt::Debug for RetrieveControl<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("RetrieveControl").finish_non_exhaustive()
     }
 }
 

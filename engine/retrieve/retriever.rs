@@ -7,9 +7,10 @@ use super::curves::Curves;
 use super::fitter::{FitOptions, Fitter, Weights};
 use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::method::Method;
-use super::options::{ReadRows, RetrieveControl, RetrieveOptions};
+use super::options::{ReadRows, RetrieveOptions};
 use super::shape::CurveGeometry;
 use crate::numbers;
+use crate::run::RowsControl;
 use crate::scene::Scene;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3, s};
@@ -178,7 +179,7 @@ impl Retriever {
         rows: u32,
         columns: usize,
         read: &mut ReadRows<'_>,
-        control: &mut RetrieveControl<'_>,
+        control: &mut RowsControl<'_>,
     ) -> Result<()> {
         if let Some(beamlets) = &self.beamlets
             && beamlets.columns() != columns
@@ -218,7 +219,7 @@ impl Retriever {
         &self,
         columns: usize,
         read: &mut ReadRows<'_>,
-        control: &mut RetrieveControl<'_>,
+        control: &mut RowsControl<'_>,
     ) -> Result<Images> {
         let Some(flat) = &self.flat else {
             return Err(Error::argument("flat", "no flat was taken", "the flat, then the views"));
@@ -263,12 +264,7 @@ impl Retriever {
         let (_, rows, columns) = flat.dim();
         let rows = u32::try_from(rows)
             .map_err(|_| Error::argument("flat", format!("{rows} rows"), "fewer than 2^32"))?;
-        self.set_flat(
-            rows,
-            columns,
-            &mut |band| Ok(part(flat, &band)),
-            &mut RetrieveControl::default(),
-        )
+        self.set_flat(rows, columns, &mut |band| Ok(part(flat, &band)), &mut RowsControl::default())
     }
 
     /// The images of a view, from an array `[step][row][column]`.
@@ -298,7 +294,7 @@ impl Retriever {
             return Err(Error::argument("sample", format!("{rows} rows"), allowed));
         }
         let mut read = |band| Ok(part(sample, &band));
-        self.retrieve(columns, &mut read, &mut RetrieveControl::default())
+        self.retrieve(columns, &mut read, &mut RowsControl::default())
     }
 
     /// Calls `work` for bands of rows.
@@ -307,8 +303,8 @@ impl Retriever {
         rows: u32,
         columns: usize,
         steps: usize,
-        control: &mut RetrieveControl<'_>,
-        mut work: impl FnMut(Range<u32>, &mut RetrieveControl<'_>) -> Result<()>,
+        control: &mut RowsControl<'_>,
+        mut work: impl FnMut(Range<u32>, &mut RowsControl<'_>) -> Result<()>,
     ) -> Result<()> {
         let row_bytes = (4 * steps * columns).max(1);
         let bytes = if self.fitter.is_some() { BAND } else { BAND / 16 };

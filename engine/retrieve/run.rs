@@ -2,11 +2,12 @@
 
 use super::images::{FLAGS, OF_FLAT, unit};
 use super::input::Input;
-use super::options::{RetrieveControl, RetrieveOptions};
+use super::options::RetrieveOptions;
 use super::retriever::Retriever;
 use super::write::{ImageDirectory, ImageFormat, Record};
 use super::{Curves, Weights, flags};
 use crate::numbers;
+use crate::run::RowsControl;
 use crate::stack::refuse_overlap;
 use crate::{Engine, Error, Result};
 use ndarray::ArrayView2;
@@ -47,7 +48,8 @@ impl<'a> ImagesTo<'a> {
 /// # Example
 ///
 /// ```no_run
-/// use beamlet::retrieve::{ImageFormat, ImagesTo, Input, RetrieveControl, RetrieveOptions, retrieve};
+/// use beamlet::RowsControl;
+/// use beamlet::retrieve::{ImageFormat, ImagesTo, Input, RetrieveOptions, retrieve};
 /// use beamlet::{Engine, EngineOptions, stack::OpenRun};
 ///
 /// let engine = Engine::open(&EngineOptions::default())?;
@@ -55,7 +57,7 @@ impl<'a> ImagesTo<'a> {
 /// let input = Input::of_run(&OpenRun::open("run")?, false)?;
 /// let to = ImagesTo::new("run/retrieved".as_ref(), ImageFormat::Npy);
 /// let options = RetrieveOptions::default();
-/// let record = retrieve(&engine, input, &options, to, &mut RetrieveControl::default())?;
+/// let record = retrieve(&engine, input, &options, to, &mut RowsControl::default())?;
 /// println!("{} pixels without an answer", record.without_answer);
 /// # Ok::<(), beamlet::Error>(())
 /// ```
@@ -64,7 +66,7 @@ pub fn retrieve(
     input: Input,
     options: &RetrieveOptions,
     to: ImagesTo<'_>,
-    control: &mut RetrieveControl<'_>,
+    control: &mut RowsControl<'_>,
 ) -> Result<Record> {
     refuse_overlap(to.path, &input.paths())?;
     ImageDirectory::check(to.path, to.overwrite)?;
@@ -83,7 +85,7 @@ pub fn retrieve(
             progress(done, all);
         }
     };
-    let mut inner = RetrieveControl { progress: Some(&mut advance), cancel: control.cancel };
+    let mut inner = RowsControl { progress: Some(&mut advance), cancel: control.cancel };
     retriever.set_flat(row_count, columns, &mut |band| input.flat_rows(band), &mut inner)?;
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);

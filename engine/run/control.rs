@@ -56,6 +56,31 @@ impl<'a> Control<'a> {
     }
 }
 
+/// What steers a retrieval or a comparison while it goes on; set in a chain as [`Control`] is.
+#[derive(Default)]
+#[non_exhaustive]
+pub struct RowsControl<'a> {
+    /// Called now and then with rows done and rows in all, over all images and the flat.
+    pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
+    /// Set to true to end with [`crate::Error::Interrupted`].
+    pub cancel: Option<&'a AtomicBool>,
+}
+
+impl<'a> RowsControl<'a> {
+    setters! {
+        /// Sets what is called with the progress.
+        with_progress(progress: &'a mut dyn FnMut(u64, u64));
+        /// Sets the flag that ends the work.
+        with_cancel(cancel: &'a AtomicBool);
+    }
+}
+
+impl fmt::Debug for RowsControl<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("RowsControl").finish_non_exhaustive()
+    }
+}
+
 /// Calls `work` with a watcher of the loading of objects that reports to `progress`.
 pub(crate) fn watching<T>(
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,

@@ -18,8 +18,8 @@ pub struct ProjectedBounds {
     pub width: f64,
     /// Cell rows higher than this may step over it, rows.
     pub height: f64,
-    /// Area of a component that may hide, m in the cell plane times rows: the mean of what one ray
-    /// after the other along the axis crosses.
+    /// Area that a component that may hide shows to the source, m in the cell plane times rows;
+    /// infinite for others.
     pub area: f64,
 }
 

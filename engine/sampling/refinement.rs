@@ -126,7 +126,7 @@ impl<'a> Refiner<'a> {
         self.facets.as_ref().map_or(0, |(lists, _)| lists.count(beamlet, row))
     }
 
-    /// Whether a silhouette crosses a patch, as far as its facets show.
+    /// Whether a silhouette of the facets of a patch crosses it.
     pub(super) fn has_silhouette(&self, (beamlet, row): (i64, i64)) -> bool {
         self.facets.as_ref().is_none_or(|(lists, _)| lists.has_silhouette(beamlet, row))
     }

@@ -14,9 +14,8 @@ use crate::reference::draws::Draws;
 use crate::reference::fit;
 use crate::support::log::commit;
 use crate::support::program;
-use beamlet::retrieve::{
-    ImageFormat, ImagesTo, Input, Record, RetrieveControl, RetrieveOptions, retrieve,
-};
+use beamlet::RowsControl;
+use beamlet::retrieve::{ImageFormat, ImagesTo, Input, Record, RetrieveOptions, retrieve};
 use beamlet::stack::{Maps, OpenRun, StackFile};
 use beamlet::{Engine, EngineOptions, Error};
 use ndarray::{Array3, Array4};
@@ -192,7 +191,7 @@ fn a_retrieval_that_is_stopped_or_fails_leaves_nothing() {
     let to = ImagesTo::new(&images, ImageFormat::Npy);
     let cancel = AtomicBool::new(true);
     let input = || Input::of_run(&OpenRun::open(&run).unwrap(), false).unwrap();
-    let mut control = RetrieveControl::default().with_cancel(&cancel);
+    let mut control = RowsControl::default().with_cancel(&cancel);
     let stopped = retrieve(&engine, input(), &RetrieveOptions::default(), to, &mut control);
     assert!(matches!(stopped, Err(Error::Interrupted)));
     // Stopped between the views.
@@ -202,7 +201,7 @@ fn a_retrieval_that_is_stopped_or_fails_leaves_nothing() {
             later.store(true, std::sync::atomic::Ordering::Relaxed);
         }
     };
-    let mut control = RetrieveControl::default().with_cancel(&later).with_progress(&mut progress);
+    let mut control = RowsControl::default().with_cancel(&later).with_progress(&mut progress);
     let stopped = retrieve(&engine, input(), &RetrieveOptions::default(), to, &mut control);
     assert!(matches!(stopped, Err(Error::Interrupted)));
     let left: Vec<String> = fs::read_dir(&run)

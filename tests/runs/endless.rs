@@ -132,15 +132,22 @@ fn brackets_within_brackets_do_not_take_for_ever() {
     }
 }
 
+/// Writes a.npy: the header of a square array and as many bytes behind it, of which none is on the
+/// disk.
+fn sparse_frame(place: &Path, kind: &str, side: u32, bytes: u64) {
+    let header =
+        format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({side}, {side}), }}");
+    let mut start = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
+    start.extend(format!("{header:<117}\n").bytes());
+    let mut file = File::create(place.join("a.npy")).unwrap();
+    file.write_all(&start).unwrap();
+    file.set_len(start.len() as u64 + bytes).unwrap();
+}
+
 #[test]
 fn frames_larger_than_memory_are_compared_in_bands() {
     let place = workplace();
-    let header = "{'descr': '|u1', 'fortran_order': False, 'shape': (24000, 24000), }";
-    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-    bytes.extend(format!("{header:<117}\n").bytes());
-    let path = place.path().join("a.npy");
-    fs::write(&path, bytes).unwrap();
-    File::options().write(true).open(&path).unwrap().set_len(128 + 24_000 * 24_000).unwrap();
+    sparse_frame(place.path(), "|u1", 24_000, 24_000 * 24_000);
     ends(place.path(), &["compare", "a.npy", "a.npy"], &[0]);
 }
 
@@ -149,12 +156,7 @@ fn frames_larger_than_memory_are_compared_in_bands() {
 #[test]
 fn a_comparison_shows_its_progress_and_ends_when_it_is_interrupted() {
     let place = workplace();
-    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (100000, 100000), }";
-    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-    bytes.extend(format!("{header:<117}\n").bytes());
-    let path = place.path().join("a.npy");
-    fs::write(&path, bytes).unwrap();
-    File::options().write(true).open(&path).unwrap().set_len(128 + 40_000_000_000).unwrap();
+    sparse_frame(place.path(), "<f4", 100_000, 40_000_000_000);
     let mut compared = program::beamlet(place.path())
         .args(["compare", "a.npy", "a.npy"])
         .stderr(std::process::Stdio::piped())
@@ -173,10 +175,7 @@ fn a_comparison_shows_its_progress_and_ends_when_it_is_interrupted() {
 #[test]
 fn a_frame_that_claims_40_gb_is_refused_by_the_length_of_its_file() {
     let place = workplace();
-    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (100000, 100000), }";
-    let mut bytes = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-    bytes.extend(format!("{header:<117}\n").bytes());
-    fs::write(place.path().join("a.npy"), bytes).unwrap();
+    sparse_frame(place.path(), "<f4", 100_000, 0);
     let message = ends(place.path(), &["compare", "a.npy", "a.npy"], &[2]);
     assert!(message.contains("a.npy: is cut short: 128 bytes"), "{message}");
     assert!(message.contains("40000000128"), "{message}");

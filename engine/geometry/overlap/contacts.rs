@@ -81,27 +81,27 @@ impl Assembly<'_> {
     /// As of cuts.
     pub(in crate::geometry) fn contacts(
         self,
-        pairs: &[(usize, usize)],
+        pairs: &[NearPair],
         task: Task<'_>,
     ) -> Result<Vec<Contact>> {
         if pairs.is_empty() {
             return Ok(Vec::new());
         }
         task.begin(LoadStep::Comparing, pairs.len() as u64)?;
-        let arcs = arcs(self.bodies, pairs)?;
         let operands = Operands::new(self.bodies, self.parts);
         let mut contacts = Vec::new();
-        for (number, (a, b)) in pairs.iter().enumerate() {
+        for (number, NearPair { objects, limit }) in pairs.iter().enumerate() {
             if task.is_cancelled() {
                 return Err(Error::Interrupted);
             }
             task.reach(number as u64);
-            let objects = [*a, *b];
+            let objects = *objects;
             let met = self.meetings.between(self.parts, objects);
-            let found = if !met.is_empty() || self.covers(objects) {
-                Some(self.overlap(objects, &met, &operands, task)?)
+            let covered = self.covered(objects);
+            let found = if !met.is_empty() || !covered.is_empty() {
+                Some(self.overlap(objects, (&covered, &met), &operands, task)?)
             } else {
-                self.gap(objects, THIN.max(arcs[*a]).max(arcs[*b]))
+                self.gap(objects, *limit)
             };
             contacts.extend(found.map(|(kind, place)| Contact {
                 objects: objects.map(numbers::count),
@@ -121,22 +121,18 @@ impl Assembly<'_> {
         components.filter(|(it, _)| in_later(it)).map(|(_, part)| *part).collect()
     }
 
-    fn covers(self, objects: [usize; 2]) -> bool {
-        !self.covered(objects).is_empty()
-    }
-
     /// Volume and depth of what two objects share; where that is nothing but rounding, the area
     /// where they lie on each other.
     fn overlap(
         self,
         [a, b]: [usize; 2],
-        met: &[[u32; 2]],
+        (covered, met): (&BTreeSet<u32>, &[[u32; 2]]),
         operands: &Operands<'_>,
         task: Task<'_>,
     ) -> Result<(ContactKind, DVec3)> {
         let (mut volume, mut shared) = (0.0, Vec::new());
-        for part in self.covered([a, b]) {
-            let solid = operands.solid(part as usize);
+        for part in covered {
+            let solid = operands.solid(*part as usize);
             volume += solid.volume();
             shared.push(solid.surface());
         }
@@ -274,18 +270,27 @@ fn points_on(surface: &Surface) -> impl Iterator<Item = DVec3> {
     surface.vertices.iter().copied().chain(middles)
 }
 
+/// Two objects that may overlap, touch or nearly do.
+pub(in crate::geometry) struct NearPair {
+    pub(in crate::geometry) objects: [usize; 2],
+    /// Wider gaps between them are not listed, m.
+    limit: f64,
+}
+
 /// Pairs of objects that may overlap, touch or nearly do.
 ///
 /// # Errors
 /// [`Error::Memory`].
-pub(in crate::geometry) fn pairs_to_compare(bodies: &[Body]) -> Result<Vec<(usize, usize)>> {
+pub(in crate::geometry) fn pairs_to_compare(bodies: &[Body]) -> Result<Vec<NearPair>> {
     let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
     let most = |body: usize| ARC * (bounds[body][1] - bounds[body][0]).max_element();
     let pairs = meeting::pairs_within(&bounds, |a, b| THIN.max(most(a)).max(most(b)));
     let arcs = arcs(bodies, &pairs)?;
-    let reach = |a: usize, b: usize| THIN.max(arcs[a]).max(arcs[b]);
-    let is_near = |(a, b): &(usize, usize)| near(bounds[*a], bounds[*b], reach(*a, *b));
-    Ok(pairs.into_iter().filter(is_near).collect())
+    let near_pair = |(a, b): (usize, usize)| {
+        let limit = THIN.max(arcs[a]).max(arcs[b]);
+        near(bounds[a], bounds[b], limit).then_some(NearPair { objects: [a, b], limit })
+    };
+    Ok(pairs.into_iter().filter_map(near_pair).collect())
 }
 
 /// Heights of arcs over the facets of bodies that are in pairs; 0 for the others.

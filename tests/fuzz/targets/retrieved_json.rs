@@ -43,6 +43,6 @@ fuzz_target!(init: seeds(records), |input: &[u8]| {
         write(&path, &serde_json::to_vec(&record).expect("it can be written"));
         assert_eq!(Record::read(&path).expect("it can be read again"), record);
     }
-    let found = beamlet::compare::compare(&IMAGES, &IMAGES, None, &mut beamlet::compare::CompareControl::default()).expect("images are there");
+    let found = beamlet::compare::compare(&IMAGES, &IMAGES, None, &mut beamlet::RowsControl::default()).expect("images are there");
     assert!(found.iter().all(|difference| difference.within(0.0)));
 });
