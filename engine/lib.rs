@@ -40,6 +40,7 @@ mod numbers;
 mod optics;
 mod parallel;
 pub mod printed;
+mod random;
 mod reserve;
 pub mod retrieve;
 mod run;

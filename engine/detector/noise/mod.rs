@@ -1,15 +1,13 @@
 //! Numbers that the detector reads out: photons, electronic noise, gain, offset, bit depth.
 
-mod normal;
-mod philox;
 mod poisson;
 
 use crate::Result;
 use crate::numbers::{self, single};
+use crate::random::Draws;
 use crate::scene::Exposure;
 use crate::scene::{Counts, Scene};
 use ndarray::{Array3, ArrayView3};
-use philox::Draws;
 use poisson::{gamma, poisson};
 use rayon::prelude::*;
 use std::ops::Range;

@@ -2,7 +2,7 @@
 
 #![allow(clippy::float_cmp, reason = "counts are whole numbers held in f64")]
 
-use super::philox::Draws;
+use crate::random::Draws;
 
 /// Means below are drawn by inversion.
 const SMALL: f64 = 10.0;

@@ -6,7 +6,7 @@ use super::normal::normal_quantile;
 use crate::numbers::{high_word, low_word};
 
 /// 128 random bits.
-pub(super) fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
+fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     let multiply = |a: u32, b: u32| {
         let product = u64::from(a) * u64::from(b);
         [high_word(product), low_word(product)]
@@ -22,7 +22,7 @@ pub(super) fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
 
 /// A sequence of random numbers that belongs to one place.
 #[derive(Debug, Clone)]
-pub(super) struct Draws {
+pub(crate) struct Draws {
     key: [u32; 2],
     counter: [u32; 4],
     /// The half of the last pair that a single draw left.
@@ -31,13 +31,13 @@ pub(super) struct Draws {
 
 impl Draws {
     /// The sequence of a seed and a place of three words and a kind.
-    pub(super) const fn new(seed: u64, place: [u32; 3], kind: u8) -> Self {
+    pub(crate) const fn new(seed: u64, place: [u32; 3], kind: u8) -> Self {
         let key = [low_word(seed), high_word(seed)];
         Self { key, counter: [place[0], place[1], place[2], (kind as u32) << 24], spare: None }
     }
 
     /// Two numbers in (0, 1), multiples of 2^-53 and a half.
-    pub(super) fn pair(&mut self) -> [f64; 2] {
+    pub(crate) fn pair(&mut self) -> [f64; 2] {
         let bits = philox(self.counter, self.key);
         // 2^24 pairs, of which a place needs a handful.
         self.counter[3] += 1;
@@ -49,7 +49,7 @@ impl Draws {
     }
 
     /// One number in (0, 1).
-    pub(super) fn uniform(&mut self) -> f64 {
+    pub(crate) fn uniform(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;
         }
@@ -59,7 +59,7 @@ impl Draws {
     }
 
     /// A number of the standard normal distribution.
-    pub(super) fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         normal_quantile(self.uniform())
     }
 }
