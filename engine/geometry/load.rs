@@ -157,6 +157,10 @@ pub fn triangles_in_files(scene: &Scene) -> u64 {
 }
 
 fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> Result<Loaded> {
+    if object.instances.is_some() {
+        let key = format!("object[{number}].instances");
+        return Err(Error::scene(key, "instances", "none yet: they are read, and not traced"));
+    }
     let begin = Instant::now();
     let label = match &object.geometry {
         ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {

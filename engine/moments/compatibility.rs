@@ -1,7 +1,7 @@
 //! What may differ between the run that kept moments and the scene that takes them.
 
 use super::DELTA_HEADROOM;
-use crate::scene::{Mesh, Object, Scene, ShapeOrMesh};
+use crate::scene::{Instances, Mesh, Object, Scene, ShapeOrMesh};
 use crate::trace::MaterialTable;
 use crate::{Error, Result, geometry};
 
@@ -34,8 +34,23 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
         if let Some((found, was)) = other_surface(scene, there, here)? {
             return differs(&key("mesh"), found, was);
         }
+        if !same_instances(base, there, scene, here)? {
+            let name = &here.name;
+            let (found, was) = (format!("other instances of \"{name}\""), "its instances".into());
+            return differs(&key("instances"), found, was);
+        }
     }
     Ok(())
+}
+
+/// Whether an object has the same instances: files by what they hold, packings by their keys.
+fn same_instances(base: &Scene, there: &Object, scene: &Scene, here: &Object) -> Result<bool> {
+    match (&there.instances, &here.instances) {
+        (Some(Instances::File(was)), Some(Instances::File(now))) => {
+            Ok(base.file_hash(was)? == scene.file_hash(now)?)
+        }
+        (was, now) => Ok(was == now),
+    }
 }
 
 /// What an object's surface is, and was, where the two differ.

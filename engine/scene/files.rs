@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::{Beam, KernelFile};
+use super::{Beam, Instances, KernelFile};
 use super::{Blur, MaterialSpec, Mesh, Scatter, Scene, ShapeOrMesh, SpectrumOrigin};
 use crate::{Error, Result, input_file};
 
 impl Scene {
-    /// Paths of the files that the scene reads, as it names them: spectrum, kernels, scatter and
-    /// material tables. Spots are read with the scene, meshes carry their own hash.
+    /// Paths of the files that the scene reads, as it names them: spectrum, kernels, scatter,
+    /// material tables and positions of instances. Spots are read with the scene, meshes carry their own hash.
     #[must_use]
     pub fn referenced_files(&self) -> Vec<&Path> {
         let mut paths: Vec<&Path> = Vec::new();
@@ -37,6 +37,11 @@ impl Scene {
             _ => None,
         });
         paths.extend(tables);
+        let positions = self.objects.iter().filter_map(|object| match &object.instances {
+            Some(Instances::File(path)) => Some(path.as_path()),
+            _ => None,
+        });
+        paths.extend(positions);
         paths
     }
 
@@ -104,6 +109,13 @@ impl Scene {
             self.hash_of(path)?;
         }
         Ok(self.resolve(path))
+    }
+
+    /// The hash of a file as the scene records it; where it records none, of what the file holds now.
+    pub(crate) fn file_hash(&self, path: &Path) -> Result<String> {
+        self.files
+            .get(path)
+            .map_or_else(|| hash(&self.resolve(path)), |recorded| Ok(recorded.clone()))
     }
 
     /// The hash of a file, which is that of the scene where it has one.

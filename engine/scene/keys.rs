@@ -93,6 +93,7 @@ const KNOWN: &[(&str, &[&str])] = &[
             "scale",
             "rotate",
             "position",
+            "instances",
         ],
     ),
     ("object.rotate", &["axis", "angle"]),
@@ -101,6 +102,11 @@ const KNOWN: &[(&str, &[&str])] = &[
     ("object.shape.cylinder", &["radius", "height", "sides"]),
     ("object.shape.prism", &["radius", "height", "sides"]),
     ("object.shape.sphere", &["radius", "sides"]),
+    ("object.instances", &["packing", "region", "fill", "count", "diameter_spread", "gap", "seed"]),
+    ("object.instances.region", &["box", "cylinder", "sphere"]),
+    ("object.instances.region.box", &["size"]),
+    ("object.instances.region.cylinder", &["radius", "height"]),
+    ("object.instances.region.sphere", &["radius"]),
 ];
 
 /// Every key that a scene file may have, by table; the table of the top level is "".

@@ -33,6 +33,11 @@ pub(crate) const ANGLES: u32 = 10_000_000;
 pub(super) const SIDES: u32 = 1_000_000;
 /// Facets around the equator of a sphere, which has about half their square.
 pub(super) const SPHERE_SIDES: u32 = 16_384;
+/// Instances of an object.
+pub(crate) const INSTANCES: u32 = 1_000_000;
+/// Standard deviation of ln d of the diameters d of a packing: beyond it the largest would be more than
+/// fifty times the smallest.
+pub(super) const DIAMETER_SPREAD: f64 = 0.5;
 /// Density of a material, g/cm3: more than four times that of osmium.
 pub(super) const DENSITY: f64 = 100.0;
 /// FWHM of a spot before small detectors, m; otherwise the detector's larger side counts.

@@ -13,6 +13,7 @@ mod detector;
 mod exposure;
 mod files;
 mod formula;
+mod instances;
 mod keys;
 pub(crate) mod limits;
 mod model;
@@ -21,6 +22,7 @@ pub(crate) mod path;
 mod read;
 mod read_beam;
 mod read_detector;
+mod read_instances;
 mod read_sample;
 mod read_spot;
 mod sample;
@@ -30,16 +32,22 @@ mod tree;
 mod validate;
 mod validate_beam;
 mod validate_detector;
+mod validate_instances;
 mod view;
 mod write;
 mod write_beam;
 mod write_detector;
+mod write_instances;
 
 pub use crate::spot::{Spot, SpotFit, SpotPart};
 pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
 pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 pub use exposure::Exposure;
 pub use formula::check_formula;
+pub use instances::{
+    Instances, PARALLEL_FIBRE_FILL, Packing, PackingAmount, PackingKind, PackingRegion,
+    RANDOM_FIBRE_FILL, SPHERE_FILL,
+};
 pub use keys::known_keys;
 pub use model::{MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
 pub use sample::{MaterialSpec, Mesh, Object, Placement, Shape, ShapeOrMesh};

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::limits;
+use super::read_instances::read_instances;
 use super::table::{ListItem, Table};
 use super::{MaterialSpec, Mesh, Object, Placement, Shape, ShapeOrMesh};
 use crate::Result;
@@ -59,6 +60,7 @@ fn read_object(item: &ListItem<'_>) -> Result<Object> {
         placement: read_placement(&table)?,
         sha256: table.get("sha256").map(|item| read_hash(&item)).transpose()?,
         allow_defects: table.get("allow_defects").map_or(Ok(false), |item| item.boolean())?,
+        instances: table.get("instances").map(|item| read_instances(&item)).transpose()?,
     })
 }
 

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use super::Instances;
+
 /// Definition of a material.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -44,6 +46,8 @@ pub struct Object {
     pub sha256: Option<String>,
     /// Take a mesh that is open or crosses itself, at one's own risk.
     pub allow_defects: bool,
+    /// Where copies of the shape or mesh stand; `None`: one copy at the object's own origin.
+    pub instances: Option<Instances>,
 }
 
 impl Object {
@@ -61,6 +65,7 @@ impl Object {
             placement: Placement::default(),
             sha256: None,
             allow_defects: false,
+            instances: None,
         }
     }
 }

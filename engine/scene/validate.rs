@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use super::derived::AT_DETECTOR;
 use super::validate_beam::validate_beam;
 use super::validate_detector::validate_detector;
+use super::validate_instances::validate_instances;
 use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
 use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
@@ -187,6 +188,9 @@ impl Scene {
             }
             for offset in placement.position {
                 finite(&key("position"), offset, Length)?;
+            }
+            if let Some(instances) = &object.instances {
+                validate_instances(&key("instances"), instances, &object.geometry)?;
             }
         }
         Ok(())

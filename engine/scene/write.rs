@@ -7,8 +7,8 @@ use std::path::Path;
 use super::read::{angle_range, offset_range};
 use super::write_detector::write_detector;
 use super::{
-    Beam, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape, ShapeOrMesh,
-    SpectrumOrigin, Transport, path, write_beam,
+    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape,
+    ShapeOrMesh, SpectrumOrigin, Transport, path, write_beam, write_instances,
 };
 use crate::spot::{Spot, SpotPart};
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
@@ -234,6 +234,13 @@ fn write_object(
     let turns: Vec<_> = placement.rotate.iter().map(turn).collect();
     out.raw("rotate", format!("[{}]", turns.join(", ")));
     out.raw("position", list(&placement.position, Length));
+    if let Some(instances) = &object.instances {
+        let text = match instances {
+            Instances::File(path) => quoted(&file(path, scene, directory)?),
+            Instances::Packing(packing) => write_instances::packing(packing),
+        };
+        out.raw("instances", text);
+    }
     Ok(())
 }
 
