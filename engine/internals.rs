@@ -11,6 +11,10 @@ pub mod detector {
         simulation.detector_model()
     }
 }
+/// Instances of objects.
+pub mod instances {
+    pub use crate::geometry::instances::{InstanceTransform, transforms};
+}
 /// Vulkan.
 pub mod gpu {
     pub use crate::gpu::{

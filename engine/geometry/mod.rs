@@ -12,6 +12,7 @@ mod body;
 mod defects;
 mod distance;
 mod ears;
+pub(crate) mod instances;
 mod load;
 mod nesting;
 mod obj;

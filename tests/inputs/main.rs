@@ -3,6 +3,7 @@
 
 mod garbage;
 mod geometry;
+mod instances;
 mod layers;
 mod material;
 mod paper;

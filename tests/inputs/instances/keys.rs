@@ -1,0 +1,143 @@
+//! Keys of instances: ranges, the resolved scene, hashes of files of positions.
+
+use super::*;
+use beamlet::scene::{Instances, PackingAmount, PackingKind, PackingRegion};
+use std::collections::BTreeMap;
+
+#[test]
+fn packings_are_read_with_their_defaults() {
+    let region = "cylinder = { radius = \"1.25 mm\", height = \"1 mm\" }";
+    let text = packing("parallel-fibres", region, "fill = 0.32");
+    let scene = scene_in(Path::new("."), &fibre("2.5 um", "1 mm"), &text).unwrap();
+    let Some(Instances::Packing(found)) = &scene.objects[0].instances else { panic!("no packing") };
+    assert_eq!(found.kind, PackingKind::ParallelFibres);
+    assert_eq!(found.region, PackingRegion::Cylinder { radius: 1.25e-3, height: 1e-3 });
+    assert_eq!(found.amount, PackingAmount::Fill(0.32));
+    assert!(found.gap.abs() <= 0.0 && found.diameter_spread.abs() <= 0.0);
+    assert_eq!(found.seed, 1);
+}
+
+#[test]
+fn keys_that_cannot_be_are_refused() {
+    let cube = "box = { size = [\"1 mm\", \"1 mm\", \"1 mm\"] }";
+    let ball = sphere("10 um");
+    let of = |region: &str, more: &str| packing("spheres", region, more);
+    let fibres = |kind: &str, more: &str| (fibre("5 um", "1 mm"), packing(kind, cube, more));
+    let cases = [
+        ((ball.clone(), "3".to_owned()), "instances", "path of a CSV file, or a packing"),
+        ((ball.clone(), of(cube, "")), "instances.fill", "either fill or count"),
+        ((ball.clone(), of(cube, "fill = 0.1, count = 3")), "instances.fill", "either fill"),
+        ((ball.clone(), of(cube, "count = 0")), "instances.count", "from 1 to 1000000"),
+        ((ball.clone(), of(cube, "count = 1000001")), "instances.count", "from 1 to 1000000"),
+        ((ball.clone(), of(cube, "fill = 0.36")), "instances.fill", "up to 0.35 for spheres"),
+        ((ball.clone(), of(cube, "fill = 0")), "instances.fill", "a number > 0"),
+        (fibres("parallel-fibres", "fill = 0.51"), "instances.fill", "up to 0.5 for parallel"),
+        (fibres("random-fibres", "fill = 0.4"), "instances.fill", "up to 0.35 for random-fibres"),
+        ((ball.clone(), of(cube, "count = 1, seed = -1")), "instances.seed", "from 0"),
+        ((ball.clone(), of(cube, "count = 1, gap = \"-1 um\"")), "instances.gap", "a value >= 0"),
+        ((ball.clone(), of(cube, "count = 1, gap = 1")), "instances.gap", "without a unit"),
+        (
+            (ball.clone(), of(cube, "count = 1, diameter_spread = 0.6")),
+            "instances.diameter_spread",
+            "0 to 0.5",
+        ),
+        ((ball.clone(), of(cube, "count = 1, shape = 1")), "instances.shape", "an unknown key"),
+        ((ball.clone(), of("", "count = 1")), "instances.region", "one of box, cylinder, sphere"),
+        (
+            (ball.clone(), of(&format!("{cube}, sphere = {{ radius = \"1 mm\" }}"), "count = 1")),
+            "instances.region.sphere",
+            "a second region",
+        ),
+        (
+            (ball.clone(), of("sphere = { radius = \"-1 mm\" }", "count = 1")),
+            "instances.region.sphere.radius",
+            "a value > 0",
+        ),
+        (
+            (ball.clone(), of("box = { size = [\"1 mm\", \"0 mm\", \"1 mm\"] }", "count = 1")),
+            "instances.region.box.size",
+            "a value > 0",
+        ),
+        (
+            (ball.clone(), packing("balls", cube, "count = 1")),
+            "instances.packing",
+            "\"parallel-fibres\", \"random-fibres\", \"spheres\"",
+        ),
+        (
+            (ball.clone(), packing("random-fibres", cube, "count = 1")),
+            "instances.packing",
+            "\"random-fibres\" of a sphere",
+        ),
+        ((fibre("5 um", "1 mm"), of(cube, "count = 1")), "instances.packing", "of a cylinder"),
+        ((sphere("-10 um"), of(cube, "count = 1")), "shape.sphere.radius", "a value > 0"),
+        ((fibre("1 um", "-1 mm"), "\"a.csv\"".to_owned()), "shape.cylinder.height", "a value > 0"),
+    ];
+    for ((shape, text), key, what) in cases {
+        let error = scene_in(Path::new("."), &shape, &text).unwrap_err().to_string();
+        assert!(error.contains(&format!("object[0].{key}: ")), "{key}: {error}");
+        assert!(error.contains(what), "{what}: {error}");
+    }
+}
+
+#[test]
+fn overrides_reach_into_a_packing() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("scene.toml");
+    let cube = "box = { size = [\"1 mm\", \"1 mm\", \"1 mm\"] }";
+    let scene = scene_in(Path::new("."), &sphere("10 um"), &packing("spheres", cube, "fill = 0.1"));
+    let text = scene.unwrap().to_toml(directory.path(), &BTreeMap::new(), &[]).unwrap();
+    std::fs::write(&path, text).unwrap();
+    let sets =
+        ["object.many.instances.fill=0.2".to_owned(), "object[0].instances.seed=9".to_owned()];
+    let scene = Scene::load_with(&path, &sets).unwrap();
+    let Some(Instances::Packing(found)) = &scene.objects[0].instances else { panic!("no packing") };
+    assert_eq!((found.amount, found.seed), (PackingAmount::Fill(0.2), 9));
+}
+
+#[test]
+fn resolved_instances_read_back_equal() {
+    let spread = "count = 7, diameter_spread = 0.1, gap = \"0.1 um\", seed = 18446744073709551615";
+    let regions = [
+        "box = { size = [\"1 mm\", \"2 mm\", \"0.3 mm\"] }",
+        "cylinder = { radius = \"1.25 mm\", height = \"1 mm\" }",
+        "sphere = { radius = \"1 mm\" }",
+    ];
+    let ball = sphere("10 um");
+    let packings = regions.map(|region| (ball.clone(), packing("spheres", region, spread)));
+    let fibres = ["parallel-fibres", "random-fibres"]
+        .map(|kind| (fibre("1 um", "0.1 mm"), packing(kind, regions[2], "fill = 0.01")));
+    let file = (ball.clone(), "\"a b.csv\"".to_owned());
+    for (shape, text) in packings.into_iter().chain(fibres).chain([file]) {
+        let scene = scene_in(Path::new("here"), &shape, &text).unwrap();
+        let resolved = scene.to_toml("here", &BTreeMap::new(), &[]).unwrap();
+        assert_eq!(Scene::from_toml(&resolved, "here").unwrap(), scene, "{resolved}");
+    }
+}
+
+#[test]
+fn files_of_positions_are_hashed_and_compared() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("at.csv");
+    std::fs::write(&path, "x_mm,y_mm,z_mm\n1,2,3\n").unwrap();
+    let scene = scene_in(directory.path(), &sphere("1 mm"), "\"at.csv\"").unwrap();
+    assert_eq!(scene.referenced_files(), [Path::new("at.csv")]);
+    assert!(scene.input_files().contains(&path));
+    let hashed = scene.with_file_hashes().unwrap();
+    let elsewhere = directory.path().join("run");
+    let resolved = hashed.to_toml(&elsewhere, &BTreeMap::new(), &[]).unwrap();
+    let hashed = Scene::from_toml(&resolved, &elsewhere).unwrap();
+    assert_eq!(transforms(&hashed, &hashed.objects[0]).unwrap().len(), 1);
+    assert!(hashed.changed_files().is_empty());
+    std::fs::write(&path, "x_mm,y_mm,z_mm\n1,2,3.5\n").unwrap();
+    let error = transforms(&hashed, &hashed.objects[0]).unwrap_err().to_string();
+    assert!(error.contains("at.csv: is not the file that the scene was made with"), "{error}");
+    assert_eq!(hashed.changed_files().len(), 1);
+    assert!(hashed.with_file_hashes().is_err());
+}
+
+#[test]
+fn instances_are_not_traced_yet() {
+    let scene = scene_in(Path::new("."), &sphere("1 mm"), "\"at.csv\"").unwrap();
+    let error = beamlet::geometry::load(&scene).unwrap_err().to_string();
+    assert!(error.contains("object[0].instances"), "{error}");
+}
