@@ -1,9 +1,10 @@
 //! Built-in shapes: along z, centred, with facets that keep area and volume.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
+use super::polygon;
 use super::surface::{Defect, Surface};
 use crate::numbers;
 use crate::scene::Shape;
@@ -14,47 +15,145 @@ const MOST_SIDES_SPHERE: u32 = 1 << 12;
 
 /// The surface of a shape, m, closed and outward.
 pub(super) fn surface(shape: &Shape) -> Result<Surface, Defect> {
-    match *shape {
+    match shape {
         Shape::Box { size } => {
-            size.into_iter().try_for_each(|edge| positive("size", edge))?;
+            size.iter().try_for_each(|edge| positive("size", *edge))?;
             let [x, y, z] = size.map(|edge| edge / 2.0);
             let corners = [(-x, -y), (x, -y), (x, y), (-x, y)];
             Ok(prism(&corners.map(|(x, y)| [x, y]), z))
         }
         Shape::Cylinder { radius, height, sides } => {
-            // A polygon of n corners at R has the area (n/2) R² sin(2π/n); make it π r².
-            let step = TAU / f64::from(sides.max(1));
-            upright(radius, height, sides, radius * (step / step.sin()).sqrt())
+            let sides = facets(*sides)?;
+            upright(*radius, *height, sides, radius * area_kept(sides))
         }
-        Shape::Prism { radius, height, sides } => upright(radius, height, sides, radius),
+        Shape::Cone { radius, top_radius, height, sides } => {
+            cone([*radius, *top_radius], *height, facets(*sides)?)
+        }
+        Shape::Prism { radius, height, sides } => upright(*radius, *height, *sides, *radius),
+        Shape::Extrusion { points, height } => extrusion(points, *height),
         Shape::Sphere { radius, sides } => {
-            positive("radius", radius)?;
+            positive("radius", *radius)?;
+            let sides = facets(*sides)?;
             within("sides", sides, 4, MOST_SIDES_SPHERE)?;
-            Ok(sphere(radius, sides))
+            Ok(sphere(sides, DVec3::splat(*radius)))
+        }
+        Shape::Ellipsoid { semi_axes, sides } => {
+            semi_axes.iter().try_for_each(|axis| positive("semi_axes", *axis))?;
+            let sides = facets(*sides)?;
+            within("sides", sides, 4, MOST_SIDES_SPHERE)?;
+            Ok(sphere(sides, DVec3::from_array(*semi_axes)))
+        }
+        Shape::Torus { radius, tube_radius, sides } => {
+            positive("tube_radius", *tube_radius)?;
+            if !(radius.is_finite() && radius > tube_radius) {
+                let problem = format!("radius is {radius} m; it must be above tube_radius");
+                return Err(Defect::new(problem, "shape"));
+            }
+            let sides = facets(*sides)?;
+            within("sides", sides, 4, MOST_SIDES_SPHERE)?;
+            Ok(torus(*radius, *tube_radius, sides))
         }
     }
 }
 
 /// About how many triangles a shape has.
 pub(super) fn triangles(shape: &Shape) -> u64 {
-    match *shape {
+    let square = |sides: Option<u32>| sides.map_or(0, |it| u64::from(it) * (u64::from(it) + 1));
+    match shape {
         Shape::Box { .. } => 12,
-        Shape::Cylinder { sides, .. } | Shape::Prism { sides, .. } => 4 * u64::from(sides),
-        Shape::Sphere { sides, .. } => u64::from(sides) * (u64::from(sides) + 1),
+        Shape::Cylinder { sides, .. } | Shape::Cone { sides, .. } => {
+            4 * u64::from(sides.unwrap_or(0))
+        }
+        Shape::Prism { sides, .. } => 4 * u64::from(*sides),
+        Shape::Extrusion { points, .. } => 4 * points.len() as u64,
+        Shape::Sphere { sides, .. } | Shape::Ellipsoid { sides, .. } => square(*sides),
+        Shape::Torus { sides, .. } => 2 * square(*sides),
     }
+}
+
+/// The facets of a curved shape.
+fn facets(sides: Option<u32>) -> Result<u32, Defect> {
+    sides.ok_or_else(|| Defect::new("a curved shape needs `sides`, the number of facets", "shape"))
+}
+
+/// Corners of a polygon of n sides over the radius of the circle whose area it has: that of the
+/// polygon is (n/2) R² sin(2π/n), that of the circle π r².
+fn area_kept(sides: u32) -> f64 {
+    let step = TAU / f64::from(sides.max(1));
+    (step / step.sin()).sqrt()
+}
+
+/// Corners of a regular polygon, counter-clockwise.
+pub(super) fn ring(sides: u32, corner: f64) -> Vec<[f64; 2]> {
+    let at = |side: u32| {
+        let (sine, cosine) = (TAU * f64::from(side) / f64::from(sides)).sin_cos();
+        [corner * cosine, corner * sine]
+    };
+    (0..sides).map(at).collect()
 }
 
 fn upright(radius: f64, height: f64, sides: u32, corner: f64) -> Result<Surface, Defect> {
     positive("radius", radius)?;
     positive("height", height)?;
     within("sides", sides, 3, MOST_SIDES)?;
-    let ring: Vec<[f64; 2]> = (0..sides)
-        .map(|side| {
-            let (sine, cosine) = (TAU * f64::from(side) / f64::from(sides)).sin_cos();
-            [corner * cosine, corner * sine]
-        })
-        .collect();
-    Ok(prism(&ring, height / 2.0))
+    Ok(prism(&ring(sides, corner), height / 2.0))
+}
+
+/// A cone, or a truncated one, of the radii at -z and +z.
+fn cone(radii: [f64; 2], height: f64, sides: u32) -> Result<Surface, Defect> {
+    let [lower, upper] = radii;
+    positive("radius", lower)?;
+    positive("height", height)?;
+    within("sides", sides, 3, MOST_SIDES)?;
+    if upper != 0.0 {
+        positive("top_radius", upper)?;
+    }
+    Ok(frustum(&ring(sides, area_kept(sides)), radii, height / 2.0))
+}
+
+/// A cone, or a truncated one, over a convex polygon that is scaled by the radii at -z and +z.
+pub(super) fn frustum(corners: &[[f64; 2]], [lower, upper]: [f64; 2], z: f64) -> Surface {
+    if upper > 0.0 {
+        let mut surface = prism(corners, z);
+        for vertex in &mut surface.vertices {
+            let radius = if vertex.z < 0.0 { lower } else { upper };
+            *vertex = DVec3::new(vertex.x * radius, vertex.y * radius, vertex.z);
+        }
+        return surface;
+    }
+    let n = index(corners.len());
+    let at = |[x, y]: &[f64; 2]| DVec3::new(x * lower, y * lower, -z);
+    let mut vertices: Vec<DVec3> = corners.iter().map(at).collect();
+    vertices.push(DVec3::new(0.0, 0.0, z));
+    let mut triangles: Vec<[u32; 3]> = (0..n).map(|side| [side, (side + 1) % n, n]).collect();
+    triangles.extend(lid((0..n).collect()).map(|[a, b, c]| [a, c, b]));
+    Surface::new(vertices, triangles)
+}
+
+/// A polygon, either way round, drawn out along z.
+fn extrusion(points: &[[f64; 2]], height: f64) -> Result<Surface, Defect> {
+    positive("height", height)?;
+    if points.len() < 3 || !points.as_flattened().iter().all(|it| it.is_finite()) {
+        return Err(Defect::new("an extrusion needs three finite points or more", "shape"));
+    }
+    let mut corners: Vec<DVec3> =
+        points.iter().map(|[x, y]| DVec3::new(*x, *y, -height / 2.0)).collect();
+    let n = corners.len();
+    let area: f64 =
+        (1..n - 1).map(|at| (corners[at] - corners[0]).cross(corners[at + 1] - corners[0]).z).sum();
+    if area < 0.0 {
+        corners.reverse();
+    }
+    let lid = polygon::triangles(&corners).map_err(|problem| Defect::new(problem, "shape"))?;
+    let n = index(n);
+    let mut triangles = walls(n);
+    for corners in lid {
+        let [a, b, c] = corners.map(index);
+        triangles.extend([[n + a, n + b, n + c], [a, c, b]]);
+    }
+    let upper = corners.clone().into_iter().map(|it| DVec3::new(it.x, it.y, height / 2.0));
+    corners.extend(upper.collect::<Vec<_>>());
+    Ok(Surface::new(corners, triangles))
 }
 
 fn positive(key: &str, value: f64) -> Result<(), Defect> {
@@ -75,30 +174,58 @@ fn index(value: usize) -> u32 {
     numbers::count(value)
 }
 
+/// The sides between a ring of vertices from 0 on and one from n on.
+fn walls(n: u32) -> Vec<[u32; 3]> {
+    let wall = |a: u32| {
+        let b = (a + 1) % n;
+        [[a, b, n + b], [a, n + b, n + a]]
+    };
+    (0..n).flat_map(wall).collect()
+}
+
+/// Triangles of a convex polygon. Cutting off every second corner, again and again, keeps slivers
+/// short; a fan would make n of them meet in one point.
+fn lid(mut ring: Vec<u32>) -> impl Iterator<Item = [u32; 3]> {
+    let mut triangles = Vec::with_capacity(ring.len());
+    while ring.len() >= 3 {
+        for corner in (1..ring.len()).step_by(2) {
+            triangles.push([ring[corner - 1], ring[corner], ring[(corner + 1) % ring.len()]]);
+        }
+        ring = ring.into_iter().step_by(2).collect();
+    }
+    triangles.into_iter()
+}
+
 /// A convex polygon, counter-clockwise, drawn from -z to +z.
 fn prism(ring: &[[f64; 2]], z: f64) -> Surface {
     let at = |z: f64| ring.iter().map(move |[x, y]| DVec3::new(*x, *y, z));
     let n = index(ring.len());
-    let mut triangles = Vec::with_capacity(ring.len() * 4);
-    for a in 0..n {
-        let b = (a + 1) % n;
-        triangles.extend([[a, b, n + b], [a, n + b, n + a]]);
-    }
-    let mut lid: Vec<u32> = (n..2 * n).collect();
-    // Cutting off every second corner, again and again, keeps slivers short; a fan would make
-    // n of them meet in one point.
-    while lid.len() >= 3 {
-        for corner in (1..lid.len()).step_by(2) {
-            let [a, b, c] = [lid[corner - 1], lid[corner], lid[(corner + 1) % lid.len()]];
-            triangles.extend([[a, b, c], [a - n, c - n, b - n]]);
-        }
-        lid = lid.into_iter().step_by(2).collect();
+    let mut triangles = walls(n);
+    for [a, b, c] in lid((n..2 * n).collect()) {
+        triangles.extend([[a, b, c], [a - n, c - n, b - n]]);
     }
     Surface::new(at(-z).chain(at(z)).collect(), triangles)
 }
 
-/// Rings of latitude; scaled so that the facets enclose the volume of the sphere.
-fn sphere(radius: f64, sides: u32) -> Surface {
+/// A ball whose facets enclose the volume of the sphere, scaled along the axes.
+fn sphere(sides: u32, semi_axes: DVec3) -> Surface {
+    let mut surface = unit_sphere(sides);
+    let scale = (TAU * 2.0 / 3.0 / volume(&surface)).cbrt();
+    for vertex in &mut surface.vertices {
+        *vertex *= semi_axes * scale;
+    }
+    surface
+}
+
+/// An ellipsoid with its vertices on the surface.
+pub(super) fn ball(sides: u32, semi_axes: DVec3) -> Surface {
+    let mut surface = unit_sphere(sides);
+    surface.vertices.iter_mut().for_each(|vertex| *vertex *= semi_axes);
+    surface
+}
+
+/// Rings of latitude.
+fn unit_sphere(sides: u32) -> Surface {
     let bands = sides.div_ceil(2);
     let mut vertices = vec![DVec3::NEG_Z];
     for ring in 1..bands {
@@ -122,16 +249,43 @@ fn sphere(radius: f64, sides: u32) -> Surface {
         }
         triangles.push([north, vertex(bands - 1, side), vertex(bands - 1, side + 1)]);
     }
-    let mut surface = Surface::new(vertices, triangles);
-    let volume: f64 = (0..surface.triangles.len())
+    Surface::new(vertices, triangles)
+}
+
+/// A torus whose facets enclose its volume.
+fn torus(radius: f64, tube_radius: f64, sides: u32) -> Surface {
+    let mut surface = ring_of_tubes(radius, tube_radius, [sides; 2]);
+    let exact = 2.0 * PI * PI * radius * tube_radius * tube_radius;
+    let scale = (exact / volume(&surface)).cbrt();
+    surface.vertices.iter_mut().for_each(|vertex| *vertex *= scale);
+    surface
+}
+
+/// A torus with its vertices on the surface; `sides` around the ring and around the tube.
+pub(super) fn ring_of_tubes(radius: f64, tube_radius: f64, [n, m]: [u32; 2]) -> Surface {
+    let (circle, tubes) = (ring(n, 1.0), ring(m, tube_radius));
+    let corner = |[x, y]: [f64; 2], [off, z]: [f64; 2]| {
+        DVec3::new((radius + off) * x, (radius + off) * y, z)
+    };
+    let vertices = circle.iter().flat_map(|around| tubes.iter().map(|tube| corner(*around, *tube)));
+    let mut triangles = Vec::new();
+    for around in 0..n {
+        let next = (around + 1) % n;
+        for tube in 0..m {
+            let [a, d] = [tube, (tube + 1) % m].map(|tube| around * m + tube);
+            let [b, c] = [tube, (tube + 1) % m].map(|tube| next * m + tube);
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    Surface::new(vertices.collect(), triangles)
+}
+
+/// Volume that a closed surface encloses.
+fn volume(surface: &Surface) -> f64 {
+    (0..surface.triangles.len())
         .map(|triangle| {
             let [a, b, c] = surface.corners(triangle);
             a.dot(b.cross(c)) / 6.0
         })
-        .sum();
-    let scale = radius * (TAU * 2.0 / 3.0 / volume).cbrt();
-    for vertex in &mut surface.vertices {
-        *vertex *= scale;
-    }
-    surface
+        .sum()
 }

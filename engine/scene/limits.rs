@@ -29,15 +29,18 @@ pub(super) const NODES: u32 = 256;
 pub(crate) const MASK_OFFSETS: u32 = 100_000;
 /// Angles of a scan.
 pub(crate) const ANGLES: u32 = 10_000_000;
-/// Facets around a cylinder or prism.
+/// Facets around a cylinder, cone or prism.
 pub(super) const SIDES: u32 = 1_000_000;
-/// Facets around the equator of a sphere, which has about half their square.
+/// Facets around the equator of a sphere or ellipsoid, which has about half their square, or
+/// around the ring of a torus, which has twice their square.
 pub(super) const SPHERE_SIDES: u32 = 16_384;
 /// Instances of an object.
 pub(crate) const INSTANCES: u32 = 1_000_000;
 /// Standard deviation of ln d of the diameters d of a packing: beyond it the largest would be more than
 /// fifty times the smallest.
 pub(super) const DIAMETER_SPREAD: f64 = 0.5;
+/// Corners of an extruded polygon, whose edges are compared with one another.
+pub(super) const CORNERS: u32 = 10_000;
 /// Density of a material, g/cm3: more than four times that of osmium.
 pub(super) const DENSITY: f64 = 100.0;
 /// FWHM of a spot before small detectors, m; otherwise the detector's larger side counts.

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::limits;
 use super::read_instances::read_instances;
+use super::read_shape::read_shape;
 use super::table::{ListItem, Table};
-use super::{MaterialSpec, Mesh, Object, Placement, Shape, ShapeOrMesh};
+use super::{MaterialSpec, Mesh, Object, Placement, ShapeOrMesh};
 use crate::Result;
 use crate::units::Dimension::{Angle, Attenuation, Density, Length};
 
@@ -86,41 +86,6 @@ pub(super) fn read_hash(item: &ListItem<'_>) -> Result<String> {
         return Err(item.mismatch(allowed));
     }
     Ok(text.to_ascii_lowercase())
-}
-
-fn read_shape(item: &ListItem<'_>) -> Result<Shape> {
-    let allowed = "one of box, cylinder, prism, sphere, as { sphere = { ... } }";
-    let table = item.table("object.shape")?;
-    let mut kinds = ["box", "cylinder", "prism", "sphere"]
-        .into_iter()
-        .filter_map(|kind| table.get(kind).map(|item| (kind, item)));
-    let (kind, item) = kinds.next().ok_or_else(|| item.mismatch(allowed))?;
-    if let Some((_, second)) = kinds.next() {
-        return Err(second.error("a second shape", allowed));
-    }
-    let shape = item.table(&format!("object.shape.{kind}"))?;
-    let sides = |least, most| {
-        let allowed = format!("a whole number from {least} to {most}");
-        shape.require("sides", allowed)?.integer(least..=most)
-    };
-    let radius = || shape.quantity("radius", Length);
-    let height = || shape.quantity("height", Length);
-    Ok(match kind {
-        "box" => {
-            let allowed = "edge lengths along x, y and z, such as [\"1 mm\", \"1 mm\", \"1 mm\"]";
-            let size = shape.require("size", allowed)?;
-            Shape::Box { size: size.array(allowed, |item| item.quantity(Length))? }
-        }
-        "sphere" => Shape::Sphere { radius: radius()?, sides: sides(4, limits::SPHERE_SIDES)? },
-        "prism" => {
-            Shape::Prism { radius: radius()?, height: height()?, sides: sides(3, limits::SIDES)? }
-        }
-        _ => Shape::Cylinder {
-            radius: radius()?,
-            height: height()?,
-            sides: sides(3, limits::SIDES)?,
-        },
-    })
 }
 
 fn read_placement(table: &Table<'_>) -> Result<Placement> {

@@ -92,8 +92,9 @@ impl From<Mesh> for ShapeOrMesh {
     }
 }
 
-/// Built-in shapes: along z, centred, with area-preserving facets.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Built-in shapes: along z, centred. Curved surfaces are exact, or flat facets where `sides` is
+/// given.
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Shape {
     /// Full edge lengths along x, y, z, m.
@@ -107,8 +108,19 @@ pub enum Shape {
         radius: f64,
         /// Height, m.
         height: f64,
-        /// Facets around. >= 3.
-        sides: u32,
+        /// Facets around, which keep the area of the section. >= 3.
+        sides: Option<u32>,
+    },
+    /// Cone along z, or truncated cone; its axis is halved by the origin.
+    Cone {
+        /// Radius at the lower end, -z, m.
+        radius: f64,
+        /// Radius at the upper end, m. >= 0.
+        top_radius: f64,
+        /// Height, m.
+        height: f64,
+        /// Facets around, which keep the area of the section. >= 3.
+        sides: Option<u32>,
     },
     /// Regular prism along z; `radius` is the circumradius of its base, not area-corrected.
     Prism {
@@ -119,12 +131,35 @@ pub enum Shape {
         /// Sides. >= 3.
         sides: u32,
     },
+    /// A polygon drawn out along z, from -height/2 to height/2.
+    Extrusion {
+        /// Corners (x, y) of a polygon that does not cross or touch itself, either way round, m.
+        points: Vec<[f64; 2]>,
+        /// Height, m.
+        height: f64,
+    },
     /// Sphere.
     Sphere {
         /// Radius, m.
         radius: f64,
-        /// Facets around the equator. >= 4.
-        sides: u32,
+        /// Facets around the equator, which keep the volume. >= 4.
+        sides: Option<u32>,
+    },
+    /// Ellipsoid.
+    Ellipsoid {
+        /// Half its extent along x, y, z, m.
+        semi_axes: [f64; 3],
+        /// Facets around the equator, which keep the volume. >= 4.
+        sides: Option<u32>,
+    },
+    /// Torus around z.
+    Torus {
+        /// Radius of the circle in the middle of the tube, m.
+        radius: f64,
+        /// Radius of the tube, m. < `radius`.
+        tube_radius: f64,
+        /// Facets around the ring, and as many around the tube, which keep the volume. >= 4.
+        sides: Option<u32>,
     },
 }
 

@@ -6,7 +6,8 @@ use super::derived::AT_DETECTOR;
 use super::validate_beam::validate_beam;
 use super::validate_detector::validate_detector;
 use super::validate_instances::validate_instances;
-use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh, limits, path};
+use super::validate_shape::validate_shape;
+use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, ShapeOrMesh, limits, path};
 use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
 use crate::{Error, Result, printed};
@@ -290,32 +291,6 @@ fn light_enough(key: &str, density: f64) -> Result<()> {
     Err(Error::scene(key, Density.format(density), allowed))
 }
 
-fn validate_shape(key: &str, shape: &Shape) -> Result<()> {
-    let check = |kind: &str, lengths: &[(&str, f64)], sides: Option<(u32, u32, u32)>| {
-        for (name, length) in lengths {
-            positive(&format!("{key}.{kind}.{name}"), *length, Length)?;
-        }
-        match sides {
-            Some((sides, least, most)) => count(&format!("{key}.{kind}.sides"), sides, least, most),
-            None => Ok(()),
-        }
-    };
-    match *shape {
-        Shape::Box { size } => check("box", &size.map(|edge| ("size", edge)), None),
-        Shape::Cylinder { radius, height, sides } => {
-            let lengths = [("radius", radius), ("height", height)];
-            check("cylinder", &lengths, Some((sides, 3, limits::SIDES)))
-        }
-        Shape::Prism { radius, height, sides } => {
-            let lengths = [("radius", radius), ("height", height)];
-            check("prism", &lengths, Some((sides, 3, limits::SIDES)))
-        }
-        Shape::Sphere { radius, sides } => {
-            check("sphere", &[("radius", radius)], Some((sides, 4, limits::SPHERE_SIDES)))
-        }
-    }
-}
-
 pub(super) fn positive(key: &str, value: f64, dimension: Dimension) -> Result<()> {
     if value.is_finite() && value > 0.0 {
         return Ok(());
@@ -330,7 +305,7 @@ pub(super) fn not_negative(key: &str, value: f64, dimension: Dimension) -> Resul
     Err(Error::scene(key, dimension.format(value), "a value >= 0"))
 }
 
-fn finite(key: &str, value: f64, dimension: Dimension) -> Result<()> {
+pub(super) fn finite(key: &str, value: f64, dimension: Dimension) -> Result<()> {
     if value.is_finite() {
         return Ok(());
     }

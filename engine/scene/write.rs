@@ -6,9 +6,10 @@ use std::path::Path;
 
 use super::read::{angle_range, offset_range};
 use super::write_detector::write_detector;
+use super::write_shape::shape_table;
 use super::{
-    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, Shape,
-    ShapeOrMesh, SpectrumOrigin, Transport, path, write_beam, write_instances,
+    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, ShapeOrMesh,
+    SpectrumOrigin, Transport, path, write_beam, write_instances,
 };
 use crate::spot::{Spot, SpotPart};
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
@@ -242,22 +243,6 @@ fn write_object(
         out.raw("instances", text);
     }
     Ok(())
-}
-
-fn shape_table(shape: &Shape) -> String {
-    let length = |value: f64| quantity(value, Length);
-    let round = |kind: &str, radius: f64, height: f64, sides: u32| {
-        let (radius, height) = (length(radius), length(height));
-        format!("{{ {kind} = {{ radius = {radius}, height = {height}, sides = {sides} }} }}")
-    };
-    match *shape {
-        Shape::Box { size } => format!("{{ box = {{ size = {} }} }}", list(&size, Length)),
-        Shape::Cylinder { radius, height, sides } => round("cylinder", radius, height, sides),
-        Shape::Prism { radius, height, sides } => round("prism", radius, height, sides),
-        Shape::Sphere { radius, sides } => {
-            format!("{{ sphere = {{ radius = {}, sides = {sides} }} }}", length(radius))
-        }
-    }
 }
 
 /// A path as it has to stand in a file in `directory`.

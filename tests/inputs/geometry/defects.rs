@@ -86,7 +86,7 @@ fn cube_without_a_face_has_four_open_edges_at_their_places() {
 
 #[test]
 fn ten_places_are_told_of_many() {
-    let mut scan = Arrays::of(Shape::Sphere { radius: 1e-3, sides: 60 });
+    let mut scan = Arrays::of(Shape::Sphere { radius: 1e-3, sides: Some(60) });
     let before = scan.1.len();
     // Twenty single triangles missing, none beside another, as in a scan.
     let mut number = 0;
@@ -160,12 +160,12 @@ fn parts_that_touch_in_a_vertex_or_stand_apart_do_not_cross() {
 #[test]
 fn shapes_read_back_as_meshes_are_clean() {
     for of in [
-        Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: 2048 },
-        Shape::Sphere { radius: 1e-3, sides: 200 },
+        Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: Some(2048) },
+        Shape::Sphere { radius: 1e-3, sides: Some(200) },
         Shape::Prism { radius: 4e-3, height: 16e-3, sides: 7 },
         Shape::Box { size: [1e-3, 2e-3, 3e-6] },
     ] {
-        let mut object: Object = Arrays::of(of).object("part");
+        let mut object: Object = Arrays::of(of.clone()).object("part");
         object.placement.rotate = vec![([1.0, 2.0, 3.0], 0.7)];
         let sample = load(&scene(vec![object])).unwrap();
         assert_eq!(sample.objects[0].defects, Defects::default(), "{of:?}");
@@ -175,12 +175,12 @@ fn shapes_read_back_as_meshes_are_clean() {
 #[test]
 fn rounding_to_f32_far_from_the_origin_makes_no_crossings() {
     for of in [
-        Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: 2048 },
-        Shape::Sphere { radius: 1e-3, sides: 100 },
+        Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: Some(2048) },
+        Shape::Sphere { radius: 1e-3, sides: Some(100) },
         Shape::Box { size: [1e-3, 2e-3, 3e-6] },
     ] {
         for (turn, far) in [(0.0, 0.0), (0.7, 0.0), (0.7, 0.1), (1.3, 1.0)] {
-            let mut object = Arrays::of(of).object("part");
+            let mut object = Arrays::of(of.clone()).object("part");
             object.placement.rotate = vec![([1.0, 2.0, 3.0], turn)];
             object.placement.position = [far, 0.7 * far, 0.0];
             let mut mesh = Arrays::of_object(object);
@@ -273,7 +273,7 @@ fn nan_vertices_are_counted_and_refused_even_where_defects_are_allowed() {
 
 #[test]
 fn big_clean_mesh_is_clean() {
-    let sphere = Arrays::of(Shape::Sphere { radius: 4e-3, sides: 320 });
+    let sphere = Arrays::of(Shape::Sphere { radius: 4e-3, sides: Some(320) });
     assert!(sphere.1.len() > 100_000);
     let began = std::time::Instant::now();
     clean(sphere);

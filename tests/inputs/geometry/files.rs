@@ -25,7 +25,7 @@ fn refused(name: &str, bytes: &[u8]) -> String {
 
 /// A cylinder in mm, in f32 so that every format can hold it exactly.
 fn part() -> Arrays {
-    let mut part = Arrays::of(Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: 60 });
+    let mut part = Arrays::of(Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: Some(60) });
     for number in part.0.as_flattened_mut() {
         #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is the point")]
         let rounded = (*number * 1e3) as f32;

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::set_up::{Arrays, at, close, cube, scene, shape};
 
 fn sphere(name: &str, radius: f64) -> beamlet::scene::Object {
-    shape(name, Shape::Sphere { radius, sides: 40 })
+    shape(name, Shape::Sphere { radius, sides: Some(40) })
 }
 
 #[test]

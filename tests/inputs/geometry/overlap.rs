@@ -117,7 +117,7 @@ fn three_that_share_a_corner_are_cut_in_their_order() {
 fn content_of_a_container_is_cut_out_of_it_only_where_both_are_crossed() {
     // A bar crosses the wall of the box, and one ball in it; another ball stands free.
     let ball = |name: &str, x: f64| {
-        at(shape(name, Shape::Sphere { radius: 1e-3, sides: 24 }), [x, 0.0, 0.0])
+        at(shape(name, Shape::Sphere { radius: 1e-3, sides: Some(24) }), [x, 0.0, 0.0])
     };
     let objects = vec![
         cube("box", 10e-3),
@@ -283,7 +283,7 @@ fn cuts_have_the_same_bits_every_time() {
         let one = |k: i32| {
             let x = 0.7e-3 * f64::from(k % 4);
             at(
-                shape(&format!("{k}"), Shape::Sphere { radius: 1e-3, sides: 20 }),
+                shape(&format!("{k}"), Shape::Sphere { radius: 1e-3, sides: Some(20) }),
                 [x, 0.3e-3 * f64::from(k), 0.0],
             )
         };

@@ -58,7 +58,7 @@ impl Arrays {
     }
 
     pub(crate) fn sphere(radius: f64) -> Self {
-        Self::of(Shape::Sphere { radius, sides: 24 })
+        Self::of(Shape::Sphere { radius, sides: Some(24) })
     }
 
     pub(crate) fn turned(mut self) -> Self {

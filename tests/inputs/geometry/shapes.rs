@@ -15,22 +15,37 @@ fn sample(of: Shape) -> Sample {
 fn volumes_of_shapes_are_those_of_the_formulas_at_any_number_of_sides() {
     for sides in [4, 5, 8, 63, 512] {
         let (radius, height) = (4e-3, 16e-3);
-        let cylinder = sample(Shape::Cylinder { radius, height, sides });
+        let cylinder = sample(Shape::Cylinder { radius, height, sides: Some(sides) });
         let exact = PI * radius * radius * height;
         assert!(close(cylinder.objects[0].volume, exact, 1e-12), "cylinder of {sides}");
-        let sphere = sample(Shape::Sphere { radius, sides });
+        let sphere = sample(Shape::Sphere { radius, sides: Some(sides) });
         let exact = 4.0 / 3.0 * PI * radius.powi(3);
         assert!(close(sphere.objects[0].volume, exact, 1e-12), "sphere of {sides}");
         let prism = sample(Shape::Prism { radius, height, sides });
         let n = f64::from(sides);
         let exact = n / 2.0 * radius * radius * (2.0 * PI / n).sin() * height;
         assert!(close(prism.objects[0].volume, exact, 1e-12), "prism of {sides}");
-        for part in [cylinder, sphere, prism] {
+        let semi_axes = [1e-3, 2e-3, 5e-3];
+        let ellipsoid = sample(Shape::Ellipsoid { semi_axes, sides: Some(sides) });
+        let exact = 4.0 / 3.0 * PI * 1e-8;
+        assert!(close(ellipsoid.objects[0].volume, exact, 1e-12), "ellipsoid of {sides}");
+        let [low, high] = [1.5e-3, 4e-3];
+        let exact = PI / 3.0 * height * (low * low + low * high + high * high);
+        let cut = Shape::Cone { radius: high, top_radius: low, height, sides: Some(sides) };
+        let cut = sample(cut);
+        assert!(close(cut.objects[0].volume, exact, 1e-12), "truncated cone of {sides}");
+        let exact = PI / 3.0 * height * radius * radius;
+        let cone = sample(Shape::Cone { radius, top_radius: 0.0, height, sides: Some(sides) });
+        assert!(close(cone.objects[0].volume, exact, 1e-12), "cone of {sides}");
+        let torus = sample(Shape::Torus { radius, tube_radius: 1e-3, sides: Some(sides) });
+        let exact = 2.0 * PI * PI * radius * 1e-6;
+        assert!(close(torus.objects[0].volume, exact, 1e-11), "torus of {sides}");
+        for part in [cylinder, sphere, prism, ellipsoid, cut, cone, torus] {
             assert_eq!(part.components.len(), 1);
             assert!(part.objects[0].warnings.is_empty(), "{:?}", part.objects[0].warnings);
         }
     }
-    let triangle = sample(Shape::Cylinder { radius: 1e-3, height: 1e-3, sides: 3 });
+    let triangle = sample(Shape::Cylinder { radius: 1e-3, height: 1e-3, sides: Some(3) });
     assert!(close(triangle.objects[0].volume, PI * 1e-9, 1e-12));
     let block = sample(Shape::Box { size: [1e-3, 2e-3, 3e-3] });
     assert!(close(block.objects[0].volume, 6e-9, 1e-12));
@@ -41,26 +56,58 @@ fn volumes_of_shapes_are_those_of_the_formulas_at_any_number_of_sides() {
 fn shapes_stand_along_z_around_the_origin() {
     for of in [
         Shape::Box { size: [2e-3, 2e-3, 6e-3] },
-        Shape::Cylinder { radius: 1e-3, height: 6e-3, sides: 64 },
+        Shape::Cylinder { radius: 1e-3, height: 6e-3, sides: Some(64) },
         Shape::Prism { radius: 1e-3, height: 6e-3, sides: 4 },
     ] {
-        let [low, high] = sample(of).objects[0].bounds;
+        let [low, high] = sample(of.clone()).objects[0].bounds;
         assert!(close(high[2], 3e-3, 1e-12) && close(low[2], -3e-3, 1e-12), "{of:?}");
         assert!(close(high[0], 1e-3, 0.01) && close(low[0], -1e-3, 0.01), "{of:?}");
     }
 }
 
 #[test]
+fn extruded_polygon_has_its_area_times_its_height_either_way_round() {
+    // An L, and the same from its other end.
+    let mut points = vec![
+        [0.0, 0.0],
+        [3e-3, 0.0],
+        [3e-3, 1e-3],
+        [1e-3, 1e-3],
+        [1e-3, 2e-3],
+        [0.5e-3, 2e-3],
+        [0.0, 2e-3],
+    ];
+    for _ in 0..2 {
+        let part = sample(Shape::Extrusion { points: points.clone(), height: 5e-3 });
+        assert!(close(part.objects[0].volume, 4e-6 * 5e-3, 1e-12));
+        assert!(close(part.components[0].area, 2.0 * 4e-6 + 10e-3 * 5e-3, 1e-12));
+        assert_eq!(part.objects[0].bounds, [[0.0, 0.0, -2.5e-3], [3e-3, 2e-3, 2.5e-3]]);
+        assert!(part.objects[0].warnings.is_empty(), "{:?}", part.objects[0].warnings);
+        points.reverse();
+    }
+}
+
+#[test]
 fn impossible_shapes_are_refused() {
+    let cone =
+        |radius, top_radius, height| Shape::Cone { radius, top_radius, height, sides: Some(16) };
     for of in [
+        cone(0.0, 1e-3, 1e-3),
+        cone(1e-3, 0.0, -1e-3),
+        cone(1e-3, f64::INFINITY, 1e-3),
+        Shape::Ellipsoid { semi_axes: [1e-3, -1e-3, 1e-3], sides: Some(16) },
+        Shape::Torus { radius: 1e-3, tube_radius: 1e-3, sides: Some(16) },
+        Shape::Torus { radius: 1e-3, tube_radius: -1e-3, sides: Some(16) },
+        Shape::Extrusion { points: vec![[0.0, 0.0], [1e-3, 0.0]], height: 1e-3 },
+        Shape::Extrusion { points: vec![[0.0, f64::NAN]; 3], height: 1e-3 },
         Shape::Box { size: [1e-3, 0.0, 1e-3] },
-        Shape::Cylinder { radius: 1e-3, height: f64::NAN, sides: 16 },
-        Shape::Cylinder { radius: 1e-3, height: 1e-3, sides: 2 },
+        Shape::Cylinder { radius: 1e-3, height: f64::NAN, sides: Some(16) },
+        Shape::Cylinder { radius: 1e-3, height: 1e-3, sides: Some(2) },
         Shape::Prism { radius: -1e-3, height: 1e-3, sides: 8 },
-        Shape::Sphere { radius: 1e-3, sides: 3 },
-        Shape::Sphere { radius: 1e-3, sides: u32::MAX },
+        Shape::Sphere { radius: 1e-3, sides: Some(3) },
+        Shape::Sphere { radius: 1e-3, sides: Some(u32::MAX) },
     ] {
-        assert!(refusal(vec![shape("odd", of)]).contains("\"odd\""), "{of:?}");
+        assert!(refusal(vec![shape("odd", of.clone())]).contains("\"odd\""), "{of:?}");
     }
 }
 

@@ -1,0 +1,123 @@
+//! Ranges of built-in shapes.
+
+use super::validate::{count, finite, not_negative, positive};
+use super::{Shape, limits};
+use crate::units::Dimension::Length;
+use crate::{Error, Result};
+
+/// `key`: of the shape, such as `object[0].shape`.
+pub(super) fn validate_shape(key: &str, shape: &Shape) -> Result<()> {
+    let above_zero = |name: &str, length: f64| positive(&format!("{key}.{name}"), length, Length);
+    let facets = |name: &str, sides: Option<u32>, least: u32, most: u32| match sides {
+        Some(sides) => count(&format!("{key}.{name}"), sides, least, most),
+        None => Ok(()),
+    };
+    match shape {
+        Shape::Box { size } => size.iter().try_for_each(|edge| above_zero("box.size", *edge)),
+        Shape::Cylinder { radius, height, sides } => {
+            above_zero("cylinder.radius", *radius)?;
+            above_zero("cylinder.height", *height)?;
+            facets("cylinder.sides", *sides, 3, limits::SIDES)
+        }
+        Shape::Cone { radius, top_radius, height, sides } => {
+            above_zero("cone.radius", *radius)?;
+            not_negative(&format!("{key}.cone.top_radius"), *top_radius, Length)?;
+            above_zero("cone.height", *height)?;
+            facets("cone.sides", *sides, 3, limits::SIDES)
+        }
+        Shape::Prism { radius, height, sides } => {
+            above_zero("prism.radius", *radius)?;
+            above_zero("prism.height", *height)?;
+            facets("prism.sides", Some(*sides), 3, limits::SIDES)
+        }
+        Shape::Extrusion { points, height } => {
+            validate_polygon(&format!("{key}.extrusion.points"), points)?;
+            above_zero("extrusion.height", *height)
+        }
+        Shape::Sphere { radius, sides } => {
+            above_zero("sphere.radius", *radius)?;
+            facets("sphere.sides", *sides, 4, limits::SPHERE_SIDES)
+        }
+        Shape::Ellipsoid { semi_axes, sides } => {
+            semi_axes.iter().try_for_each(|axis| above_zero("ellipsoid.semi_axes", *axis))?;
+            facets("ellipsoid.sides", *sides, 4, limits::SPHERE_SIDES)
+        }
+        Shape::Torus { radius, tube_radius, sides } => {
+            above_zero("torus.radius", *radius)?;
+            above_zero("torus.tube_radius", *tube_radius)?;
+            if tube_radius >= radius {
+                let allowed = format!("less than radius, {}", Length.format(*radius));
+                let found = Length.format(*tube_radius);
+                return Err(Error::scene(format!("{key}.torus.tube_radius"), found, allowed));
+            }
+            facets("torus.sides", *sides, 4, limits::SPHERE_SIDES)
+        }
+    }
+}
+
+/// Refuses polygons without area, and those whose edges cross or touch one another.
+fn validate_polygon(key: &str, points: &[[f64; 2]]) -> Result<()> {
+    let n = points.len();
+    if n < 3 || n > limits::CORNERS as usize {
+        let allowed = format!("3 to {} corners", limits::CORNERS);
+        return Err(Error::scene(key, format!("{n} corners"), allowed));
+    }
+    for (index, point) in points.iter().enumerate() {
+        point.iter().try_for_each(|it| finite(&format!("{key}[{index}]"), *it, Length))?;
+    }
+    // Edges by the x where they begin: only those that overlap along x can meet.
+    let ends = |edge: usize| [points[edge], points[(edge + 1) % n]];
+    let x = |edge: usize| ends(edge).map(|end| end[0]);
+    let [left, right] = [f64::min, f64::max].map(|of| move |[a, b]: [f64; 2]| of(a, b));
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|a, b| left(x(*a)).total_cmp(&left(x(*b))));
+    for (at, first) in order.iter().enumerate() {
+        let near = order[at + 1..].iter().take_while(|it| left(x(**it)) <= right(x(*first)));
+        for second in near {
+            let [low, high] = [*first.min(second), *first.max(second)];
+            if meet(ends(low), ends(high), high == low + 1, low == 0 && high == n - 1) {
+                let found = format!("edges {low} and {high} that meet (edge 0 begins at corner 0)");
+                let allowed = "a polygon that does not cross or touch itself, \
+                               corners in their order around it";
+                return Err(Error::scene(key, found, allowed));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether two edges meet besides in the corner that they share: `after`, the first ends where the
+/// second begins; `before`, the other way round.
+fn meet(first: [[f64; 2]; 2], second: [[f64; 2]; 2], after: bool, before: bool) -> bool {
+    let [a, b] = first;
+    let [c, d] = second;
+    // Side of a line that a point is on.
+    let side = |[from, to]: [[f64; 2]; 2], point: [f64; 2]| {
+        let [u, v] = [0, 1].map(|axis| to[axis] - from[axis]);
+        let cross = u * (point[1] - from[1]) - v * (point[0] - from[0]);
+        if cross == 0.0 { 0.0 } else { cross.signum() }
+    };
+    // Of a point on the line of an edge: whether it lies on the edge.
+    let on = |[from, to]: [[f64; 2]; 2], point: [f64; 2]| {
+        (0..2).all(|axis| {
+            (from[axis].min(to[axis])..=from[axis].max(to[axis])).contains(&point[axis])
+        })
+    };
+    if after || before {
+        // Neighbours meet only where one folds back onto the other, or has no length.
+        let [shared, one, other] = if after { [b, a, d] } else { [a, b, c] };
+        let along = |point: [f64; 2]| [0, 1].map(|axis| point[axis] - shared[axis]);
+        let [one, other] = [one, other].map(along);
+        let folded = side(first, if after { d } else { c }) == 0.0
+            && one[0] * other[0] + one[1] * other[1] > 0.0;
+        let no_length = [one, other].iter().any(|it| it.iter().all(|part| *part == 0.0));
+        return folded || no_length || (after && before);
+    }
+    let [sc, sd] = [side(first, c), side(first, d)];
+    let [sa, sb] = [side(second, a), side(second, b)];
+    (sc * sd < 0.0 && sa * sb < 0.0)
+        || (sc == 0.0 && on(first, c))
+        || (sd == 0.0 && on(first, d))
+        || (sa == 0.0 && on(second, a))
+        || (sb == 0.0 && on(second, b))
+}
