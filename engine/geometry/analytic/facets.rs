@@ -1,0 +1,72 @@
+//! Facets that stand for a curved surface.
+
+use std::f64::consts::{PI, SQRT_2};
+
+use super::super::shapes;
+use super::super::surface::Surface;
+use super::{AnalyticShape, Form};
+use crate::numbers;
+
+/// Facets around at least.
+const LEAST: u32 = 8;
+/// Facets around at most: a ball of so many has 2 million triangles.
+const MOST: u32 = 2048;
+
+impl AnalyticShape {
+    /// Closed facets, outward, in the frame of the shape. Their vertices lie on the surface, and
+    /// nothing of it is farther than `error` (m, > 0) from them, unless that took more than 2048
+    /// facets around; there are 8 at least.
+    pub(in crate::geometry) fn surface(self, error: f64) -> Surface {
+        match self.form() {
+            Form::Frustum(frustum) => {
+                let [low, high] =
+                    [-1.0, 1.0].map(|side| frustum.radius_at(side * frustum.half_height).max(0.0));
+                let corners = shapes::ring(around(low.max(high), error), 1.0);
+                shapes::frustum(&corners, [low, high], frustum.half_height)
+            }
+            Form::Ellipsoid(axes) => {
+                // A facet spans a step along both angles: its middle is half a diagonal off.
+                let step = SQRT_2 * half_step(axes.max_element(), error);
+                shapes::ball(sides(2.0 * PI / step), axes)
+            }
+            Form::Torus(radius, tube) => {
+                // Both angles add to what a facet is off.
+                let ring = around(radius + tube, error / 4.0);
+                shapes::ring_of_tubes(radius, tube, [ring, around(tube, error / 4.0)])
+            }
+        }
+    }
+
+    /// About how many triangles [`Self::surface`] has.
+    pub(crate) fn triangles(self, error: f64) -> u64 {
+        match self.form() {
+            Form::Frustum(frustum) => {
+                let [low, high] =
+                    [-1.0, 1.0].map(|side| frustum.radius_at(side * frustum.half_height));
+                4 * u64::from(around(low.max(high), error))
+            }
+            Form::Ellipsoid(axes) => {
+                let step = SQRT_2 * half_step(axes.max_element(), error);
+                u64::from(sides(2.0 * PI / step)).pow(2)
+            }
+            Form::Torus(radius, tube) => {
+                let [ring, tube] =
+                    [radius + tube, tube].map(|it| u64::from(around(it, error / 4.0)));
+                2 * ring * tube
+            }
+        }
+    }
+}
+
+/// Half the angle of the chord whose arc of a radius is `error` high.
+fn half_step(radius: f64, error: f64) -> f64 {
+    (1.0 - (error / radius).min(1.0)).acos()
+}
+
+fn around(radius: f64, error: f64) -> u32 {
+    sides(PI / half_step(radius, error))
+}
+
+fn sides(count: f64) -> u32 {
+    numbers::whole(count.ceil().clamp(f64::from(LEAST), f64::from(MOST)))
+}

@@ -1,0 +1,207 @@
+//! Shapes with curved surfaces, in f64: sizes, what is inside, how far it is to them, where lines
+//! cross them (`crossings`), and facets that stand for them (`facets`). Each stands centred in a
+//! frame of its own, along z.
+
+#[cfg(test)]
+mod crossings;
+mod facets;
+#[cfg(test)]
+mod tests;
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+
+use crate::scene::Shape;
+
+/// A shape with a curved surface, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum AnalyticShape {
+    /// From -`half_height` to `half_height`.
+    Cylinder { radius: f64, half_height: f64 },
+    /// A cone, or a truncated one; `bottom_radius` is above 0.
+    Cone { bottom_radius: f64, top_radius: f64, half_height: f64 },
+    /// A ball.
+    Sphere { radius: f64 },
+    /// Half its extent along x, y, z.
+    Ellipsoid { semi_axes: DVec3 },
+    /// Around z. `radius` is that of the circle in the middle of the tube.
+    Torus { radius: f64, tube_radius: f64 },
+}
+
+impl AnalyticShape {
+    /// The exact surface of a shape of a scene; `None` where it consists of facets or planes.
+    pub(crate) fn of(shape: &Shape) -> Option<Self> {
+        match *shape {
+            Shape::Cylinder { radius, height, sides: None } => {
+                Some(Self::Cylinder { radius, half_height: height / 2.0 })
+            }
+            Shape::Cone { radius, top_radius, height, sides: None } => {
+                Some(Self::Cone { bottom_radius: radius, top_radius, half_height: height / 2.0 })
+            }
+            Shape::Sphere { radius, sides: None } => Some(Self::Sphere { radius }),
+            Shape::Ellipsoid { semi_axes, sides: None } => {
+                Some(Self::Ellipsoid { semi_axes: semi_axes.into() })
+            }
+            Shape::Torus { radius, tube_radius, sides: None } => {
+                Some(Self::Torus { radius, tube_radius })
+            }
+            _ => None,
+        }
+    }
+
+    /// What the five kinds have in common with fewer.
+    pub(crate) fn form(self) -> Form {
+        match self {
+            Self::Cylinder { radius, half_height } => {
+                Form::Frustum(Frustum { radius, half_height, widening: 0.0 })
+            }
+            Self::Cone { bottom_radius, top_radius, half_height } => Form::Frustum(Frustum {
+                radius: bottom_radius.midpoint(top_radius),
+                half_height,
+                widening: (top_radius - bottom_radius) / (2.0 * half_height),
+            }),
+            Self::Sphere { radius } => Form::Ellipsoid(DVec3::splat(radius)),
+            Self::Ellipsoid { semi_axes } => Form::Ellipsoid(semi_axes),
+            Self::Torus { radius, tube_radius } => Form::Torus(radius, tube_radius),
+        }
+    }
+
+    /// Least and greatest corner of the bounding box.
+    pub(crate) fn bounds(self) -> [DVec3; 2] {
+        let half = DVec3::from_array(
+            [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| self.support(axis).dot(axis)),
+        );
+        [-half, half]
+    }
+
+    /// Volume, m3.
+    pub(crate) fn volume(self) -> f64 {
+        match self {
+            Self::Cylinder { radius, half_height } => 2.0 * PI * radius * radius * half_height,
+            Self::Cone { bottom_radius: a, top_radius: b, half_height } => {
+                2.0 / 3.0 * PI * half_height * (a * a + a * b + b * b)
+            }
+            Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
+            Self::Ellipsoid { semi_axes } => 4.0 / 3.0 * PI * semi_axes.element_product(),
+            Self::Torus { radius, tube_radius } => 2.0 * PI * PI * radius * tube_radius.powi(2),
+        }
+    }
+
+    /// Area of the surface, m2.
+    pub(crate) fn area(self) -> f64 {
+        match self {
+            Self::Cylinder { radius, half_height } => {
+                2.0 * PI * radius * (radius + 2.0 * half_height)
+            }
+            Self::Cone { bottom_radius: a, top_radius: b, half_height } => {
+                PI * (a * a + b * b + (a + b) * libm::hypot(a - b, 2.0 * half_height))
+            }
+            Self::Sphere { radius } => 4.0 * PI * radius * radius,
+            Self::Ellipsoid { semi_axes: DVec3 { x, y, z } } => {
+                4.0 * PI * carlson_rg([x * y, y * z, z * x].map(|product| product * product))
+            }
+            Self::Torus { radius, tube_radius } => 4.0 * PI * PI * radius * tube_radius,
+        }
+    }
+
+    /// Whether a point lies inside.
+    pub(crate) fn contains(self, point: DVec3) -> bool {
+        self.distance_bound(point) < 0.0
+    }
+
+    /// At most the distance of a point to the surface, m; negative inside. It is the distance
+    /// itself for spheres and tori, next to the surface for others but ellipsoids, and for those
+    /// no less than it by the ratio of their least to their greatest semi-axis.
+    pub(crate) fn distance_bound(self, point: DVec3) -> f64 {
+        match self.form() {
+            Form::Frustum(frustum) => {
+                let cosine = 1.0 / libm::hypot(1.0, frustum.widening);
+                let side = (across(point) - frustum.radius_at(point.z)) * cosine;
+                side.max(point.z.abs() - frustum.half_height)
+            }
+            Form::Ellipsoid(axes) => ((point / axes).length() - 1.0) * axes.min_element(),
+            Form::Torus(radius, tube) => libm::hypot(across(point) - radius, point.z) - tube,
+        }
+    }
+
+    /// The point of the convex hull that is farthest along a direction, which is not 0.
+    pub(crate) fn support(self, direction: DVec3) -> DVec3 {
+        let flat = direction.truncate().normalize_or(DVec2::X);
+        match self.form() {
+            Form::Frustum(frustum) => {
+                let rim = |z: f64| (frustum.radius_at(z).max(0.0) * flat).extend(z);
+                let [lower, upper] = [-frustum.half_height, frustum.half_height].map(rim);
+                if upper.dot(direction) > lower.dot(direction) { upper } else { lower }
+            }
+            Form::Ellipsoid(axes) => axes * (axes * direction).normalize_or_zero(),
+            Form::Torus(radius, tube) => {
+                (radius * flat).extend(0.0) + tube * direction.normalize_or_zero()
+            }
+        }
+    }
+}
+
+/// The kinds that surfaces differ by.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Form {
+    Frustum(Frustum),
+    /// Semi-axes.
+    Ellipsoid(DVec3),
+    /// Radii of the ring and of its tube.
+    Torus(f64, f64),
+}
+
+/// A cylinder, a cone or a truncated one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frustum {
+    /// At z = 0.
+    pub(crate) radius: f64,
+    pub(crate) half_height: f64,
+    /// Change of the radius per length of z.
+    pub(crate) widening: f64,
+}
+
+impl Frustum {
+    fn radius_at(self, z: f64) -> f64 {
+        self.radius + self.widening * z
+    }
+}
+
+/// Distance from the z axis.
+fn across(point: DVec3) -> f64 {
+    libm::hypot(point.x, point.y)
+}
+
+/// Carlson's symmetric integral of the second kind, of three positive numbers (Carlson 1995,
+/// by duplication).
+fn carlson_rg([x, y, z]: [f64; 3]) -> f64 {
+    let (mut n, mut sum, mut weight) = (DVec3::new(x, y, z), 0.0, 1.0);
+    // R_D(x, y, z) from the same steps as R_F.
+    let mut mean;
+    loop {
+        mean = n.element_sum() / 3.0;
+        let roots = DVec3::new(n.x.sqrt(), n.y.sqrt(), n.z.sqrt());
+        let lambda = roots.x * roots.y + roots.y * roots.z + roots.z * roots.x;
+        if (n - mean).abs().max_element() < 1e-3 * mean {
+            break;
+        }
+        sum += weight / (roots.z * (n.z + lambda));
+        weight /= 4.0;
+        n = (n + lambda) / 4.0;
+    }
+    let off = DVec3::ONE - n / mean;
+    let (e2, e3) = (off.x * off.y - off.z * off.z, off.element_product());
+    let rf = (1.0 - e2 / 10.0 + e3 / 14.0 + e2 * e2 / 24.0 - 3.0 * e2 * e3 / 44.0) / mean.sqrt();
+    let mean = (n.x + n.y + 3.0 * n.z) / 5.0;
+    let off = DVec3::ONE - n / mean;
+    let (ab, zz) = (off.x * off.y, off.z * off.z);
+    let e2 = ab - 6.0 * zz;
+    let e3 = (3.0 * ab - 8.0 * zz) * off.z;
+    let e4 = 3.0 * (ab - zz) * zz;
+    let series = 1.0 - 3.0 * e2 / 14.0 + e3 / 6.0 + 9.0 * e2 * e2 / 88.0
+        - 3.0 * e4 / 22.0
+        - 9.0 * e2 * e3 / 52.0;
+    let rd = 3.0 * sum + weight * series / (mean * mean.sqrt());
+    0.5 * (z * rf - (x - z) * (y - z) * rd / 3.0 + (x * y / z).sqrt())
+}

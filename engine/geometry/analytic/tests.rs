@@ -1,0 +1,295 @@
+//! Shapes against closed forms, and crossings against what lies inside along a line.
+
+use std::f64::consts::PI;
+
+use glam::{DQuat, DVec2, DVec3};
+
+use super::super::shapes;
+use super::super::surface::Surface;
+use super::AnalyticShape;
+use crate::scene::Shape;
+
+/// Numbers from 0 to 1, the same at every run.
+struct Draws(u64);
+
+impl Draws {
+    fn next(&mut self) -> f64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Within a cube from -1 to 1.
+    fn point(&mut self) -> DVec3 {
+        2.0 * DVec3::new(self.next(), self.next(), self.next()) - 1.0
+    }
+}
+
+const SHAPES: [AnalyticShape; 8] = [
+    AnalyticShape::Cylinder { radius: 2e-3, half_height: 3e-3 },
+    AnalyticShape::Cone { bottom_radius: 2e-3, top_radius: 0.0, half_height: 1.5e-3 },
+    AnalyticShape::Cone { bottom_radius: 1e-3, top_radius: 2.5e-3, half_height: 4e-3 },
+    AnalyticShape::Sphere { radius: 1e-3 },
+    AnalyticShape::Ellipsoid { semi_axes: DVec3::new(1e-3, 4e-3, 2.5e-3) },
+    AnalyticShape::Torus { radius: 3e-3, tube_radius: 2e-3 },
+    AnalyticShape::Torus { radius: 5e-3, tube_radius: 0.4e-3 },
+    AnalyticShape::Torus { radius: 2e-3, tube_radius: 1.9999e-3 },
+];
+
+fn radius(shape: AnalyticShape) -> f64 {
+    shape.bounds()[1].length()
+}
+
+#[test]
+fn crossings_are_where_lines_come_in_and_go_out() {
+    let mut draws = Draws(1);
+    for shape in SHAPES {
+        let reach = radius(shape);
+        let mut crossed = [0; 3];
+        for _ in 0..4000 {
+            let direction = draws.point() * 1.7;
+            let origin = shape.bounds()[1] * draws.point() - direction * draws.next() * reach;
+            let found = shape.crossings(origin, direction);
+            crossed[found.len() / 2] += 1;
+            // Between two crossings, and before and behind them, all of the line is on one side.
+            let far = 6.0 * reach / direction.length();
+            let mut ends = vec![-far];
+            ends.extend(found.iter().map(|it| it.t));
+            ends.push(far);
+            for (at, pair) in ends.windows(2).enumerate() {
+                assert!(pair[0] <= pair[1], "{shape:?} {ends:?}");
+                for _ in 0..40 {
+                    let point = origin + direction * (pair[0] + (pair[1] - pair[0]) * draws.next());
+                    // Next to the surface rounding decides.
+                    let near = shape.distance_bound(point).abs() < 1e-12 * reach;
+                    assert!(near || shape.contains(point) == (at % 2 == 1), "{shape:?} {found:?}");
+                }
+            }
+            for (at, crossing) in found.iter().enumerate() {
+                let point = origin + crossing.t * direction;
+                assert!(shape.distance_bound(point).abs() < 1e-12 * reach, "{shape:?} {point}");
+                assert_eq!(crossing.entering, at % 2 == 0);
+                assert!((crossing.normal.length() - 1.0).abs() < 1e-12);
+                assert!((crossing.normal.dot(direction) < 0.0) == crossing.entering, "{shape:?}");
+                let out = point + 1e-6 * reach * crossing.normal;
+                assert!(!shape.contains(out) || crossing.normal.dot(direction).abs() < 1e-3);
+            }
+        }
+        assert!(crossed[0] > 100 && crossed[1] > 500, "{shape:?} {crossed:?}");
+        let torus = matches!(shape, AnalyticShape::Torus { .. });
+        assert_eq!(torus, crossed[2] > 20, "{shape:?} {crossed:?}");
+    }
+}
+
+#[test]
+fn crossings_of_axes_and_of_lines_along_surfaces_come_in_pairs() {
+    for shape in SHAPES {
+        let half = shape.bounds()[1];
+        for (axis, other) in [(DVec3::X, DVec3::Z), (DVec3::Y, DVec3::X), (DVec3::Z, DVec3::Y)] {
+            for off in [0.0, 0.5, 1.0 - 1e-15, 1.0, 1.0 + 1e-15] {
+                let found = shape.crossings(off * half * other - 1e-2 * axis, axis);
+                assert!(found.len().is_multiple_of(2), "{shape:?} {axis} {off}");
+                assert!(found.iter().all(|it| it.t.is_finite() && it.normal.is_finite()));
+            }
+        }
+    }
+    let cone = SHAPES[1];
+    let along = cone.crossings(DVec3::new(0.0, 0.0, -1.0), DVec3::Z);
+    assert_eq!(along.len(), 2);
+    assert!((along[1].t - along[0].t - 3e-3).abs() < 1e-15);
+    // Along a line of the cone's own, half a millimetre within it.
+    let steep = DVec3::new(-2.0, 0.0, 3.0);
+    let [entry, exit] = *cone.crossings(DVec3::new(1.5e-3, 0.0, -1.5e-3), steep) else { panic!() };
+    assert!((entry.t - 0.0).abs() < 1e-15 && exit.t > 0.5e-3, "{entry:?} {exit:?}");
+}
+
+#[test]
+fn chords_through_centres_are_the_closed_forms() {
+    let chord = |shape: AnalyticShape, origin: DVec3, direction: DVec3| {
+        let found = shape.crossings(origin, direction);
+        found.chunks(2).map(|pair| pair[1].t - pair[0].t).collect::<Vec<_>>()
+    };
+    let close = |found: Vec<f64>, expected: &[f64]| {
+        let all = found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-15);
+        assert!(all && found.len() == expected.len(), "{found:?} {expected:?}");
+    };
+    close(chord(SHAPES[0], DVec3::new(1e-3, 0.0, 0.0), DVec3::Y), &[2.0 * 3_f64.sqrt() * 1e-3]);
+    close(chord(SHAPES[3], DVec3::new(0.6e-3, 0.0, 0.0), DVec3::Y), &[1.6e-3]);
+    close(chord(SHAPES[4], DVec3::ZERO, DVec3::Y), &[8e-3]);
+    close(chord(SHAPES[6], DVec3::ZERO, DVec3::Y), &[0.8e-3, 0.8e-3]);
+    let inner = (4.6e-3_f64.powi(2) - 1e-6).sqrt();
+    let outer = (5.4e-3_f64.powi(2) - 1e-6).sqrt();
+    close(chord(SHAPES[6], DVec3::X * 1e-3, DVec3::Y), &[outer - inner; 2]);
+}
+
+#[test]
+fn volumes_areas_and_bounds_are_those_of_fine_facets() {
+    for shape in SHAPES {
+        let surface = shape.surface(1e-6 * radius(shape));
+        let (mut volume, mut area) = (0.0, 0.0);
+        for triangle in 0..surface.triangles.len() {
+            let [a, b, c] = surface.corners(triangle);
+            volume += a.dot(b.cross(c)) / 6.0;
+            area += (b - a).cross(c - a).length() / 2.0;
+        }
+        assert!((volume / shape.volume() - 1.0).abs() < 2e-5, "{shape:?} {volume}");
+        assert!((area / shape.area() - 1.0).abs() < 2e-5, "{shape:?} {area}");
+        let ([low, high], [least, most]) = (shape.bounds(), surface.bounds());
+        let off = (low - least).abs().max((high - most).abs()).max_element();
+        assert!(off < 1e-5 * radius(shape), "{shape:?} {off}");
+    }
+    let sphere = AnalyticShape::Ellipsoid { semi_axes: DVec3::splat(2e-3) };
+    assert!((sphere.area() / (16.0 * PI * 1e-6) - 1.0).abs() < 1e-14);
+    // Oblate, by its own formula.
+    let (a, c) = (2e-3, 1e-3_f64);
+    let e = (1.0 - c * c / (a * a)).sqrt();
+    let exact = 2.0 * PI * a * a * (1.0 + (1.0 - e * e) / e * e.atanh());
+    for axes in [DVec3::new(a, a, c), DVec3::new(c, a, a), DVec3::new(a, c, a)] {
+        let found = AnalyticShape::Ellipsoid { semi_axes: axes }.area();
+        assert!((found / exact - 1.0).abs() < 1e-14, "{found} {exact}");
+    }
+}
+
+#[test]
+fn facets_stand_on_the_surface_and_leave_no_more_than_they_say() {
+    for shape in SHAPES {
+        for error in [1e-3, 1e-4, 3e-6].map(|share| share * radius(shape)) {
+            let surface = shape.surface(error);
+            for vertex in &surface.vertices {
+                assert!(shape.distance_bound(*vertex).abs() < 1e-15, "{shape:?}");
+            }
+            let mut draws = Draws(7);
+            let mut most = 0.0_f64;
+            for triangle in 0..surface.triangles.len() {
+                let [a, b, c] = surface.corners(triangle);
+                let (u, v) = (draws.next(), draws.next());
+                let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+                for point in [a + u * (b - a) + v * (c - a), a.midpoint(b), (a + b + c) / 3.0] {
+                    most = most.max(shape.distance_bound(point).abs());
+                }
+            }
+            assert!(most <= error * (1.0 + 1e-9), "{shape:?} {error} {most}");
+        }
+    }
+    let torus = SHAPES[5].surface(1e-30);
+    assert_eq!(torus.triangles.len(), 2 * 2048 * 2048);
+}
+
+#[test]
+fn support_is_the_farthest_point_and_bounds_hold_distances() {
+    let mut draws = Draws(3);
+    for shape in SHAPES {
+        let surface = shape.surface(1e-4 * radius(shape));
+        for _ in 0..200 {
+            let direction = draws.point();
+            let most = surface.vertices.iter().map(|it| it.dot(direction)).fold(-1.0, f64::max);
+            let found = shape.support(direction).dot(direction);
+            let slack = 1e-3 * radius(shape) * direction.length();
+            assert!((most - 1e-15..most + slack).contains(&found), "{shape:?} {found} {most}");
+            let point = 2.0 * radius(shape) * draws.point();
+            let near = surface.vertices.iter().map(|it| it.distance(point)).fold(1.0, f64::min);
+            assert!(shape.distance_bound(point).abs() <= near + 1e-12, "{shape:?} {point}");
+        }
+    }
+}
+
+#[test]
+fn shapes_with_sides_or_planes_have_no_exact_surface() {
+    let cylinder = |sides| Shape::Cylinder { radius: 1e-3, height: 2e-3, sides };
+    let exact = AnalyticShape::Cylinder { radius: 1e-3, half_height: 1e-3 };
+    assert_eq!(AnalyticShape::of(&cylinder(None)), Some(exact));
+    assert_eq!(AnalyticShape::of(&cylinder(Some(8))), None);
+    assert_eq!(AnalyticShape::of(&Shape::Box { size: [1e-3; 3] }), None);
+}
+
+/// Root mean squares of what facets change of dT/dx of a ball or cylinder, T the thickness along
+/// y, over the middle 80 % of its width: at points, and of means over 1/40 of its radius, 1.
+/// `facets`: T and dT/dx at (x, z); `flat`: at z = 0.
+fn slope_errors(rays: u32, flat: bool, facets: impl Fn(f64, f64) -> [f64; 2]) -> [f64; 2] {
+    let mut draws = Draws(11);
+    let (mut points, mut means) = (0.0, 0.0);
+    for _ in 0..rays {
+        let at = loop {
+            let at = draws.point().truncate() * if flat { DVec2::X } else { DVec2::ONE };
+            if at.length() < 0.8 {
+                break at;
+            }
+        };
+        let height = |x: f64| (1.0 - x * x - at.y * at.y).sqrt();
+        points += (facets(at.x, at.y)[1] + 2.0 * at.x / height(at.x)).powi(2);
+        let ends = [at.x - 1.0 / 80.0, at.x + 1.0 / 80.0];
+        let [low, high] = ends.map(|x| facets(x, at.y)[0] - 2.0 * height(x));
+        means += (40.0 * (high - low)).powi(2);
+    }
+    [points, means].map(|sum| (sum / f64::from(rays)).sqrt())
+}
+
+/// Thickness along y of a ball of facets, and its change along x.
+fn thickness_of_facets(surface: &Surface, x: f64, z: f64) -> [f64; 2] {
+    let mut sum = [0.0; 2];
+    for triangle in 0..surface.triangles.len() {
+        let corners = surface.corners(triangle);
+        let [a, b, c] = corners.map(|it| DVec2::new(it.x - x, it.z - z));
+        let sides = [a.perp_dot(b), b.perp_dot(c), c.perp_dot(a)];
+        if sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side < 0.0) {
+            let [p, q, r] = corners;
+            let normal = (q - p).cross(r - p);
+            let y = p.y + ((p.x - x) * normal.x + (p.z - z) * normal.z) / normal.y;
+            let sign = normal.y.signum();
+            sum = [sum[0] + sign * y, sum[1] - sign * normal.x / normal.y];
+        }
+    }
+    sum
+}
+
+/// The table of docs/physics.md, "Curved surfaces". A facet of a cylinder leans away from the
+/// surface by an angle that is spread evenly over ±π/n, on both sides of the beam: sqrt(2/3) π/n
+/// sec² at points.
+#[test]
+#[allow(clippy::print_stdout, reason = "the table is made of what this prints")]
+fn facets_are_off_as_the_table_says() {
+    let secant = (0..1000).map(|k| 0.8 * (f64::from(k) + 0.5) / 1000.0);
+    let secant = secant.map(|x| (1.0 - x * x).powi(-2)).sum::<f64>() / 1000.0;
+    for sides in [32_u32, 64, 128, 256, 512, 1024, 2048, 4096, 16_384] {
+        let step = 2.0 * PI / f64::from(sides);
+        let corner = (step / step.sin()).sqrt();
+        // Height and slope of the upper half, with a corner at `phase` of a step.
+        let facet = |x: f64, phase: f64| {
+            let mut low = ((x / corner).acos() / step - phase).floor();
+            loop {
+                let [a, b] = [low, low + 1.0].map(|at| (at + phase) * step);
+                let [from, to] = [a, b].map(|it| it.cos() * corner);
+                if x > from {
+                    low -= 1.0;
+                } else if x < to {
+                    low += 1.0;
+                } else {
+                    let slope = (b.sin() - a.sin()) * corner / (to - from);
+                    return [a.sin() * corner + (x - from) * slope, slope];
+                }
+            }
+        };
+        // Where the facets of both sides have nothing to do with one another.
+        let apart = (3.0 - 3_f64.sqrt()) / 6.0;
+        let [points, means] = slope_errors(4000, true, |x, _| {
+            let [upper, lower] = [facet(x, 0.3), facet(x, 0.3 + apart)];
+            [0, 1].map(|at| upper[at] + lower[at])
+        });
+        let expected = (2.0_f64 / 3.0 * secant).sqrt() * PI / f64::from(sides);
+        println!("cylinder of {sides}: {points:.2e} at points, {means:.2e} of means");
+        assert!((points / expected - 1.0).abs() < 0.1, "{sides}: {points} {expected}");
+        assert!(means <= points, "{sides}");
+    }
+    let mut before = [1.0; 2];
+    for sides in [32, 64, 128, 256, 512] {
+        let ball = Shape::Sphere { radius: 1.0, sides: Some(sides) };
+        let mut surface = shapes::surface(&ball).unwrap();
+        let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.0);
+        surface.vertices.iter_mut().for_each(|vertex| *vertex = turn * *vertex);
+        let found = slope_errors(300, false, |x, z| thickness_of_facets(&surface, x, z));
+        println!("sphere of {sides}: {:.2e} at points, {:.2e} of means", found[0], found[1]);
+        assert!([0, 1].iter().all(|at| found[*at] < 0.8 * before[*at]), "{sides}");
+        before = found;
+    }
+}
