@@ -12,7 +12,8 @@ layout(local_size_x = GROUP) in;
 
 #include "interface/FitPush.glsl"
 
-#include "retrieve/twofold.glsl"
+#include "physics/twofold.glsl"
+#include "retrieve/exponential.glsl"
 #include "retrieve/solve.glsl"
 #include "retrieve/curve.glsl"
 #include "retrieve/levenberg_marquardt.glsl"
