@@ -70,10 +70,10 @@ impl Picture {
         let turn = turn(camera);
         let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         let mut reach = 0.0_f64;
-        for vertex in &sample.vertices {
-            let [x, y, z] = *vertex;
+        for vertex in sample.points() {
+            let [x, y, z] = vertex;
             reach = reach.max(x.hypot(y).hypot(z));
-            let at = times(&turn, *vertex);
+            let at = times(&turn, vertex);
             for axis in 0..3 {
                 bounds[0][axis] = bounds[0][axis].min(at[axis]);
                 bounds[1][axis] = bounds[1][axis].max(at[axis]);
@@ -273,6 +273,11 @@ fn legend(drawing: &mut Drawing, scene: &Scene, sample: &Sample, picture: &Pictu
     }
     let triangles: usize = sample.objects.iter().map(|object| object.triangles).sum();
     let text = format!("{} triangles", beamlet::check::count(triangles as u64));
+    let instances: usize = sample.objects.iter().map(|object| object.instances).sum();
+    let text = match instances {
+        0 => text,
+        _ => format!("{text}, {} instances", beamlet::check::count(instances as u64)),
+    };
     drawing.text([left, y + 6.0], text, 11.0, GREY, Anchor::Start);
     triad(drawing, picture, [left + 74.0, SIZE - 176.0]);
     scale_bar(drawing, picture, left);

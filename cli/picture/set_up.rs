@@ -23,8 +23,9 @@ const OF_TRIANGLE: u64 = 320;
 ///
 /// Fails where there is not the memory for it.
 pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Result<Drawing> {
-    let triangles = sample.triangles.len() as u64;
+    let triangles = sample.triangles_as_meshes();
     require_memory(OF_TRIANGLE.saturating_mul(triangles), "the drawing of the set-up")?;
+    let sample = &*sample.as_meshes();
     let mut drawing = Drawing::new(WIDTH, 944.0);
     let loops = section(sample);
     drawing.text([LEFT, 28.0], "Set-up from above", 19.0, INK, Anchor::Start);

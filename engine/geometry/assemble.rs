@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::body::Body;
 use super::defects::Defects;
+use super::placed::Groups;
 use super::{ObjectSummary, Sample};
 use crate::error::{Error, Result};
 use crate::numbers;
@@ -21,7 +22,12 @@ pub(super) struct Note {
 ///
 /// # Errors
 /// More triangles than 32 bits can count.
-pub(super) fn assemble(bodies: Vec<Body>, names: Vec<String>, notes: Vec<Note>) -> Result<Sample> {
+pub(super) fn assemble(
+    bodies: Vec<Body>,
+    groups: Groups,
+    names: Vec<String>,
+    notes: Vec<Note>,
+) -> Result<Sample> {
     let count = |of: fn(&Body) -> usize| bodies.iter().map(of).sum::<usize>();
     let (vertices, triangles) =
         (count(|body| body.surface.vertices.len()), count(|body| body.surface.triangles.len()));
@@ -47,6 +53,7 @@ pub(super) fn assemble(bodies: Vec<Body>, names: Vec<String>, notes: Vec<Note>) 
         sample.objects.push(ObjectSummary {
             name,
             triangles: body.surface.triangles.len(),
+            instances: 0,
             volume: body.components.iter().map(|component| component.volume).sum(),
             bounds: bounds.map(Into::into),
             inside,
@@ -63,5 +70,7 @@ pub(super) fn assemble(bodies: Vec<Body>, names: Vec<String>, notes: Vec<Note>) 
         sample.triangle_component.extend(body.triangle_component.iter().map(|it| it + component));
         sample.components.extend(body.components);
     }
+    sample.find_lids();
+    groups.add_to(&mut sample);
     Ok(sample)
 }

@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Component;
+use super::placed::Prototype;
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Defect, Surface, bounds_of, encloses, in_mm};
 use super::topology::{self, Edge};
@@ -109,6 +110,38 @@ impl Body {
             self.components.extend(components);
         }
         self.search = None;
+    }
+
+    /// One without surface.
+    pub(super) fn empty() -> Self {
+        Self {
+            surface: Surface::default(),
+            triangle_component: Vec::new(),
+            components: Vec::new(),
+            warnings: Vec::new(),
+            search: None,
+        }
+    }
+
+    /// Takes its surface as that of a prototype; no component is left.
+    pub(super) fn take_prototype(&mut self) -> Prototype {
+        let surface = std::mem::take(&mut self.surface);
+        let components = std::mem::take(&mut self.components);
+        let of = std::mem::take(&mut self.triangle_component);
+        self.search = None;
+        Prototype::new(surface.vertices, surface.triangles, of, components)
+    }
+
+    /// A point on each component.
+    pub(super) fn first_corners(&self) -> Vec<DVec3> {
+        let mut starts = vec![DVec3::NAN; self.components.len()];
+        for (triangle, component) in self.triangle_component.iter().enumerate() {
+            let start = &mut starts[*component as usize];
+            if start.is_nan() {
+                *start = self.surface.corners(triangle)[0];
+            }
+        }
+        starts
     }
 
     /// Bounding box of all components.

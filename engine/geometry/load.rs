@@ -5,19 +5,21 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::analytic::AnalyticShape;
 use super::assemble::{Note, assemble};
 use super::body::Body;
 use super::defects::{self, Defects};
+use super::placed::{Group, Groups, Place, Prototype};
 use super::read::{PEAK_PER_TRIANGLE, SIMPLIFY, failed, hash, parse, read_surface};
 use super::search::Search;
-use super::surface::{Defect, Surface};
+use super::surface::{Defect, Surface, in_mm};
 use super::topology::{self, Edge};
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
-use super::{Sample, nesting, placement, stl};
+use super::{Sample, instances, nesting, placement, stl};
 use crate::error::{Error, Result};
 use crate::numbers;
 use crate::reserve;
-use crate::scene::{Mesh, Object, Placement, Scene, ShapeOrMesh};
+use crate::scene::{Instances, Mesh, Object, Placement, Scene, ShapeOrMesh};
 
 /// Reads, checks and places every object of the scene.
 ///
@@ -101,7 +103,9 @@ pub fn diagnose(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
 
 /// One object, read and examined.
 struct Loaded {
+    /// Empty where the object stands in several places.
     body: Body,
+    group: Option<Group>,
     hash: String,
     defects: Defects,
     /// Why a run must not use it.
@@ -122,25 +126,29 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch<'_>)
     let names = names(scene);
     let mut bodies = Vec::with_capacity(loaded.len());
     let mut notes = Vec::with_capacity(loaded.len());
+    let mut groups = Vec::new();
     for object in loaded {
         notes.push(Note {
-            bounds: object.body.bounds(),
+            bounds: object.group.as_ref().map_or(object.body.bounds(), Group::bounds),
             hash: object.hash,
             defects: object.defects,
             cut_by: Vec::new(),
         });
         bodies.push(object.body);
+        groups.extend(object.group);
     }
     let begin = Instant::now();
     let accepted = |note: &Note| note.defects.refused().then(|| note.defects.description());
     let defects: Vec<Option<String>> = notes.iter().map(accepted).collect();
+    let groups = Groups::settle(groups, &mut bodies, &names, watch.nesting())?;
     let (cut_by, contacts) =
         nesting::nest(&mut bodies, &names, &defects, contacts, watch.nesting())?;
+    groups.surround(&mut bodies);
     log::info!("what stands in what: found in {:.1} s", begin.elapsed().as_secs_f64());
     for (note, cut_by) in notes.iter_mut().zip(cut_by) {
         note.cut_by = cut_by;
     }
-    Ok(Sample { contacts, ..assemble(bodies, names, notes)? })
+    Ok(Sample { contacts, ..assemble(bodies, groups, names, notes)? })
 }
 
 /// Triangles of the meshes of a scene as far as that is known without reading them: those in
@@ -157,10 +165,6 @@ pub fn triangles_in_files(scene: &Scene) -> u64 {
 }
 
 fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> Result<Loaded> {
-    if object.instances.is_some() {
-        let key = format!("object[{number}].instances");
-        return Err(Error::scene(key, "instances", "none yet: they are read, and not traced"));
-    }
     let begin = Instant::now();
     let label = match &object.geometry {
         ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
@@ -168,6 +172,21 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
         }
         _ => format!("\"{}\"", object.name),
     };
+    if let ShapeOrMesh::Shape(shape) = &object.geometry
+        && let Some(shape) = AnalyticShape::of(shape)
+    {
+        task.begin(LoadStep::Reading, 0)?;
+        let prototype = |places| Prototype::of_shape(shape, number, places);
+        let group = group_of(scene, object, number, &label, prototype)?;
+        task.finish();
+        return Ok(Loaded {
+            body: Body::empty(),
+            group: Some(group),
+            hash: String::new(),
+            defects: Defects::default(),
+            refusal: None,
+        });
+    }
     let (surface, unit, hash) = read_surface(scene, object, &label, task)?;
     if let Some(recorded) = &object.sha256
         && *recorded != hash
@@ -183,8 +202,10 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
     log::info!("{label}: {triangles} triangles read in {read:.1} s; looking for defects");
     let needed = PEAK_PER_TRIANGLE.saturating_mul(triangles as u64);
     reserve::ask(needed, &format!("checking {label}"), SIMPLIFY)?;
+    let alone = Placement { center: object.placement.center, ..Placement::default() };
+    let placement = if object.instances.is_some() { &alone } else { &object.placement };
     let Prepared { surface, edges, search, defects } =
-        prepare(surface, unit, &object.placement, is_mesh, task)?.map_err(failed(&label))?;
+        prepare(surface, unit, placement, is_mesh, task)?.map_err(failed(&label))?;
     let not_finite = defects.not_finite.count;
     let refusal = if not_finite > 0 {
         let problem = format!("the vertices of {not_finite} triangles are not finite numbers");
@@ -212,10 +233,37 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
         ));
     }
     body.warnings = warnings;
+    let group = match &object.instances {
+        None => None,
+        Some(_) => Some(group_of(scene, object, number, &label, |_| body.take_prototype())?),
+    };
     let (parts, seconds) = (body.components.len(), begin.elapsed().as_secs_f64());
     log::info!("{label}: {parts} parts, read and checked in {seconds:.1} s");
     task.finish();
-    Ok(Loaded { body, hash, defects, refusal })
+    Ok(Loaded { body, group, hash, defects, refusal })
+}
+
+/// The places of an object that has several, or whose surface is analytic; `prototype`: its surface,
+/// for so many places.
+fn group_of(
+    scene: &Scene,
+    object: &Object,
+    number: u32,
+    label: &str,
+    prototype: impl FnOnce(usize) -> Prototype,
+) -> Result<Group> {
+    let around = placement::group(&object.placement).map_err(failed(label))?;
+    let places: Vec<Place> =
+        instances::transforms(scene, object)?.iter().map(|it| around.around(it)).collect();
+    let prototype = prototype(places.len());
+    let bounds = prototype.bounds();
+    let held = |place: &&Place| place.bounds(bounds).iter().all(|it| it.as_vec3().is_finite());
+    if let Some(place) = places.iter().find(|place| !held(place)) {
+        let place = format!("at {}", in_mm(place.position));
+        return Err(Error::mesh(label, "it is beyond what f32 holds", place));
+    }
+    let apart = matches!(object.instances, Some(Instances::Packing(_)));
+    Ok(Group { object: number, prototype, places, apart })
 }
 
 /// A surface in the world, examined.

@@ -7,16 +7,19 @@
 //! the sample sweeps over the views with the set-up.
 
 mod adjacency;
+mod analytic;
 mod assemble;
 mod body;
 mod defects;
 mod distance;
 mod ears;
 pub(crate) mod instances;
+mod lids;
 mod load;
 mod nesting;
 mod obj;
 mod overlap;
+mod placed;
 mod placement;
 mod polygon;
 mod read;
@@ -30,11 +33,16 @@ mod tree;
 mod watch;
 
 pub use adjacency::across_edges;
+pub(crate) use analytic::{AnalyticShape, Form as AnalyticForm};
 pub use defects::{DefectCount, DefectPlace, Defects, MAX_DEFECT_PLACES};
+pub(crate) use lids::Lids;
 pub use load::{diagnose, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
 pub(crate) use overlap::PEAK_PER_CUT_TRIANGLE;
 pub use overlap::{Contact, ContactKind};
+#[cfg(test)]
+pub(crate) use placed::Place;
+pub(crate) use placed::{FacetNumbers, FacetOf, Placed, Prototype};
 pub(crate) use read::PEAK_PER_TRIANGLE;
 pub use read::file_hash;
 pub use swept::{BeamExtent, Swept, check_clearance, fov_warnings, swept};
@@ -59,6 +67,10 @@ pub struct Sample {
     pub objects: Vec<ObjectSummary>,
     /// Where objects overlap, touch or nearly do; of [`load_lenient`] alone.
     pub contacts: Vec<Contact>,
+    /// Surfaces that stand in several places, each once.
+    pub(crate) prototypes: Vec<Prototype>,
+    /// Where they stand; those of one prototype stand together.
+    pub(crate) placed: Vec<Placed>,
 }
 
 /// A connected surface of one object.
@@ -75,6 +87,8 @@ pub struct Component {
     pub area: f64,
     /// Least and greatest corner of the bounding box, m.
     pub bounds: [[f64; 3]; 2],
+    /// Where it is not upright; `None`: anywhere.
+    pub(crate) lids: Option<Lids>,
 }
 
 /// An object in numbers.
@@ -83,8 +97,10 @@ pub struct Component {
 pub struct ObjectSummary {
     /// Name in the scene.
     pub name: String,
-    /// Number of triangles, after cuts.
+    /// Number of triangles, after cuts; those of a mesh in many places count once.
     pub triangles: usize,
+    /// Number of places that it stands in; 0 where it has no instances.
+    pub instances: usize,
     /// Volume of its outer surfaces less its voids, after cuts, m3.
     pub volume: f64,
     /// Least and greatest corner of its bounding box, m.

@@ -1,9 +1,31 @@
 //! From mesh coordinates to the world.
 
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 
+use super::placed::Place;
 use super::surface::{Defect, Surface};
 use crate::scene::Placement;
+
+/// The scale, rotations and position of an object as those of a group of instances.
+pub(super) fn group(placement: &Placement) -> Result<Place, Defect> {
+    let scale = placement.scale;
+    if !(scale.is_finite() && scale > 0.0) {
+        return Err(Defect::new(format!("scale {scale} must be above 0"), "placement"));
+    }
+    let mut rotation = DQuat::IDENTITY;
+    for (axis, angle) in &placement.rotate {
+        rotation = DQuat::from_axis_angle(unit_axis(*axis, *angle)?, *angle) * rotation;
+    }
+    let position = DVec3::from_array(placement.position);
+    Ok(Place { scale, stretch: 1.0, rotation: rotation.normalize(), position })
+}
+
+fn unit_axis(axis: [f64; 3], angle: f64) -> Result<DVec3, Defect> {
+    DVec3::from_array(axis)
+        .try_normalize()
+        .filter(|_| angle.is_finite())
+        .ok_or_else(|| Defect::new("a rotation needs an axis longer than 0", "rotate"))
+}
 
 /// Applies unit, then center, scale, rotations in their order, and position; returns them all
 /// in one.
@@ -19,11 +41,7 @@ pub(super) fn place(
     }
     let mut linear = DMat3::from_diagonal(DVec3::splat(scale));
     for (axis, angle) in &placement.rotate {
-        let axis = DVec3::from_array(*axis)
-            .try_normalize()
-            .filter(|_| angle.is_finite())
-            .ok_or_else(|| Defect::new("a rotation needs an axis longer than 0", "rotate"))?;
-        linear = DMat3::from_axis_angle(axis, *angle) * linear;
+        linear = DMat3::from_axis_angle(unit_axis(*axis, *angle)?, *angle) * linear;
     }
     let centre = if placement.center {
         let [low, high] = surface.bounds();

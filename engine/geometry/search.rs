@@ -108,9 +108,14 @@ pub(super) fn winding_by_solid_angle(
     triangles: impl Iterator<Item = usize>,
     point: DVec3,
 ) -> f64 {
+    winding(triangles.map(|triangle| surface.corners(triangle)), point)
+}
+
+/// As [`winding_by_solid_angle`], of triangles by their corners.
+pub(super) fn winding(triangles: impl Iterator<Item = [DVec3; 3]>, point: DVec3) -> f64 {
     let total: f64 = triangles
-        .map(|triangle| {
-            let [a, b, c] = surface.corners(triangle).map(|corner| corner - point);
+        .map(|corners| {
+            let [a, b, c] = corners.map(|corner| corner - point);
             let [la, lb, lc] = [a, b, c].map(DVec3::length);
             let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
             2.0 * a.dot(b.cross(c)).atan2(below)

@@ -1,6 +1,6 @@
 //! What the sample sweeps over the views: does it clear the masks, does it fit the detector.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::Sample;
 use crate::error::{Error, Result};
@@ -53,6 +53,21 @@ pub fn swept(sample: &Sample) -> Swept {
             *points = hull(std::mem::take(points));
         }
     }
+    let mut reached = vec![Reached::default(); sample.objects.len()];
+    for placed in &sample.placed {
+        let object = sample.components[placed.component as usize].object as usize;
+        if !reached[object].grows(sample.bounds_of_placed(placed)) {
+            continue;
+        }
+        let points = &mut points[object];
+        let prototype = &sample.prototypes[placed.prototype as usize];
+        points.extend(
+            prototype.vertices.iter().map(|it| placed.place.world_from_own(*it).truncate()),
+        );
+        if points.len() > MOST_POINTS {
+            *points = hull(std::mem::take(points));
+        }
+    }
     let outlines = points
         .into_iter()
         .zip(&sample.objects)
@@ -63,6 +78,37 @@ pub fn swept(sample: &Sample) -> Swept {
         })
         .collect();
     Swept { outlines }
+}
+
+/// Directions in which an outline of many instances is followed.
+const DIRECTIONS: usize = 32;
+
+/// How far boxes are known to reach, by direction: those that lie within it cannot be on the hull.
+#[derive(Clone)]
+struct Reached([f64; DIRECTIONS]);
+
+impl Default for Reached {
+    fn default() -> Self {
+        Self([f64::NEG_INFINITY; DIRECTIONS])
+    }
+}
+
+impl Reached {
+    /// Takes a box; whether it may reach beyond the others.
+    fn grows(&mut self, [low, high]: [DVec3; 2]) -> bool {
+        let (centre, half) = (low.midpoint(high).truncate(), ((high - low) / 2.0).truncate());
+        let mut grows = false;
+        for (number, reached) in (0_u32..).zip(&mut self.0) {
+            let angle = f64::from(number) * std::f64::consts::TAU / DIRECTIONS as f64;
+            let along = DVec2::from_angle(angle);
+            let most = along.dot(centre) + along.abs().dot(half);
+            // Between two directions a hull bulges by no more than this.
+            let bulge = centre.length() * 0.5 * (std::f64::consts::TAU / DIRECTIONS as f64).powi(2);
+            grows = grows || most + bulge + half.length() > *reached;
+            *reached = reached.max(along.dot(centre));
+        }
+        grows
+    }
 }
 
 impl Swept {

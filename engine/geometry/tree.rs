@@ -96,6 +96,16 @@ impl Tree {
         self.walk(&ROOT, 0, reaches, |_, members| members.iter().all(|it| visit(*it)));
     }
 
+    /// Calls `visit` with members of the leaves that a box meets.
+    pub(super) fn within(&self, [low, high]: [DVec3; 2], mut visit: impl FnMut(u32)) {
+        let [low, high] = outwards([low, high], 0.0);
+        let meets = |node: &BoundsNode| low.cmple(node.high).all() && node.low.cmple(high).all();
+        self.walk(&ROOT, 0, meets, |_, members| {
+            members.iter().for_each(|it| visit(*it));
+            true
+        });
+    }
+
     /// Calls `visit` with members whose boxes, rounded outwards, enclose `inner`.
     pub(super) fn around(&self, inner: [DVec3; 2], mut visit: impl FnMut(u32)) {
         let encloses = |node: &BoundsNode| {

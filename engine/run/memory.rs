@@ -23,6 +23,10 @@ const BUILD: u64 = 320;
 const KEPT: u64 = 28;
 /// Bytes on the device per triangle: leaves with their neighbours, and nodes of the software tree.
 const TREE: u64 = 92;
+/// Bytes on the host per instance: its place, component, and what a view makes of it.
+const INSTANCE: u64 = 320;
+/// Bytes on the device per instance: its leaf, place and surface, and nodes of the tree.
+const INSTANCE_TREE: u64 = 230;
 /// Bytes on the device per triangle of the driver's structure.
 const STRUCTURE: u64 = 60;
 /// Bytes on the device per triangle while that is built: boxes and scratch.
@@ -102,6 +106,7 @@ impl HostAndDevice {
 #[derive(Debug)]
 struct Needs {
     triangles: u64,
+    instances: u64,
     /// Of them, those of objects that meet.
     cut: u64,
     largest_mesh: u64,
@@ -248,6 +253,7 @@ impl Needs {
         let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
         Ok(Self {
             triangles: objects.iter().map(|o| o.triangles as u64).sum(),
+            instances: objects.iter().map(|o| o.instances as u64).sum(),
             cut: cut_triangles(objects),
             largest_mesh: scene.objects.iter().zip(objects).map(of_mesh).max().unwrap_or(0),
             views: extent.views.into(),
@@ -303,6 +309,7 @@ impl Needs {
 
     fn at(&self, band_rows: u32, rays_at_once: u64) -> MemoryEstimate {
         let n = self.triangles;
+        let instances = self.instances();
         let program = |bytes: HostAndDevice| HostAndDevice {
             host: bytes.host.saturating_add(PROGRAM),
             ..bytes
@@ -316,8 +323,11 @@ impl Needs {
                 host: PEAK_PER_CUT_TRIANGLE * self.cut + KEPT * (n - self.cut),
                 device: 0,
             },
-            HostAndDevice { host: BUILD * n, device: 0 },
-            HostAndDevice { host: KEPT * n, device: (TREE + STRUCTURE + SCRATCH) * n },
+            HostAndDevice { host: BUILD * (n + self.instances) + instances.host, device: 0 },
+            HostAndDevice {
+                host: KEPT * n + instances.host,
+                device: (TREE + STRUCTURE + SCRATCH) * n + instances.device,
+            },
         ]
         .map(program);
         let run = self.run(band_rows, rays_at_once);
@@ -335,6 +345,14 @@ impl Needs {
         }
     }
 
+    /// What stands in many places.
+    const fn instances(&self) -> HostAndDevice {
+        HostAndDevice {
+            host: INSTANCE * self.instances,
+            device: (INSTANCE_TREE + STRUCTURE + SCRATCH) * self.instances,
+        }
+    }
+
     /// While views are traced and illuminated in bands of `rows` rows.
     fn run(&self, band_rows: u32, rays_at_once: u64) -> HostAndDevice {
         let rays = rays_at_once.max(self.row_rays).min(self.rays);
@@ -342,13 +360,17 @@ impl Needs {
         let refined = if self.cells { self.ray_host * rays } else { 0 };
         let host = PROGRAM
             + KEPT * self.triangles
+            + self.instances().host
             + BEAMLET * self.beamlets
             + refined
             + CROWDED * self.crowded.min(MOST_CROWDED)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
-        let device =
-            LISTS + (TREE + STRUCTURE) * self.triangles + self.ray_device * rays + 16 * self.views;
+        let device = LISTS
+            + (TREE + STRUCTURE) * self.triangles
+            + self.instances().device
+            + self.ray_device * rays
+            + 16 * self.views;
         HostAndDevice {
             host: host.saturating_add(band.saturating_mul(self.row.host)),
             device: device.saturating_add(band.saturating_mul(self.row.device)),

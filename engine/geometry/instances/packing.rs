@@ -47,10 +47,12 @@ pub(super) struct Prototype {
 
 impl Prototype {
     fn new(object: &Object, spec: &Packing, reach: f64) -> Option<Self> {
-        let ShapeOrMesh::Shape(shape) = object.geometry else { return None };
-        let (radius, outer, height) = match shape {
-            Shape::Cylinder { radius, height, sides } => (radius, cylinder_corner(sides), height),
-            Shape::Sphere { radius, sides } => (radius, sphere_corner(sides), 0.0),
+        let ShapeOrMesh::Shape(shape) = &object.geometry else { return None };
+        let (radius, outer, height) = match *shape {
+            Shape::Cylinder { radius, height, sides } => {
+                (radius, sides.map_or(1.0, cylinder_corner), height)
+            }
+            Shape::Sphere { radius, sides } => (radius, sides.map_or(1.0, sphere_corner), 0.0),
             _ => return None,
         };
         // The device sees f32: two surfaces this far apart stay so when each coordinate is rounded, with

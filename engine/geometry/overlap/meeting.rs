@@ -92,7 +92,7 @@ impl Meetings {
             .par_iter()
             .enumerate()
             .map(|(object, body)| {
-                let starts = first_corners(body);
+                let starts = body.first_corners();
                 starts
                     .par_iter()
                     .enumerate()
@@ -175,18 +175,6 @@ fn between(
         },
     );
     found.into_inner().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// A point on each component.
-fn first_corners(body: &Body) -> Vec<DVec3> {
-    let mut starts = vec![DVec3::NAN; body.components.len()];
-    for (triangle, component) in body.triangle_component.iter().enumerate() {
-        let start = &mut starts[*component as usize];
-        if start.is_nan() {
-            *start = body.surface.corners(triangle)[0];
-        }
-    }
-    starts
 }
 
 /// Pairs of objects whose boxes come near each other.

@@ -23,7 +23,7 @@ use crate::error::{Error, Result};
 use crate::numbers;
 pub(super) use contacts::{Assembly, pairs_to_compare};
 pub use contacts::{Contact, ContactKind};
-pub(super) use meeting::{Around, Meetings, pairs};
+pub(super) use meeting::{Around, Meetings, pairs, tolerance};
 pub(super) use parts::Parts;
 pub(crate) use solid::PEAK_PER_CUT_TRIANGLE;
 use solid::Solid;

@@ -31,7 +31,7 @@ impl Simulation<'_> {
         let (backend, reason) = if let Some(backend) = wanted {
             (backend, "requested".to_owned())
         } else if !self.on_device.has_acceleration() {
-            let reason = if self.sample.triangles.is_empty() {
+            let reason = if self.sample.is_empty() {
                 "nothing to trace"
             } else {
                 "the device has no ray query"

@@ -83,7 +83,7 @@ impl<'s> ViewWork<'s> {
                 .collect::<Result<_>>()?,
         };
         let tracer = simulation.tracer(simulation.start.backend)?;
-        if !simulation.sample.triangles.is_empty() {
+        if !simulation.sample.is_empty() {
             tracer.make_kernels()?;
         }
         Ok(Self {
@@ -121,8 +121,7 @@ impl<'s> ViewWork<'s> {
         let detector = &self.simulation.detector;
         let projected_bounds = match view {
             Exposure::Sample(i)
-                if !self.simulation.sample.triangles.is_empty()
-                    && self.simulation.stored.is_none() =>
+                if !self.simulation.sample.is_empty() && self.simulation.stored.is_none() =>
             {
                 self.simulation.projected_bounds(i)
             }

@@ -142,7 +142,7 @@ impl ViewWork<'_> {
     fn looks(&mut self) -> Result<Vec<Look>> {
         let mut looks = Vec::new();
         let mut seen = HashSet::new();
-        if self.simulation.sample.triangles.is_empty() {
+        if self.simulation.sample.is_empty() {
             return Ok(looks);
         }
         let begin = Instant::now();

@@ -1,0 +1,76 @@
+//! Placed surfaces as part of a sample.
+
+use glam::DVec3;
+
+use super::Placed;
+use super::nesting::{Group, Groups};
+use crate::geometry::surface::bounds_of;
+use crate::geometry::{ObjectSummary, Sample};
+use crate::numbers;
+
+impl Groups {
+    /// Adds what stands in its place to a sample, whose meshes are complete.
+    pub(in crate::geometry) fn add_to(self, sample: &mut Sample) {
+        for (number, group) in self.all.into_iter().enumerate() {
+            let object = &mut sample.objects[group.object as usize];
+            let (joined, covered) = (self.joined[number], self.covered[number]);
+            describe(object, &group, &self.outside[number], joined, covered);
+            if group.places.is_empty() {
+                continue;
+            }
+            let prototype = numbers::count(sample.prototypes.len());
+            for (place, outside) in group.places.iter().zip(&self.outside[number]) {
+                let component = numbers::count(sample.components.len());
+                sample.components.extend(group.components(place, *outside));
+                sample.placed.push(Placed { prototype, component, place: *place });
+            }
+            sample.prototypes.push(group.prototype);
+        }
+    }
+}
+
+/// Adds the places of an object to what is known of its mesh.
+fn describe(
+    object: &mut ObjectSummary,
+    group: &Group,
+    outside: &[Option<u32>],
+    (joined, off): (usize, f64),
+    covered: usize,
+) {
+    if joined > 0 {
+        let facets = match off {
+            0.0 => String::new(),
+            _ => format!(", whose facets are off its surface by {:.0} nm at most", off * 1e9),
+        };
+        let which = match group.places.len() + joined + covered {
+            1 => format!("it meets another surface: it is cut as a mesh{facets}"),
+            _ => format!(
+                "{joined} of its instances meet other surfaces: they are cut as meshes of their \
+                 own{facets}"
+            ),
+        };
+        object.warnings.push(which);
+    }
+    if covered > 0 {
+        object.warnings.push(format!(
+            "{covered} of its instances lie wholly in objects that are listed later"
+        ));
+    }
+    if group.places.len() + joined + covered > 1 {
+        object.instances = group.places.len() + joined;
+    }
+    if group.places.is_empty() {
+        return;
+    }
+    let own: f64 = group.prototype.components.iter().map(|it| it.volume).sum();
+    object.triangles += group.prototype.facets();
+    object.volume += group.places.iter().map(|place| own * place.volume()).sum::<f64>();
+    let corners = |[low, high]: [[f64; 3]; 2]| [DVec3::from_array(low), DVec3::from_array(high)];
+    let all = corners(object.bounds).into_iter().chain(group.bounds());
+    object.bounds = bounds_of(all).map(Into::into);
+    for around in outside {
+        if !object.inside.contains(around) {
+            object.inside.push(*around);
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! Whether the surface of a place meets another.
+
+use glam::DVec3;
+
+use super::nesting::{Boxed, Group};
+use super::{Place, Prototype};
+use crate::geometry::distance::meet;
+use crate::geometry::overlap::tolerance;
+use crate::geometry::surface::{bounds_of, near};
+use crate::geometry::tree::Tree;
+
+/// Error of the finest facets that stand for a shape where it nearly meets another surface, m.
+const FINEST: f64 = 1e-9;
+
+impl Group {
+    /// Whether corners of one of some triangles lie on both sides of the exact surface of a place:
+    /// it is then certain that the surfaces meet, without fine facets.
+    fn is_crossed_by(&self, place: &Place, triangles: &[[DVec3; 3]]) -> bool {
+        self.prototype.shape.is_some()
+            && triangles.iter().any(|corners| {
+                let inside = corners.map(|it| self.contains(place, it));
+                inside != [inside[0]; 3]
+            })
+    }
+}
+
+/// Whether a place meets the surface of a body.
+pub(super) fn meets_body(
+    group: &Group,
+    place: &Place,
+    bounds: [DVec3; 2],
+    boxed: &Boxed<'_>,
+) -> bool {
+    let body = boxed.body;
+    let Some(search) = &body.search else { return false };
+    let limit = tolerance(bounds, boxed.bounds);
+    let wide = [bounds[0] - limit, bounds[1] + limit];
+    let mut candidates = Vec::new();
+    search.tree.within(wide, |triangle| {
+        let corners = body.surface.corners(triangle as usize);
+        if near(bounds_of(corners.into_iter()), wide, 0.0) {
+            candidates.push(corners);
+        }
+    });
+    if candidates.is_empty() {
+        return false;
+    }
+    if group.is_crossed_by(place, &candidates) {
+        return true;
+    }
+    sure(group.prototype.error(), |error| {
+        let finer = error.and_then(|error| group.prototype.finer(error));
+        let prototype = finer.as_ref().unwrap_or(&group.prototype);
+        let limit = limit + prototype.error() * place.largest_scale();
+        any_facet_meets(prototype, place, &candidates, limit)
+    })
+}
+
+/// Asks whether surfaces meet, with finer and finer facets for shapes until they do not or the
+/// facets are as fine as they get; facets to begin with have the error `of`, m.
+fn sure(of: f64, meet: impl Fn(Option<f64>) -> bool) -> bool {
+    let errors = [None, Some(of / 16.0), Some(of / 256.0), Some(FINEST.min(of / 4096.0))];
+    let kinds = if of == 0.0 { &errors[..1] } else { &errors[..] };
+    kinds.iter().all(|error| meet(*error))
+}
+
+/// Whether the surfaces of two places meet.
+pub(super) fn meets_place(
+    (group, place): (&Group, &Place),
+    (others, there): (&Group, &Place),
+    bounds: [[DVec3; 2]; 2],
+) -> bool {
+    let limit = tolerance(bounds[0], bounds[1]);
+    // Most neighbours lie on either side of a plane.
+    let apart = there.position - place.position;
+    let along = apart.normalize_or_zero();
+    let reach = |group: &Group, place: &Place, along: DVec3| {
+        let own = place.linear().transpose() * along;
+        group.prototype.reach(own)
+    };
+    let reaches = reach(group, place, along) + reach(others, there, -along);
+    if along != DVec3::ZERO && reaches < along.dot(apart) - limit {
+        return false;
+    }
+    let shared = [bounds[0][0].max(bounds[1][0]) - limit, bounds[0][1].min(bounds[1][1]) + limit];
+    let corners = |group: &Group, place: &Place| -> Vec<[DVec3; 3]> {
+        let all = 0..group.prototype.triangles.len();
+        all.map(|it| group.prototype.corners(it).map(|it| place.world_from_own(it))).collect()
+    };
+    if group.is_crossed_by(place, &corners(others, there))
+        || others.is_crossed_by(there, &corners(group, place))
+    {
+        return true;
+    }
+    sure(group.prototype.error().max(others.prototype.error()), |error| {
+        let finer = |group: &Group| error.and_then(|error| group.prototype.finer(error));
+        let (own, other) = (finer(group), finer(others));
+        let own = own.as_ref().unwrap_or(&group.prototype);
+        let other = other.as_ref().unwrap_or(&others.prototype);
+        let candidates: Vec<[DVec3; 3]> = (0..other.triangles.len())
+            .map(|triangle| other.corners(triangle).map(|it| there.world_from_own(it)))
+            .filter(|corners| near(bounds_of(corners.iter().copied()), shared, 0.0))
+            .collect();
+        let error = own.error() * place.largest_scale() + other.error() * there.largest_scale();
+        any_facet_meets(own, place, &candidates, limit + error)
+    })
+}
+
+fn any_facet_meets(
+    prototype: &Prototype,
+    place: &Place,
+    others: &[[DVec3; 3]],
+    limit: f64,
+) -> bool {
+    let all = bounds_of(others.iter().flatten().copied());
+    let boxes: Vec<[DVec3; 2]> = others.iter().map(|it| bounds_of(it.iter().copied())).collect();
+    let tree = Tree::of_boxes(&boxes);
+    (0..prototype.triangles.len()).any(|triangle| {
+        let corners = prototype.corners(triangle).map(|it| place.world_from_own(it));
+        let bounds = bounds_of(corners.into_iter());
+        let mut met = false;
+        if near(bounds, all, limit) {
+            tree.within([bounds[0] - limit, bounds[1] + limit], |other| {
+                met = met || meet(corners, others[other as usize], limit).is_some();
+            });
+        }
+        met
+    })
+}

@@ -1,0 +1,220 @@
+//! Surfaces that stand in many places, and analytic ones: kept once, with the places.
+
+mod assemble;
+mod meeting;
+mod nesting;
+mod place;
+mod prototype;
+
+pub(super) use nesting::{Group, Groups};
+pub(crate) use place::Place;
+pub(crate) use prototype::Prototype;
+
+use glam::DVec3;
+use std::borrow::Cow;
+use std::ops::Range;
+
+use super::Sample;
+use crate::numbers;
+
+/// A prototype in its place.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Placed {
+    /// Index into the prototypes of the sample.
+    pub(crate) prototype: u32,
+    /// The first of its components; those of its prototype follow it.
+    pub(crate) component: u32,
+    pub(crate) place: Place,
+}
+
+impl Placed {
+    /// Whether both show the same outlines but for their scale and position.
+    pub(crate) fn shows_the_same(&self, other: &Self) -> bool {
+        let Place { stretch, rotation, .. } = self.place;
+        self.prototype == other.prototype
+            && rotation == other.place.rotation
+            && stretch.to_bits() == other.place.stretch.to_bits()
+    }
+}
+
+/// Facets of the sample, those of placed meshes included, by number: first the triangles of the
+/// sample itself, then those of one placed mesh after the other. Analytic surfaces have none.
+#[derive(Debug, Clone)]
+pub(crate) struct FacetNumbers {
+    /// By prototype: number of its first facet, and its placed ones.
+    blocks: Vec<Block>,
+}
+
+#[derive(Debug, Clone)]
+struct Block {
+    first: u64,
+    /// Facets of each.
+    each: u64,
+    placed: Range<usize>,
+}
+
+/// A facet by its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FacetOf {
+    /// A triangle of the sample.
+    Sample(usize),
+    /// A triangle of the prototype of a placed mesh: index of the placed one, and of the triangle.
+    Placed(usize, usize),
+}
+
+impl FacetNumbers {
+    pub(crate) fn new(sample: &Sample) -> Self {
+        let mut blocks = Vec::new();
+        let mut count = sample.triangles.len() as u64;
+        let mut begin = 0;
+        for same in sample.placed.chunk_by(|a, b| a.prototype == b.prototype) {
+            let prototype = &sample.prototypes[same[0].prototype as usize];
+            let placed = begin..begin + same.len();
+            begin = placed.end;
+            let each = prototype.facets() as u64;
+            if each > 0 {
+                blocks.push(Block { first: count, each, placed: placed.clone() });
+                count += each * placed.len() as u64;
+            }
+        }
+        Self { blocks }
+    }
+
+    /// Placed meshes, with the number of the first facet of each.
+    pub(crate) fn placed(&self) -> impl Iterator<Item = (usize, u64)> {
+        self.blocks.iter().flat_map(|block| {
+            (0..)
+                .zip(block.placed.clone())
+                .map(|(k, placed)| (placed, block.first + k * block.each))
+        })
+    }
+
+    /// Which facet has a number.
+    pub(crate) fn of(&self, sample: &Sample, number: u32) -> FacetOf {
+        if (number as usize) < sample.triangles.len() {
+            return FacetOf::Sample(number as usize);
+        }
+        let number = u64::from(number);
+        let after = self.blocks.partition_point(|block| block.first <= number);
+        let block = &self.blocks[after - 1];
+        let (placed, triangle) =
+            ((number - block.first) / block.each, (number - block.first) % block.each);
+        let at = numbers::length(placed) + block.placed.start;
+        FacetOf::Placed(at, numbers::length(triangle))
+    }
+}
+
+impl Sample {
+    /// Whether there is nothing to trace.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.triangles.is_empty() && self.placed.is_empty()
+    }
+
+    /// The largest coordinate, m.
+    pub(crate) fn reach(&self) -> f64 {
+        let of_mesh = self.vertices.iter().flatten().fold(0.0_f64, |most, v| most.max(v.abs()));
+        self.placed.iter().fold(of_mesh, |most, it| {
+            let [low, high] = self.bounds_of_placed(it);
+            most.max(low.abs().max(high.abs()).max_element())
+        })
+    }
+
+    /// Box of a placed surface in the world: least and greatest corner, m.
+    pub(crate) fn bounds_of_placed(&self, placed: &Placed) -> [DVec3; 2] {
+        placed.place.bounds(self.prototypes[placed.prototype as usize].bounds())
+    }
+
+    /// Area that each component of a placed surface shows along directions, over its scale squared, m2;
+    /// half of both sides.
+    pub(crate) fn projected_areas(&self, placed: &Placed, along: [DVec3; 3]) -> Vec<[f64; 3]> {
+        let prototype = &self.prototypes[placed.prototype as usize];
+        let place = Place { scale: 1.0, position: DVec3::ZERO, ..placed.place };
+        let mut areas = vec![[0.0; 3]; prototype.components.len()];
+        for (triangle, component) in prototype.triangle_component.iter().enumerate() {
+            let [a, b, c] = prototype.corners(triangle).map(|it| place.world_from_own(it));
+            let area = 0.5 * (b - a).cross(c - a);
+            for (sum, along) in areas[*component as usize].iter_mut().zip(along) {
+                *sum += 0.5 * area.dot(along).abs();
+            }
+        }
+        areas
+    }
+
+    /// Corners of a facet, m.
+    pub(crate) fn corners(&self, facet: FacetOf) -> [DVec3; 3] {
+        match facet {
+            FacetOf::Sample(triangle) => {
+                self.triangles[triangle].map(|v| DVec3::from_array(self.vertices[v as usize]))
+            }
+            FacetOf::Placed(placed, triangle) => {
+                let Placed { prototype, place, .. } = &self.placed[placed];
+                let corners = self.prototypes[*prototype as usize].corners(triangle);
+                corners.map(|corner| place.world_from_own(corner))
+            }
+        }
+    }
+
+    /// Component of a facet.
+    pub(crate) fn component_of(&self, facet: FacetOf) -> u32 {
+        match facet {
+            FacetOf::Sample(triangle) => self.triangle_component[triangle],
+            FacetOf::Placed(placed, triangle) => {
+                let placed = &self.placed[placed];
+                let prototype = &self.prototypes[placed.prototype as usize];
+                placed.component + prototype.triangle_component[triangle]
+            }
+        }
+    }
+
+    /// Vertices of all surfaces, those of instances included, m.
+    pub fn points(&self) -> impl Iterator<Item = [f64; 3]> {
+        let placed = self.placed.iter().flat_map(|it| {
+            let prototype = &self.prototypes[it.prototype as usize];
+            prototype.vertices.iter().map(|vertex| it.place.world_from_own(*vertex).to_array())
+        });
+        self.vertices.iter().copied().chain(placed)
+    }
+
+    /// Triangles of [`Sample::as_meshes`].
+    #[must_use]
+    pub fn triangles_as_meshes(&self) -> u64 {
+        let of = |it: &Placed| self.prototypes[it.prototype as usize].triangles.len() as u64;
+        self.triangles.len() as u64 + self.placed.iter().map(of).sum::<u64>()
+    }
+
+    /// The same surfaces with every instance as a mesh of its own; triangles of an object lie
+    /// together.
+    #[must_use]
+    pub fn as_meshes(&self) -> Cow<'_, Self> {
+        if self.placed.is_empty() {
+            return Cow::Borrowed(self);
+        }
+        let mut all = Self {
+            vertices: self.vertices.clone(),
+            components: self.components.clone(),
+            objects: self.objects.clone(),
+            contacts: self.contacts.clone(),
+            ..Self::default()
+        };
+        let object = |component: u32| self.components[component as usize].object;
+        let mut own = self.triangles.iter().zip(&self.triangle_component).peekable();
+        let mut placed = self.placed.iter().peekable();
+        for number in 0..numbers::count(self.objects.len()) {
+            while let Some((triangle, component)) = own.next_if(|it| object(*it.1) == number) {
+                all.triangles.push(*triangle);
+                all.triangle_component.push(*component);
+            }
+            while let Some(it) = placed.next_if(|it| object(it.component) == number) {
+                let prototype = &self.prototypes[it.prototype as usize];
+                let vertex = numbers::count(all.vertices.len());
+                let vertices = prototype.vertices.iter();
+                all.vertices.extend(vertices.map(|own| it.place.world_from_own(*own).to_array()));
+                let triangles = prototype.triangles.iter();
+                all.triangles.extend(triangles.map(|corners| corners.map(|own| own + vertex)));
+                let components = prototype.triangle_component.iter();
+                all.triangle_component.extend(components.map(|own| own + it.component));
+            }
+        }
+        Cow::Owned(all)
+    }
+}

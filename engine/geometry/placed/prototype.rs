@@ -1,0 +1,164 @@
+//! A surface in its own frame, which stands in several places.
+
+use glam::DVec3;
+
+use super::super::Component;
+use super::super::adjacency::across;
+use super::super::analytic::AnalyticShape;
+use super::super::lids::Gathered;
+use super::super::search::winding;
+use super::super::surface::bounds_of;
+use super::Place;
+
+/// Error of the facets that stand for a shape, share of its least extent: where it stands in few
+/// places, and where it stands in many.
+const FINE: f64 = 5e-4;
+const COARSE: f64 = 5e-3;
+const FEW: usize = 1000;
+
+/// Most facets that stand for a shape where it is cut, or nearly meets another surface.
+const MOST_FACETS: u64 = 150_000;
+
+/// A closed surface in its own frame, m: a mesh, or an analytic shape with facets that stand for it
+/// where no ray is traced.
+#[derive(Debug, Clone)]
+pub(crate) struct Prototype {
+    pub(crate) shape: Option<AnalyticShape>,
+    /// How far facets that stand for the shape are off it, m.
+    error: f64,
+    pub(crate) vertices: Vec<DVec3>,
+    /// Counter-clockwise seen from outside.
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Component of each triangle, counted from 0.
+    pub(crate) triangle_component: Vec<u32>,
+    /// In the own frame; `outside` is that of each place.
+    pub(crate) components: Vec<Component>,
+    /// Triangles across the edges of each, as [`super::super::across_edges`] gives them.
+    pub(crate) across: Vec<[u32; 3]>,
+    bounds: [DVec3; 2],
+}
+
+impl Prototype {
+    pub(crate) fn new(
+        vertices: Vec<DVec3>,
+        triangles: Vec<[u32; 3]>,
+        triangle_component: Vec<u32>,
+        components: Vec<Component>,
+    ) -> Self {
+        let across = across(vertices.len(), &triangles);
+        let mut components = components;
+        let mut lids: Vec<Gathered> = components.iter().map(Gathered::new).collect();
+        for (triangle, component) in triangles.iter().zip(&triangle_component) {
+            lids[*component as usize].add(triangle.map(|vertex| vertices[vertex as usize]));
+        }
+        for (component, lids) in components.iter_mut().zip(lids) {
+            component.lids = lids.lids();
+        }
+        let bounds = bounds_of(vertices.iter().copied());
+        let error = 0.0;
+        Self {
+            shape: None,
+            error,
+            vertices,
+            triangles,
+            triangle_component,
+            components,
+            across,
+            bounds,
+        }
+    }
+
+    /// An analytic shape of an object, which is to stand in so many places.
+    pub(crate) fn of_shape(shape: AnalyticShape, object: u32, places: usize) -> Self {
+        let [low, high] = shape.bounds();
+        let size = (high - low).min_element();
+        let error = size * if places > FEW { COARSE } else { FINE };
+        let surface = shape.surface(error);
+        let component = Component {
+            object,
+            volume: shape.volume(),
+            area: shape.area(),
+            bounds: [low, high].map(Into::into),
+            ..Component::default()
+        };
+        let of = vec![0; surface.triangles.len()];
+        Self {
+            shape: Some(shape),
+            error,
+            bounds: [low, high],
+            ..Self::new(surface.vertices, surface.triangles, of, vec![component])
+        }
+    }
+
+    /// The same shape with facets that are off it by less, as near to `error` (m) as [`MOST_FACETS`]
+    /// allow; nothing for a mesh, or where they cannot be finer.
+    pub(crate) fn finer(&self, error: f64) -> Option<Self> {
+        let shape = self.shape?;
+        let allowed = |error: &f64| shape.triangles(*error) <= MOST_FACETS;
+        let error = (0..30).map(|step| error * f64::from(1_u32 << step)).find(allowed)?;
+        if error >= self.error {
+            return None;
+        }
+        let surface = shape.surface(error);
+        let of = vec![0; surface.triangles.len()];
+        let components = self.components.clone();
+        let finer = Self::new(surface.vertices, surface.triangles, of, components);
+        Some(Self { shape: Some(shape), error, bounds: self.bounds, ..finer })
+    }
+
+    /// Number of facets that are traced.
+    pub(crate) fn facets(&self) -> usize {
+        if self.shape.is_some() { 0 } else { self.triangles.len() }
+    }
+
+    /// Corners of a triangle, m.
+    pub(crate) fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|vertex| self.vertices[vertex as usize])
+    }
+
+    /// Whether a point off the surface lies in the material, of the own frame.
+    pub(crate) fn contains(&self, point: DVec3) -> bool {
+        let [low, high] = self.bounds;
+        let in_box = low.cmple(point).all() && point.cmple(high).all();
+        if let Some(shape) = self.shape {
+            return shape.contains(point);
+        }
+        let corners = (0..self.triangles.len()).map(|triangle| self.corners(triangle));
+        in_box && winding(corners, point) > 0.5
+    }
+
+    /// The largest product of a point of the surface with a vector of the own frame.
+    pub(crate) fn reach(&self, along: DVec3) -> f64 {
+        match self.shape {
+            Some(shape) => shape.support(along).dot(along),
+            None => {
+                let reaches = self.vertices.iter().map(|it| along.dot(*it));
+                reaches.fold(f64::NEG_INFINITY, f64::max)
+            }
+        }
+    }
+
+    /// How far facets that stand for the surface are off it, m of the own frame.
+    pub(crate) const fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// Area of each component in a place, m2.
+    pub(crate) fn areas(&self, place: &Place) -> Vec<f64> {
+        if (place.stretch - 1.0).abs() < f64::EPSILON {
+            let scale = place.scale * place.scale;
+            return self.components.iter().map(|it| it.area * scale).collect();
+        }
+        let mut areas = vec![0.0; self.components.len()];
+        for (triangle, component) in self.triangle_component.iter().enumerate() {
+            let [a, b, c] = self.corners(triangle).map(|it| place.world_from_own(it));
+            areas[*component as usize] += (b - a).cross(c - a).length() / 2.0;
+        }
+        areas
+    }
+
+    /// Least and greatest corner of its box, m.
+    pub(crate) const fn bounds(&self) -> [DVec3; 2] {
+        self.bounds
+    }
+}
