@@ -122,8 +122,10 @@ pub struct CheckedObject {
     pub name: String,
     /// Material name.
     pub material: String,
-    /// Number of triangles.
+    /// Number of triangles; those of a mesh in many places count once.
     pub triangles: usize,
+    /// Number of places that it stands in; 0 where it has no instances.
+    pub instances: usize,
     /// Volume, m3.
     pub volume: f64,
     /// Corners of its bounding box, m.
@@ -361,6 +363,7 @@ fn objects(scene: &Scene, sample: &Sample) -> Vec<CheckedObject> {
         name: summary.name.clone(),
         material: scene.objects.get(index).map(|o| o.material.clone()).unwrap_or_default(),
         triangles: summary.triangles,
+        instances: summary.instances,
         volume: summary.volume,
         bounds: summary.bounds,
         inside: names(&mut summary.inside.iter().flatten().copied()),

@@ -14,12 +14,11 @@ layout(local_size_x = GROUP) in;
 #define sample_ push.sample_ref.at[0]
 
 #include "walk/triangle.glsl"
+#include "walk/primitive.glsl"
 #include "walk/list.glsl"
 
-// A candidate of the search: the list holds the first crossings so far, sorted.
-void visit(Beam beam, uint primitive, inout Gathered list) {
-    Crossing crossing;
-    if (!crosses(beam, primitive, list, crossing)) return;
+// The list holds the first crossings so far, sorted.
+void list_add(inout Gathered list, Crossing crossing) {
     if (list.count == push.capacity) {
         if (!later(list_at(list, list.count - 1u), crossing)) return;
         list.count -= 1u;
@@ -46,11 +45,14 @@ void main() {
     traverse(beam, -1e30, list);
     for (uint i = 0u; i < list.count; i++) {
         Crossing crossing = list_at(list, i);
-        vec3 normal = sample_.leaves.at[crossing.facet & FACET_LEAF].normal;
+        Placed placed;
+        bool shape = is_shape(crossing.facet & FACET_LEAF, placed);
+        vec3 normal = shape ? normal_of_shape(beam, placed, crossing)
+            : beam_from_world(beam, leaf_at(crossing.facet & FACET_LEAF).normal);
         push.met.at[index * push.capacity + i] =
             SurfaceCrossing(crossing.y, object_of(crossing),
                        (crossing.facet & FACET_ENTERED) != 0u ? 1u : 0u,
-                       beam_from_world(beam, normal));
+                       normal);
     }
     push.counts.at[index] = list.count;
 }

@@ -19,6 +19,7 @@ layout(local_size_x = GROUP) in;
 #define sample_ push.sample_ref.at[0]
 
 #include "walk/triangle.glsl"
+#include "walk/primitive.glsl"
 #include "physics/refraction.glsl"
 #include "walk/list.glsl"
 #include "walk/gather_all.glsl"

@@ -17,13 +17,26 @@ layout(local_size_x = GROUP) in;
 
 // A candidate of the search.
 void visit(Beam beam, uint primitive, inout Gathered all) {
-    Leaf leaf = sample_.leaves.at[primitive];
+    Leaf leaf = leaf_at(primitive);
     Facet facet = facet_of(beam, leaf);
     if (!facet.crossed) return;
     Surface surface = sample_.surfaces.at[leaf.surface & SURFACE_INDEX];
     if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
     visit(beam, facet, surface, beam_from_world(beam, leaf.normal), all);
 }
+
+#ifdef PLACED
+// A shape that may be crossed.
+void visit_shape(Beam beam, uint primitive, Placed placed, inout Gathered all) {
+    ShapeCrossings found = shape_crossings(beam, vec2(0.0), vec2(0.0), placed);
+    if (found.count == 0u) return;
+    Surface surface = sample_.surfaces.at[placed.surface];
+    if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
+    for (uint i = 0u; i < found.count; i++) {
+        run_cross(all.run, beam, all.stretch, surface, found.normal_[i], found.y[i], i % 2u == 0u);
+    }
+}
+#endif
 
 #ifdef BACKEND_RAY_QUERY
 #include "walk/ray_query.glsl"

@@ -102,10 +102,38 @@ void next_node(inout Search search) {
     } while (search.more && search.leaves == 0u);
 }
 
+#ifdef PLACED
+// A leaf that is a convex shape, as the rays cross it.
+struct ShapeLeaf {
+    bool is; // and not a triangle
+    uint surface;
+    Chord chords[RAYS_PER_LANE];
+};
+
+// Fills in the shape of a leaf, if it is one; whether a ray of this lane crosses it.
+bool shape_leaf(Beam frame, uint word, out ShapeLeaf shape) {
+    shape.is = (word & ~SURFACE_INDEX) != 0u;
+    // Of another leaf the first is as good as any.
+    Placed placed = sample_.placed.at[shape.is ? word & SURFACE_INDEX : 0u];
+    shape.surface = placed.surface;
+    Convex convex = convex_of(frame, placed);
+    bool crossed = false;
+    EACH_RAY {
+        shape.chords[k] = chord_of(convex, rays[k].beam, vec2(0.0), vec2(0.0));
+        shape.chords[k].crossed = shape.chords[k].crossed && rays[k].walks && shape.is;
+        crossed = crossed || shape.chords[k].crossed;
+    }
+    return crossed;
+}
+#endif
+
 // Takes leaves of a node until some ray crosses one, or none is left. `frame`: the beam's view,
 // which is the same for all rays; `before`: leaves that were left before the last one was taken.
-void next_triangle(inout Search search, Beam frame, out Record leaf,
-                   out Facet facets[RAYS_PER_LANE], out uint before) {
+void next_leaf(inout Search search, Beam frame, out Record leaf, out Facet facets[RAYS_PER_LANE],
+#ifdef PLACED
+               out ShapeLeaf shape,
+#endif
+               out uint before) {
     Words leaves = Words(uvec2(sample_.leaves));
     bool crossed;
     do {
@@ -121,17 +149,29 @@ void next_triangle(inout Search search, Beam frame, out Record leaf,
             facets[k].crossed = facets[k].crossed && rays[k].walks;
             crossed = crossed || facets[k].crossed;
         }
+#ifdef PLACED
+        bool shaped = shape_leaf(frame, word_of(leaf, LEAF_SURFACE), shape);
+        crossed = shape.is ? shaped : crossed;
+#endif
         crossed = any_lane(uint(crossed)) != 0u;
     } while (!crossed && search.leaves != 0u);
 }
 
-// The surface of a leaf; its object is left out.
-Surface surface_of(Record leaf) {
+// A surface; its object is left out.
+Surface surface_of(uint index) {
     Words surfaces = Words(uvec2(sample_.surfaces));
-    Record sides = record_at(surfaces, word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX, SURFACE_WORDS);
+    Record sides = record_at(surfaces, index, SURFACE_WORDS);
     return Surface(0u, word_of(sides, SURFACE_INSIDE), word_of(sides, SURFACE_OUTSIDE),
                    word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING));
 }
+
+#ifdef PLACED
+// Adds the crossings of a convex shape.
+void cross_chord(Beam beam, Chord chord, Surface surface, inout Gathered all) {
+    run_cross(all.run, beam, all.stretch, surface, chord.entry_normal, chord.enter, true);
+    run_cross(all.run, beam, all.stretch, surface, chord.exit_normal, chord.leave, false);
+}
+#endif
 
 // Hands the leaves of a node to the rays. True where runs of some rays have to end first: those
 // of `ending`; the leaf at which they do is left.
@@ -141,8 +181,16 @@ bool visit_leaves(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE
         Record leaf;
         Facet facets[RAYS_PER_LANE];
         uint before;
-        next_triangle(search, frame, leaf, facets, before);
-        Surface surface = surface_of(leaf);
+#ifdef PLACED
+        ShapeLeaf shape;
+        next_leaf(search, frame, leaf, facets, shape, before);
+        EACH_RAY facets[k].crossed = shape.is ? shape.chords[k].crossed : facets[k].crossed;
+        uint index = shape.is ? shape.surface : word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX;
+#else
+        next_leaf(search, frame, leaf, facets, before);
+        uint index = word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX;
+#endif
+        Surface surface = surface_of(index);
         EACH_RAY {
             ending[k] = facets[k].crossed && run_ends_at(rays[k].all.run, surface);
             ends = ends || ending[k];
@@ -155,6 +203,12 @@ bool visit_leaves(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE
         vec3 normal_ = beam_from_world(frame, numbers_of(leaf, LEAF_NORMAL));
         search.triangles += 1u;
         EACH_RAY {
+#ifdef PLACED
+            if (facets[k].crossed && shape.is) {
+                cross_chord(rays[k].beam, shape.chords[k], surface, rays[k].all);
+                facets[k].crossed = false;
+            }
+#endif
             if (facets[k].crossed) visit(rays[k].beam, facets[k], surface, normal_, rays[k].all);
         }
     } while (search.leaves != 0u);

@@ -1,10 +1,15 @@
 //! The software BVH: compressed wide nodes, and leaves in their order. Ray query gets its
 //! triangles in the same order: drivers that split in input order need it.
 
+use super::placed::{placed_record, shape_record};
 use crate::geometry::Sample;
-use crate::interface::{Leaf, NO_LEAF, Node, STACK, SURFACE_INDEX};
+use crate::interface::{
+    self, FACET_LEAF, KIND_FRUSTUM, KIND_MESH, LEAF_MESH, LEAF_SHAPE, Leaf, NO_LEAF, Node, STACK,
+    SURFACE_INDEX,
+};
 use crate::numbers::{self, single};
 use crate::{Error, Result};
+use bytemuck::Zeroable;
 use glam::{DVec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
@@ -20,51 +25,154 @@ use rayon::prelude::*;
 /// Triangles of a leaf: the most that the wide nodes can count.
 const MOST_IN_LEAF: u32 = 3;
 
-/// Nodes and leaves as the shaders read them.
+/// Nodes and leaves as the shaders read them: a tree over the triangles of the sample and its placed
+/// surfaces, then one over each prototype in its own frame.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Bvh {
-    /// Nodes; the root is the first.
+    /// Nodes; the root of the sample is the first.
     pub nodes: Vec<Node>,
-    /// Triangles in the order of the BVH.
+    /// Leaves in the order of the trees.
     pub leaves: Vec<Leaf>,
-    /// Padded boxes of the leaves, low and high corner.
+    /// Padded boxes of the leaves of the sample, low and high corner.
     pub boxes: Vec<[[f32; 3]; 2]>,
-    /// For each leaf those across its edges opposite to a, b, c; [`NO_LEAF`] at an open edge.
+    /// For each leaf those across its edges opposite to a, b, c, counted from the first of its
+    /// tree; [`NO_LEAF`] at an open edge.
     pub neighbours: Vec<[u32; 3]>,
+    /// As in the sample.
+    pub placed: Vec<interface::Placed>,
+    pub prototypes: Vec<interface::Prototype>,
+    pub shapes: Vec<interface::AnalyticShape>,
+    /// `KIND_` bits of what is placed.
+    pub kinds: u32,
 }
 
+/// Padding of boxes, as a share of the largest coordinate: what the box test may lose to rounding.
+const PADDING: f64 = 1.0 / (1 << 19) as f64;
+
 impl Bvh {
-    /// Builds the BVH of a sample; the surface of a leaf is its component. `across`: the triangles
+    /// Builds the trees of a sample; the surface of a leaf is its component. `across`: the triangles
     /// across the edges of each, as [`crate::geometry::across_edges`] finds them.
     ///
     /// # Errors
-    /// [`Error::Mesh`] where the tree would be deeper than the shaders' stack, or there are
-    /// more surfaces than a leaf can name.
+    /// [`Error::Mesh`] where a tree would be deeper than the shaders' stack, or there are
+    /// more surfaces or facets than shaders can name.
     pub(crate) fn build(sample: &Sample, across: &[[u32; 3]]) -> Result<Self> {
-        if sample.triangles.is_empty() {
+        if sample.is_empty() {
             return Ok(Self::default());
         }
         if sample.components.len() > SURFACE_INDEX as usize {
             return Err(Error::mesh("sample", "has too many separate surfaces", ""));
         }
-        let corners = |t: &[u32; 3]| t.map(|v| DVec3::from_array(sample.vertices[v as usize]));
-        // Boxes are padded by what the box test may lose to rounding at this distance.
-        let reach = sample.vertices.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let pad = Vec3A::splat(single(reach) * 2.0_f32.powi(-19));
-        let padded = |t: &[u32; 3]| {
-            let [a, b, c] = corners(t).map(|v| v.as_vec3a());
-            Aabb::new(a.min(b).min(c) - pad, a.max(b).max(c) + pad)
-        };
-        let leaf_box = |i: &u32| {
-            let b = padded(&sample.triangles[*i as usize]);
-            [b.min.to_array(), b.max.to_array()]
-        };
-        let boxes = || sample.triangles.par_iter().map(padded).collect();
-        let mut bvh = wide_tree(boxes());
-        if depth(&bvh.nodes) > STACK as usize {
-            bvh = balanced(&boxes());
+        let reach = sample.reach();
+        let vertex = |v: u32| DVec3::from_array(sample.vertices[v as usize]);
+        let boxes_of_placed = sample.placed.iter().map(|placed| {
+            let [low, high] = sample.bounds_of_placed(placed);
+            Aabb::new(low.as_vec3a(), high.as_vec3a())
+        });
+        let boxes = || boxes_of(&sample.triangles, vertex).chain(boxes_of_placed.clone()).collect();
+        let mut bvh = Self::default();
+        let order = bvh.append(boxes, reach * PADDING, true)?;
+        let triangles = sample.triangles.len();
+        bvh.leaves = order
+            .par_iter()
+            .map(|&i| match i.checked_sub(numbers::count(triangles)) {
+                None => {
+                    let corners = sample.triangles[i as usize].map(vertex);
+                    leaf(corners, sample.triangle_component[i as usize])
+                }
+                Some(placed) => {
+                    let prototype = sample.placed[placed as usize].prototype as usize;
+                    let is_shape = sample.prototypes[prototype].shape.is_some();
+                    let kind = if is_shape { LEAF_SHAPE } else { LEAF_MESH };
+                    Leaf { surface: kind | placed, ..Leaf::zeroed() }
+                }
+            })
+            .collect();
+        bvh.append_neighbours(&order, across);
+        bvh.append_prototypes(sample, reach)?;
+        Ok(bvh)
+    }
+
+    /// Trees of prototypes, and where they stand.
+    fn append_prototypes(&mut self, sample: &Sample, reach: f64) -> Result<()> {
+        let mut primitive = self.leaves.len() as u64;
+        let mut first = 0;
+        for same in sample.placed.chunk_by(|a, b| a.prototype == b.prototype) {
+            let prototype = &sample.prototypes[same[0].prototype as usize];
+            let mut last = None;
+            if let Some(shape) = prototype.shape {
+                self.placed.extend(same.iter().map(|it| placed_record(it, 0, &mut last)));
+                self.prototypes.push(interface::Prototype {
+                    root: numbers::count(self.shapes.len()),
+                    leaf_base: 0,
+                    leaves: 0,
+                    primitive: numbers::low_word(primitive),
+                    placed: first,
+                });
+                let shape = shape_record(shape);
+                self.kinds |= KIND_FRUSTUM << shape.kind;
+                self.shapes.push(shape);
+                first += numbers::count(same.len());
+                continue;
+            }
+            self.kinds |= KIND_MESH;
+            let least = same
+                .iter()
+                .map(|it| it.place.scale * it.place.stretch.min(1.0))
+                .fold(f64::INFINITY, f64::min);
+            let vertex = |v: u32| prototype.vertices[v as usize];
+            let own = prototype.vertices.iter().fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
+            let root = numbers::count(self.nodes.len());
+            let leaf_base = numbers::count(self.leaves.len());
+            let boxes = || boxes_of(&prototype.triangles, vertex).collect();
+            let order = self.append(boxes, (reach / least + own) * PADDING, false)?;
+            self.leaves.extend(order.iter().map(|&i| {
+                let corners = prototype.triangles[i as usize].map(vertex);
+                leaf(corners, prototype.triangle_component[i as usize])
+            }));
+            self.append_neighbours(&order, &prototype.across);
+            let each = order.len() as u64;
+            let number = |k: u64| u32::try_from(primitive + k * each).ok();
+            let placed =
+                (0..).zip(same).map(|(k, it)| Some(placed_record(it, number(k)?, &mut last)));
+            let all: Option<Vec<interface::Placed>> = placed.collect();
+            let end = primitive + each * same.len() as u64;
+            let (Some(all), true) = (all, end <= u64::from(FACET_LEAF)) else {
+                let problem = format!("{end} facets of instances are more than {FACET_LEAF}");
+                return Err(Error::mesh(
+                    "sample",
+                    problem,
+                    "use a coarser mesh, or fewer instances",
+                ));
+            };
+            self.placed.extend(all);
+            self.prototypes.push(interface::Prototype {
+                root,
+                leaf_base,
+                leaves: numbers::count(order.len()),
+                primitive: numbers::low_word(primitive),
+                placed: first,
+            });
+            primitive = end;
+            first += numbers::count(same.len());
         }
-        let depth = depth(&bvh.nodes);
+        Ok(())
+    }
+
+    /// Adds the nodes of a tree over boxes that are widened by `pad`, m; the order of its leaves,
+    /// which are to follow. `keep`: the boxes are kept in that order.
+    fn append(&mut self, boxes: impl Fn() -> Vec<Aabb>, pad: f64, keep: bool) -> Result<Vec<u32>> {
+        let pad = Vec3A::splat(single(pad));
+        let padded = || {
+            let mut boxes = boxes();
+            boxes.par_iter_mut().for_each(|it| *it = Aabb::new(it.min - pad, it.max + pad));
+            boxes
+        };
+        let mut tree = wide_tree(padded());
+        if depth(&tree.nodes) > STACK as usize {
+            tree = balanced(&padded());
+        }
+        let depth = depth(&tree.nodes);
         if depth > STACK as usize {
             return Err(Error::mesh(
                 "sample",
@@ -72,29 +180,51 @@ impl Bvh {
                 "triangles that lie on one another, or extreme scales",
             ));
         }
-        let leaves = bvh
-            .primitive_indices
-            .par_iter()
-            .map(|&i| {
-                let [a, b, c] = corners(&sample.triangles[i as usize]);
-                Leaf {
-                    a: a.as_vec3().to_array(),
-                    b: b.as_vec3().to_array(),
-                    c: c.as_vec3().to_array(),
-                    normal: normal(a, b, c).as_vec3().to_array(),
-                    surface: sample.triangle_component[i as usize],
-                }
-            })
-            .collect();
-        let boxes = bvh.primitive_indices.par_iter().map(leaf_box).collect();
+        if keep {
+            let boxes = padded();
+            let corners = |i: &u32| {
+                let it = &boxes[*i as usize];
+                [it.min.to_array(), it.max.to_array()]
+            };
+            self.boxes = tree.primitive_indices.par_iter().map(corners).collect();
+        }
+        let (first, leaf) = (numbers::count(self.nodes.len()), numbers::count(self.leaves.len()));
+        let nodes: Vec<Node> = bytemuck::cast_slice(&tree.nodes).to_vec();
+        self.nodes.extend(nodes.into_iter().map(|node| Node {
+            child_base: node.child_base + first,
+            leaf_base: node.leaf_base + leaf,
+            ..node
+        }));
+        Ok(tree.primitive_indices)
+    }
+
+    fn append_neighbours(&mut self, order: &[u32], across: &[[u32; 3]]) {
         let mut place = vec![NO_LEAF; across.len()];
-        for (leaf, triangle) in (0..).zip(&bvh.primitive_indices) {
-            place[*triangle as usize] = leaf;
+        for (leaf, triangle) in (0..).zip(order) {
+            if let Some(place) = place.get_mut(*triangle as usize) {
+                *place = leaf;
+            }
         }
         let leaf_of = |triangle: u32| place.get(triangle as usize).copied().unwrap_or(NO_LEAF);
-        let neighbours =
-            bvh.primitive_indices.iter().map(|i| across[*i as usize].map(leaf_of)).collect();
-        Ok(Self { nodes: bytemuck::cast_slice(&bvh.nodes).to_vec(), leaves, boxes, neighbours })
+        let of = |i: &u32| across.get(*i as usize).map_or([NO_LEAF; 3], |it| it.map(leaf_of));
+        self.neighbours.extend(order.iter().map(of));
+    }
+}
+
+fn boxes_of(triangles: &[[u32; 3]], vertex: impl Fn(u32) -> DVec3) -> impl Iterator<Item = Aabb> {
+    triangles.iter().map(move |corners| {
+        let [a, b, c] = corners.map(|v| vertex(v).as_vec3a());
+        Aabb::new(a.min(b).min(c), a.max(b).max(c))
+    })
+}
+
+fn leaf([a, b, c]: [DVec3; 3], surface: u32) -> Leaf {
+    Leaf {
+        a: a.as_vec3().to_array(),
+        b: b.as_vec3().to_array(),
+        c: c.as_vec3().to_array(),
+        normal: normal(a, b, c).as_vec3().to_array(),
+        surface,
     }
 }
 

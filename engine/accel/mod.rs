@@ -2,6 +2,7 @@
 
 mod backend;
 mod bvh;
+mod placed;
 
 pub use backend::Backend;
 pub(crate) use bvh::Bvh;

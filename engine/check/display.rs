@@ -126,6 +126,9 @@ fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
     let detail =
         |f: &mut Formatter<'_>, label: &str, text: String| writeln!(f, "    {label:<18}{text}");
     detail(f, "triangles", count(object.triangles as u64))?;
+    if object.instances > 0 {
+        detail(f, "instances", count(object.instances as u64))?;
+    }
     detail(f, "volume", format!("{} mm3", number(object.volume * 1e9)))?;
     let [low, high] = object.bounds.map(|corner| corner.map(|value| number(value * 1e3)));
     let range = |axis: usize| format!("{} to {}", low[axis], high[axis]);

@@ -26,6 +26,7 @@ pub struct LazyKernel {
     name: &'static str,
     spirv: &'static [u32],
     push_bytes: u32,
+    constant: Option<u32>,
     made: OnceLock<Kernel>,
 }
 
@@ -38,7 +39,14 @@ impl LazyKernel {
         spirv: &'static [u32],
         push_bytes: u32,
     ) -> Self {
-        Self { device: device.clone(), name, spirv, push_bytes, made: OnceLock::new() }
+        let (device, made) = (device.clone(), OnceLock::new());
+        Self { device, name, spirv, push_bytes, constant: None, made }
+    }
+
+    /// The same with a value of its specialization constant 0.
+    #[must_use]
+    pub fn with_constant(self, constant: u32) -> Self {
+        Self { constant: Some(constant), ..self }
     }
 
     /// The kernel.
@@ -49,7 +57,8 @@ impl LazyKernel {
         if let Some(kernel) = self.made.get() {
             return Ok(kernel);
         }
-        let made = self.device.kernel(self.name, self.spirv, self.push_bytes)?;
+        let made =
+            self.device.special_kernel(self.name, self.spirv, self.push_bytes, self.constant)?;
         Ok(self.made.get_or_init(|| made))
     }
 }
@@ -64,6 +73,17 @@ impl Device {
     /// # Panics
     /// With more than [`PUSH_BYTES`] bytes of push constants, or not a multiple of 4.
     pub fn kernel(self: &Arc<Self>, name: &str, spirv: &[u32], push_bytes: u32) -> Result<Kernel> {
+        self.special_kernel(name, spirv, push_bytes, None)
+    }
+
+    /// The same, with a value of specialization constant 0.
+    fn special_kernel(
+        self: &Arc<Self>,
+        name: &str,
+        spirv: &[u32],
+        push_bytes: u32,
+        constant: Option<u32>,
+    ) -> Result<Kernel> {
         assert!(
             push_bytes <= PUSH_BYTES && push_bytes.is_multiple_of(4),
             "{name}: {push_bytes} push bytes"
@@ -92,10 +112,16 @@ impl Device {
         let info = vk::ShaderModuleCreateInfo::default().code(spirv);
         // SAFETY: the words are SPIR-V for Vulkan 1.2 by the contract of this function.
         let module = unsafe { self.raw.create_shader_module(&info, None) }.map_err(failed)?;
-        let stage = vk::PipelineShaderStageCreateInfo::default()
+        let entry = [vk::SpecializationMapEntry::default().size(size_of::<u32>())];
+        let data = constant.unwrap_or_default().to_ne_bytes();
+        let special = vk::SpecializationInfo::default().map_entries(&entry).data(&data);
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
             .module(module)
             .name(c"main");
+        if constant.is_some() {
+            stage = stage.specialization_info(&special);
+        }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout);
         let faulty = self.faults.check(FaultyCall::MakeKernel).map_err(|e| (Vec::new(), e));
         // Before: a driver that cannot take a kernel may end the process.

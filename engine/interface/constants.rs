@@ -13,6 +13,24 @@ shared_constants! {
     STACK: u32 = 32;
     /// Bits of a leaf's surface word that index the surfaces; the kind stands above them.
     SURFACE_INDEX: u32 = (1 << 28) - 1;
+    /// Kind of a leaf that is a placed shape with curved surfaces; its index stands below.
+    LEAF_SHAPE: u32 = 1 << 28;
+    /// Kind of a leaf that is a placed mesh; its index stands below.
+    LEAF_MESH: u32 = 2 << 28;
+    /// Of what is placed in a sample: meshes,
+    KIND_MESH: u32 = 1;
+    /// cylinders and cones,
+    KIND_FRUSTUM: u32 = 2;
+    /// ellipsoids and spheres,
+    KIND_ELLIPSOID: u32 = 4;
+    /// tori.
+    KIND_TORUS: u32 = 8;
+    /// Cylinder, cone or truncated cone.
+    SHAPE_FRUSTUM: u32 = 0;
+    /// Ellipsoid or sphere.
+    SHAPE_ELLIPSOID: u32 = 1;
+    /// Torus.
+    SHAPE_TORUS: u32 = 2;
     /// In place of a neighbour at an open edge.
     NO_LEAF: u32 = u32::MAX;
 

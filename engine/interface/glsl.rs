@@ -129,6 +129,7 @@ fn members(shared: &Struct) -> String {
         ("i32", "") => format!("    int {name};\n"),
         ("u64", "") => format!("    uvec2 {name};\n"),
         ("[f32; 3]", "") => format!("    vec3 {name};\n"),
+        ("[f32; 4]", "") => format!("    vec4 {name};\n"),
         ("[u32; 2]", "") => format!("    uint {name}[2];\n"),
         (other, "") => format!("    {other} {name};\n"),
         (_, glsl) => format!("    {glsl} {name};\n"),
@@ -142,6 +143,7 @@ fn words(rust: &str, structs: &[Struct]) -> usize {
         "f32" | "u32" | "i32" => 1,
         "u64" | "[u32; 2]" => 2,
         "[f32; 3]" => 3,
+        "[f32; 4]" => 4,
         name => {
             let shared = structs.iter().find(|shared| shared.name == name);
             let shared = shared.unwrap_or_else(|| panic!("no shared struct {name}"));

@@ -85,8 +85,8 @@ pub use light::{
     RandomLightPush, RandomRaysPush, SpotPart,
 };
 pub use walk::{
-    Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Ray, RayResult, Sample, Surface,
-    SurfaceCrossing, TracePush, ViewTransform,
+    AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed, Prototype,
+    Ray, RayResult, Sample, Surface, SurfaceCrossing, TracePush, ViewTransform,
 };
 
 /// Every shared struct, by topic.

@@ -32,8 +32,50 @@ shared_structs! {
         pub c: [f32; 3],
         /// Unit, outward, computed in f64: edges of f32 vertices lose digits.
         pub normal: [f32; 3],
-        /// kind << 28 | index into the surfaces; kind 0 is a triangle.
+        /// kind << 28 | index; kind 0 is a triangle, the index that of its surface. Of a triangle of
+        /// a prototype in its own frame it is added to that of its place.
         pub surface: u32,
+    }
+
+    /// A prototype in its place.
+    pub struct Placed in PlacedRef(readonly) {
+        /// To the precision of f32, and what that leaves.
+        pub position: [f32; 3],
+        pub rest: [f32; 3],
+        /// Quaternion of any length, own frame to world.
+        pub rotation: [f32; 4],
+        /// Along x and y.
+        pub scale: f32,
+        pub scale_z: f32,
+        pub prototype: u32,
+        /// Number of its first primitive.
+        pub primitive: u32,
+        /// Index of its first surface.
+        pub surface: u32,
+    }
+
+    /// A surface that stands in several places, or an analytic one.
+    pub struct Prototype in Prototypes(readonly) {
+        /// Node; of an analytic surface its index among the shapes.
+        pub root: u32,
+        /// First of its leaves, and how many there are; none of an analytic surface.
+        pub leaf_base: u32,
+        pub leaves: u32,
+        /// Number of the first primitive of the first of its places.
+        pub primitive: u32,
+        /// The first of its places.
+        pub placed: u32,
+    }
+
+    /// A shape with curved surfaces, centred, along z of its own frame. Parameters, each the sum of
+    /// two f32: of a frustum the radius at z = 0, m, half the height, m, and the change of radius per
+    /// length of z; of an ellipsoid one over its semi-axes, 1/m; of a torus the radii of its ring
+    /// and of its tube, m, and 0.
+    pub struct AnalyticShape in AnalyticShapes(readonly) {
+        /// `SHAPE_`.
+        pub kind: u32,
+        pub high: [f32; 3],
+        pub low: [f32; 3],
     }
 
     /// What lies on the two sides of a connected surface.
@@ -116,8 +158,15 @@ shared_structs! {
         /// Address of the top-level acceleration structure.
         pub acceleration: u64,
         pub views: u64 => Views,
-        /// `[leaf][edge opposite to a, b, c]`: leaf, `NO_LEAF` at an open edge.
+        /// `[leaf][edge opposite to a, b, c]`: leaf of the same tree, counted from its first; `NO_LEAF` at
+        /// an open edge.
         pub neighbours: u64 => Neighbours,
+        pub placed: u64 => PlacedRef,
+        pub prototypes: u64 => Prototypes,
+        pub shapes: u64 => AnalyticShapes,
+        pub prototype_count: u32,
+        /// Leaves of the sample itself: larger numbers are primitives of placed meshes.
+        pub sample_leaves: u32,
     }
 
     /// Push constants of the order-free walk.

@@ -17,8 +17,8 @@ use crate::trace::Tally;
 use crate::{Result, reserve};
 use batch::{Batch, stride};
 use exact::{ExactRays, LISTED};
-use kernels::OrderFree;
 pub use kernels::TraceKernels;
+use kernels::{OrderFree, Walks};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -117,10 +117,14 @@ impl Tracer {
     /// # Errors
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn make_kernels(&self) -> Result<()> {
-        let (trace, exact) = self.kernels.of(self.backend);
-        self.order_free(trace).get()?;
-        exact.get()?;
+        let walks = self.walks(self.backend);
+        self.order_free(&walks.order_free).get()?;
+        walks.exact.get()?;
         Ok(())
+    }
+
+    fn walks(&self, backend: Backend) -> &Walks {
+        self.kernels.of(backend, self.sample.kinds)
     }
 
     const fn order_free<'k>(&self, trace: &'k OrderFree) -> &'k LazyKernel {
@@ -244,8 +248,9 @@ impl Tracer {
 
     fn trace_batch(&self, n: u32, wanted: Wanted) -> Result<Duration> {
         let moments = wanted != Wanted::RayResults;
-        let (trace, exact) = self.kernels.of(self.backend);
-        let mut time = self.pass(trace, moments, n, false, 0.0, false)?;
+        let walks = self.walks(self.backend);
+        let software = &self.walks(Backend::Bvh).order_free;
+        let mut time = self.pass(&walks.order_free, moments, n, false, 0.0, false)?;
         self.counts.rays.fetch_add(u64::from(n), Ordering::Relaxed);
         // Whatever the driver's search or the rounding at an edge lost is traced again by the
         // software BVH, at last a hair beside.
@@ -259,8 +264,7 @@ impl Tracer {
             }
             self.counts.retraced.fetch_add(u64::from(unbalanced), Ordering::Relaxed);
             let last = i + 1 == RAY_OFFSETS.len();
-            time +=
-                self.pass(&self.kernels.trace_bvh, moments, unbalanced, true, ray_offset, last)?;
+            time += self.pass(software, moments, unbalanced, true, ray_offset, last)?;
             unbalanced = if last { 0 } else { self.batch.unbalanced.read::<u32>(0, 1)?[0] };
         }
         let all = self.transport == Transport::Exact;
@@ -270,7 +274,7 @@ impl Tracer {
             self.counts.exact.fetch_add(u64::from(flagged), Ordering::Relaxed);
             let list = &self.batch.exact;
             let exact_rays = ExactRays { list, rays: flagged, all, runs: false };
-            time += self.exact_pass(exact.get()?, exact_rays, false, 0.0, false)?;
+            time += self.exact_pass(walks.exact.get()?, exact_rays, false, 0.0, false)?;
             time += self.exact_again(false)?;
         }
         Ok(time)

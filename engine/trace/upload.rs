@@ -22,6 +22,8 @@ pub struct DeviceSample {
     records: Buffer,
     /// Number of materials.
     pub materials: u32,
+    /// `KIND_` bits of the surfaces that are placed, which kernels have to know of.
+    pub(super) kinds: u32,
     _buffers: Vec<Buffer>,
     acceleration: Option<AccelerationStructure>,
 }
@@ -41,9 +43,9 @@ impl DeviceSample {
         ray_query: bool,
         delta_ratio: f64,
     ) -> Result<Self> {
-        let Bvh { nodes, leaves, boxes, neighbours } = Bvh::build(sample, across)?;
-        let from_axis = |[x, y, _]: &[f64; 3]| DVec2::new(*x, *y).length();
-        let reach = sample.vertices.iter().map(from_axis).fold(0.0_f64, f64::max);
+        let Bvh { nodes, leaves, boxes, neighbours, placed, prototypes, shapes, kinds } =
+            Bvh::build(sample, across)?;
+        let reach = from_axis(sample);
         let views: Vec<ViewTransform> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> =
             sample.components.iter().map(|c| surface(scene, media, c, delta_ratio)).collect();
@@ -61,9 +63,13 @@ impl DeviceSample {
             upload(device, "materials of objects", &media.of_object)?,
             device.upload("views", &views)?,
             upload(device, "neighbours of leaves", &neighbours)?,
+            upload(device, "places of instances", &placed)?,
+            upload(device, "prototypes", &prototypes)?,
+            upload(device, "shapes", &shapes)?,
         ];
+        let (prototype_count, sample_leaves) = (count(prototypes.len()), count(boxes.len()));
         // The host's copies go before the driver asks for memory to build in.
-        drop((nodes, leaves, neighbours));
+        drop((nodes, leaves, neighbours, placed));
         let acceleration = if ray_query && !boxes.is_empty() {
             let on_device = device.upload("boxes of the acceleration structure", &boxes)?;
             let number = count(boxes.len());
@@ -81,11 +87,16 @@ impl DeviceSample {
             object_materials: buffers[4].address(),
             views: buffers[5].address(),
             neighbours: buffers[6].address(),
+            placed: buffers[7].address(),
+            prototypes: buffers[8].address(),
+            shapes: buffers[9].address(),
+            prototype_count,
+            sample_leaves,
             acceleration: acceleration.as_ref().map_or(0, AccelerationStructure::address),
         };
         let records: Vec<_> = (0..=media.weights.len() as u64).map(record).collect();
         let records = device.upload("sample", &records)?;
-        Ok(Self { records, materials: count(materials), _buffers: buffers, acceleration })
+        Ok(Self { records, materials: count(materials), kinds, _buffers: buffers, acceleration })
     }
 
     /// Address of the record that shaders start from, at a node of the spectrum or (`None`) at
@@ -101,6 +112,16 @@ impl DeviceSample {
     pub const fn has_acceleration(&self) -> bool {
         self.acceleration.is_some()
     }
+}
+
+/// Farthest that anything is from the rotation axis, m.
+fn from_axis(sample: &geometry::Sample) -> f64 {
+    let own = sample.vertices.iter().map(|[x, y, _]| DVec2::new(*x, *y).length());
+    let placed = sample.placed.iter().map(|placed| {
+        let [low, high] = sample.bounds_of_placed(placed);
+        low.abs().max(high.abs()).truncate().length()
+    });
+    own.chain(placed).fold(0.0, f64::max)
 }
 
 /// Uploads; a zero where there is nothing, for shaders that look at the first.

@@ -1,9 +1,12 @@
 // Refraction without cancellation (docs/physics.md, "Refraction").
 
+const float LEAST_ALONG = 1e-9; // cosine of incidence, about: rays along a surface stay finite
+
 // Change of slope (x, z) per unit change of delta at a surface, first order.
 // `normal` in the beam frame, either sign.
 vec2 slope_per_delta(vec2 slope, vec3 normal) {
     float along = normal.x * slope.x + normal.y + normal.z * slope.y;
+    if (abs(along) < LEAST_ALONG) along = along < 0.0 ? -LEAST_ALONG : LEAST_ALONG;
     float norm2 = 1.0 + dot(slope, slope);
     return -norm2 * (vec2(normal.x, normal.z) - normal.y * slope) / along;
 }

@@ -68,13 +68,25 @@ const uint FAR = 2u;    // too many facets away, or at an open edge
 
 const uint STEPS = 8u; // across edges
 
-// Where the ray crosses the surface that the straight line crosses at a leaf: from facet to facet
-// across the edges that it is beyond.
-Meeting meet(Bent ray, uint leaf_index, bool entering) {
+// Where the ray crosses the surface that the straight line crosses at a leaf, at y: from facet to
+// facet across the edges that it is beyond.
+Meeting meet(Bent ray, uint leaf_index, bool entering, float y) {
     Meeting meeting = Meeting(FAR, leaf_index, 0.0, vec3(0.0));
+#ifdef PLACED
+    Placed placed;
+    if (is_shape(leaf_index, placed)) {
+        ShapeCrossings found = shape_crossings(ray.line, ray.moved, ray.slope, placed);
+        uint at;
+        if (shape_crossing_near(found, y, entering, at)) {
+            return Meeting(MEETS, leaf_index, found.y[at], found.normal_[at]);
+        }
+        meeting.outcome = entering ? MISSES : FAR;
+        return meeting;
+    }
+#endif
     vec2 slope = slope_of(ray);
     for (uint steps = 0u; steps <= STEPS && leaf_index != NO_LEAF; steps++) {
-        Leaf leaf = sample_.leaves.at[leaf_index];
+        Leaf leaf = leaf_at(leaf_index);
         Facet facet = facet_of(ray, leaf);
         meeting.normal = beam_from_world(ray.line, leaf.normal);
         float along = dot(meeting.normal, vec3(slope.x, 1.0, slope.y));
@@ -90,7 +102,7 @@ Meeting meet(Bent ray, uint leaf_index, bool entering) {
             meeting.y = place_of(slope, facet, meeting.normal);
             return meeting;
         }
-        leaf_index = sample_.neighbours.at[3u * leaf_index + edge_beyond(facet, entering)];
+        leaf_index = neighbour_of(leaf_index, edge_beyond(facet, entering));
     }
     return meeting;
 }

@@ -28,39 +28,31 @@ uint children_met(Node node, vec3 origin, vec3 inverse, float near, float far) {
 }
 
 vec3 line_direction(Beam beam) {
-    vec3 d = world_from_beam(beam, vec3(beam.slope_x, 1.0, beam.slope_z));
-    // A zero component would give 0 * infinity in the slab test.
-    return mix(d, vec3(1e-12), lessThan(abs(d), vec3(1e-12)));
+    return world_from_beam(beam, vec3(beam.slope_x, 1.0, beam.slope_z));
 }
 
+#ifdef PLACED
+// Hands every facet of a placed mesh that the line may meet from `near`, y, on to visit().
+#define TREE traverse_own
+#define TREE_VISIT(beam, near, primitive, all) visit(beam, primitive, all)
+#include "walk/tree.glsl"
+#undef TREE
+#undef TREE_VISIT
+#include "walk/candidate.glsl"
+#else
+#define candidate(beam, near, leaf, all) visit(beam, leaf, all)
+#endif
+
+#ifndef BACKEND_RAY_QUERY
+#define TREE traverse_sample
+#define TREE_VISIT candidate
+#include "walk/tree.glsl"
+#undef TREE
+#undef TREE_VISIT
+
 // Hands every candidate of the line from `near`, y, on to visit().
-// Loops test at their end: CPU devices run a body once more, idle, for a test at its beginning.
 void traverse(Beam beam, float near, inout Gathered all) {
     vec3 origin = world_from_beam(beam, vec3(beam.x, 0.0, beam.z));
-    vec3 inverse = 1.0 / line_direction(beam);
-    uvec2 stack[STACK];
-    uint height = 0u;
-    uvec2 group = uvec2(0u, 0x80000000u);
-    do {
-        if (group.y < 0x01000000u) {
-            height -= 1u;
-            group = stack[height];
-        }
-        uint index = pop_child(group);
-        if (group.y >= 0x01000000u) {
-            stack[height] = group;
-            height += 1u;
-        }
-        Node node = sample_.nodes.at[index];
-        uint met = children_met(node, origin, inverse, near, 1e30);
-        group = uvec2(node.child_base, (met & 0xff000000u) | (node.exponents >> 24));
-        uint leaves = met & 0x00ffffffu;
-        if (leaves != 0u) {
-            do {
-                uint bit = uint(findLSB(leaves));
-                leaves &= leaves - 1u;
-                visit(beam, node.leaf_base + bit, all);
-            } while (leaves != 0u);
-        }
-    } while (group.y >= 0x01000000u || height > 0u);
+    traverse_sample(beam, near, origin, line_direction(beam), 0u, 0u, all);
 }
+#endif

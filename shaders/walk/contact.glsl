@@ -7,17 +7,32 @@ const float CONTACT_ROUNDING = 4e-7; // of coordinates: what f32 makes of faces 
 const float CONTACT_COSINE = 1e-4;   // least cosine of incidence that is told apart
 const float CONTACT_FAR = 1e-2;      // m; crossings farther apart along the ray are not compared
 
+// Unit normal at a crossing of the straight line, beam frame; `reach`: the largest coordinate there,
+// about.
+vec3 normal_at(Bent ray, Crossing crossing, out float reach) {
+#ifdef PLACED
+    Placed placed;
+    if (is_shape(crossing.facet & FACET_LEAF, placed)) {
+        vec3 place = placed.position;
+        reach = max(max(abs(place.x), abs(place.y)), abs(place.z));
+        return normal_of_shape(ray.line, placed, crossing);
+    }
+#endif
+    Leaf leaf = leaf_at(crossing.facet & FACET_LEAF);
+    reach = max(max(abs(leaf.a.x), abs(leaf.a.y)), abs(leaf.a.z));
+    return beam_from_world(ray.line, leaf.normal);
+}
+
 // Whether the surface of the later crossing passes the place of the earlier one.
 bool in_contact(Bent ray, Crossing earlier, Crossing after) {
     float apart = after.y - earlier.y;
     if (apart > CONTACT_FAR) return false;
-    Leaf a = sample_.leaves.at[earlier.facet & FACET_LEAF];
-    Leaf b = sample_.leaves.at[after.facet & FACET_LEAF];
+    float reach_a;
+    float reach_b;
     vec3 direction = vec3(slope_of(ray.line), 1.0).xzy;
-    float cosine = max(abs(dot(beam_from_world(ray.line, a.normal), direction)),
-                       abs(dot(beam_from_world(ray.line, b.normal), direction)));
-    vec3 reach = max(abs(vec3(a.a)), abs(vec3(b.a)));
-    float contact = max(CONTACT, CONTACT_ROUNDING * max(max(reach.x, reach.y), reach.z));
+    float cosine = max(abs(dot(normal_at(ray, earlier, reach_a), direction)),
+                       abs(dot(normal_at(ray, after, reach_b), direction)));
+    float contact = max(CONTACT, CONTACT_ROUNDING * max(reach_a, reach_b));
     return apart * max(cosine, CONTACT_COSINE) <= contact;
 }
 
@@ -73,7 +88,7 @@ uint take_contact(inout Walk walk, Gathered list, uint i, uint end) {
     bool reflected = false;
     float along = 1e-2;
     if (material != walk.material) {
-        at = meet(walk.ray, at.leaf, (first.facet & FACET_ENTERED) != 0u);
+        at = meet(walk.ray, at.leaf, (first.facet & FACET_ENTERED) != 0u, first.y);
         if (at.outcome != MEETS) return UNCLEAR;
         reflected = pass_into(walk, at, material);
         along = dot(at.normal, vec3(slope_of(walk.ray.line), 1.0).xzy);

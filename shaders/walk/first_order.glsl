@@ -5,6 +5,7 @@
 #define sample_ push.sample_ref.at[0]
 
 #include "walk/triangle.glsl"
+#include "walk/primitive.glsl"
 #include "physics/refraction.glsl"
 #include "walk/moments.glsl"
 

@@ -1,9 +1,6 @@
 // Lists of all crossings, sorted afterwards.
 
-// A candidate of the search.
-void visit(Beam beam, uint primitive, inout Gathered list) {
-    Crossing crossing;
-    if (!crosses(beam, primitive, list, crossing)) return;
+void list_add(inout Gathered list, Crossing crossing) {
     if (list.count < push.capacity) list_set(list, list.count, crossing);
     list.count += 1u;
 }

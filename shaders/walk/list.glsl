@@ -22,10 +22,6 @@ void list_set(Gathered list, uint i, Crossing crossing) {
     push.lists.at[list.first + i * push.stride] = crossing;
 }
 
-uint surface_at(uint leaf) {
-    return sample_.leaves.at[leaf].surface & SURFACE_INDEX;
-}
-
 uint object_of(Crossing crossing) {
     return sample_.surfaces.at[surface_at(crossing.facet & FACET_LEAF)].object;
 }
@@ -42,10 +38,39 @@ bool later(Crossing a, Crossing b) {
 // The crossing of a leaf, where the ray crosses it behind `after`.
 bool crosses(Beam beam, uint leaf_index, Gathered list, out Crossing crossing) {
     crossing = Crossing(0.0, leaf_index);
-    Leaf leaf = sample_.leaves.at[leaf_index];
+    Leaf leaf = leaf_at(leaf_index);
     Facet facet = facet_of(beam, leaf);
     if (!facet.crossed || leaf_index == list.except) return false;
     crossing.y = place_of(slope_of(beam), facet, beam_from_world(beam, leaf.normal));
     if (facet.entering) crossing.facet |= FACET_ENTERED;
     return crossing.y >= list.after;
 }
+
+// Takes a crossing: what each kernel does with it.
+void list_add(inout Gathered list, Crossing crossing);
+
+// A candidate of the search.
+void visit(Beam beam, uint primitive, inout Gathered list) {
+    Crossing crossing;
+    if (crosses(beam, primitive, list, crossing)) list_add(list, crossing);
+}
+
+#ifdef PLACED
+// A shape that may be crossed. `except` leaves none out: what lies behind it may be its other side.
+void visit_shape(Beam beam, uint primitive, Placed placed, inout Gathered list) {
+    ShapeCrossings found = shape_crossings(beam, vec2(0.0), vec2(0.0), placed);
+    for (uint i = 0u; i < found.count; i++) {
+        uint facet = primitive | (i % 2u == 0u ? FACET_ENTERED : 0u);
+        if (found.y[i] >= list.after) list_add(list, Crossing(found.y[i], facet));
+    }
+}
+
+// Unit normal of a shape at a crossing of a line, beam frame.
+vec3 normal_of_shape(Beam beam, Placed placed, Crossing crossing) {
+    ShapeCrossings found = shape_crossings(beam, vec2(0.0), vec2(0.0), placed);
+    uint nearest;
+    bool entering = (crossing.facet & FACET_ENTERED) != 0u;
+    if (!shape_crossing_near(found, crossing.y, entering, nearest)) return vec3(0.0, -1.0, 0.0);
+    return found.normal_[nearest];
+}
+#endif

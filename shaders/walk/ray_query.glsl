@@ -1,5 +1,7 @@
 // Ray-query backend: the driver finds candidates, the shared test decides.
 
+#include "walk/bvh.glsl"
+
 // Hands every candidate of the line from `near`, y, on to visit().
 void traverse(Beam beam, float near, inout Gathered all) {
     near = max(near, beam.start);
@@ -11,6 +13,6 @@ void traverse(Beam beam, float near, inout Gathered all) {
                           gl_RayFlagsNoOpaqueEXT, 0xff, origin, 0.0, direction,
                           -beam.start - near);
     while (rayQueryProceedEXT(query)) {
-        visit(beam, uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false)), all);
+        candidate(beam, near, uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, false)), all);
     }
 }

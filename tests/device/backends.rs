@@ -66,7 +66,7 @@ fn ball(sides: u32) -> Scene {
     scene
         .materials
         .insert("carbon".into(), MaterialSpec::Constants { mu: CARBON[0], delta: CARBON[1] });
-    let sphere = Shape::Sphere { radius: 0.4e-3, sides };
+    let sphere = Shape::Sphere { radius: 0.4e-3, sides: Some(sides) };
     scene.objects.push(Object::new("ball", sphere, "carbon"));
     scene
 }

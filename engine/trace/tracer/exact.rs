@@ -55,13 +55,13 @@ impl Tracer {
 
     /// Traces rays exactly, each at its node; equal rays stand side by side.
     fn trace_at_nodes(&self, rays: &[(usize, Ray)]) -> Result<Vec<RayResult>> {
-        let (trace, exact) = self.kernels.of(self.backend);
+        let walks = self.walks(self.backend);
         let n = count(rays.len());
         let constants = |node: usize| count((node + 1) * self.sample.materials as usize);
         self.batch.rays.write(0, &rays.iter().map(|(_, ray)| *ray).collect::<Vec<_>>())?;
         self.batch.nodes.write(0, &rays.iter().map(|(n, _)| constants(*n)).collect::<Vec<_>>())?;
         // The first order is the answer for rays that cannot be followed.
-        self.pass(trace, false, n, false, 0.0, false)?;
+        self.pass(&walks.order_free, false, n, false, 0.0, false)?;
         let mut list = vec![0];
         let mut end = 0;
         for run in rays.chunk_by(|a, b| a.1 == b.1) {
@@ -73,7 +73,7 @@ impl Tracer {
         list.push(end);
         self.batch.exact.write(0, &list)?;
         let exact_rays = ExactRays { list: &self.batch.exact, rays: runs, all: false, runs: true };
-        self.exact_pass(exact.get()?, exact_rays, true, 0.0, false)?;
+        self.exact_pass(walks.exact.get()?, exact_rays, true, 0.0, false)?;
         self.exact_again(true)?;
         self.counts.rays.fetch_add(n.into(), Ordering::Relaxed);
         self.counts.exact.fetch_add(n.into(), Ordering::Relaxed);
@@ -95,7 +95,7 @@ impl Tracer {
             }
             self.counts.retraced.fetch_add(u64::from(lost), Ordering::Relaxed);
             self.device.run(|r| r.copy(&b.unbalanced, 0, &b.list, 0, (u64::from(lost) + 1) * 4))?;
-            let kernel = self.kernels.exact_bvh.get()?;
+            let kernel = self.walks(Backend::Bvh).exact.get()?;
             let last = i + 1 == RAY_OFFSETS.len();
             let exact_rays = ExactRays { list: &b.list, rays: lost, all: false, runs: false };
             time += self.exact_pass(kernel, exact_rays, at_nodes, ray_offset, last)?;

@@ -3,7 +3,10 @@
 use super::push_bytes;
 use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
-use crate::interface::{BUNDLE_LANES, ExactPush, GROUP, RAYS_PER_LANE, TracePush};
+use crate::interface::{
+    BUNDLE_LANES, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, RAYS_PER_LANE, TracePush,
+};
+use crate::numbers;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
@@ -14,9 +17,19 @@ const BUNDLES: RangeInclusive<u32> = BUNDLE_LANES..=2 * BUNDLE_LANES;
 /// The kernels of one device, each made when it is first wanted.
 #[derive(Debug)]
 pub struct TraceKernels {
-    pub(super) trace_bvh: OrderFree,
-    pub(super) exact_bvh: LazyKernel,
-    ray_query: Option<(OrderFree, LazyKernel)>,
+    /// By what is placed in a sample: `KIND_` bits.
+    bvh: [Walks; KINDS],
+    ray_query: Option<[Walks; KINDS]>,
+}
+
+/// Combinations of `KIND_` bits.
+const KINDS: usize = 16;
+
+/// The walks of a backend.
+#[derive(Debug)]
+pub(super) struct Walks {
+    pub(super) order_free: OrderFree,
+    pub(super) exact: LazyKernel,
 }
 
 /// The order-free walk of a backend.
@@ -34,39 +47,83 @@ impl TraceKernels {
     /// Kernels of a device.
     #[must_use]
     pub fn new(device: &Arc<Device>) -> Self {
-        let kernel = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<TracePush>());
-        let exact = |name, spirv| LazyKernel::new(device, name, spirv, push_bytes::<ExactPush>());
         let description = device.description();
-        let ray_query = description.ray_query.then(|| {
-            let walk = OrderFree {
-                few: kernel("trace_ray_query", shaders::TRACE_RAY_QUERY),
-                many: kernel("trace_ray_query_many", shaders::TRACE_RAY_QUERY_MANY),
-                rays: GROUP,
-            };
-            (walk, exact("exact_ray_query", shaders::EXACT_RAY_QUERY))
-        });
         let bundles = description.subgroup_exchange && BUNDLES.contains(&description.subgroup_size);
-        let trace_bvh = if bundles {
-            OrderFree {
-                few: kernel("trace_bundles", shaders::TRACE_BUNDLES),
-                many: kernel("trace_bundles_many", shaders::TRACE_BUNDLES_MANY),
-                rays: GROUP * RAYS_PER_LANE,
-            }
-        } else {
-            OrderFree {
-                few: kernel("trace_bvh", shaders::TRACE_BVH),
-                many: kernel("trace_bvh_many", shaders::TRACE_BVH_MANY),
-                rays: GROUP,
-            }
-        };
-        let exact_bvh = exact("exact_bvh", shaders::EXACT_BVH);
-        Self { trace_bvh, exact_bvh, ray_query }
+        let kind = |kinds: usize| numbers::count(kinds);
+        Self {
+            bvh: std::array::from_fn(|kinds| Walks::bvh(device, kind(kinds), bundles)),
+            ray_query: description
+                .ray_query
+                .then(|| std::array::from_fn(|kinds| Walks::ray_query(device, kind(kinds)))),
+        }
     }
 
-    pub(super) const fn of(&self, backend: Backend) -> (&OrderFree, &LazyKernel) {
-        match (&self.ray_query, backend) {
-            (Some((trace, exact)), Backend::RayQuery) => (trace, exact),
-            _ => (&self.trace_bvh, &self.exact_bvh),
+    /// Of a backend; `kinds`: what is placed in the sample.
+    pub(super) fn of(&self, backend: Backend, kinds: u32) -> &Walks {
+        let walks = match (&self.ray_query, backend) {
+            (Some(walks), Backend::RayQuery) => walks,
+            _ => &self.bvh,
+        };
+        &walks[kinds as usize % KINDS]
+    }
+}
+
+/// Kernels by name: for few materials, for many, and exact.
+type Named = [(&'static str, &'static [u32]); 3];
+
+impl Walks {
+    fn new(device: &Arc<Device>, kinds: u32, rays: u32, [few, many, exact]: Named) -> Self {
+        let kernel = |(name, spirv), push_bytes| {
+            let kernel = LazyKernel::new(device, name, spirv, push_bytes);
+            if kinds == 0 { kernel } else { kernel.with_constant(kinds) }
+        };
+        let order_free = |named| kernel(named, push_bytes::<TracePush>());
+        Self {
+            order_free: OrderFree { few: order_free(few), many: order_free(many), rays },
+            exact: kernel(exact, push_bytes::<ExactPush>()),
         }
+    }
+
+    fn bvh(device: &Arc<Device>, kinds: u32, bundles: bool) -> Self {
+        let exact = match kinds {
+            0 => ("exact_bvh", shaders::EXACT_BVH),
+            _ => ("exact_bvh_placed", shaders::EXACT_BVH_PLACED),
+        };
+        let convex = kinds & !(KIND_FRUSTUM | KIND_ELLIPSOID) == 0;
+        let [few, many] = match (kinds, bundles && convex) {
+            (0, true) => [
+                ("trace_bundles", shaders::TRACE_BUNDLES),
+                ("trace_bundles_many", shaders::TRACE_BUNDLES_MANY),
+            ],
+            (0, false) => {
+                [("trace_bvh", shaders::TRACE_BVH), ("trace_bvh_many", shaders::TRACE_BVH_MANY)]
+            }
+            (_, true) => [
+                ("trace_bundles_placed", shaders::TRACE_BUNDLES_PLACED),
+                ("trace_bundles_placed_many", shaders::TRACE_BUNDLES_PLACED_MANY),
+            ],
+            (_, false) => [
+                ("trace_bvh_placed", shaders::TRACE_BVH_PLACED),
+                ("trace_bvh_placed_many", shaders::TRACE_BVH_PLACED_MANY),
+            ],
+        };
+        let rays = if bundles && convex { GROUP * RAYS_PER_LANE } else { GROUP };
+        Self::new(device, kinds, rays, [few, many, exact])
+    }
+
+    fn ray_query(device: &Arc<Device>, kinds: u32) -> Self {
+        let named = match kinds {
+            0 => [
+                ("trace_ray_query", shaders::TRACE_RAY_QUERY),
+                ("trace_ray_query_many", shaders::TRACE_RAY_QUERY_MANY),
+                ("exact_ray_query", shaders::EXACT_RAY_QUERY),
+            ],
+            _ => [
+                ("trace_ray_query_placed", shaders::TRACE_RAY_QUERY_PLACED),
+                ("trace_ray_query_placed_many", shaders::TRACE_RAY_QUERY_PLACED_MANY),
+                ("exact_ray_query_placed", shaders::EXACT_RAY_QUERY_PLACED),
+            ],
+        };
+        Self::new(device, kinds, GROUP, named)
     }
 }

@@ -1,0 +1,50 @@
+// Where a line crosses a shape with curved surfaces. Which KINDS there are is known when the kernel is
+// made: CPU devices execute what they need not.
+
+#include "walk/convex.glsl"
+#include "walk/torus.glsl"
+
+const bool TORI = (KINDS & KIND_TORUS) != 0u;
+const bool CONVEX = (KINDS & (KIND_FRUSTUM | KIND_ELLIPSOID)) != 0u;
+
+struct ShapeCrossings {
+    uint count; // 0, 2 or 4, in order: the first an entry, then by turns
+    float y[4]; // beam frame
+    vec3 normal_[4]; // unit, outward, beam frame
+};
+
+// All crossings of a line that is `moved` by (x, z) at y = 0 and bent by a change of slope.
+ShapeCrossings shape_crossings(Beam beam, vec2 moved, vec2 bent, Placed placed) {
+    ShapeCrossings all;
+    all.count = 0u;
+    if (TORI && (!CONVEX || shape_of(placed).kind == SHAPE_TORUS)) {
+        ShapeLine line = shape_line(beam, moved, bent, placed);
+        TorusCrossings found = torus_crossings(line);
+        all.count = found.count;
+        for (uint i = 0u; i < found.count; i++) {
+            all.y[i] = torus_crossing(beam, line, found, i, all.normal_[i]);
+        }
+    } else if (CONVEX) {
+        Chord chord = chord_of(convex_of(beam, placed), beam, moved, bent);
+        all.count = chord.crossed ? 2u : 0u;
+        all.y[0] = chord.enter;
+        all.y[1] = chord.leave;
+        all.normal_[0] = chord.entry_normal;
+        all.normal_[1] = chord.exit_normal;
+    }
+    return all;
+}
+
+// The crossing of a ray next to y that goes into the shape, or out of it; false where there is none.
+bool shape_crossing_near(ShapeCrossings all, float y, bool entering, out uint nearest) {
+    nearest = all.count;
+    float least = 1e30;
+    for (uint i = entering ? 0u : 1u; i < all.count; i += 2u) {
+        float apart = abs(all.y[i] - y);
+        if (apart < least) {
+            least = apart;
+            nearest = i;
+        }
+    }
+    return nearest < all.count;
+}
