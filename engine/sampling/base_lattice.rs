@@ -73,7 +73,12 @@ impl BaseLattice {
         Ok(lattice)
     }
 
-    /// Results of a patch by z, then x; nothing where no shadow falls.
+    /// Whether no shadow falls that matters.
+    pub(super) fn is_empty(&self) -> bool {
+        self.results.is_empty()
+    }
+
+    /// Results of a patch by z, then x; nothing where no shadow falls that matters.
     pub(super) fn patch(&self, beamlet: i64, row: i64) -> Option<&[RayResult]> {
         let first = self.places[self.grid.index(beamlet, row)?]? as usize;
         Some(&self.results[first..first + (self.base[0] * self.base[1]) as usize])
@@ -141,12 +146,19 @@ impl BaseLattice {
     }
 }
 
-/// Marks the patches of rows that a shadow touches.
+/// Marks the patches of rows that a shadow touches and whose light may be recorded: that of other
+/// rows only where a surface throws it out of its row.
 fn mark_occupied(view: &ViewContext<'_>, grid: &PatchGrid, places: &mut [Option<u32>]) {
+    let recorded = view.recorded_rows();
+    // Rows beside these are neighbours, by which they are judged.
+    let near = recorded.start - 1..recorded.end + 1;
     for bounds in view.projected_bounds {
         let [rows, beamlets] = bounds.patches(view.lattice);
         for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {
-            places[grid.in_row(row, beamlets.clone())].fill(Some(0));
+            // A neighbour of what throws light, too.
+            if near.contains(&row) || (row - 1..=row + 1).any(|row| bounds.throws(row)) {
+                places[grid.in_row(row, beamlets.clone())].fill(Some(0));
+            }
         }
     }
 }

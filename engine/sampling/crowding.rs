@@ -32,3 +32,17 @@ pub(super) fn bundles(view: &ViewContext<'_>, grid: &PatchGrid) -> (Vec<bool>, V
     let left_out = view.projected_bounds.iter().map(alone).collect();
     (crowded, left_out)
 }
+
+/// Adds the patches that analytic surfaces may touch: those have no facets.
+pub(super) fn curved(view: &ViewContext<'_>, grid: &PatchGrid, crowded: &mut [bool]) {
+    for placed in &view.sample.placed {
+        if view.sample.prototypes[placed.prototype as usize].shape.is_none() {
+            continue;
+        }
+        let [rows, beamlets] =
+            view.projected_bounds[placed.component as usize].patches(view.lattice);
+        for row in rows.start.max(grid.rows.start)..rows.end.min(grid.rows.end) {
+            grid.in_row(row, beamlets.clone()).for_each(|patch| crowded[patch] = true);
+        }
+    }
+}

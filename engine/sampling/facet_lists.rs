@@ -1,11 +1,11 @@
 //! Facets of the sample by patch: those that its rays can meet, and whether a silhouette crosses it.
 
 use super::ViewContext;
-use super::crowding::bundles;
+use super::crowding::{bundles, curved};
 use super::lattice::Lattice;
 use super::patch_grid::PatchGrid;
 use super::polygon::Area;
-use crate::geometry::Sample;
+use crate::geometry::{FacetNumbers, FacetOf, Sample};
 use crate::numbers;
 use crate::scene::Transport;
 use crate::trace::{MaterialTable, least_cosine, object_hash};
@@ -40,8 +40,10 @@ pub(crate) struct SampleFacets {
     pub(super) steps: Vec<SurfaceStep>,
     /// Number of triangles by component.
     pub(super) triangles: Vec<u32>,
-    /// Triangles across the edges of each.
+    /// Triangles across the edges of each, of the sample itself.
     across: Vec<[u32; 3]>,
+    /// Of placed meshes, too.
+    numbers: FacetNumbers,
 }
 
 impl SampleFacets {
@@ -75,7 +77,15 @@ impl SampleFacets {
         };
         let mut triangles = vec![0; sample.components.len()];
         sample.triangle_component.iter().for_each(|c| triangles[*c as usize] += 1);
-        Some(Self { steps: sample.components.iter().map(step).collect(), triangles, across })
+        for placed in &sample.placed {
+            let prototype = &sample.prototypes[placed.prototype as usize];
+            for component in &prototype.triangle_component[..prototype.facets()] {
+                triangles[(placed.component + component) as usize] += 1;
+            }
+        }
+        let numbers = FacetNumbers::new(sample);
+        let steps = sample.components.iter().map(step).collect();
+        Some(Self { steps, triangles, across, numbers })
     }
 }
 
@@ -166,7 +176,7 @@ impl PatchFacet {
     }
 }
 
-/// Triangles of a view in the beam frame.
+/// Facets of a view in the beam frame.
 #[derive(Clone, Copy)]
 struct Triangles<'a> {
     sample: &'a Sample,
@@ -177,12 +187,11 @@ struct Triangles<'a> {
 }
 
 impl Triangles<'_> {
-    fn corners(&self, triangle: usize) -> [DVec3; 3] {
+    fn corners(&self, facet: FacetOf) -> [DVec3; 3] {
         let [cos, sin] = self.turn;
-        self.sample.triangles[triangle].map(|v| {
-            let [x, y, z] = self.sample.vertices[v as usize];
-            DVec3::new(x * cos + y * sin, y * cos - x * sin, z)
-        })
+        self.sample
+            .corners(facet)
+            .map(|p| DVec3::new(p.x * cos + p.y * sin, p.y * cos - p.x * sin, p.z))
     }
 
     fn is_front(&self, corners: &[DVec3; 3]) -> bool {
@@ -191,9 +200,48 @@ impl Triangles<'_> {
     }
 
     /// Whether the edges are silhouettes: the facet across faces the other way.
-    fn silhouettes(&self, triangle: usize, front: bool) -> [bool; 3] {
-        self.facets.across[triangle]
-            .map(|other| other == u32::MAX || self.is_front(&self.corners(other as usize)) != front)
+    fn silhouettes(&self, facet: FacetOf, front: bool) -> [bool; 3] {
+        let beside = |other: FacetOf| self.is_front(&self.corners(other)) != front;
+        match facet {
+            FacetOf::Sample(triangle) => self.facets.across[triangle]
+                .map(|other| other == u32::MAX || beside(FacetOf::Sample(other as usize))),
+            FacetOf::Placed(placed, triangle) => {
+                let prototype =
+                    &self.sample.prototypes[self.sample.placed[placed].prototype as usize];
+                prototype.across[triangle].map(|other| {
+                    other == u32::MAX || beside(FacetOf::Placed(placed, other as usize))
+                })
+            }
+        }
+    }
+
+    /// Calls `visit` with the facets of the components that are not left out.
+    fn each(&self, left_out: &[bool], visit: &Visit<'_>) {
+        let tasks = self.sample.triangles.len().div_ceil(TRIANGLES_OF_A_TASK);
+        let take = |number: u32, facet: FacetOf| {
+            let corners = self.corners(facet);
+            visit((number, facet), &corners, &self.project(&corners));
+        };
+        (0..tasks).into_par_iter().for_each(|task| {
+            let first = task * TRIANGLES_OF_A_TASK;
+            let end = (first + TRIANGLES_OF_A_TASK).min(self.sample.triangles.len());
+            for triangle in first..end {
+                if !left_out[self.sample.triangle_component[triangle] as usize] {
+                    take(numbers::count(triangle), FacetOf::Sample(triangle));
+                }
+            }
+        });
+        self.facets.numbers.placed().par_bridge().for_each(|(at, first)| {
+            let placed = &self.sample.placed[at];
+            let prototype = &self.sample.prototypes[placed.prototype as usize];
+            for (number, (triangle, component)) in
+                (numbers::low_word(first)..).zip(prototype.triangle_component.iter().enumerate())
+            {
+                if !left_out[(placed.component + component) as usize] {
+                    take(number, FacetOf::Placed(at, triangle));
+                }
+            }
+        });
     }
 
     /// x in the cell plane and row coordinate.
@@ -202,8 +250,8 @@ impl Triangles<'_> {
     }
 }
 
-/// Takes a triangle: its number, its corners in the beam frame, and where they project to.
-type Visit<'v> = dyn Fn(usize, &[DVec3; 3], &[[f64; 2]; 3]) + Sync + 'v;
+/// Takes a facet: its number, its corners in the beam frame, and where they project to.
+type Visit<'v> = dyn Fn((u32, FacetOf), &[DVec3; 3], &[[f64; 2]; 3]) + Sync + 'v;
 
 /// Facets of the patches of some rows.
 pub(super) struct FacetLists<'a> {
@@ -234,21 +282,8 @@ impl<'a> FacetLists<'a> {
         let counts: Vec<AtomicU32> = (0..patches).map(|_| AtomicU32::new(0)).collect();
         let silhouettes: Vec<AtomicBool> = (0..patches).map(|_| AtomicBool::new(false)).collect();
         let (mut crowded, left_out) = bundles(view, &grid);
-        let each = |visit: &Visit<'_>| {
-            let tasks = view.sample.triangles.len().div_ceil(TRIANGLES_OF_A_TASK);
-            (0..tasks).into_par_iter().for_each(|task| {
-                let first = task * TRIANGLES_OF_A_TASK;
-                let end = (first + TRIANGLES_OF_A_TASK).min(view.sample.triangles.len());
-                for triangle in first..end {
-                    if left_out[view.sample.triangle_component[triangle] as usize] {
-                        continue;
-                    }
-                    let corners = triangles.corners(triangle);
-                    visit(triangle, &corners, &triangles.project(&corners));
-                }
-            });
-        };
-        each(&|triangle, corners, places| {
+        curved(view, &grid, &mut crowded);
+        triangles.each(&left_out, &|(_, facet), corners, places| {
             let mut met = false;
             touched(lattice, rows, places, |row, beamlets| {
                 met = true;
@@ -259,7 +294,7 @@ impl<'a> FacetLists<'a> {
             if !met {
                 return;
             }
-            let edges = triangles.silhouettes(triangle, triangles.is_front(corners));
+            let edges = triangles.silhouettes(facet, triangles.is_front(corners));
             for (edge, _) in edges.iter().enumerate().filter(|(_, is)| **is) {
                 let ends = [places[(edge + 1) % 3], places[(edge + 2) % 3]];
                 touched(lattice, rows, &ends, |row, beamlets| {
@@ -279,12 +314,12 @@ impl<'a> FacetLists<'a> {
             total = total.checked_add(own)?;
         }
         let list: Vec<AtomicU32> = (0..total).map(|_| AtomicU32::new(0)).collect();
-        each(&|triangle, _, places| {
+        triangles.each(&left_out, &|(number, _), _, places| {
             touched(lattice, rows, places, |row, beamlets| {
                 for patch in grid.in_row(row, beamlets) {
                     if !crowded[patch] {
                         let place = counts[patch].fetch_add(1, Ordering::Relaxed);
-                        list[place as usize].store(numbers::count(triangle), Ordering::Relaxed);
+                        list[place as usize].store(number, Ordering::Relaxed);
                     }
                 }
             });
@@ -325,9 +360,9 @@ impl<'a> FacetLists<'a> {
         let mut list = self.list[self.range(index)].to_vec();
         list.sort_unstable();
         let centre = self.triangles.lattice.centre(beamlet);
-        let facet = |triangle: &u32| {
-            let triangle = *triangle as usize;
-            let corners = self.triangles.corners(triangle);
+        let facet = |number: &u32| {
+            let of = self.triangles.facets.numbers.of(self.triangles.sample, *number);
+            let corners = self.triangles.corners(of);
             let [a, b, c] = corners;
             let normal = (b - a).cross(c - a).normalize_or_zero();
             let front = self.triangles.is_front(&corners);
@@ -344,9 +379,9 @@ impl<'a> FacetLists<'a> {
                     y.into_iter().fold(f64::INFINITY, f64::min),
                     y.into_iter().fold(f64::NEG_INFINITY, f64::max),
                 ],
-                component: self.triangles.sample.triangle_component[triangle],
+                component: self.triangles.sample.component_of(of),
                 front,
-                silhouette: self.triangles.silhouettes(triangle, front),
+                silhouette: self.triangles.silhouettes(of, front),
             };
             facet.set_edges();
             facet

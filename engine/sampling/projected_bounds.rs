@@ -1,7 +1,7 @@
 //! Which beamlets can meet the sample: the shadows of its components on the detector.
 
 use super::lattice::Lattice;
-use crate::geometry::{Component, Sample};
+use crate::geometry::{Component, Lids, Placed, Sample};
 use crate::numbers;
 use crate::scene::View;
 use glam::DVec3;
@@ -21,9 +21,18 @@ pub struct ProjectedBounds {
     /// Area that a component that may hide shows to the source, m in the cell plane times rows;
     /// infinite for others.
     pub area: f64,
+    /// Row coordinates of what of it is not upright: light that it throws out of its row comes from
+    /// there.
+    pub lids: Lids,
 }
 
 impl ProjectedBounds {
+    /// Whether it may throw light out of a row.
+    pub(super) fn throws(&self, row: i64) -> bool {
+        let (top, bottom) = (row as f64, (row + 1) as f64);
+        self.lids.iter().any(|[first, last]| *first <= bottom && *last >= top)
+    }
+
     /// Rows (of any number) and beamlets of the lattice whose patches it touches.
     pub(super) fn patches(&self, lattice: &Lattice) -> [Range<i64>; 2] {
         let [top, bottom] = self.rows.map(|row| numbers::whole::<i64>(row.floor()));
@@ -57,13 +66,26 @@ pub(crate) fn projected_bounds(
             let [low, high] = component.bounds;
             let mut x = [f64::INFINITY, f64::NEG_INFINITY];
             let mut rows = x;
-            for corner in 0..8 {
+            let mut lids = [x; 2];
+            for corner in 0..4 {
                 let pick =
                     |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-                let (wx, wy, wz) = (pick(0), pick(1), pick(2));
-                let [px, row] = lattice.project(wx * cos + wy * sin, wy * cos - wx * sin, wz);
-                x = [x[0].min(px), x[1].max(px)];
-                rows = [rows[0].min(row), rows[1].max(row)];
+                let (wx, wy) = (pick(0), pick(1));
+                let project = |z| lattice.project(wx * cos + wy * sin, wy * cos - wx * sin, z);
+                for z in [low[2], high[2]] {
+                    let [px, row] = project(z);
+                    x = [x[0].min(px), x[1].max(px)];
+                    rows = [rows[0].min(row), rows[1].max(row)];
+                }
+                for (lid, range) in lids.iter_mut().zip(component.lids.unwrap_or_default()) {
+                    for z in range {
+                        let [_, row] = project(z);
+                        *lid = [lid[0].min(row), lid[1].max(row)];
+                    }
+                }
+            }
+            if component.lids.is_none() {
+                lids = [rows; 2];
             }
             ProjectedBounds {
                 x,
@@ -71,6 +93,7 @@ pub(crate) fn projected_bounds(
                 width: CHORD_SHARE * chord_x * scale,
                 height: CHORD_SHARE * chord_z * rows_per_metre,
                 area: area * scale * rows_per_metre,
+                lids,
             }
         })
         .collect()
@@ -101,6 +124,21 @@ fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool)
             sum[0] += 0.5 * area.dot(x).abs();
             sum[1] += 0.5 * area.z.abs();
             sum[2] += 0.5 * area.dot(y).abs();
+        }
+        let mut known: Option<(&Placed, Vec<[f64; 3]>)> = None;
+        for placed in &sample.placed {
+            let same = known.as_ref().filter(|(other, _)| other.shows_the_same(placed));
+            let shown = match same {
+                Some((_, shown)) => shown.clone(),
+                None => sample.projected_areas(placed, [x, DVec3::Z, y]),
+            };
+            let scale = placed.place.scale * placed.place.scale;
+            for (component, shown) in (placed.component as usize..).zip(&shown) {
+                if hide[component] {
+                    areas[component] = shown.map(|area| area * scale);
+                }
+            }
+            known = Some((placed, shown));
         }
     }
     sample

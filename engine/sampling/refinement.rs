@@ -85,9 +85,7 @@ impl<'a> Refiner<'a> {
             row_blur: single(view.lattice.row_spread.blur),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
-            // Of the whole detector, so that cells do not depend on bands.
-            recorded_rows: -view.lattice.blur_rows
-                ..i64::from(detector.pixels[1]) + view.lattice.blur_rows,
+            recorded_rows: view.recorded_rows(),
         };
         let facets = view.facets.zip(FacetLists::new(view, rows));
         let facets = facets.map(|(all, lists)| (lists, FacetMeans::new(view, &all.steps)));

@@ -63,6 +63,12 @@ impl ViewContext<'_> {
         self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)
     }
 
+    /// Rows whose light is recorded, of the whole detector: cells do not depend on bands.
+    pub(super) fn recorded_rows(&self) -> Range<i64> {
+        let blur = self.lattice.blur_rows;
+        -blur..i64::from(self.optics.detector.pixels[1]) + blur
+    }
+
     /// How much farther than its result says light may land, at another energy.
     pub(super) fn delta_ratio(&self) -> f64 {
         self.recording.map_or(1.0, |recording| recording.delta_ratio)
@@ -88,6 +94,9 @@ pub(crate) fn sample_rows(
     take: Take<'_>,
 ) -> Result<()> {
     let base = BaseLattice::trace(view, tracer, &rows)?;
+    if base.is_empty() && (rows.end <= lit.start || rows.start >= lit.end) {
+        return Ok(());
+    }
     let narrow = narrow_components(view, &rows, base.base);
     let mut blank = Vec::new();
     let mut waiting = Vec::new();
