@@ -36,7 +36,7 @@ fn scene_of(bodies: &[Body], angles: &[f64], transport: Transport) -> Scene {
 }
 
 /// A tracer with its own device, so that its tally can be read.
-struct Watch {
+pub(crate) struct Watch {
     device: Arc<Device>,
     tracer: Tracer,
     materials: usize,
@@ -46,17 +46,21 @@ struct Watch {
 
 impl Watch {
     fn new(backend: Backend, bodies: &[Body], angles: &[f64]) -> Self {
-        let scene = scene_of(bodies, angles, Transport::FirstOrder);
+        Self::of(backend, &scene_of(bodies, angles, Transport::FirstOrder))
+    }
+
+    /// Of a scene, whose rays are traced in the first order.
+    pub(crate) fn of(backend: Backend, scene: &Scene) -> Self {
         let validation = std::env::var_os("BEAMLET_VALIDATION").is_some();
         let device = Device::open(&DeviceOptions { validation, ..DeviceOptions::default() })
             .expect("a Vulkan device");
-        let sample = geometry::load(&scene).expect("a sample");
-        let media = MaterialTable::of(&scene).expect("media");
+        let sample = geometry::load(scene).expect("a sample");
+        let media = MaterialTable::of(scene).expect("media");
         let query = backend == Backend::RayQuery;
         let sample = Arc::new(
             DeviceSample::upload(
                 &device,
-                &scene,
+                scene,
                 &sample,
                 &geometry::across_edges(&sample),
                 &media,
@@ -73,7 +77,7 @@ impl Watch {
     }
 
     /// Traces rays; every one of them must be balanced.
-    fn trace(&mut self, rays: &[Ray]) {
+    pub(crate) fn trace(&mut self, rays: &[Ray]) {
         let (results, words) = self.tracer.trace_with_moments(rays).expect("results");
         let stride = HEAD + self.materials * PER_MATERIAL;
         for ((ray, result), words) in rays.iter().zip(&results).zip(words.chunks(stride)) {
@@ -86,7 +90,7 @@ impl Watch {
     }
 
     /// No ray may have needed another attempt, either.
-    fn end(self) -> usize {
+    pub(crate) fn end(self) -> usize {
         let tally = self.tracer.tally().expect("a tally");
         assert_eq!((tally.unbalanced, tally.not_finite, tally.dropped), (0, 0, 0));
         assert_eq!(tally.retraced, 0, "rays were traced again");

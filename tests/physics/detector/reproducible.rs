@@ -179,7 +179,8 @@ fn kept_moments_serve_another_detector() {
     let place = tempfile::tempdir().unwrap();
     let mut base = scene(place.path());
     // A mesh of arrays does not stand in scene.toml.
-    base.objects[0].geometry = ShapeOrMesh::Shape(Shape::Sphere { radius: 0.25e-3, sides: 24 });
+    base.objects[0].geometry =
+        ShapeOrMesh::Shape(Shape::Sphere { radius: 0.25e-3, sides: Some(24) });
     let noisy = base.clone();
     // Two stacks with cells of their own, finer than what is compared.
     base.sampling.tolerance = 3e-6;

@@ -1,0 +1,95 @@
+//! Rays through edges of caps, tips of cones, along sides and through the hole of a torus: every
+//! shape is left as often as it is entered.
+
+use super::solids::{Kind, Solid};
+use super::{KINDS, carbon, direction, places, ray_through};
+use crate::assemblies::Bench;
+use crate::reference::surfaces::Random;
+use crate::reference::vector::{Vector, add, scaled};
+use crate::support::backends;
+use beamlet::Backend;
+use beamlet::internals::interface::{MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
+use beamlet::internals::trace::Ray;
+use beamlet::scene::Transport;
+use std::f64::consts::TAU;
+
+/// A place of the own frame where decisions are close, moved by a hair or not.
+fn delicate(kind: Kind, random: &mut Random) -> Vector {
+    let turn = random.next() * TAU;
+    let (sin, cos) = turn.sin_cos();
+    let end = if random.next() < 0.5 { -1.0 } else { 1.0 };
+    let p = match kind {
+        Kind::Box(size) => scaled(size, 0.5),
+        Kind::Cone { bottom, top, half } => {
+            // An edge or the tip; or a point of the side.
+            let z = if random.next() < 0.6 { end * half } else { random.between(-half, half) };
+            let radius = 0.5 * (top + bottom) + (top - bottom) / (2.0 * half) * z;
+            [radius * cos, radius * sin, z]
+        }
+        Kind::Ellipsoid(axes) => {
+            let on = direction(random);
+            [0, 1, 2].map(|k| on[k] * axes[k])
+        }
+        Kind::Torus { ring, tube } => {
+            // The hole's edge, the outer edge, the top, or the middle of the hole.
+            let places = [(ring - tube, 0.0), (ring + tube, 0.0), (ring, end * tube), (0.0, 0.0)];
+            let (to, z) = places[(random.next() * 4.0) as usize];
+            [to * cos, to * sin, z]
+        }
+    };
+    let hair = [0.0, 0.0, 1e-10, 1e-9, 1e-7][(random.next() * 5.0) as usize];
+    add(p, scaled(direction(random), hair))
+}
+
+/// Along the surface in one of three cases.
+fn ray(solid: &Solid, angles: &[f64], random: &mut Random) -> Ray {
+    let view = (random.next() * angles.len() as f64) as u32;
+    let angle = angles[view as usize];
+    let at = solid.world(delicate(solid.kind, random));
+    let mut ray = ray_through(at, view, angle, random);
+    if random.next() < 0.3 {
+        let [x, _, z] = crate::reference::vector::turned(at, [0.0, 0.0, 1.0], -angle);
+        (ray.x, ray.z, ray.slope_x, ray.slope_z) = (x as f32, z as f32, 0.0, 0.0);
+    }
+    ray
+}
+
+#[test]
+fn a_million_rays_through_edges_tips_and_holes_leave_what_they_enter() {
+    let bench = Bench::new();
+    let mut random = Random::new(81);
+    // Some views look along axes of untilted shapes.
+    let mut angles = vec![0.0, TAU / 4.0, TAU / 8.0];
+    angles.extend((0..30).map(|_| random.between(0.0, TAU)));
+    let mut total = 0;
+    for backend in backends() {
+        let each = if backend == Backend::Bvh { 22_000 } else { 3_000 };
+        let mut crossed = 0;
+        for (name, kind) in KINDS {
+            for (place, solid) in places(kind) {
+                let mut scene = carbon(&solid, Transport::FirstOrder);
+                scene.scan.angles.clone_from(&angles);
+                let mut tracer = bench.tracer(backend, &scene);
+                let rays: Vec<Ray> = (0..each).map(|_| ray(&solid, &angles, &mut random)).collect();
+                let (results, words) = tracer.trace_with_moments(&rays).expect("results");
+                let stride = MOMENTS_HEAD + 2 * MOMENTS_PER_MATERIAL;
+                for ((ray, result), words) in rays.iter().zip(&results).zip(words.chunks(stride)) {
+                    let what = || format!("{backend}, {name}, {place}, {ray:?}: {result:?}");
+                    assert_eq!(words[MOMENTS_BALANCE], 0, "{}", what());
+                    assert!(result.crossings.is_multiple_of(2), "{}", what());
+                    assert!(result.crossings <= 4, "{}", what());
+                    assert!(result.slope_x.is_finite() && result.slope_z.is_finite(), "{}", what());
+                    crossed += u64::from(result.crossings > 0);
+                }
+                let tally = tracer.tally().expect("a tally");
+                let failed = [tally.unbalanced, tally.not_finite, tally.dropped, tally.retraced];
+                assert_eq!(failed, [0; 4], "{backend}, {name}, {place}");
+                total += rays.len();
+            }
+        }
+        println!("measured {backend}: {crossed} rays cross");
+        assert!(crossed > 60 * each / 4);
+    }
+    assert!(total >= 1_000_000, "{total}");
+    bench.end();
+}

@@ -1,0 +1,303 @@
+//! Shapes in shapes and in meshes, on them and across them, against what lies inside along every
+//! ray in f64.
+
+use super::rays::line;
+use super::solids::{Kind, Solid, cylinder, sphere};
+use super::{direction, ray_through, scene};
+use crate::assemblies::{Bench, paths_of};
+use crate::reference::surfaces::Random;
+use crate::reference::vector::{Vector, add, length, scaled};
+use crate::support::{CARBON, WATER, backends};
+use beamlet::internals::interface::{MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
+use beamlet::internals::trace::Ray;
+use beamlet::scene::{Scene, Transport};
+use beamlet::{Backend, SurfaceCrossing, geometry};
+
+/// An interface on a ray: y, and the object before and behind it.
+#[derive(Debug)]
+struct Interface {
+    y: f64,
+    media: [Option<usize>; 2],
+    /// Of the surface that was crossed.
+    normal: Vector,
+}
+
+/// Interfaces of a ray: between any two surfaces the object that is listed last of those around the
+/// middle is there. Layers thinner than `least` are left out.
+fn interfaces(solids: &[Solid], ray: &Ray, least: f64) -> Vec<Interface> {
+    let [o, d] = line(ray, [0.0; 2]);
+    let mut hits: Vec<_> = solids.iter().flat_map(|solid| solid.hits(o, d)).collect();
+    hits.sort_by(|a, b| a.t.total_cmp(&b.t));
+    let mut found: Vec<Interface> = Vec::new();
+    let mut before = None;
+    for (k, hit) in hits.iter().enumerate() {
+        let next = hits.get(k + 1).map_or(hit.t + 1.0, |next| next.t);
+        if next - hit.t < least {
+            continue;
+        }
+        let middle = add(o, scaled(d, hit.t.midpoint(next)));
+        let medium = solids.iter().rposition(|solid| solid.distance(middle) < 0.0);
+        if medium != before {
+            found.push(Interface { y: hit.t, media: [before, medium], normal: hit.normal });
+        }
+        before = medium;
+    }
+    found
+}
+
+/// Way of a ray through every solid where no later one covers it.
+fn ways(solids: &[Solid], ray: &Ray) -> Vec<f64> {
+    let mut ways = vec![0.0; solids.len()];
+    let stretch = length(line(ray, [0.0; 2])[1]);
+    for pair in interfaces(solids, ray, 0.0).windows(2) {
+        if let Some(medium) = pair[0].media[1] {
+            ways[medium] += (pair[1].y - pair[0].y) * stretch;
+        }
+    }
+    ways
+}
+
+/// Interfaces of a list of crossings.
+fn listed(met: &[SurfaceCrossing], objects: usize, least: f64) -> Vec<Interface> {
+    let mut depth = vec![0; objects];
+    let mut found: Vec<Interface> = Vec::new();
+    let mut before = None;
+    for (k, it) in met.iter().enumerate() {
+        depth[it.object as usize] += if it.entering { 1 } else { -1 };
+        if met.get(k + 1).is_some_and(|next| f64::from(next.y - it.y) < least) {
+            continue;
+        }
+        let medium = depth.iter().rposition(|count| *count > 0);
+        if medium != before {
+            let normal = it.normal.map(f64::from);
+            found.push(Interface { y: it.y.into(), media: [before, medium], normal });
+        }
+        before = medium;
+    }
+    assert!(before.is_none() && depth.iter().all(|count| *count == 0), "{met:?}");
+    found
+}
+
+fn scene_of(solids: &[Solid], transport: Transport) -> Scene {
+    let object = |(number, solid): (usize, &Solid)| solid.object(&format!("{number}"), "");
+    let constants: Vec<[f64; 2]> =
+        (0..solids.len()).map(|k| if k % 2 == 0 { CARBON } else { WATER }).collect();
+    scene(solids.iter().enumerate().map(object).collect(), &constants, transport)
+}
+
+/// Compares ways through objects; `error`: of surfaces, m. Gives how many rays differ by more than
+/// a ray beside by twice the error does.
+fn differing(
+    bench: &Bench,
+    backend: Backend,
+    solids: &[Solid],
+    rays: &[Ray],
+    error: f64,
+) -> Vec<String> {
+    let mut tracer = bench.tracer(backend, &scene_of(solids, Transport::FirstOrder));
+    let (results, words) = tracer.trace_with_moments(rays).expect("results");
+    let stride = MOMENTS_HEAD + (solids.len() + 1) * MOMENTS_PER_MATERIAL;
+    let mut wrong = Vec::new();
+    for (i, ray) in rays.iter().enumerate() {
+        assert_eq!(words[i * stride + MOMENTS_BALANCE], 0, "{ray:?}, {solids:?}");
+        let got = paths_of(&words, i, solids.len());
+        let near = [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(|by| {
+            let by = by.map(|it: f64| 2.0 * error * it);
+            let moved = |x: f32, by: f64| (f64::from(x) + by) as f32;
+            ways(solids, &Ray { x: moved(ray.x, by[0]), z: moved(ray.z, by[1]), ..*ray })
+        });
+        let ok = (0..solids.len()).all(|k| {
+            let of = near.iter().map(|it| it[k]);
+            let (low, high) = (of.clone().fold(f64::MAX, f64::min), of.fold(0.0, f64::max));
+            let crossings = f64::from(results[i].crossings.max(2));
+            let room = (high - low) + crossings * error;
+            (low - room..=high + room).contains(&got[k])
+        });
+        if !ok {
+            wrong.push(format!("{backend}: {ray:?}: {got:?} for {:?} in {solids:?}", near[0]));
+        }
+    }
+    wrong
+}
+
+fn rays_at(reach: f64, count: usize, random: &mut Random) -> Vec<Ray> {
+    let one = |_| {
+        let at = scaled(direction(random), reach * random.next());
+        ray_through(at, 0, 0.0, random)
+    };
+    (0..count).map(one).collect()
+}
+
+/// Scenes by name, and what their surfaces may be off: 1 nm where they are exact, 1e-8 m (facets'
+/// own error) where they are cut.
+fn assemblies() -> Vec<(&'static str, Vec<Solid>, f64, bool)> {
+    let tilt = |solid: Solid| solid.turned([1.0, 0.4, -0.2], 0.5);
+    let at = |kind, position| Solid::new(kind).at(position);
+    let block = Kind::Box([3e-3, 3.4e-3, 2.8e-3]);
+    vec![
+        (
+            "sphere in a cylinder in a box",
+            vec![
+                tilt(Solid::new(block)),
+                tilt(Solid::new(cylinder(1.1e-3, 2.2e-3))),
+                at(sphere(0.4e-3), [0.1e-3, 0.2e-3, -0.2e-3]),
+            ],
+            2e-9,
+            false,
+        ),
+        (
+            "box in a sphere",
+            vec![Solid::new(sphere(2e-3)), tilt(Solid::new(Kind::Box([1e-3, 1.2e-3, 0.8e-3])))],
+            2e-9,
+            false,
+        ),
+        (
+            "coated fibre",
+            vec![
+                tilt(Solid::new(cylinder(60e-6, 3e-3))).at([1e-3, 0.0, 0.0]),
+                tilt(Solid::new(cylinder(50e-6, 2.9e-3))).at([1e-3, 0.0, 0.0]),
+            ],
+            2e-9,
+            false,
+        ),
+        (
+            "sphere covered by a later cylinder",
+            vec![Solid::new(sphere(0.4e-3)), tilt(Solid::new(cylinder(1e-3, 2e-3)))],
+            2e-9,
+            false,
+        ),
+        (
+            "ball in the hole of a torus",
+            vec![
+                tilt(Solid::new(Kind::Torus { ring: 1.2e-3, tube: 0.4e-3 })),
+                Solid::new(sphere(0.5e-3)),
+            ],
+            2e-9,
+            false,
+        ),
+        (
+            "sphere half in a box",
+            vec![Solid::new(block), at(sphere(0.5e-3), [1.5e-3, 0.1e-3, 0.0])],
+            1e-7,
+            true,
+        ),
+        (
+            "cylinder through a box",
+            vec![Solid::new(block), tilt(Solid::new(cylinder(0.3e-3, 6e-3)))],
+            4e-8,
+            true,
+        ),
+        (
+            "cylinder that stands on a box",
+            vec![Solid::new(block), at(cylinder(0.6e-3, 1e-3), [0.2e-3, 0.1e-3, 1.9e-3])],
+            4e-8,
+            true,
+        ),
+        (
+            "sphere through a cylinder",
+            vec![tilt(Solid::new(cylinder(30e-6, 200e-6))), at(sphere(40e-6), [30e-6, 10e-6, 0.0])],
+            4e-8,
+            true,
+        ),
+        (
+            "coated fibre with ends in one plane",
+            vec![Solid::new(cylinder(60e-6, 1e-3)), Solid::new(cylinder(50e-6, 1e-3))],
+            4e-8,
+            true,
+        ),
+    ]
+}
+
+#[test]
+fn nested_covered_and_cut_shapes_hold_the_light_of_the_later_one() {
+    let bench = Bench::new();
+    for (name, solids, error, cut) in assemblies() {
+        let sample = geometry::load(&scene_of(&solids, Transport::FirstOrder)).expect("a sample");
+        let warned = sample.objects.iter().any(|it| !it.warnings.is_empty());
+        let covered = name.contains("covered");
+        assert_eq!(warned, cut || covered, "{name}: {:?}", sample.objects);
+        for backend in backends() {
+            let count = if backend == Backend::Bvh { 4000 } else { 400 };
+            let rays = rays_at(2e-3, count, &mut Random::new(61));
+            let wrong = differing(&bench, backend, &solids, &rays, error);
+            println!("measured {backend}, {name}: {} of {count} differ", wrong.len());
+            assert!(wrong.is_empty(), "{name}: {} differ: {}", wrong.len(), wrong[0]);
+        }
+    }
+    bench.end();
+}
+
+/// A solid of 20 to 100 um that may meet others.
+fn random_solid(random: &mut Random) -> Solid {
+    let size = random.between(20e-6, 60e-6);
+    let kind = match (random.next() * 3.0) as usize {
+        0 => Kind::Box([size, random.between(20e-6, 90e-6), random.between(20e-6, 90e-6)]),
+        1 => cylinder(0.5 * size, random.between(30e-6, 120e-6)),
+        _ => sphere(0.6 * size),
+    };
+    let place = scaled(direction(random), 90e-6 * random.next().cbrt());
+    let angle = random.between(0.0, 3.0);
+    Solid::new(kind).turned(direction(random), angle).at(place)
+}
+
+/// Interfaces whose media, places or normals are not those of f64, nor of a ray a hair beside.
+fn are_listed(solids: &[Solid], ray: &Ray, met: &[SurfaceCrossing], error: f64) -> bool {
+    let least = 3.0 * error;
+    let got = listed(met, solids.len(), least);
+    [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].into_iter().any(|by: [f64; 2]| {
+        let moved = |x: f32, by: f64| (f64::from(x) + 4.0 * error * by) as f32;
+        let beside = Ray { x: moved(ray.x, by[0]), z: moved(ray.z, by[1]), ..*ray };
+        let want = interfaces(solids, &beside, least);
+        want.len() == got.len()
+            && want.iter().zip(&got).all(|(want, got)| {
+                // Facets that are off by e stand sqrt(8 e / r) apart and lean by half of that.
+                let lean = 0.05;
+                let along: f64 = (0..3).map(|k| want.normal[k] * got.normal[k]).sum();
+                let d = line(ray, [0.0; 2])[1];
+                let cosine: f64 = (0..3).map(|k| want.normal[k] * d[k]).sum();
+                let room = 6.0 * error / cosine.abs().max(1e-3);
+                want.media == got.media && along.abs() > 1.0 - lean && (want.y - got.y).abs() < room
+            })
+    })
+}
+
+#[test]
+fn interfaces_and_ways_through_random_scenes_are_those_of_points_in_solids() {
+    let bench = Bench::new();
+    let mut random = Random::new(62);
+    let (mut wrong, mut lists, mut compared, mut cut) = (Vec::new(), Vec::new(), 0, 0);
+    let scenes = 40;
+    for number in 0..scenes {
+        let count = 2 + (random.next() * 3.0) as usize;
+        let solids: Vec<Solid> = (0..count).map(|_| random_solid(&mut random)).collect();
+        let rays = rays_at(100e-6, 200, &mut random);
+        let backend = match backends()[..] {
+            [_, other] if number % 20 == 0 => other,
+            _ => Backend::Bvh,
+        };
+        let scene = scene_of(&solids, Transport::FirstOrder);
+        let sample = geometry::load(&scene).expect("a sample");
+        let joined = sample.objects.iter().any(|it| !it.cut_by.is_empty());
+        cut += usize::from(joined);
+        let error = if joined { 4e-8 } else { 1e-9 };
+        wrong.extend(differing(&bench, backend, &solids, &rays, error));
+        compared += rays.len();
+        let public = |ray: &Ray| beamlet::Ray::new(0, [ray.x, ray.z], [ray.slope_x, ray.slope_z]);
+        let public: Vec<beamlet::Ray> = rays.iter().map(public).collect();
+        let visit = |i: usize, met: &[SurfaceCrossing]| {
+            if !are_listed(&solids, &rays[i], met, error) {
+                lists.push(format!("{:?} {met:?} in {solids:?}", rays[i]));
+            }
+        };
+        bench.finder(&scene).find(&public, visit).expect("crossings");
+    }
+    println!(
+        "measured random scenes: {cut} of {scenes} cut, {} ways and {} lists of {compared} differ",
+        wrong.len(),
+        lists.len()
+    );
+    assert!(cut > scenes / 4 && cut < scenes);
+    assert!(wrong.is_empty(), "{}", wrong[0]);
+    assert!(lists.is_empty(), "{}", lists[0]);
+    bench.end();
+}
