@@ -5,6 +5,7 @@ mod reference;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod dark_field;
 mod fits;
 mod retrieval;
 #[cfg(feature = "cli")]
