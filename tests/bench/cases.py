@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Rays, processor time and peak memory of whole runs, beside what `beamlet check` estimates.
 
-    tests/bench/cases.py BEAMLET [CASE…]      (needs numpy; the default: all but "wide" and "fibres")
+    tests/bench/cases.py BEAMLET [CASE…]      (needs numpy; the default: all but "wide" and "fibres*")
 
     cylinder  docs/experiments/cylinder, 128 x 128 pixels, 11 steps
     bracket   docs/experiments/bracket, 3 views
@@ -11,7 +11,9 @@
     wide      the same by beam tracking: 2048 x 2048 pixels of 9.375 um, sample mask of period
               100 um, one step
     fibres    80,000 fibres of 5 um and thicker ones in 20 mm of polyethylene; 256 x 1 pixels,
-              7 steps, one view at 27 degrees, tolerance 5e-3 (and fibres-fine: 1e-3)
+              7 steps, one view at 27 degrees, tolerance 5e-3 (and fibres-fine: 1e-3), as one mesh;
+              fibres-instances and -instances-fine: by a file of positions; fibres-exact and
+              -exact-fine: as circular cylinders
 
 Meshes are written to a temporary folder. Rays are per pixel of the detector and view ("rays"), and
 of the patches that the sample touches ("in patches", mean and most). Seconds are processor time of
@@ -45,6 +47,12 @@ def cylinder_object(name, material, radius, height, sides, place='0 mm'):
     shape = f'radius = "{radius} mm", height = "{height} mm", sides = {sides}'
     return (f'[[object]]\nname = "{name}"\nshape = {{ cylinder = {{ {shape} }} }}\n'
             f'material = "{material}"\nposition = ["{x.strip()}", "{y.strip()}", "0 mm"]\n\n')
+
+
+def fibres_in_places(sides):
+    shape = f'radius = "2.5 um", height = "2 mm"{sides}'
+    return (f'[[object]]\nname = "fibres"\nshape = {{ cylinder = {{ {shape} }} }}\n'
+            f'material = "carbon"\ninstances = "places.csv"\n\n')
 
 
 def write_stl(path, vertices, triangles):
@@ -144,15 +152,22 @@ def make(case, folder):
                 'sample_mask', 'distance = "1.2 m"\n', 'period = "100 um"\naperture = "20 um"'),
         }[case] + mesh_object('bumpy', 'carbon')
     else:
-        stl('fibres', copies(*prism(0.0025, 2.0, 16), apart(80000, 0.0025, 1.25) + [0, 5]))
+        centres = apart(80000, 0.0025, 1.25) + [0, 5]
+        if case in ('fibres', 'fibres-fine'):
+            stl('fibres', copies(*prism(0.0025, 2.0, 16), centres))
+            fibres = mesh_object('fibres', 'carbon')
+        else:
+            with open(os.path.join(folder, 'places.csv'), 'w') as out:
+                out.write('x_mm,y_mm,z_mm\n' + ''.join(f'{x!r},{y!r},0\n' for x, y in centres.tolist()))
+            fibres = fibres_in_places('' if 'exact' in case else ', sides = 16')
         thick = np.array([(0.45 * (i - 3), 0.45 * (j - 2.5) - 5) for i in range(7) for j in range(6)])
         stl('thick', copies(*prism(0.15, 2.0, 128), thick[:39]))
         text = DETECTOR.format(256, 1, 150) + BOTH_MASKS + SCAN.format(30, 7)
         text += cylinder_object('matrix', 'polyethylene', 10, 3, 2048)
-        text += mesh_object('fibres', 'carbon') + mesh_object('thick', 'carbon')
+        text += fibres + mesh_object('thick', 'carbon')
         for material, place in (('carbon', '5 mm'), ('epoxy', '-5 mm'), ('nylon 66', '-6 mm, -4 mm')):
             text += cylinder_object(material + ' rod', material, 0.5, 2, 256, place)
-        tolerance = '1e-3' if case == 'fibres-fine' else '5e-3'
+        tolerance = '1e-3' if case.endswith('-fine') else '5e-3'
         arguments += ['--set', 'scan.angles=["27 deg"]', '--set', f'sampling.tolerance={tolerance}']
     with open(scene, 'w') as out:
         out.write(SOURCE.format(source=1.213 if case.startswith('fibres') else 1.21) + text)

@@ -11,6 +11,7 @@ mod scene;
 mod scene_beam;
 mod scene_docs;
 mod scene_resolved;
+mod scene_shapes;
 mod spectrum_files;
 mod spectrum_nodes;
 mod spectrum_tube;

@@ -40,7 +40,7 @@ fn paper_scene_resolves_with_its_defaults() {
     };
     assert_eq!(scene.resolve(path), Path::new("somewhere/meshes/rod.stl"));
     assert_eq!(*unit, 1e-3);
-    let sphere = Shape::Sphere { radius: 1e-3, sides: 64 };
+    let sphere = Shape::Sphere { radius: 1e-3, sides: Some(64) };
     assert_eq!(scene.objects[1].geometry, ShapeOrMesh::Shape(sphere));
 }
 

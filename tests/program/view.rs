@@ -118,6 +118,32 @@ fn a_scene_is_drawn_as_set_up_and_sample() {
 }
 
 #[test]
+fn instances_are_counted_by_check_and_drawn_where_they_stand() {
+    let place = tempfile::tempdir().unwrap();
+    let scene = SCENE.replace("0.4 mm", "0.1 mm") + "instances = \"places.csv\"\n";
+    fs::write(place.path().join("scene.toml"), scene).unwrap();
+    // Seen from 35 degrees to +x and 24 degrees up, the five fill a cross with a gap around it.
+    let places = "x_mm,y_mm,z_mm\n0,0,0\n-0.6,0,0\n0.6,0,0\n0,0,-0.6\n0,0,0.6\n";
+    fs::write(place.path().join("places.csv"), places).unwrap();
+    let printed = done(place.path(), "check scene.toml");
+    assert!(printed.contains("    instances         5\n"), "{printed}");
+    let record: serde_json::Value =
+        serde_json::from_str(&done(place.path(), "check scene.toml --json")).unwrap();
+    assert_eq!(record["objects"][0]["instances"], 5);
+    done(place.path(), "view scene.toml -o pictures");
+    assert!(place.path().join("pictures/set_up.png").exists());
+    let sample = picture(&place.path().join("pictures/sample.png"));
+    let [r, g, b] = colour(&sample, 390.0, 390.0);
+    assert!(b > g && g > r, "the ball in the middle is blue: {r} {g} {b}");
+    // Along z the picture is 2 (0.6 cos 24 deg + 0.1) mm high, which fill 760 / 1.12 of its units.
+    let unit = 760.0 / 1.12 / 1.296;
+    for (z, is_ball) in [(0.548, true), (0.27, false), (-0.27, false), (-0.548, true)] {
+        let found = colour(&sample, 390.0, 390.0 - z * unit) != [255; 3];
+        assert_eq!(found, is_ball, "{z} mm above the middle");
+    }
+}
+
+#[test]
 fn what_is_inside_is_seen_through_what_is_around() {
     let place = tempfile::tempdir().unwrap();
     let inner = "\n[[object]]\nname = \"seed\"\nmaterial = \"gold\"\n\

@@ -31,7 +31,7 @@ fn scene() -> Scene {
     scene.sample_mask = mask(1.2, 100e-6, 20e-6);
     scene.detector_mask = mask(1.8, 150e-6, 30e-6);
     scene.scan = Scan::new(vec![-1e-5, 0.0, 1e-5], vec![0.0, 1.0]);
-    let rod = Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: 64 };
+    let rod = Shape::Cylinder { radius: 2e-4, height: 1e-3, sides: Some(64) };
     scene.objects.push(Object::new("rod", rod, "carbon"));
     scene
 }

@@ -174,3 +174,56 @@ fn a_geometry_with_hashes_is_taken_with_its_files_alone() {
         fs::write(place.path(name), before).unwrap();
     }
 }
+
+/// A scene with rods where a file says.
+fn scattered() -> Workplace {
+    let object = "material = \"plastic\"\ninstances = \"places.csv\"\n";
+    let place = Workplace::new(&SCENE.replace("material = \"plastic\"\n", object));
+    fs::write(place.path("places.csv"), "x_mm,y_mm,z_mm\n-0.3,0,0\n0.3,1,0\n").unwrap();
+    place
+}
+
+#[test]
+fn a_run_with_positions_goes_on_only_with_its_own() {
+    let place = scattered();
+    interrupted(&place, &[]);
+    let whole = place.bytes("sample.npy");
+    let resolved = String::from_utf8(place.bytes("scene.toml")).unwrap();
+    assert_says(resolved.split_once("[files]\n").unwrap().1, &["places.csv"]);
+    assert_eq!(ended(&place.simulate(&["--resume"]), 0), "");
+    assert_eq!(place.bytes("sample.npy"), whole);
+    let names = |checked: &std::process::Output| {
+        ended(checked, 0);
+        String::from_utf8_lossy(&checked.stdout).contains("places.csv: is not the file")
+    };
+    assert!(!names(&place.beamlet(&["check", "run"])));
+    fs::write(place.path("places.csv"), "x_mm,y_mm,z_mm\n-0.3,0,0\n0.3,1.001,0\n").unwrap();
+    let message = ended(&place.simulate(&["--resume"]), 1);
+    assert_says(&message, &["another scene", "places.csv", "sha256"]);
+    assert_eq!(place.bytes("sample.npy"), whole);
+    // What is in the run is whole, and only does not go with the file any more: a note.
+    assert!(names(&place.beamlet(&["check", "run"])));
+}
+
+#[test]
+fn kept_moments_of_instances_are_illuminated_with_their_own_positions() {
+    let place = scattered();
+    ended(&place.simulate(&["--format", "npy", "--keep-moments"]), 0);
+    let illuminate = [
+        "illuminate",
+        "run",
+        "--scene",
+        "scene.toml",
+        "-q",
+        "-o",
+        "out",
+        "--overwrite",
+        "--format",
+        "npy",
+    ];
+    assert_eq!(ended(&place.beamlet(&illuminate), 0), "");
+    let again = fs::read(place.path("out/sample.npy")).unwrap();
+    assert_eq!(again, place.bytes("sample.npy"), "the same beam");
+    fs::write(place.path("places.csv"), "x_mm,y_mm,z_mm\n-0.3,0,0\n0.3,1.001,0\n").unwrap();
+    assert_says(&ended(&place.beamlet(&illuminate), 1), &["places.csv"]);
+}
