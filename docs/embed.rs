@@ -58,7 +58,7 @@ fn scene() -> Scene {
     scene.scan.mask_offsets = (-5..=5).map(|step| f64::from(step) * 5e-6).collect();
     let carbon = MaterialSpec::Formula { formula: "C".into(), density: 2.0 };
     scene.materials.insert("carbon fibre".into(), carbon);
-    let cylinder = Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: 2048 };
+    let cylinder = Shape::Cylinder { radius: 4e-3, height: 16e-3, sides: Some(2048) };
     scene.objects.push(Object::new("rod", cylinder, "carbon fibre"));
     scene
 }
