@@ -69,15 +69,16 @@ const uint FAR = 2u;    // too many facets away, or at an open edge
 const uint STEPS = 8u; // across edges
 
 // Where the ray crosses the surface that the straight line crosses at a leaf, at y: from facet to
-// facet across the edges that it is beyond.
-Meeting meet(Bent ray, uint leaf_index, bool entering, float y) {
+// facet across the edges that it is beyond. `after`: where the ray is, less what rounding leaves.
+Meeting meet(Bent ray, uint leaf_index, bool entering, float y, float after) {
     Meeting meeting = Meeting(FAR, leaf_index, 0.0, vec3(0.0));
 #ifdef PLACED
     Placed placed;
     if (is_shape(leaf_index, placed)) {
         ShapeCrossings found = shape_crossings(ray.line, ray.moved, ray.slope, placed);
         uint at;
-        if (shape_crossing_near(found, y, entering, at)) {
+        bool torus = TORI && shape_of(placed).kind == SHAPE_TORUS;
+        if (shape_crossing_near(found, y, torus ? after : -FAR_AWAY, entering, at)) {
             return Meeting(MEETS, leaf_index, found.y[at], found.normal_[at]);
         }
         meeting.outcome = entering ? MISSES : FAR;

@@ -103,7 +103,7 @@ uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
     float y = crossing.y;
     float along = 1e-2;
     if (material != walk.material) {
-        Meeting at = meet(walk.ray, leaf, entering, crossing.y);
+        Meeting at = meet(walk.ray, leaf, entering, crossing.y, walk.y - walk.clearance);
         if (at.outcome == MISSES && entering && miss(list, i, surface.object)) return THROUGH;
         if (at.outcome != MEETS) return SEARCHING;
         reflected = pass_into(walk, at, material);

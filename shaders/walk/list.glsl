@@ -70,7 +70,7 @@ vec3 normal_of_shape(Beam beam, Placed placed, Crossing crossing) {
     ShapeCrossings found = shape_crossings(beam, vec2(0.0), vec2(0.0), placed);
     uint nearest;
     bool entering = (crossing.facet & FACET_ENTERED) != 0u;
-    if (!shape_crossing_near(found, crossing.y, entering, nearest)) return vec3(0.0, -1.0, 0.0);
+    if (!shape_crossing_near(found, crossing.y, -FAR_AWAY, entering, nearest)) return vec3(0.0, -1.0, 0.0);
     return found.normal_[nearest];
 }
 #endif

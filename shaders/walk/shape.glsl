@@ -36,12 +36,14 @@ ShapeCrossings shape_crossings(Beam beam, vec2 moved, vec2 bent, Placed placed) 
 }
 
 // The crossing of a ray next to y that goes into the shape, or out of it; false where there is none.
-bool shape_crossing_near(ShapeCrossings all, float y, bool entering, out uint nearest) {
+// One of a torus before `after` belongs to a passage that is over.
+bool shape_crossing_near(ShapeCrossings all, float y, float after, bool entering,
+                         out uint nearest) {
     nearest = all.count;
     float least = 1e30;
     for (uint i = entering ? 0u : 1u; i < all.count; i += 2u) {
         float apart = abs(all.y[i] - y);
-        if (apart < least) {
+        if (apart < least && all.y[i] >= after) {
             least = apart;
             nearest = i;
         }
