@@ -69,7 +69,7 @@ const uint FAR = 2u;    // too many facets away, or at an open edge
 const uint STEPS = 8u; // across edges
 
 // Where the ray crosses the surface that the straight line crosses at a leaf, at y: from facet to
-// facet across the edges that it is beyond. `after`: where the ray is, less what rounding leaves.
+// facet across the edges that it is beyond. `after`: where it may do so at the earliest.
 Meeting meet(Bent ray, uint leaf_index, bool entering, float y, float after) {
     Meeting meeting = Meeting(FAR, leaf_index, 0.0, vec3(0.0));
 #ifdef PLACED

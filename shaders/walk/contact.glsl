@@ -88,8 +88,8 @@ uint take_contact(inout Walk walk, Gathered list, uint i, uint end) {
     bool reflected = false;
     float along = 1e-2;
     if (material != walk.material) {
-        at = meet(walk.ray, at.leaf, (first.facet & FACET_ENTERED) != 0u, first.y,
-                  walk.y - walk.clearance);
+        bool entering = (first.facet & FACET_ENTERED) != 0u;
+        at = meet(walk.ray, at.leaf, entering, first.y, earliest(walk, at.leaf, entering));
         if (at.outcome != MEETS) return UNCLEAR;
         reflected = pass_into(walk, at, material);
         along = dot(at.normal, vec3(slope_of(walk.ray.line), 1.0).xzy);

@@ -77,6 +77,12 @@ bool pass_into(inout Walk walk, Meeting at, uint material) {
     return reflected;
 }
 
+// Where a crossing of a leaf may come at the earliest: behind the last one, but for rounding; and
+// beyond that where the ray has just left the leaf, which it enters anew.
+float earliest(Walk walk, uint leaf, bool entering) {
+    return walk.y + (entering && walk.leaf == leaf ? walk.clearance : -walk.clearance);
+}
+
 // Takes the crossing at i of the list.
 uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
     uint leaf = crossing.facet & FACET_LEAF;
@@ -103,7 +109,7 @@ uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
     float y = crossing.y;
     float along = 1e-2;
     if (material != walk.material) {
-        Meeting at = meet(walk.ray, leaf, entering, crossing.y, walk.y - walk.clearance);
+        Meeting at = meet(walk.ray, leaf, entering, crossing.y, earliest(walk, leaf, entering));
         if (at.outcome == MISSES && entering && miss(list, i, surface.object)) return THROUGH;
         if (at.outcome != MEETS) return SEARCHING;
         reflected = pass_into(walk, at, material);
