@@ -7,6 +7,7 @@
 #extension GL_EXT_buffer_reference2 : require
 #extension GL_EXT_buffer_reference_uvec2 : require
 #extension GL_EXT_scalar_block_layout : require
+#extension GL_EXT_control_flow_attributes : require
 #ifdef BACKEND_RAY_QUERY
 #extension GL_EXT_ray_query : require
 #endif

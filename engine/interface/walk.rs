@@ -133,6 +133,8 @@ shared_structs! {
         pub y: f32,
         /// Leaf, and `FACET_` bits.
         pub facet: u32,
+        /// Index of its surface.
+        pub surface: u32,
     }
 
     /// A crossing of a ray with a surface of the sample.

@@ -23,34 +23,33 @@ vec3 normal_at(Bent ray, Crossing crossing, out float reach) {
     return beam_from_world(ray.line, leaf.normal);
 }
 
-// Whether the surface of the later crossing passes the place of the earlier one.
-bool in_contact(Bent ray, Crossing earlier, Crossing after) {
-    float apart = after.y - earlier.y;
-    if (apart > CONTACT_FAR) return false;
-    float reach_a;
-    float reach_b;
-    vec3 direction = vec3(slope_of(ray.line), 1.0).xzy;
-    float cosine = max(abs(dot(normal_at(ray, earlier, reach_a), direction)),
-                       abs(dot(normal_at(ray, after, reach_b), direction)));
-    float contact = max(CONTACT, CONTACT_ROUNDING * max(reach_a, reach_b));
-    return apart * max(cosine, CONTACT_COSINE) <= contact;
-}
-
-// Behind the last of the crossings from i on that are one interface; i + 1 where there is none.
-// Until both an entry and an exit are among them no object stands among them twice: a thin
-// plate is entered before it is left.
+// Behind the last of the crossings from i on that are one interface: surfaces that pass the place of
+// the first; i + 1 where there is none. Until both an entry and an exit are among them no object
+// stands among them twice: a thin plate is entered before it is left.
 uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
-    uint entered = first.facet & FACET_ENTERED;
+    if (i + 1u == list.count || list_at(list, i + 1u).y - first.y > CONTACT_FAR) return i + 1u;
+    vec3 direction = vec3(slope_of(ray.line), 1.0).xzy;
+    float first_cosine = 0.0;
+    float first_reach = 0.0;
     bool mixed = false;
-    uint j = i + 1u;
-    for (; j < list.count; j++) {
+    uint j = i;
+    [[dont_unroll]] for (; j < list.count; j++) {
         Crossing crossing = list_at(list, j);
-        bool repeated = false;
+        float apart = crossing.y - first.y;
+        bool repeated = apart > CONTACT_FAR;
         for (uint k = i; k < j && !mixed; k++) {
             repeated = repeated || object_of(list_at(list, k)) == object_of(crossing);
         }
-        if (repeated || !in_contact(ray, first, crossing)) break;
-        mixed = mixed || (crossing.facet & FACET_ENTERED) != entered;
+        if (repeated) break;
+        float reach;
+        float cosine = max(abs(dot(normal_at(ray, crossing, reach), direction)), first_cosine);
+        reach = max(reach, first_reach);
+        if (j == i) {
+            first_cosine = cosine;
+            first_reach = reach;
+        }
+        if (apart * max(cosine, CONTACT_COSINE) > max(CONTACT, CONTACT_ROUNDING * reach)) break;
+        mixed = mixed || ((crossing.facet ^ first.facet) & FACET_ENTERED) != 0u;
     }
     return mixed ? j : i + 1u;
 }
@@ -73,38 +72,4 @@ bool media_behind(Walk walk, Gathered list, uint i, uint end, out MediumSet medi
         }
     }
     return true;
-}
-
-// Takes the crossings from i to end as one interface; UNCLEAR where they are not.
-uint take_contact(inout Walk walk, Gathered list, uint i, uint end) {
-    MediumSet media;
-    if (!media_behind(walk, list, i, end, media)) return UNCLEAR;
-    Crossing first = list_at(list, i);
-    Meeting at;
-    at.leaf = first.facet & FACET_LEAF;
-    at.y = first.y;
-    at.normal = vec3(0.0);
-    uint material = material_of(media);
-    bool reflected = false;
-    float along = 1e-2;
-    if (material != walk.material) {
-        bool entering = (first.facet & FACET_ENTERED) != 0u;
-        at = meet(walk.ray, at.leaf, entering, first.y, earliest(walk, at.leaf, entering));
-        if (at.outcome != MEETS) return UNCLEAR;
-        reflected = pass_into(walk, at, material);
-        along = dot(at.normal, vec3(slope_of(walk.ray.line), 1.0).xzy);
-    }
-    for (uint j = i; j < end; j++) {
-        Crossing crossing = list_at(list, j);
-        if ((crossing.facet & FACET_MISSED) != 0u) continue;
-        walk.crossings += 1u;
-        walk.signature += sample_.surfaces.at[surface_at(crossing.facet & FACET_LEAF)].hash;
-    }
-    walk.y = at.y;
-    // A new search may bring up any of them once more.
-    walk.clearance = 2.0 * CONTACT / max(abs(along), 1e-5) + list_at(list, end - 1u).y - first.y;
-    walk.leaf = at.leaf;
-    if (reflected) return SEARCHING;
-    walk.media = media;
-    return THROUGH;
 }

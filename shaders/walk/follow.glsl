@@ -83,65 +83,96 @@ float earliest(Walk walk, uint leaf, bool entering) {
     return walk.y + (entering && walk.leaf == leaf ? walk.clearance : -walk.clearance);
 }
 
-// Takes the crossing at i of the list.
-uint take(inout Walk walk, Gathered list, uint i, Crossing crossing) {
-    uint leaf = crossing.facet & FACET_LEAF;
-    bool entering = (crossing.facet & FACET_ENTERED) != 0u;
-    Surface surface = sample_.surfaces.at[surface_at(leaf)];
-    uint place = place_of(walk.media, surface.object);
-    if (is_known(walk, list, crossing, place)) return THROUGH;
-    if (!entering && place == DEPTH) {
+#include "walk/contact.glsl"
+
+// A crossing that stands alone: its object, and where that stands in the set of media.
+struct Single {
+    Crossing crossing;
+    uint object;
+    uint place;
+};
+
+// The crossing at i of the list, which is to be taken alone; UNCLEAR where it leads to an interface.
+uint single(inout Walk walk, Gathered list, uint i, inout Single one) {
+    one.object = object_of(one.crossing);
+    one.place = place_of(walk.media, one.object);
+    if (is_known(walk, list, one.crossing, one.place)) return THROUGH;
+    if ((one.crossing.facet & FACET_ENTERED) == 0u && one.place == DEPTH) {
         // Its entry stands behind it by rounding: they change places.
-        uint entry = next_of(list, i, surface.object, FACET_ENTERED);
+        uint entry = next_of(list, i, one.object, FACET_ENTERED);
         if (entry == list.count) return LOST;
         list_set(list, i, list_at(list, entry));
-        list_set(list, entry, crossing);
-        crossing = list_at(list, i);
-        leaf = crossing.facet & FACET_LEAF;
-        entering = true;
+        list_set(list, entry, one.crossing);
+        one.crossing = list_at(list, i);
     }
-    if (entering && walk.media.count == DEPTH) {
+    if ((one.crossing.facet & FACET_ENTERED) != 0u && walk.media.count == DEPTH) {
         walk.flags |= FLAG_DROPPED;
         return LOST;
     }
-    uint material = material_after(walk.media, surface.object, entering, place);
-    bool reflected = false;
-    float y = crossing.y;
-    float along = 1e-2;
-    if (material != walk.material) {
-        Meeting at = meet(walk.ray, leaf, entering, crossing.y, earliest(walk, leaf, entering));
-        if (at.outcome == MISSES && entering && miss(list, i, surface.object)) return THROUGH;
-        if (at.outcome != MEETS) return SEARCHING;
-        reflected = pass_into(walk, at, material);
-        y = at.y;
-        along = dot(at.normal, vec3(slope_of(walk.ray.line), 1.0).xzy);
-        leaf = at.leaf;
-    }
-    walk.crossings += 1u;
-    walk.signature += surface.hash;
-    walk.y = y;
-    walk.clearance = SAME_PLACE / max(abs(along), 1e-5);
-    walk.leaf = leaf;
-    if (reflected) return SEARCHING;
-    media_change(walk.media, surface.object, entering, place);
-    return THROUGH;
+    return UNCLEAR;
 }
 
-#include "walk/contact.glsl"
-
-// Takes the crossings at i of the list, as far as they are one interface; i: behind them.
+// Takes the crossings at i of the list, as far as they are one interface; i: behind them. Interfaces
+// of one crossing and of several go through the same calls, since drivers copy a function to each
+// of its calls.
 uint take_next(inout Walk walk, Gathered list, inout uint i) {
-    Crossing crossing = list_at(list, i);
-    uint end = contact_end(walk.ray, list, i, crossing);
-    if (end > i + 1u && !is_known(walk, list, crossing, place_of(walk.media, object_of(crossing)))) {
-        uint outcome = take_contact(walk, list, i, end);
-        if (outcome != UNCLEAR) {
-            i = end;
-            return outcome;
+    uint first = i;
+    Single one;
+    one.crossing = list_at(list, first);
+    uint end = contact_end(walk.ray, list, first, one.crossing);
+    MediumSet media;
+    bool together = end > first + 1u
+        && !is_known(walk, list, one.crossing, place_of(walk.media, object_of(one.crossing)))
+        && media_behind(walk, list, first, end, media);
+    Meeting at;
+    bool entering;
+    bool reflected = false;
+    float along = 1e-2;
+    for (bool clear = false; !clear;) {
+        if (!together) {
+            end = first + 1u;
+            uint outcome = single(walk, list, first, one);
+            if (outcome != UNCLEAR) {
+                i = end;
+                return outcome;
+            }
+        }
+        i = end;
+        entering = (one.crossing.facet & FACET_ENTERED) != 0u;
+        at = Meeting(MEETS, one.crossing.facet & FACET_LEAF, one.crossing.y, vec3(0.0));
+        uint material = together ? material_of(media)
+                                 : material_after(walk.media, one.object, entering, one.place);
+        clear = true;
+        if (material != walk.material) {
+            at = meet(walk.ray, at.leaf, entering, at.y, earliest(walk, at.leaf, entering));
+            if (at.outcome == MEETS) {
+                reflected = pass_into(walk, at, material);
+                along = dot(at.normal, vec3(slope_of(walk.ray.line), 1.0).xzy);
+            } else if (!together) {
+                bool missed = at.outcome == MISSES && entering && miss(list, first, one.object);
+                return missed ? THROUGH : SEARCHING;
+            } else {
+                together = false;
+                clear = false;
+            }
         }
     }
-    i += 1u;
-    return take(walk, list, i - 1u, crossing);
+    float stretch = 0.0;
+    for (uint j = first; j < end; j++) {
+        Crossing crossing = list_at(list, j);
+        stretch = crossing.y - one.crossing.y;
+        if ((crossing.facet & FACET_MISSED) != 0u) continue;
+        walk.crossings += 1u;
+        walk.signature += sample_.surfaces.at[crossing.surface].hash;
+    }
+    walk.y = at.y;
+    // A new search may bring up any of several once more.
+    walk.clearance = (together ? 2.0 * CONTACT : SAME_PLACE) / max(abs(along), 1e-5) + stretch;
+    walk.leaf = at.leaf;
+    if (reflected) return SEARCHING;
+    if (together) walk.media = media;
+    else media_change(walk.media, one.object, entering, one.place);
+    return THROUGH;
 }
 
 // Crossings that were missed at another energy count again.

@@ -23,7 +23,7 @@ void list_set(Gathered list, uint i, Crossing crossing) {
 }
 
 uint object_of(Crossing crossing) {
-    return sample_.surfaces.at[surface_at(crossing.facet & FACET_LEAF)].object;
+    return sample_.surfaces.at[crossing.surface].object;
 }
 
 // The order of crossings: y, then object, then primitive.
@@ -37,8 +37,8 @@ bool later(Crossing a, Crossing b) {
 
 // The crossing of a leaf, where the ray crosses it behind `after`.
 bool crosses(Beam beam, uint leaf_index, Gathered list, out Crossing crossing) {
-    crossing = Crossing(0.0, leaf_index);
     Leaf leaf = leaf_at(leaf_index);
+    crossing = Crossing(0.0, leaf_index, leaf.surface & SURFACE_INDEX);
     Facet facet = facet_of(beam, leaf);
     if (!facet.crossed || leaf_index == list.except) return false;
     crossing.y = place_of(slope_of(beam), facet, beam_from_world(beam, leaf.normal));
@@ -61,7 +61,9 @@ void visit_shape(Beam beam, uint primitive, Placed placed, inout Gathered list) 
     ShapeCrossings found = shape_crossings(beam, vec2(0.0), vec2(0.0), placed);
     for (uint i = 0u; i < found.count; i++) {
         uint facet = primitive | (i % 2u == 0u ? FACET_ENTERED : 0u);
-        if (found.y[i] >= list.after) list_add(list, Crossing(found.y[i], facet));
+        if (found.y[i] >= list.after) {
+            list_add(list, Crossing(found.y[i], facet, placed.surface));
+        }
     }
 }
 

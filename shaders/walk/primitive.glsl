@@ -6,6 +6,11 @@
 // What there is beside triangles: KIND_ bits.
 layout(constant_id = 0) const uint KINDS = 15u;
 
+// Whether a primitive is a facet of a placed mesh.
+bool is_placed(uint primitive) {
+    return (KINDS & KIND_MESH) != 0u && primitive >= sample_.sample_leaves;
+}
+
 // A vector, turned by a quaternion of any length.
 vec3 turned(vec4 rotation, vec3 v) {
     precise vec3 half_ = cross(rotation.xyz, v) + rotation.w * v;
@@ -51,7 +56,7 @@ Placed placed_of(uint primitive, out uint leaf) {
 // A primitive as a triangle of the world.
 Leaf leaf_at(uint primitive) {
 #ifdef PLACED
-    if (primitive >= sample_.sample_leaves) {
+    if (is_placed(primitive)) {
         uint index;
         Placed placed = placed_of(primitive, index);
         Leaf own = sample_.leaves.at[index];
@@ -66,7 +71,7 @@ Leaf leaf_at(uint primitive) {
 #ifdef PLACED
 // The place of a primitive that is a shape; false for a triangle.
 bool is_shape(uint primitive, out Placed placed) {
-    if (primitive >= sample_.sample_leaves) return false;
+    if ((KINDS & ~KIND_MESH) == 0u || primitive >= sample_.sample_leaves) return false;
     uint word = sample_.leaves.at[primitive].surface;
     if ((word & ~SURFACE_INDEX) != LEAF_SHAPE) return false;
     placed = sample_.placed.at[word & SURFACE_INDEX];
@@ -78,24 +83,10 @@ AnalyticShape shape_of(Placed placed) {
 }
 #endif
 
-// Index of the surface of a primitive.
-uint surface_at(uint primitive) {
-#ifdef PLACED
-    Placed shape;
-    if (is_shape(primitive, shape)) return shape.surface;
-    if (primitive >= sample_.sample_leaves) {
-        uint index;
-        Placed placed = placed_of(primitive, index);
-        return placed.surface + sample_.leaves.at[index].surface;
-    }
-#endif
-    return sample_.leaves.at[primitive].surface & SURFACE_INDEX;
-}
-
 // The primitive across an edge of a primitive; NO_LEAF at an open edge.
 uint neighbour_of(uint primitive, uint edge) {
 #ifdef PLACED
-    if (primitive >= sample_.sample_leaves) {
+    if (is_placed(primitive)) {
         uint leaf;
         Placed placed = placed_of(primitive, leaf);
         uint other = sample_.neighbours.at[3u * leaf + edge];
