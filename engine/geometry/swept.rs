@@ -53,10 +53,11 @@ pub fn swept(sample: &Sample) -> Swept {
             *points = hull(std::mem::take(points));
         }
     }
+    let directions = directions();
     let mut reached = vec![Reached::default(); sample.objects.len()];
     for placed in &sample.placed {
         let object = sample.components[placed.component as usize].object as usize;
-        if !reached[object].grows(sample.bounds_of_placed(placed)) {
+        if !reached[object].grows(&directions, sample.bounds_of_placed(placed)) {
             continue;
         }
         let points = &mut points[object];
@@ -83,6 +84,11 @@ pub fn swept(sample: &Sample) -> Swept {
 /// Directions in which an outline of many instances is followed.
 const DIRECTIONS: usize = 32;
 
+fn directions() -> [DVec2; DIRECTIONS] {
+    let step = std::f64::consts::TAU / DIRECTIONS as f64;
+    std::array::from_fn(|number| DVec2::from_angle(number as f64 * step))
+}
+
 /// How far boxes are known to reach, by direction: those that lie within it cannot be on the hull.
 #[derive(Clone)]
 struct Reached([f64; DIRECTIONS]);
@@ -95,15 +101,13 @@ impl Default for Reached {
 
 impl Reached {
     /// Takes a box; whether it may reach beyond the others.
-    fn grows(&mut self, [low, high]: [DVec3; 2]) -> bool {
+    fn grows(&mut self, directions: &[DVec2; DIRECTIONS], [low, high]: [DVec3; 2]) -> bool {
         let (centre, half) = (low.midpoint(high).truncate(), ((high - low) / 2.0).truncate());
         let mut grows = false;
-        for (number, reached) in (0_u32..).zip(&mut self.0) {
-            let angle = f64::from(number) * std::f64::consts::TAU / DIRECTIONS as f64;
-            let along = DVec2::from_angle(angle);
+        // Between two directions a hull bulges by no more than this.
+        let bulge = centre.length() * 0.5 * (std::f64::consts::TAU / DIRECTIONS as f64).powi(2);
+        for (along, reached) in directions.iter().zip(&mut self.0) {
             let most = along.dot(centre) + along.abs().dot(half);
-            // Between two directions a hull bulges by no more than this.
-            let bulge = centre.length() * 0.5 * (std::f64::consts::TAU / DIRECTIONS as f64).powi(2);
             grows = grows || most + bulge + half.length() > *reached;
             *reached = reached.max(along.dot(centre));
         }

@@ -8,7 +8,7 @@ use super::polygon::Area;
 use crate::geometry::{FacetNumbers, FacetOf, Sample};
 use crate::numbers;
 use crate::scene::Transport;
-use crate::trace::{MaterialTable, least_cosine, object_hash};
+use crate::trace::{MaterialTable, component_hash, least_cosine};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -23,7 +23,7 @@ const TRIANGLES_OF_A_TASK: usize = 1 << 12;
 /// What a surface does to rays: constants inside less those outside.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfaceStep {
-    /// Of its object, as in signatures of rays.
+    /// Of its component, as in signatures of rays.
     pub(super) hash: u32,
     /// Attenuation, 1/m.
     pub(super) mu: f64,
@@ -62,11 +62,11 @@ impl SampleFacets {
             return None;
         }
         let mean = media.mean();
-        let step = |component: &crate::geometry::Component| {
+        let step = |(index, component): (u32, &crate::geometry::Component)| {
             let [inside, outside] = media.sides(component.object, component.outside);
             let (a, b) = (&mean[inside as usize], &mean[outside as usize]);
             SurfaceStep {
-                hash: object_hash(component.object),
+                hash: component_hash(index),
                 mu: a.mu - b.mu,
                 delta: a.delta - b.delta,
                 least_cosine: match transport {
@@ -84,7 +84,7 @@ impl SampleFacets {
             }
         }
         let numbers = FacetNumbers::new(sample);
-        let steps = sample.components.iter().map(step).collect();
+        let steps = (0..).zip(&sample.components).map(step).collect();
         Some(Self { steps, triangles, across, numbers })
     }
 }

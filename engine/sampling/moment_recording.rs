@@ -5,6 +5,7 @@ use super::neighbours::Slopes;
 use super::patch::Patch;
 use super::rectangle::Rectangle;
 use crate::Result;
+use crate::geometry::Component;
 use crate::interface::{
     FLAG_EXACT, FLAG_NOT_FINITE, FLAG_UNBALANCED, MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray,
     RayResult,
@@ -12,7 +13,7 @@ use crate::interface::{
 use crate::material::Constants;
 use crate::numbers::single;
 use crate::parallel;
-use crate::trace::{MaterialTable, Tracer, object_hash};
+use crate::trace::{MaterialTable, Tracer, component_hash};
 use rayon::prelude::*;
 
 /// Of constants on both sides of a surface, by which moments follow from a result.
@@ -31,18 +32,24 @@ pub(crate) struct MomentRecording {
 }
 
 impl MomentRecording {
-    /// For media walked at constants of `reference`; `in_hand`: how much more strongly than at its energies the media may refract in another scene.
+    /// For a sample of `components` whose media are walked at constants of `reference`; `in_hand`: how much more strongly than at its energies the media may refract in another scene.
     #[must_use]
-    pub(crate) fn new(media: &MaterialTable, reference: &[Constants], in_hand: f64) -> Self {
+    pub(crate) fn new(
+        media: &MaterialTable,
+        components: &[Component],
+        reference: &[Constants],
+        in_hand: f64,
+    ) -> Self {
         let of_node = media.constants.iter().flat_map(|node| node.iter().zip(reference));
         let delta_ratio = of_node
             .filter(|(_, reference)| reference.delta != 0.0)
             .map(|(node, reference)| (node.delta / reference.delta).abs())
             .fold(1.0, f64::max);
-        let twice = |object| object_hash(object).wrapping_mul(2);
-        let bodies = (0..).zip(&media.of_object);
-        let mut single: Vec<_> =
-            bodies.map(|(object, material)| (twice(object), *material)).collect();
+        let twice = |component| component_hash(component).wrapping_mul(2);
+        let body = |(index, component): (u32, &Component)| {
+            (twice(index), media.of_object[component.object as usize])
+        };
+        let mut single: Vec<_> = (0..).zip(components).map(body).collect();
         single.sort_unstable();
         // A signature that two bodies share identifies neither.
         single = single

@@ -123,7 +123,7 @@ impl Estimator<'_> {
         })
     }
 
-    /// Slopes of the result of a rectangle, from neighbours that crossed the same objects.
+    /// Slopes of the result of a rectangle, from neighbours that crossed the same components.
     pub(super) fn slopes(&self, node: &Node, neighbours: &[Option<Found>; 12]) -> Slopes {
         let centre = node.centre();
         let own = &node.result;

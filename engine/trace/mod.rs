@@ -18,4 +18,4 @@ pub use tally::Tally;
 pub(crate) use tracer::push_bytes;
 pub use tracer::{TraceKernels, Tracer};
 pub use upload::DeviceSample;
-pub(crate) use upload::{FIRST_ORDER_ERROR, hash as object_hash, least_cosine};
+pub(crate) use upload::{FIRST_ORDER_ERROR, hash as component_hash, least_cosine};

@@ -56,7 +56,7 @@ impl Moments {
         self.materials
     }
 
-    /// Entries less exits, hashed by object: 0 where every object was left as often as entered.
+    /// Entries less exits, hashed by component: 0 where every one was left as often as entered.
     ///
     /// # Panics
     /// Where there is no such ray.

@@ -47,8 +47,10 @@ impl DeviceSample {
             Bvh::build(sample, across)?;
         let reach = from_axis(sample);
         let views: Vec<ViewTransform> = scene.views().map(|v| view(scene, &v, reach)).collect();
-        let surfaces: Vec<Surface> =
-            sample.components.iter().map(|c| surface(scene, media, c, delta_ratio)).collect();
+        let surfaces: Vec<Surface> = (0..)
+            .zip(&sample.components)
+            .map(|(i, c)| surface(scene, media, i, c, delta_ratio))
+            .collect();
         let materials = media.names.len();
         let constants: Vec<interface::Constants> = std::iter::once(&media.mean())
             .chain(&media.constants)
@@ -142,6 +144,7 @@ fn view(scene: &Scene, view: &scene::View, reach: f64) -> ViewTransform {
 fn surface(
     scene: &Scene,
     media: &MaterialTable,
+    index: u32,
     component: &geometry::Component,
     delta_ratio: f64,
 ) -> Surface {
@@ -155,7 +158,7 @@ fn surface(
         object: component.object,
         inside,
         outside,
-        hash: hash(component.object),
+        hash: hash(index),
         grazing: single(grazing),
     }
 }
@@ -166,9 +169,9 @@ pub(crate) fn least_cosine(jump: f64) -> f64 {
     libm::cbrt(jump * jump / (2.0 * FIRST_ORDER_ERROR))
 }
 
-/// Mixes an object's index into 32 bits (splitmix64), so that sums of few of them differ.
-pub(crate) fn hash(object: u32) -> u32 {
-    let mut z = (u64::from(object) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+/// Mixes a component's index into 32 bits (splitmix64), so that sums of few of them differ.
+pub(crate) fn hash(component: u32) -> u32 {
+    let mut z = (u64::from(component) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((z ^ (z >> 31)) >> 32) as u32 | 1

@@ -155,6 +155,41 @@ fn instances_are_crossed_as_often_as_the_flat_mesh() {
     }
 }
 
+/// Copies of one object, beside the mesh of them all: neighbouring rays are compared, and slopes
+/// taken, where they cross the same bodies.
+#[test]
+fn rays_through_different_bodies_of_an_object_have_different_signatures() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("pair.csv");
+    std::fs::write(&path, "x_um,y_um,z_um\n-60,0,0\n60,0,0\n").unwrap();
+    let pair = [-60e-6, 60e-6].map(|x| facets(drum()).moved([x, 0.0, 0.0]));
+    let [mut joined, second] = pair;
+    let first = u32::try_from(joined.vertices.len()).unwrap();
+    joined.triangles.extend(second.triangles.iter().map(|t| t.map(|v| v + first)));
+    joined.vertices.extend(second.vertices);
+    let Mesh { vertices, triangles } = joined;
+    let ball = Shape::Sphere { radius: 25e-6, sides: None };
+    let kinds = [
+        (scene::Mesh::Arrays { vertices, triangles }.into(), false),
+        (drum(), true),
+        (ball.into(), true),
+    ];
+    let ray = |x: f32| Ray { x, z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0 };
+    let rays = [-61e-6, -59e-6, 59e-6, 61e-6].map(ray);
+    for (geometry, placed) in kinds {
+        let mut scene = scenes::scene(&Setup::paper([4, 4]), &[], &[0.0]);
+        let mut object = Object::new("pair", geometry, "gold");
+        object.instances = placed.then(|| Instances::File(path.clone()));
+        scene.objects.push(object);
+        for backend in backends() {
+            let traced = trace(&engine(backend).prepare(&scene).unwrap(), &rays).unwrap();
+            assert!(traced.iter().all(|it| it.crossings == 2), "{backend}: {traced:?}");
+            let [a, b, c, d] = [0, 1, 2, 3].map(|i| traced[i].signature);
+            assert!(a == b && c == d && a != c, "{backend}: {:?}", [a, b, c, d]);
+        }
+    }
+}
+
 #[test]
 fn light_through_instances_is_that_of_the_flat_mesh() {
     // Corners 1e-11 m apart change a path by some 1e-10 m (5e-9 of the light) and a slope by

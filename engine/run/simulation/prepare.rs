@@ -129,7 +129,12 @@ impl<'e> Simulation<'e> {
         let description = device.description();
         backend::check(wanted, description)?;
         let recording = parts.spectral.as_ref().map(|_| {
-            sampling::MomentRecording::new(&parts.media, &parts.media.mean(), parts.delta_ratio)
+            sampling::MomentRecording::new(
+                &parts.media,
+                &sample.components,
+                &parts.media.mean(),
+                parts.delta_ratio,
+            )
         });
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let SimulationParts { detector, media, lattice, spectral, stored, delta_ratio } = parts;

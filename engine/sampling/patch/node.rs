@@ -117,7 +117,7 @@ impl Node {
     }
 }
 
-/// Whether two rays crossed the same objects in the same way, so that what lies between may be
+/// Whether two rays crossed the same components in the same way, so that what lies between may be
 /// interpolated.
 pub(in crate::sampling) fn alike(a: &RayResult, b: &RayResult) -> bool {
     a.signature == b.signature
