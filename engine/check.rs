@@ -17,11 +17,13 @@ use std::time::Instant;
 
 mod contacts;
 mod display;
+mod illumination;
 mod materials;
 
 pub use crate::detector::SubpixelGrid;
 pub use contacts::CheckedContact;
 pub use display::count;
+pub use illumination::{ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.
@@ -30,6 +32,8 @@ use materials::materials;
 pub struct CheckReport {
     /// The set-up.
     pub setup: Setup,
+    /// The illumination curve; nothing without a device, or where a mask is missing.
+    pub illumination: Option<IlluminationCurve>,
     /// Materials in use, the surroundings first.
     pub materials: Vec<Material>,
     /// Objects of the sample, in the order of the scene.
@@ -236,6 +240,12 @@ pub fn check_on_watched(
     let begin = Instant::now();
     let (mut report, sample) = load_lenient(scene, engine.options().memory_limit, progress)?;
     let loaded_in = begin.elapsed().as_secs_f64();
+    // Where the device fails, the estimate says why.
+    let curve = illumination::illumination(engine, scene, &report.setup.nodes);
+    report.illumination = curve.unwrap_or(None);
+    if let Some(curve) = &report.illumination {
+        report.warnings.extend(illumination::warnings(scene, curve));
+    }
     if !report.refusals.is_empty() {
         report.work.no_estimate = Some("a run refuses the sample".into());
         return Ok(report);
@@ -283,6 +293,7 @@ fn load_lenient(
     }
     let report = CheckReport {
         setup: setup(scene, &sample, extent, nodes, &detector),
+        illumination: None,
         work: Work {
             estimate: None,
             no_estimate: None,

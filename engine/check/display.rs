@@ -1,6 +1,6 @@
 //! The report as aligned text for a terminal.
 
-use super::{CheckReport, CheckedObject, Material, Work};
+use super::{CheckReport, CheckedObject, ExpectedUncertainty, IlluminationCurve, Material, Work};
 use crate::numbers;
 use crate::printed::number;
 use std::fmt::{self, Display, Formatter};
@@ -8,6 +8,9 @@ use std::fmt::{self, Display, Formatter};
 impl Display for CheckReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         self.write_setup(f)?;
+        if let Some(curve) = &self.illumination {
+            write_illumination(f, curve)?;
+        }
         let nodes = &self.setup.nodes;
         write!(f, "\nmaterials at {} keV", number(self.setup.energy))?;
         match nodes.energies.len() {
@@ -99,6 +102,34 @@ impl CheckReport {
         let frames = format!("{views} x {steps} of {} x {} pixels", extent.columns, extent.rows);
         line(f, "views x steps", frames)
     }
+}
+
+/// What the masks make of the light, and the offsets of the curve.
+fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::Result {
+    let percent = |share: f64| format!("{} %", number(100.0 * share));
+    writeln!(f, "\nillumination curve")?;
+    line(f, "visibility", percent(curve.visibility))?;
+    line(
+        f,
+        "sigma, FWHM",
+        format!("{}, {} of mask offset", length(curve.sigma), length(curve.fwhm)),
+    )?;
+    line(f, "open fraction", format!("{} of open beam on average", percent(curve.open_fraction)))?;
+    let [sample, detector] = curve.leak.map(percent);
+    line(f, "leak of bars", format!("{sample} (sample mask), {detector} (detector mask)"))?;
+    let [low, high] = curve.reach();
+    let periods = [low, high].map(|reach| reach * curve.sigma / curve.period);
+    let reach =
+        format!("{low:.2} to {high:.2} sigma, {:.3} to {:.3} periods", periods[0], periods[1]);
+    line(f, "mask offsets", reach)?;
+    let Some(expected) = &curve.expected else { return Ok(()) };
+    let ExpectedUncertainty { transmission, refraction, dark_field } = *expected;
+    let text = format!(
+        "T {transmission:.2e}, alpha {:.2e} urad, sigma_DF2 {:.2e} urad2, without a sample",
+        refraction * 1e6,
+        dark_field * 1e12
+    );
+    line(f, "expected 1 sigma", text)
 }
 
 /// Rays and time, from a part of the patches.

@@ -6,6 +6,7 @@ mod reference;
 mod support;
 
 mod dark_field;
+mod expected;
 mod fits;
 mod retrieval;
 #[cfg(feature = "cli")]

@@ -1,0 +1,285 @@
+//! The illumination curve of a set-up, and what its scan makes of it.
+
+use crate::detector::DetectorModel;
+use crate::optics::{MaskShape, Optics};
+use crate::retrieve::{Curves, FitOptions, Fitter, Weights};
+use crate::scene::{Counts, Object, Scatter, Scene, Scheme};
+use crate::spectrum::Nodes;
+use crate::{Engine, Result};
+use ndarray::{Array2, Axis};
+use serde::Serialize;
+
+/// Offsets over a period at which the curve is taken.
+const OFFSETS: u32 = 128;
+/// Most columns and rows of the part of a detector that is looked at: light of a pixel without
+/// blur is its own, that of one with blur comes from around it.
+const PART: [u32; 2] = [4, 1];
+const BLURRED_PART: [u32; 2] = [96, 96];
+
+/// The illumination curve of a pixel at the centre of the detector without a sample: its light over
+/// the offset of the sample mask. Offsets in metres in the plane of that mask.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct IlluminationCurve {
+    /// Offsets over a period, ascending, m.
+    pub offsets: Vec<f64>,
+    /// Light at these offsets, share of open beam.
+    pub light: Vec<f64>,
+    /// Period of the curve, m of offset.
+    pub period: f64,
+    /// (greatest − least) / (greatest + least).
+    pub visibility: f64,
+    /// Mean light over the offsets of a period, share of open beam.
+    pub open_fraction: f64,
+    /// Standard deviation of the Gaussian that fits the curve over a period, m.
+    pub sigma: f64,
+    /// Full width at the middle between least and greatest light, m.
+    pub fwhm: f64,
+    /// Mean light of the bars of the sample mask and of the detector mask over the spectrum, share
+    /// of what falls on them.
+    pub leak: [f64; 2],
+    /// Offsets of the scan, m, and the light there, share of open beam.
+    pub scan: Vec<[f64; 2]>,
+    /// Uncertainties of a pixel without a sample, from flat and sample at the photons of the
+    /// scene; nothing without photons, or where the offsets do not settle a fit.
+    pub expected: Option<ExpectedUncertainty>,
+}
+
+/// One standard deviation of the images of a pixel without a sample, from the Fisher information of
+/// a fit with the weights of counts.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct ExpectedUncertainty {
+    /// Of the transmission.
+    pub transmission: f64,
+    /// Of the refraction angle, rad.
+    pub refraction: f64,
+    /// Of the dark field σ², rad².
+    pub dark_field: f64,
+}
+
+impl IlluminationCurve {
+    /// Least and greatest offset of the scan from the curve's centre, over its σ.
+    #[must_use]
+    pub fn reach(&self) -> [f64; 2] {
+        let offsets = || self.scan.iter().map(|[offset, _]| offset / self.sigma);
+        [offsets().fold(f64::INFINITY, f64::min), offsets().fold(f64::NEG_INFINITY, f64::max)]
+    }
+}
+
+/// The curve of a scene with both masks; nothing where a mask is missing.
+///
+/// # Errors
+/// As [`Engine::simulate`].
+pub(super) fn illumination(
+    engine: &Engine,
+    scene: &Scene,
+    nodes: &Nodes,
+) -> Result<Option<IlluminationCurve>> {
+    let optics = Optics::of(scene);
+    let (Some(sample_mask), Some(detector_mask)) = (&optics.sample_mask, &optics.detector_mask)
+    else {
+        return Ok(None);
+    };
+    let mut leak = [0.0; 2];
+    for (leak, mask) in leak.iter_mut().zip([sample_mask, detector_mask]) {
+        for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
+            let bars = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
+            *leak += weight * bars.leak(1.0);
+        }
+    }
+    let period = sample_mask.period();
+    let step = period / f64::from(OFFSETS);
+    let offsets: Vec<f64> = (0..OFFSETS).map(|i| f64::from(i) * step - 0.5 * period).collect();
+    let mut all = offsets.clone();
+    all.extend(&scene.scan.mask_offsets);
+    let values = flat(engine, scene, all)?;
+    let (light, scanned) = values.split_at(offsets.len());
+    let Some(sigma) = fitted(engine, &offsets, light, None)?.map(|fit| fit.sigma) else {
+        return Ok(None);
+    };
+    let [least, most] = [
+        light.iter().copied().fold(f64::INFINITY, f64::min),
+        light.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+    ];
+    let scan: Vec<[f64; 2]> =
+        scene.scan.mask_offsets.iter().zip(scanned).map(|(a, b)| [*a, *b]).collect();
+    let expected = match &scene.detector.counts {
+        Some(counts) => expected(engine, scene, counts, scanned)?,
+        None => None,
+    };
+    Ok(Some(IlluminationCurve {
+        period,
+        visibility: (most - least) / (most + least),
+        open_fraction: light.iter().sum::<f64>() / light.len() as f64,
+        sigma,
+        fwhm: width_above(light, f64::midpoint(least, most)) * step,
+        leak,
+        scan,
+        expected,
+        offsets,
+        light: light.to_vec(),
+    }))
+}
+
+/// Light of a pixel at the centre at these offsets, share of open beam.
+fn flat(engine: &Engine, scene: &Scene, offsets: Vec<f64>) -> Result<Vec<f64>> {
+    let mut bare = scene.clone();
+    bare.objects = Vec::<Object>::new();
+    bare.scan.angles = vec![0.0];
+    bare.scan.mask_offsets = offsets;
+    bare.sampling.scheme = Scheme::Cells;
+    let detector = &mut bare.detector;
+    detector.counts = None;
+    detector.scatter.take_if(|scatter| matches!(scatter, Scatter::Image(_)));
+    let blurred = detector.blur.is_some() || detector.scatter.is_some();
+    let part = if blurred { BLURRED_PART } else { PART };
+    for (pixels, part) in detector.pixels.iter_mut().zip(part) {
+        // Apertures stand in the middle of odd numbers of pixels and beside that of even ones.
+        *pixels = (*pixels).min(part + (*pixels + part) % 2);
+    }
+    let [columns, rows] = detector.pixels.map(|n| (n as usize - 1) / 2);
+    let stacks = engine.simulate(&bare)?;
+    Ok(stacks.flat.axis_iter(Axis(0)).map(|frame| f64::from(frame[[rows, columns]])).collect())
+}
+
+/// Offsets, of those of a curve over a period, at which it is above a level; parts of one between.
+fn width_above(light: &[f64], level: f64) -> f64 {
+    let next = |i: usize| light[(i + 1) % light.len()];
+    let above = |i: usize| {
+        let (a, b) = (light[i] - level, next(i) - level);
+        if a >= 0.0 && b >= 0.0 {
+            1.0
+        } else if a < 0.0 && b < 0.0 {
+            0.0
+        } else {
+            a.max(b) / (a - b).abs()
+        }
+    };
+    (0..light.len()).map(above).sum()
+}
+
+/// A fit of one curve: σ, and the uncertainties of area (relative), centre and σ.
+struct CurveFit {
+    sigma: f64,
+    uncertainties: [f64; 3],
+}
+
+fn fitted(
+    engine: &Engine,
+    offsets: &[f64],
+    light: &[f64],
+    noise: Option<[f64; 2]>,
+) -> Result<Option<CurveFit>> {
+    if offsets.len() < 4 {
+        return Ok(None);
+    }
+    let mut options = FitOptions::default();
+    if let Some([gain, read_noise]) = noise {
+        options =
+            options.with_weights(Weights::Poisson).with_gain(gain).with_read_noise(read_noise);
+    }
+    let curve = Array2::from_shape_fn((light.len(), 1), |(step, _)| light[step] as f32);
+    // Offsets that are no scan, such as five times the same, settle nothing.
+    let Ok(fitter) = Fitter::new(engine, offsets, &options) else { return Ok(None) };
+    let Curves { width, area_sigma, centre_sigma, width_sigma, .. } =
+        fitter.fit(curve.view(), None)?;
+    let fit = CurveFit {
+        sigma: f64::from(width[0]),
+        uncertainties: [area_sigma[0], centre_sigma[0], width_sigma[0]].map(f64::from),
+    };
+    Ok((fit.sigma.is_finite() && fit.sigma > 0.0).then_some(fit))
+}
+
+/// Uncertainties of T, α and σ² where flat and sample have these counts (docs/retrieval.md,
+/// "Uncertainties").
+fn expected(
+    engine: &Engine,
+    scene: &Scene,
+    counts: &Counts,
+    light: &[f64],
+) -> Result<Option<ExpectedUncertainty>> {
+    // Of intensities, in which an open pixel has 1.
+    let per_open = counts.gain * counts.photons;
+    let gain = DetectorModel::variance_per_value(scene)? / per_open;
+    let noise = [gain, counts.electronic_noise / per_open];
+    let Some(fit) = fitted(engine, &scene.scan.mask_offsets, light, Some(noise))? else {
+        return Ok(None);
+    };
+    let both = std::f64::consts::SQRT_2;
+    let angle = scene.magnification() / scene.lever_arm();
+    let [area, centre, sigma] = fit.uncertainties;
+    let expected = ExpectedUncertainty {
+        transmission: both * area,
+        refraction: both * angle * centre,
+        dark_field: 2.0 * both * angle * angle * fit.sigma * sigma,
+    };
+    Ok(expected.transmission.is_finite().then_some(expected))
+}
+
+/// What is odd about the masks and the offsets, in words.
+pub(super) fn warnings(scene: &Scene, curve: &IlluminationCurve) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let optics = Optics::of(scene);
+    let masks = [&optics.sample_mask, &optics.detector_mask];
+    if let [Some(first), Some(second)] = masks {
+        let plane = scene.detector.distance;
+        let [a, b] = [first, second].map(|mask| mask.period_at(plane));
+        let columns = f64::from(scene.detector.pixels[0]);
+        let ratio = (a / b).max(b / a);
+        let fringes = (ratio - ratio.round()).abs() / ratio.round() * columns;
+        if fringes > 1.0 {
+            warnings.push(format!(
+                "the projected periods of the masks, {:.3} um and {:.3} um, differ so that {fringes:.1} \
+                 moire fringes cross the detector; periods that fit are in proportion to the distances",
+                a * 1e6,
+                b * 1e6
+            ));
+        }
+    }
+    for (name, leak) in ["sample_mask", "detector_mask"].into_iter().zip(curve.leak) {
+        if leak > 0.01 {
+            warnings.push(format!(
+                "the bars of {name} let {:.1} % of the light through; above 1 % they take visibility: \
+                 are material and thickness the right ones?",
+                leak * 100.0
+            ));
+        }
+    }
+    for (name, mask) in
+        [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
+    {
+        let thickness = mask.as_ref().map_or(0.0, |mask| mask.body.thickness());
+        if thickness > 1e-3 {
+            warnings.push(format!(
+                "{name}.thickness of {} mm is more than any mask has, about 1 mm: is its unit right?",
+                crate::printed::number(thickness * 1e3)
+            ));
+        }
+    }
+    warnings.extend(scan_warning(curve));
+    warnings
+}
+
+/// Offsets that say little of the curve.
+fn scan_warning(curve: &IlluminationCurve) -> Option<String> {
+    let [low, high] = curve.reach();
+    let (sigma, half) = (curve.sigma * 1e6, 0.5 * curve.period);
+    let farthest = low.abs().max(high.abs()) * curve.sigma;
+    // Half a period to the digits of a scene file.
+    if farthest > half * (1.0 + 1e-6) {
+        return Some(format!(
+            "scan.mask_offsets reach {:.3} um, beyond half a period of the sample mask ({:.3} um): there \
+             the next aperture lights the pixel",
+            farthest * 1e6,
+            half * 1e6
+        ));
+    }
+    (curve.scan.len() > 3 && (low > -2.2 || high < 2.2)).then(|| {
+        format!(
+            "scan.mask_offsets cover {low:.1} to {high:.1} sigma of the illumination curve (sigma \
+             {sigma:.2} um); -{0:.0} to {0:.0} um, 2.5 sigma, would settle width and background",
+            2.5 * sigma
+        )
+    })
+}
