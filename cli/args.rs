@@ -15,7 +15,8 @@ pub(crate) use look::{Check, Compare};
 pub(crate) use retrieve::Retrieve;
 pub(crate) use shared::Messages;
 pub(crate) use simulate::{Illuminate, Simulate};
-pub(crate) use view::{Report, Show, View, ViewOfRun, ViewOfScene};
+pub(crate) use values::ValueRange;
+pub(crate) use view::{PictureFormat, Report, Show, View, ViewOfRun, ViewOfScene};
 
 use beamlet::scene::Scene;
 use clap::{Args, Parser, Subcommand};
@@ -65,9 +66,9 @@ pub(crate) enum Verb {
     Compare(Compare),
     /// Check a scene without simulating it, or the files of a run against their checksums
     Check(Check),
-    /// Draw a scene (set-up and sample) or a run (frames, retrieved images, curves) as PNG files
+    /// Draw a scene (set-up, sample), a run (frames, retrieved images, curves) or retrieved images
     View(View),
-    /// Write a run as one page to explore in a browser
+    /// Write a run or retrieved images as one page to explore in a browser
     Report(Report),
     /// Print and draw the spectrum of a source, before and after its filters
     Spectrum(Spectrum),

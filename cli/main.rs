@@ -15,7 +15,7 @@ mod picture;
 mod printed;
 mod progress;
 mod report;
-mod run_reader;
+mod subject;
 
 use clap::Parser;
 use failure::Failure;

@@ -34,7 +34,8 @@ pub(crate) struct Check {
 #[command(after_help = "Examples:\n  \
     beamlet compare run other\n  \
     beamlet compare run/retrieved other/retrieved --json\n  \
-    beamlet compare run/sample measured.tif --tolerance 0.01 --difference differences\n\n\
+    beamlet compare run/sample measured.tif --tolerance 0.01 --difference differences\n  \
+    beamlet compare run/retrieved measured_images -o pictures\n\n\
     Exit codes: 0 nothing differs by more than the tolerance, 1 something does, 2 trouble.")]
 pub(crate) struct Compare {
     /// Run, directory of retrieved images, or stack (NPY, EXR, TIFF, folder of frames)
@@ -44,6 +45,12 @@ pub(crate) struct Compare {
     /// Largest difference of a pixel that counts as none
     #[arg(long, value_name = "NUMBER", default_value_t = 0.0, value_parser = from_zero, allow_negative_numbers = true)]
     pub(crate) tolerance: f64,
+    /// Draw B - A as pictures into a directory: of each series the image that differs most
+    #[arg(short, long, value_name = "DIR", conflicts_with = "json")]
+    pub(crate) output: Option<PathBuf>,
+    /// Replace pictures that are there
+    #[arg(long, requires = "output")]
+    pub(crate) overwrite: bool,
     /// Write images of B - A into a new directory
     #[arg(long, value_name = "DIR")]
     pub(crate) difference: Option<PathBuf>,

@@ -49,6 +49,27 @@ pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
+/// The ends of a colour scale: of which image, and in its shown unit.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ValueRange {
+    pub(crate) name: String,
+    pub(crate) ends: [f64; 2],
+}
+
+pub(super) fn value_range(text: &str) -> Result<ValueRange, String> {
+    let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+    let parts = text.split_once('=').and_then(|(name, ends)| {
+        let (low, high) = ends.split_once("..")?;
+        Some((name.trim().to_owned(), [number(low)?, number(high)?]))
+    });
+    match parts {
+        Some((name, ends)) if !name.is_empty() && ends[0] < ends[1] => {
+            Ok(ValueRange { name, ends })
+        }
+        _ => Err("write name=low..high with low below high, as in refraction=-10..10".into()),
+    }
+}
+
 pub(super) fn key_value(text: &str) -> Result<String, String> {
     match text.split_once('=') {
         Some((key, _)) if !key.trim().is_empty() => Ok(text.to_owned()),

@@ -1,7 +1,7 @@
 //! Pictures: `view` and `report`.
 
 use super::shared::{DeviceArguments, Messages};
-use super::values::{degrees, key_value, memory_size, pixel};
+use super::values::{ValueRange, degrees, key_value, memory_size, pixel, value_range};
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -10,11 +10,14 @@ use std::path::PathBuf;
     beamlet view scene.toml -o pictures\n  \
     beamlet view run -o pictures\n  \
     beamlet view run -o pictures --show curve --pixel 80,64\n  \
-    beamlet view run -o pictures --show retrieved --map refraction,refraction_sigma --view 3\n\n\
+    beamlet view run -o pictures --show retrieved --map refraction,refraction_sigma --view 3\n  \
+    beamlet view run -o pictures --range refraction=-5..5 --width 2400\n  \
+    beamlet view run --retrieved other -o pictures --format svg\n  \
+    beamlet view measured_images -o pictures\n\n\
     Prints the names of the files that it wrote. Nothing is written where anything is wrong. \
     docs/pictures.md explains each picture.")]
 pub(crate) struct View {
-    /// Scene file (TOML or JSON), or run directory
+    /// Scene file (TOML or JSON), run directory, or directory of retrieved images
     pub(crate) what: PathBuf,
     /// Directory to write the pictures to
     #[arg(short, long, value_name = "DIR")]
@@ -22,6 +25,13 @@ pub(crate) struct View {
     /// Replace pictures that are there
     #[arg(long)]
     pub(crate) overwrite: bool,
+    /// File format of the pictures
+    #[arg(long, value_enum, default_value_t = PictureFormat::Png)]
+    pub(crate) format: PictureFormat,
+    /// Width of each picture in pixels, 200 to 20000 [default: 1.5 for each point of its drawing,
+    /// about 1200]
+    #[arg(long, value_name = "PIXELS", value_parser = clap::value_parser!(u32).range(200..=20_000))]
+    pub(crate) width: Option<u32>,
     #[command(flatten)]
     pub(crate) messages: Messages,
     #[command(flatten)]
@@ -50,7 +60,7 @@ pub(crate) struct ViewOfScene {
 
 /// What is asked of the pictures of a run.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Pictures of a run")]
+#[command(next_help_heading = "Pictures of a run or of retrieved images")]
 pub(crate) struct ViewOfRun {
     /// What to draw [default: everything that the run has]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
@@ -58,6 +68,13 @@ pub(crate) struct ViewOfRun {
     /// Retrieved images to draw, by name [default: the three contrasts]
     #[arg(long = "map", value_delimiter = ',', value_name = "NAME")]
     pub(crate) maps: Vec<String>,
+    /// Directory of the run's retrieved images [default: RUN/retrieved]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) retrieved: Option<PathBuf>,
+    /// Ends of a colour scale, in the unit of the picture (may be repeated): the name of an image,
+    /// intensity or counts
+    #[arg(long = "range", value_name = "NAME=LOW..HIGH", value_parser = value_range)]
+    pub(crate) ranges: Vec<ValueRange>,
     /// Number of the view, from 0 [default: 0]
     #[arg(long, value_name = "N")]
     pub(crate) view: Option<u32>,
@@ -70,6 +87,25 @@ pub(crate) struct ViewOfRun {
     /// Pixel of the illumination curve [default: where the sample deflects most in the row]
     #[arg(long, value_name = "COL,ROW", value_parser = pixel)]
     pub(crate) pixel: Option<[u32; 2]>,
+}
+
+/// `--format` of pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum PictureFormat {
+    /// Pixels
+    #[default]
+    Png,
+    /// Lines and words as such, images as pixels
+    Svg,
+}
+
+impl PictureFormat {
+    pub(crate) const fn ending(self) -> &'static str {
+        match self {
+            Self::Png => ".png",
+            Self::Svg => ".svg",
+        }
+    }
 }
 
 /// `--show`
@@ -90,14 +126,19 @@ pub(crate) enum Show {
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     beamlet report run\n  \
-    beamlet report run -o page.html --most 64MiB\n\n\
+    beamlet report run -o page.html --most 64MiB\n  \
+    beamlet report run --retrieved other\n  \
+    beamlet report measured_images\n\n\
     The page needs no network and no server: open it in a browser. Runs whose frames would make \
     it larger than --most are shown with pixels, views and steps binned or left out; the page \
     says so.")]
 pub(crate) struct Report {
-    /// Run directory
+    /// Run directory, or directory of retrieved images
     pub(crate) run: PathBuf,
-    /// File to write [default: RUN/report.html]
+    /// Directory of the run's retrieved images [default: RUN/retrieved]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) retrieved: Option<PathBuf>,
+    /// File to write [default: RUN/report.html; beside the directory for images alone]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
     /// Most bytes of image data in the page, such as "64 MiB" [default: 24 MiB]
@@ -106,4 +147,6 @@ pub(crate) struct Report {
     /// Replace the file if it is there
     #[arg(long)]
     pub(crate) overwrite: bool,
+    #[command(flatten)]
+    pub(crate) device: DeviceArguments,
 }

@@ -1,5 +1,7 @@
 //! `beamlet compare`: how two stacks, runs or retrievals differ.
 
+use super::difference_pictures;
+use super::pictures::PictureForm;
 use crate::args::Compare;
 use crate::failure::Failure;
 use crate::interrupt;
@@ -32,6 +34,12 @@ pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failu
         super::write_json(&found, out)?;
     } else {
         table(&found, out)?;
+    }
+    if let Some(directory) = &arguments.output {
+        let paths = [arguments.a.as_path(), arguments.b.as_path()];
+        let drawn = difference_pictures::draw(paths, &found, PictureForm::default())?;
+        let read = paths.map(std::path::Path::to_path_buf);
+        drawn.write(directory, arguments.overwrite, &read, out)?;
     }
     if unlike.is_empty() {
         return Ok(());

@@ -4,6 +4,7 @@ mod beam;
 mod check;
 mod compare;
 mod devices;
+mod difference_pictures;
 mod example;
 mod illuminate;
 mod material;

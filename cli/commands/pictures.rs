@@ -1,5 +1,6 @@
 //! Pictures on their way to files: all are made before the first is written.
 
+use crate::args::PictureFormat;
 use crate::failure::Failure;
 use crate::picture::drawing::Drawing;
 use beamlet::stack::{is_of_run, is_same_place};
@@ -13,26 +14,45 @@ const SCALE: f64 = 1.5;
 /// while it grows.
 const OF_PIXEL: u64 = 24;
 
+/// What kind of files pictures become.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct PictureForm {
+    pub(super) format: PictureFormat,
+    /// Pixels across; `None`: [`SCALE`] for each unit of the drawing.
+    pub(super) width: Option<u32>,
+}
+
 /// Pictures that wait to be written.
 #[derive(Debug, Default)]
 pub(super) struct Pictures {
+    form: PictureForm,
     files: Vec<(String, Vec<u8>)>,
 }
 
 impl Pictures {
-    /// Adds a picture under a file name.
+    /// No pictures yet; all are to have this form.
+    pub(super) const fn new(form: PictureForm) -> Self {
+        Self { form, files: Vec::new() }
+    }
+
+    /// Adds a picture under a file name, which gets the ending of its format.
     pub(super) fn add(
         &mut self,
         name: impl Into<String>,
         drawing: &Drawing,
     ) -> Result<(), Failure> {
-        let name = name.into();
-        let [width, height] = drawing.pixels_at(SCALE).map(u64::from);
+        let PictureForm { format, width } = self.form;
+        let name = name.into() + format.ending();
+        let scale = width.map_or(SCALE, |width| f64::from(width) / drawing.width);
+        let [width, height] = drawing.pixels_at(scale).map(u64::from);
         let bytes = OF_PIXEL.saturating_mul(width).saturating_mul(height);
         beamlet::require_memory(bytes, &format!("the picture {name}"))?;
         let failed = |problem| Failure::File { path: name.clone().into(), problem };
-        let png = drawing.to_png(SCALE).map_err(failed)?;
-        self.files.push((name, png));
+        let file = match format {
+            PictureFormat::Png => drawing.to_png(scale).map_err(failed)?,
+            PictureFormat::Svg => drawing.to_svg_file(scale * drawing.width).into_bytes(),
+        };
+        self.files.push((name, file));
         Ok(())
     }
 

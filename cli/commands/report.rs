@@ -3,9 +3,11 @@
 use super::pictures::{refuse_existing, refuse_read};
 use crate::args::Report;
 use crate::failure::Failure;
-use crate::report;
-use crate::run_reader::RunReader;
+use crate::report::{self, PageOptions};
+use crate::subject::Subject;
+use std::ffi::OsString;
 use std::io::Write;
+use std::path::{Path, PathBuf};
 
 /// Bytes of image data in a page, unless asked otherwise: base64 makes a third more of it.
 const MOST: u64 = 24 << 20;
@@ -13,12 +15,42 @@ const MOST: u64 = 24 << 20;
 pub(super) fn run(arguments: &Report, out: &mut impl Write) -> Result<(), Failure> {
     let path = match &arguments.output {
         Some(path) => path.clone(),
-        None => arguments.run.join("report.html"),
+        None if arguments.run.join("run.json").exists() => arguments.run.join("report.html"),
+        // A directory of images holds nothing else.
+        None => beside(&arguments.run),
     };
-    refuse_read(std::slice::from_ref(&path), std::slice::from_ref(&arguments.run))?;
+    let read: Vec<PathBuf> =
+        std::iter::once(&arguments.run).chain(&arguments.retrieved).cloned().collect();
+    refuse_read(std::slice::from_ref(&path), &read)?;
     refuse_existing(std::slice::from_ref(&path), arguments.overwrite)?;
-    let run = RunReader::open(&arguments.run)?;
-    let page = report::page(&run, arguments.most.unwrap_or(MOST))?;
+    let run = Subject::open(&arguments.run, arguments.retrieved.as_deref())?;
+    let options = PageOptions {
+        most: arguments.most.unwrap_or(MOST),
+        device: arguments.device.device.clone(),
+        command: command(),
+    };
+    let page = report::page(&run, &options)?;
     beamlet::write_file(&path, page.as_bytes())?;
     Ok(writeln!(out, "{}", beamlet::printed::path(&path))?)
+}
+
+/// `DIR.html` beside a directory.
+fn beside(directory: &Path) -> PathBuf {
+    let whole = directory.canonicalize().unwrap_or_else(|_| directory.to_path_buf());
+    let mut name = whole.file_name().unwrap_or_default().to_owned();
+    name.push(".html");
+    match directory.file_name() {
+        Some(_) => directory.with_file_name(name),
+        None => whole.with_file_name(name),
+    }
+}
+
+/// The line that asked for the page; words with spaces in quotes.
+fn command() -> String {
+    let word = |word: OsString| {
+        let word = word.to_string_lossy().into_owned();
+        if word.contains(' ') { format!("'{word}'") } else { word }
+    };
+    let words: Vec<String> = std::env::args_os().skip(1).map(word).collect();
+    format!("beamlet {}", words.join(" "))
 }

@@ -132,7 +132,7 @@ fn listed(filters: &[beamlet::scene::Filter]) -> Vec<String> {
 fn save(drawing: &Drawing, path: &Path, overwrite: bool) -> Result<(), Failure> {
     let ending = path.extension().map(|text| text.to_string_lossy().to_lowercase());
     let bytes = match ending.as_deref() {
-        Some("svg") => drawing.to_svg().into_bytes(),
+        Some("svg") => drawing.to_svg_file(1.5 * drawing.width).into_bytes(),
         Some("png") => drawing
             .to_png(1.5)
             .map_err(|problem| Failure::File { path: path.to_owned(), problem })?,

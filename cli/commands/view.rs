@@ -1,8 +1,8 @@
-//! `beamlet view`: pictures of a scene or of a run, as PNG files.
+//! `beamlet view`: pictures of a scene, of a run or of retrieved images.
 
-mod run_pictures;
+mod chosen;
 
-use super::pictures::Pictures;
+use super::pictures::{PictureForm, Pictures};
 use crate::args::{View, ViewOfRun, ViewOfScene};
 use crate::failure::Failure;
 use crate::picture::sample::{self, Camera};
@@ -11,11 +11,9 @@ use beamlet::scene::Scene;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// Where the sample is looked at from, degrees.
-const CAMERA: [f64; 2] = [35.0, 24.0];
-
 pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure> {
     let of_scene = &arguments.of_scene;
+    let form = PictureForm { format: arguments.format, width: arguments.width };
     let camera = of_scene.azimuth.is_some() || of_scene.elevation.is_some();
     let (pictures, read) = if arguments.what.is_dir() {
         if !of_scene.sets.is_empty() || of_scene.device.device.is_some() || camera {
@@ -23,37 +21,41 @@ pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure>
                 "--set, --azimuth, --elevation and --device are for scenes; this is a run";
             return Err(Failure::Usage(problem.into()));
         }
-        (run_pictures::of(&arguments.what, &arguments.of_run)?, vec![arguments.what.clone()])
+        let read = std::iter::once(&arguments.what).chain(&arguments.of_run.retrieved);
+        let read = read.cloned().collect();
+        (chosen::of(&arguments.what, &arguments.of_run, form)?, read)
     } else {
-        let ViewOfRun { show, maps, view, step, row, pixel } = &arguments.of_run;
+        let ViewOfRun { show, maps, retrieved, ranges, view, step, row, pixel } = &arguments.of_run;
         let numbers = [view, step, row].iter().any(|number| number.is_some());
-        if numbers || pixel.is_some() || !show.is_empty() || !maps.is_empty() {
-            let problem = "--show, --map, --view, --step, --row and --pixel are for run \
-                           directories; this is a scene";
+        let lists = !show.is_empty() || !maps.is_empty() || !ranges.is_empty();
+        if numbers || lists || pixel.is_some() || retrieved.is_some() {
+            let problem = "--show, --map, --retrieved, --range, --view, --step, --row and --pixel \
+                           are for runs and retrieved images; this is a scene";
             return Err(Failure::Usage(problem.into()));
         }
-        scene(arguments)?
+        scene(arguments, form)?
     };
     pictures.write(&arguments.output, arguments.overwrite, &read, out)
 }
 
 /// Set-up and sample, and the files that they are of.
-fn scene(arguments: &View) -> Result<(Pictures, Vec<PathBuf>), Failure> {
+fn scene(arguments: &View, form: PictureForm) -> Result<(Pictures, Vec<PathBuf>), Failure> {
     let ViewOfScene { sets, azimuth, elevation, device } = &arguments.of_scene;
     let failed = |error| Failure::from(Scene::locate(&arguments.what, sets, error));
     let scene = Scene::load_with(&arguments.what, sets)?;
     let geometry = beamlet::geometry::load(&scene).map_err(failed)?;
     beamlet::geometry::check_clearance(&scene, &geometry).map_err(failed)?;
-    let mut pictures = Pictures::default();
-    pictures.add("set_up.png", &set_up::draw(&scene, &geometry)?)?;
+    let mut pictures = Pictures::new(form);
+    pictures.add("set_up", &set_up::draw(&scene, &geometry)?)?;
     if !geometry.objects.is_empty() {
+        let from = Camera::default();
         let camera = Camera {
-            azimuth: azimuth.unwrap_or(CAMERA[0]).to_radians(),
-            elevation: elevation.unwrap_or(CAMERA[1]).to_radians(),
+            azimuth: azimuth.map_or(from.azimuth, f64::to_radians),
+            elevation: elevation.map_or(from.elevation, f64::to_radians),
         };
         let drawing =
             sample::draw(&scene, &geometry, camera, device.device.as_deref()).map_err(failed)?;
-        pictures.add("sample.png", &drawing)?;
+        pictures.add("sample", &drawing)?;
     }
     let mut read = scene.input_files();
     read.push(arguments.what.clone());

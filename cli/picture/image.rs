@@ -1,110 +1,176 @@
-//! An image in colours on axes in mm, with its bar; and sinograms.
+//! An image in colours on its axes, with its bar; and sinograms.
 
 use super::axes::{Axes, BELOW, LEFT};
-use super::colour::{SMALL, Scale};
-use super::drawing::{Anchor, Area, Drawing, GREY, INK};
+use super::colour::SMALL;
+use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
 use super::quantity::Quantity;
-use beamlet::scene::Scene;
-use ndarray::ArrayView2;
+use super::scale::Scale;
+use super::text::wrapped;
+use ndarray::{Array2, ArrayView2};
 
 /// Longest side of an image on paper.
 const SIDE: f64 = 560.0;
 /// Shortest side: images of a few rows are stretched to it.
 const LEAST: f64 = 90.0;
-const ABOVE: f64 = 62.0;
+const ABOVE: f64 = 46.0;
+/// Height of a line of notes.
+const LINE: f64 = 16.0;
 /// Room of the bar with its words.
 const BAR: f64 = 122.0;
+/// Pixels of a shorter side than this are too small for hatching.
+const HATCHED: f64 = 4.0;
+/// An image of which more than this share is flagged is not hatched: nothing would be seen of it.
+const MOST_HATCHED: f64 = 0.5;
 
-/// What stands at an image.
+/// Where the pixels of an image stand.
 #[derive(Debug, Clone)]
-pub(crate) struct Words {
-    pub(crate) title: String,
-    pub(crate) note: String,
-}
-
-/// Draws `[row][column]` values in the unit of `quantity`, row 0 on top.
-pub(crate) fn draw(
-    scene: &Scene,
-    values: ArrayView2<'_, f64>,
-    quantity: &Quantity,
-    scale: &Scale,
-    words: &Words,
-) -> Drawing {
-    let (x, z) = (mm(scene, 0), mm(scene, 1));
-    let labels = ["x on the detector [mm]", "z [mm]"];
-    on_axes(values, quantity, scale, words, ([x, z], Vec::new()), labels, true)
-}
-
-/// Draws `[row][beamlet]` values: beamlets by their number from 0, rows by their z.
-pub(crate) fn of_beamlets(
-    scene: &Scene,
-    values: ArrayView2<'_, f64>,
-    quantity: &Quantity,
-    scale: &Scale,
-    words: &Words,
-) -> Drawing {
-    let ranges = [[-0.5, values.ncols() as f64 - 0.5], mm(scene, 1)];
-    let labels = ["beamlet", "z [mm]"];
-    on_axes(values, quantity, scale, words, (ranges, Vec::new()), labels, false)
-}
-
-/// Draws `[view][column]` values, view 0 on top, over angles in degrees; where these are not
-/// evenly spaced every view is as high as any other, with its angle beside it.
-pub(crate) fn sinogram(
-    scene: &Scene,
-    values: ArrayView2<'_, f64>,
-    quantity: &Quantity,
-    scale: &Scale,
-    words: &Words,
-) -> Drawing {
-    let angles: Vec<f64> = scene.scan.angles.iter().map(|angle| angle.to_degrees()).collect();
-    let shown = &angles[..values.nrows().min(angles.len())];
-    let even = shown.windows(3).all(|w| ((w[2] - w[1]) - (w[1] - w[0])).abs() < 1e-6);
-    let (y, marks) = match shown {
-        [first, second, .., last] | [first, second @ last] if even && second > first => {
-            let half = (second - first) / 2.0;
-            ([last + half, first - half], Vec::new())
-        }
-        _ => {
-            let mark = |(view, angle): (usize, &f64)| (view as f64, super::text::short(*angle));
-            let marks = shown.iter().enumerate().map(mark).collect();
-            ([values.nrows() as f64 - 0.5, -0.5], marks)
-        }
-    };
-    let labels = ["x on the detector [mm]", "angle [°]"];
-    on_axes(values, quantity, scale, words, ([mm(scene, 0), y], marks), labels, false)
-}
-
-/// Range of x (axis 0) or z (axis 1) on the detector, mm.
-pub(crate) fn mm(scene: &Scene, axis: usize) -> [f64; 2] {
-    let half = 1e3 * scene.detector.pitch[axis] * f64::from(scene.detector.pixels[axis]) / 2.0;
-    [-half, half]
-}
-
-fn on_axes(
-    values: ArrayView2<'_, f64>,
-    quantity: &Quantity,
-    scale: &Scale,
-    words: &Words,
-    ([x, y], marks): ([[f64; 2]; 2], Vec<(f64, String)>),
-    labels: [&str; 2],
+pub(crate) struct Grid {
+    x: [f64; 2],
+    /// Of the lowest and the highest row's outer edge.
+    y: [f64; 2],
+    labels: [&'static str; 2],
+    /// Whether x and y have one scale.
     equal: bool,
-) -> Drawing {
-    let ratio = if equal { ((y[1] - y[0]) / (x[1] - x[0])).abs() } else { 0.75 };
-    let (width, height) = match ratio > 1.0 {
-        true => ((SIDE / ratio).max(LEAST), SIDE),
-        false => (SIDE, (SIDE * ratio).max(LEAST)),
-    };
-    let area = Area::new(LEFT + 10.0, ABOVE, width, height);
-    let right = area.right() + 20.0 + 16.0 + BAR;
-    let least = super::drawing::text_width(&words.note, SMALL) + area.left + 12.0;
-    let mut drawing = Drawing::new(right.max(least), area.bottom() + BELOW + 6.0);
-    let pixels = values.iter().map(|value| scale.colour(*value)).collect();
-    drawing.pixels(area, values.ncols(), pixels);
-    Axes { area, x, y, marks }.frame(&mut drawing, labels[0], labels[1]);
-    drawing.text([area.left, 26.0], words.title.clone(), 17.0, INK, Anchor::Start);
-    drawing.text([area.left, 46.0], words.note.clone(), SMALL, GREY, Anchor::Start);
+    /// Values of y with their texts, where they are not to be round numbers.
+    marks: Vec<(f64, String)>,
+}
+
+impl Grid {
+    /// Pixels of a detector, in mm where their pitch (x, z; m) is known, else by their numbers.
+    pub(crate) fn of_pixels(pitch: Option<[f64; 2]>, [rows, columns]: [usize; 2]) -> Self {
+        let marks = Vec::new();
+        match pitch {
+            Some([across, up]) => {
+                let half = |pitch: f64, count: usize| 1e3 * pitch * count as f64 / 2.0;
+                let (x, z) = (half(across, columns), half(up, rows));
+                let labels = ["x on the detector [mm]", "z [mm]"];
+                Self { x: [-x, x], y: [-z, z], labels, equal: true, marks }
+            }
+            None => {
+                let x = [-0.5, columns as f64 - 0.5];
+                let y = [rows as f64 - 0.5, -0.5];
+                Self { x, y, labels: ["column", "row"], equal: true, marks }
+            }
+        }
+    }
+
+    /// Images of beamlets, by their number from 0, on the rows of this grid.
+    pub(crate) fn of_beamlets(self, count: usize) -> Self {
+        let labels = ["beamlet", self.labels[1]];
+        Self { x: [-0.5, count as f64 - 0.5], labels, equal: false, ..self }
+    }
+
+    /// A row over views, view 0 on top, over angles in degrees; where these are not evenly spaced
+    /// every view is as high as any other, with its angle beside it. No angles: views by number.
+    pub(crate) fn of_views(self, angles: &[f64], views: usize) -> Self {
+        let shown = &angles[..views.min(angles.len())];
+        let even = shown.windows(3).all(|w| ((w[2] - w[1]) - (w[1] - w[0])).abs() < 1e-6);
+        let (y, marks) = match shown {
+            [first, second, .., last] | [first, second @ last] if even && second > first => {
+                let half = (second - first) / 2.0;
+                ([last + half, first - half], Vec::new())
+            }
+            _ => {
+                let mark = |(view, angle): (usize, &f64)| (view as f64, super::text::short(*angle));
+                ([views as f64 - 0.5, -0.5], shown.iter().enumerate().map(mark).collect())
+            }
+        };
+        let label = if shown.is_empty() { "view" } else { "angle [°]" };
+        Self { y, marks, labels: [self.labels[0], label], equal: false, ..self }
+    }
+
+    /// x of the middles of columns, and the label of that axis.
+    pub(crate) fn across(&self, columns: usize) -> (Vec<f64>, &'static str) {
+        let step = (self.x[1] - self.x[0]) / columns as f64;
+        let x = (0..columns).map(|c| self.x[0] + step * (c as f64 + 0.5)).collect();
+        (x, self.labels[0])
+    }
+}
+
+/// An image with its words.
+#[derive(Debug, Clone)]
+pub(crate) struct ImagePlot<'a> {
+    /// `[row][column]`, row 0 on top, in the unit of `quantity`.
+    pub(crate) values: ArrayView2<'a, f64>,
+    /// Pixels that are hatched.
+    pub(crate) flagged: Option<&'a Array2<bool>>,
+    pub(crate) quantity: &'a Quantity,
+    pub(crate) scale: Scale,
+    pub(crate) title: String,
+    /// Above the image.
+    pub(crate) note: String,
+    /// Below it, a line each.
+    pub(crate) below: Vec<String>,
+}
+
+/// Whether flagged pixels of an image can be hatched on paper: they are large enough, and not most
+/// of the image.
+pub(crate) fn can_hatch(grid: &Grid, flagged: &Array2<bool>) -> bool {
+    let (rows, columns) = flagged.dim();
+    let [width, height] = size(grid);
+    let count = flagged.iter().filter(|flagged| **flagged).count();
+    (width / columns as f64).min(height / rows as f64) >= HATCHED
+        && count as f64 <= MOST_HATCHED * flagged.len() as f64
+}
+
+/// Width and height of an image on paper.
+fn size(grid: &Grid) -> [f64; 2] {
+    let [x, y] = [grid.x, grid.y].map(|[low, high]| (high - low).abs());
+    match if grid.equal { y / x } else { 0.75 } {
+        ratio if ratio > 1.0 => [(SIDE / ratio).max(LEAST), SIDE],
+        ratio => [SIDE, (SIDE * ratio).max(LEAST)],
+    }
+}
+
+/// Draws an image.
+pub(crate) fn draw(grid: &Grid, image: &ImagePlot<'_>) -> Drawing {
+    let [width, height] = size(grid);
+    let left = LEFT + 10.0;
+    let right = (left + width + 20.0 + 16.0 + BAR).max(left + 420.0);
+    let room = right - left - 12.0;
+    let notes = wrapped(&image.note, room, SMALL);
+    let below: Vec<String> =
+        image.below.iter().flat_map(|line| wrapped(line, room, SMALL)).collect();
+    let area = Area::new(left, ABOVE + LINE * notes.len().max(1) as f64, width, height);
+    let foot = area.bottom() + BELOW + 6.0;
+    let lines = LINE * below.len() as f64;
+    let mut drawing = Drawing::new(right, foot + lines + if below.is_empty() { 0.0 } else { 6.0 });
+    let colours = image.values.iter().map(|value| image.scale.colour(*value)).collect();
+    drawing.pixels(area, image.values.ncols(), colours);
+    if let Some(flagged) = image.flagged.filter(|flagged| can_hatch(grid, flagged)) {
+        hatch(&mut drawing, area, flagged);
+    }
+    let axes = Axes { area, x: grid.x, y: grid.y, marks: grid.marks.clone() };
+    axes.frame(&mut drawing, grid.labels[0], grid.labels[1]);
+    drawing.text([left, 26.0], image.title.clone(), 17.0, INK, Anchor::Start);
+    for (at, line) in notes.into_iter().enumerate() {
+        drawing.text([left, ABOVE + LINE * at as f64], line, SMALL, GREY, Anchor::Start);
+    }
+    for (at, line) in below.into_iter().enumerate() {
+        let y = foot + 8.0 + LINE * at as f64;
+        drawing.text([left, y], line, SMALL, INK, Anchor::Start);
+    }
     let bar = Area::new(area.right() + 20.0, area.top + 12.0, 16.0, area.height - 24.0);
-    scale.bar(&mut drawing, bar, &quantity.words());
+    image.scale.bar(&mut drawing, bar, &image.quantity.words());
     drawing
+}
+
+/// Lines across flagged pixels, black with white edges, to be seen on any colour.
+fn hatch(drawing: &mut Drawing, area: Area, flagged: &Array2<bool>) {
+    let (rows, columns) = flagged.dim();
+    let (wide, high) = (area.width / columns as f64, area.height / rows as f64);
+    let lines = if wide.min(high) >= 16.0 { 3 } else { 1 };
+    for (colour, width) in [([255; 3], 2.2), (INK, 0.9)] {
+        for ((row, column), _) in flagged.indexed_iter().filter(|(_, flagged)| **flagged) {
+            let (x, y) = (area.left + column as f64 * wide, area.top + row as f64 * high);
+            for line in 1..=lines {
+                // The line from a place on the left or upper edge to the lower or right one.
+                let share = 2.0 * f64::from(line) / f64::from(lines + 1);
+                let (low, high_end) = (share.min(1.0), (share - 1.0).max(0.0));
+                let from = [x + high_end * wide, y + low * high];
+                let to = [x + low * wide, y + high_end * high];
+                drawing.line(from, to, Paint::line(colour, width));
+            }
+        }
+    }
 }

@@ -2,7 +2,7 @@
 //!
 //! A [`drawing::Drawing`] is a list of shapes in units of one pixel at scale 1, y downwards. It
 //! is written as PNG (`raster`) or as SVG (`svg`), so that a picture in a file and in the page
-//! of a report is the same. `axes` and `colour` are the parts of charts; the other files are
+//! of a report is the same. `axes`, `colour` and `scale` are the parts of charts; the other files are
 //! the charts.
 
 pub(crate) mod axes;
@@ -16,6 +16,7 @@ pub(crate) mod profile;
 pub(crate) mod quantity;
 mod raster;
 pub(crate) mod sample;
+pub(crate) mod scale;
 mod section;
 pub(crate) mod set_up;
 pub(crate) mod spectrum;

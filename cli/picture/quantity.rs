@@ -11,6 +11,8 @@ pub(crate) struct Quantity {
     /// Shown number of one unit of the file.
     pub(crate) factor: f64,
     pub(crate) map: Map,
+    /// Value of the empty beam, shown; `None` where it has none of its own.
+    pub(crate) empty: Option<f64>,
 }
 
 impl Quantity {
@@ -29,6 +31,7 @@ impl Quantity {
             unit: "",
             factor: 1.0,
             map: Map::Viridis,
+            empty: None,
         }
     }
 
@@ -39,7 +42,13 @@ impl Quantity {
 
     /// A retrieved image by its name; names that are not known are shown as they are.
     pub(crate) fn of_map(name: &str) -> Self {
-        let make = |label: &str, unit, factor, map| Self { label: label.into(), unit, factor, map };
+        let empty = match name {
+            "transmission" => Some(1.0),
+            "refraction" | "dark_field" => Some(0.0),
+            _ => None,
+        };
+        let make =
+            |label: &str, unit, factor, map| Self { label: label.into(), unit, factor, map, empty };
         match name {
             "transmission" => make("transmission", "", 1.0, Map::Grey),
             "refraction" => make("refraction angle", "µrad", 1e6, Map::Diverging),
@@ -54,6 +63,12 @@ impl Quantity {
         }
     }
 
+    /// A difference B - A of images of this quantity.
+    pub(crate) fn of_difference(self) -> Self {
+        let label = format!("B − A: {}", self.label);
+        Self { label, map: Map::Diverging, empty: Some(0.0), ..self }
+    }
+
     /// A parameter of the fitted curves.
     fn of_fit(name: &str) -> Option<Self> {
         let (of, parameter) =
@@ -64,7 +79,8 @@ impl Quantity {
             "width" => ("µm", 1e6, Map::Viridis),
             _ => return None,
         };
-        Some(Self { label: format!("{parameter} of the {of}'s fit"), unit, factor, map })
+        let label = format!("{parameter} of the {of}'s fit");
+        Some(Self { label, unit, factor, map, empty: None })
     }
 }
 

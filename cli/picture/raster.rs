@@ -30,6 +30,17 @@ impl Drawing {
     }
 }
 
+/// A block of pixels as a PNG file of its own, a pixel each; `None` where it is empty.
+pub(super) fn block_as_png(columns: usize, pixels: &[Rgb]) -> Option<Vec<u8>> {
+    let rows = pixels.len() / columns.max(1);
+    let [width, height] = [columns, rows].map(|side| u32::try_from(side).ok());
+    let mut pixmap = Pixmap::new(width?, height?)?;
+    for (to, [r, g, b]) in pixmap.pixels_mut().iter_mut().zip(pixels) {
+        *to = PremultipliedColorU8::from_rgba(*r, *g, *b, 255)?;
+    }
+    pixmap.encode_png().ok()
+}
+
 fn draw(pixmap: &mut Pixmap, item: &Item, scale: f64) {
     let transform = Transform::from_scale(single(scale), single(scale));
     match item {

@@ -18,6 +18,12 @@ pub(crate) struct Camera {
     pub(crate) elevation: f64,
 }
 
+impl Default for Camera {
+    fn default() -> Self {
+        Self { azimuth: 35.0_f64.to_radians(), elevation: 24.0_f64.to_radians() }
+    }
+}
+
 /// Crossings of a ray that are looked at: behind this many translucent surfaces nothing shows.
 const CROSSINGS: u32 = 48;
 /// Opacity of surfaces of an object with something inside, seen face on.
@@ -29,6 +35,9 @@ const TOGETHER: usize = 1 << 15;
 /// Bytes of the picture while it is made: rays and colours of its pixels, crossings on host and
 /// device.
 const WHILE_MADE: u64 = 192 << 20;
+/// Materials in the legend with their objects, and without.
+const FULL: usize = 10;
+const CLOSE: usize = 21;
 const SIZE: f64 = 760.0;
 const SCALE: f64 = 1.5;
 
@@ -248,22 +257,33 @@ fn legend(drawing: &mut Drawing, scene: &Scene, sample: &Sample, picture: &Pictu
     let left = SIZE + 22.0;
     drawing.text([left, 30.0], "Sample", 19.0, INK, Anchor::Start);
     let mut y = 62.0;
-    for material in materials(scene).into_iter().take(14) {
+    let all = materials(scene);
+    // Many materials leave no room for the names of their objects.
+    let (row, most) = if all.len() > FULL { (20.0, CLOSE) } else { (42.0, FULL) };
+    for material in all.iter().take(most) {
         let colour = colour_of(scene, material);
         drawing.area(Area::new(left, y - 11.0, 14.0, 14.0), Paint::fill(colour));
         drawing.text([left + 21.0, y], cut(material, 190.0, 14.0), 14.0, INK, Anchor::Start);
-        let objects: Vec<&str> = scene
-            .objects
-            .iter()
-            .filter(|object| object.material == material)
-            .map(|object| object.name.as_str())
-            .collect();
-        let text = match objects.len() {
-            count if count > 3 => format!("{count} objects"),
-            _ => objects.join(", "),
-        };
-        drawing.text([left + 21.0, y + 17.0], cut(&text, 190.0, SMALL), SMALL, GREY, Anchor::Start);
-        y += 42.0;
+        if all.len() <= FULL {
+            let objects: Vec<&str> = scene
+                .objects
+                .iter()
+                .filter(|object| object.material == *material)
+                .map(|object| object.name.as_str())
+                .collect();
+            let text = match objects.len() {
+                count if count > 3 => format!("{count} objects"),
+                _ => objects.join(", "),
+            };
+            let text = cut(&text, 190.0, SMALL);
+            drawing.text([left + 21.0, y + 17.0], text, SMALL, GREY, Anchor::Start);
+        }
+        y += row;
+    }
+    if all.len() > most {
+        let text = format!("and {} more", all.len() - most);
+        drawing.text([left + 21.0, y], text, SMALL, GREY, Anchor::Start);
+        y += row;
     }
     if picture.translucent.contains(&true) {
         for line in ["translucent: has objects or voids", "inside; the others are opaque"] {

@@ -1,39 +1,54 @@
-//! A drawing as SVG, for pages.
+//! A drawing as SVG, for pages and files.
 
 use super::colour::Rgb;
 use super::drawing::{Anchor, Area, Drawing, Item, Paint};
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write as _;
 
 impl Drawing {
-    /// The drawing as an `<svg>` element that scales with its place in the page.
-    pub(crate) fn to_svg(&self) -> String {
+    /// The drawing as an `<svg>` element that scales with its place in a page. `name` is its own
+    /// there; what it is for readers of screens stands in `label`.
+    pub(crate) fn to_svg(&self, name: &str, label: &str) -> String {
+        let role = format!("role=\"img\" aria-label=\"{}\"", escaped(label));
+        self.as_svg(name, &role)
+    }
+
+    /// The drawing as an SVG file on white, of a width in pixels.
+    pub(crate) fn to_svg_file(&self, width: f64) -> String {
+        let height = width * self.height / self.width;
+        let size = format!("width=\"{width:.0}\" height=\"{height:.0}\" style=\"background:#fff\"");
+        self.as_svg("part", &size)
+    }
+
+    fn as_svg(&self, name: &str, attributes: &str) -> String {
         let mut out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {:.2} {:.2}\" {attributes} \
              font-family=\"DejaVu Sans, Verdana, sans-serif\">\n",
             self.width, self.height
         );
         for (index, item) in self.items.iter().enumerate() {
             // Writing to a string does not fail.
-            let _ = write_item(&mut out, index, item);
+            let _ = write_item(&mut out, &format!("{name}-{index}"), item);
         }
         out + "</svg>\n"
     }
 }
 
-fn write_item(out: &mut String, index: usize, item: &Item) -> std::fmt::Result {
+fn write_item(out: &mut String, name: &str, item: &Item) -> std::fmt::Result {
     match item {
         Item::Path { points, closed, paint, clip } => {
             let mut clipped = String::new();
             if let Some(Area { left, top, width, height }) = clip {
                 writeln!(
                     out,
-                    "<clipPath id=\"clip{index}\"><rect x=\"{left:.2}\" y=\"{top:.2}\" \
+                    "<clipPath id=\"{name}\"><rect x=\"{left:.2}\" y=\"{top:.2}\" \
                      width=\"{width:.2}\" height=\"{height:.2}\"/></clipPath>"
                 )?;
-                clipped = format!(" clip-path=\"url(#clip{index})\"");
+                clipped = format!(" clip-path=\"url(#{name})\"");
             }
-            let name = if *closed { "polygon" } else { "polyline" };
-            write!(out, "<{name} points=\"")?;
+            let shape = if *closed { "polygon" } else { "polyline" };
+            write!(out, "<{shape} points=\"")?;
             for [x, y] in points {
                 write!(out, "{x:.2},{y:.2} ")?;
             }
@@ -61,21 +76,15 @@ fn write_item(out: &mut String, index: usize, item: &Item) -> std::fmt::Result {
                 escaped(text)
             )
         }
-        // The page draws its images itself.
-        Item::Pixels { area, columns, pixels } => {
-            let rows = pixels.len() / (*columns).max(1);
-            let (width, height) = (area.width / *columns as f64, area.height / rows.max(1) as f64);
-            for (index, colour) in pixels.iter().enumerate() {
-                writeln!(
-                    out,
-                    "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{width:.2}\" height=\"{height:.2}\" \
-                     fill=\"{}\"/>",
-                    area.left + (index % columns) as f64 * width,
-                    area.top + (index / columns) as f64 * height,
-                    hex(*colour)
-                )?;
-            }
-            Ok(())
+        Item::Pixels { area: Area { left, top, width, height }, columns, pixels } => {
+            let Some(png) = super::raster::block_as_png(*columns, pixels) else { return Ok(()) };
+            writeln!(
+                out,
+                "<image x=\"{left:.2}\" y=\"{top:.2}\" width=\"{width:.2}\" \
+                 height=\"{height:.2}\" preserveAspectRatio=\"none\" \
+                 style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{}\"/>",
+                STANDARD.encode(png)
+            )
         }
     }
 }

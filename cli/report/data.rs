@@ -1,18 +1,14 @@
-//! Frames and retrieved images of a run as 16-bit numbers, binned where there are too many.
+//! Frames and retrieved images of a run as the page has them.
 
 use super::table_of;
+use super::thinning::{NOTHING, Quantised, Thinning};
 use crate::failure::Failure;
-use crate::numbers;
-use crate::picture::colour::{Map, Scale};
+use crate::picture::colour::Map;
 use crate::picture::quantity::Quantity;
-use crate::run_reader::RunReader;
-use ndarray::{Array2, ArrayView2};
+use crate::picture::scale::Scale;
+use crate::subject::Subject;
 use serde_json::{Value, json};
 
-/// Stands for what is not a number.
-const NOTHING: u16 = u16::MAX;
-/// Views are left out before pixels are binned, down to this many.
-const VIEWS: usize = 24;
 const CONTRASTS: [&str; 3] = ["transmission", "refraction", "dark_field"];
 const FIT: [&str; 4] = ["amplitude", "centre", "width", "background"];
 
@@ -25,169 +21,149 @@ pub(super) struct Data {
     pub(super) notes: Vec<String>,
 }
 
-/// What of a run is kept, so that the page stays small.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Thinning {
-    /// Pixels of a side that become one.
-    bin: usize,
-    /// Every how many views one is kept.
-    every: usize,
-}
-
-impl Thinning {
-    /// The least thinning with which `images` frames per view (and `more` frames beside) take no
-    /// more than `most` bytes.
-    fn of([views, _, rows, columns]: [usize; 4], images: usize, more: usize, most: u64) -> Self {
-        let mut thinning = Self { bin: 1, every: 1 };
-        loop {
-            let Self { bin, every } = thinning;
-            let frames = views.div_ceil(every) * images + more;
-            let bytes = 2 * frames as u64 * (rows.div_ceil(bin) * columns.div_ceil(bin)) as u64;
-            if bytes <= most || (bin >= rows.max(columns) && every >= views) {
-                return thinning;
-            }
-            if views.div_ceil(every) > VIEWS || bin >= rows.max(columns) {
-                thinning.every += 1;
-            } else {
-                thinning.bin += 1;
-            }
-        }
-    }
-
-    /// Means over blocks; blocks at the right and lower edge may be smaller.
-    fn binned(&self, frame: ArrayView2<'_, f32>) -> Array2<f64> {
-        let (rows, columns) = frame.dim();
-        let bin = self.bin;
-        Array2::from_shape_fn((rows.div_ceil(bin), columns.div_ceil(bin)), |(row, column)| {
-            let of = |at: usize, end: usize| at * bin..((at + 1) * bin).min(end);
-            let block = frame.slice(ndarray::s![of(row, rows), of(column, columns)]);
-            block.iter().map(|value| f64::from(*value)).sum::<f64>() / block.len() as f64
-        })
-    }
-}
-
-impl Thinning {
-    /// Bits of any pixel of a block.
-    fn joined(&self, frame: ArrayView2<'_, f32>) -> Array2<u32> {
-        let (rows, columns) = frame.dim();
-        let bin = self.bin;
-        let mut joined = Array2::zeros((rows.div_ceil(bin), columns.div_ceil(bin)));
-        for ((row, column), flags) in frame.indexed_iter() {
-            joined[[row / bin, column / bin]] |= numbers::whole::<u32>(f64::from(*flags));
-        }
-        joined
-    }
-}
-
-/// Numbers on their way to 16 bits.
-struct Quantised {
-    low: f64,
-    high: f64,
-    words: Vec<u16>,
-}
-
-impl Quantised {
-    fn of(values: &[f64]) -> Self {
-        let finite = values.iter().copied().filter(|value| value.is_finite());
-        let (low, high) =
-            finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-        let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
-        let span = if high > low { high - low } else { 1.0 };
-        let word = |value: &f64| match value.is_finite() {
-            true => numbers::whole::<u16>(((value - low) / span * f64::from(NOTHING - 1)).round()),
-            false => NOTHING,
-        };
-        Self { low, high: low + span, words: values.iter().map(word).collect() }
-    }
-}
-
 /// Names of the images of a fit to the flat or the sample.
 fn fits(of: &str) -> [String; FIT.len()] {
     FIT.map(|part| format!("{of}_{part}"))
 }
 
-/// Frames, contrasts and fits as the page has them; their values are appended to `arrays`.
-fn images(
-    run: &RunReader,
-    kept: &[usize],
-    contrasts: &[&str],
+/// What of a subject is in the page.
+struct Contents<'a> {
+    run: &'a Subject,
+    /// Views, by their numbers.
+    kept: Vec<usize>,
+    contrasts: Vec<&'static str>,
     fitted: bool,
     thinning: Thinning,
-    arrays: &mut Vec<(String, Vec<u16>)>,
-) -> Result<serde_json::Map<String, Value>, Failure> {
-    let mut images = serde_json::Map::new();
-    let intensity = run.fitted_quantity();
-    let flat = frames(run, &[None], thinning)?;
-    let views: Vec<Option<usize>> = kept.iter().copied().map(Some).collect();
-    let sample = frames(run, &views, thinning)?;
-    // One scale for all steps and views: sliders show how the light changes.
-    let scale = Scale::of(intensity.map, flat.iter().chain(&sample).copied());
-    for (name, values) in [("flat", flat), ("sample", sample)] {
-        images.insert(name.into(), image(name, &values, &intensity, &scale, arrays));
-    }
-    for name in contrasts {
-        let quantity = Quantity::of_map(name);
-        let values = map(run, name, kept, &quantity, thinning)?;
-        let scale = Scale::of(quantity.map, values.iter().copied());
-        images.insert((*name).into(), image(name, &values, &quantity, &scale, arrays));
-    }
-    if fitted {
-        for (of, kept) in [("flat", &kept[..1]), ("sample", kept)] {
-            for name in fits(of) {
-                let quantity = Quantity::of_map(&name);
-                let values = map(run, &name, kept, &quantity, thinning)?;
-                let scale = Scale::of(quantity.map, values.iter().copied());
-                images.insert(name.clone(), image(&name, &values, &quantity, &scale, arrays));
+}
+
+impl Contents<'_> {
+    /// Frames, contrasts with their 1 sigma, fits and residuals; values are appended to `arrays`.
+    fn images(
+        &self,
+        arrays: &mut Vec<(String, Vec<u16>)>,
+    ) -> Result<serde_json::Map<String, Value>, Failure> {
+        let Self { run, kept, contrasts, fitted, thinning } = self;
+        let mut images = serde_json::Map::new();
+        if run.has_fitted() {
+            let intensity = run.fitted_quantity();
+            let flat = frames(run, &[None], *thinning)?;
+            let views: Vec<Option<usize>> = kept.iter().copied().map(Some).collect();
+            let sample = frames(run, &views, *thinning)?;
+            // One scale for all steps and views: sliders show how the light changes.
+            let scale = Scale::of_frames(intensity.map, &flat, &sample);
+            for (name, values) in [("flat", flat), ("sample", sample)] {
+                images.insert(name.into(), image(name, &values, &intensity, &scale, arrays));
             }
         }
+        let trusted = self.trusted()?;
+        let mut add = |name: &str, kept: &[usize], trusted: Option<&[bool]>| {
+            let quantity = Quantity::of_map(name);
+            let values = map(run, name, kept, &quantity, *thinning)?;
+            let own: Vec<f64> = match trusted {
+                Some(trusted) => {
+                    values.iter().zip(trusted).filter(|(_, t)| **t).map(|(v, _)| *v).collect()
+                }
+                None => values.clone(),
+            };
+            let scale = Scale::of(quantity.map, &own, quantity.empty, None);
+            images.insert(name.into(), image(name, &values, &quantity, &scale, arrays));
+            Ok::<(), Failure>(())
+        };
+        for name in contrasts {
+            add(name, kept, trusted.as_deref())?;
+            let sigma = format!("{name}_sigma");
+            if run.has(&sigma) {
+                add(&sigma, kept, trusted.as_deref())?;
+            }
+        }
+        if *fitted {
+            fits("flat").iter().try_for_each(|name| add(name, &kept[..1], None))?;
+            fits("sample").iter().try_for_each(|name| add(name, kept, None))?;
+        }
+        if has_residuals(run) {
+            add("residual_flat", &kept[..1], None)?;
+            add("residual_sample", kept, None)?;
+        }
+        Ok(images)
     }
-    Ok(images)
+
+    /// Pixels of all views that may set scales, `[view][row][column]`.
+    fn trusted(&self) -> Result<Option<Vec<bool>>, Failure> {
+        if !self.run.has("flags") {
+            return Ok(None);
+        }
+        let mut flagged = Vec::new();
+        for view in &self.kept {
+            let bits = self.thinning.joined(self.run.map("flags", *view)?.view());
+            flagged.extend(bits.iter().map(|bits| *bits != 0));
+        }
+        let count = flagged.iter().filter(|flagged| **flagged).count();
+        Ok((2 * count <= flagged.len()).then(|| flagged.iter().map(|flagged| !flagged).collect()))
+    }
+}
+
+fn has_residuals(run: &Subject) -> bool {
+    run.has("residual_flat") && run.has("residual_sample")
 }
 
 /// Gathers everything that the page shows as images.
-pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
+pub(super) fn collect(run: &Subject, most: u64) -> Result<Data, Failure> {
     let [all_views, steps, rows, columns] = run.shape();
-    let names: Vec<&str> = run.maps().map_or(Vec::new(), |maps| maps.names().collect());
-    let has = |name: &str| names.contains(&name);
     let fitted =
-        run.has_gaussians() && fits("flat").iter().chain(&fits("sample")).all(|name| has(name));
-    let contrasts: Vec<&str> = CONTRASTS.into_iter().filter(|name| has(name)).collect();
-    let of_view =
-        steps + contrasts.len() + usize::from(has("flags")) + if fitted { FIT.len() } else { 0 };
-    let more = steps + if fitted { FIT.len() } else { 0 };
-    let thinning = Thinning::of(run.shape(), of_view, more, most);
+        run.has_gaussians() && fits("flat").iter().chain(&fits("sample")).all(|name| run.has(name));
+    let contrasts: Vec<&str> = CONTRASTS.into_iter().filter(|name| run.has(name)).collect();
+    let sigmas = contrasts.iter().filter(|name| run.has(&format!("{name}_sigma"))).count();
+    let of_frames = if run.has_fitted() { steps } else { 0 };
+    let of_fit = if fitted { FIT.len() } else { 0 } + usize::from(has_residuals(run));
+    let of_view = of_frames + contrasts.len() + sigmas + usize::from(run.has("flags")) + of_fit;
+    let thinning = Thinning::of(run.shape(), of_view, of_frames + of_fit, most);
     let retrieved = run.maps().map_or(all_views, |maps| maps.views());
     let kept: Vec<usize> = (0..all_views.min(retrieved)).step_by(thinning.every).collect();
-
     let start = [run.striking_column(0, rows / 2)? / thinning.bin, rows / 2 / thinning.bin];
+    let contents = Contents { run, kept, contrasts, fitted, thinning };
     let mut arrays = Vec::new();
-    let images = images(run, &kept, &contrasts, fitted, thinning, &mut arrays)?;
+    let images = contents.images(&mut arrays)?;
     let mut flags = vec![String::new()];
-    if has("flags") {
-        arrays.push(("flags".into(), flag_indices(run, &kept, thinning, &mut flags)?));
+    if run.has("flags") {
+        arrays.push(("flags".into(), flag_indices(run, &contents.kept, thinning, &mut flags)?));
     }
-    let scene = run.scene();
-    let Thinning { bin, every } = thinning;
-    let angle = |view: &usize| scene.scan.angles[*view].to_degrees();
+    let bin = thinning.bin;
+    let angle = |view: &usize| run.angles().get(*view).map(|angle| angle.to_degrees());
     let maps = [Map::Grey, Map::Viridis, Map::Inferno, Map::Diverging];
     let tables: serde_json::Map<String, Value> =
         maps.into_iter().map(|map| (format!("{map:?}"), table_of(map).into())).collect();
+    let pitch = run.scene().map(|scene| scene.detector.pitch.map(|pitch| 1e3 * pitch));
+    let (labels, length) = match pitch {
+        Some(_) => (["x [mm]", "z [mm]"], "mm"),
+        None => (["x [pixels]", "z [pixels]"], "pixels"),
+    };
     let meta = json!({
-        "views": kept,
-        "angles": kept.iter().map(angle).collect::<Vec<_>>(),
-        "offsets": scene.scan.mask_offsets.iter().map(|f| 1e6 * f).collect::<Vec<_>>(),
+        "views": contents.kept,
+        "angles": contents.kept.iter().filter_map(angle).collect::<Vec<_>>(),
+        "offsets": run.offsets().iter().map(|f| 1e6 * f).collect::<Vec<_>>(),
         "rows": rows.div_ceil(bin),
         "columns": columns.div_ceil(bin),
         "detector": [columns, rows],
         "bin": bin,
         "start": start,
-        "pitch": scene.detector.pitch.map(|pitch| 1e3 * pitch),
-        "contrasts": contrasts,
-        "fitted": fitted,
+        "pitch": pitch.unwrap_or([1.0; 2]),
+        "labels": labels,
+        "length": length,
+        "contrasts": contents.contrasts,
+        "frames": run.has_fitted(),
+        "fitted": fitted && run.has_fitted(),
         "flags": flags,
         "images": images,
         "maps": tables,
     });
+    let notes = notes(&contents, most);
+    Ok(Data { meta, arrays, notes })
+}
+
+/// What the reader has to know of the data.
+fn notes(contents: &Contents<'_>, most: u64) -> Vec<String> {
+    let Contents { run, kept, contrasts, thinning: Thinning { bin, every }, .. } = contents;
+    let (bin, every, all_views) = (*bin, *every, run.views());
     let mut notes = Vec::new();
     if bin > 1 {
         notes.push(format!(
@@ -206,6 +182,9 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
             most as f64 / f64::from(1 << 20)
         ));
     }
+    if let Some(reason) = run.without() {
+        notes.push(format!("Without the frames that the images were retrieved from: {reason}"));
+    }
     if run.beamlets().is_some() {
         notes.push(
             "The run was retrieved per beamlet; `beamlet view` draws those images, this page is of \
@@ -215,10 +194,17 @@ pub(super) fn collect(run: &RunReader, most: u64) -> Result<Data, Failure> {
     } else if contrasts.is_empty() {
         notes.push(format!(
             "No retrieved images: `beamlet retrieve {}` makes them; then write the report again.",
-            beamlet::printed::path(run.run().path())
+            beamlet::printed::path(run.path())
         ));
     }
-    Ok(Data { meta, arrays, notes })
+    if run.has_unused_counts() {
+        notes.push(format!(
+            "The run has detector numbers, and its images were retrieved from noise-free \
+             intensities; `beamlet retrieve {} --counts --weights poisson` takes the numbers.",
+            beamlet::printed::path(run.path())
+        ));
+    }
+    notes
 }
 
 /// Adds the numbers of an image and describes them.
@@ -238,16 +224,11 @@ fn image(
         "high": high,
         "map": format!("{:?}", scale.map),
         "scale": [scale.low, scale.high],
-        "beyond": scale.beyond,
     })
 }
 
 /// `[view][step][row][column]` of some views; `None` is the flat.
-fn frames(
-    run: &RunReader,
-    views: &[Option<usize>],
-    thinning: Thinning,
-) -> Result<Vec<f64>, Failure> {
+fn frames(run: &Subject, views: &[Option<usize>], thinning: Thinning) -> Result<Vec<f64>, Failure> {
     let rows = run.row_count();
     let mut values = Vec::new();
     for view in views {
@@ -261,7 +242,7 @@ fn frames(
 /// `[view][row][column]` of flags as places in the list of their words; a block of pixels has
 /// the flags of all of them.
 fn flag_indices(
-    run: &RunReader,
+    run: &Subject,
     views: &[usize],
     thinning: Thinning,
     words: &mut Vec<String>,
@@ -283,7 +264,7 @@ fn flag_indices(
 
 /// `[view][row][column]` of some views, in the shown unit.
 fn map(
-    run: &RunReader,
+    run: &Subject,
     name: &str,
     views: &[usize],
     quantity: &Quantity,
@@ -295,42 +276,4 @@ fn map(
         values.extend(thinning.binned(map.view()).iter().map(|value| value * quantity.factor));
     }
     Ok(values)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn thinning_keeps_within_the_limit_and_does_no_more_than_it_must() {
-        let small = [3, 11, 128, 128];
-        assert_eq!(Thinning::of(small, 14, 11, 24 << 20), Thinning { bin: 1, every: 1 });
-        let large = [1, 11, 2048, 2048];
-        let thinning = Thinning::of(large, 18, 15, 24 << 20);
-        let side = 2048_u64.div_ceil(thinning.bin as u64);
-        assert_eq!(thinning.every, 1);
-        assert!(2 * 33 * side * side <= 24 << 20, "{thinning:?}");
-        let coarser = 2048_u64.div_ceil(thinning.bin as u64 - 1);
-        assert!(2 * 33 * coarser * coarser > 24 << 20, "{thinning:?}");
-        let many = Thinning::of([3600, 7, 1, 256], 14, 11, 1 << 20);
-        assert!(many.every > 1 && many.bin == 1, "{many:?}");
-        // Even a limit that nothing meets ends.
-        let _ = Thinning::of(large, 18, 15, 1);
-    }
-
-    #[test]
-    fn bins_are_means_and_words_hold_the_values() {
-        let frame = Array2::from_shape_fn((3, 5), |(r, c)| (10 * r + c) as f32);
-        let binned = Thinning { bin: 2, every: 1 }.binned(frame.view());
-        assert_eq!(binned.dim(), (2, 3));
-        assert_eq!(binned.iter().copied().collect::<Vec<_>>(), [5.5, 7.5, 9.0, 20.5, 22.5, 24.0]);
-        let values = [-1.0, f64::NAN, 0.25, 3.0];
-        let Quantised { low, high, words } = Quantised::of(&values);
-        assert_eq!(words[1], NOTHING);
-        for (value, word) in values.iter().zip(&words).filter(|(value, _)| value.is_finite()) {
-            let back = low + (high - low) * f64::from(*word) / f64::from(NOTHING - 1);
-            // Half a step of the 65,534 between the ends.
-            assert!((back - value).abs() <= 4.0 / 65_534.0 / 2.0 + 1e-12, "{value} {back}");
-        }
-    }
 }

@@ -2,125 +2,142 @@
 //! nothing from anywhere.
 
 mod data;
+mod figures;
 mod tables;
+mod thinning;
 
 use crate::failure::Failure;
 use crate::picture::colour::Map;
-use crate::picture::set_up;
-use crate::picture::svg::escaped;
-use crate::run_reader::RunReader;
+use crate::subject::Subject;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use beamlet::geometry::{self, Sample};
-use beamlet::require_memory;
-use std::fmt::Write as _;
-use std::mem::take;
+use beamlet::{printed, require_memory};
+use minijinja::{Environment, UndefinedBehavior, Value, context, escape_formatter};
+use std::time::SystemTime;
+use tables::TableRow;
 
-/// Images of a view beside its steps: retrieved ones, flags, the parts of a fit.
-const IMAGES: u64 = 8;
+/// Images of a view beside its steps: retrieved ones with their 1 sigma, flags, the parts of a
+/// fit, what it leaves.
+const IMAGES: u64 = 12;
 /// Bytes that a page takes while it is made, for each of its image data: values before they are 16
 /// bits, the bits, their text, and two copies of that while it grows.
-const COPIES: u64 = 12;
+const COPIES: u64 = 14;
 /// Bytes for each pixel of a frame that is read and binned.
 const OF_FRAME: u64 = 32;
 
-const PAGE: &str = include_str!("page.html");
-const STYLE: &str = include_str!("page.css");
-const SCRIPT: &str = include_str!("page.js");
+const PAGE: &str = include_str!("page/page.html");
+const STYLE: &str = include_str!("page/page.css");
+const SCRIPTS: [&str; 4] = [
+    include_str!("page/state.js"),
+    include_str!("page/images.js"),
+    include_str!("page/charts.js"),
+    include_str!("page/controls.js"),
+];
+/// uPlot, as it comes from npm: version, hashes and licence stand beside it.
+const CHARTS: &str = include_str!("uplot/uPlot.iife.min.js");
+const CHART_STYLE: &str = include_str!("uplot/uPlot.min.css");
 
-/// The page of a run, with at most `most` bytes of image data.
+/// What a page is made with.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct PageOptions {
+    /// Most bytes of image data.
+    pub(crate) most: u64,
+    /// Vulkan device that draws the sample.
+    pub(crate) device: Option<String>,
+    /// The line that asked for the page.
+    pub(crate) command: String,
+}
+
+/// The page of a run or of retrieved images.
 ///
 /// Fails where there is not the memory for it.
-pub(crate) fn page(run: &RunReader, most: u64) -> Result<String, Failure> {
+pub(crate) fn page(run: &Subject, options: &PageOptions) -> Result<String, Failure> {
+    let most = options.most;
     let [views, steps, rows, columns] = run.shape().map(|side| side as u64);
     let frame = rows.saturating_mul(columns);
     let images = (views + 1).saturating_mul(steps + IMAGES).saturating_mul(2 * frame).min(most);
     let needed = COPIES.saturating_mul(images).saturating_add(OF_FRAME.saturating_mul(frame));
     require_memory(needed, "the page of a report")?;
     let data = data::collect(run, most)?;
-    let mut arrays = String::new();
-    for (name, words) in &data.arrays {
+    let encoded = |(name, words): (String, Vec<u16>)| {
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-        let text = STANDARD.encode(bytes);
-        // Writing to a string does not fail.
-        let _ = writeln!(arrays, "<script type=\"text/plain\" id=\"data-{name}\">{text}</script>");
-    }
-    let (sample, without) = match geometry::load(run.scene()) {
-        Ok(sample) => (sample, String::new()),
-        Err(error) => {
-            let note = format!(
-                "<p class=\"note\">Without the sample: {}</p>",
-                escaped(&error.to_string())
-            );
-            (Sample::default(), note)
-        }
+        TableRow::new(name, STANDARD.encode(bytes))
     };
-    let drawing = set_up::draw(run.scene(), &sample)?.to_svg() + &without;
-    let name = run
-        .run()
-        .path()
-        .file_name()
-        .map_or_else(|| "run".to_owned(), |name| name.to_string_lossy().into_owned());
-    let notes: String =
-        data.notes.iter().map(|note| format!("<p class=\"note\">{}</p>", escaped(note))).collect();
-    let meta = script_json(&data.meta)?;
-    let mut content = Content { run, name, notes, drawing, meta, arrays };
-    let mut parts = Vec::with_capacity(PARTS.len());
-    for (mark, part) in PARTS {
-        parts.push((mark, part(&mut content)?));
-    }
-    Ok(filled(PAGE, &parts))
+    let arrays: Vec<TableRow> = data.arrays.into_iter().map(encoded).collect();
+    let figures = figures::of(run, options.device.as_deref())?;
+    let notes: Vec<String> = data.notes.into_iter().chain(figures.notes).collect();
+    let counts = run.record().is_some_and(|record| record.counts);
+    let context = context! {
+        title => title(run),
+        summary => tables::summary(run),
+        facts => facts(run, &options.command),
+        notes,
+        frames => run.has_fitted(),
+        words => tables::words(),
+        band => if counts { "± 1σ" } else { "± 1σ by the misfit of the fit" },
+        set_up => figures.set_up,
+        sample => figures.sample,
+        spectrum => figures.spectrum,
+        energy => figures.energy,
+        provenance => tables::provenance(run),
+        retrieval => tables::retrieval(run),
+        tally => tables::tally(run),
+        scene => tables::scene_text(run)?,
+        meta => script_json(&data.meta)?,
+        arrays,
+        style => STYLE,
+        chart_style => CHART_STYLE,
+        charts => CHARTS,
+        script => SCRIPTS.concat(),
+    };
+    rendered(&context)
 }
 
-/// What the parts of a page are made of.
-struct Content<'a> {
-    run: &'a RunReader,
-    name: String,
-    notes: String,
-    drawing: String,
-    meta: String,
-    arrays: String,
-}
-
-/// Makes a part. Long ones are moved out of the content, not copied.
-type PagePart = fn(&mut Content<'_>) -> Result<String, Failure>;
-
-/// The marks of page.html and what stands in their place.
-const PARTS: [(&str, PagePart); 12] = [
-    ("{{title}}", |content| Ok(escaped(&content.name))),
-    ("{{summary}}", |content| Ok(escaped(&tables::summary(content.run)))),
-    ("{{notes}}", |content| Ok(take(&mut content.notes))),
-    ("{{set-up}}", |content| Ok(take(&mut content.drawing))),
-    ("{{scene}}", |content| Ok(escaped(&tables::scene_text(content.run)?))),
-    ("{{tally}}", |content| Ok(tables::tally(content.run))),
-    ("{{provenance}}", |content| Ok(tables::provenance(content.run))),
-    ("{{retrieval}}", |content| Ok(tables::retrieval(content.run))),
-    ("{{style}}", |_| Ok(STYLE.to_owned())),
-    ("{{meta}}", |content| Ok(take(&mut content.meta))),
-    ("{{arrays}}", |content| Ok(take(&mut content.arrays))),
-    ("{{script}}", |_| Ok(SCRIPT.to_owned())),
-];
-
-/// Puts each part in the place of its mark. What is put in is not searched again.
-fn filled(page: &str, parts: &[(&str, String)]) -> String {
-    let mut out =
-        String::with_capacity(page.len() + parts.iter().map(|(_, p)| p.len()).sum::<usize>());
-    let mut rest = page;
-    while let Some(start) = rest.find("{{") {
-        out.push_str(&rest[..start]);
-        rest = &rest[start..];
-        match parts.iter().find(|(mark, _)| rest.starts_with(mark)) {
-            Some((mark, part)) => {
-                out.push_str(part);
-                rest = &rest[mark.len()..];
-            }
-            None => {
-                out.push_str("{{");
-                rest = &rest[2..];
-            }
+/// Fills the page; what is put in is escaped, but for what the page calls safe.
+fn rendered(context: &Value) -> Result<String, Failure> {
+    let mut environment = Environment::new();
+    environment.set_undefined_behavior(UndefinedBehavior::SemiStrict);
+    // Characters that change how the text around them is shown stay out, too.
+    environment.set_formatter(|out, state, value| match value.as_str() {
+        Some(text) if !value.is_safe() && text.chars().any(printed::is_unsafe) => {
+            escape_formatter(out, state, &Value::from(printed::lines(text)))
         }
-    }
-    out + rest
+        _ => escape_formatter(out, state, value),
+    });
+    let failed = |error: minijinja::Error| Failure::File {
+        path: "page.html".into(),
+        problem: format!("the page cannot be made: {error:#}"),
+    };
+    environment.add_template("page.html", PAGE).map_err(failed)?;
+    environment.get_template("page.html").and_then(|page| page.render(context)).map_err(failed)
+}
+
+/// The name of the directory.
+fn title(run: &Subject) -> String {
+    let path = run.path();
+    // Of a path such as ".", too.
+    let whole = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+    let name = whole.file_name().map(|name| name.to_string_lossy().into_owned());
+    name.unwrap_or_else(|| "run".to_owned())
+}
+
+/// When what was made, and by which command.
+fn facts(run: &Subject, command: &str) -> Vec<TableRow> {
+    let time = |time: SystemTime| {
+        let text = humantime::format_rfc3339_seconds(time).to_string();
+        text.replace('T', " ").replace('Z', " UTC")
+    };
+    let written = |file: &str| {
+        let found = run.path().join(file).metadata().and_then(|found| found.modified());
+        found.ok().map(time)
+    };
+    let files = [("run.json", "run written"), ("retrieved.json", "images written")];
+    let dates =
+        files.into_iter().filter_map(|(file, key)| Some(TableRow::new(key, written(file)?)));
+    let mut facts: Vec<TableRow> = dates.collect();
+    facts.push(TableRow::new("page written", time(SystemTime::now())));
+    facts.push(TableRow::new("by", command));
+    facts
 }
 
 /// JSON that may stand in a script element.
@@ -138,12 +155,18 @@ fn table_of(map: Map) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::collections::BTreeSet;
+    use sha2::{Digest, Sha256};
 
     #[test]
-    fn what_is_put_in_is_not_searched_again() {
-        let parts = [("{{a}}", "{{b}}".to_owned()), ("{{b}}", "x".to_owned())];
-        assert_eq!(filled("1 {{a}} 2 {{b}} {{c}}", &parts), "1 {{b}} 2 x {{c}}");
+    fn the_charts_are_those_of_the_package_that_is_named() {
+        let named = include_str!("uplot/README.md");
+        for (file, text) in [("uPlot.iife.min.js", CHARTS), ("uPlot.min.css", CHART_STYLE)] {
+            let bytes = Sha256::digest(text.as_bytes());
+            let hash: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+            assert!(named.contains(&format!("| SHA-256 of {file} | {hash} |")), "{file}: {hash}");
+        }
+        assert!(named.contains("1.6.32") && CHARTS.contains("(v1.6.32)"));
+        assert!(include_str!("uplot/LICENSE").contains("The MIT License"));
     }
 
     #[test]
@@ -152,16 +175,5 @@ mod tests {
         let text = script_json(&value).unwrap();
         assert!(!text.contains('<'), "{text}");
         assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
-    }
-
-    #[test]
-    fn every_mark_of_the_page_is_known() {
-        let marks: BTreeSet<&str> = PAGE
-            .split("{{")
-            .skip(1)
-            .map(|rest| rest.split_once("}}").expect("a mark ends").0)
-            .collect();
-        let known = PARTS.map(|(mark, _)| mark.trim_matches(['{', '}']));
-        assert_eq!(marks, BTreeSet::from(known));
     }
 }

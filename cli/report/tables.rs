@@ -1,17 +1,22 @@
 //! What is known of a run, as tables: counts, provenance, retrieval, the resolved scene.
 
 use crate::failure::Failure;
-use crate::picture::svg::escaped;
 use crate::picture::text::short;
-use crate::run_reader::RunReader;
+use crate::subject::Subject;
 use beamlet::SamplingSummary;
 use beamlet::check::count;
 use serde_json::Value;
-use std::fmt::Write as _;
 
 /// The run in one line.
-pub(super) fn summary(run: &RunReader) -> String {
-    let record = run.run().record();
+pub(super) fn summary(run: &Subject) -> String {
+    let Some(file) = run.run() else {
+        let [views, _, rows, columns] = run.shape();
+        let version = run.record().map_or("", |record| record.version.as_str());
+        return format!(
+            "retrieved images · views {views} · pixels {columns} × {rows} · beamlet {version}"
+        );
+    };
+    let record = file.record();
     let extent = record.extent;
     let committed = match run.views() {
         views if views == extent.views as usize => views.to_string(),
@@ -25,11 +30,109 @@ pub(super) fn summary(run: &RunReader) -> String {
 }
 
 /// scene.toml of the run.
-pub(super) fn scene_text(run: &RunReader) -> Result<String, Failure> {
-    let path = run.run().path().join("scene.toml");
+pub(super) fn scene_text(run: &Subject) -> Result<String, Failure> {
+    let Some(file) = run.run() else {
+        let geometry = run.record().and_then(|record| record.geometry.clone());
+        return Ok(geometry.unwrap_or_default());
+    };
+    let path = file.path().join("scene.toml");
     std::fs::read_to_string(&path)
         .map_err(|error| Failure::File { path, problem: format!("cannot be read: {error}") })
 }
+
+/// A line of a table: what, how much, whether it should stand out, and what the word means.
+#[derive(Debug, Clone, Default)]
+pub(super) struct TableRow {
+    key: String,
+    value: String,
+    marked: bool,
+    meaning: String,
+}
+
+impl TableRow {
+    pub(super) fn new(key: impl Into<String>, value: impl Into<String>) -> Self {
+        Self { key: key.into(), value: value.into(), ..Self::default() }
+    }
+
+    const fn marked(mut self, marked: bool) -> Self {
+        self.marked = marked;
+        self
+    }
+
+    fn meaning(mut self, meaning: &str) -> Self {
+        self.meaning = meaning.to_owned();
+        self
+    }
+}
+
+impl From<TableRow> for minijinja::Value {
+    fn from(TableRow { key, value, marked, meaning }: TableRow) -> Self {
+        minijinja::context! { key, value, marked, meaning }
+    }
+}
+
+/// What the words of the page mean.
+const WORDS: [(&str, &str); 8] = [
+    (
+        "T, transmission",
+        "share of the light that the sample lets through: the area of the sample's illumination \
+         curve over that of the flat's. 1 is the empty beam.",
+    ),
+    (
+        "α, refraction angle",
+        "mean angle by which the sample turns the beam, in µrad; positive towards +x. It is the \
+         shift of the curve times the mask magnification over the lever arm, with opposite sign.",
+    ),
+    (
+        "σ_DF², dark field",
+        "variance of the angles within a pixel, in µrad²: how much broader the curve is with the \
+         sample. Noise and shapes that are no Gaussian make it negative.",
+    ),
+    (
+        "1 (intensity)",
+        "the light of an open pixel: no masks, no sample. Masks let a fraction of it through.",
+    ),
+    (
+        "1σ",
+        "one standard deviation. From counts it is that of the noise; from noise-free intensities \
+         it is what the fit leaves, and no uncertainty.",
+    ),
+    ("residual", "value less fit; the rms residual is its root mean square over the mask steps."),
+    (
+        "flags",
+        "what stands against the values of a pixel. Flagged pixels do not set the colour scales; \
+         pixels without an answer are violet.",
+    ),
+    (
+        "A, µ, σ, b",
+        "amplitude, centre, width and background of the Gaussian A exp(−(f − µ)² / 2σ²) + b that \
+         is fitted to a curve over the mask offset f.",
+    ),
+];
+
+/// Terms with their meanings.
+pub(super) fn words() -> Vec<TableRow> {
+    WORDS.iter().map(|(term, meaning)| TableRow::new(*term, *meaning)).collect()
+}
+
+/// What the counts of a tally mean.
+const MEANINGS: [(&str, &str); 12] = [
+    ("rays", "traced as straight lines, with refraction to first order"),
+    ("exact", "traced again with refraction at every surface in turn, for they graze one"),
+    ("split", "rectangles of rays that refinement has cut"),
+    ("unbalanced", "rays that entered and left some object unequally often; should be 0"),
+    (
+        "unordered",
+        "rays that could not be followed exactly and keep their first order; should be 0",
+    ),
+    ("retraced", "rays of the ray-query backend that the software BVH has traced again"),
+    ("dropped", "rectangles or crossings beyond a limit; should be 0"),
+    ("reflected", "rays that were totally reflected at least once"),
+    ("not_finite", "rays whose value is no number; their light is left out; should be 0"),
+    ("landed_off", "rectangles whose light lands outside the detector or too far off to follow"),
+    ("defective_objects", "objects with open or crossing surfaces that allow_defects let through"),
+    ("saturated", "detector numbers clipped at the upper end of the bit depth"),
+];
 
 /// Counts that belong to any run.
 const USUAL: [&str; 4] = ["rays", "exact", "split", "reflected"];
@@ -45,97 +148,98 @@ const OF_SAMPLING: [&str; 6] = [
 ];
 
 /// The counts of the run; those that should be zero and are not stand out.
-pub(super) fn tally(run: &RunReader) -> String {
-    let record = &run.run().record().record;
+pub(super) fn tally(run: &Subject) -> Vec<TableRow> {
+    let Some(file) = run.run() else { return Vec::new() };
+    let record = &file.record().record;
     let value = serde_json::to_value(record.tally).unwrap_or(Value::Null);
     let counts = value.as_object().into_iter().flatten();
     let rows =
         counts.filter(|(key, _)| !OF_SAMPLING.contains(&key.as_str())).map(|(key, value)| {
             let number = value.as_u64().unwrap_or(0);
-            let text = count(number);
-            (key.replace('_', " "), text, number > 0 && !USUAL.contains(&key.as_str()))
+            let meaning = MEANINGS.iter().find(|(name, _)| name == key);
+            TableRow::new(key.replace('_', " "), count(number))
+                .marked(number > 0 && !USUAL.contains(&key.as_str()))
+                .meaning(meaning.map_or("", |(_, meaning)| meaning))
         });
-    table(rows.chain(record.sampling.iter().flat_map(sampling)))
+    rows.chain(record.sampling.iter().flat_map(sampling)).collect()
 }
 
 /// Rays and estimated errors of sampling.
-fn sampling(summary: &SamplingSummary) -> Vec<(String, String, bool)> {
+fn sampling(summary: &SamplingSummary) -> [TableRow; 3] {
     let SamplingSummary { patches, mean_rays, most_rays, rms_error, worst_error, .. } = summary;
     let beyond = summary.beyond_tolerance;
-    vec![
-        (
-            "rays per beamlet and row with sample".into(),
+    [
+        TableRow::new(
+            "rays per beamlet and row with sample",
             format!("{mean_rays:.1}, at most {}", count(*most_rays)),
-            false,
         ),
-        (
-            "estimated error of sampling".into(),
+        TableRow::new(
+            "estimated error of sampling",
             format!("{rms_error:.1e} of open beam (rms), {worst_error:.1e} (worst)"),
-            false,
         ),
-        (
+        TableRow::new(
             format!("beamlets and rows that may miss the tolerance of {:.1e}", summary.tolerance),
             format!("{} of {}", count(beyond), count(*patches)),
-            beyond > 0,
-        ),
+        )
+        .marked(beyond > 0),
     ]
 }
 
 /// Version, device, driver, backend, seed, seconds.
-pub(super) fn provenance(run: &RunReader) -> String {
-    let file = run.run().record();
+pub(super) fn provenance(run: &Subject) -> Vec<TableRow> {
+    let mut rows = vec![TableRow::new("directory", beamlet::printed::path(run.path()))];
+    let Some(file) = run.run().map(|run| run.record()) else {
+        if let Some(record) = run.record() {
+            rows.push(TableRow::new("retrieved from", record.sources.join(", ")));
+            let dark = record.dark.clone().unwrap_or_else(|| "none".into());
+            rows.push(TableRow::new("dark frames", dark));
+        }
+        return rows;
+    };
     let record = &file.record;
     let state = serde_json::to_value(file.state).unwrap_or(Value::Null);
-    let mut rows = vec![
-        ("directory", beamlet::printed::path(run.run().path())),
+    for (key, value) in [
         ("state", state.as_str().unwrap_or_default().to_owned()),
         ("version", record.version.clone()),
         ("device", record.device.clone()),
         ("driver", record.driver.clone()),
         ("backend", format!("{}: {}", record.backend, record.backend_reason)),
         ("seed", record.seed.to_string()),
-    ];
+    ] {
+        rows.push(TableRow::new(key, value));
+    }
     for (what, rate) in &record.calibration {
-        rows.push(("calibration", format!("{what} {} million rays a second", short(*rate))));
+        let value = format!("{what} {} million rays a second", short(*rate));
+        rows.push(TableRow::new("calibration", value));
     }
     let seconds: Vec<String> =
         record.seconds.iter().map(|(what, time)| format!("{what} {time:.1}")).collect();
-    rows.push(("seconds", seconds.join(", ")));
-    table(rows.into_iter().map(|(key, value)| (key.to_owned(), value, false)))
+    rows.push(TableRow::new("seconds", seconds.join(", ")));
+    rows
 }
 
-/// How the run was retrieved.
-pub(super) fn retrieval(run: &RunReader) -> String {
-    let Some(record) = run.record() else {
-        return "<p class=\"note\">The run is not retrieved.</p>".into();
-    };
+/// How the run was retrieved; nothing where it is not.
+pub(super) fn retrieval(run: &Subject) -> Vec<TableRow> {
+    let Some(record) = run.record() else { return Vec::new() };
     let pixels: usize = record.shape.iter().product();
+    let values = if record.counts { "counts" } else { "intensities" };
     let mut rows = vec![
-        ("method", record.method.clone(), false),
-        ("version", record.version.clone(), false),
-        ("values", if record.counts { "counts" } else { "intensities" }.to_owned(), false),
-        ("weights", record.weights.clone(), false),
-        ("mask magnification M", short(record.magnification), false),
-        ("lever arm z", format!("{} m", short(record.lever_arm)), false),
-        ("angle per shift", format!("{} rad/m", short(record.angle_per_shift)), false),
+        TableRow::new("method", record.method.clone()),
+        TableRow::new("version", record.version.clone()),
+        TableRow::new("values", values),
+        TableRow::new("weights", record.weights.clone()),
+        TableRow::new("mask magnification M", short(record.magnification)),
+        TableRow::new("lever arm z", format!("{} m", short(record.lever_arm))),
+        TableRow::new("angle per shift", format!("{} rad/m", short(record.angle_per_shift))),
     ];
-    let (lost, all) = (record.without_answer, count(pixels as u64));
-    let lost = count(lost);
-    let is_lost = record.without_answer > 0;
-    rows.push(("without an answer", format!("{lost} of {all} pixels"), is_lost));
+    let (lost, all) = (count(record.without_answer), count(pixels as u64));
+    rows.push(
+        TableRow::new("without an answer", format!("{lost} of {all} pixels"))
+            .marked(record.without_answer > 0),
+    );
     for (bit, number) in record.flagged.iter().filter(|(_, number)| **number > 0) {
-        rows.push(("flag", format!("{}: {number} pixels", run.flag_words(*bit)), true));
+        let value = format!("{}: {number} pixels", run.flag_words(*bit));
+        rows.push(TableRow::new("flag", value).marked(true));
     }
-    table(rows.into_iter().map(|(key, value, marked)| (key.to_owned(), value, marked)))
-}
-
-fn table(rows: impl Iterator<Item = (String, String, bool)>) -> String {
-    let mut out = String::from("<table>\n");
-    for (key, value, marked) in rows {
-        let class = if marked { " class=\"marked\"" } else { "" };
-        // Writing to a string does not fail.
-        let _ =
-            writeln!(out, "<tr{class}><th>{}</th><td>{}</td></tr>", escaped(&key), escaped(&value));
-    }
-    out + "</table>\n"
+    rows
 }

@@ -1,5 +1,7 @@
 //! What is retrieved from: a run of beamlet, or measured stacks with their geometry.
 
+mod reopened;
+
 use super::retriever::Retriever;
 use crate::detector::DetectorModel;
 use crate::numbers;
@@ -20,6 +22,8 @@ pub struct Input {
     flat: StackFile,
     sample: StackFile,
     dark: Option<Array2<f32>>,
+    /// File or folder of the dark frames.
+    dark_path: Option<PathBuf>,
     /// Values from here on, before the dark is subtracted, are left out.
     saturation: Option<f32>,
     /// Detector number of one photon, and the noise of no light, where the scene has them.
@@ -50,6 +54,7 @@ impl Input {
                 flat,
                 sample,
                 dark: None,
+                dark_path: None,
                 saturation: None,
                 noise: None,
                 counts,
@@ -59,7 +64,9 @@ impl Input {
             let problem = "has no counts: its scene has no detector.photons";
             return Err(Error::file(run.path(), problem, None));
         };
-        let dark = run.dark()?.map(|dark| mean(&dark)).transpose()?;
+        let dark = run.dark()?;
+        let dark_path = dark.as_ref().map(|dark| dark.path().to_path_buf());
+        let dark = dark.map(|dark| mean(&dark)).transpose()?;
         let numbers = scene.detector.counts;
         // The largest number stands for all that was clipped to it.
         let saturation = numbers
@@ -69,7 +76,7 @@ impl Input {
             Some(n) => Some([DetectorModel::variance_per_value(&scene)?, n.electronic_noise]),
             None => None,
         };
-        Ok(Self { scene, flat, sample, dark, saturation, noise, counts })
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts })
     }
 
     /// Measured stacks. `scene` gives the geometry; its mask offsets are those of the frames.
@@ -104,8 +111,10 @@ impl Input {
                 return Err(Error::file(other.path(), problem, None));
             }
         }
+        let dark_path = dark.map(|dark| dark.path().to_path_buf());
         let dark = dark.map(mean).transpose()?;
-        Ok(Self { scene, flat, sample, dark, saturation: None, noise: None, counts: true })
+        let (saturation, noise, counts) = (None, None, true);
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts })
     }
 
     /// Leaves out values from here on, as they are in the files: before the dark is subtracted.
@@ -144,6 +153,12 @@ impl Input {
         [&self.flat, &self.sample].map(|stack| stack.path().display().to_string()).to_vec()
     }
 
+    /// File or folder of the dark frames.
+    #[must_use]
+    pub fn dark_source(&self) -> Option<String> {
+        self.dark_path.as_ref().map(|path| path.display().to_string())
+    }
+
     /// Files and folders of the stacks.
     pub(super) fn paths(&self) -> Vec<PathBuf> {
         [&self.flat, &self.sample].map(|stack| stack.path().to_path_buf()).to_vec()
@@ -153,6 +168,12 @@ impl Input {
     #[must_use]
     pub const fn views(&self) -> usize {
         self.sample.shape()[0]
+    }
+
+    /// Mask steps of the flat and of each view of the sample.
+    #[must_use]
+    pub const fn steps(&self) -> [usize; 2] {
+        [self.flat.shape()[1], self.sample.shape()[1]]
     }
 
     /// Rows and columns of a frame.

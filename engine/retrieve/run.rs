@@ -155,6 +155,9 @@ fn begun(
         gain: options.gain,
         read_noise: options.read_noise,
         sources: input.sources(),
+        dark: input.dark_source(),
+        // In no directory, so that every path is written absolute.
+        geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
         files: scene
             .files
             .iter()

@@ -6,5 +6,6 @@ mod support;
 mod cli;
 mod cli_beam;
 mod hostile;
+mod pictures;
 mod report;
 mod view;

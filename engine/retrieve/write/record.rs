@@ -25,6 +25,13 @@ pub struct Record {
     pub read_noise: f64,
     /// What was read: flat and sample.
     pub sources: Vec<String>,
+    /// Frames without beam that were subtracted; `None` where there were none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dark: Option<String>,
+    /// The scene whose geometry the frames have, as TOML with absolute paths; `None` in records of
+    /// earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<String>,
     /// SHA-256 of the files that the scene of the geometry refers to, by their paths.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub files: BTreeMap<String, String>,

@@ -1,0 +1,201 @@
+//! Pictures of how two stacks, runs or retrievals differ: of each series of images the one with
+//! the largest difference.
+
+use super::pictures::{PictureForm, Pictures};
+use crate::failure::Failure;
+use crate::numbers;
+use crate::picture::image::{self, Grid, ImagePlot};
+use crate::picture::quantity::Quantity;
+use crate::picture::scale::{Scale, pixels};
+use crate::picture::text::{capital, joined, rough, short};
+use beamlet::compare::Difference;
+use beamlet::retrieve::Record;
+use beamlet::scene::Scene;
+use beamlet::stack::{Maps, OpenRun, StackFile};
+use ndarray::Array2;
+use std::path::Path;
+
+/// One of the two, and where its pixels stand.
+enum Compared {
+    Run(OpenRun),
+    Images { maps: Maps, record: Record },
+    Stack(StackFile),
+}
+
+impl Compared {
+    fn open(path: &Path) -> Result<Self, Failure> {
+        if path.join("run.json").exists() {
+            Ok(Self::Run(OpenRun::open(path)?))
+        } else if path.join("retrieved.json").exists() {
+            let record = Record::read(&path.join("retrieved.json"))?;
+            Ok(Self::Images { maps: Maps::open(path)?, record })
+        } else {
+            Ok(Self::Stack(StackFile::open(path)?))
+        }
+    }
+
+    fn pitch(&self, path: &Path) -> Option<[f64; 2]> {
+        match self {
+            Self::Run(run) => Some(run.scene().detector.pitch),
+            Self::Images { record, .. } => {
+                let scene = Scene::from_toml(record.geometry.as_ref()?, path).ok()?;
+                // Beamlets stand on no pixels.
+                (record.method != "beamlet").then_some(scene.detector.pitch)
+            }
+            Self::Stack(_) => None,
+        }
+    }
+
+    /// The image of a series that stands at a view and step.
+    fn image(
+        &self,
+        path: &Path,
+        name: &str,
+        [view, step]: [usize; 2],
+    ) -> Result<Array2<f64>, Failure> {
+        let frame =
+            |stack: &StackFile| Ok(stack.frame(view, step, 0..stack.row_count())?.mapv(f64::from));
+        match self {
+            Self::Stack(stack) => frame(stack),
+            Self::Images { maps, .. } => Ok(maps.map(name, step)?.mapv(f64::from)),
+            Self::Run(run) => match name {
+                "flat" => frame(&run.flat()?),
+                "sample" => frame(&run.sample()?),
+                "counts/flat" | "counts/sample" => {
+                    let stack = if name == "counts/flat" {
+                        run.counts_flat()?
+                    } else {
+                        run.counts_sample()?
+                    };
+                    frame(&stack.ok_or_else(|| Failure::File {
+                        path: path.to_path_buf(),
+                        problem: "has no counts".into(),
+                    })?)
+                }
+                _ => Ok(Maps::open(path.join("retrieved"))?.map(name, step)?.mapv(f64::from)),
+            },
+        }
+    }
+
+    /// Flags of a view, where there are any.
+    fn flags(&self, path: &Path, view: usize) -> Option<Array2<bool>> {
+        let flags = match self {
+            Self::Images { maps, .. } => maps.map("flags", view).ok()?,
+            Self::Run(_) => Maps::open(path.join("retrieved")).ok()?.map("flags", view).ok()?,
+            Self::Stack(_) => return None,
+        };
+        Some(flags.mapv(|bits| numbers::whole::<u32>(f64::from(bits)) != 0))
+    }
+}
+
+/// Draws B - A of every series that was compared, but for images that hold flags.
+pub(super) fn draw(
+    [a, b]: [&Path; 2],
+    found: &[Difference],
+    form: PictureForm,
+) -> Result<Pictures, Failure> {
+    let mut pictures = Pictures::new(form);
+    let pair = [Compared::open(a)?, Compared::open(b)?];
+    for series in found.iter().filter(|series| series.name != "flags") {
+        let Difference { name, largest_at: [view, step, ..], .. } = series;
+        let at = [*view, *step];
+        let images = [pair[0].image(a, name, at)?, pair[1].image(b, name, at)?];
+        let of_frames = ["flat", "sample", "counts/flat", "counts/sample", "stack"];
+        let is_map = !of_frames.contains(&name.as_str());
+        let quantity = match name.as_str() {
+            "stack" => Quantity { label: "value".into(), ..Quantity::intensity() },
+            "counts/flat" | "counts/sample" => Quantity::counts(),
+            name if is_map => Quantity::of_map(name),
+            _ => Quantity::intensity(),
+        }
+        .of_difference();
+        let flagged = if is_map { flagged(&pair, [a, b], *step) } else { None };
+        let grid = Grid::of_pixels(pair[0].pitch(a), [images[0].nrows(), images[0].ncols()]);
+        let plot = plot(series, &images, &quantity, flagged.as_ref(), &grid, [a, b]);
+        let place = match (is_map, name.as_str()) {
+            (true, _) => format!("view_{step:04}"),
+            (_, "flat" | "counts/flat") => format!("step_{step:03}"),
+            _ => format!("view_{view:04}_step_{step:03}"),
+        };
+        let file = format!("difference_{}_{place}", name.replace('/', "_"));
+        let values = &images[1] - &images[0];
+        let values = values.mapv(|value| value * quantity.factor);
+        pictures.add(file, &image::draw(&grid, &ImagePlot { values: values.view(), ..plot }))?;
+    }
+    Ok(pictures)
+}
+
+/// Pixels that one of the two has flags of.
+fn flagged(pair: &[Compared; 2], paths: [&Path; 2], view: usize) -> Option<Array2<bool>> {
+    let [a, b] = [pair[0].flags(paths[0], view), pair[1].flags(paths[1], view)];
+    match (a, b) {
+        (Some(mut a), Some(b)) if a.dim() == b.dim() => {
+            a.zip_mut_with(&b, |a, b| *a |= b);
+            Some(a)
+        }
+        (a, b) => a.or(b),
+    }
+}
+
+/// Scale and words of a picture; its values are put in by the caller.
+fn plot<'a>(
+    series: &Difference,
+    images: &'a [Array2<f64>; 2],
+    quantity: &'a Quantity,
+    flagged: Option<&'a Array2<bool>>,
+    grid: &Grid,
+    [a, b]: [&Path; 2],
+) -> ImagePlot<'a> {
+    let all: Vec<f64> =
+        images[0].iter().zip(&images[1]).map(|(a, b)| (b - a) * quantity.factor).collect();
+    let count = flagged.map_or(0, |flagged| flagged.iter().filter(|flagged| **flagged).count());
+    // Where most pixels are flagged, flags do not tell which to trust.
+    let excluded: Option<Vec<bool>> =
+        flagged.filter(|_| 2 * count <= all.len()).map(|f| f.iter().copied().collect());
+    let is_trusted = |at: usize| excluded.as_ref().is_none_or(|excluded| !excluded[at]);
+    let trusted: Vec<f64> =
+        all.iter().enumerate().filter(|(at, _)| is_trusted(*at)).map(|(_, v)| *v).collect();
+    let own = Scale::of(quantity.map, &trusted, quantity.empty, None);
+    let scale = Scale::between(own.map, [own.low, own.high], all.iter().copied());
+    let unit = |value: f64| {
+        format!("{} {}", rough(value * quantity.factor), quantity.unit).trim_end().to_owned()
+    };
+    let [view, step, row, column] = series.largest_at;
+    let place = match series.images {
+        1 => String::new(),
+        _ if view == 0 => format!("image {step} of {}", series.images),
+        _ => format!("view {view}, step {step}"),
+    };
+    let hatched = match flagged {
+        Some(flagged) if count > 0 && image::can_hatch(grid, flagged) => " (hatched)",
+        _ => "",
+    };
+    let flags = if count > 0 {
+        format!("flagged in A or B{hatched}: {}", pixels(count))
+    } else {
+        String::new()
+    };
+    let beyond = scale.words_beyond(quantity.unit);
+    let [a, b] = [a, b].map(beamlet::printed::path);
+    let mut below = vec![
+        format!(
+            "all {} images: mean {}, rms {}, largest {} (column {column}, row {row}{})",
+            short(series.images as f64),
+            unit(series.mean),
+            unit(series.rms),
+            unit(series.largest),
+            if place.is_empty() { String::new() } else { format!(", {place}") },
+        ),
+        joined(&[flags, beyond]),
+    ];
+    below.retain(|line| !line.is_empty());
+    ImagePlot {
+        values: images[0].view(),
+        flagged,
+        quantity,
+        scale,
+        title: capital(&quantity.label),
+        note: joined(&[format!("A: {a}"), format!("B: {b}"), place]),
+        below,
+    }
+}

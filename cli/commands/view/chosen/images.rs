@@ -1,0 +1,202 @@
+//! Retrieved images, and rows of them over all views.
+
+use super::{CONTRASTS, Chosen};
+use crate::args::ViewOfRun;
+use crate::commands::pictures::Pictures;
+use crate::failure::Failure;
+use crate::picture::image::{self, Grid, ImagePlot};
+use crate::picture::quantity::Quantity;
+use crate::picture::scale::{Scale, pixels};
+use crate::picture::text::{capital, joined};
+use crate::subject::row_number;
+use ndarray::Array2;
+
+/// Values of an image or a sinogram, with what decides its scale.
+struct Values {
+    name: String,
+    quantity: Quantity,
+    /// `[row][column]`, in the unit of the picture.
+    values: Array2<f64>,
+    sigma: Option<Array2<f64>>,
+    /// Pixels that may set the scale; `None`: all.
+    trusted: Option<Array2<bool>>,
+    flagged: Option<Array2<bool>>,
+    /// Why pixels are flagged, in words.
+    flag_words: String,
+}
+
+impl Chosen<'_> {
+    pub(super) fn draw_retrieved(
+        &self,
+        pictures: &mut Pictures,
+        asked: &ViewOfRun,
+    ) -> Result<(), Failure> {
+        let grid = match self.run.beamlets() {
+            Some(_) => {
+                let name = self.names(asked).into_iter().next().unwrap_or_default();
+                let columns = self.run.image(&name, self.view)?.ncols();
+                self.grid.clone().of_beamlets(columns)
+            }
+            None => self.grid.clone(),
+        };
+        let flags = self.run.flags(self.view)?;
+        for name in self.names(asked) {
+            let quantity = Quantity::of_map(&name);
+            let read = |name: &str| -> Result<Array2<f64>, Failure> {
+                let map = self.run.image(name, self.view)?;
+                Ok(map.mapv(|value| f64::from(value) * quantity.factor))
+            };
+            let sign = match &flags {
+                Some(flags) if image::can_hatch(&grid, &flags.flagged) => " (hatched)",
+                _ => "",
+            };
+            let values = Values {
+                values: read(&name)?,
+                sigma: self.noise(&name).map(|sigma| read(&sigma)).transpose()?,
+                trusted: flags.as_ref().map(|flags| flags.sets_scale()),
+                flagged: flags.as_ref().map(|flags| flags.flagged.clone()),
+                flag_words: flags
+                    .as_ref()
+                    .map_or_else(String::new, |flags| self.run.words_of_flags(flags, sign)),
+                name,
+                quantity,
+            };
+            let title = capital(&values.quantity.label);
+            let note = joined(&[self.at_view(), self.run.method_words()]);
+            let file = format!("{}_view_{:04}", values.name, self.view);
+            self.draw_values(pictures, file, &grid, &values, [title, note])?;
+        }
+        Ok(())
+    }
+
+    /// Image of the 1 sigma of noise of an image, where it is one of noise: without counts it is
+    /// the misfit of the fit.
+    fn noise(&self, name: &str) -> Option<String> {
+        let sigma = format!("{name}_sigma");
+        let counts = self.run.record().is_some_and(|record| record.counts);
+        (counts && self.run.has(&sigma)).then_some(sigma)
+    }
+
+    /// Names of the images to draw.
+    fn names(&self, asked: &ViewOfRun) -> Vec<String> {
+        if !asked.maps.is_empty() {
+            return asked.maps.clone();
+        }
+        let there: Vec<&str> = self.run.images().map_or(Vec::new(), |maps| maps.names().collect());
+        let contrasts = CONTRASTS.iter().filter(|name| there.contains(name));
+        contrasts.map(|name| (*name).to_owned()).collect()
+    }
+
+    fn draw_values(
+        &self,
+        pictures: &mut Pictures,
+        file: String,
+        grid: &Grid,
+        image: &Values,
+        [title, note]: [String; 2],
+    ) -> Result<(), Failure> {
+        let quantity = &image.quantity;
+        let scale = self.scale(&image.name, quantity, image.values.iter(), || own_scale(image));
+        let lost = image.values.iter().filter(|value| !value.is_finite()).count();
+        let lost = match lost {
+            0 => String::new(),
+            count => format!("{} without an answer (violet)", pixels(count)),
+        };
+        let mut below = vec![image.flag_words.clone()];
+        below.push(joined(&[scale.words_beyond(quantity.unit), lost]));
+        below.retain(|line| !line.is_empty());
+        let plot = ImagePlot {
+            values: image.values.view(),
+            flagged: image.flagged.as_ref(),
+            quantity,
+            scale,
+            title,
+            note,
+            below,
+        };
+        pictures.add(file, &image::draw(grid, &plot))
+    }
+
+    pub(super) fn draw_sinograms(
+        &self,
+        pictures: &mut Pictures,
+        asked: &ViewOfRun,
+    ) -> Result<(), Failure> {
+        let [_, _, _, columns] = self.run.shape();
+        let views = self.run.views();
+        let angles: Vec<f64> = self.run.angles().iter().map(|angle| angle.to_degrees()).collect();
+        let grid = self.grid.clone().of_views(&angles, views);
+        // Rows of pixels; beamlets have none.
+        let names = match self.run.maps() {
+            Some(_) => self.names(asked),
+            None => Vec::new(),
+        };
+        let row = row_number(self.row)?;
+        let plain = |name: &str, quantity, values| Values {
+            name: name.into(),
+            quantity,
+            values,
+            sigma: None,
+            trusted: None,
+            flagged: None,
+            flag_words: String::new(),
+        };
+        let file = |name: &str| format!("sinogram_{name}_row_{:04}", self.row);
+        if names.is_empty() {
+            let mut values = Array2::zeros((views, columns));
+            for (view, mut line) in values.outer_iter_mut().enumerate() {
+                let frames = self.run.fitted_rows(Some(view), row..row + 1)?;
+                line.assign(&frames.slice(ndarray::s![self.step, 0, ..]).mapv(f64::from));
+            }
+            let words = [format!("Sinogram of row {row}"), self.at_step()];
+            let values = plain("intensity", self.run.fitted_quantity(), values);
+            return self.draw_values(pictures, file("intensity"), &grid, &values, words);
+        }
+        let mut flagged = Array2::from_elem((views, columns), false);
+        for view in 0..views {
+            if let Some(flags) = self.run.flags(view)? {
+                flagged.row_mut(view).assign(&flags.flagged.row(self.row));
+            }
+        }
+        for name in names {
+            let quantity = Quantity::of_map(&name);
+            let read = |name: &str| -> Result<Array2<f64>, Failure> {
+                let mut values = Array2::zeros((views, columns));
+                for (view, mut line) in values.outer_iter_mut().enumerate() {
+                    let map = self.run.map(name, view)?;
+                    line.assign(&map.row(self.row).mapv(|v| f64::from(v) * quantity.factor));
+                }
+                Ok(values)
+            };
+            let mut values = plain(&name, quantity.clone(), read(&name)?);
+            values.sigma = self.noise(&name).map(|sigma| read(&sigma)).transpose()?;
+            let count = flagged.iter().filter(|flagged| **flagged).count();
+            if count > 0 {
+                let sign = if image::can_hatch(&grid, &flagged) { " (hatched)" } else { "" };
+                values.flag_words = format!("flagged{sign}: {}", pixels(count));
+                values.trusted = (2 * count <= flagged.len()).then(|| flagged.mapv(|f| !f));
+                values.flagged = Some(flagged.clone());
+            }
+            let title = format!("Sinogram of row {row}: {}", quantity.label);
+            let words = [title, self.run.method_words()];
+            self.draw_values(pictures, file(&name), &grid, &values, words)?;
+        }
+        Ok(())
+    }
+}
+
+/// The scale of the pixels that may set it.
+fn own_scale(image: &Values) -> Scale {
+    let trusted: Option<Vec<bool>> =
+        image.trusted.as_ref().map(|trusted| trusted.iter().copied().collect());
+    let of = |values: &Array2<f64>| -> Vec<f64> {
+        let is_trusted = |at: usize| trusted.as_ref().is_none_or(|trusted| trusted[at]);
+        let all = values.iter().enumerate();
+        all.filter(|(at, _)| is_trusted(*at)).map(|(_, value)| *value).collect()
+    };
+    let sigma = image.sigma.as_ref().map(of);
+    let Quantity { map, empty, .. } = image.quantity;
+    let own = Scale::of(map, &of(&image.values), empty, sigma.as_deref());
+    // What lies beyond is counted over all pixels, flagged ones too.
+    Scale::between(own.map, [own.low, own.high], image.values.iter().copied())
+}

@@ -1,0 +1,65 @@
+//! Drawings of a page: set-up, sample, spectrum. What cannot be drawn is told in a note.
+
+use crate::failure::Failure;
+use crate::picture::sample::{self, Camera};
+use crate::picture::{set_up, spectrum};
+use crate::subject::Subject;
+use beamlet::geometry::{self, Sample};
+use beamlet::scene::{Beam, Scene};
+use beamlet::spectrum::Spectrum;
+
+/// Drawings as SVG; empty where there is nothing to draw.
+#[derive(Debug, Default)]
+pub(super) struct Figures {
+    pub(super) set_up: String,
+    pub(super) sample: String,
+    pub(super) spectrum: String,
+    /// The beam in words.
+    pub(super) energy: String,
+    pub(super) notes: Vec<String>,
+}
+
+/// Draws what the scene of a run, or the geometry of a retrieval, has. `device` draws the sample.
+pub(super) fn of(run: &Subject, device: Option<&str>) -> Result<Figures, Failure> {
+    let mut figures = Figures::default();
+    let Some(scene) = run.scene() else { return Ok(figures) };
+    let loaded = geometry::load(scene).unwrap_or_else(|error| {
+        figures.notes.push(format!("Without the sample: {error}"));
+        Sample::default()
+    });
+    let drawing = set_up::draw(scene, &loaded)?;
+    figures.set_up = drawing.to_svg("set-up", "The set-up from above");
+    if !loaded.objects.is_empty() {
+        match sample::draw(scene, &loaded, Camera::default(), device) {
+            Ok(drawing) => {
+                let label = "The sample, its materials in colours";
+                figures.sample = drawing.to_svg("sample-picture", label);
+            }
+            Err(error) => figures.notes.push(format!("Without a picture of the sample: {error}")),
+        }
+    }
+    figures.beam(scene);
+    Ok(figures)
+}
+
+impl Figures {
+    /// The spectrum before and after its filters, or the one energy.
+    fn beam(&mut self, scene: &Scene) {
+        match &scene.source.beam {
+            Beam::Energy(energy) => self.energy = format!("One photon energy, {energy} keV."),
+            Beam::Spectrum(spec) => {
+                let before = Spectrum::before_filters(scene, spec);
+                match before.and_then(|before| Ok((before, Spectrum::after_filters(scene, spec)?)))
+                {
+                    Ok((before, after)) => {
+                        let drawing = spectrum::draw("Photons by energy", &before, &after);
+                        let label = "The spectrum before and after its filters";
+                        self.spectrum = drawing.to_svg("spectrum", label);
+                    }
+                    Err(error) => self.notes.push(format!("Without the spectrum: {error}")),
+                }
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Opening a run, or a directory of retrieved images.
+
+use super::Subject;
+use crate::failure::Failure;
+use beamlet::retrieve::{Input, Method, Record};
+use beamlet::scene::Scene;
+use beamlet::stack::{Maps, OpenRun};
+use std::path::{Path, PathBuf};
+
+/// Directory of the retrieved images in a run.
+const RETRIEVED: &str = "retrieved";
+/// File that describes retrieved images.
+const RECORD: &str = "retrieved.json";
+
+/// Images, of pixels or of beamlets, and their record.
+struct Images {
+    maps: Maps,
+    of_beamlets: bool,
+    record: Record,
+    rows: usize,
+    columns: usize,
+}
+
+impl Images {
+    fn open(directory: &Path) -> Result<Self, Failure> {
+        let maps = Maps::open(directory)?;
+        let record = Record::read(&directory.join(RECORD))?;
+        let first = maps.names().next().map(str::to_owned).unwrap_or_default();
+        let (rows, columns) = maps.map(&first, 0)?.dim();
+        let of_beamlets = record.method == Method::Beamlet.name();
+        Ok(Self { maps, of_beamlets, record, rows, columns })
+    }
+}
+
+impl Subject {
+    /// Opens a run, with its retrieved images or those in another directory, or a directory of
+    /// retrieved images. Images must be whole and fit the run.
+    pub(crate) fn open(path: &Path, retrieved: Option<&Path>) -> Result<Self, Failure> {
+        if path.join("run.json").exists() {
+            return Self::of_run(path, retrieved);
+        }
+        if retrieved.is_some() {
+            let problem = "--retrieved belongs to a run; this is none: it has no run.json";
+            return Err(Failure::Usage(problem.into()));
+        }
+        if path.join(RECORD).exists() {
+            return Self::of_images(path);
+        }
+        Err(Failure::File {
+            path: path.to_path_buf(),
+            problem: "is neither a run directory (it has no run.json) nor a directory of \
+                      retrieved images (it has no retrieved.json)"
+                .into(),
+        })
+    }
+
+    fn of_run(path: &Path, named: Option<&Path>) -> Result<Self, Failure> {
+        let run = OpenRun::open(path)?;
+        let frames = [run.flat()?, run.sample()?];
+        let shape = frames[1].shape();
+        let retrieved: PathBuf = named.map_or_else(|| path.join(RETRIEVED), Path::to_path_buf);
+        let (mut record, mut maps, mut beamlets) = (None, None, None);
+        if named.is_some() || retrieved.is_dir() {
+            let found = Images::open(&retrieved)?;
+            let (rows, columns) = (found.rows, found.columns);
+            let differs = [rows, columns] != shape[2..];
+            if differs && !found.of_beamlets || found.maps.views() > shape[0] {
+                return Err(Failure::File {
+                    path: retrieved,
+                    problem: format!(
+                        "holds {} views of {columns} x {rows} pixels; the run has {} of {} x {}",
+                        found.maps.views(),
+                        shape[0],
+                        shape[3],
+                        shape[2]
+                    ),
+                });
+            }
+            record = Some(found.record);
+            *(if found.of_beamlets { &mut beamlets } else { &mut maps }) = Some(found.maps);
+        }
+        let counts = record.as_ref().is_some_and(|record: &Record| record.counts);
+        let fitted = Input::of_run(&run, counts)?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            retrieved,
+            scene: Some(run.scene().clone()),
+            run: Some(run),
+            frames: Some(frames),
+            maps,
+            beamlets,
+            record,
+            fitted: Some(fitted),
+            without: None,
+            shape,
+        })
+    }
+
+    /// Images alone. The stacks that they come from are shown with them where they still read.
+    fn of_images(path: &Path) -> Result<Self, Failure> {
+        let Images { maps, of_beamlets, record, rows, columns } = Images::open(path)?;
+        let (fitted, without) = match Input::reopened(&record, path) {
+            Ok(input) => (Some(input), None),
+            Err(error) => (None, Some(error.to_string())),
+        };
+        let scene = match &fitted {
+            Some(input) => Some(input.scene().clone()),
+            None => record.geometry.as_ref().and_then(|text| Scene::from_toml(text, path).ok()),
+        };
+        let steps = fitted.as_ref().map_or(record.offsets.len(), |input| input.steps()[0]);
+        let columns = match &fitted {
+            Some(input) if of_beamlets => input.frame()[1],
+            _ => columns,
+        };
+        let shape = [maps.views(), steps, rows, columns];
+        let (maps, beamlets) = if of_beamlets { (None, Some(maps)) } else { (Some(maps), None) };
+        Ok(Self {
+            path: path.to_path_buf(),
+            retrieved: path.to_path_buf(),
+            run: None,
+            frames: None,
+            maps,
+            beamlets,
+            record: Some(record),
+            fitted,
+            without,
+            scene,
+            shape,
+        })
+    }
+}

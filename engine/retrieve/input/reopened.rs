@@ -1,0 +1,64 @@
+//! The measured stacks of a retrieval, opened again to be looked at.
+
+use super::{Input, mean};
+use crate::retrieve::Record;
+use crate::scene::Scene;
+use crate::stack::StackFile;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+impl Input {
+    /// The stacks that the images in `directory` were retrieved from, with the geometry that
+    /// `record` (its retrieved.json) keeps. Relative paths start from the working directory or,
+    /// where nothing is there, from the parent of `directory`. Values that the retrieval left out
+    /// as saturated are not marked.
+    ///
+    /// # Errors
+    /// [`Error::File`] where the record has no geometry or it does not read, and where a stack is
+    /// gone or no longer has the shape of the images.
+    pub fn reopened(record: &Record, directory: &Path) -> Result<Self> {
+        let refused = |problem: String| Error::file(directory, problem, None);
+        let Some(text) = &record.geometry else {
+            return Err(refused("retrieved.json keeps no geometry: retrieve again".into()));
+        };
+        let scene = Scene::from_toml(text, directory)?;
+        let [flat, sample] = record.sources.as_slice() else {
+            let count = record.sources.len();
+            return Err(refused(format!("retrieved.json names {count} stacks; allowed: 2")));
+        };
+        let open = |source: &String| StackFile::open(place(source, directory));
+        let (flat, mut sample) = (open(flat)?, open(sample)?);
+        let dark = record.dark.as_ref().map(open).transpose()?;
+        let [views, rows, _] = record.shape;
+        let [found, frames, ..] = sample.shape();
+        if found != views && views > 0 {
+            sample = sample.with_steps(found * frames / views)?;
+        }
+        let frame = [flat.shape()[2], flat.shape()[3]];
+        for other in [&flat, &sample].into_iter().chain(&dark) {
+            let [_, _, other_rows, columns] = other.shape();
+            if other_rows != rows || [other_rows, columns] != frame {
+                let problem = format!(
+                    "has frames of {other_rows} x {columns} pixels; the images of {} have {rows} \
+                     rows",
+                    directory.display()
+                );
+                return Err(Error::file(other.path(), problem, None));
+            }
+        }
+        let dark_path = dark.as_ref().map(|dark| dark.path().to_path_buf());
+        let dark = dark.as_ref().map(mean).transpose()?;
+        let (saturation, noise, counts) = (None, None, record.counts);
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts })
+    }
+}
+
+/// A path of the record, from where the program runs.
+fn place(source: &str, directory: &Path) -> PathBuf {
+    let path = PathBuf::from(source);
+    let beside = directory.parent().map(|parent| parent.join(&path));
+    match beside {
+        Some(beside) if !path.exists() && beside.exists() => beside,
+        _ => path,
+    }
+}
