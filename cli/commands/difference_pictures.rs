@@ -7,7 +7,7 @@ use crate::numbers;
 use crate::picture::image::{self, Grid, ImagePlot};
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::{Scale, pixels};
-use crate::picture::text::{capital, joined, rough, short};
+use crate::picture::text::{capital, joined, rough};
 use beamlet::compare::Difference;
 use beamlet::retrieve::Record;
 use beamlet::scene::Scene;
@@ -17,7 +17,7 @@ use std::path::Path;
 
 /// One of the two, and where its pixels stand.
 enum Compared {
-    Run(OpenRun),
+    Run(Box<OpenRun>),
     Images { maps: Maps, record: Record },
     Stack(StackFile),
 }
@@ -25,7 +25,7 @@ enum Compared {
 impl Compared {
     fn open(path: &Path) -> Result<Self, Failure> {
         if path.join("run.json").exists() {
-            Ok(Self::Run(OpenRun::open(path)?))
+            Ok(Self::Run(Box::new(OpenRun::open(path)?)))
         } else if path.join("retrieved.json").exists() {
             let record = Record::read(&path.join("retrieved.json"))?;
             Ok(Self::Images { maps: Maps::open(path)?, record })
@@ -179,8 +179,11 @@ fn plot<'a>(
     let [a, b] = [a, b].map(beamlet::printed::path);
     let mut below = vec![
         format!(
-            "all {} images: mean {}, rms {}, largest {} (column {column}, row {row}{})",
-            short(series.images as f64),
+            "{}mean {}, rms {}, largest {} (column {column}, row {row}{})",
+            match series.images {
+                1 => String::new(),
+                count => format!("all {count} images: "),
+            },
             unit(series.mean),
             unit(series.rms),
             unit(series.largest),

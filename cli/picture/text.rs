@@ -39,9 +39,9 @@ pub(crate) fn measured(value: f64, sigma: Option<f64>) -> String {
     let largest = numbers::whole::<i32>(value.abs().max(sigma).log10().floor());
     let text = if last >= -6 && largest < 6 {
         let decimals = usize::try_from(-last).unwrap_or(0);
-        // Whole numbers of more than two digits of error are rounded to these.
-        let unit = 10.0_f64.powi(last.max(0));
-        let round = |value: f64| (value / unit).round() * unit;
+        // Errors of more than two digits before the point round the value to their last one.
+        let unit = 10.0_f64.powi(last);
+        let round = |value: f64| if last > 0 { (value / unit).round() * unit } else { value };
         format!("{:.decimals$} ± {:.decimals$}", round(value), round(sigma))
     } else {
         let unit = 10.0_f64.powi(largest);

@@ -56,16 +56,22 @@ impl Contents<'_> {
             }
         }
         let trusted = self.trusted()?;
+        let counts = run.record().is_some_and(|record| record.counts);
         let mut add = |name: &str, kept: &[usize], trusted: Option<&[bool]>| {
             let quantity = Quantity::of_map(name);
             let values = map(run, name, kept, &quantity, *thinning)?;
-            let own: Vec<f64> = match trusted {
-                Some(trusted) => {
-                    values.iter().zip(trusted).filter(|(_, t)| **t).map(|(v, _)| *v).collect()
-                }
-                None => values.clone(),
+            let own = |values: &[f64]| -> Vec<f64> {
+                let is_trusted = |at: usize| trusted.is_none_or(|trusted| trusted[at]);
+                let all = values.iter().enumerate();
+                all.filter(|(at, _)| is_trusted(*at)).map(|(_, value)| *value).collect()
             };
-            let scale = Scale::of(quantity.map, &own, quantity.empty, None);
+            // Only of counts is it the noise.
+            let sigma = format!("{name}_sigma");
+            let sigma = match counts && run.has(&sigma) {
+                true => Some(own(&map(run, &sigma, kept, &quantity, *thinning)?)),
+                false => None,
+            };
+            let scale = Scale::of(quantity.map, &own(&values), quantity.empty, sigma.as_deref());
             images.insert(name.into(), image(name, &values, &quantity, &scale, arrays));
             Ok::<(), Failure>(())
         };

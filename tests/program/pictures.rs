@@ -239,8 +239,8 @@ fn pictures_name_method_weights_and_counts_and_values_have_the_digits_of_their_e
     let curve = of("curve_view_0000_column_0009_row_0012.svg");
     let told = curve.iter().find_map(|word| word.strip_prefix("T = ")).unwrap();
     let (value, sigma) = told.split_once(" ± ").unwrap();
-    let [wanted, error] =
-        ["transmission", "transmission_sigma"].map(|name| f64::from(image(made(), name)[[0, 12, 9]]));
+    let [wanted, error] = ["transmission", "transmission_sigma"]
+        .map(|name| f64::from(image(made(), name)[[0, 12, 9]]));
     // Two digits of the error, and the value to the same place.
     let decimals = sigma.split_once('.').unwrap().1.len();
     assert_eq!(value.split_once('.').unwrap().1.len(), decimals);
@@ -262,10 +262,12 @@ fn range_width_and_format_are_as_asked() {
     for name in ["refraction", "transmission"] {
         let drawn = picture(place.path().join(format!("png/{name}_view_0000.png")));
         assert_eq!(drawn.width(), 900);
-        let text = fs::read_to_string(place.path().join(format!("svg/{name}_view_0000.svg"))).unwrap();
+        let text =
+            fs::read_to_string(place.path().join(format!("svg/{name}_view_0000.svg"))).unwrap();
         assert!(text.contains(" width=\"900\" ") && text.contains("image/png;base64"), "{name}");
     }
-    let ends = bar(&words(place.path().join("svg/refraction_view_0000.svg")), "refraction angle [µrad]");
+    let ends =
+        bar(&words(place.path().join("svg/refraction_view_0000.svg")), "refraction angle [µrad]");
     assert_eq!((ends[0], ends[ends.len() - 1]), (30.0, -10.0), "{ends:?}");
     for (line, wanted) in [
         ("--range refraction=3..3", "low..high"),

@@ -159,7 +159,7 @@ function addProfile(name) {
   const edge = (label) => ({ label, ink: "band", width: 0, quiet: true, points: { show: false } });
   const series = [{ label: "place" }, { label, ink: "flat", width: 1.5, points: { show: false } }];
   if (banded) series.push(edge("plus 1 sigma"), edge("less 1 sigma"));
-  addChart(element("profiles"), "profile-" + name, label[0].toUpperCase() + label.slice(1), 420, 200, series, {
+  addChart(element("profiles"), "profile-" + name, label[0].toUpperCase() + label.slice(1), 406, 200, series, {
     bands: banded ? [[2, 3]] : [],
     where: () => along() === "row" ? xOf(at.column) : zOf(at.row),
     across: () => along() === "row" ? ACROSS : UP,
@@ -192,7 +192,7 @@ function drawProfile(name) {
 function addHistogram(name) {
   const { label, unit } = images[name];
   const bars = { label: "log₁₀ of pixels", ink: "flat", fill: colour("band"), paths: uPlot.paths.bars({ size: [1, 100] }), points: { show: false } };
-  addChart(element("histograms"), "histogram-" + name, label[0].toUpperCase() + label.slice(1), 420, 190,
+  addChart(element("histograms"), "histogram-" + name, label[0].toUpperCase() + label.slice(1), 406, 190,
     [{ label: "value" }, bars], { across: () => label + (unit ? ` [${unit}]` : ""), down: "log₁₀ of pixels", where: () => now(name) });
 }
 
@@ -209,4 +209,10 @@ function drawHistogram(name) {
   // Most pixels lie beside the sample: the scale of counts is logarithmic; 1 pixel is a tenth.
   const middle = bins.map((_, i) => low + (i + .5) / bins.length * (high - low));
   draw(charts["histogram-" + name], [middle, bins.map((count) => count ? Math.max(.1, Math.log10(count)) : null)]);
+}
+
+// The value of the pixel moves in the histogram; its bars stay.
+function remark(name) {
+  const { plot } = charts["histogram-" + name];
+  if (plot) plot.redraw(false);
 }

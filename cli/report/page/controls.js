@@ -55,6 +55,7 @@ function show() {
   panels.forEach(drawImage);
   if (charts.curve) drawCurves();
   contrasts.forEach(drawProfile);
+  contrasts.forEach(remark);
   fillTable();
 }
 
@@ -103,7 +104,7 @@ function begin() {
   }
   for (const name of contrasts) {
     const { label } = images[name];
-    addImage(element("contrasts"), name, label[0].toUpperCase() + label.slice(1), 424);
+    addImage(element("contrasts"), name, label[0].toUpperCase() + label.slice(1), 406);
     addProfile(name);
     addHistogram(name);
   }

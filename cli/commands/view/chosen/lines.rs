@@ -14,9 +14,12 @@ impl Chosen<'_> {
         let [_, _, _, columns] = self.run.shape();
         let row = row_number(self.row)?;
         let mut panels = Vec::new();
+        // Numbers of the detector where the contrasts below come from these.
+        let counts = self.run.record().is_some_and(|record| record.counts);
+        let frames = self.run.frames().filter(|_| !counts);
         if self.run.has_fitted() {
             let line = |name: &str, view: Option<usize>| -> Result<ProfileLine, Failure> {
-                let values = match (self.run.frames(), view) {
+                let values = match (frames, view) {
                     (Some([flat, _]), None) => flat.frame(0, self.step, row..row + 1)?,
                     (Some([_, sample]), Some(view)) => {
                         sample.frame(view, self.step, row..row + 1)?
@@ -30,7 +33,7 @@ impl Chosen<'_> {
                 let values = values.iter().map(|value| f64::from(*value)).collect();
                 Ok(ProfileLine { name: name.into(), values, sigma: None })
             };
-            let label = match self.run.frames() {
+            let label = match frames {
                 Some(_) => "intensity".into(),
                 None => self.run.fitted_quantity().label,
             };
