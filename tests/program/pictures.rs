@@ -349,7 +349,7 @@ fn measured_stacks_are_looked_at_like_a_run() {
     }
     done(place.path(), "report lab/images");
     let page = fs::read_to_string(place.path().join("lab/images.html")).unwrap();
-    for word in ["id=\"data-sample\"", "lab/dark.npy", "Set-up from above", "[detector]"] {
+    for word in ["id=\"data-sample\"", "dark.npy", "Set-up from above", "[detector]"] {
         assert!(page.contains(word), "{word}");
     }
     // From elsewhere, and when the stacks are gone, the images are still there to be seen.

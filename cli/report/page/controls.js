@@ -4,7 +4,7 @@
 const LINES = [["place", "column, row"], ["where", "x, z on the detector"]]
   .concat(contrasts.map((name) => [name, images[name].label + (images[name + "_sigma"] ? " ± 1σ" : "")]))
   .concat(flags ? [["flags", "flags"]] : [])
-  .concat(meta.frames || fitted ? [["head", ""]] : [])
+  .concat(meta.frames || fitted || images.residual_flat ? [["head", ""]] : [])
   .concat(meta.frames ? [["value", "value at the step"]] : [])
   .concat(fitted ? [["amplitude", "amplitude A of the fit"], ["centre", "centre µ of the fit"], ["width", "width σ of the fit"],
     ["background", "background b of the fit"]] : [])
