@@ -69,9 +69,20 @@ const LENGTHS: &[(&str, UnitScale)] = &[
     ("pm", Ten(-12)),
 ];
 const ENERGIES: &[(&str, UnitScale)] = &[("eV", Ten(-3)), ("keV", Ten(0)), ("MeV", Ten(3))];
-const DENSITIES: &[(&str, UnitScale)] = &[("g/cm3", Ten(0)), ("kg/m3", Ten(-3))];
+const DENSITIES: &[(&str, UnitScale)] = &[
+    ("g/cm3", Ten(0)),
+    ("g/cc", Ten(0)),
+    ("kg/m3", Ten(-3)),
+    ("g/cm^3", Ten(0)),
+    ("g/cm\u{b3}", Ten(0)),
+    ("kg/m^3", Ten(-3)),
+    ("kg/m\u{b3}", Ten(-3)),
+];
 const ANGLES: &[(&str, UnitScale)] = &[
     ("deg", Degree),
+    ("\u{b0}", Degree),
+    ("degree", Degree),
+    ("degrees", Degree),
     ("rad", Ten(0)),
     ("mrad", Ten(-3)),
     ("urad", Ten(-6)),
@@ -79,7 +90,20 @@ const ANGLES: &[(&str, UnitScale)] = &[
     ("\u{3bc}rad", Ten(-6)),
     ("nrad", Ten(-9)),
 ];
-const VOLTAGES: &[(&str, UnitScale)] = &[("V", Ten(-3)), ("kV", Ten(0)), ("MV", Ten(3))];
+const VOLTAGES: &[(&str, UnitScale)] =
+    &[("V", Ten(-3)), ("kV", Ten(0)), ("kVp", Ten(0)), ("MV", Ten(3))];
+
+/// Spellings that are accepted and not listed: each looks like one that is.
+const UNLISTED: &[&str] = &[
+    "\u{3bc}m",
+    "\u{3bc}rad",
+    "degree",
+    "degrees",
+    "g/cm^3",
+    "g/cm\u{b3}",
+    "kg/m^3",
+    "kg/m\u{b3}",
+];
 const ATTENUATIONS: &[(&str, UnitScale)] = &[
     ("1/m", Ten(0)),
     ("/m", Ten(0)),
@@ -112,8 +136,7 @@ impl Dimension {
             Self::Voltage => ("a voltage", "60 kV"),
         };
         let mut units: Vec<_> = self.table().iter().map(|unit| unit.0).collect();
-        // The Greek letter looks like the micro sign: accepted, not listed.
-        units.retain(|unit| !unit.starts_with('\u{3bc}'));
+        units.retain(|unit| !UNLISTED.contains(unit));
         format!("{noun} with its unit, such as \"{example}\"; units: {}", units.join(", "))
     }
 
@@ -137,6 +160,13 @@ impl Dimension {
         };
         if unit.is_empty() {
             return self.error(format!("{text:?}, a number without a unit"));
+        }
+        if let Some(decimals) = unit.strip_prefix(',')
+            && decimals.starts_with(|c: char| c.is_ascii_digit())
+        {
+            let pointed = format!("{mantissa}.{decimals}");
+            let allowed = format!("a decimal point, as in {pointed:?}; {}", self.allowed());
+            return Err(QuantityError { found: format!("{text:?}, with a comma"), allowed });
         }
         let Some(scale) = self.scale(unit) else {
             return self.error(format!("the unit {unit:?} in {text:?}{}", self.suggestion(unit)));

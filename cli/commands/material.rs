@@ -69,6 +69,11 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
         (Some(MaterialSpec::Formula { formula, density }), _) => {
             (Some(formula.clone()), Some(*density))
         }
+        (Some(MaterialSpec::Mixture { parts, density }), _) => {
+            let part = |(name, share): &(String, f64)| format!("{name} {share}");
+            let parts: Vec<String> = parts.iter().map(part).collect();
+            (Some(parts.join(", ") + " by weight"), Some(*density))
+        }
         (None, Some(found)) => (Some(found.formula.to_owned()), Some(found.density)),
         _ => (None, None),
     };
@@ -98,6 +103,12 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
 
 /// Makes `name` a material of the scene where it is a formula, or has another density.
 fn define(scene: &mut Scene, name: &str, density: Option<f64>) -> Result<(), Failure> {
+    if let (Some(MaterialSpec::Mixture { density, .. }), Some(wanted)) =
+        (scene.materials.get_mut(name), density)
+    {
+        *density = wanted;
+        return Ok(());
+    }
     let builtin = material::builtin(name).filter(|_| !scene.materials.contains_key(name));
     let formula = match (scene.materials.get(name), builtin) {
         (Some(MaterialSpec::Formula { formula, .. }), _) => formula.clone(),
@@ -233,8 +244,8 @@ fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
     }
     for BuiltIn { name, formula, density_g_cm3, aliases } in known {
         let density = Density.format(density_g_cm3);
-        writeln!(out, "{name:<18}{density:<18}{formula:<38}{}", aliases.join(", "))?;
+        writeln!(out, "{name:<20}{density:<18}{formula:<38} {}", aliases.join(", "))?;
     }
     writeln!(out, "\n{TABLES}; 0.1 keV to 800 keV at most.")?;
-    Ok(writeln!(out, "Elements of the list go by their symbols too, except carbon.")?)
+    Ok(writeln!(out, "Elements and compounds of the list go by their formula too, where no other has the same.")?)
 }

@@ -1,4 +1,9 @@
-//! Materials known by name: formula and nominal density at room temperature.
+//! Materials known by name: formula or shares by weight, and nominal density at room temperature.
+//!
+//! Tissues, glasses and concrete are those of the NIST tables of ICRU and ICRP compositions (as
+//! xraylib has them); breast tissue is that of ICRU 44; steels and wood are those of PNNL-15870
+//! Rev. 1; brass, bronze and Ti-6Al-4V have their nominal composition (EN 12163 CW508L, CW452K;
+//! ISO 5832-3).
 
 /// A material known by name.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -6,7 +11,8 @@
 pub struct Builtin {
     /// Its name.
     pub name: &'static str,
-    /// Chemical formula; empty for vacuum.
+    /// Chemical formula, or shares by weight as `Cu63wt%Zn37wt%` (a last element without a share
+    /// is the rest); empty for vacuum.
     pub formula: &'static str,
     /// Density, g/cm3.
     pub density: f64,
@@ -25,6 +31,42 @@ const fn m(
 
 /// Dry air by volume: N2 78.08 %, O2 20.95 %, Ar 0.934 %, CO2 0.041 %.
 const AIR: &str = "(N2)0.7808(O2)0.2095Ar0.00934(CO2)0.00041";
+
+const SOFT_TISSUE: &str =
+    "H10.4472wt%C23.219wt%N2.488wt%Na0.113wt%Mg0.013wt%P0.133wt%S0.199wt%Cl0.134wt%K0.199wt%\
+     Ca0.023wt%Fe0.005wt%Zn0.003wt%O";
+const SOFT_TISSUE_ICRU: &str = "H10.1172wt%C11.1wt%N2.6wt%O";
+const ADIPOSE: &str =
+    "H11.9477wt%N0.797wt%O23.2333wt%Na0.05wt%Mg0.002wt%P0.016wt%S0.073wt%Cl0.119wt%K0.032wt%\
+     Ca0.002wt%Fe0.002wt%Zn0.002wt%C";
+const MUSCLE: &str =
+    "H10.0637wt%C10.783wt%N2.768wt%Na0.075wt%Mg0.019wt%P0.18wt%S0.241wt%Cl0.079wt%K0.302wt%\
+     Ca0.003wt%Fe0.004wt%Zn0.005wt%O";
+const LUNG: &str =
+    "H10.1278wt%C10.231wt%N2.865wt%Na0.184wt%Mg0.073wt%P0.08wt%S0.225wt%Cl0.266wt%K0.194wt%\
+     Ca0.009wt%Fe0.037wt%Zn0.001wt%O";
+const BLOOD: &str =
+    "H10.1866wt%C10.002wt%N2.964wt%Na0.185wt%Mg0.004wt%Si0.003wt%P0.035wt%S0.185wt%Cl0.278wt%\
+     K0.163wt%Ca0.006wt%Fe0.046wt%Zn0.001wt%O";
+const BRAIN: &str =
+    "H11.0667wt%C12.542wt%N1.328wt%Na0.184wt%Mg0.015wt%P0.354wt%S0.177wt%Cl0.236wt%K0.31wt%\
+     Ca0.009wt%Fe0.005wt%Zn0.001wt%O";
+const SKIN: &str =
+    "H10.0588wt%C22.825wt%N4.642wt%Na0.007wt%Mg0.006wt%P0.033wt%S0.159wt%Cl0.267wt%K0.085wt%\
+     Ca0.015wt%Fe0.001wt%Zn0.001wt%O";
+const CORTICAL_BONE: &str =
+    "H4.7234wt%C14.433wt%N4.199wt%Mg0.22wt%P10.497wt%S0.315wt%Ca20.993wt%Zn0.01wt%O";
+const COMPACT_BONE: &str = "H6.3984wt%C27.8wt%N2.7wt%Mg0.2wt%P7wt%S0.2wt%Ca14.7wt%O";
+const PYREX: &str = "B4.0064wt%Na2.8191wt%Al1.1644wt%Si37.722wt%K0.3321wt%O";
+const LEAD_GLASS: &str = "O15.6453wt%Si8.0866wt%Ti0.8092wt%As0.2651wt%Pb";
+const PLATE_GLASS: &str = "Na9.6441wt%Si33.6553wt%Ca10.7205wt%O";
+const CONCRETE: &str =
+    "H1wt%C0.1wt%Na1.6wt%Mg0.2wt%Al3.3872wt%Si33.7021wt%K1.3wt%Ca4.4wt%Fe1.4wt%O";
+const BREAST: &str = "H10.6wt%C33.2wt%N3wt%Na0.1wt%P0.1wt%S0.2wt%Cl0.1wt%O";
+const STEEL: &str = "C0.5wt%Fe";
+const STEEL_304: &str = "C0.04wt%Si0.5wt%P0.023wt%S0.015wt%Cr19wt%Mn1wt%Ni9.25wt%Fe";
+const STEEL_316: &str = "C0.041wt%Si0.507wt%P0.023wt%S0.015wt%Cr17wt%Mn1.014wt%Ni12wt%Mo2.5wt%Fe";
+const WOOD: &str = "H5.9642wt%N0.497wt%O42.7435wt%Mg0.1988wt%S0.497wt%K0.1988wt%Ca0.1988wt%C";
 
 const BUILTINS: &[Builtin] = &[
     m("vacuum", "", 0.0, &[]),
@@ -69,6 +111,28 @@ const BUILTINS: &[Builtin] = &[
     m("gallium arsenide", "GaAs", 5.318, &[]),
     m("caesium iodide", "CsI", 4.51, &["cesium iodide"]),
     m("gadox", "Gd2O2S", 7.32, &["gadolinium oxysulfide", "gadolinium oxysulphide"]),
+    m("soft tissue", SOFT_TISSUE, 1.0, &["soft tissue ICRP"]),
+    m("soft tissue ICRU", SOFT_TISSUE_ICRU, 1.0, &[]),
+    m("adipose tissue", ADIPOSE, 0.92, &["fat", "adipose"]),
+    m("breast tissue", BREAST, 1.02, &["breast"]),
+    m("muscle", MUSCLE, 1.04, &["skeletal muscle"]),
+    m("lung tissue", LUNG, 1.05, &["lung"]),
+    m("blood", BLOOD, 1.06, &[]),
+    m("brain", BRAIN, 1.03, &["brain tissue"]),
+    m("skin", SKIN, 1.1, &[]),
+    m("cortical bone", CORTICAL_BONE, 1.85, &["bone"]),
+    m("compact bone", COMPACT_BONE, 1.85, &[]),
+    m("borosilicate glass", PYREX, 2.23, &["pyrex", "pyrex glass"]),
+    m("soda-lime glass", PLATE_GLASS, 2.4, &["plate glass", "window glass"]),
+    m("lead glass", LEAD_GLASS, 6.22, &[]),
+    m("concrete", CONCRETE, 2.3, &["portland concrete"]),
+    m("wood", WOOD, 0.64, &["pine"]),
+    m("carbon steel", STEEL, 7.82, &["mild steel"]),
+    m("stainless steel 304", STEEL_304, 8.0, &["steel 304", "stainless steel"]),
+    m("stainless steel 316", STEEL_316, 8.0, &["steel 316"]),
+    m("brass", "Cu63wt%Zn37wt%", 8.44, &[]),
+    m("bronze", "Cu94wt%Sn6wt%", 8.8, &[]),
+    m("titanium alloy", "Al6wt%V4wt%Ti", 4.43, &["Ti-6Al-4V", "Ti64"]),
     m("lithium", "Li", 0.534, &[]),
     m("beryllium", "Be", 1.848, &[]),
     m("magnesium", "Mg", 1.738, &[]),
@@ -104,19 +168,24 @@ pub(super) fn fold(name: &str) -> String {
     name.chars().filter(|c| !matches!(c, ' ' | '-' | '_')).flat_map(char::to_lowercase).collect()
 }
 
-/// The built-in material of this name or alias (case, blanks and hyphens do not matter), or the
-/// element of this symbol. Carbon has several densities: it goes by its names only.
+/// The built-in material of this name or alias (case, blanks and hyphens do not matter), of this
+/// formula where no other built-in one has it, or the element of this symbol. Carbon and silica
+/// have several densities: they go by their names only.
 pub fn builtin(name: &str) -> Option<&'static Builtin> {
     let wanted = fold(name);
     let named = BUILTINS.iter().find(|entry| {
         std::iter::once(&entry.name).chain(entry.aliases).any(|known| fold(known) == wanted)
     });
-    // Symbols keep their case: "Co" is cobalt, "CO" would be a compound.
-    named.or_else(|| {
-        let symbol = name.len() <= 2 && name != "C" && !name.is_empty();
-        let single = symbol && !name.chars().skip(1).any(|c| c.is_uppercase() || c.is_numeric());
-        BUILTINS.iter().find(|entry| single && entry.formula == name)
+    // Formulas keep their case: "Co" is cobalt, "CO" would be a compound.
+    named.or_else(|| match &of_formula(name)[..] {
+        [only] => Some(only),
+        _ => None,
     })
+}
+
+/// The built-in materials of a formula, as it is spelled in their list.
+pub(super) fn of_formula(formula: &str) -> Vec<&'static Builtin> {
+    BUILTINS.iter().filter(|entry| !formula.is_empty() && entry.formula == formula).collect()
 }
 
 /// All built-in materials.
@@ -129,8 +198,10 @@ pub fn builtin_names() -> impl Iterator<Item = &'static str> {
     BUILTINS.iter().map(|entry| entry.name)
 }
 
-pub(super) fn all_spellings<'a>() -> impl Iterator<Item = &'a str> {
-    BUILTINS
-        .iter()
-        .flat_map(|entry| std::iter::once(entry.name).chain(entry.aliases.iter().copied()))
+/// Spellings of built-in materials, with their name: the name itself first, then its aliases.
+pub(super) fn all_spellings<'a>() -> impl Iterator<Item = (&'a str, &'a str)> {
+    BUILTINS.iter().flat_map(|entry| {
+        let spellings = std::iter::once(entry.name).chain(entry.aliases.iter().copied());
+        spellings.map(|spelling| (entry.name, spelling))
+    })
 }

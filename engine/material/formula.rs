@@ -1,5 +1,7 @@
 //! Constants from a chemical formula and a density.
 
+use std::collections::BTreeMap;
+
 use xraydb::{CrossSectionKind, XrayDb, XrayDbError};
 
 use super::Constants;
@@ -46,6 +48,35 @@ pub(super) fn constants(
     let deltas: Vec<f64> = energies_ev.iter().map(delta).collect::<Result<_>>()?;
     let constants = |(mu, delta): (f64, f64)| Constants { mu: mu * 100.0, delta };
     Ok(mu_per_cm.into_iter().zip(deltas).map(constants).collect())
+}
+
+/// Whether a text is a chemical formula.
+pub(super) fn is_formula(text: &str) -> Result<bool> {
+    let db = database()?;
+    Ok(db.is_ok_and(|db| db.mass_fractions(text).is_ok()))
+}
+
+/// The formula of a mixture, by the weight of each element. `parts`: key, formula and share by
+/// weight of each; shares are relative.
+pub(super) fn mixed(parts: &[(String, String, f64)]) -> Result<String> {
+    let unreadable = |key: &str, formula: &str, error: &XrayDbError| {
+        let allowed = format!("a built-in material or a chemical formula ({error})");
+        Error::scene(key, format!("{formula:?}"), allowed)
+    };
+    let [first, ..] = parts else { return Ok(String::new()) };
+    let db = database()?.map_err(|error| unreadable(&first.0, &first.1, &error))?;
+    let total: f64 = parts.iter().map(|part| part.2).sum();
+    let mut elements = BTreeMap::<String, f64>::new();
+    for (key, formula, weight) in parts {
+        let shares = db.mass_fractions(formula).map_err(|e| unreadable(key, formula, &e))?;
+        for (element, share) in shares {
+            *elements.entry(element).or_default() += share * weight / total;
+        }
+    }
+    // The last one is the rest: shares that sum to 100 but for rounding would be refused.
+    let rest = elements.pop_last().map(|(element, _)| element).unwrap_or_default();
+    let shares = elements.iter().map(|(element, share)| format!("{element}{}wt%", 100.0 * share));
+    Ok(shares.collect::<String>() + &rest)
 }
 
 /// Energies of the absorption edges of the elements of a formula, keV.

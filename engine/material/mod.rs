@@ -6,11 +6,15 @@
 
 mod builtin;
 mod formula;
+mod mixture;
 mod table;
+mod unknown;
+
+use std::borrow::Cow;
 
 use crate::error::{Error, Result};
-use crate::scene::{Beam, MaskSpec, MaterialSpec, Scene};
-use crate::suggestion;
+use crate::scene::{Beam, MaterialSpec, Scene};
+use unknown::unknown;
 
 pub use builtin::{Builtin, builtin, builtin_names, builtins};
 
@@ -176,7 +180,7 @@ enum Law<'a> {
     /// The same at each of the energies.
     Numbers(Constants),
     Formula {
-        formula: &'a str,
+        formula: Cow<'a, str>,
         density: f64,
     },
     Table(table::ConstantsTable),
@@ -185,10 +189,10 @@ enum Law<'a> {
 impl<'a> Law<'a> {
     fn of(scene: &'a Scene, name: &str, key: Option<&str>) -> Result<Self> {
         let Some(spec) = scene.materials.get(name) else {
-            let found = builtin(name).ok_or_else(|| unknown(scene, name, key))?;
+            let found = builtin(name).map_or_else(|| Err(unknown(scene, name, key)), Ok)?;
             return Ok(match found.formula {
                 "" => Self::Numbers(Constants::default()),
-                formula => Self::Formula { formula, density: found.density },
+                formula => Self::Formula { formula: formula.into(), density: found.density },
             });
         };
         match spec {
@@ -201,43 +205,15 @@ impl<'a> Law<'a> {
                 )),
             },
             MaterialSpec::Formula { formula, density } => {
-                Ok(Self::Formula { formula, density: *density })
+                Ok(Self::Formula { formula: formula.into(), density: *density })
+            }
+            MaterialSpec::Mixture { parts, density } => {
+                let formula = mixture::formula(scene, name, parts)?;
+                Ok(Self::Formula { formula: formula.into(), density: *density })
             }
             MaterialSpec::Table { path } => {
                 Ok(Self::Table(table::ConstantsTable::read(&scene.checked(path)?)?))
             }
         }
     }
-}
-
-fn unknown(scene: &Scene, name: &str, key: Option<&str>) -> Error {
-    let defined: Vec<&str> = scene.materials.keys().map(String::as_str).collect();
-    let known = builtin::all_spellings().chain(defined);
-    let mut allowed = String::from("an entry of [materials] or a built-in material");
-    if let Some(meant) = suggestion::nearest(name, known, builtin::fold) {
-        allowed.push_str(&format!(" (did you mean \"{meant}\"?)"));
-    }
-    let found = format!("\"{name}\"");
-    match user(scene, name).or_else(|| key.map(str::to_owned)) {
-        Some(key) => Error::scene(key, found, allowed),
-        None => Error::argument("material", found, allowed),
-    }
-}
-
-/// The first key of the scene that names a material.
-fn user(scene: &Scene, name: &str) -> Option<String> {
-    let bars = |mask: &Option<MaskSpec>| {
-        mask.as_ref().and_then(|mask| mask.body.material()).is_some_and(|material| material == name)
-    };
-    if scene.surroundings == name {
-        return Some("surroundings.material".into());
-    }
-    if bars(&scene.sample_mask) {
-        return Some("sample_mask.material".into());
-    }
-    if bars(&scene.detector_mask) {
-        return Some("detector_mask.material".into());
-    }
-    let object = scene.objects.iter().position(|object| object.material == name);
-    object.map(|index| format!("object[{index}].material"))
 }

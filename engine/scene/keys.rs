@@ -76,8 +76,8 @@ const KNOWN: &[(&str, &[&str])] = &[
         ],
     ),
     ("scan", &["mask_offsets", "angles"]),
-    ("scan.range", &["from", "to", "count"]),
-    ("materials.NAME", &["formula", "density", "mu", "delta", "table"]),
+    ("scan.range", &["from", "to", "count", "step", "start", "stop"]),
+    ("materials.NAME", &["formula", "mixture", "density", "mu", "delta", "table"]),
     ("surroundings", &["material"]),
     (
         "object",
@@ -124,4 +124,79 @@ pub const fn known_keys() -> &'static [(&'static str, &'static [&'static str])] 
 /// The keys of one table.
 pub(super) fn keys_of(table: &str) -> &'static [&'static str] {
     KNOWN.iter().find(|entry| entry.0 == table).map_or(&[], |entry| entry.1)
+}
+
+/// Names that other programs and papers give to keys, by table; none of them is like its key.
+const OTHER_NAMES: &[(&str, &[(&str, &str)])] = &[
+    ("", &[("sample", "object"), ("objects", "object"), ("mesh", "object"), ("tube", "source")]),
+    (
+        "source",
+        &[
+            ("focal_spot", "spot"),
+            ("size", "spot"),
+            ("fwhm", "spot"),
+            ("position", "distance"),
+            ("tube", "spectrum"),
+            ("kvp", "spectrum"),
+            ("kv", "spectrum"),
+            ("voltage", "spectrum"),
+        ],
+    ),
+    (
+        "source.spectrum",
+        &[("voltage", "kvp"), ("kv", "kvp"), ("target", "anode"), ("material", "anode")],
+    ),
+    (
+        "detector",
+        &[
+            ("pixel", "pitch"),
+            ("pixelsize", "pitch"),
+            ("pixel_size", "pitch"),
+            ("pixel_pitch", "pitch"),
+            ("size", "pixels"),
+            ("shape", "pixels"),
+            ("resolution", "pixels"),
+            ("psf", "blur"),
+            ("noise", "photons"),
+            ("counts", "photons"),
+            ("bits", "bit_depth"),
+            ("scintillator", "absorber"),
+            ("sensor", "absorber"),
+        ],
+    ),
+    ("sample_mask", MASK_NAMES),
+    ("detector_mask", MASK_NAMES),
+    ("scan", &[("steps", "mask_offsets"), ("offsets", "mask_offsets"), ("views", "angles")]),
+    (
+        "scan.range",
+        &[("end", "to"), ("steps", "count"), ("num", "count"), ("n", "count"), ("number", "count")],
+    ),
+    (
+        "materials.NAME",
+        &[("rho", "density"), ("weights", "mixture"), ("composition", "mixture"), ("file", "table")],
+    ),
+    (
+        "object",
+        &[
+            ("file", "mesh"),
+            ("stl", "mesh"),
+            ("path", "mesh"),
+            ("translate", "position"),
+            ("rotation", "rotate"),
+        ],
+    ),
+];
+
+const MASK_NAMES: &[(&str, &str)] = &[
+    ("pitch", "period"),
+    ("slit", "aperture"),
+    ("slit_width", "aperture"),
+    ("opening", "aperture"),
+    ("height", "thickness"),
+];
+
+/// The key that is meant by a name which other programs give to it.
+pub(super) fn other_name(table: &str, name: &str) -> Option<&'static str> {
+    let names = OTHER_NAMES.iter().find(|entry| entry.0 == table)?.1;
+    names.iter().find(|pair| pair.0.eq_ignore_ascii_case(name)).map(|pair| pair.1)
 }

@@ -9,10 +9,11 @@ use super::limits;
 use super::read_beam::read_beam;
 use super::read_detector::read_detector;
 use super::read_sample::{read_hash, read_materials, read_objects};
+use super::read_scan::read_scan;
 use super::read_spot::{read_spot, spot_file};
 use super::table::{ListItem, Table};
 use super::tree::Document;
-use super::{Detector, MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
+use super::{Detector, MaskBody, MaskSpec, Sampling, Scene, Scheme, Source, Transport};
 use crate::Result;
 use crate::units::Dimension::{self, Angle, Length};
 
@@ -185,56 +186,4 @@ fn read_tolerance(item: &ListItem<'_>) -> Result<f64> {
         ));
     }
     item.number()
-}
-
-fn read_scan(top: &Table<'_>) -> Result<Scan> {
-    let mut scan = Scan::default();
-    let Some(item) = top.get("scan") else { return Ok(scan) };
-    let table = item.table("scan")?;
-    if let Some(item) = table.get("mask_offsets") {
-        scan.mask_offsets = read_series(&item, Length, limits::MASK_OFFSETS, offset_range)?;
-    }
-    if let Some(item) = table.get("angles") {
-        scan.angles = read_series(&item, Angle, limits::ANGLES, angle_range)?;
-    }
-    Ok(scan)
-}
-
-/// A list, or a range { from, to, count } spread out by `spread`.
-fn read_series(
-    item: &ListItem<'_>,
-    dimension: Dimension,
-    most: u32,
-    spread: fn(f64, f64, u32) -> Vec<f64>,
-) -> Result<Vec<f64>> {
-    if item.is_table() {
-        let table = item.table("scan.range")?;
-        let from = table.quantity("from", dimension)?;
-        let to = table.quantity("to", dimension)?;
-        let counts = format!("a whole number from 1 to {most}");
-        let count = table.require("count", counts)?.integer(1..=most)?;
-        return Ok(spread(from, to, count));
-    }
-    let allowed = format!("a list of 1 to {most} quantities, or {{ from, to, count }}");
-    let items = item.items(&allowed)?;
-    if items.is_empty() || items.len() > most as usize {
-        return Err(item.mismatch(allowed));
-    }
-    items.iter().map(|item| item.quantity(dimension)).collect()
-}
-
-/// `count` offsets with both ends included; a single one lies in the middle.
-pub(super) fn offset_range(from: f64, to: f64, count: u32) -> Vec<f64> {
-    let last = f64::from(count - 1);
-    let offset = |index| match index {
-        _ if count == 1 => from + (to - from) / 2.0,
-        _ if index == count - 1 => to,
-        _ => from + (to - from) * (f64::from(index) / last),
-    };
-    (0..count).map(offset).collect()
-}
-
-/// `count` angles with the end excluded.
-pub(super) fn angle_range(from: f64, to: f64, count: u32) -> Vec<f64> {
-    (0..count).map(|index| from + (to - from) * (f64::from(index) / f64::from(count))).collect()
 }

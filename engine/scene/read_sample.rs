@@ -23,9 +23,9 @@ pub(super) fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, Materia
 
 fn read_material(item: &ListItem<'_>) -> Result<MaterialSpec> {
     let table = item.table("materials.NAME")?;
-    let one = "one of: formula and density; mu and delta; table";
+    let one = "one of: formula and density; mixture and density; mu and delta; table";
     let only = |wanted: &[&str]| {
-        let others = ["formula", "density", "mu", "delta", "table"];
+        let others = ["formula", "mixture", "density", "mu", "delta", "table"];
         others.iter().filter(|key| !wanted.contains(key)).try_for_each(|key| table.forbid(key, one))
     };
     if let Some(item) = table.get("table") {
@@ -36,6 +36,12 @@ fn read_material(item: &ListItem<'_>) -> Result<MaterialSpec> {
         only(&["formula", "density"])?;
         let formula = item.text("a chemical formula, such as \"H2O\"")?.to_owned();
         return Ok(MaterialSpec::Formula { formula, density: table.quantity("density", Density)? });
+    }
+    if let Some(item) = table.get("mixture") {
+        only(&["mixture", "density"])?;
+        let part = |(name, item): &(&str, ListItem<'_>)| Ok(((*name).to_owned(), item.number()?));
+        let parts = item.named()?.iter().map(part).collect::<Result<_>>()?;
+        return Ok(MaterialSpec::Mixture { parts, density: table.quantity("density", Density)? });
     }
     if table.get("mu").is_some() || table.get("delta").is_some() {
         only(&["mu", "delta"])?;

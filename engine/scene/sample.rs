@@ -15,6 +15,14 @@ pub enum MaterialSpec {
         /// Density, g/cm3. > 0.
         density: f64,
     },
+    /// Shares by weight and density.
+    Mixture {
+        /// Formula, built-in material or entry of the scene with a formula, and its share by
+        /// weight. > 0; they sum to 1 or to 100.
+        parts: Vec<(String, f64)>,
+        /// Density, g/cm3. > 0.
+        density: f64,
+    },
     /// Constants for the scene's single energy.
     Constants {
         /// Linear attenuation coefficient, 1/m. >= 0.

@@ -13,9 +13,13 @@ const RIVALS: &[(&[&str], &[&str])] = &[
     (&["aperture"], &["projected_aperture"]),
     (&["material", "thickness"], &["transmission"]),
     (&["mesh", "unit", "sha256"], &["shape"]),
-    (&["formula", "density"], &["mu", "delta"]),
-    (&["formula", "density"], &["table"]),
+    (&["formula"], &["mixture"]),
+    (&["formula", "mixture", "density"], &["mu", "delta"]),
+    (&["formula", "mixture", "density"], &["table"]),
     (&["mu", "delta"], &["table"]),
+    (&["count"], &["step"]),
+    (&["from"], &["start"]),
+    (&["to"], &["stop"]),
     (&["sigma"], &["fwhm"]),
     (&["sigma"], &["kernel", "pixel"]),
     (&["fwhm"], &["kernel", "pixel"]),
@@ -74,8 +78,10 @@ fn target<'a>(
     origin: &Origin,
 ) -> std::result::Result<&'a mut TreeNode, Astray> {
     for (depth, step) in steps.iter().enumerate() {
-        // The keys of [materials] are names that the scene chose.
-        let names = matches!(&steps[..depth], [Step::Key(table)] if table == "materials");
+        // The keys of [materials] and of a mixture are names that the scene chose.
+        let names = matches!(&steps[..depth], [Step::Key(table)] if table == "materials")
+            || matches!(&steps[..depth], [Step::Key(table), _, Step::Key(mixture)]
+                if table == "materials" && mixture == "mixture");
         node = match (&mut node.value, step) {
             (TreeValue::Table(entries), Step::Key(key)) => {
                 if !names {

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
 
-use super::keys::keys_of;
+use super::keys::{keys_of, other_name};
 use super::path;
 use super::tree::{Document, Origin, TreeEntry, TreeNode, TreeValue};
 use crate::units::{Dimension, QuantityError};
@@ -148,8 +148,11 @@ impl<'a> ListItem<'a> {
         else {
             return Ok(table);
         };
-        let allowed =
-            with_suggestion(table.known.join(", "), &entry.key, table.known.iter().copied());
+        let known = table.known.join(", ");
+        let allowed = match other_name(kind, &entry.key) {
+            Some(meant) => format!("{known} (did you mean `{meant}`?)"),
+            None => with_suggestion(known, &entry.key, table.known.iter().copied()),
+        };
         let key = path::join(&self.path, &entry.key);
         Err(error(self.document, &entry.origin, key, "an unknown key", allowed))
     }

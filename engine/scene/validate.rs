@@ -6,10 +6,11 @@ use super::derived::AT_DETECTOR;
 use super::validate_beam::validate_beam;
 use super::validate_detector::validate_detector;
 use super::validate_instances::validate_instances;
+use super::validate_material::validate_material;
 use super::validate_shape::validate_shape;
-use super::{MaskBody, MaskSpec, MaterialSpec, Mesh, Scene, ShapeOrMesh, limits, path};
+use super::{MaskBody, MaskSpec, Mesh, Scene, ShapeOrMesh, limits};
 use crate::spot::Spot;
-use crate::units::Dimension::{self, Angle, Attenuation, Density, Length};
+use crate::units::Dimension::{self, Angle, Length};
 use crate::{Error, Result, printed};
 
 impl Scene {
@@ -257,38 +258,6 @@ fn validate_mask(table: &str, mask: &MaskSpec) -> Result<()> {
             plain(&key("transmission"), *transmission, inside, "a number from 0 to 1")
         }
     }
-}
-
-fn validate_material(name: &str, spec: &MaterialSpec) -> Result<()> {
-    let table = path::join("materials", name);
-    named("materials", name)?;
-    let key = |key: &str| path::join(&table, key);
-    match spec {
-        MaterialSpec::Formula { formula, density } => {
-            named(&key("formula"), formula)?;
-            super::check_formula(formula)
-                .map_err(|allowed| Error::scene(key("formula"), format!("{formula:?}"), allowed))?;
-            positive(&key("density"), *density, Density)?;
-            light_enough(&key("density"), *density)
-        }
-        MaterialSpec::Constants { mu, delta } => {
-            not_negative(&key("mu"), *mu, Attenuation)?;
-            // Beyond this the expansion in delta is no longer that of X-rays.
-            plain(&key("delta"), *delta, delta.abs() < 0.1, "a number between -0.1 and 0.1")
-        }
-        MaterialSpec::Table { path } if path.as_os_str().is_empty() => {
-            Err(Error::scene(key("table"), "\"\"", "path of a file"))
-        }
-        MaterialSpec::Table { .. } => Ok(()),
-    }
-}
-
-fn light_enough(key: &str, density: f64) -> Result<()> {
-    if density <= limits::DENSITY {
-        return Ok(());
-    }
-    let allowed = format!("up to {}", Density.format(limits::DENSITY));
-    Err(Error::scene(key, Density.format(density), allowed))
 }
 
 pub(super) fn positive(key: &str, value: f64, dimension: Dimension) -> Result<()> {

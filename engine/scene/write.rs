@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use super::read::{angle_range, offset_range};
+use super::read_scan::{angle_range, offset_range};
 use super::write_detector::write_detector;
 use super::write_shape::shape_table;
 use super::{
@@ -180,6 +180,14 @@ fn write_material(
     match spec {
         MaterialSpec::Formula { formula, density } => {
             out.text("formula", formula);
+            out.quantity("density", *density, Density);
+        }
+        MaterialSpec::Mixture { parts, density } => {
+            let part = |(name, weight): &(String, f64)| {
+                format!("{} = {}", quoted(name), number(*weight))
+            };
+            let parts: Vec<_> = parts.iter().map(part).collect();
+            out.raw("mixture", format!("{{ {} }}", parts.join(", ")));
             out.quantity("density", *density, Density);
         }
         MaterialSpec::Constants { mu, delta } => {

@@ -6,6 +6,7 @@ mod geometry;
 mod instances;
 mod layers;
 mod material;
+mod names;
 mod paper;
 mod scene;
 mod scene_beam;
