@@ -10,7 +10,7 @@ trap 'rm -rf "$place"' EXIT
 cd "$place"
 
 "$beamlet" example cylinder -o scene
-for format in exr npy; do
+for format in exr npy tiff; do
     "$beamlet" simulate scene/scene.toml -o "run_$format" --format "$format" -q \
         --set 'detector.pixels=[16, 4]' \
         --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }'
@@ -24,5 +24,6 @@ done
 awk '/^```python$/ { inside = 1; next } /^```$/ { inside = 0 } inside' \
     "$root/docs/reading.md" > reading.py
 python3 -m venv venv
-venv/bin/pip install --quiet --disable-pip-version-check numpy OpenEXR
+venv/bin/pip install --quiet --disable-pip-version-check numpy OpenEXR tifffile
+cp "$root/docs/beamlet_run.py" .
 venv/bin/python reading.py

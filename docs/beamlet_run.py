@@ -1,0 +1,123 @@
+"""Reads what beamlet writes: run directories and retrieved images. Needs numpy, and OpenEXR or
+tifffile for runs in those formats.
+
+    import beamlet_run
+    run = beamlet_run.Run("run")
+    run.flat        # [step, row, column]
+    run.sample      # [view, step, row, column]
+
+Values are float32: 1.0 is what a pixel gets without masks and without sample. Row 0 is the top of
+the image (largest z); columns run along +x. Detector numbers lie in run.counts_flat,
+run.counts_sample and run.dark, which are None where the scene has no noise.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+
+
+def read_frame(path):
+    """One EXR frame [row, column]."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path)) as file:
+        return file.channels()["Y"].pixels.copy()
+
+
+def about_frame(path):
+    """Geometry of an EXR frame: lengths in m, angles in rad, energy in keV."""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), header_only=True) as file:
+        return json.loads(file.header()["beamlet"])
+
+
+def read_stack(place):
+    """A stack by its path without ending, such as run/flat: from PATH.npy (mapped, not loaded), from
+    PATH.tif, or from the folder PATH of EXR frames or of views of them. None where there is none."""
+    place = Path(place)
+    if place.with_name(place.name + ".npy").exists():
+        return np.load(place.with_name(place.name + ".npy"), mmap_mode="r")
+    if place.with_name(place.name + ".tif").exists():
+        import tifffile
+
+        return tifffile.imread(place.with_name(place.name + ".tif"))
+    if not place.is_dir():
+        return None
+    views = sorted(place.glob("view_*"))
+    if views:
+        return np.stack([read_frames(view) for view in views])
+    return read_frames(place)
+
+
+def read_frames(folder):
+    """The EXR frames of a folder, in the order of their steps."""
+    return np.stack([read_frame(path) for path in sorted(Path(folder).glob("step_*.exr"))])
+
+
+class Run:
+    """A run directory. Arrays are read when they are first asked for."""
+
+    NAMES = {
+        "flat": "flat",
+        "sample": "sample",
+        "dark": "dark",
+        "counts_flat": "counts/flat",
+        "counts_sample": "counts/sample",
+    }
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self.record = json.loads((self.path / "run.json").read_text())
+
+    def __getattr__(self, name):
+        if name not in self.NAMES:
+            raise AttributeError(name)
+        value = read_stack(self.path / self.NAMES[name])
+        if value is not None:
+            # Pages of a TIFF do not say where a view ends.
+            sides = [self.record["extent"][side] for side in ["steps", "rows", "columns"]]
+            value = value.reshape([-1, *sides] if name.endswith("sample") else [-1, *sides[1:]])
+        setattr(self, name, value)
+        return value
+
+    @property
+    def done(self):
+        """Whether every view is there."""
+        return self.record["state"] == "done"
+
+    def check(self):
+        """Names of the stacks that are not as the run committed them, by size and SHA-256."""
+        changed = []
+        for line in (self.path / "progress.log").read_text().splitlines():
+            name, size, checksum, *_ = line.split()
+            stack, _, view = name.partition("sample/")
+            stack = stack + "sample" if view else stack
+            values = getattr(self, stack.replace("/", "_"))
+            values = np.asarray(values[int(view)] if view else values, dtype=np.float32)
+            found = "sha256:" + hashlib.sha256(values.tobytes()).hexdigest()
+            if values.nbytes != int(size) or found != checksum:
+                changed.append(name)
+        return changed
+
+
+class Retrieved:
+    """A directory of retrieved images, written with --format npy or tiff: images by name, each
+    [view, row, column], in the units of `units`."""
+
+    def __init__(self, path):
+        self.path = Path(path)
+        self.record = json.loads((self.path / "retrieved.json").read_text())
+        self.units = self.record["units"]
+
+    def __getitem__(self, name):
+        value = read_stack(self.path / name)
+        if value is None:
+            raise KeyError(name)
+        return value if value.ndim == 3 else value[np.newaxis]
+
+    def flagged(self, bit):
+        """Whether a flag is set, [view, row, column]."""
+        return self["flags"].astype(int) & int(bit) != 0
