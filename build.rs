@@ -71,10 +71,31 @@ fn main() {
             .expect("OUT_DIR can be written");
         fs::write(path, text).expect("OUT_DIR can be written");
     }
+    if let Some(commit) = commit() {
+        println!("cargo::rustc-env=BEAMLET_COMMIT={commit}");
+    }
     build_all(ROOT, PERMUTATIONS, &interface, &out, "shaders.rs");
     // A package from a registry may come without its tests.
     let tests = if Path::new(TEST_ROOT).is_dir() { TEST_PERMUTATIONS } else { &[] };
     build_all(TEST_ROOT, tests, &interface, &out, "test_shaders.rs");
+}
+
+/// The commit that is checked out, for the record of runs; `None` in a package, also where that lies
+/// in a repository of others.
+fn commit() -> Option<String> {
+    let root = env::var_os("CARGO_MANIFEST_DIR")?;
+    let git = |words: &[&str]| {
+        let output = process::Command::new("git").current_dir(&root).args(words).output().ok()?;
+        let text = String::from_utf8(output.stdout).ok()?;
+        output.status.success().then(|| text.trim().to_owned())
+    };
+    let top = git(&["rev-parse", "--show-toplevel"])?;
+    if Path::new(&top).canonicalize().ok()? != Path::new(&root).canonicalize().ok()? {
+        return None;
+    }
+    // Written whenever another commit is checked out or made.
+    println!("cargo::rerun-if-changed={}", git(&["rev-parse", "--git-path", "logs/HEAD"])?);
+    git(&["rev-parse", "HEAD"])
 }
 
 /// Compiles a table of permutations and writes the words as Rust constants.

@@ -20,6 +20,7 @@ pub(crate) use view::{PictureFormat, Report, Show, View, ViewOfRun, ViewOfScene}
 
 use beamlet::scene::Scene;
 use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
 use std::path::PathBuf;
 use values::key_value;
 
@@ -40,16 +41,22 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// How much goes to stderr; verbs without progress and messages leave it at the default.
+    /// How much goes to stderr.
     pub(crate) const fn messages(&self) -> Messages {
         match &self.verb {
             Verb::Simulate(simulate) => simulate.messages,
             Verb::Illuminate(illuminate) => illuminate.messages,
             Verb::Retrieve(retrieve) => retrieve.messages,
+            Verb::Compare(compare) => compare.messages,
             Verb::Check(check) => check.messages,
             Verb::View(view) => view.messages,
-            Verb::Compare(compare) => compare.messages,
-            _ => Messages { quiet: false, verbose: false },
+            Verb::Report(report) => report.messages,
+            Verb::Spectrum(spectrum) => spectrum.messages,
+            Verb::Material(material) => material.messages,
+            Verb::Devices(devices) => devices.messages,
+            Verb::Example(example) => example.messages,
+            Verb::Completions(completions) => completions.messages,
+            Verb::Man(man) => man.messages,
         }
     }
 }
@@ -78,6 +85,10 @@ pub(crate) enum Verb {
     Devices(Devices),
     /// List the scenes that come with beamlet, or write one with its meshes
     Example(Example),
+    /// Print what completes words in a shell
+    Completions(Completions),
+    /// Write manual pages, one for each verb
+    Man(Man),
 }
 
 /// A scene and what is changed in it.
@@ -93,7 +104,7 @@ pub(crate) struct SceneArguments {
 impl SceneArguments {
     /// The scene with its changes.
     pub(crate) fn load(&self) -> beamlet::Result<Scene> {
-        Scene::load_with(&self.scene, &self.sets)
+        beamlet::check::load_scene(&self.scene, &self.sets)
     }
 
     /// Gives an error of a later stage its place in the scene file.
@@ -109,6 +120,35 @@ pub(crate) struct Devices {
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet completions bash > ~/.local/share/bash-completion/completions/beamlet\n  \
+    beamlet completions zsh > ~/.zfunc/_beamlet\n  \
+    beamlet completions fish > ~/.config/fish/completions/beamlet.fish")]
+pub(crate) struct Completions {
+    /// The shell
+    pub(crate) shell: Shell,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet man -o ~/.local/share/man/man1\n  \
+    man beamlet-simulate")]
+pub(crate) struct Man {
+    /// Directory to write them to
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Replace pages that are there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }
 
 #[derive(Debug, Args)]
@@ -126,4 +166,6 @@ pub(crate) struct Example {
     /// Replace files that are there
     #[arg(long, requires = "name")]
     pub(crate) overwrite: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }

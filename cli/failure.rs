@@ -43,7 +43,12 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Engine(error) | Self::Trouble(error) => write!(f, "error: {error}"),
+            Self::Engine(error) | Self::Trouble(error) => {
+                for (index, error) in error.each().iter().enumerate() {
+                    write!(f, "{}error: {error}", if index == 0 { "" } else { "\n" })?;
+                }
+                Ok(())
+            }
             Self::Differs(what) => write!(f, "they differ: {what}"),
             Self::File { path, problem } => {
                 write!(f, "error: {}: {problem}", printed::path(path))

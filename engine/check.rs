@@ -18,12 +18,14 @@ use std::time::Instant;
 mod contacts;
 mod display;
 mod illumination;
+mod inputs;
 mod materials;
 
 pub use crate::detector::SubpixelGrid;
 pub use contacts::CheckedContact;
 pub use display::count;
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
+pub use inputs::load_scene;
 use materials::materials;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.

@@ -56,6 +56,12 @@ pub enum Error {
         /// What is allowed there.
         allowed: String,
     },
+    /// Several things are wrong with the scene: two or more errors, in the order of the file.
+    #[non_exhaustive]
+    Several(
+        /// None of them is [`Error::Several`].
+        Vec<Self>,
+    ),
     /// A caller of the library gave what cannot be.
     #[non_exhaustive]
     Argument {
@@ -151,6 +157,24 @@ impl Error {
         self
     }
 
+    /// One error for all of them, or `Ok` where there is none.
+    pub(crate) fn of_all(mut errors: Vec<Self>) -> Result<()> {
+        match errors.len() {
+            0 => Ok(()),
+            1 => Err(errors.remove(0)),
+            _ => Err(Self::Several(errors)),
+        }
+    }
+
+    /// The errors one by one: of [`Error::Several`] each, of any other itself.
+    #[must_use]
+    pub fn each(&self) -> &[Self] {
+        match self {
+            Self::Several(errors) => errors,
+            one => std::slice::from_ref(one),
+        }
+    }
+
     /// An error of an argument.
     pub fn argument(
         name: impl Into<String>,
@@ -195,6 +219,13 @@ impl fmt::Display for Error {
                 write!(f, "{place}: {key}: found {found}; allowed: {allowed}")?;
                 if let Some(excerpt) = &place.excerpt {
                     write!(f, "\n{excerpt}")?;
+                }
+                Ok(())
+            }
+            Self::Several(errors) => {
+                for (index, error) in errors.iter().enumerate() {
+                    let separator = if index == 0 { "" } else { "\n" };
+                    write!(f, "{separator}{error}")?;
                 }
                 Ok(())
             }

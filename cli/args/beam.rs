@@ -1,5 +1,6 @@
 //! Arguments of the verbs about beams and materials.
 
+use super::shared::Messages;
 use beamlet::scene::{Anode, Filter};
 use beamlet::units::Dimension;
 use clap::Args;
@@ -43,6 +44,8 @@ pub(crate) struct Spectrum {
     /// Print JSON (keV, photons on the scale of the input; layers in m)
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }
 
 #[derive(Debug, Args)]
@@ -59,7 +62,7 @@ pub(crate) struct Material {
     /// built-in names are listed
     #[arg(value_parser = material)]
     pub(crate) name: Option<String>,
-    /// Density, such as "1.2 g/cm3"; needed for a formula
+    /// Density, such as "1.2 g/cm3"; needed for a formula that no built-in material has
     #[arg(long, value_parser = density, requires = "name")]
     pub(crate) density: Option<f64>,
     /// Photon energy, such as "30 keV" (may be repeated)
@@ -74,6 +77,8 @@ pub(crate) struct Material {
     /// Print JSON (SI units, energies in keV, densities in g/cm3)
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }
 
 /// A name, or a formula that a substance may have.

@@ -12,6 +12,8 @@ pub(crate) enum FormatName {
     Exr,
     /// Two arrays for numpy: flat.npy and sample.npy
     Npy,
+    /// Two stacks for ImageJ and Fiji: flat.tif and sample.tif
+    Tiff,
 }
 
 impl From<FormatName> for Format {
@@ -19,6 +21,7 @@ impl From<FormatName> for Format {
         match name {
             FormatName::Exr => Self::Exr,
             FormatName::Npy => Self::Npy,
+            FormatName::Tiff => Self::Tiff,
         }
     }
 }

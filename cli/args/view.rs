@@ -149,4 +149,6 @@ pub(crate) struct Report {
     pub(crate) overwrite: bool,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
 }

@@ -1,6 +1,6 @@
 //! `beamlet illuminate`: kept moments of a run under other masks, spectra, constants or detectors.
 
-use super::simulate::{quoted, summary};
+use super::simulate::{command_line, quoted, summary};
 use crate::args::Illuminate;
 use crate::failure::Failure;
 use crate::interrupt;
@@ -44,7 +44,7 @@ struct Done {
 fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failure> {
     let mut jobs = Vec::new();
     for (path, output) in arguments.scene.iter().zip(outputs) {
-        let scene = Scene::load_with(path, &arguments.sets)?;
+        let scene = beamlet::check::load_scene(path, &arguments.sets)?;
         let extent = StackShape::of(&scene)?;
         let format = arguments.format.map(Into::into).unwrap_or_default();
         // What is read is not replaced: the run with the moments, scenes and their files.
@@ -53,7 +53,7 @@ fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failu
         read.extend(arguments.scene.iter().cloned());
         let sink = RunDirectory::reading(&output, &read)
             .and_then(|()| RunDirectory::create(&output, format, arguments.overwrite))?;
-        let sink = sink.overrides(&arguments.sets);
+        let sink = sink.overrides(&arguments.sets).command(command_line());
         jobs.push(Job { path: path.clone(), output, scene, extent, sink });
     }
     Ok(jobs)

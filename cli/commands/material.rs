@@ -247,5 +247,8 @@ fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
         writeln!(out, "{name:<20}{density:<18}{formula:<38} {}", aliases.join(", "))?;
     }
     writeln!(out, "\n{TABLES}; 0.1 keV to 800 keV at most.")?;
-    Ok(writeln!(out, "Elements and compounds of the list go by their formula too, where no other has the same.")?)
+    Ok(writeln!(
+        out,
+        "Elements and compounds of the list go by their formula too, where no other has the same."
+    )?)
 }

@@ -3,10 +3,12 @@
 mod beam;
 mod check;
 mod compare;
+mod completions;
 mod devices;
 mod difference_pictures;
 mod example;
 mod illuminate;
+mod man;
 mod material;
 mod pictures;
 mod report;
@@ -33,6 +35,8 @@ pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Fail
         Verb::Material(arguments) => material::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
+        Verb::Completions(arguments) => completions::run(&arguments, out),
+        Verb::Man(arguments) => man::run(&arguments, out),
     }
 }
 

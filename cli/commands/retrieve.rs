@@ -105,7 +105,11 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let flat = StackFile::open(flat)?;
     let sample = StackFile::open(sample)?;
     let dark = arguments.dark.as_ref().map(StackFile::open).transpose()?;
-    Ok((Input::measured(&scene, flat, sample, dark.as_ref())?, output.clone()))
+    let lists = [&arguments.offsets, &arguments.sample_offsets];
+    let lists = lists.into_iter().flatten().map(PathBuf::from).filter(|path| path.is_file());
+    let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(lists).collect();
+    let input = Input::measured(&scene, flat, sample, dark.as_ref())?.with_read(&others);
+    Ok((input, output.clone()))
 }
 
 /// What the user wants to know at the end, on stdout.

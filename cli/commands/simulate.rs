@@ -107,7 +107,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
         }
         RunDirectory::create(output, format.unwrap_or_default(), arguments.overwrite)?
     };
-    Ok(sink.overrides(&arguments.scene.sets))
+    Ok(sink.overrides(&arguments.scene.sets).command(command_line()))
 }
 
 /// What the user wants to know at the end, on stdout.
@@ -227,6 +227,12 @@ fn advice(arguments: &Simulate, began: bool) -> String {
     }
     command.push("--resume".into());
     format!("to resume: {}", command.join(" "))
+}
+
+/// The command line as it was entered, as a shell takes it.
+pub(super) fn command_line() -> String {
+    let words = std::env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy()));
+    std::iter::once("beamlet".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 
 /// A word as a shell takes it.

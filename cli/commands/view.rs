@@ -42,7 +42,7 @@ pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure>
 fn scene(arguments: &View, form: PictureForm) -> Result<(Pictures, Vec<PathBuf>), Failure> {
     let ViewOfScene { sets, azimuth, elevation, device } = &arguments.of_scene;
     let failed = |error| Failure::from(Scene::locate(&arguments.what, sets, error));
-    let scene = Scene::load_with(&arguments.what, sets)?;
+    let scene = beamlet::check::load_scene(&arguments.what, sets)?;
     let geometry = beamlet::geometry::load(&scene).map_err(failed)?;
     beamlet::geometry::check_clearance(&scene, &geometry).map_err(failed)?;
     let mut pictures = Pictures::new(form);

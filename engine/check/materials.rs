@@ -1,7 +1,7 @@
 //! The materials of a scene and who uses them.
 
 use super::Material;
-use crate::scene::{MaskSpec, Object, Scene};
+use crate::scene::{MaskSpec, MaterialSpec, Object, Scene};
 use crate::{Result, material};
 
 /// Materials in use, each once, in the order: surroundings, objects, masks.
@@ -39,10 +39,18 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
             mu: constants.mu,
             delta: constants.delta,
             critical_angle: (2.0 * constants.delta.max(0.0)).sqrt(),
-            shadows_builtin: scene.materials.contains_key(&name)
-                && material::builtin(&name).is_some(),
+            shadows_builtin: shadows_builtin(scene, &name),
             name,
         });
     }
     Ok(found)
+}
+
+/// Whether an entry of the scene has the name of a built-in material and is another one.
+fn shadows_builtin(scene: &Scene, name: &str) -> bool {
+    let (Some(own), Some(builtin)) = (scene.materials.get(name), material::builtin(name)) else {
+        return false;
+    };
+    !matches!(own, MaterialSpec::Formula { formula, density }
+        if formula == builtin.formula && (density / builtin.density - 1.0).abs() < 1e-9)
 }

@@ -202,6 +202,9 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
     Ok(())
 }
 
+/// A body that passes through the field along the slits may reach so many times as far.
+const PASSING: f64 = 4.0;
+
 /// What of the sample may lie outside the field of view, in words; at most one sentence for
 /// each object and direction.
 pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
@@ -223,8 +226,15 @@ pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
                 }
             }
         }
+        // Fibres and rods pass through the field along the slits: nothing changes along them. What
+        // is many times as long has the wrong unit.
+        let [low, high] = outline.z;
+        let far = outline.hull.iter().fold(0.0_f64, |far, point| far.max(point.length()));
+        let least = scene.detector.distance / (centre + far);
+        let passes = low * least < -half[1] && high * least > half[1];
+        let is_meant = |axis: &str, reach: f64| axis == "z" && passes && reach < PASSING * half[1];
         for (((reach, angle), half), axis) in worst.into_iter().zip(half).zip(["x", "z"]) {
-            if reach > half {
+            if reach > half && !is_meant(axis, reach) {
                 let is_mesh = |o: &&Object| matches!(o.geometry, ShapeOrMesh::Mesh(_));
                 let of_file =
                     scene.objects.iter().filter(is_mesh).any(|object| object.name == outline.name);

@@ -32,27 +32,20 @@ const fn m(
 /// Dry air by volume: N2 78.08 %, O2 20.95 %, Ar 0.934 %, CO2 0.041 %.
 const AIR: &str = "(N2)0.7808(O2)0.2095Ar0.00934(CO2)0.00041";
 
-const SOFT_TISSUE: &str =
-    "H10.4472wt%C23.219wt%N2.488wt%Na0.113wt%Mg0.013wt%P0.133wt%S0.199wt%Cl0.134wt%K0.199wt%\
+const SOFT_TISSUE: &str = "H10.4472wt%C23.219wt%N2.488wt%Na0.113wt%Mg0.013wt%P0.133wt%S0.199wt%Cl0.134wt%K0.199wt%\
      Ca0.023wt%Fe0.005wt%Zn0.003wt%O";
 const SOFT_TISSUE_ICRU: &str = "H10.1172wt%C11.1wt%N2.6wt%O";
-const ADIPOSE: &str =
-    "H11.9477wt%N0.797wt%O23.2333wt%Na0.05wt%Mg0.002wt%P0.016wt%S0.073wt%Cl0.119wt%K0.032wt%\
+const ADIPOSE: &str = "H11.9477wt%N0.797wt%O23.2333wt%Na0.05wt%Mg0.002wt%P0.016wt%S0.073wt%Cl0.119wt%K0.032wt%\
      Ca0.002wt%Fe0.002wt%Zn0.002wt%C";
-const MUSCLE: &str =
-    "H10.0637wt%C10.783wt%N2.768wt%Na0.075wt%Mg0.019wt%P0.18wt%S0.241wt%Cl0.079wt%K0.302wt%\
+const MUSCLE: &str = "H10.0637wt%C10.783wt%N2.768wt%Na0.075wt%Mg0.019wt%P0.18wt%S0.241wt%Cl0.079wt%K0.302wt%\
      Ca0.003wt%Fe0.004wt%Zn0.005wt%O";
-const LUNG: &str =
-    "H10.1278wt%C10.231wt%N2.865wt%Na0.184wt%Mg0.073wt%P0.08wt%S0.225wt%Cl0.266wt%K0.194wt%\
+const LUNG: &str = "H10.1278wt%C10.231wt%N2.865wt%Na0.184wt%Mg0.073wt%P0.08wt%S0.225wt%Cl0.266wt%K0.194wt%\
      Ca0.009wt%Fe0.037wt%Zn0.001wt%O";
-const BLOOD: &str =
-    "H10.1866wt%C10.002wt%N2.964wt%Na0.185wt%Mg0.004wt%Si0.003wt%P0.035wt%S0.185wt%Cl0.278wt%\
+const BLOOD: &str = "H10.1866wt%C10.002wt%N2.964wt%Na0.185wt%Mg0.004wt%Si0.003wt%P0.035wt%S0.185wt%Cl0.278wt%\
      K0.163wt%Ca0.006wt%Fe0.046wt%Zn0.001wt%O";
-const BRAIN: &str =
-    "H11.0667wt%C12.542wt%N1.328wt%Na0.184wt%Mg0.015wt%P0.354wt%S0.177wt%Cl0.236wt%K0.31wt%\
+const BRAIN: &str = "H11.0667wt%C12.542wt%N1.328wt%Na0.184wt%Mg0.015wt%P0.354wt%S0.177wt%Cl0.236wt%K0.31wt%\
      Ca0.009wt%Fe0.005wt%Zn0.001wt%O";
-const SKIN: &str =
-    "H10.0588wt%C22.825wt%N4.642wt%Na0.007wt%Mg0.006wt%P0.033wt%S0.159wt%Cl0.267wt%K0.085wt%\
+const SKIN: &str = "H10.0588wt%C22.825wt%N4.642wt%Na0.007wt%Mg0.006wt%P0.033wt%S0.159wt%Cl0.267wt%K0.085wt%\
      Ca0.015wt%Fe0.001wt%Zn0.001wt%O";
 const CORTICAL_BONE: &str =
     "H4.7234wt%C14.433wt%N4.199wt%Mg0.22wt%P10.497wt%S0.315wt%Ca20.993wt%Zn0.01wt%O";

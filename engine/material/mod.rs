@@ -136,6 +136,17 @@ pub fn range(scene: &Scene, name: &str) -> Result<[f64; 2]> {
     }
 }
 
+/// Whether a scene may name a material, at `key`.
+///
+/// # Errors
+/// An unknown name, with what was probably meant.
+pub(crate) fn known(scene: &Scene, name: &str, key: &str) -> Result<()> {
+    if scene.materials.contains_key(name) || builtin(name).is_some() {
+        return Ok(());
+    }
+    Err(unknown(scene, name, Some(key)))
+}
+
 /// A material whose constants are wanted, and what an error about it belongs to.
 struct Asked<'a> {
     scene: &'a Scene,

@@ -5,10 +5,12 @@ mod reopened;
 use super::retriever::Retriever;
 use crate::detector::DetectorModel;
 use crate::numbers;
-use crate::scene::Scene;
-use crate::stack::{OpenRun, StackFile};
+use crate::scene::{Scene, file_hash, text_hash};
+use crate::stack::{LOG, OpenRun, SCENE, StackFile};
 use crate::{Error, Result, input_file, reserve};
 use ndarray::{Array2, Array3, Zip};
+use std::collections::BTreeMap;
+use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -29,6 +31,8 @@ pub struct Input {
     /// Detector number of one photon, and the noise of no light, where the scene has them.
     noise: Option<[f64; 2]>,
     counts: bool,
+    /// Everything that was read, files and folders.
+    read: Vec<PathBuf>,
 }
 
 impl Input {
@@ -47,6 +51,7 @@ impl Input {
                 run.views()
             );
         }
+        let read = [SCENE, LOG].map(|name| run.path().join(name)).to_vec();
         if !counts {
             let (flat, sample) = (run.flat()?, run.sample()?);
             return Ok(Self {
@@ -58,6 +63,7 @@ impl Input {
                 saturation: None,
                 noise: None,
                 counts,
+                read,
             });
         }
         let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
@@ -76,7 +82,7 @@ impl Input {
             Some(n) => Some([DetectorModel::variance_per_value(&scene)?, n.electronic_noise]),
             None => None,
         };
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts })
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read })
     }
 
     /// Measured stacks. `scene` gives the geometry; its mask offsets are those of the frames.
@@ -111,10 +117,24 @@ impl Input {
                 return Err(Error::file(other.path(), problem, None));
             }
         }
+        let read = [&flat, &sample].into_iter().chain(dark).map(|s| s.path().to_owned()).collect();
         let dark_path = dark.map(|dark| dark.path().to_path_buf());
         let dark = dark.map(mean).transpose()?;
         let (saturation, noise, counts) = (None, None, true);
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts })
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read })
+    }
+
+    /// Names other files that were read for it, such as that of the geometry, for the record.
+    #[must_use]
+    pub fn with_read(mut self, files: &[PathBuf]) -> Self {
+        self.read.extend_from_slice(files);
+        self
+    }
+
+    /// SHA-256 of everything that was read, by its path.
+    pub(super) fn hashes(&self) -> Result<BTreeMap<String, String>> {
+        let hash = |path: &PathBuf| Ok((path.display().to_string(), hash_of(path)?));
+        self.read.iter().map(hash).collect()
     }
 
     /// Leaves out values from here on, as they are in the files: before the dark is subtracted.
@@ -248,6 +268,25 @@ impl Input {
     }
 }
 
+/// SHA-256 of a file, or of what a folder holds: lines of hash and name.
+fn hash_of(path: &Path) -> Result<String> {
+    if !path.is_dir() {
+        return file_hash(path);
+    }
+    let unread = |error| Error::file(path, "cannot be read", Some(error));
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(path).map_err(unread)? {
+        paths.push(entry.map_err(unread)?.path());
+    }
+    paths.sort();
+    let line = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().display().to_string();
+        Ok(format!("{}  {name}\n", hash_of(path)?))
+    };
+    let lines = paths.iter().map(line).collect::<Result<String>>()?;
+    Ok(text_hash(&lines))
+}
+
 /// Mean of all frames.
 fn mean(stack: &StackFile) -> Result<Array2<f32>> {
     let [views, steps, rows, columns] = stack.shape();
@@ -279,8 +318,13 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
 /// naming its place in the list.
 pub fn offsets(list_or_file: &str) -> Result<Vec<f64>> {
     let path = Path::new(list_or_file);
-    let text = if path.is_file() {
-        input_file::text(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?
+    // A word that begins with no number can only be meant as the name of a file.
+    let begins = |c: char| c.is_ascii_digit() || "+-.,".contains(c);
+    let named = !list_or_file.trim().is_empty() && !list_or_file.trim_start().starts_with(begins);
+    let text = if path.is_file() || named {
+        let problem =
+            "cannot be read as a file of offsets, nor is it a list such as \"-10 um, 0 um\"";
+        input_file::text(path).map_err(|error| Error::file(path, problem, Some(error)))?
     } else {
         list_or_file.to_owned()
     };

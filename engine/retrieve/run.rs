@@ -112,6 +112,7 @@ pub fn retrieve(
         }
         count(&mut record, retrieved.get(FLAGS));
     }
+    record.inputs = input.hashes()?;
     images.finish(Some(&record))?;
     Ok(record)
 }
@@ -158,6 +159,7 @@ fn begun(
         dark: input.dark_source(),
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
+        inputs: BTreeMap::new(),
         files: scene
             .files
             .iter()

@@ -141,7 +141,7 @@ impl Scene {
 }
 
 /// SHA-256 of a file, hexadecimal.
-pub(super) fn hash(path: &Path) -> Result<String> {
+pub(crate) fn hash(path: &Path) -> Result<String> {
     let read = || {
         let mut hasher = Sha256::new();
         let mut file = match input_file::open(path) {
@@ -159,4 +159,13 @@ pub(super) fn hash(path: &Path) -> Result<String> {
     };
     let digest = read().map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// SHA-256 of a text, in lower-case hexadecimal.
+pub(crate) fn text_hash(text: &str) -> String {
+    use std::fmt::Write;
+    Sha256::digest(text).iter().fold(String::new(), |mut out, byte| {
+        let _ = write!(out, "{byte:02x}");
+        out
+    })
 }

@@ -173,7 +173,12 @@ const OTHER_NAMES: &[(&str, &[(&str, &str)])] = &[
     ),
     (
         "materials.NAME",
-        &[("rho", "density"), ("weights", "mixture"), ("composition", "mixture"), ("file", "table")],
+        &[
+            ("rho", "density"),
+            ("weights", "mixture"),
+            ("composition", "mixture"),
+            ("file", "table"),
+        ],
     ),
     (
         "object",

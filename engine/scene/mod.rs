@@ -48,6 +48,7 @@ pub use crate::spot::{Spot, SpotFit, SpotPart};
 pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
 pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 pub use exposure::Exposure;
+pub(crate) use files::{hash as file_hash, text_hash};
 pub use formula::check_formula;
 pub use instances::{
     Instances, PARALLEL_FIBRE_FILL, Packing, PackingAmount, PackingKind, PackingRegion,
@@ -68,7 +69,7 @@ impl Scene {
     /// # Errors
     ///
     /// [`Error::File`] if the file cannot be read; [`Error::Scene`] with place, key, what was
-    /// found and what is allowed otherwise.
+    /// found and what is allowed otherwise, or [`Error::Several`] of them.
     ///
     /// # Example
     ///
@@ -111,7 +112,13 @@ impl Scene {
             Some("toml") => parse::toml,
             Some("json") => parse::json,
             _ => {
-                let problem = "the scene file has to end in .toml or .json".to_owned();
+                if let Err(error) = std::fs::metadata(path) {
+                    return Err(Error::file(path, "cannot be read", Some(error)));
+                }
+                let problem = match path.is_dir() {
+                    true => "is a directory without run.json: neither a run nor a scene file",
+                    false => "the scene file has to end in .toml or .json",
+                };
                 return Err(Error::file(path, problem, None));
             }
         };
@@ -143,9 +150,37 @@ impl Scene {
     }
 
     fn from_document(document: &Document, directory: &Path) -> Result<Self> {
-        let scene = read::read_scene(document, directory)?;
-        scene.validate().map_err(|error| document.located(error))?;
-        Ok(scene)
+        Self::from_document_and(document, directory, |_| Vec::new())
+    }
+
+    /// As [`Self::load_with`], with what `more` finds wrong with the scene among its errors, each at
+    /// its place. A single error of `more` is left to where it matters.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::load_with`].
+    pub(crate) fn load_and(
+        path: &Path,
+        sets: &[String],
+        more: impl FnOnce(&Self) -> Vec<Error>,
+    ) -> Result<Self> {
+        Self::from_document_and(&Self::document(path, sets)?, directory_of(path), more)
+    }
+
+    fn from_document_and(
+        document: &Document,
+        directory: &Path,
+        more: impl FnOnce(&Self) -> Vec<Error>,
+    ) -> Result<Self> {
+        let scene = read::read_scene(document, directory);
+        let mut of_values = scene.as_ref().map(Self::faults).unwrap_or_default();
+        let more = scene.as_ref().map(more).unwrap_or_default();
+        if more.len() > 1 || !of_values.is_empty() || document.has_errors() {
+            of_values.extend(more);
+        }
+        Error::of_all(document.all_errors(of_values))?;
+        // Without a source or a detector there was an error.
+        scene.ok_or_else(|| Error::scene("scene", "no scene", "a source and a detector"))
     }
 
     /// A path of the scene, from where the program runs.

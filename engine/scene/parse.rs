@@ -36,7 +36,7 @@ pub(super) fn toml(text: &str, file: Option<PathBuf>) -> Result<Document> {
         origin: Origin::Whole,
     };
     sort(&mut root);
-    Ok(Document { file, text: text.to_owned(), sets: Vec::new(), root })
+    Ok(Document::new(file, text.to_owned(), root))
 }
 
 /// Reads the value of an override: a TOML value, or a bare string.
@@ -118,7 +118,7 @@ pub(super) fn json(text: &str, file: Option<PathBuf>) -> Result<Document> {
     let mut walk = JsonWalk { text, at: 0 };
     let root = walk.node();
     match root {
-        Some(root) => Ok(Document { file, text: text.to_owned(), sets: Vec::new(), root }),
+        Some(root) => Ok(Document::new(file, text.to_owned(), root)),
         None => Err(syntax(file, text, walk.at..walk.at + 1, "text out of place", "JSON")),
     }
 }

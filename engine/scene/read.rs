@@ -17,39 +17,54 @@ use super::{Detector, MaskBody, MaskSpec, Sampling, Scene, Scheme, Source, Trans
 use crate::Result;
 use crate::units::Dimension::{self, Angle, Length};
 
-/// Reads a scene. The result still has to be validated.
-pub(super) fn read_scene(document: &Document, directory: &Path) -> Result<Scene> {
-    let top = ListItem::root(document).table("")?;
-    let source = top.require("source", "a table [source]")?.table("source")?;
-    let mut files = read_files(&top)?;
-    let source = read_source(&source, directory, &mut files)?;
-    let detector =
-        read_detector(&top.require("detector", "a table [detector]")?.table("detector")?)?;
+/// Reads a scene. The result still has to be validated. Errors are reported to the document; without
+/// a source or a detector there is no scene, and what else is wrong stands for nothing in it.
+pub(super) fn read_scene(document: &Document, directory: &Path) -> Option<Scene> {
+    let keep = |result| document.keep(result);
+    let top = document.keep(ListItem::root(document).table(""))?;
+    let table = |key: &str| top.require(key, format!("a table [{key}]"))?.table(key);
+    let mut files = document.keep(read_files(&top)).unwrap_or_default();
+    let source = table("source").and_then(|source| read_source(&source, directory, &mut files));
+    let source = document.keep(source);
+    let detector = document.keep(table("detector").and_then(|table| read_detector(&table)));
+    let materials = document.keep(read_materials(&top)).unwrap_or_default();
+    let objects = document.keep(read_objects(&top)).unwrap_or_default();
+    let sampling = document.keep(read_sampling(&top)).unwrap_or_default();
+    let scan = document.keep(read_scan(&top)).unwrap_or_default();
+    let surroundings = document.keep(read_surroundings(&top)).unwrap_or_default();
+    let detector = detector?;
     let mask = |key: &str| {
-        top.get(key).map(|item| read_mask(&item.table(key)?, key, &detector)).transpose()
+        let item = top.get(key)?;
+        let mask = keep(item.table(key).and_then(|table| read_mask(&table, key, &detector)));
+        if mask.is_none() {
+            // Nothing is moved without it.
+            document.forget(key.to_owned());
+            document.forget("scan.mask_offsets".to_owned());
+        }
+        mask
     };
-    let sample_mask = mask("sample_mask")?;
-    let detector_mask = mask("detector_mask")?;
-    let surroundings = match top.get("surroundings") {
-        Some(item) => match item.table("surroundings")?.get("material") {
-            Some(item) => item.text("name of a material")?.to_owned(),
-            None => "vacuum".to_owned(),
-        },
-        None => "vacuum".to_owned(),
-    };
-    Ok(Scene {
+    Some(Scene {
         directory: directory.to_owned(),
-        sample_mask,
-        detector_mask,
-        sampling: read_sampling(&top)?,
-        scan: read_scan(&top)?,
-        materials: read_materials(&top)?,
+        sample_mask: mask("sample_mask"),
+        detector_mask: mask("detector_mask"),
+        sampling,
+        scan,
+        materials,
         surroundings,
-        objects: read_objects(&top)?,
+        objects,
         files,
-        source,
+        source: source?,
         detector,
     })
+}
+
+fn read_surroundings(top: &Table<'_>) -> Result<String> {
+    let material = match top.get("surroundings") {
+        Some(item) => item.table("surroundings")?.get("material"),
+        None => None,
+    };
+    let name = material.map(|item| item.text("name of a material")).transpose()?;
+    Ok(name.unwrap_or("vacuum").to_owned())
 }
 
 /// Hashes of files by path.
@@ -179,7 +194,7 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
 
 /// The tolerance as a share of open beam. Up to version 0.1 it was a length.
 fn read_tolerance(item: &ListItem<'_>) -> Result<f64> {
-    if item.text("").is_ok_and(|text| Length.parse(text).is_ok()) {
+    if item.as_text().is_some_and(|text| Length.parse(text).is_ok()) {
         return Err(item.mismatch(
             "a share of open beam from 1e-6 to 1e-2, such as 1e-4 (a length until version 0.1; \
              `angle_tolerance` bounds displacements)",

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::read_instances::read_instances;
 use super::read_shape::read_shape;
 use super::table::{ListItem, Table};
-use super::{MaterialSpec, Mesh, Object, Placement, ShapeOrMesh};
+use super::{MaterialSpec, Mesh, Object, Placement, Shape, ShapeOrMesh};
 use crate::Result;
 use crate::units::Dimension::{Angle, Attenuation, Density, Length};
 
@@ -16,8 +16,10 @@ const FILE: &str = "path of a file";
 pub(super) fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
     let Some(item) = top.get("materials") else { return Ok(BTreeMap::new()) };
     let named = item.named()?;
-    let entry =
-        |(name, item): &(&str, ListItem<'_>)| Ok(((*name).to_owned(), read_material(item)?));
+    let entry = |(name, item): &(&str, ListItem<'_>)| {
+        let nothing = MaterialSpec::Constants { mu: f64::NAN, delta: f64::NAN };
+        Ok(((*name).to_owned(), item.or_instead(read_material(item), nothing)?))
+    };
     named.iter().map(entry).collect()
 }
 
@@ -53,7 +55,11 @@ fn read_material(item: &ListItem<'_>) -> Result<MaterialSpec> {
 
 pub(super) fn read_objects(top: &Table<'_>) -> Result<Vec<Object>> {
     let Some(item) = top.get("object") else { return Ok(Vec::new()) };
-    item.items("tables [[object]]")?.iter().map(read_object).collect()
+    let object = |item: &ListItem<'_>| {
+        let nothing = Object::new("", Shape::Sphere { radius: f64::NAN, sides: None }, "");
+        item.or_instead(read_object(item), nothing)
+    };
+    item.items("tables [[object]]")?.iter().map(object).collect()
 }
 
 fn read_object(item: &ListItem<'_>) -> Result<Object> {
@@ -78,10 +84,14 @@ fn read_geometry(table: &Table<'_>) -> Result<ShapeOrMesh> {
         table.forbid("sha256", "no hash: a shape has no file")?;
         return Ok(ShapeOrMesh::Shape(read_shape(&item)?));
     }
-    let path = PathBuf::from(table.require("mesh", either)?.text(FILE)?);
+    let mesh = table.get("mesh").ok_or_else(|| table.missing("mesh", either))?;
+    let path = PathBuf::from(mesh.text(FILE)?);
     let units = "the length of 1.0 in the mesh file, such as \"mm\" or \"25.4 mm\"";
     let item = table.require("unit", units)?;
-    let unit = Length.parse_unit(item.text(units)?).map_err(|error| item.quantity_error(error))?;
+    let unit = match Length.parse_unit(item.text(units)?) {
+        Ok(unit) => unit,
+        Err(error) => item.refuse(item.quantity_error(error), f64::NAN)?,
+    };
     Ok(ShapeOrMesh::Mesh(Mesh::File { path, unit }))
 }
 

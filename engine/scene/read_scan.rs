@@ -10,7 +10,8 @@ pub(super) fn read_scan(top: &Table<'_>) -> Result<Scan> {
     let Some(item) = top.get("scan") else { return Ok(scan) };
     let table = item.table("scan")?;
     if let Some(item) = table.get("mask_offsets") {
-        scan.mask_offsets = read_series(&item, Length, limits::MASK_OFFSETS, RangeKind::WithBothEnds)?;
+        scan.mask_offsets =
+            read_series(&item, Length, limits::MASK_OFFSETS, RangeKind::WithBothEnds)?;
     }
     if let Some(item) = table.get("angles") {
         scan.angles = read_series(&item, Angle, limits::ANGLES, RangeKind::WithoutEnd)?;
@@ -31,8 +32,9 @@ fn read_series(
         let to = end(&table, "to", "stop", dimension)?;
         return Ok(kind.values(from, to, read_count(&table, [from, to], dimension, most, kind)?));
     }
-    let allowed =
-        format!("a list of 1 to {most} quantities, or {{ from, to, count }} or {{ from, to, step }}");
+    let allowed = format!(
+        "a list of 1 to {most} quantities, or {{ from, to, count }} or {{ from, to, step }}"
+    );
     let items = item.items(&allowed)?;
     if items.is_empty() || items.len() > most as usize {
         return Err(item.mismatch(allowed));
@@ -63,6 +65,9 @@ fn read_count(
     };
     table.forbid("count", "either count or step")?;
     let step = item.quantity(dimension)?;
+    if [from, to, step].iter().any(|value| value.is_nan()) {
+        return Ok(1);
+    }
     let steps = (to - from) / step;
     let whole = steps.round();
     let count = whole + if kind == RangeKind::WithBothEnds { 1.0 } else { 0.0 };
@@ -73,7 +78,8 @@ fn read_count(
     }
     let span = dimension.format(to - from);
     let found = dimension.format(step);
-    let allowed = format!("a step of which a whole number, up to {most} values in all, makes {span}");
+    let allowed =
+        format!("a step of which a whole number, up to {most} values in all, makes {span}");
     Err(item.error(found, allowed))
 }
 

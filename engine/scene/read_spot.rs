@@ -79,7 +79,7 @@ fn placed(table: &Table<'_>, item: &ListItem<'_>, error: Error) -> Error {
         Error::Scene { place, key, found, allowed } if place.file.is_none() => {
             let name = key.rsplit('.').next().unwrap_or_default();
             let at = table.get(name).unwrap_or_else(|| item.clone());
-            let file = item.text("").unwrap_or_default();
+            let file = item.as_text().unwrap_or_default();
             let found = if name == "image" { format!("{file}: {found}") } else { found };
             at.error(found, allowed)
         }

@@ -1,5 +1,7 @@
 //! Cursors over the tree: a table whose keys were checked, and a value with its path. Every
-//! read either succeeds or names place, key, what was found and what is allowed.
+//! read either succeeds or names place, key, what was found and what is allowed. A value of its own
+//! that is wrong is reported to the document, and reading goes on with another in its place; what
+//! several values do wrong together is an `Err`.
 
 use std::collections::HashSet;
 use std::fmt::Write;
@@ -7,7 +9,7 @@ use std::ops::RangeInclusive;
 
 use super::keys::{keys_of, other_name};
 use super::path;
-use super::tree::{Document, Origin, TreeEntry, TreeNode, TreeValue};
+use super::tree::{Document, MISSING, Origin, TreeEntry, TreeNode, TreeValue};
 use crate::units::{Dimension, QuantityError};
 use crate::{Error, Result, suggestion};
 
@@ -41,6 +43,24 @@ impl<'a> ListItem<'a> {
         self.error(describe(&self.node.value), allowed)
     }
 
+    /// Reports an error of this value and goes on with another in its place, so that one reading
+    /// finds all errors. What is missing was reported before.
+    pub(super) fn refuse<T>(&self, error: Error, instead: T) -> Result<T> {
+        if !matches!(self.node.value, TreeValue::Missing) {
+            self.document.report(error);
+        }
+        Ok(instead)
+    }
+
+    /// What was read, or another in its place where that failed as a whole: the error is reported,
+    /// and nothing below this path is known.
+    pub(super) fn or_instead<T>(&self, result: Result<T>, instead: T) -> Result<T> {
+        Ok(self.document.keep(result).unwrap_or_else(|| {
+            self.document.forget(self.path.clone());
+            instead
+        }))
+    }
+
     pub(super) fn is_list(&self) -> bool {
         matches!(self.node.value, TreeValue::List(_))
     }
@@ -49,85 +69,88 @@ impl<'a> ListItem<'a> {
         matches!(self.node.value, TreeValue::Table(_))
     }
 
-    pub(super) fn text(&self, allowed: &str) -> Result<&'a str> {
+    /// The text, if the value is one.
+    pub(super) fn as_text(&self) -> Option<&'a str> {
         match &self.node.value {
-            TreeValue::Text(text) if !text.trim().is_empty() => Ok(text),
-            _ => Err(self.mismatch(allowed)),
+            TreeValue::Text(text) if !text.trim().is_empty() => Some(text),
+            _ => None,
         }
+    }
+
+    pub(super) fn text(&self, allowed: &str) -> Result<&'a str> {
+        self.as_text().map_or_else(|| self.refuse(self.mismatch(allowed), ""), Ok)
     }
 
     pub(super) fn boolean(&self) -> Result<bool> {
         match self.node.value {
             TreeValue::Bool(value) => Ok(value),
-            _ => Err(self.mismatch("true or false")),
+            _ => self.refuse(self.mismatch("true or false"), false),
         }
     }
 
-    /// A quantity with its unit.
+    /// A quantity with its unit; NaN where it is wrong.
     pub(super) fn quantity(&self, dimension: Dimension) -> Result<f64> {
-        match &self.node.value {
-            TreeValue::Text(text) => {
-                dimension.parse(text).map_err(|error| self.quantity_error(error))
-            }
+        let error = match &self.node.value {
+            TreeValue::Text(text) => match dimension.parse(text) {
+                Ok(value) => return Ok(value),
+                Err(error) => self.quantity_error(error),
+            },
             TreeValue::Integer(_) | TreeValue::Float(_) => {
                 let found = format!("{}, without a unit", describe(&self.node.value));
-                Err(self.error(found, dimension.allowed()))
+                self.error(found, dimension.allowed())
             }
-            _ => Err(self.mismatch(dimension.allowed())),
-        }
+            _ => self.mismatch(dimension.allowed()),
+        };
+        self.refuse(error, f64::NAN)
     }
 
     pub(super) fn quantity_error(&self, error: QuantityError) -> Error {
         self.error(error.found, error.allowed)
     }
 
-    /// A number without a unit.
+    /// A number without a unit; NaN where it is wrong.
     pub(super) fn number(&self) -> Result<f64> {
         match self.node.value {
             TreeValue::Float(value) if value.is_finite() => Ok(value),
             TreeValue::Integer(value) => Ok(value as f64),
-            _ => Err(self.mismatch("a finite number without a unit")),
+            _ => self.refuse(self.mismatch("a finite number without a unit"), f64::NAN),
         }
     }
 
-    /// A whole number within bounds.
+    /// A whole number within bounds; the least one where it is wrong.
     pub(super) fn integer<T: TryFrom<i128> + Copy + Into<i128>>(
         &self,
         range: RangeInclusive<T>,
     ) -> Result<T> {
         let (low, high): (i128, i128) = ((*range.start()).into(), (*range.end()).into());
-        let refuse = || self.mismatch(format!("a whole number from {low} to {high}"));
-        match self.node.value {
-            TreeValue::Integer(value) if (low..=high).contains(&value) => {
-                T::try_from(value).map_err(|_| refuse())
-            }
-            _ => Err(refuse()),
-        }
+        let value = match self.node.value {
+            TreeValue::Integer(value) if (low..=high).contains(&value) => T::try_from(value).ok(),
+            _ => None,
+        };
+        let error = || self.mismatch(format!("a whole number from {low} to {high}"));
+        value.map_or_else(|| self.refuse(error(), *range.start()), Ok)
     }
 
-    /// One of a few words.
+    /// One of a few words; the first where it is none of them.
     pub(super) fn choice<T: Copy>(&self, words: &[(&str, T)]) -> Result<T> {
         let names = || words.iter().map(|word| word.0);
-        let quoted: Vec<_> = names().map(|name| format!("{name:?}")).collect();
-        let TreeValue::Text(text) = &self.node.value else {
-            return Err(self.mismatch(quoted.join(", ")));
+        let quoted = names().map(|name| format!("{name:?}")).collect::<Vec<_>>().join(", ");
+        let error = match &self.node.value {
+            TreeValue::Text(text) => match words.iter().find(|word| word.0 == text) {
+                Some(word) => return Ok(word.1),
+                None => self.mismatch(with_suggestion(quoted, text, names())),
+            },
+            _ => self.mismatch(quoted),
         };
-        match words.iter().find(|word| word.0 == text) {
-            Some(word) => Ok(word.1),
-            None => Err(self.mismatch(with_suggestion(quoted.join(", "), text, names()))),
-        }
+        self.refuse(error, words[0].1)
     }
 
-    /// The values of a list.
+    /// The values of a list; none where it is no list.
     pub(super) fn items(&self, allowed: &str) -> Result<Vec<Self>> {
         let TreeValue::List(nodes) = &self.node.value else {
-            return Err(self.mismatch(allowed));
+            return self.refuse(self.mismatch(allowed), Vec::new());
         };
-        let item = |(index, node)| Self {
-            document: self.document,
-            path: format!("{}[{index}]", self.path),
-            node,
-        };
+        let item = |(index, node)| self.child(format!("{}[{index}]", self.path), node);
         Ok(nodes.iter().enumerate().map(item).collect())
     }
 
@@ -137,24 +160,35 @@ impl<'a> ListItem<'a> {
         allowed: &str,
         read: impl Fn(&Self) -> Result<T>,
     ) -> Result<[T; N]> {
-        let values = self.items(allowed)?.iter().map(read).collect::<Result<Vec<_>>>()?;
+        let mut items = self.items(allowed)?;
+        if items.len() != N {
+            self.refuse(self.mismatch(allowed), ())?;
+            items = (0..N).map(|_| self.child(self.path.clone(), &MISSING)).collect();
+        }
+        let values = items.iter().map(read).collect::<Result<Vec<_>>>()?;
         values.try_into().map_err(|_| self.mismatch(allowed))
     }
 
-    /// A table with the keys known for `kind`.
+    /// A table with the keys known for `kind`; others are reported.
     pub(super) fn table(&self, kind: &str) -> Result<Table<'a>> {
         let table = self.any_table(keys_of(kind))?;
-        let Some(entry) = table.entries.iter().find(|e| !table.known.contains(&e.key.as_str()))
-        else {
-            return Ok(table);
-        };
-        let known = table.known.join(", ");
-        let allowed = match other_name(kind, &entry.key) {
-            Some(meant) => format!("{known} (did you mean `{meant}`?)"),
-            None => with_suggestion(known, &entry.key, table.known.iter().copied()),
-        };
-        let key = path::join(&self.path, &entry.key);
-        Err(error(self.document, &entry.origin, key, "an unknown key", allowed))
+        for entry in table.entries.iter().filter(|e| !table.known.contains(&e.key.as_str())) {
+            let known = table.known.iter().copied();
+            let meant = other_name(kind, &entry.key)
+                .or_else(|| suggestion::nearest(&entry.key, known, str::to_lowercase));
+            let mut allowed = table.known.join(", ");
+            if let Some(meant) = meant {
+                let _ = write!(allowed, " (did you mean `{meant}`?)");
+            }
+            let key = path::join(&self.path, &entry.key);
+            let error = error(self.document, &entry.origin, key, "an unknown key", allowed);
+            self.document.report(error);
+            // The key that was meant is not missing as well.
+            if let Some(meant) = meant.filter(|meant| table.get(meant).is_none()) {
+                self.document.forget(path::join(&self.path, meant));
+            }
+        }
+        Ok(table)
     }
 
     /// The values of a table whose keys are names that the scene chooses.
@@ -169,7 +203,8 @@ impl<'a> ListItem<'a> {
                 [] => "a table".to_owned(),
                 _ => format!("a table with the keys {}", known.join(", ")),
             };
-            return Err(self.mismatch(allowed));
+            let item = self.child(self.path.clone(), &MISSING);
+            return self.refuse(self.mismatch(allowed), Table { item, entries: &[], known });
         };
         // TOML refuses a key that stands twice; JSON does not.
         let mut seen = HashSet::new();
@@ -177,17 +212,21 @@ impl<'a> ListItem<'a> {
             if !seen.insert(entry.key.as_str()) {
                 let key = path::join(&self.path, &entry.key);
                 let found = "the key a second time";
-                return Err(error(self.document, &entry.origin, key, found, "each key once"));
+                let error = error(self.document, &entry.origin, key, found, "each key once");
+                self.document.report(error);
             }
         }
         Ok(Table { item: self.clone(), entries, known })
+    }
+
+    fn child(&self, path: String, node: &'a TreeNode) -> Self {
+        Self { document: self.document, path, node }
     }
 }
 
 impl<'a> Table<'a> {
     fn child(&self, entry: &'a TreeEntry) -> ListItem<'a> {
-        let path = path::join(&self.item.path, &entry.key);
-        ListItem { document: self.item.document, path, node: &entry.node }
+        self.item.child(path::join(&self.item.path, &entry.key), &entry.node)
     }
 
     /// The value of a key, if it is there.
@@ -198,7 +237,14 @@ impl<'a> Table<'a> {
 
     /// The value of a key that must be there.
     pub(super) fn require(&self, key: &str, allowed: impl Into<String>) -> Result<ListItem<'a>> {
-        self.get(key).ok_or_else(|| self.missing(key, allowed))
+        if let Some(item) = self.get(key) {
+            return Ok(item);
+        }
+        let path = path::join(&self.item.path, key);
+        if !self.item.document.is_forgotten(&path) {
+            self.item.refuse(self.missing(key, allowed), ())?;
+        }
+        Ok(self.item.child(path, &MISSING))
     }
 
     /// The error for a key that is not there.
@@ -221,7 +267,7 @@ impl<'a> Table<'a> {
     /// Refuses `key` where it has no meaning.
     pub(super) fn forbid(&self, key: &str, why: &str) -> Result<()> {
         match self.get(key) {
-            Some(item) => Err(item.error("the key", why)),
+            Some(item) => item.refuse(item.error("the key", why), ()),
             None => Ok(()),
         }
     }
@@ -266,5 +312,6 @@ fn describe(value: &TreeValue) -> String {
         TreeValue::List(items) => format!("a list of {}", items.len()),
         TreeValue::Table(_) => "a table".to_owned(),
         TreeValue::Other(what) => (*what).to_owned(),
+        TreeValue::Missing => "nothing".to_owned(),
     }
 }

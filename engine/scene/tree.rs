@@ -1,11 +1,12 @@
 //! A scene file as a tree of values that know where they stand, the same for TOML and JSON,
 //! so that one reader serves both and every error, early or late, can show its place.
 
+use std::cell::RefCell;
 use std::ops::Range;
 use std::path::PathBuf;
 
 use super::path::{self, Step};
-use crate::{Error, Place};
+use crate::{Error, Place, Result};
 
 /// Where a value came from.
 #[derive(Debug, Clone)]
@@ -36,7 +37,12 @@ pub(super) enum TreeValue {
     Table(Vec<TreeEntry>),
     /// Something that no key takes: a date, null, an integer past 128 bits.
     Other(&'static str),
+    /// Stands for a value that is missing or wrong, which was reported: reading goes on.
+    Missing,
 }
+
+/// The node that stands for what is missing.
+pub(super) static MISSING: TreeNode = TreeNode { value: TreeValue::Missing, origin: Origin::Whole };
 
 /// A key of a table with its value.
 #[derive(Debug, Clone)]
@@ -53,12 +59,92 @@ pub(super) struct Document {
     pub(super) text: String,
     pub(super) sets: Vec<String>,
     pub(super) root: TreeNode,
+    pub(super) faults: RefCell<Faults>,
+}
+
+/// What reading found wrong so far.
+#[derive(Debug, Default)]
+pub(super) struct Faults {
+    errors: Vec<Error>,
+    /// Paths without a value of their own in the model: what follows from them is no error.
+    paths: Vec<String>,
+}
+
+impl Faults {
+    /// Whether a key is one of these, or stands below or above one.
+    fn concern(&self, key: &str) -> bool {
+        self.paths.iter().any(|path| below(key, path) || below(path, key))
+    }
+}
+
+/// Whether a path is another one, or leads below it.
+fn below(path: &str, other: &str) -> bool {
+    let rest = path.strip_prefix(other);
+    rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
 }
 
 /// Longest part of a line that an excerpt shows: a JSON file may be one long line.
 const EXCERPT: usize = 100;
 
 impl Document {
+    /// A document without faults.
+    pub(super) fn new(file: Option<PathBuf>, text: String, root: TreeNode) -> Self {
+        Self { file, text, sets: Vec::new(), root, faults: RefCell::default() }
+    }
+
+    /// Keeps an error, unless it follows from one before it.
+    pub(super) fn report(&self, error: Error) {
+        let mut faults = self.faults.borrow_mut();
+        if let Error::Scene { key, .. } = &error {
+            if faults.paths.iter().any(|path| below(key, path)) {
+                return;
+            }
+            faults.paths.push(key.clone());
+        }
+        faults.errors.push(error);
+    }
+
+    /// Marks a key whose value is not known, for a reason that was reported.
+    pub(super) fn forget(&self, path: String) {
+        self.faults.borrow_mut().paths.push(path);
+    }
+
+    /// Whether the value of a key is not known.
+    pub(super) fn is_forgotten(&self, path: &str) -> bool {
+        self.faults.borrow().paths.iter().any(|known| known == path)
+    }
+
+    /// Whether an error was reported.
+    pub(super) fn has_errors(&self) -> bool {
+        !self.faults.borrow().errors.is_empty()
+    }
+
+    /// Keeps the value, or the error.
+    pub(super) fn keep<T>(&self, result: Result<T>) -> Option<T> {
+        result.map_err(|error| self.report(error)).ok()
+    }
+
+    /// All errors of reading and these of the values that were read, but for those that only
+    /// follow from others, in the order of the text.
+    pub(super) fn all_errors(&self, of_values: Vec<Error>) -> Vec<Error> {
+        let faults = self.faults.take();
+        let follows = |error: &Error| match error {
+            Error::Scene { key, found, allowed, .. } if !faults.paths.is_empty() => {
+                faults.concern(key) || found.contains("NaN") || allowed.contains("NaN")
+            }
+            _ => false,
+        };
+        let of_values = of_values.into_iter().filter(|error| !follows(error));
+        let mut errors: Vec<Error> = of_values.map(|error| self.located(error)).collect();
+        errors.extend(faults.errors);
+        let line = |error: &Error| match error {
+            Error::Scene { place, .. } => place.line_column,
+            _ => None,
+        };
+        errors.sort_by_key(line);
+        errors
+    }
+
     /// Line, column and excerpt of an origin.
     pub(super) fn place(&self, origin: &Origin) -> Place {
         let mut place = Place { file: self.file.clone(), ..Place::default() };
@@ -85,6 +171,9 @@ impl Document {
             {
                 let place = Box::new(self.place(&self.origin_of(&key)));
                 Error::Scene { place, key, found, allowed }
+            }
+            Error::Several(errors) => {
+                Error::Several(errors.into_iter().map(|error| self.located(error)).collect())
             }
             other => other,
         }

@@ -8,7 +8,7 @@ use super::validate_detector::validate_detector;
 use super::validate_instances::validate_instances;
 use super::validate_material::validate_material;
 use super::validate_shape::validate_shape;
-use super::{MaskBody, MaskSpec, Mesh, Scene, ShapeOrMesh, limits};
+use super::{MaskBody, MaskSpec, Mesh, Placement, Scene, ShapeOrMesh, limits};
 use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Length};
 use crate::{Error, Result, printed};
@@ -20,50 +20,56 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// [`Error::Scene`] for the first value that is not allowed, with its key.
+    /// [`Error::Scene`] for a value that is not allowed, with its key; [`Error::Several`] for more
+    /// than one.
     pub fn validate(&self) -> Result<()> {
-        self.validate_axis()?;
-        for (key, mask) in
-            [("sample_mask", &self.sample_mask), ("detector_mask", &self.detector_mask)]
-        {
-            if let Some(mask) = mask {
-                validate_mask(key, mask)?;
-            }
-        }
-        self.validate_order()?;
-        self.validate_periods()?;
-        self.validate_sampling()?;
-        self.validate_scan()?;
-        for (name, spec) in &self.materials {
-            validate_material(name, spec)?;
-        }
-        named("surroundings.material", &self.surroundings)?;
-        self.validate_objects()
+        Error::of_all(self.faults())
     }
 
-    fn validate_axis(&self) -> Result<()> {
+    /// The errors of all values that are not allowed.
+    pub(super) fn faults(&self) -> Vec<Error> {
+        let mut faults = Faults::default();
+        self.validate_axis(&mut faults);
+        for (key, mask) in self.masks() {
+            validate_mask(key, mask, &mut faults);
+        }
+        faults.note(self.validate_sample_mask());
+        faults.note(self.validate_detector_mask());
+        faults.note(self.validate_periods());
+        self.validate_sampling(&mut faults);
+        self.validate_scan(&mut faults);
+        for (name, spec) in &self.materials {
+            faults.note(validate_material(name, spec));
+        }
+        faults.note(named("surroundings.material", &self.surroundings));
+        self.validate_objects(&mut faults);
+        faults.0
+    }
+
+    fn masks(&self) -> impl Iterator<Item = (&'static str, &MaskSpec)> {
+        let masks = [("sample_mask", &self.sample_mask), ("detector_mask", &self.detector_mask)];
+        masks.into_iter().filter_map(|(key, mask)| Some((key, mask.as_ref()?)))
+    }
+
+    fn validate_axis(&self, faults: &mut Faults) {
         let (source, detector) = (&self.source, &self.detector);
-        positive("source.distance", source.distance, Length)?;
-        validate_spot(&source.spot)?;
-        spot_in_view(&source.spot, detector.pitch, detector.pixels)?;
-        validate_beam(&source.beam)?;
-        validate_detector(self)?;
-        ordered(
-            "detector.distance",
-            detector.distance,
-            source.distance < detector.distance,
-            format!("more than source.distance, {}", Length.format(source.distance)),
-        )
+        faults.note(positive("source.distance", source.distance, Length));
+        faults.note(validate_spot(&source.spot));
+        faults.note(spot_in_view(&source.spot, detector.pitch, detector.pixels));
+        validate_beam(&source.beam, faults);
+        validate_detector(self, faults);
+        if detector.distance > 0.0 && detector.distance <= source.distance {
+            let found = Length.format(detector.distance);
+            let allowed = format!("more than source.distance, {}", Length.format(source.distance));
+            faults.add(Error::scene("detector.distance", found, allowed));
+        }
     }
 
     /// Time grows with the apertures that a pixel sees.
     fn validate_periods(&self) -> Result<()> {
         let detector = &self.detector;
         let most = limits::APERTURES_PER_PIXEL;
-        for (table, mask) in
-            [("sample_mask", &self.sample_mask), ("detector_mask", &self.detector_mask)]
-        {
-            let Some(mask) = mask else { continue };
+        for (table, mask) in self.masks() {
             let pixel = detector.pitch[0] * mask.distance / detector.distance;
             if pixel / mask.period > most {
                 return Err(Error::scene(
@@ -79,123 +85,166 @@ impl Scene {
         Ok(())
     }
 
-    /// Source, sample mask, rotation centre, detector mask, detector: in this order.
-    fn validate_order(&self) -> Result<()> {
+    /// The sample mask stands between the source and the rotation centre, with its bars.
+    fn validate_sample_mask(&self) -> Result<()> {
+        let Some(mask) = &self.sample_mask else { return Ok(()) };
         let centre = self.source.distance;
-        if let Some(mask) = &self.sample_mask {
-            let half = mask.body.thickness() / 2.0;
-            ordered(
-                "sample_mask.distance",
-                mask.distance,
-                mask.distance - half > 0.0 && mask.distance + half < centre,
-                format!(
-                    "bars between the source and the rotation centre at source.distance, {}",
-                    Length.format(centre)
-                ),
-            )?;
+        let [front, back] = mask.faces();
+        // Values that cannot be have errors of their own.
+        let is_out = centre > 0.0 && has_place(mask) && (front <= 0.0 || back >= centre);
+        if !is_out {
+            return Ok(());
         }
-        if let Some(mask) = &self.detector_mask {
-            let half = mask.body.thickness() / 2.0;
-            let back = self.detector.distance + AT_DETECTOR;
-            ordered(
-                "detector_mask.distance",
-                mask.distance,
-                mask.distance - half > centre && mask.distance + half <= back,
-                format!(
-                    "bars between the rotation centre at source.distance, {}, and the detector \
-                     at {}; the distance is that of the centre plane of the bars",
-                    Length.format(centre),
-                    Length.format(self.detector.distance)
-                ),
-            )?;
-        }
-        Ok(())
+        let allowed = format!(
+            "bars between the source and the rotation centre at source.distance, {}",
+            Length.format(centre)
+        );
+        misplaced("sample_mask", mask, [0.0, centre], allowed)
     }
 
-    fn validate_sampling(&self) -> Result<()> {
+    /// The detector mask stands between the rotation centre and the detector, with its bars.
+    fn validate_detector_mask(&self) -> Result<()> {
+        let Some(mask) = &self.detector_mask else { return Ok(()) };
+        let (centre, end) = (self.source.distance, self.detector.distance);
+        let [front, back] = mask.faces();
+        let is_out = centre > 0.0
+            && end > centre
+            && has_place(mask)
+            && (front <= centre || back > end + AT_DETECTOR);
+        if !is_out {
+            return Ok(());
+        }
+        let allowed = format!(
+            "bars between the rotation centre at source.distance, {}, and the detector at {}; the \
+             distance is that of the centre plane of the bars",
+            Length.format(centre),
+            Length.format(end)
+        );
+        misplaced("detector_mask", mask, [centre, end], allowed)
+    }
+
+    fn validate_sampling(&self, faults: &mut Faults) {
         let sampling = &self.sampling;
         if let Some(cells) = sampling.cells {
-            count("sampling.cells", cells, 1, limits::CELLS)?;
+            faults.note(count("sampling.cells", cells, 1, limits::CELLS));
         }
-        count("sampling.rows", sampling.rows, 1, limits::ROWS)?;
+        faults.note(count("sampling.rows", sampling.rows, 1, limits::ROWS));
         let cells = u64::from(sampling.cells.unwrap_or(1)) * u64::from(sampling.rows);
         if cells > u64::from(limits::CELLS) {
             let found = format!("{cells} in {} rows", sampling.rows);
             let allowed = format!("cells × rows up to {}", limits::CELLS);
-            return Err(Error::scene("sampling.cells", found, allowed));
+            faults.add(Error::scene("sampling.cells", found, allowed));
         }
         if !limits::TOLERANCE.contains(&sampling.tolerance) {
-            return Err(Error::scene(
+            faults.add(Error::scene(
                 "sampling.tolerance",
                 format!("{:?}", sampling.tolerance),
                 "a share of open beam from 1e-6 to 1e-2",
             ));
         }
-        positive("sampling.angle_tolerance", sampling.angle_tolerance, Angle)?;
-        count("sampling.max_rays", sampling.max_rays, 1, limits::RAYS)?;
-        sampling.rays.iter().try_for_each(|rays| count("sampling.rays", *rays, 1, limits::RAYS))?;
+        faults.note(positive("sampling.angle_tolerance", sampling.angle_tolerance, Angle));
+        faults.note(count("sampling.max_rays", sampling.max_rays, 1, limits::RAYS));
+        let mut rays = sampling.rays.iter();
+        faults.note(rays.try_for_each(|rays| count("sampling.rays", *rays, 1, limits::RAYS)));
         let [x, z] = sampling.rays.map(u64::from);
-        match x * z {
-            rays if rays <= limits::RAYS_OF_PIXEL => Ok(()),
-            rays => {
-                let allowed = format!("up to {} in a pixel", limits::RAYS_OF_PIXEL);
-                Err(Error::scene("sampling.rays", format!("{rays} in a pixel"), allowed))
-            }
+        if x * z > limits::RAYS_OF_PIXEL {
+            let allowed = format!("up to {} in a pixel", limits::RAYS_OF_PIXEL);
+            let found = format!("{} in a pixel", x * z);
+            faults.add(Error::scene("sampling.rays", found, allowed));
         }
     }
 
-    fn validate_scan(&self) -> Result<()> {
+    fn validate_scan(&self, faults: &mut Faults) {
         let scan = &self.scan;
-        series("scan.mask_offsets", &scan.mask_offsets, Length, limits::MASK_OFFSETS)?;
-        series("scan.angles", &scan.angles, Angle, limits::ANGLES)?;
+        faults.note(series("scan.mask_offsets", &scan.mask_offsets, Length, limits::MASK_OFFSETS));
+        faults.note(series("scan.angles", &scan.angles, Angle, limits::ANGLES));
         let moved = scan.mask_offsets.iter().find(|offset| offset.abs() > 0.0);
-        match (moved, &self.sample_mask) {
-            (Some(offset), None) => Err(Error::scene(
+        if let (Some(offset), None) = (moved, &self.sample_mask) {
+            faults.add(Error::scene(
                 "scan.mask_offsets",
                 format!("{} without a sample mask", Length.format(*offset)),
                 "only \"0 m\" where there is no [sample_mask] to move",
-            )),
-            _ => Ok(()),
+            ));
         }
     }
 
-    fn validate_objects(&self) -> Result<()> {
+    fn validate_objects(&self, faults: &mut Faults) {
         let mut names = HashSet::new();
         for (index, object) in self.objects.iter().enumerate() {
             let key = |key: &str| format!("object[{index}].{key}");
-            named(&key("name"), &object.name)?;
+            faults.note(named(&key("name"), &object.name));
             if !names.insert(&object.name) {
                 let found = format!("{:?}, the name of an earlier object", object.name);
-                return Err(Error::scene(key("name"), found, "a name of its own"));
+                faults.add(Error::scene(key("name"), found, "a name of its own"));
             }
-            named(&key("material"), &object.material)?;
+            faults.note(named(&key("material"), &object.material));
             match &object.geometry {
-                ShapeOrMesh::Shape(shape) => validate_shape(&key("shape"), shape)?,
+                ShapeOrMesh::Shape(shape) => validate_shape(&key("shape"), shape, faults),
                 ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
                     if path.as_os_str().is_empty() {
-                        return Err(Error::scene(key("mesh"), "\"\"", "path of a file"));
+                        faults.add(Error::scene(key("mesh"), "\"\"", "path of a file"));
                     }
-                    positive(&key("unit"), *unit, Length)?;
+                    faults.note(positive(&key("unit"), *unit, Length));
                 }
                 ShapeOrMesh::Mesh(Mesh::Arrays { .. }) => {}
             }
-            let placement = &object.placement;
-            plain(&key("scale"), placement.scale, placement.scale > 0.0, "a number > 0")?;
-            for (turn, (axis, angle)) in placement.rotate.iter().enumerate() {
-                let key = |what: &str| format!("object[{index}].rotate[{turn}].{what}");
-                let length = libm::hypot(libm::hypot(axis[0], axis[1]), axis[2]);
-                let allowed = "a direction of finite length > 0";
-                plain(&key("axis"), length, length > 0.0, allowed)?;
-                finite(&key("angle"), *angle, Angle)?;
-            }
-            for offset in placement.position {
-                finite(&key("position"), offset, Length)?;
-            }
+            validate_placement(&key, &object.placement, faults);
             if let Some(instances) = &object.instances {
-                validate_instances(&key("instances"), instances, &object.geometry)?;
+                let found = validate_instances(&key("instances"), instances, &object.geometry);
+                faults.note(found);
             }
         }
-        Ok(())
+    }
+}
+
+fn validate_placement(key: &dyn Fn(&str) -> String, placement: &Placement, faults: &mut Faults) {
+    faults.note(plain(&key("scale"), placement.scale, placement.scale > 0.0, "a number > 0"));
+    for (turn, (axis, angle)) in placement.rotate.iter().enumerate() {
+        let key = |what: &str| key(&format!("rotate[{turn}].{what}"));
+        let length = libm::hypot(libm::hypot(axis[0], axis[1]), axis[2]);
+        let allowed = "a direction of finite length > 0";
+        faults.note(plain(&key("axis"), length, length > 0.0, allowed));
+        faults.note(finite(&key("angle"), *angle, Angle));
+    }
+    let mut position = placement.position.iter();
+    faults.note(position.try_for_each(|offset| finite(&key("position"), *offset, Length)));
+}
+
+/// Whether distance and thickness of a mask are such that it can stand anywhere.
+fn has_place(mask: &MaskSpec) -> bool {
+    mask.distance > 0.0 && mask.body.thickness() >= 0.0
+}
+
+/// Bars of masks are thinner, m: one that is not is more likely a mistake than the distance.
+const THICK: f64 = 1e-3;
+
+/// The error of a mask whose bars do not stand between two planes: of its thickness where its own
+/// plane does and the bars are thick, and else of its distance.
+fn misplaced(table: &str, mask: &MaskSpec, [low, high]: [f64; 2], allowed: String) -> Result<()> {
+    let (distance, thickness) = (mask.distance, mask.body.thickness());
+    if distance > low && distance < high - AT_DETECTOR && thickness > THICK {
+        let most = 2.0 * (distance - low).min(high - distance);
+        // Without the rounding of a difference.
+        let most = Length.format((most * 1e9).round() / 1e9);
+        let key = format!("{table}.thickness");
+        let allowed =
+            format!("up to {most} at {table}.distance = {}: {allowed}", Length.format(distance));
+        return Err(Error::scene(key, Length.format(thickness), allowed));
+    }
+    Err(Error::scene(format!("{table}.distance"), Length.format(distance), allowed))
+}
+
+/// The errors of values found so far.
+#[derive(Debug, Default)]
+pub(super) struct Faults(Vec<Error>);
+
+impl Faults {
+    pub(super) fn add(&mut self, error: Error) {
+        self.0.push(error);
+    }
+
+    pub(super) fn note(&mut self, checked: Result<()>) {
+        self.0.extend(checked.err());
     }
 }
 
@@ -235,14 +284,14 @@ fn spot_in_view(spot: &Spot, pitch: [f64; 2], pixels: [u32; 2]) -> Result<()> {
     }
 }
 
-fn validate_mask(table: &str, mask: &MaskSpec) -> Result<()> {
+fn validate_mask(table: &str, mask: &MaskSpec, faults: &mut Faults) {
     let key = |key: &str| format!("{table}.{key}");
-    positive(&key("distance"), mask.distance, Length)?;
-    positive(&key("period"), mask.period, Length)?;
-    positive(&key("aperture"), mask.aperture, Length)?;
-    finite(&key("offset"), mask.offset, Length)?;
+    faults.note(positive(&key("distance"), mask.distance, Length));
+    faults.note(positive(&key("period"), mask.period, Length));
+    faults.note(positive(&key("aperture"), mask.aperture, Length));
+    faults.note(finite(&key("offset"), mask.offset, Length));
     if mask.aperture > mask.period {
-        return Err(Error::scene(
+        faults.add(Error::scene(
             key("aperture"),
             format!("{} in the mask plane", Length.format(mask.aperture)),
             format!("no more than the period, {}", Length.format(mask.period)),
@@ -250,12 +299,13 @@ fn validate_mask(table: &str, mask: &MaskSpec) -> Result<()> {
     }
     match &mask.body {
         MaskBody::Bars { material, thickness } => {
-            named(&key("material"), material)?;
-            positive(&key("thickness"), *thickness, Length)
+            faults.note(named(&key("material"), material));
+            faults.note(positive(&key("thickness"), *thickness, Length));
         }
         MaskBody::Sheet { transmission } => {
             let inside = (0.0..=1.0).contains(transmission);
-            plain(&key("transmission"), *transmission, inside, "a number from 0 to 1")
+            let allowed = "a number from 0 to 1";
+            faults.note(plain(&key("transmission"), *transmission, inside, allowed));
         }
     }
 }
@@ -304,13 +354,6 @@ pub(super) fn named(key: &str, name: &str) -> Result<()> {
         return Err(Error::scene(key, found, "a name without control or bidirectional characters"));
     }
     Ok(())
-}
-
-fn ordered(key: &str, value: f64, fulfilled: bool, allowed: String) -> Result<()> {
-    if fulfilled {
-        return Ok(());
-    }
-    Err(Error::scene(key, Length.format(value), allowed))
 }
 
 fn series(key: &str, values: &[f64], dimension: Dimension, most: u32) -> Result<()> {

@@ -1,7 +1,7 @@
 //! Ranges of the detector.
 
 use super::detector::{Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
-use super::validate::{count, named, not_negative, plain, positive};
+use super::validate::{Faults, count, named, not_negative, plain, positive};
 use super::{Beam, Scene, SpectrumOrigin, SpectrumSpec, limits};
 use crate::units::Dimension::{Energy, Length};
 use crate::{Error, Result};
@@ -9,52 +9,58 @@ use crate::{Error, Result};
 /// Photons of an open pixel: beyond this f64 does not resolve neighbouring counts.
 const PHOTONS: f64 = 1e12;
 
-pub(super) fn validate_detector(scene: &Scene) -> Result<()> {
+pub(super) fn validate_detector(scene: &Scene, faults: &mut Faults) {
     let detector = &scene.detector;
-    positive("detector.distance", detector.distance, Length)?;
-    for pixels in detector.pixels {
-        count("detector.pixels", pixels, 1, limits::PIXELS)?;
-    }
-    detector.pitch.iter().try_for_each(|pitch| positive("detector.pitch", *pitch, Length))?;
-    validate_mode(detector)?;
+    faults.note(positive("detector.distance", detector.distance, Length));
+    let mut pixels = detector.pixels.iter();
+    faults.note(pixels.try_for_each(|side| count("detector.pixels", *side, 1, limits::PIXELS)));
+    let mut pitch = detector.pitch.iter();
+    faults.note(pitch.try_for_each(|pitch| positive("detector.pitch", *pitch, Length)));
+    faults.note(validate_mode(detector));
     // Where it takes a file to know the highest energy, the run and `check` look.
-    match &scene.source.beam {
-        Beam::Energy(energy) => validate_thresholds(detector, *energy)?,
+    faults.note(match &scene.source.beam {
+        Beam::Energy(energy) => validate_thresholds(detector, *energy),
         Beam::Spectrum(SpectrumSpec { origin: SpectrumOrigin::Tube { kvp, .. }, .. }) => {
-            validate_thresholds(detector, *kvp)?;
+            validate_thresholds(detector, *kvp)
         }
-        Beam::Spectrum(_) => {}
-    }
+        Beam::Spectrum(_) => Ok(()),
+    });
     if let Some(absorber) = &detector.absorber {
-        named("detector.absorber.material", &absorber.material)?;
-        positive("detector.absorber.thickness", absorber.thickness, Length)?;
+        faults.note(named("detector.absorber.material", &absorber.material));
+        faults.note(positive("detector.absorber.thickness", absorber.thickness, Length));
     }
     match &detector.blur {
-        Some(Blur::Gaussian { sigma }) => {
-            sigma.iter().try_for_each(|s| not_negative("detector.blur.sigma", *s, Length))?;
-            for (sigma, pitch) in sigma.iter().zip(detector.pitch) {
-                let most = limits::BLUR * pitch;
-                if *sigma > most {
-                    return Err(Error::scene(
-                        "detector.blur.sigma",
-                        Length.format(*sigma),
-                        format!("no more than {} pixels, {}", limits::BLUR, Length.format(most)),
-                    ));
-                }
-            }
-        }
-        Some(Blur::Kernel(kernel)) => validate_kernel("detector.blur", kernel)?,
+        Some(Blur::Gaussian { sigma }) => faults.note(validate_blur(*sigma, detector.pitch)),
+        Some(Blur::Kernel(kernel)) => faults.note(validate_kernel("detector.blur", kernel)),
         None => {}
     }
     match &detector.scatter {
-        Some(Scatter::Image(path)) => file("detector.scatter.image", path)?,
+        Some(Scatter::Image(path)) => faults.note(file("detector.scatter.image", path)),
         Some(Scatter::Kernel { kernel, fraction }) => {
-            validate_kernel("detector.scatter", kernel)?;
-            plain("detector.scatter.fraction", *fraction, *fraction > 0.0, "a number > 0")?;
+            faults.note(validate_kernel("detector.scatter", kernel));
+            let key = "detector.scatter.fraction";
+            faults.note(plain(key, *fraction, *fraction > 0.0, "a number > 0"));
         }
         None => {}
     }
-    detector.counts.as_ref().map_or(Ok(()), |counts| validate_counts(detector, counts))
+    if let Some(counts) = &detector.counts {
+        validate_counts(detector, counts, faults);
+    }
+}
+
+fn validate_blur(sigma: [f64; 2], pitch: [f64; 2]) -> Result<()> {
+    for (sigma, pitch) in sigma.into_iter().zip(pitch) {
+        not_negative("detector.blur.sigma", sigma, Length)?;
+        let most = limits::BLUR * pitch;
+        if sigma > most {
+            return Err(Error::scene(
+                "detector.blur.sigma",
+                Length.format(sigma),
+                format!("no more than {} pixels, {}", limits::BLUR, Length.format(most)),
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn validate_mode(detector: &Detector) -> Result<()> {
@@ -105,24 +111,23 @@ fn file(key: &str, path: &std::path::Path) -> Result<()> {
     Ok(())
 }
 
-fn validate_counts(detector: &Detector, counts: &Counts) -> Result<()> {
+fn validate_counts(detector: &Detector, counts: &Counts, faults: &mut Faults) {
     let key = |key: &str| format!("detector.{key}");
     let Counts { photons, electronic_noise, swank, gain, offset, bit_depth } = *counts;
-    plain(
-        &key("photons"),
-        photons,
-        photons > 0.0 && photons <= PHOTONS,
-        "a number of photons > 0, up to 1e12",
-    )?;
+    let allowed = "a number of photons > 0, up to 1e12";
+    faults.note(plain(&key("photons"), photons, photons > 0.0 && photons <= PHOTONS, allowed));
     let noise = electronic_noise >= 0.0;
-    plain(&key("electronic_noise"), electronic_noise, noise, "a number >= 0")?;
-    plain(&key("swank"), swank, swank > 0.0 && swank <= 1.0, "a number above 0, up to 1")?;
+    faults.note(plain(&key("electronic_noise"), electronic_noise, noise, "a number >= 0"));
+    let inside = swank > 0.0 && swank <= 1.0;
+    faults.note(plain(&key("swank"), swank, inside, "a number above 0, up to 1"));
     if swank < 1.0 && detector.mode != DetectorMode::Integrating {
         let found = format!("{swank:?} with mode = \"counting\"");
         let allowed = "1: a photon that is counted is one count; or mode = \"integrating\"";
-        return Err(Error::scene(key("swank"), found, allowed));
+        faults.add(Error::scene(key("swank"), found, allowed));
     }
-    plain(&key("gain"), gain, gain > 0.0, "a number > 0")?;
-    plain(&key("offset"), offset, true, "a finite number")?;
-    bit_depth.map_or(Ok(()), |bits| count(&key("bit_depth"), bits, 1, limits::BIT_DEPTH))
+    faults.note(plain(&key("gain"), gain, gain > 0.0, "a number > 0"));
+    faults.note(plain(&key("offset"), offset, true, "a finite number"));
+    if let Some(bits) = bit_depth {
+        faults.note(count(&key("bit_depth"), bits, 1, limits::BIT_DEPTH));
+    }
 }

@@ -49,8 +49,7 @@ fn validate_mixture(table: &str, parts: &[(String, f64)]) -> Result<()> {
     for (name, weight) in parts {
         let key = path::join(table, name);
         named(&key, name)?;
-        check_formula(name)
-            .map_err(|allowed| Error::scene(&*key, format!("{name:?}"), allowed))?;
+        check_formula(name).map_err(|allowed| Error::scene(&*key, format!("{name:?}"), allowed))?;
         plain(&key, *weight, *weight > 0.0, "a share by weight > 0")?;
     }
     let sum = parts.iter().fold(0.0, |sum, part| sum + part.1);

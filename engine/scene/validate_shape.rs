@@ -1,58 +1,66 @@
 //! Ranges of built-in shapes.
 
-use super::validate::{count, finite, not_negative, positive};
+use super::validate::{Faults, count, finite, not_negative, positive};
 use super::{Shape, limits};
 use crate::units::Dimension::Length;
 use crate::{Error, Result};
 
 /// `key`: of the shape, such as `object[0].shape`.
-pub(super) fn validate_shape(key: &str, shape: &Shape) -> Result<()> {
-    let above_zero = |name: &str, length: f64| positive(&format!("{key}.{name}"), length, Length);
-    let facets = |name: &str, sides: Option<u32>, least: u32, most: u32| match sides {
-        Some(sides) => count(&format!("{key}.{name}"), sides, least, most),
+pub(super) fn validate_shape(key: &str, shape: &Shape, faults: &mut Faults) {
+    let name = |name: &str| format!("{key}.{name}");
+    let above_zero = |key: &str, length: f64| positive(&name(key), length, Length);
+    let each =
+        |key: &str, lengths: &[f64]| lengths.iter().try_for_each(|length| above_zero(key, *length));
+    let facets = |key: &str, sides: Option<u32>, least: u32, most: u32| match sides {
+        Some(sides) => count(&name(key), sides, least, most),
         None => Ok(()),
     };
-    match shape {
-        Shape::Box { size } => size.iter().try_for_each(|edge| above_zero("box.size", *edge)),
-        Shape::Cylinder { radius, height, sides } => {
-            above_zero("cylinder.radius", *radius)?;
-            above_zero("cylinder.height", *height)?;
-            facets("cylinder.sides", *sides, 3, limits::SIDES)
-        }
-        Shape::Cone { radius, top_radius, height, sides } => {
-            above_zero("cone.radius", *radius)?;
-            not_negative(&format!("{key}.cone.top_radius"), *top_radius, Length)?;
-            above_zero("cone.height", *height)?;
-            facets("cone.sides", *sides, 3, limits::SIDES)
-        }
-        Shape::Prism { radius, height, sides } => {
-            above_zero("prism.radius", *radius)?;
-            above_zero("prism.height", *height)?;
-            facets("prism.sides", Some(*sides), 3, limits::SIDES)
-        }
-        Shape::Extrusion { points, height } => {
-            validate_polygon(&format!("{key}.extrusion.points"), points)?;
-            above_zero("extrusion.height", *height)
-        }
-        Shape::Sphere { radius, sides } => {
-            above_zero("sphere.radius", *radius)?;
-            facets("sphere.sides", *sides, 4, limits::SPHERE_SIDES)
-        }
-        Shape::Ellipsoid { semi_axes, sides } => {
-            semi_axes.iter().try_for_each(|axis| above_zero("ellipsoid.semi_axes", *axis))?;
-            facets("ellipsoid.sides", *sides, 4, limits::SPHERE_SIDES)
-        }
-        Shape::Torus { radius, tube_radius, sides } => {
-            above_zero("torus.radius", *radius)?;
-            above_zero("torus.tube_radius", *tube_radius)?;
-            if tube_radius >= radius {
-                let allowed = format!("less than radius, {}", Length.format(*radius));
-                let found = Length.format(*tube_radius);
-                return Err(Error::scene(format!("{key}.torus.tube_radius"), found, allowed));
-            }
-            facets("torus.sides", *sides, 4, limits::SPHERE_SIDES)
-        }
+    let checked = match shape {
+        Shape::Box { size } => vec![each("box.size", size)],
+        Shape::Cylinder { radius, height, sides } => vec![
+            above_zero("cylinder.radius", *radius),
+            above_zero("cylinder.height", *height),
+            facets("cylinder.sides", *sides, 3, limits::SIDES),
+        ],
+        Shape::Cone { radius, top_radius, height, sides } => vec![
+            above_zero("cone.radius", *radius),
+            not_negative(&name("cone.top_radius"), *top_radius, Length),
+            above_zero("cone.height", *height),
+            facets("cone.sides", *sides, 3, limits::SIDES),
+        ],
+        Shape::Prism { radius, height, sides } => vec![
+            above_zero("prism.radius", *radius),
+            above_zero("prism.height", *height),
+            facets("prism.sides", Some(*sides), 3, limits::SIDES),
+        ],
+        Shape::Extrusion { points, height } => vec![
+            validate_polygon(&name("extrusion.points"), points),
+            above_zero("extrusion.height", *height),
+        ],
+        Shape::Sphere { radius, sides } => vec![
+            above_zero("sphere.radius", *radius),
+            facets("sphere.sides", *sides, 4, limits::SPHERE_SIDES),
+        ],
+        Shape::Ellipsoid { semi_axes, sides } => vec![
+            each("ellipsoid.semi_axes", semi_axes),
+            facets("ellipsoid.sides", *sides, 4, limits::SPHERE_SIDES),
+        ],
+        Shape::Torus { radius, tube_radius, sides } => vec![
+            above_zero("torus.radius", *radius),
+            above_zero("torus.tube_radius", *tube_radius)
+                .and_then(|()| thinner(&name("torus.tube_radius"), *tube_radius, *radius)),
+            facets("torus.sides", *sides, 4, limits::SPHERE_SIDES),
+        ],
+    };
+    checked.into_iter().for_each(|checked| faults.note(checked));
+}
+
+fn thinner(key: &str, tube_radius: f64, radius: f64) -> Result<()> {
+    if tube_radius >= radius {
+        let allowed = format!("less than radius, {}", Length.format(radius));
+        return Err(Error::scene(key, Length.format(tube_radius), allowed));
     }
+    Ok(())
 }
 
 /// Refuses polygons without area, and those whose edges cross or touch one another.

@@ -183,9 +183,8 @@ fn write_material(
             out.quantity("density", *density, Density);
         }
         MaterialSpec::Mixture { parts, density } => {
-            let part = |(name, weight): &(String, f64)| {
-                format!("{} = {}", quoted(name), number(*weight))
-            };
+            let part =
+                |(name, weight): &(String, f64)| format!("{} = {}", quoted(name), number(*weight));
             let parts: Vec<_> = parts.iter().map(part).collect();
             out.raw("mixture", format!("{{ {} }}", parts.join(", ")));
             out.quantity("density", *density, Density);

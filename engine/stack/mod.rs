@@ -7,6 +7,7 @@
 
 mod apart;
 mod array;
+mod array_frames;
 mod callback;
 mod exr_frames;
 mod npy;
@@ -17,6 +18,7 @@ mod record;
 mod run_directory;
 mod run_file;
 mod scene_file;
+mod tiff_header;
 mod verify;
 
 pub use apart::{is_of_run, is_same_place, refuse_overlap};
@@ -26,6 +28,7 @@ pub(crate) use npy::{le_bytes, npy_header};
 pub use read::{Maps, OpenRun, StackFile};
 pub use record::{RunRecord, SamplingSummary};
 pub use run_directory::{Format, RunDirectory};
+pub(crate) use run_directory::{LOG, SCENE};
 pub use run_file::{FORMAT_VERSION, RunFile, RunState};
 pub use verify::{RunCheck, check_run};
 

@@ -2,7 +2,7 @@
 //! and no link is followed.
 
 use super::run_directory::{COUNTS, LOG, RUN, SCENE};
-use super::{Exposure, RunFile, StackShape, exr_frames, npy};
+use super::{Exposure, RunFile, StackShape, array_frames, exr_frames};
 use crate::whole_file::refuse_link;
 use crate::{Error, Result};
 use std::fs;
@@ -19,7 +19,7 @@ const FOLDERS: [&str; 6] =
 
 /// Names that stand in a run directory.
 pub(super) fn owned_names() -> impl Iterator<Item = &'static str> {
-    [RUN, SCENE, LOG, npy::FLAT, npy::SAMPLE, npy::DARK].into_iter().chain(NEW).chain(FOLDERS)
+    [RUN, SCENE, LOG].into_iter().chain(array_frames::FILES).chain(NEW).chain(FOLDERS)
 }
 
 /// Whether a run can begin in `path`.
@@ -101,9 +101,11 @@ fn refuse_links_in(folder: &Path) -> Result<()> {
 
 /// Whether beamlet gives this name to anything in a folder of a run.
 fn is_of_folder(name: &str) -> bool {
-    let stacks = ["flat", "sample", npy::FLAT, npy::SAMPLE, exr_frames::PARTIAL, SPOOL];
+    let stacks = ["flat", "sample", exr_frames::PARTIAL, SPOOL];
     let numbered = [("step_", ".exr"), ("view_", ""), ("view_", ".bin"), ("view_", ".partial")];
-    stacks.contains(&name) || numbered.iter().any(|ends| number(name, *ends).is_some())
+    stacks.contains(&name)
+        || array_frames::FILES.contains(&name)
+        || numbered.iter().any(|ends| number(name, *ends).is_some())
 }
 
 /// The number between two ends of a name.

@@ -12,6 +12,9 @@ use std::collections::BTreeMap;
 pub struct RunRecord {
     /// Version of beamlet.
     pub version: String,
+    /// Commit of its repository that it was built from; `None` where it was built from a package.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub commit: Option<String>,
     /// Device name.
     pub device: String,
     /// Driver name and version.
@@ -39,6 +42,7 @@ impl RunRecord {
     pub fn begin(start: &RunStart, seed: u64) -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
+            commit: option_env!("BEAMLET_COMMIT").map(str::to_owned),
             device: start.device.clone(),
             driver: start.driver.clone(),
             backend: start.backend,

@@ -4,10 +4,11 @@
 //! all its steps or it is not, and progress.log says which. Nothing is written before the run
 //! begins, and nothing that beamlet did not write is ever removed.
 
+mod frames;
 mod resume;
 
-use super::exr_frames::{ExrFrames, PARTIAL, Values};
-use super::npy::{self, NpyFrames};
+use super::array_frames;
+use super::exr_frames::{PARTIAL, Values};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::progress_log::{Entry, ProgressLog};
 use super::run_file::{RunFile, RunState};
@@ -16,16 +17,18 @@ use crate::numbers;
 use crate::scene::Scene;
 use crate::whole_file::{sync_directory, write_whole};
 use crate::{Error, Result, RunRecord, Tally, moments};
+use frames::Frames;
 use ndarray::ArrayView3;
 use resume::{Resumed, refuse_other_scene};
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-pub(super) const SCENE: &str = "scene.toml";
+pub(crate) const SCENE: &str = "scene.toml";
 pub(super) const RUN: &str = "run.json";
-pub(super) const LOG: &str = "progress.log";
+pub(crate) const LOG: &str = "progress.log";
 /// Directory of the stacks of detector numbers.
 pub(super) const COUNTS: &str = "counts";
 
@@ -39,6 +42,8 @@ pub enum Format {
     Exr,
     /// flat.npy and sample.npy.
     Npy,
+    /// flat.tif and sample.tif, calibrated for `ImageJ`; counts of up to 16 bits as such.
+    Tiff,
 }
 
 impl std::fmt::Display for Format {
@@ -46,6 +51,7 @@ impl std::fmt::Display for Format {
         f.write_str(match self {
             Self::Exr => "exr",
             Self::Npy => "npy",
+            Self::Tiff => "tiff",
         })
     }
 }
@@ -62,6 +68,8 @@ pub struct RunDirectory {
     keep_moments: bool,
     /// `key=value` that the scene was loaded with, for scene.toml.
     overrides: Vec<String>,
+    /// Command line, for run.json.
+    command: Option<String>,
     resumed: Option<Resumed>,
     /// Lock of the run that stands here: from the first look at it to the end.
     log: Option<ProgressLog>,
@@ -72,42 +80,25 @@ pub struct RunDirectory {
 #[derive(Debug)]
 struct Begun {
     file: RunFile,
+    since: Instant,
+    /// Seconds of the parts before this one.
+    before: f64,
     log: ProgressLog,
     frames: Frames,
     /// Detector numbers, where the scene asks for noise.
     counts: Option<Frames>,
     /// Counts of the view in work.
     tally: Option<Tally>,
-    /// First row that the view in work still lacks.
-    next_row: u32,
-    /// The same of its counts.
-    next_counts: u32,
+    /// First row that the view in work still lacks, and of its counts.
+    next: [u32; 2],
 }
 
-#[derive(Debug)]
-enum Frames {
-    Exr(ExrFrames),
-    Npy(NpyFrames),
-}
-
-impl Frames {
-    fn write(
-        &mut self,
-        view: Exposure,
-        rows: &Range<u32>,
-        data: ArrayView3<'_, f32>,
-    ) -> Result<()> {
-        match self {
-            Self::Exr(frames) => frames.write(view, rows, data),
-            Self::Npy(frames) => frames.write(view, rows, data),
-        }
-    }
-
-    fn commit(&mut self, view: Exposure) -> Result<String> {
-        match self {
-            Self::Exr(frames) => frames.commit(view),
-            Self::Npy(frames) => frames.commit(view),
-        }
+impl Begun {
+    /// Writes run.json with the state that the run ends in.
+    fn end(&mut self, path: &Path, state: RunState) -> Result<()> {
+        self.file.state = state;
+        self.file.duration_s = self.before + self.since.elapsed().as_secs_f64();
+        self.file.write(&path.join(RUN))
     }
 }
 
@@ -133,6 +124,7 @@ impl RunDirectory {
             allow_unhashed: false,
             keep_moments: false,
             overrides: Vec::new(),
+            command: None,
             resumed: None,
             log,
             open: None,
@@ -159,6 +151,13 @@ impl RunDirectory {
     #[must_use]
     pub fn overrides(mut self, overrides: &[String]) -> Self {
         self.overrides = overrides.to_vec();
+        self
+    }
+
+    /// Records in run.json the command line that makes the run, or goes on with it.
+    #[must_use]
+    pub fn command(mut self, command: impl Into<String>) -> Self {
+        self.command = Some(command.into());
         self
     }
 
@@ -228,10 +227,8 @@ impl RunDirectory {
             // that what a crash leaves is still known for a run.
             log.clear()?;
             moments::file::remove(&self.path, earlier.views)?;
-            for name in [npy::FLAT, npy::SAMPLE, npy::DARK] {
+            for name in array_frames::FILES {
                 remove_file(&self.path.join(name))?;
-            }
-            for name in [npy::FLAT, npy::SAMPLE] {
                 remove_file(&counts.join(name))?;
             }
         }
@@ -267,7 +264,9 @@ impl Sink for RunDirectory {
             self.refuse_mixed(&resumed.file.record, &file.record)?;
             file.resumed_views = numbers::count(resumed.committed.len());
             file.uncounted_views = resumed.uncounted;
+            file.go_on_from(&resumed.file);
         }
+        file.commands.extend(self.command.clone());
         // Locked before anything is removed: another process may be writing this run.
         let mut log = self.lock()?;
         own_files::refuse_links(&self.path)?;
@@ -279,10 +278,7 @@ impl Sink for RunDirectory {
         file.write(&self.path.join(RUN))?;
         let noisy = scene.detector.counts.is_some();
         let frames = |root: &Path, values: Values, dark: bool| {
-            Ok(match self.format {
-                Format::Exr => Frames::Exr(ExrFrames::begin(root, extent, scene, values)),
-                Format::Npy => Frames::Npy(NpyFrames::begin(root, extent, dark)?),
-            })
+            Frames::begin(self.format, root, extent, scene, values, dark)
         };
         let counts = match noisy {
             true => {
@@ -296,15 +292,15 @@ impl Sink for RunDirectory {
         let frames = frames(&self.path, Values::Intensities, noisy)?;
         // Files that were made here last from now on.
         sync_directory(&self.path)?;
-        let tally = None;
-        self.open = Some(Begun { file, log, frames, counts, tally, next_row: 0, next_counts: 0 });
+        let (since, before, tally, next) = (Instant::now(), file.duration_s, None, [0; 2]);
+        self.open = Some(Begun { file, since, before, log, frames, counts, tally, next });
         Ok(())
     }
 
     fn write(&mut self, view: Exposure, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
-        follows(&self.path, open.file.extent, view, open.next_row, &rows, data.dim())?;
-        open.next_row = rows.end;
+        follows(&self.path, open.file.extent, view, open.next[0], &rows, data.dim())?;
+        open.next[0] = rows.end;
         open.frames.write(view, &rows, data)
     }
 
@@ -315,14 +311,14 @@ impl Sink for RunDirectory {
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
-        follows(&self.path, open.file.extent, view, open.next_counts, &rows, numbers.dim())?;
+        follows(&self.path, open.file.extent, view, open.next[1], &rows, numbers.dim())?;
         let frames = match view {
             // Dark frames stand beside the intensities: no light is no light.
             Exposure::Dark => Some(&mut open.frames),
             _ => open.counts.as_mut(),
         };
         let missing = || Error::file(&self.path, "the scene asks for no counts", None);
-        open.next_counts = rows.end;
+        open.next[1] = rows.end;
         frames.ok_or_else(missing)?.write(view, &rows, numbers)
     }
 
@@ -335,15 +331,15 @@ impl Sink for RunDirectory {
         let open = opened(&mut self.open, &self.path)?;
         let extent = open.file.extent;
         let rows = match view {
-            Exposure::Dark => open.next_counts,
-            _ if open.counts.is_some() => open.next_row.min(open.next_counts),
-            _ => open.next_row,
+            Exposure::Dark => open.next[1],
+            _ if open.counts.is_some() => open.next[0].min(open.next[1]),
+            _ => open.next[0],
         };
         if rows != extent.rows {
             let problem = format!("{view:?} has {rows} of {} rows", extent.rows);
             return Err(Error::file(&self.path, problem, None));
         }
-        (open.next_row, open.next_counts) = (0, 0);
+        open.next = [0; 2];
         let counts = match &mut open.counts {
             Some(frames) if view != Exposure::Dark => Some(frames.commit(view)?),
             _ => None,
@@ -355,9 +351,8 @@ impl Sink for RunDirectory {
 
     fn finish(&mut self, record: &RunRecord) -> Result<()> {
         let open = opened(&mut self.open, &self.path)?;
-        open.file.state = RunState::Done;
         open.file.record = record.clone();
-        open.file.write(&self.path.join(RUN))?;
+        open.end(&self.path, RunState::Done)?;
         for root in [self.path.join(COUNTS), self.path.clone()] {
             let _ = fs::remove_dir(root.join(PARTIAL));
         }
@@ -369,7 +364,9 @@ impl Sink for RunDirectory {
 impl Drop for RunDirectory {
     /// A view that was not committed leaves nothing behind.
     fn drop(&mut self) {
-        if let Some(open) = self.open.take() {
+        if let Some(mut open) = self.open.take() {
+            // Where it cannot be written the run is still known for one that is not done.
+            let _ = open.end(&self.path, RunState::Interrupted);
             for root in [self.path.join(COUNTS), self.path.clone()] {
                 let _ = remove_frames(&root.join(PARTIAL), open.file.extent);
             }

@@ -5,14 +5,17 @@ use crate::input_file;
 use crate::{Error, Result, RunRecord};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::time::SystemTime;
 
 /// How far a run came.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum RunState {
-    /// It runs, or was interrupted.
+    /// It runs, or was ended without a word: by the power, or a signal that cannot be caught.
     Running,
+    /// It was stopped, or failed, before every view was committed; it can be resumed.
+    Interrupted,
     /// Every view is committed.
     Done,
 }
@@ -41,6 +44,20 @@ pub struct RunFile {
     pub format: Format,
     /// Shape of the stacks.
     pub extent: StackShape,
+    /// When the run began, and when run.json was written last: UTC, RFC 3339. `None` in runs of
+    /// earlier versions. Dates, durations and command lines say nothing about the stacks: neither
+    /// resuming nor comparing looks at them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub began: Option<String>,
+    /// See `began`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub written: Option<String>,
+    /// Seconds that the run took so far by the clock on the wall, all its parts together.
+    #[serde(default)]
+    pub duration_s: f64,
+    /// Command line of each part of the run, the first first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub commands: Vec<String>,
     /// Views that stood already when the run was resumed; times leave them out.
     #[serde(default)]
     pub resumed_views: u32,
@@ -56,6 +73,11 @@ pub struct RunFile {
     pub record: RunRecord,
 }
 
+/// The date and time, UTC, as RFC 3339 has it.
+pub(super) fn now() -> String {
+    humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
+}
+
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
 const fn is_zero(count: &u32) -> bool {
     *count == 0
@@ -69,11 +91,22 @@ impl RunFile {
             state: RunState::Running,
             format,
             extent,
+            began: Some(now()),
+            written: None,
+            duration_s: 0.0,
+            commands: Vec::new(),
             resumed_views: 0,
             uncounted_views: 0,
             keep_moments: None,
             record: RunRecord::begin(start, seed),
         }
+    }
+
+    /// Takes over when an earlier part of the run began, how long it took and by which command.
+    pub(super) fn go_on_from(&mut self, earlier: &Self) {
+        self.began.clone_from(&earlier.began);
+        self.duration_s = earlier.duration_s;
+        self.commands.clone_from(&earlier.commands);
     }
 
     /// Reads a run.json.
@@ -105,7 +138,8 @@ impl RunFile {
 
     /// Writes it whole or not at all.
     pub(super) fn write(&self, path: &Path) -> Result<()> {
-        let mut text = serde_json::to_string_pretty(self)
+        let dated = Self { written: Some(now()), ..self.clone() };
+        let mut text = serde_json::to_string_pretty(&dated)
             .map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))?;
         text.push('\n');
         crate::whole_file::write_whole(path, text.as_bytes())

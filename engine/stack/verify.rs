@@ -1,9 +1,12 @@
 //! Whether what a run directory holds is still what was committed.
 
+use super::array_frames::{self, ArrayLayout};
+use super::exr_frames::{self, Values};
 use super::progress_log::{self, Entry};
 use super::read::read_scene;
 use super::run_directory::{COUNTS, LOG, RUN, SCENE};
-use super::{Exposure, Format, RunFile, RunState, StackShape, exr_frames, npy};
+use super::{Exposure, Format, RunFile, RunState, StackShape};
+use crate::scene::Scene;
 use crate::{Result, moments};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -52,7 +55,7 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
         let found = file.extent;
         problems.push(format!("{place}: run.json has {found:?}; its scene has {extent:?}"));
     }
-    let found = frames(path, file.format, extent, scene.detector.counts.is_some(), &entries);
+    let found = frames(path, file.format, extent, &scene, &entries);
     problems.extend(found.problems.into_iter().map(|(_, problem)| problem));
     let all: Vec<Exposure> = super::views(&scene)?.collect();
     let missing: Vec<&Exposure> = all.iter().filter(|view| !entries.contains_key(view)).collect();
@@ -88,26 +91,29 @@ pub(super) struct Verified {
     pub(super) problems: Vec<(Option<Exposure>, String)>,
 }
 
-/// Compares the frames under `path` with the `entries` of its log. `counts`: views have detector
-/// numbers beside their intensities.
+/// Compares the frames under `path`, of a run of `scene`, with the `entries` of its log.
 pub(super) fn frames(
     path: &Path,
     format: Format,
     extent: StackShape,
-    counts: bool,
+    scene: &Scene,
     entries: &BTreeMap<Exposure, Entry>,
 ) -> Verified {
     let mut found = Verified::default();
-    if format == Format::Npy && !entries.is_empty() {
-        let mut problems = npy::header_problems(path, extent, counts);
+    // Views have detector numbers beside their intensities.
+    let counts = scene.detector.counts.is_some();
+    let layout = ArrayLayout::of(format, extent, scene);
+    if let Some(layout) = layout.filter(|_| !entries.is_empty()) {
+        let of = array_frames::header_problems;
+        let mut problems = of(path, layout, Values::Intensities, counts);
         if counts {
-            problems.extend(npy::header_problems(&path.join(COUNTS), extent, false));
+            problems.extend(of(&path.join(COUNTS), layout, Values::Numbers, false));
         }
         found.problems = problems.into_iter().map(|problem| (None, problem)).collect();
     }
     let of_view = |(view, entry): (&Exposure, &Entry)| {
         let counts = counts && *view != Exposure::Dark;
-        (*view, problem_of_view(path, format, extent, counts, *view, entry))
+        (*view, problem_of_view(path, layout, extent, counts, *view, entry))
     };
     let views: Vec<_> = entries.par_iter().map(of_view).collect();
     for (view, problem) in views {
@@ -134,7 +140,7 @@ pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)
 /// What is wrong with a view, where anything is.
 fn problem_of_view(
     path: &Path,
-    format: Format,
+    layout: Option<ArrayLayout>,
     extent: StackShape,
     counts: bool,
     view: Exposure,
@@ -144,15 +150,16 @@ fn problem_of_view(
     if !extent.has(view) {
         return Some(format!("{}: {name} is no view of this run", path.display()));
     }
-    let checksum = |root: &Path| match format {
-        Format::Exr => exr_frames::checksum(root, extent, view),
-        Format::Npy => npy::checksum(root, extent, view),
+    let checksum = |root: &Path, values| match layout {
+        None => exr_frames::checksum(root, extent, view),
+        Some(layout) => array_frames::checksum(root, layout, values, view),
     };
     let is_whole = || -> Result<bool> {
-        let numbers = if counts { Some(checksum(&path.join(COUNTS))?) } else { None };
+        let numbers =
+            if counts { Some(checksum(&path.join(COUNTS), Values::Numbers)?) } else { None };
         Ok(entry.bytes == extent.view_bytes()
             && numbers == entry.counts
-            && checksum(path)? == entry.sha256)
+            && checksum(path, Values::Intensities)? == entry.sha256)
     };
     match is_whole() {
         Ok(true) => None,

@@ -170,9 +170,15 @@ fn ranges_take_steps_and_either_name_of_their_ends() {
     ] {
         assert_eq!(offsets(same).unwrap(), by_count, "{same}");
     }
-    assert_eq!(offsets("{ from = \"0 um\", to = \"-0.3 um\", step = \"-0.1 um\" }").unwrap().len(), 4);
+    assert_eq!(
+        offsets("{ from = \"0 um\", to = \"-0.3 um\", step = \"-0.1 um\" }").unwrap().len(),
+        4
+    );
     for (range, words) in [
-        ("{ start = \"0 um\", stop = \"9 um\", step = \"2 um\" }", "scan.mask_offsets.step: found 2 um"),
+        (
+            "{ start = \"0 um\", stop = \"9 um\", step = \"2 um\" }",
+            "scan.mask_offsets.step: found 2 um",
+        ),
         ("{ start = \"0 um\", stop = \"9 um\", step = \"-1 um\" }", "found -1 um"),
         ("{ start = \"0 um\", stop = \"9 um\", step = \"0 um\" }", "found 0 m"),
         ("{ from = \"0 um\", start = \"0 um\", to = \"9 um\", count = 2 }", "either from or start"),
@@ -197,7 +203,10 @@ fn names_of_other_programs_lead_to_the_key() {
         load(&PAPER.replacen(from, to, 1)).unwrap_err().to_string()
     };
     let text = error("\npitch = ", "\npixel_size = ");
-    assert!(text.contains("detector.pixel_size") && text.contains("did you mean `pitch`?"), "{text}");
+    assert!(
+        text.contains("detector.pixel_size") && text.contains("did you mean `pitch`?"),
+        "{text}"
+    );
     let text = error("\nspot = ", "\nfocal_spot = ");
     assert!(text.contains("did you mean `spot`?"), "{text}");
 }

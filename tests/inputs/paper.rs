@@ -9,11 +9,14 @@ pub(crate) fn load(text: &str) -> Result<Scene, Error> {
     Scene::from_toml(text, "somewhere")
 }
 
-/// Place, key, what was found and what is allowed of an error in a scene.
+/// Place, key, what was found and what is allowed of the first error in a scene.
 #[track_caller]
 pub(crate) fn parts(result: Result<Scene, Error>) -> (Place, String, String, String) {
-    match result.expect_err("an error in the scene") {
-        Error::Scene { place, key, found, allowed, .. } => (*place, key, found, allowed),
+    let error = result.expect_err("an error in the scene");
+    match &error.each()[0] {
+        Error::Scene { place, key, found, allowed, .. } => {
+            ((**place).clone(), key.clone(), found.clone(), allowed.clone())
+        }
         other => panic!("not a scene error: {other}"),
     }
 }

@@ -121,7 +121,7 @@ fn what_is_no_beam_is_refused_with_its_key() {
     ];
     for (lines, expected, wanted) in cases {
         let error = scene(&lines).unwrap_err();
-        let Error::Scene { key, allowed, place, .. } = &error else { panic!("{error}") };
+        let Error::Scene { key, allowed, place, .. } = &error.each()[0] else { panic!("{error}") };
         assert_eq!(key, expected, "{lines}");
         assert!(allowed.contains(wanted), "{lines}: {allowed}");
         assert!(place.line_column.is_some(), "{error}");

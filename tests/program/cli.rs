@@ -64,7 +64,7 @@ fn usage_errors_end_with_2_and_say_what_is_missing() {
         ("", "Usage"),
         ("simulate", "<SCENE>"),
         ("simulate scene.toml", "--output"),
-        ("simulate scene.toml -o run --format tiff", "exr"),
+        ("simulate scene.toml -o run --format bmp", "exr"),
         ("simulate scene.toml -o run --resume --overwrite", "--overwrite"),
         ("simulate scene.toml -o run --set energy", "key.path=value"),
         ("simulate scene.toml -o run -q -v", "--verbose"),
@@ -148,6 +148,7 @@ fn check_tells_geometry_materials_objects_and_work() {
     }
     let mut command = beamlet(place.path());
     command.args(["check", "scene.toml", "--json", "--set", "source.energy=40 keV"]);
+    command.args(["--set", "materials.carbon.density=1.9 g/cm3"]);
     let output = command.output().unwrap();
     ended(&output, 0);
     let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();

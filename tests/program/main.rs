@@ -6,6 +6,7 @@ mod support;
 mod cli;
 mod cli_beam;
 mod hostile;
+mod mistakes;
 mod pictures;
 mod report;
 mod view;

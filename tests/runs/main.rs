@@ -15,3 +15,5 @@ mod kept;
 mod safety;
 mod stack;
 mod stack_read;
+#[cfg(feature = "cli")]
+mod tiff_stacks;

@@ -144,7 +144,7 @@ fn npy_stacks_read_back_bit_for_bit() {
 
 #[test]
 fn bands_do_not_change_a_byte() {
-    for format in [Format::Exr, Format::Npy] {
+    for format in [Format::Exr, Format::Npy, Format::Tiff] {
         let temporary = tempfile::tempdir().unwrap();
         let [one, many] = ["one", "many"].map(|name| temporary.path().join(name));
         run_in(&one, format, ROWS);
@@ -178,7 +178,9 @@ fn nothing_is_written_before_the_run_begins() {
 
 #[test]
 fn a_view_that_is_not_committed_leaves_no_file_that_counts() {
-    for (format, band) in [(Format::Exr, ROWS), (Format::Exr, 2), (Format::Npy, 2)] {
+    for (format, band) in
+        [(Format::Exr, ROWS), (Format::Exr, 2), (Format::Npy, 2), (Format::Tiff, 2)]
+    {
         let temporary = tempfile::tempdir().unwrap();
         let mut sink = RunDirectory::create(temporary.path(), format, false).unwrap();
         sink.begin(&scene(), &start()).unwrap();
@@ -190,13 +192,13 @@ fn a_view_that_is_not_committed_leaves_no_file_that_counts() {
         assert!(!temporary.path().join("partial").exists());
         let resumed = RunDirectory::resume(temporary.path(), &scene()).unwrap();
         assert_eq!(resumed.committed(), [Exposure::Flat]);
-        assert_eq!(resumed.recorded().unwrap().state, RunState::Running);
+        assert_eq!(resumed.recorded().unwrap().state, RunState::Interrupted);
     }
 }
 
 #[test]
 fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
-    for format in [Format::Exr, Format::Npy] {
+    for format in [Format::Exr, Format::Npy, Format::Tiff] {
         let temporary = tempfile::tempdir().unwrap();
         let [whole, resumed] = ["whole", "resumed"].map(|name| temporary.path().join(name));
         run_in(&whole, format, ROWS);
@@ -221,14 +223,16 @@ fn a_resumed_run_ends_with_the_bytes_of_an_uninterrupted_one() {
 
 #[test]
 fn a_changed_frame_no_longer_counts_as_committed() {
-    for (format, name) in
-        [(Format::Exr, "sample/view_0000/step_001.exr"), (Format::Npy, "sample.npy")]
-    {
+    for (format, name) in [
+        (Format::Exr, "sample/view_0000/step_001.exr"),
+        (Format::Npy, "sample.npy"),
+        (Format::Tiff, "sample.tif"),
+    ] {
         let temporary = tempfile::tempdir().unwrap();
         run_in(temporary.path(), format, ROWS);
         let path = temporary.path().join(name);
         let mut bytes = fs::read(&path).unwrap();
-        let header = bytes.len() % (4 * COLUMNS * ROWS);
+        let header = bytes.len() - 4 * COLUMNS * ROWS * STEPS * VIEWS as usize;
         let at = if format == Format::Exr { bytes.len() - 3 } else { header + 41 };
         bytes[at] ^= 1;
         fs::write(&path, bytes).unwrap();
@@ -260,7 +264,7 @@ fn another_scene_or_device_does_not_resume_a_run() {
 
 #[test]
 fn a_run_is_not_overwritten_unless_asked_and_files_of_others_survive() {
-    for format in [Format::Exr, Format::Npy] {
+    for format in [Format::Exr, Format::Npy, Format::Tiff] {
         let temporary = tempfile::tempdir().unwrap();
         let path = temporary.path();
         run_in(path, Format::Exr, ROWS);
@@ -357,7 +361,7 @@ fn names_grow_with_the_numbers_they_hold() {
 
 #[test]
 fn an_open_run_reads_back_what_was_written_and_only_committed_views() {
-    for format in [Format::Exr, Format::Npy] {
+    for format in [Format::Exr, Format::Npy, Format::Tiff] {
         let temporary = tempfile::tempdir().unwrap();
         run_in(temporary.path(), format, 2);
         let run = OpenRun::open(temporary.path()).unwrap();

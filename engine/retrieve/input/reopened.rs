@@ -47,9 +47,10 @@ impl Input {
             }
         }
         let dark_path = dark.as_ref().map(|dark| dark.path().to_path_buf());
+        let read = [&flat, &sample].into_iter().chain(&dark).map(|s| s.path().to_owned()).collect();
         let dark = dark.as_ref().map(mean).transpose()?;
         let (saturation, noise, counts) = (None, None, record.counts);
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts })
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read })
     }
 }
 

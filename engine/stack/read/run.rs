@@ -174,13 +174,20 @@ impl OpenRun {
         match self.file.format {
             Format::Exr => self.path.join(name),
             Format::Npy => self.path.join(format!("{name}.npy")),
+            Format::Tiff => self.path.join(format!("{name}.tif")),
         }
     }
 
     fn stack(&self, name: &str, views: usize) -> Result<StackFile> {
         let path = self.file_of(name);
-        let stack = StackFile::open(&path)?.first_views(views);
         let extent = self.file.extent;
+        let stack = StackFile::open(&path)?;
+        // Pages do not say where a view ends.
+        let stack = match self.file.format {
+            Format::Tiff if name != "dark" => stack.with_steps(extent.steps as usize)?,
+            _ => stack,
+        };
+        let stack = stack.first_views(views);
         let [steps, rows, columns] =
             [extent.steps, extent.rows, extent.columns].map(|side| side as usize);
         // The number of dark frames is the detector's own.

@@ -32,6 +32,13 @@ impl RunDirectory {
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
+        if !path.join(RUN).exists() {
+            let problem = match path.exists() {
+                true => "holds no run to go on with: it has no run.json",
+                false => "is not there: it has no run.json to go on from",
+            };
+            return Err(Error::file(path, problem, None));
+        }
         let log = ProgressLog::lock_if_there(&path.join(LOG))?;
         own_files::refuse_links(&path)?;
         let file = RunFile::read(&path.join(RUN))?;
@@ -40,8 +47,7 @@ impl RunDirectory {
         refuse_other_scene(&path, &differences.found)?;
         let extent = StackShape::of(scene)?;
         let entries = progress_log::read(&path.join(LOG))?;
-        let counts = scene.detector.counts.is_some();
-        let found = verify::frames(&path, file.format, extent, counts, &entries);
+        let found = verify::frames(&path, file.format, extent, scene, &entries);
         let mut problems: Vec<String> = found
             .problems
             .into_iter()
@@ -79,6 +85,7 @@ impl RunDirectory {
             allow_unhashed: false,
             keep_moments,
             overrides: Vec::new(),
+            command: None,
             resumed,
             log,
             open: None,

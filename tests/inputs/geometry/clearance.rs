@@ -81,8 +81,14 @@ fn sample_outside_the_field_of_view_is_told_by_axis() {
     assert_eq!(wide.len(), 1);
     assert!(wide[0].contains("in x at angle 0.000 deg"), "{wide:?}");
     assert!(warned(plate(14e-3), &[FRAC_PI_4]).is_empty());
-    let tall = shape("tall", Shape::Box { size: [1e-3, 1e-3, 14e-3] });
-    let tall = warned(tall, &[0.0]);
+    // One that passes through the field along the slits is as it should be, unless it is many times
+    // as long.
+    let tall = |height| shape("tall", Shape::Box { size: [1e-3, 1e-3, height] });
+    assert!(warned(tall(14e-3), &[0.0]).is_empty());
+    let mut above = tall(14e-3);
+    above.placement.position[2] = 1e-3;
+    assert_eq!(warned(above, &[0.0]).len(), 1);
+    let tall = warned(tall(80e-3), &[0.0]);
     assert!(
         tall.len() == 1 && tall[0].contains("\"tall\"") && tall[0].contains("in z"),
         "{tall:?}"
