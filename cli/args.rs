@@ -3,6 +3,7 @@
 
 mod beam;
 mod look;
+mod mesh;
 mod names;
 mod retrieve;
 mod shared;
@@ -12,6 +13,7 @@ mod view;
 
 pub(crate) use beam::{Material, Spectrum};
 pub(crate) use look::{Check, Compare};
+pub(crate) use mesh::{Mask, Mesh};
 pub(crate) use retrieve::Retrieve;
 pub(crate) use shared::Messages;
 pub(crate) use simulate::{Illuminate, Simulate};
@@ -53,6 +55,8 @@ impl Arguments {
             Verb::Report(report) => report.messages,
             Verb::Spectrum(spectrum) => spectrum.messages,
             Verb::Material(material) => material.messages,
+            Verb::Mesh(mesh) => mesh.messages,
+            Verb::Mask(mask) => mask.messages,
             Verb::Devices(devices) => devices.messages,
             Verb::Example(example) => example.messages,
             Verb::Completions(completions) => completions.messages,
@@ -81,6 +85,10 @@ pub(crate) enum Verb {
     Spectrum(Spectrum),
     /// Print the constants of a material, or list the built-in ones
     Material(Material),
+    /// Write the objects of a scene, or another mesh file, as a mesh file
+    Mesh(Mesh),
+    /// Write a mask of a scene as a mesh file: bars, frame, substrate
+    Mask(Mask),
     /// List the Vulkan devices
     Devices(Devices),
     /// List the scenes that come with beamlet, or write one with its meshes

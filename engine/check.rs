@@ -283,6 +283,7 @@ fn load_lenient(
         run::watching(progress, None, |watcher| geometry::load_lenient_watched(scene, watcher))?;
     geometry::check_clearance(scene, &sample)?;
     let mut warnings = geometry::fov_warnings(scene, &sample);
+    warnings.extend(geometry::unit_warnings(scene, &sample));
     for material in materials.iter().filter(|material| material.shadows_builtin) {
         warnings.push(format!("materials.{} hides the built-in material", material.name));
     }

@@ -59,6 +59,7 @@ pub use ndarray;
 pub use accel::Backend;
 pub use error::{Error, Place, Result};
 pub use gpu::{DeviceDescription, DeviceKind};
+pub use optics::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use run::{
     Control, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate, Simulation,
     ViewProgress, devices, require_memory,

@@ -103,7 +103,7 @@ fn filter(text: &str) -> Result<Filter, String> {
     Ok(Filter::new(material.trim(), length(thickness)?))
 }
 
-fn length(text: &str) -> Result<f64, String> {
+pub(super) fn length(text: &str) -> Result<f64, String> {
     positive(Dimension::Length, text)
 }
 

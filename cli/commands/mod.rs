@@ -9,7 +9,9 @@ mod difference_pictures;
 mod example;
 mod illuminate;
 mod man;
+mod mask;
 mod material;
+mod mesh;
 mod pictures;
 mod report;
 mod retrieve;
@@ -33,6 +35,8 @@ pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Fail
         Verb::Report(arguments) => report::run(&arguments, out),
         Verb::Spectrum(arguments) => spectrum::run(&arguments, out),
         Verb::Material(arguments) => material::run(&arguments, out),
+        Verb::Mesh(arguments) => mesh::run(&arguments, out),
+        Verb::Mask(arguments) => mask::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
         Verb::Completions(arguments) => completions::run(&arguments, out),

@@ -1,5 +1,7 @@
 //! From the objects of a scene to a sample.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::Path;
 use std::time::Instant;
 
@@ -10,12 +12,14 @@ use super::assemble::{Note, assemble};
 use super::body::Body;
 use super::defects::{self, Defects};
 use super::placed::{Group, Groups, Place, Prototype};
-use super::read::{PEAK_PER_TRIANGLE, SIMPLIFY, failed, hash, parse, read_surface};
+use super::read::{
+    FileOf, PEAK_PER_TRIANGLE, ReadSurface, SIMPLIFY, failed, hash, read_file, read_surface,
+};
 use super::search::Search;
 use super::surface::{Defect, Surface, in_mm};
 use super::topology::{self, Edge};
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
-use super::{Sample, instances, nesting, placement, stl};
+use super::{Sample, instances, mesh_file, nesting, placement};
 use crate::error::{Error, Result};
 use crate::numbers;
 use crate::reserve;
@@ -86,7 +90,7 @@ fn names(scene: &Scene) -> Vec<String> {
 }
 
 /// Examines a mesh in memory: `path` gives its format by the extension, `unit` is the length
-/// of 1.0 in it, m. Defects do not make it an error.
+/// of 1.0 in it, m, where the format does not tell it. Defects do not make it an error.
 ///
 /// # Errors
 /// [`Error::Mesh`] where the bytes cannot be read as that format, or hold no solid part.
@@ -94,7 +98,9 @@ pub fn diagnose(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
     let failed =
         |defect: Defect| Error::mesh(path.display().to_string(), defect.problem, defect.place);
     let alone = Task::unwatched();
-    let surface = parse(path, bytes, alone).map_err(failed)?;
+    let mesh = mesh_file::parse(path, bytes, alone).map_err(failed)?;
+    let unit = mesh.unit.unwrap_or(unit);
+    let (surface, _) = mesh.into_part(None).map_err(failed)?;
     let Prepared { surface, edges, search, defects } =
         prepare(surface, unit, &Placement::default(), true, alone)?.map_err(failed)?;
     Body::new(surface, &edges, search, 0).map_err(failed)?;
@@ -113,12 +119,68 @@ struct Loaded {
 }
 
 fn read_all(scene: &Scene, watch: &Watch<'_>) -> Result<Vec<Loaded>> {
-    scene
-        .objects
+    let mut loaded: Vec<(usize, Loaded)> = by_file(scene)
         .par_iter()
-        .zip(0_u32..numbers::count(scene.objects.len()))
-        .map(|(object, number)| read_object(scene, object, number, watch.object(number as usize)))
-        .collect()
+        .map(|members| read_members(scene, members, watch))
+        .collect::<Result<Vec<_>>>()?
+        .into_iter()
+        .flatten()
+        .collect();
+    loaded.sort_unstable_by_key(|(number, _)| *number);
+    Ok(loaded.into_iter().map(|(_, loaded)| loaded).collect())
+}
+
+/// Numbers of the objects, those that take of one mesh file together.
+fn by_file(scene: &Scene) -> Vec<Vec<usize>> {
+    let mut lists: Vec<Vec<usize>> = Vec::new();
+    let mut known: HashMap<&Path, usize> = HashMap::new();
+    for (number, object) in scene.objects.iter().enumerate() {
+        match file_of(object).map(|path| known.entry(path)) {
+            Some(Entry::Occupied(list)) => lists[*list.get()].push(number),
+            Some(Entry::Vacant(list)) => {
+                list.insert(lists.len());
+                lists.push(vec![number]);
+            }
+            None => lists.push(vec![number]),
+        }
+    }
+    lists
+}
+
+fn file_of(object: &Object) -> Option<&Path> {
+    match &object.geometry {
+        ShapeOrMesh::Mesh(Mesh::File { path, .. }) => Some(path),
+        _ => None,
+    }
+}
+
+/// Reads the objects of these numbers, which take of one mesh file, or one that takes of none.
+fn read_members(
+    scene: &Scene,
+    members: &[usize],
+    watch: &Watch<'_>,
+) -> Result<Vec<(usize, Loaded)>> {
+    let read = |number: usize, file: FileOf<'_>| {
+        let object = &scene.objects[number];
+        let task = watch.object(number);
+        Ok((number, read_object(scene, object, numbers::count(number), file, task)?))
+    };
+    let first = members[0];
+    let object = &scene.objects[first];
+    let Some(path) = file_of(object) else { return Ok(vec![read(first, FileOf::None)?]) };
+    let file = read_file(scene, path, &label(object), watch.object(first))?;
+    if members.len() == 1 {
+        return Ok(vec![read(first, FileOf::Own(Box::new(file)))?]);
+    }
+    members.par_iter().map(|number| read(*number, FileOf::Shared(&file))).collect()
+}
+
+/// An object as errors name it.
+fn label(object: &Object) -> String {
+    match file_of(object) {
+        Some(path) => format!("\"{}\" ({})", object.name, path.display()),
+        None => format!("\"{}\"", object.name),
+    }
 }
 
 /// The sample; with `contacts`, those of its objects, too.
@@ -152,26 +214,27 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch<'_>)
 }
 
 /// Triangles of the meshes of a scene as far as that is known without reading them: those in
-/// binary STL files.
+/// binary STL files, and the faces of PLY files.
 #[must_use]
 pub fn triangles_in_files(scene: &Scene) -> u64 {
     let of = |object: &Object| match &object.geometry {
         ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
-            stl::triangles_in(&scene.directory.join(path))
+            mesh_file::triangles_in(&scene.directory.join(path))
         }
         _ => None,
     };
     scene.objects.iter().filter_map(of).sum()
 }
 
-fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> Result<Loaded> {
+fn read_object(
+    scene: &Scene,
+    object: &Object,
+    number: u32,
+    file: FileOf<'_>,
+    task: Task<'_>,
+) -> Result<Loaded> {
     let begin = Instant::now();
-    let label = match &object.geometry {
-        ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
-            format!("\"{}\" ({})", object.name, path.display())
-        }
-        _ => format!("\"{}\"", object.name),
-    };
+    let label = label(object);
     if let ShapeOrMesh::Shape(shape) = &object.geometry
         && let Some(shape) = AnalyticShape::of(shape)
     {
@@ -187,7 +250,8 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
             refusal: None,
         });
     }
-    let (surface, unit, hash) = read_surface(scene, object, &label, task)?;
+    let ReadSurface { surface, unit, hash, warnings: read_warnings } =
+        read_surface(object, file, &label, task)?;
     if let Some(recorded) = &object.sha256
         && *recorded != hash
     {
@@ -221,6 +285,7 @@ fn read_object(scene: &Scene, object: &Object, number: u32, task: Task<'_>) -> R
         Err(defect) => return Err(refusal.unwrap_or_else(|| failed(&label)(defect))),
     };
     let mut warnings = defects.warnings();
+    warnings.extend(read_warnings);
     if defects.refused() && refusal.is_none() {
         warnings.insert(0, format!("{} (accepted: allow_defects)", defects.description()));
     }

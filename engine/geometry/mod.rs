@@ -1,6 +1,6 @@
 //! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
 //!
-//! [`load`] reads the objects of a scene (`stl`, `obj`, `shapes`), welds and places them,
+//! [`load`] reads the objects of a scene (`mesh_file`, `shapes`), welds and places them,
 //! refuses what is not closed or crosses itself (`defects`), turns what is inside out (`body`),
 //! cuts away what later objects cover (`overlap`), and finds which object surrounds which
 //! (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
@@ -13,11 +13,12 @@ mod body;
 mod defects;
 mod distance;
 mod ears;
+mod export;
 pub(crate) mod instances;
 mod lids;
 mod load;
+mod mesh_file;
 mod nesting;
-mod obj;
 mod overlap;
 mod placed;
 mod placement;
@@ -25,7 +26,7 @@ mod polygon;
 mod read;
 mod search;
 mod shapes;
-mod stl;
+mod sizes;
 mod surface;
 mod swept;
 mod topology;
@@ -35,6 +36,7 @@ mod watch;
 pub use adjacency::across_edges;
 pub(crate) use analytic::{AnalyticShape, Form as AnalyticForm};
 pub use defects::{DefectCount, DefectPlace, Defects, MAX_DEFECT_PLACES};
+pub use export::{NamedMesh, write_meshes};
 pub(crate) use lids::Lids;
 pub use load::{diagnose, load, load_lenient, triangles_in_files};
 pub(crate) use load::{load_lenient_watched, load_watched};
@@ -45,6 +47,7 @@ pub(crate) use placed::Place;
 pub(crate) use placed::{FacetNumbers, FacetOf, Placed, Prototype};
 pub(crate) use read::PEAK_PER_TRIANGLE;
 pub use read::file_hash;
+pub(crate) use sizes::unit_warnings;
 pub use swept::{BeamExtent, Swept, check_clearance, fov_warnings, swept};
 pub(crate) use watch::Watcher;
 pub use watch::{LoadProgress, LoadStep};

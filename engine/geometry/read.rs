@@ -5,18 +5,16 @@ use std::path::Path;
 use sha2::{Digest, Sha256};
 
 use super::load::hash_arrays;
+use super::mesh_file::MeshFile;
 use super::surface::{Defect, Surface};
 use super::watch::{LoadStep, Task};
-use super::{obj, shapes, stl};
+use super::{mesh_file, shapes};
 use crate::error::{Error, Result};
-use crate::scene::{Mesh, Object, Scene, ShapeOrMesh};
+use crate::scene::{Mesh, MeshFormat, Object, Scene, ShapeOrMesh};
 use crate::{input_file, reserve};
 
 /// Peak bytes per triangle of a mesh while it is read and welded, as measured.
 pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
-/// The same per byte of text while that is read: lines of OBJ files are short, and their faces are
-/// held three times.
-const PEAK_PER_BYTE: [(&str, u64); 2] = [("obj", 16), ("stl", 2)];
 /// What may be done where a mesh does not fit.
 pub(super) const SIMPLIFY: &str =
     "simplify it, or lift the limit of memory that this program runs under";
@@ -35,14 +33,8 @@ pub fn file_hash(path: &Path) -> Result<String> {
 fn read(path: &Path) -> Result<Vec<u8>> {
     let failed = |e| Error::file(path, "cannot read the mesh", Some(e));
     // Only what says how long it is may be longer than texts are.
-    let most = if stl::triangles_in(path).is_some() { u64::MAX - 1 } else { TEXT };
+    let most = if mesh_file::tells_its_length(path) { u64::MAX - 1 } else { TEXT };
     input_file::read(path, most).map_err(failed)
-}
-
-fn peak_per_byte(path: &Path) -> u64 {
-    let extension = path.extension().unwrap_or_default();
-    let found = PEAK_PER_BYTE.iter().find(|(known, _)| extension.eq_ignore_ascii_case(known));
-    found.map_or(0, |(_, bytes)| *bytes)
 }
 
 pub(super) fn hash(bytes: &[u8]) -> String {
@@ -54,54 +46,88 @@ pub(super) fn failed(label: &str) -> impl Fn(Defect) -> Error {
     move |defect| Error::mesh(label, defect.problem, defect.place)
 }
 
-/// The surface of an object as it is given, metres per unit of it, and the hash of what was read.
-pub(super) fn read_surface(
+/// A mesh file, read once for all objects that take of it.
+pub(super) struct ReadFile {
+    mesh: MeshFile,
+    hash: String,
+}
+
+/// Reads the mesh file of an object with this label.
+pub(super) fn read_file(
     scene: &Scene,
-    object: &Object,
+    path: &Path,
     label: &str,
     task: Task<'_>,
-) -> Result<(Surface, f64, String)> {
-    match &object.geometry {
-        ShapeOrMesh::Shape(shape) => {
+) -> Result<ReadFile> {
+    let file = scene.directory.join(path);
+    task.begin(LoadStep::Reading, file.metadata().map_or(0, |found| found.len()))?;
+    let bytes = read(&file)?;
+    let counted = PEAK_PER_TRIANGLE.saturating_mul(mesh_file::triangles_in(&file).unwrap_or(0));
+    // The triangles of a binary STL file are all of it.
+    let needed = match MeshFormat::of(path) {
+        Some(MeshFormat::Stl) if counted > 0 => counted,
+        _ => counted.max(mesh_file::peak_per_byte(path).saturating_mul(bytes.len() as u64)),
+    };
+    reserve::ask(needed, &format!("reading {label}"), SIMPLIFY)?;
+    let (mesh, hash) = rayon::join(|| mesh_file::parse(path, &bytes, task), || hash(&bytes));
+    Ok(ReadFile { mesh: mesh.map_err(failed(label))?, hash })
+}
+
+/// The surface of an object as it is given.
+pub(super) struct ReadSurface {
+    pub(super) surface: Surface,
+    /// m per unit of it.
+    pub(super) unit: f64,
+    /// Of what was read; empty for shapes.
+    pub(super) hash: String,
+    pub(super) warnings: Vec<String>,
+}
+
+/// A mesh file as an object has it.
+pub(super) enum FileOf<'a> {
+    /// Its alone.
+    Own(Box<ReadFile>),
+    /// That of others, too.
+    Shared(&'a ReadFile),
+    /// None.
+    None,
+}
+
+/// The surface of an object as it is given; `file`: its mesh file.
+pub(super) fn read_surface(
+    object: &Object,
+    file: FileOf<'_>,
+    label: &str,
+    task: Task<'_>,
+) -> Result<ReadSurface> {
+    let of = |surface, hash| ReadSurface { surface, unit: 1.0, hash, warnings: Vec::new() };
+    match (&object.geometry, file) {
+        (ShapeOrMesh::Shape(shape), _) => {
             task.begin(LoadStep::Reading, 0)?;
             let needed = PEAK_PER_TRIANGLE.saturating_mul(shapes::triangles(shape));
             reserve::ask(needed, &format!("making {label}"), SIMPLIFY)?;
-            Ok((shapes::surface(shape).map_err(failed(label))?, 1.0, String::new()))
+            Ok(of(shapes::surface(shape).map_err(failed(label))?, String::new()))
         }
-        ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
-            let file = scene.directory.join(path);
-            task.begin(LoadStep::Reading, file.metadata().map_or(0, |found| found.len()))?;
-            let bytes = read(&file)?;
-            let needed = match stl::triangles_in(&file) {
-                Some(triangles) => PEAK_PER_TRIANGLE.saturating_mul(triangles),
-                None => peak_per_byte(path).saturating_mul(bytes.len() as u64),
-            };
-            reserve::ask(needed, &format!("reading {label}"), SIMPLIFY)?;
-            let (surface, hash) = rayon::join(|| parse(path, &bytes, task), || hash(&bytes));
-            Ok((surface.map_err(failed(label))?, *unit, hash))
-        }
-        ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }) => {
+        (ShapeOrMesh::Mesh(Mesh::Arrays { vertices, triangles }), _) => {
             task.begin(LoadStep::Reading, 0)?;
             let surface = arrays(vertices, triangles).map_err(failed(label))?;
-            Ok((surface, 1.0, hash_arrays(vertices, triangles)))
+            Ok(of(surface, hash_arrays(vertices, triangles)))
         }
-    }
-}
-
-/// The surface in the bytes of a mesh file, by the extension of its name.
-pub(super) fn parse(
-    path: &Path,
-    bytes: &[u8],
-    task: Task<'_>,
-) -> std::result::Result<Surface, Defect> {
-    let extension = path.extension().map(|it| it.to_string_lossy().to_lowercase());
-    match extension.as_deref() {
-        Some("obj") => obj::parse(bytes, task),
-        Some("stl") => stl::parse(bytes, task),
-        _ => Err(Defect::new(
-            "the format of the mesh is not known",
-            "the file name must end in .stl or .obj",
-        )),
+        (ShapeOrMesh::Mesh(Mesh::File { unit, group, .. }), FileOf::Own(file)) => {
+            let unit = unit.or(file.mesh.unit).unwrap_or(1.0);
+            let part = file.mesh.into_part(group.as_deref());
+            let (surface, warnings) = part.map_err(failed(label))?;
+            Ok(ReadSurface { surface, unit, hash: file.hash, warnings })
+        }
+        (ShapeOrMesh::Mesh(Mesh::File { unit, group, .. }), FileOf::Shared(file)) => {
+            let unit = unit.or(file.mesh.unit).unwrap_or(1.0);
+            let part = file.mesh.part(group.as_deref());
+            let (surface, warnings) = part.map_err(failed(label))?;
+            Ok(ReadSurface { surface, unit, hash: file.hash.clone(), warnings })
+        }
+        (ShapeOrMesh::Mesh(Mesh::File { path, .. }), FileOf::None) => {
+            Err(Error::file(path, "was not read", None))
+        }
     }
 }
 

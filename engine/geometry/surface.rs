@@ -18,7 +18,7 @@ impl Defect {
 }
 
 /// Vertices and the triangles that index them.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Surface {
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -59,6 +59,15 @@ impl Surface {
         self.triangles.push([first, first + 1, first + 2]);
         self.numbers.push(number);
         Ok(())
+    }
+
+    /// As [`Self::push_triangle`] for a triangle of another surface, with the number that it has
+    /// there.
+    pub(super) fn push_numbered(&mut self, corners: [DVec3; 3], number: u32) {
+        let first = numbers::count(self.vertices.len());
+        self.vertices.extend(corners);
+        self.triangles.push([first, first + 1, first + 2]);
+        self.numbers.push(number);
     }
 
     /// Number of a triangle where it came from, counted from 1.

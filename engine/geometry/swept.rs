@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::Sample;
+use super::sizes::unit_doubt;
 use crate::error::{Error, Result};
 use crate::scene::{Object, Scene, ShapeOrMesh};
 
@@ -178,6 +179,11 @@ fn hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
 pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
     let [(near, near_name), (far, far_name)] = scene.clearance();
     let swept = swept(sample);
+    // A unit that is wrong makes most samples too large.
+    let doubt = |number: usize| {
+        let (object, summary) = scene.objects.get(number).zip(sample.objects.get(number))?;
+        Some(format!("; it {}", unit_doubt(scene, object, summary)?))
+    };
     for angle in &scene.scan.angles {
         for (number, extent) in swept.extents(*angle).enumerate() {
             let [first, last] = extent.y.map(|y| scene.source.distance + y);
@@ -195,7 +201,10 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
                     first,
                     last
                 ),
-                format!("from {near:.6} m ({near_name}) to {far:.6} m ({far_name})"),
+                format!(
+                    "from {near:.6} m ({near_name}) to {far:.6} m ({far_name}){}",
+                    doubt(number).unwrap_or_default()
+                ),
             ));
         }
     }

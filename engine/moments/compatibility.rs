@@ -55,21 +55,32 @@ fn same_instances(base: &Scene, there: &Object, scene: &Scene, here: &Object) ->
 
 /// What an object's surface is, and was, where the two differ.
 fn other_surface(scene: &Scene, there: &Object, here: &Object) -> Result<Option<(String, String)>> {
-    let (ShapeOrMesh::Mesh(Mesh::File { unit: was, .. }), Some(recorded)) =
+    let (ShapeOrMesh::Mesh(Mesh::File { unit: was, group: taken, .. }), Some(recorded)) =
         (&there.geometry, &there.sha256)
     else {
         let same = there.geometry == here.geometry;
         return Ok((!same).then(|| ("another shape".into(), "the shape".into())));
     };
-    let ShapeOrMesh::Mesh(Mesh::File { path, unit }) = &here.geometry else {
+    let ShapeOrMesh::Mesh(Mesh::File { path, unit, group }) = &here.geometry else {
         return Ok(Some(("no mesh file".into(), format!("a mesh with sha256 {recorded}"))));
     };
     let hash = geometry::file_hash(&scene.directory.join(path))?;
     if hash != *recorded {
         return Ok(Some((format!("a mesh with sha256 {hash}"), format!("sha256 {recorded}"))));
     }
-    Ok((was.to_bits() != unit.to_bits())
-        .then(|| (format!("a unit of {unit} m"), format!("a unit of {was} m"))))
+    if group != taken {
+        let words = |group: &Option<String>| match group {
+            Some(group) => format!("the group {group:?}"),
+            None => "the whole mesh".into(),
+        };
+        return Ok(Some((words(group), words(taken))));
+    }
+    let words = |unit: Option<f64>| match unit {
+        Some(unit) => format!("a unit of {unit} m"),
+        None => "the unit of the file".into(),
+    };
+    let same = was.map(f64::to_bits) == unit.map(f64::to_bits);
+    Ok((!same).then(|| (words(*unit), words(*was))))
 }
 
 /// Materials of `scene` in the order in which the run kept its moments.

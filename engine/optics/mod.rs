@@ -8,10 +8,12 @@
 mod bars;
 mod detector_plane;
 mod mask;
+mod mask_mesh;
 
 pub(crate) use bars::MaskShape;
 pub(crate) use detector_plane::DetectorPlane;
 pub(crate) use mask::Mask;
+pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
 
 use crate::scene::{Blur, Sampling, Scene};
 use crate::spot::{Spot, deviation};

@@ -85,6 +85,7 @@ const KNOWN: &[(&str, &[&str])] = &[
             "name",
             "mesh",
             "unit",
+            "group",
             "sha256",
             "allow_defects",
             "shape",

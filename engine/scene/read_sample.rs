@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use super::read_instances::read_instances;
 use super::read_shape::read_shape;
 use super::table::{ListItem, Table};
-use super::{MaterialSpec, Mesh, Object, Placement, Shape, ShapeOrMesh};
+use super::{MaterialSpec, Mesh, MeshFormat, Object, Placement, Shape, ShapeOrMesh};
 use crate::Result;
 use crate::units::Dimension::{Angle, Attenuation, Density, Length};
 
@@ -81,18 +81,36 @@ fn read_geometry(table: &Table<'_>) -> Result<ShapeOrMesh> {
     if let Some(item) = table.get("shape") {
         table.forbid("mesh", either)?;
         table.forbid("unit", "no unit: the lengths of a shape carry theirs")?;
+        table.forbid("group", "no group: a shape has no file")?;
         table.forbid("sha256", "no hash: a shape has no file")?;
         return Ok(ShapeOrMesh::Shape(read_shape(&item)?));
     }
     let mesh = table.get("mesh").ok_or_else(|| table.missing("mesh", either))?;
     let path = PathBuf::from(mesh.text(FILE)?);
+    let format = MeshFormat::of(&path);
+    let group = match table.get("group") {
+        Some(item) if format.is_some_and(|it| !it.has_groups()) => {
+            return Err(item.mismatch("no group: STL and PLY files name no parts, OBJ and 3MF do"));
+        }
+        Some(item) => {
+            Some(item.text("name of an object, group or material of the file")?.to_owned())
+        }
+        None => None,
+    };
+    if format.is_some_and(MeshFormat::has_unit) {
+        table.forbid(
+            "unit",
+            "no unit: a 3MF file tells its own; `scale` is for one that is wrong",
+        )?;
+        return Ok(ShapeOrMesh::Mesh(Mesh::File { path, unit: None, group }));
+    }
     let units = "the length of 1.0 in the mesh file, such as \"mm\" or \"25.4 mm\"";
     let item = table.require("unit", units)?;
     let unit = match Length.parse_unit(item.text(units)?) {
         Ok(unit) => unit,
         Err(error) => item.refuse(item.quantity_error(error), f64::NAN)?,
     };
-    Ok(ShapeOrMesh::Mesh(Mesh::File { path, unit }))
+    Ok(ShapeOrMesh::Mesh(Mesh::File { path, unit: Some(unit), group }))
 }
 
 pub(super) fn read_hash(item: &ListItem<'_>) -> Result<String> {

@@ -1,6 +1,6 @@
 //! The sample of a scene: materials, and objects with their shapes or meshes and places.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::Instances;
 
@@ -175,12 +175,14 @@ pub enum Shape {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Mesh {
-    /// A file; `unit` is the length of 1.0 in it, m.
+    /// A file.
     File {
         /// The file, relative to the scene's directory.
         path: PathBuf,
-        /// Metres per unit of the file.
-        unit: f64,
+        /// The length of 1.0 in it, m; `None` where the file tells it ([`MeshFormat::has_unit`]).
+        unit: Option<f64>,
+        /// The object, group or material of the file that is taken; `None`: all of it.
+        group: Option<String>,
     },
     /// Vertices in metres and triangles that index them, counter-clockwise seen from outside.
     Arrays {
@@ -189,6 +191,54 @@ pub enum Mesh {
         /// Vertex indices.
         triangles: Vec<[u32; 3]>,
     },
+}
+
+impl Mesh {
+    /// All of a file that tells no unit. `unit`: the length of 1.0 in it, m.
+    #[must_use]
+    pub fn file(path: impl Into<PathBuf>, unit: f64) -> Self {
+        Self::File { path: path.into(), unit: Some(unit), group: None }
+    }
+}
+
+/// Format of a mesh file, by the ending of its name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum MeshFormat {
+    /// STL, binary or text.
+    Stl,
+    /// Wavefront OBJ.
+    Obj,
+    /// PLY, binary or text.
+    Ply,
+    /// 3MF, the format of 3D printing.
+    ThreeMf,
+}
+
+impl MeshFormat {
+    /// The format of a file of this name; `None` where it is none of them.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+            "stl" => Some(Self::Stl),
+            "obj" => Some(Self::Obj),
+            "ply" => Some(Self::Ply),
+            "3mf" => Some(Self::ThreeMf),
+            _ => None,
+        }
+    }
+
+    /// Whether files tell the length of 1.0 in them.
+    #[must_use]
+    pub const fn has_unit(self) -> bool {
+        matches!(self, Self::ThreeMf)
+    }
+
+    /// Whether files name their objects, groups or materials.
+    #[must_use]
+    pub const fn has_groups(self) -> bool {
+        matches!(self, Self::Obj | Self::ThreeMf)
+    }
 }
 
 /// Placement of an object: center, then scale, then rotations, then position.

@@ -8,7 +8,7 @@ use super::validate_detector::validate_detector;
 use super::validate_instances::validate_instances;
 use super::validate_material::validate_material;
 use super::validate_shape::validate_shape;
-use super::{MaskBody, MaskSpec, Mesh, Placement, Scene, ShapeOrMesh, limits};
+use super::{MaskBody, MaskSpec, Mesh, MeshFormat, Placement, Scene, ShapeOrMesh, limits};
 use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Length};
 use crate::{Error, Result, printed};
@@ -180,13 +180,9 @@ impl Scene {
             faults.note(named(&key("material"), &object.material));
             match &object.geometry {
                 ShapeOrMesh::Shape(shape) => validate_shape(&key("shape"), shape, faults),
-                ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
-                    if path.as_os_str().is_empty() {
-                        faults.add(Error::scene(key("mesh"), "\"\"", "path of a file"));
-                    }
-                    faults.note(positive(&key("unit"), *unit, Length));
+                ShapeOrMesh::Mesh(mesh) => {
+                    faults.note(validate_mesh(&format!("object[{index}]"), mesh));
                 }
-                ShapeOrMesh::Mesh(Mesh::Arrays { .. }) => {}
             }
             validate_placement(&key, &object.placement, faults);
             if let Some(instances) = &object.instances {
@@ -245,6 +241,32 @@ impl Faults {
 
     pub(super) fn note(&mut self, checked: Result<()>) {
         self.0.extend(checked.err());
+    }
+}
+
+/// `table`: of the object, such as `object[0]`.
+fn validate_mesh(table: &str, mesh: &Mesh) -> Result<()> {
+    let Mesh::File { path, unit, group } = mesh else { return Ok(()) };
+    let key = |key: &str| format!("{table}.{key}");
+    if path.as_os_str().is_empty() {
+        return Err(Error::scene(key("mesh"), "\"\"", "path of a file"));
+    }
+    let format = MeshFormat::of(path);
+    if let Some(group) = group {
+        named(&key("group"), group)?;
+        if format.is_some_and(|it| !it.has_groups()) {
+            let allowed = "no group: STL and PLY files name no parts, OBJ and 3MF do";
+            return Err(Error::scene(key("group"), format!("{group:?}"), allowed));
+        }
+    }
+    match (unit, format.is_some_and(MeshFormat::has_unit)) {
+        (Some(unit), false) => positive(&key("unit"), *unit, Length),
+        (None, true) => Ok(()),
+        (Some(unit), true) => {
+            let allowed = "no unit: a 3MF file tells its own";
+            Err(Error::scene(key("unit"), Length.format(*unit), allowed))
+        }
+        (None, false) => Err(Error::scene(key("unit"), "nothing", "the length of 1.0 in the file")),
     }
 }
 

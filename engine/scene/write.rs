@@ -210,10 +210,15 @@ fn write_object(
     out.text("name", &object.name);
     match &object.geometry {
         ShapeOrMesh::Shape(shape) => out.raw("shape", shape_table(shape)),
-        ShapeOrMesh::Mesh(Mesh::File { path, unit }) => {
+        ShapeOrMesh::Mesh(Mesh::File { path, unit, group }) => {
             out.text("mesh", &file(path, scene, directory)?);
-            let text = Length.format(*unit);
-            out.text("unit", text.strip_prefix("1 ").unwrap_or(&text));
+            if let Some(unit) = unit {
+                let text = Length.format(*unit);
+                out.text("unit", text.strip_prefix("1 ").unwrap_or(&text));
+            }
+            if let Some(group) = group {
+                out.text("group", group);
+            }
             if let Some(hash) = hash {
                 out.text("sha256", hash);
             }

@@ -35,11 +35,11 @@ fn paper_scene_resolves_with_its_defaults() {
     assert_eq!(scene.surroundings, "vacuum");
     assert_eq!(scene.sampling.rays, [5000, 1]);
     assert_eq!(scene.materials["my plastic"], MaterialSpec::Constants { mu: 25.0, delta: 2.4e-7 });
-    let ShapeOrMesh::Mesh(Mesh::File { path, unit }) = &scene.objects[0].geometry else {
+    let ShapeOrMesh::Mesh(Mesh::File { path, unit, .. }) = &scene.objects[0].geometry else {
         panic!("not a mesh");
     };
     assert_eq!(scene.resolve(path), Path::new("somewhere/meshes/rod.stl"));
-    assert_eq!(*unit, 1e-3);
+    assert_eq!(*unit, Some(1e-3));
     let sphere = Shape::Sphere { radius: 1e-3, sides: Some(64) };
     assert_eq!(scene.objects[1].geometry, ShapeOrMesh::Shape(sphere));
 }

@@ -14,6 +14,7 @@ mod exact_shapes;
 mod flat;
 mod instances;
 mod leaks;
+mod mask_mesh;
 mod ordered;
 mod polychromatic;
 mod reference_against_closed_forms;

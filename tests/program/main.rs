@@ -6,6 +6,7 @@ mod support;
 mod cli;
 mod cli_beam;
 mod hostile;
+mod mesh;
 mod mistakes;
 mod pictures;
 mod report;

@@ -37,6 +37,21 @@ impl AnalyticShape {
         }
     }
 
+    /// The least error that [`Self::surface`] keeps to, m.
+    pub(in crate::geometry) fn least_error(self) -> f64 {
+        let off = |radius: f64, half_step: f64| radius * (1.0 - half_step.cos());
+        let step = PI / f64::from(MOST);
+        match self.form() {
+            Form::Frustum(frustum) => {
+                let [low, high] =
+                    [-1.0, 1.0].map(|side| frustum.radius_at(side * frustum.half_height));
+                off(low.max(high), step)
+            }
+            Form::Ellipsoid(axes) => off(axes.max_element(), SQRT_2 * step),
+            Form::Torus(radius, tube) => 4.0 * off(radius + tube, step),
+        }
+    }
+
     /// About how many triangles [`Self::surface`] has.
     pub(crate) fn triangles(self, error: f64) -> u64 {
         match self.form() {

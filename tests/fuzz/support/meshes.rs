@@ -1,6 +1,7 @@
 //! Meshes as seeds, and the repair of STL files.
 
-use crate::{RAW_LENGTHS, put_u32};
+use crate::{RAW_HEADER, RAW_LENGTHS, put_u32};
+use std::io::{Cursor, Write};
 
 /// Where a binary STL file counts its triangles, and where they begin.
 const COUNT: usize = 80;
@@ -144,4 +145,75 @@ pub fn obj_seeds() -> Vec<Vec<u8>> {
     [box_of(&halves), box_of(&backwards), box_of(&dressed), prism(&star), prism(&comb), prism(&bow)]
         .map(String::into_bytes)
         .to_vec()
+}
+
+/// PLY files: boxes in text and of either byte order, with what is passed over and without.
+pub fn ply_seeds() -> Vec<Vec<u8>> {
+    let header = |format: &str, more: &str| {
+        format!(
+            "ply\nformat {format} 1.0\ncomment a box\nelement vertex 8\nproperty float x\n\
+             property float y\nproperty float z\n{more}element face 6\n\
+             property list uchar int vertex_indices\nend_header\n"
+        )
+    };
+    let corner = |n: usize| [n & 1, n >> 1 & 1, n >> 2];
+    let mut text = header("ascii", "property uchar red\n");
+    for [x, y, z] in (0..8).map(corner) {
+        text += &format!("{x} {y} {z} 255\n");
+    }
+    for [a, b, c, d] in FACES {
+        text += &format!("4 {a} {b} {c} {d}\n");
+    }
+    let binary = |format: &str, word: fn(u32) -> [u8; 4]| {
+        let mut bytes = header(format, "").into_bytes();
+        let number = |n: usize| f32::from(u8::try_from(n).unwrap_or(0)).to_bits();
+        bytes.extend((0..8).flat_map(corner).flat_map(|n| word(number(n))));
+        for face in FACES {
+            bytes.push(4);
+            bytes.extend(face.iter().flat_map(|n| word(u32::try_from(*n).unwrap_or(0))));
+        }
+        bytes
+    };
+    vec![
+        text.into_bytes(),
+        binary("binary_little_endian", u32::to_le_bytes),
+        binary("binary_big_endian", u32::to_be_bytes),
+    ]
+}
+
+/// A 3MF file of a model, unless its control says that it is the file.
+pub fn threemf(input: &[u8]) -> Vec<u8> {
+    let Some((control, model)) = input.split_first() else { return Vec::new() };
+    if control & RAW_HEADER != 0 {
+        return model.to_vec();
+    }
+    let mut archive = zip::ZipWriter::new(Cursor::new(Vec::new()));
+    let stored = zip::write::SimpleFileOptions::default()
+        .compression_method(zip::CompressionMethod::Stored);
+    archive.start_file("3D/3dmodel.model", stored).expect("memory");
+    archive.write_all(model).expect("memory");
+    archive.finish().expect("memory").into_inner()
+}
+
+/// Models: a tetrahedron, components of it with materials, and an archive.
+pub fn threemf_seeds() -> Vec<(u8, Vec<u8>)> {
+    let mesh = "<mesh><vertices><vertex x=\"0\" y=\"0\" z=\"0\"/><vertex x=\"1\" y=\"0\" z=\"0\"/>\
+        <vertex x=\"0\" y=\"1\" z=\"0\"/><vertex x=\"0\" y=\"0\" z=\"1\"/></vertices><triangles>\
+        <triangle v1=\"0\" v2=\"2\" v3=\"1\"/><triangle v1=\"0\" v2=\"1\" v3=\"3\"/>\
+        <triangle v1=\"0\" v2=\"3\" v3=\"2\" pid=\"5\" p1=\"1\"/>\
+        <triangle v1=\"1\" v2=\"2\" v3=\"3\"/></triangles></mesh>";
+    let base = "<basematerials id=\"5\"><base name=\"a\"/><base name=\"b\"/></basematerials>";
+    let one = format!(
+        "<model unit=\"inch\"><resources>{base}<object id=\"1\" name=\"n\" pid=\"5\" pindex=\"0\">\
+         {mesh}</object></resources><build><item objectid=\"1\"/></build></model>"
+    );
+    let two = one.replace(
+        "</resources>",
+        "<object id=\"2\"><components><component objectid=\"1\" \
+         transform=\"-1 0 0 0 1 0 0 0 1 5 0 0\"/><component objectid=\"1\"/></components></object>\
+         </resources>",
+    );
+    let two = two.replace("<item objectid=\"1\"/>", "<item objectid=\"2\"/>");
+    let file = threemf(&[&[0], one.as_bytes()].concat());
+    vec![(0, one.into_bytes()), (0, two.into_bytes()), (RAW_HEADER, file)]
 }

@@ -9,7 +9,7 @@ use beamlet::scene::{Mesh, Object, Scene, ShapeOrMesh};
 use super::set_up::{close, object, scene};
 
 fn mesh(name: &str) -> Object {
-    let mesh = Mesh::File { path: format!("{name}.stl").into(), unit: 1e-3 };
+    let mesh = Mesh::file(format!("{name}.stl"), 1e-3);
     object(name, ShapeOrMesh::Mesh(mesh))
 }
 

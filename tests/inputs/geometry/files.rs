@@ -10,7 +10,7 @@ use super::set_up::{Arrays, close, object, scene};
 
 fn read(directory: &Path, name: &str, bytes: &[u8]) -> beamlet::Result<Sample> {
     std::fs::write(directory.join(name), bytes).unwrap();
-    let mesh = Mesh::File { path: name.into(), unit: 1e-3 };
+    let mesh = Mesh::file(name, 1e-3);
     let mut scene = scene(vec![object("part", ShapeOrMesh::Mesh(mesh))]);
     scene.directory = directory.into();
     load(&scene)
@@ -184,8 +184,8 @@ fn vertices_that_are_not_finite_are_refused() {
 fn files_without_triangles_or_of_unknown_kind_are_refused() {
     assert!(refused("a.obj", b"v 0 0 0\n").contains("no triangles"));
     assert!(refused("a.stl", b"solid x\nendsolid x\n").contains("no triangles"));
-    assert!(refused("a.step", b"ISO-10303-21;").contains(".stl or .obj"));
-    let mesh = Mesh::File { path: "missing.stl".into(), unit: 1.0 };
+    assert!(refused("a.step", b"ISO-10303-21;").contains(".stl, .obj, .ply or .3mf"));
+    let mesh = Mesh::file("missing.stl", 1.0);
     let text = load(&scene(vec![object("part", ShapeOrMesh::Mesh(mesh))])).unwrap_err();
     assert!(text.to_string().contains("missing.stl"), "{text}");
 }

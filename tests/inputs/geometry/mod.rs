@@ -5,7 +5,9 @@
 mod clearance;
 mod defects;
 mod experiments;
+mod export;
 mod files;
+mod formats;
 mod meshes;
 mod nesting;
 mod overlap;

@@ -36,7 +36,7 @@ fn assembly(turn: ([f64; 3], f64)) -> Scene {
     for (object, name) in scene.objects.iter_mut().zip(PARTS) {
         object.name = name.to_owned();
         let path = PathBuf::from(format!("{name}.stl"));
-        object.geometry = ShapeOrMesh::Mesh(beamlet::scene::Mesh::File { path, unit: 1e-3 });
+        object.geometry = ShapeOrMesh::Mesh(beamlet::scene::Mesh::file(path, 1e-3));
         object.placement.rotate = vec![turn];
     }
     scene

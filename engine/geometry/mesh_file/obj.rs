@@ -1,12 +1,14 @@
-//! Wavefront OBJ files: positions and faces. Everything else is ignored, material libraries
-//! included.
+//! Wavefront OBJ files: positions, faces, and the names of objects, groups and materials.
+//! Everything else is ignored, material libraries included.
 //!
 //! `tobj` reads them, after a first look that names the line of whatever is wrong and leaves
 //! texture and normal indices out: `tobj` reports no lines, and overflows on some indices.
 
-use super::polygon;
-use super::surface::{Defect, Surface};
-use super::watch::Task;
+use super::MeshFile;
+use super::names::{Label, Names};
+use crate::geometry::polygon;
+use crate::geometry::surface::{Defect, Surface};
+use crate::geometry::watch::Task;
 use crate::numbers;
 use glam::DVec3;
 use std::fmt::Write as _;
@@ -18,21 +20,21 @@ const REPORT: usize = 1 << 14;
 const FIRST_LOOK: f64 = 0.4;
 const PARSED: f64 = 0.7;
 
-/// Reads an OBJ file. All its objects and groups together; not yet welded.
-pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
+/// Reads an OBJ file.
+pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     // A name in some other encoding than UTF-8 is no reason to refuse a file.
     let text = String::from_utf8_lossy(bytes);
     let share = |share: f64| {
         task.reach(numbers::whole::<u64>(share * bytes.len() as f64));
     };
-    let (plain, lines) = vetted(&text, |done| share(FIRST_LOOK * done))?;
+    let Vetted { plain, faces, mut names } = vetted(&text, |done| share(FIRST_LOOK * done))?;
     share(FIRST_LOOK);
     let options = tobj::LoadOptions { triangulate: false, ..tobj::LoadOptions::default() };
     let no_materials = |_: &Path| Err(tobj::LoadError::GenericFailure);
     let (models, _) = tobj::load_obj_buf(&mut plain.as_bytes(), &options, no_materials)
         .map_err(|error| Defect::new(format!("not a valid OBJ file: {error}"), String::new()))?;
     let mut surface = Surface::default();
-    let (count, mut faces) = (lines.len() as f64, lines.into_iter());
+    let (count, mut faces) = (faces.len() as f64, faces.into_iter());
     for mesh in models.into_iter().map(|model| model.mesh) {
         let position = |index: &u32| DVec3::from_slice(&mesh.positions[3 * *index as usize..]);
         let mut rest = mesh.indices.as_slice();
@@ -45,22 +47,40 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
             if faces.len() % REPORT == 0 {
                 share(1.0 - (1.0 - PARSED) * faces.len() as f64 / count);
             }
-            let line = faces.next().unwrap_or_default();
+            let Face { line, label } = faces.next().unwrap_or_default();
             let corners: Vec<DVec3> = face.iter().map(position).collect();
             let failed = |problem| Defect::new(problem, format!("line {line}"));
             for [a, b, c] in polygon::triangles(&corners).map_err(failed)? {
                 surface.push_triangle([corners[a], corners[b], corners[c]]).map_err(failed)?;
+                names.push(label);
             }
         }
     }
-    Ok(surface)
+    Ok(MeshFile { surface, names, unit: None })
 }
 
-/// Positions and faces with position indices alone, and the line of each face. `progress` gets the
-/// share that is done.
-fn vetted(text: &str, progress: impl Fn(f64)) -> Result<(String, Vec<usize>), Defect> {
-    let mut plain = String::with_capacity(text.len());
-    let mut faces = Vec::new();
+/// What a first look leaves of a file.
+#[derive(Default)]
+struct Vetted {
+    /// Positions and faces with position indices alone.
+    plain: String,
+    faces: Vec<Face>,
+    names: Names,
+}
+
+/// Where a face stands, and the number of its label.
+#[derive(Default)]
+struct Face {
+    line: usize,
+    label: u32,
+}
+
+/// The first look. `progress` gets the share that is done.
+fn vetted(text: &str, progress: impl Fn(f64)) -> Result<Vetted, Defect> {
+    let mut vetted = Vetted { plain: String::with_capacity(text.len()), ..Vetted::default() };
+    let mut label = Label::default();
+    // Of the label, once a face has it.
+    let mut label_number = None;
     let mut vertices = 0;
     let mut lines = text.lines().zip(1_usize..);
     while let Some((line, number)) = lines.next() {
@@ -91,28 +111,57 @@ fn vetted(text: &str, progress: impl Fn(f64)) -> Result<(String, Vec<usize>), De
                 };
                 vertices += 1;
                 // Writing to a string cannot fail; f64 texts read back to the same bits.
-                let _ = writeln!(plain, "v {x:?} {y:?} {z:?}");
+                let _ = writeln!(vetted.plain, "v {x:?} {y:?} {z:?}");
             }
             Some("f") => {
-                plain.push('f');
-                let mut corners = 0;
-                for word in words {
-                    let index = corner(word, vertices).map_err(failed)?;
-                    let _ = write!(plain, " {index}");
-                    corners += 1;
-                }
-                if corners < 3 {
-                    let problem =
-                        format!("a face needs at least 3 corners, this one has {corners}");
-                    return Err(failed(problem));
-                }
-                plain.push('\n');
-                faces.push(number);
+                face(words, vertices, &mut vetted.plain).map_err(failed)?;
+                let names = &mut vetted.names;
+                let label = *label_number.get_or_insert_with(|| names.number(&label));
+                vetted.faces.push(Face { line: number, label });
             }
+            Some(word) if is_name(word, line, &mut label) => label_number = None,
             _ => {}
         }
     }
-    Ok((plain, faces))
+    Ok(vetted)
+}
+
+/// Adds a face of these corners to the text.
+fn face<'a>(
+    words: impl Iterator<Item = &'a str>,
+    vertices: usize,
+    plain: &mut String,
+) -> Result<(), String> {
+    plain.push('f');
+    let mut corners = 0;
+    for word in words {
+        let _ = write!(plain, " {}", corner(word, vertices)?);
+        corners += 1;
+    }
+    if corners < 3 {
+        return Err(format!("a face needs at least 3 corners, this one has {corners}"));
+    }
+    plain.push('\n');
+    Ok(())
+}
+
+/// Whether a line names what follows; takes the name.
+fn is_name(word: &str, line: &str, label: &mut Label) -> bool {
+    let name = line[word.len()..].trim();
+    let named = || (!name.is_empty()).then(|| name.to_owned());
+    match word {
+        "o" => label.objects = named().into_iter().collect(),
+        // Several words are several groups; some programs write one name of several words.
+        "g" => {
+            label.groups = named().into_iter().collect();
+            if name.contains(|c: char| c.is_ascii_whitespace()) {
+                label.groups.extend(name.split_ascii_whitespace().map(str::to_owned));
+            }
+        }
+        "usemtl" => label.material = named(),
+        _ => return false,
+    }
+    true
 }
 
 /// The beginning of a line, for messages.

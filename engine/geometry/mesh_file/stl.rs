@@ -5,8 +5,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::surface::{Defect, Surface};
-use super::watch::Task;
+use crate::geometry::surface::{Defect, Surface};
+use crate::geometry::watch::Task;
 use crate::input_file;
 
 const HEADER: usize = 84;

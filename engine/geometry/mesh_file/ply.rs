@@ -1,0 +1,256 @@
+//! PLY files, binary and text: vertices and faces. Other elements and properties are passed over.
+//!
+//! `ply-rs-bw` reads them, after a look at the header that holds its counts to the length of the
+//! file: elements without properties take no bytes, and would come without end.
+
+use std::io::{BufRead, BufReader, Cursor, Read};
+use std::path::Path;
+
+use glam::DVec3;
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
+use ply_rs_bw::ply::{
+    Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
+};
+
+use crate::geometry::polygon;
+use crate::geometry::surface::{Defect, Surface};
+use crate::geometry::watch::Task;
+use crate::{input_file, printed};
+
+/// Peak bytes per byte of a file while it is read: a triangle is a line of eight characters, or 13
+/// bytes, and is held as a list, and as three corners.
+pub(super) const PEAK_PER_BYTE: u64 = 24;
+/// Faces between two reports of how far reading is.
+const REPORT: usize = 1 << 14;
+/// What reading takes of the time; the rest goes to the cutting of faces.
+const PARSED: f64 = 0.7;
+/// Most bytes of a header that is looked for in a file.
+const HEADER: u64 = 1 << 16;
+/// Names of the list of corners of a face.
+const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+/// Reads a PLY file. Not yet welded.
+pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<Surface, Defect> {
+    let mut reader = Reader::new(Cursor::new(bytes));
+    let header = Parser::<Other>::new().read_header(&mut reader).map_err(failed)?;
+    vet(&header, (bytes.len() as u64).saturating_sub(reader.get_ref().position()))?;
+    let (mut vertices, mut faces) = (Vec::<Vertex>::new(), Vec::<Face>::new());
+    for (name, element) in &header.elements {
+        match name.as_str() {
+            "vertex" => {
+                vertices = Parser::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(failed)?;
+            }
+            "face" => {
+                faces = Parser::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(failed)?;
+            }
+            _ => {
+                Parser::<Other>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(failed)?;
+            }
+        }
+        let share = PARSED * reader.get_ref().position() as f64;
+        task.reach(crate::numbers::whole(share));
+    }
+    surface(&vertices, &faces, |share| {
+        let share = (PARSED + (1.0 - PARSED) * share) * bytes.len() as f64;
+        task.reach(crate::numbers::whole(share));
+    })
+}
+
+fn surface(vertices: &[Vertex], faces: &[Face], progress: impl Fn(f64)) -> Result<Surface, Defect> {
+    let mut surface = Surface::default();
+    let mut corners = Vec::new();
+    for (index, Face { corners: numbers }) in faces.iter().enumerate() {
+        if index % REPORT == 0 {
+            progress(index as f64 / faces.len() as f64);
+        }
+        let failed = |problem| Defect::new(problem, format!("face {} of the file", index + 1));
+        corners.clear();
+        for number in numbers {
+            let vertex = usize::try_from(*number).ok().and_then(|number| vertices.get(number));
+            let Some(Vertex(vertex)) = vertex else {
+                let there = vertices.len();
+                return Err(failed(format!("{number} names no vertex: there are {there}, from 0")));
+            };
+            corners.push(*vertex);
+        }
+        if corners.len() < 3 {
+            let found = corners.len();
+            return Err(failed(format!("a face needs at least 3 corners, this one has {found}")));
+        }
+        for [a, b, c] in polygon::triangles(&corners).map_err(failed)? {
+            surface.push_triangle([corners[a], corners[b], corners[c]]).map_err(failed)?;
+        }
+    }
+    Ok(surface)
+}
+
+/// Holds a header to what is needed, and its counts to the bytes that follow it.
+fn vet(header: &Header, mut left: u64) -> Result<(), Defect> {
+    let has = |element: &str, property: &str| {
+        let element = header.elements.get(element);
+        element.and_then(|it| it.properties.get(property)).map(|it| &it.data_type)
+    };
+    for axis in ["x", "y", "z"] {
+        if !matches!(has("vertex", axis), Some(PropertyType::Scalar(_))) {
+            let problem = format!("vertices have no number {axis}");
+            return Err(Defect::new(problem, "header: \"element vertex\" needs x, y and z"));
+        }
+    }
+    if !CORNERS.iter().any(|name| matches!(has("face", name), Some(PropertyType::List(..)))) {
+        let problem = match header.elements.contains_key("tristrips") {
+            true => "it holds strips of triangles and no faces; write it with faces",
+            false => "it has no faces: a cloud of points bounds no material",
+        };
+        let place = "header: \"element face\" needs a list vertex_indices";
+        return Err(Defect::new(problem, place));
+    }
+    if header.encoding == Encoding::Ascii {
+        // The last line may lack its end.
+        left += 1;
+    }
+    for (name, element) in &header.elements {
+        let least =
+            element.properties.iter().map(|(_, it)| least_bytes(&header.encoding, &it.data_type));
+        let needed = (element.count as u64).saturating_mul(least.sum::<u64>().max(1));
+        match left.checked_sub(needed) {
+            Some(rest) => left = rest,
+            None => {
+                let (name, count) = (printed::line(name), element.count);
+                return Err(Defect::new(
+                    format!(
+                        "{count} of the element \"{name}\" need {needed} bytes or more, and {left} \
+                         are left"
+                    ),
+                    "truncated, or its header is wrong",
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn least_bytes(encoding: &Encoding, kind: &PropertyType) -> u64 {
+    match (encoding, kind) {
+        // A digit, and what parts it from the next.
+        (Encoding::Ascii, _) => 2,
+        (_, PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) => match scalar {
+            ScalarType::Char | ScalarType::UChar => 1,
+            ScalarType::Short | ScalarType::UShort => 2,
+            ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+            ScalarType::Double => 8,
+        },
+    }
+}
+
+/// The error of the library, whose further lines repeat the input.
+fn failed(error: ParseError) -> Defect {
+    let text = error.to_string();
+    // The line is told as the place.
+    let text = match text.split_once(": ") {
+        Some((line, rest)) if line.starts_with("Line ") => rest,
+        _ => &text,
+    };
+    let mut lines = text.lines().map(|line| printed::line(line.trim()));
+    let first = lines.next().unwrap_or_default();
+    let inner = lines.next_back().filter(|line| line.starts_with("Error: "));
+    let problem =
+        inner.map_or(first.clone(), |inner| format!("{first} {}", &inner["Error: ".len()..]));
+    let problem: String = problem.chars().take(200).collect();
+    let place = error.line().map(|line| format!("line {line}")).unwrap_or_default();
+    Defect::new(format!("not a valid PLY file: {problem}"), place)
+}
+
+/// The header of a file that begins with one.
+fn header_of(path: &Path) -> Option<Header> {
+    let file = input_file::open(path).ok()?;
+    let mut reader = BufReader::new(file.take(HEADER));
+    // Other files may have no line end at all.
+    reader.fill_buf().ok()?.starts_with(b"ply").then_some(())?;
+    Parser::<Other>::new().read_header(&mut Reader::new(reader)).ok()
+}
+
+/// Faces that a PLY file counts, and may hold by its length.
+pub(super) fn faces_in(path: &Path) -> Option<u64> {
+    let header = header_of(path)?;
+    vet(&header, path.metadata().ok()?.len()).ok()?;
+    Some(header.elements.get("face")?.count as u64)
+}
+
+/// Whether a file is a binary PLY file.
+pub(super) fn is_binary(path: &Path) -> bool {
+    header_of(path).is_some_and(|header| header.encoding != Encoding::Ascii)
+}
+
+/// An element that is passed over.
+struct Other;
+
+impl PropertyAccess for Other {
+    fn new() -> Self {
+        Self
+    }
+}
+
+struct Vertex(DVec3);
+
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Self(DVec3::NAN)
+    }
+
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        let axis = match name {
+            "x" => &mut self.0.x,
+            "y" => &mut self.0.y,
+            "z" => &mut self.0.z,
+            _ => return PropertyAccessResult::Ignored,
+        };
+        *axis = match value {
+            Property::Char(value) => value.into(),
+            Property::UChar(value) => value.into(),
+            Property::Short(value) => value.into(),
+            Property::UShort(value) => value.into(),
+            Property::Int(value) => value.into(),
+            Property::UInt(value) => value.into(),
+            Property::Float(value) => value.into(),
+            Property::Double(value) => value,
+            _ => return PropertyAccessResult::UnsupportedType,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+struct Face {
+    corners: Vec<i64>,
+}
+
+impl PropertyAccess for Face {
+    fn new() -> Self {
+        Self { corners: Vec::new() }
+    }
+
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        if !CORNERS.contains(&name) {
+            return PropertyAccessResult::Ignored;
+        }
+        self.corners = match value {
+            Property::ListChar(list) => wide(list),
+            Property::ListUChar(list) => wide(list),
+            Property::ListShort(list) => wide(list),
+            Property::ListUShort(list) => wide(list),
+            Property::ListInt(list) => wide(list),
+            Property::ListUInt(list) => wide(list),
+            _ => return PropertyAccessResult::UnsupportedType,
+        };
+        PropertyAccessResult::Set
+    }
+}
+
+fn wide<T: Into<i64>>(list: Vec<T>) -> Vec<i64> {
+    list.into_iter().map(Into::into).collect()
+}

@@ -1,0 +1,322 @@
+//! PLY and 3MF files, and parts of files by their names: those of other programs (tests/files) and
+//! those made here, whole and broken.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use beamlet::geometry::{Sample, load};
+use beamlet::scene::{Mesh, Object, Scene};
+
+use super::set_up::{close, object, scene};
+
+fn files() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/files")
+}
+
+/// A part of a file with its unit; 3MF files tell theirs.
+fn part(name: &str, path: &str, group: Option<&str>) -> Object {
+    let unit = (!path.ends_with("3mf")).then_some(1e-3);
+    let group = group.map(str::to_owned);
+    object(name, Mesh::File { path: path.into(), unit, group })
+}
+
+fn scene_in(directory: &Path, objects: Vec<Object>) -> Scene {
+    let mut scene = scene(objects);
+    scene.directory = directory.into();
+    scene
+}
+
+fn loaded(path: &str, group: Option<&str>) -> Sample {
+    load(&scene_in(&files(), vec![part("part", path, group)])).unwrap()
+}
+
+/// Reads bytes as a file of that name.
+fn read(name: &str, bytes: &[u8], group: Option<&str>) -> beamlet::Result<Sample> {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join(name), bytes).unwrap();
+    load(&scene_in(directory.path(), vec![part("part", name, group)]))
+}
+
+fn refused(name: &str, bytes: &[u8]) -> String {
+    let text = read(name, bytes, None).unwrap_err().to_string();
+    assert!(text.contains("\"part\"") && text.contains(name), "{text}");
+    text
+}
+
+/// A 3MF file of a model.
+fn archive(model: &str) -> Vec<u8> {
+    let mut archive = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
+    let options =
+        zip::write::SimpleFileOptions::default().compression_method(zip::CompressionMethod::Stored);
+    archive.start_file("3D/3dmodel.model", options).unwrap();
+    archive.write_all(model.as_bytes()).unwrap();
+    archive.finish().unwrap().into_inner()
+}
+
+/// A tetrahedron with the corners 0 and 1 on each axis: 1/6 of a unit.
+const VERTICES: &str = "<vertices><vertex x=\"0\" y=\"0\" z=\"0\"/><vertex x=\"1\" y=\"0\" z=\"0\"/>\n\
+    <vertex x=\"0\" y=\"1\" z=\"0\"/><vertex x=\"0\" y=\"0\" z=\"1\"/></vertices>";
+const TRIANGLES: &str = "<triangle v1=\"0\" v2=\"2\" v3=\"1\"/><triangle v1=\"0\" v2=\"1\" v3=\"3\"/>\n\
+    <triangle v1=\"0\" v2=\"3\" v3=\"2\"/><triangle v1=\"1\" v2=\"2\" v3=\"3\"/>";
+
+fn model(attributes: &str, resources: &str, build: &str) -> Vec<u8> {
+    archive(&format!(
+        "<?xml version=\"1.0\"?>\n<model {attributes}><resources>{resources}</resources>\n\
+         <build>{build}</build></model>"
+    ))
+}
+
+fn tetrahedron(attributes: &str) -> String {
+    format!(
+        "<object {attributes}><mesh>{VERTICES}<triangles>{TRIANGLES}</triangles></mesh></object>"
+    )
+}
+
+#[test]
+fn files_of_other_programs_hold_what_went_in() {
+    // Boxes of 10 x 20 x 30 mm, and a ball of 80 facets with corners at 4 mm.
+    let ball = 234.157_581_344_777_8e-9;
+    for path in ["trimesh.ply", "trimesh_text.ply", "gmsh.stl", "prusa-slicer.3mf"] {
+        let sample = loaded(path, None);
+        assert!(close(sample.objects[0].volume, 6000e-9, 1e-6), "{path}");
+        assert!(sample.objects[0].warnings.is_empty(), "{path}: {:?}", sample.objects[0].warnings);
+    }
+    for path in ["trimesh.3mf", "trimesh.obj"] {
+        let both = loaded(path, None);
+        assert!(close(both.objects[0].volume, 6000e-9 + ball, 1e-6), "{path}");
+        let warnings = both.objects[0].warnings.join("\n");
+        assert!(
+            warnings.contains("2 objects are taken as one (\"box\", \"ball\"); `group`"),
+            "{path}: {warnings}"
+        );
+        for (name, volume) in [("box", 6000e-9), ("ball", ball)] {
+            let one = loaded(path, Some(name));
+            assert!(close(one.objects[0].volume, volume, 1e-6), "{path}: {name}");
+            assert!(one.objects[0].warnings.is_empty(), "{path}: {name}");
+        }
+    }
+}
+
+#[test]
+fn objects_of_one_file_are_the_parts_of_it_and_have_its_hash() {
+    let scene = scene_in(
+        &files(),
+        vec![
+            part("a", "trimesh.obj", Some("box")),
+            part("b", "trimesh.3mf", Some("ball")),
+            part("c", "trimesh.obj", Some("ball")),
+        ],
+    );
+    let sample = load(&scene).unwrap();
+    let [a, b, c] = &sample.objects[..] else { panic!("three objects") };
+    assert_eq!([a.triangles, b.triangles, c.triangles], [12, 0, 80]);
+    assert_eq!(a.hash, c.hash);
+    assert_ne!(a.hash, b.hash);
+    // Both are the same ball: what comes later covers the other.
+    assert_eq!(b.cut_by, [2]);
+}
+
+#[test]
+fn groups_and_materials_of_an_obj_are_taken_by_name() {
+    let cube = |low: i32, names: [&str; 2]| {
+        let mut text = String::new();
+        for n in 0..8 {
+            let at = |bit: i32| low + (n >> bit & 1);
+            text += &format!("v {} {} {}\n", at(0), at(1), at(2));
+        }
+        let faces = [
+            "-8 -6 -5 -7",
+            "-4 -3 -1 -2",
+            "-8 -7 -3 -4",
+            "-6 -2 -1 -5",
+            "-8 -4 -2 -6",
+            "-7 -5 -1 -3",
+        ];
+        let halves = faces.chunks(3).zip(names);
+        text + &halves
+            .map(|(f, name)| format!("{name}\nf {}\n", f.join("\nf ")))
+            .collect::<String>()
+    };
+    let text = cube(0, ["g left half\nusemtl iron", ""])
+        + &cube(5, ["g right", "usemtl glass"])
+        + &cube(8, ["o last\ng\nusemtl iron", ""]);
+    let volume = |group| read("cubes.obj", text.as_bytes(), group).unwrap().objects[0].volume;
+    assert!(close(volume(None), 3e-9, 1e-9));
+    for group in ["left half", "half", "right", "last"] {
+        assert!(close(volume(Some(group)), 1e-9, 1e-9), "{group}");
+    }
+    // Half of the second cube is open, and numbers are those of the file.
+    let told = read("cubes.obj", text.as_bytes(), Some("glass")).unwrap_err().to_string();
+    assert!(told.contains("open") && told.contains("triangle 19"), "{told}");
+    let told = read("cubes.obj", text.as_bytes(), Some("Right")).unwrap_err().to_string();
+    assert!(
+        told.contains("is named \"Right\"") && told.contains("did you mean \"right\""),
+        "{told}"
+    );
+    let merged = read("cubes.obj", text.as_bytes(), None).unwrap().objects[0].warnings.join("");
+    assert!(merged.contains("2 groups are taken as one (\"left half\", \"right\")"), "{merged}");
+}
+
+#[test]
+fn a_3mf_has_its_unit_components_and_materials() {
+    let base = "<basematerials id=\"7\"><base name=\"brass\" displaycolor=\"#ffffff\"/>\
+                <base name=\"resin\" displaycolor=\"#ffffff\"/></basematerials>";
+    let leaf = tetrahedron("id=\"1\" name=\"leaf\" pid=\"7\" pindex=\"1\"");
+    let pair = "<object id=\"2\" name=\"pair\"><components>\n<component objectid=\"1\"/>\
+                <component objectid=\"1\" transform=\"-2 0 0 0 2 0 0 0 2 -1 5 7\"/></components></object>";
+    let item = "<item objectid=\"2\" transform=\"1 0 0 0 1 0 0 0 1 0 0 -3\"/>";
+    for (unit, length) in [("unit=\"micron\"", 1e-6_f64), ("", 1e-3), ("unit=\"inch\"", 25.4e-3)] {
+        let file = model(unit, &format!("{base}{leaf}{pair}"), item);
+        let sample = read("a.3mf", &file, Some("resin")).unwrap();
+        let object = &sample.objects[0];
+        // The second is mirrored and twice as large: 8 times the volume, and not inside out.
+        assert!(close(object.volume, 9.0 / 6.0 * length.powi(3), 1e-6), "{unit}");
+        assert!(
+            !object.warnings.iter().any(|it| it.contains("inside out")),
+            "{:?}",
+            object.warnings
+        );
+        let ends = [[-3.0, 0.0, -3.0], [1.0, 7.0, 6.0]];
+        for (found, end) in object.bounds.iter().flatten().zip(ends.as_flattened()) {
+            assert!((found - end * length).abs() < 1e-6 * length, "{:?}", object.bounds);
+        }
+        assert!(read("a.3mf", &file, Some("pair")).is_ok() && read("a.3mf", &file, None).is_ok());
+        let told = read("a.3mf", &file, Some("brass")).unwrap_err().to_string();
+        assert!(told.contains("it has \"pair\", \"leaf\", \"resin\""), "{told}");
+    }
+}
+
+#[test]
+fn a_broken_3mf_tells_what_and_where() {
+    let leaf = tetrahedron("id=\"1\"");
+    let item = "<item objectid=\"1\"/>";
+    let self_made =
+        "<object id=\"1\"><components><component objectid=\"1\"/></components></object>";
+    let cases: [(Vec<u8>, &[&str]); 11] = [
+        (b"PK nothing".to_vec(), &["not a 3MF file"]),
+        (archive("<model><resources/>"), &["nothing to build"]),
+        (model("unit=\"mile\"", &leaf, item), &["unit is \"mile\"", "micron", "line 2"]),
+        (model("", &tetrahedron("id=\"1\" pid=\"4\""), item), &["list 4", "it has none", "line 2"]),
+        (model("", "", item), &["no object of the id 1"]),
+        (model("", self_made, item), &["component of itself"]),
+        (model("", &leaf.replace("v3=\"2\"", "v3=\"4\""), item), &["4 names no vertex", "line 4"]),
+        (model("", &leaf.replace("x=\"1\"", "x=\"one\""), item), &["x is \"one\"", "line 2"]),
+        (model("", &leaf.replace("y=\"1\"", ""), item), &["attribute y is missing", "line 3"]),
+        (model("", &leaf, "<item objectid=\"1\" transform=\"1 2\"/>"), &["transform is \"1 2\""]),
+        (model("", &leaf, "<item objectid=\"1\"></thing>"), &["not valid XML"]),
+    ];
+    for (bytes, words) in cases {
+        let told = refused("a.3mf", &bytes);
+        assert!(words.iter().all(|word| told.contains(word)), "{words:?}: {told}");
+    }
+    let two = "<basematerials id=\"4\"><base name=\"tin\"/></basematerials>";
+    let beyond =
+        model("", &(two.to_owned() + &tetrahedron("id=\"1\" pid=\"4\" pindex=\"1\"")), item);
+    assert!(refused("a.3mf", &beyond).contains("material 1 of the list 4 is used, which has 1"));
+}
+
+#[test]
+fn a_3mf_that_grows_without_end_is_refused() {
+    // Forty levels, each twice the one before: 2^40 tetrahedra, and as many of nothing.
+    for leaf in [tetrahedron("id=\"0\""), "<object id=\"0\"><mesh/></object>".to_owned()] {
+        let double = |id: u32| {
+            let component = format!("<component objectid=\"{}\"/>", id - 1);
+            format!("<object id=\"{id}\"><components>{component}{component}</components></object>")
+        };
+        let objects = leaf + &(1..=40).map(double).collect::<String>();
+        let told = refused("a.3mf", &model("", &objects, "<item objectid=\"40\"/>"));
+        assert!(told.contains("32 bits") || told.contains("no triangles"), "{told}");
+    }
+    let deep = |id: u32| {
+        format!(
+            "<object id=\"{id}\"><components><component objectid=\"{}\"/></components></object>",
+            id - 1
+        )
+    };
+    let objects = tetrahedron("id=\"0\"") + &(1..200).map(deep).collect::<String>();
+    let told = refused("a.3mf", &model("", &objects, "<item objectid=\"199\"/>"));
+    assert!(told.contains("more than 64 deep"), "{told}");
+}
+
+const TEXT_PLY: &str = "ply\nformat ascii 1.0\ncomment by hand\nelement vertex 4\nproperty float x\n\
+    property double y\nproperty int z\nproperty uchar red\nelement face 4\n\
+    property list uchar int vertex_index\nproperty float quality\nend_header\n\
+    0 0 0 9\n1 0 0 9\n0 1 0 9\n0 0 1 9\n3 0 2 1 0.5\n3 0 1 3 0.5\n3 0 3 2 0.5\n3 1 2 3 0.5\n";
+
+#[test]
+fn a_ply_in_text_or_of_either_byte_order_is_the_same() {
+    let text = read("a.ply", TEXT_PLY.as_bytes(), None).unwrap();
+    assert!(close(text.objects[0].volume, 1e-9 / 6.0, 1e-9));
+    for (word, big) in [("binary_big_endian", true), ("binary_little_endian", false)] {
+        let order = |mut bytes: Vec<u8>| {
+            if !big {
+                bytes.reverse();
+            }
+            bytes
+        };
+        let header = &TEXT_PLY[..TEXT_PLY.find("0 0 0 9").unwrap()];
+        let mut bytes = header.replace("ascii", word).into_bytes();
+        for [x, y, z] in [[0_u8, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]] {
+            bytes.extend(order(f32::from(x).to_be_bytes().to_vec()));
+            bytes.extend(order(f64::from(y).to_be_bytes().to_vec()));
+            bytes.extend(order(i32::from(z).to_be_bytes().to_vec()));
+            bytes.push(9);
+        }
+        for corners in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+            bytes.push(3);
+            corners.iter().for_each(|it: &i32| bytes.extend(order(it.to_be_bytes().to_vec())));
+            bytes.extend([0; 4]);
+        }
+        let binary = read("a.ply", &bytes, None).unwrap();
+        assert_eq!((&text.vertices, &text.triangles), (&binary.vertices, &binary.triangles));
+        let told = refused("a.ply", &bytes[..bytes.len() - 5]);
+        assert!(told.contains("end of file") || told.contains("truncated"), "{told}");
+    }
+}
+
+#[test]
+fn a_broken_ply_tells_what_and_where() {
+    for (from, to, words) in [
+        ("ply\n", "plx\n", &["not a valid PLY", "line 1"][..]),
+        ("float x", "float u", &["vertices have no number x"]),
+        ("vertex_index", "corners", &["no faces"]),
+        ("face 4", "tristrips 4", &["strips of triangles"]),
+        ("face 4", "face 4000000000", &["\"face\" need", "are left"]),
+        ("vertex 4", "vertex 99999999999999999999", &["not a valid PLY", "line 4"]),
+        ("3 1 2 3", "3 1 2 4", &["4 names no vertex", "face 4"]),
+        ("3 1 2 3", "3 1 2 -3", &["-3 names no vertex", "face 4"]),
+        ("3 1 2 3", "2 1 2", &["has 2", "face 4"]),
+        ("1 0 0 9", "1 zero 0 9", &["not a valid PLY", "line 14"]),
+        ("1 0 0 9", "inf 0 0 9", &["not a valid PLY", "line 14"]),
+        ("end_header\n", "element other 4000000000\nend_header\n", &["\"other\" need"]),
+    ] {
+        assert!(TEXT_PLY.contains(from));
+        let told = refused("a.ply", TEXT_PLY.replacen(from, to, 1).as_bytes());
+        assert!(words.iter().all(|word| told.contains(word)), "{from}: {told}");
+    }
+}
+
+#[test]
+fn units_and_groups_that_a_format_does_not_have_are_refused_at_their_line() {
+    let base = "[source]\ndistance = \"1 m\"\nspot = \"0 um\"\nenergy = \"30 keV\"\n\
+                [detector]\ndistance = \"2 m\"\npixels = [8, 8]\npitch = \"1 mm\"\n\
+                [[object]]\nname = \"part\"\nmaterial = \"carbon\"\n";
+    let told = |keys: &str| {
+        let scene = Scene::from_toml(&format!("{base}{keys}\n"), files());
+        scene.unwrap_err().to_string()
+    };
+    let unit = told("mesh = \"trimesh.3mf\"\nunit = \"mm\"");
+    assert!(unit.contains("object[0].unit") && unit.contains("tells its own"), "{unit}");
+    assert!(told("mesh = \"trimesh.ply\"").contains("object[0].unit"));
+    let group = told("mesh = \"gmsh.stl\"\nunit = \"mm\"\ngroup = \"a\"");
+    assert!(group.contains("object[0].group") && group.contains("OBJ and 3MF do"), "{group}");
+    let shape = told("shape = { sphere = { radius = \"1 mm\" } }\ngroup = \"a\"");
+    assert!(shape.contains("object[0].group"), "{shape}");
+    // What is allowed comes back from the resolved scene.
+    for keys in ["mesh = \"trimesh.3mf\"", "mesh = \"trimesh.obj\"\nunit = \"mm\""] {
+        let keys = format!("{base}{keys}\ngroup = \"the \\\"box\\\"\"\n");
+        let scene = Scene::from_toml(&keys, files()).unwrap();
+        let text = scene.to_toml(files(), &std::collections::BTreeMap::new(), &[]).unwrap();
+        assert_eq!(Scene::from_toml(&text, files()).unwrap(), scene);
+    }
+}
