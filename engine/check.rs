@@ -291,7 +291,7 @@ fn load_lenient(
     for object in &sample.objects {
         warnings.extend(object.warnings.iter().map(|text| format!("{}: {text}", object.name)));
     }
-    if scene.objects.is_empty() {
+    if scene.listed_objects().is_empty() {
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     let report = CheckReport {

@@ -9,12 +9,13 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
     let bars = |mask: &Option<MaskSpec>| Some(mask.as_ref()?.body.material()?.to_owned());
     // Who uses it, the key where it is named, its name.
     let object = |(number, object): (usize, &Object)| {
-        let key = format!("object[{number}].material");
+        let key = scene.object_key(number, "material");
         (object.name.clone(), key, Some(object.material.clone()))
     };
     let mask = |name: &str, spec| (name.to_owned(), format!("{name}.material"), bars(spec));
     let surroundings = Some(scene.surroundings.clone());
-    let uses = [("surroundings".to_owned(), "surroundings.material".to_owned(), surroundings)]
+    let around = if scene.region().is_some() { "around the region" } else { "surroundings" };
+    let uses = [(around.to_owned(), scene.surroundings_key().to_owned(), surroundings)]
         .into_iter()
         .chain(scene.objects.iter().enumerate().map(object))
         .chain([

@@ -192,7 +192,7 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
             }
             let (side, wall) = if first > near { ("back", far_name) } else { ("front", near_name) };
             return Err(Error::scene(
-                format!("object[{number}]"),
+                scene.object_key(number, ""),
                 format!(
                     "\"{}\" reaching, at angle {:.3} deg, from {:.6} m to {:.6} m from the source, so \
                      that its {side} meets {wall}",
@@ -221,7 +221,9 @@ pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
     let half = scene.detector.size().map(|side| side / 2.0);
     let centre = scene.source.distance;
     let mut warnings = Vec::new();
-    for outline in &swept.outlines {
+    // A bath is as wide as it is.
+    let region = usize::from(scene.region().is_some());
+    for outline in swept.outlines.iter().skip(region) {
         // Greatest distance from the detector's centre over the views, and its angle.
         let mut worst = [(0.0, 0.0); 2];
         for angle in &scene.scan.angles {

@@ -67,7 +67,7 @@ fn user(scene: &Scene, name: &str) -> Option<String> {
         mask.as_ref().and_then(|mask| mask.body.material()).is_some_and(|material| material == name)
     };
     if scene.surroundings == name {
-        return Some("surroundings.material".into());
+        return Some(scene.surroundings_key().into());
     }
     if bars(&scene.sample_mask) {
         return Some("sample_mask.material".into());
@@ -76,5 +76,5 @@ fn user(scene: &Scene, name: &str) -> Option<String> {
         return Some("detector_mask.material".into());
     }
     let object = scene.objects.iter().position(|object| object.material == name);
-    object.map(|index| format!("object[{index}].material"))
+    object.map(|index| scene.object_key(index, "material"))
 }

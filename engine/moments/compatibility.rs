@@ -26,7 +26,7 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
         return differs("object", count(scene), count(base));
     }
     for (index, (there, here)) in base.objects.iter().zip(&scene.objects).enumerate() {
-        let key = |name: &str| format!("object[{index}].{name}");
+        let key = |name: &str| scene.object_key(index, name);
         if there.placement != here.placement {
             let name = &here.name;
             return differs(&key("position"), format!("\"{name}\" elsewhere"), "its place".into());
@@ -101,7 +101,7 @@ pub(super) fn media(
         if seen.is_some_and(|seen| seen != *now) {
             let name = &base.objects[index].material;
             return Err(Error::scene(
-                format!("object[{index}].material"),
+                scene.object_key(index, "material"),
                 format!("\"{}\"", scene.objects[index].material),
                 format!("one material for all that was \"{name}\": their moments are one sum"),
             ));

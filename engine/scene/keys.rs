@@ -78,7 +78,16 @@ const KNOWN: &[(&str, &[&str])] = &[
     ("scan", &["mask_offsets", "angles"]),
     ("scan.range", &["from", "to", "count", "step", "start", "stop"]),
     ("materials.NAME", &["formula", "mixture", "density", "mu", "delta", "table"]),
-    ("surroundings", &["material"]),
+    ("surroundings", &["material", "path_material", "region"]),
+    (
+        "surroundings.region",
+        &[
+            "box", "cylinder", "mesh", "unit", "group", "sha256", "center", "scale", "rotate",
+            "position",
+        ],
+    ),
+    ("surroundings.region.box", &["size"]),
+    ("surroundings.region.cylinder", &["radius", "height", "sides"]),
     (
         "object",
         &[

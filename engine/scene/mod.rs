@@ -27,6 +27,7 @@ mod read_sample;
 mod read_scan;
 mod read_shape;
 mod read_spot;
+mod read_surroundings;
 mod sample;
 mod set;
 mod table;

@@ -4,8 +4,11 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{Beam, Detector, MaterialSpec, Object};
+use super::{Beam, Detector, MaterialSpec, Object, ShapeOrMesh};
 use crate::spot::Spot;
+
+/// Name of the region of the surroundings among the objects.
+const REGION: &str = "surroundings";
 
 /// A whole scene, every default filled in. See docs/scene.md for the file form.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,8 +30,14 @@ pub struct Scene {
     pub scan: Scan,
     /// Materials defined in the scene; they shadow built-in names.
     pub materials: BTreeMap<String, MaterialSpec>,
-    /// Name of the material of the surroundings (medium 0).
+    /// Name of the material of the surroundings (medium 0). It has no end; where the scene has a
+    /// region ([`Scene::fill_region`]) it is what lies outside of that.
     pub surroundings: String,
+    /// Name of the material on the way from the source to the detector. It hardens a spectrum; the
+    /// open value stays 1.
+    pub path_material: String,
+    /// Whether the first object is the region of the surroundings.
+    pub(super) has_region: bool,
     /// Objects of the sample. Where they overlap the one listed later wins.
     pub objects: Vec<Object>,
     /// SHA-256, 64 lower-case hexadecimal digits, of files that the scene refers to, by their
@@ -68,9 +77,52 @@ impl Scene {
             scan: Scan::default(),
             materials: BTreeMap::new(),
             surroundings: "vacuum".into(),
+            path_material: "vacuum".into(),
+            has_region: false,
             objects: Vec::new(),
             files: BTreeMap::new(),
         }
+    }
+}
+
+impl Scene {
+    /// Fills a region around the sample, a water bath for one: it becomes the first object, named
+    /// "surroundings", and what lies outside of it is the material of the path. It turns with the
+    /// sample, and stands in sample stacks only, as objects do.
+    pub fn fill_region(&mut self, region: impl Into<ShapeOrMesh>, material: impl Into<String>) {
+        let region = Object::new(REGION, region, material);
+        if self.region().is_some() {
+            self.objects.remove(0);
+        }
+        self.has_region = true;
+        self.objects.insert(0, region);
+        self.surroundings.clone_from(&self.path_material);
+    }
+
+    /// The region of the surroundings, which is the first object then.
+    #[must_use]
+    pub fn region(&self) -> Option<&Object> {
+        self.objects.first().filter(|first| self.has_region && first.name == REGION)
+    }
+
+    /// The objects that the scene lists: all but the region of the surroundings.
+    pub(crate) fn listed_objects(&self) -> &[Object] {
+        &self.objects[usize::from(self.region().is_some())..]
+    }
+
+    /// Where a scene file has a key of the object of this number.
+    pub(crate) fn object_key(&self, number: usize, key: &str) -> String {
+        let dot = if key.is_empty() { "" } else { "." };
+        match number.checked_sub(usize::from(self.region().is_some())) {
+            Some(listed) => format!("object[{listed}]{dot}{key}"),
+            None if key == "material" => "surroundings.material".into(),
+            None => format!("surroundings.region{dot}{key}"),
+        }
+    }
+
+    /// Where a scene file has the material of medium 0.
+    pub(crate) fn surroundings_key(&self) -> &'static str {
+        if self.region().is_some() { "surroundings.path_material" } else { "surroundings.material" }
     }
 }
 

@@ -11,6 +11,7 @@ use super::read_detector::read_detector;
 use super::read_sample::{read_hash, read_materials, read_objects};
 use super::read_scan::read_scan;
 use super::read_spot::{read_spot, spot_file};
+use super::read_surroundings::read_surroundings;
 use super::table::{ListItem, Table};
 use super::tree::Document;
 use super::{Detector, MaskBody, MaskSpec, Sampling, Scene, Scheme, Source, Transport};
@@ -31,7 +32,6 @@ pub(super) fn read_scene(document: &Document, directory: &Path) -> Option<Scene>
     let objects = document.keep(read_objects(&top)).unwrap_or_default();
     let sampling = document.keep(read_sampling(&top)).unwrap_or_default();
     let scan = document.keep(read_scan(&top)).unwrap_or_default();
-    let surroundings = document.keep(read_surroundings(&top)).unwrap_or_default();
     let detector = detector?;
     let mask = |key: &str| {
         let item = top.get(key)?;
@@ -43,28 +43,22 @@ pub(super) fn read_scene(document: &Document, directory: &Path) -> Option<Scene>
         }
         mask
     };
-    Some(Scene {
+    let mut scene = Scene {
         directory: directory.to_owned(),
         sample_mask: mask("sample_mask"),
         detector_mask: mask("detector_mask"),
         sampling,
         scan,
         materials,
-        surroundings,
         objects,
         files,
-        source: source?,
-        detector,
-    })
-}
-
-fn read_surroundings(top: &Table<'_>) -> Result<String> {
-    let material = match top.get("surroundings") {
-        Some(item) => item.table("surroundings")?.get("material"),
-        None => None,
+        ..Scene::new(source?, detector)
     };
-    let name = material.map(|item| item.text("name of a material")).transpose()?;
-    Ok(name.unwrap_or("vacuum").to_owned())
+    if let Some(item) = top.get("surroundings") {
+        let table = item.table("surroundings");
+        document.keep(table.and_then(|table| read_surroundings(&table, &mut scene)));
+    }
+    Some(scene)
 }
 
 /// Hashes of files by path.

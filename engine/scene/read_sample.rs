@@ -10,7 +10,7 @@ use super::{MaterialSpec, Mesh, MeshFormat, Object, Placement, Shape, ShapeOrMes
 use crate::Result;
 use crate::units::Dimension::{Angle, Attenuation, Density, Length};
 
-const MATERIAL: &str = "name of a material";
+pub(super) const MATERIAL: &str = "name of a material";
 const FILE: &str = "path of a file";
 
 pub(super) fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
@@ -85,6 +85,12 @@ fn read_geometry(table: &Table<'_>) -> Result<ShapeOrMesh> {
         table.forbid("sha256", "no hash: a shape has no file")?;
         return Ok(ShapeOrMesh::Shape(read_shape(&item)?));
     }
+    read_mesh(table)
+}
+
+/// The mesh of a table with the keys mesh, unit and group.
+pub(super) fn read_mesh(table: &Table<'_>) -> Result<ShapeOrMesh> {
+    let either = "either mesh or shape";
     let mesh = table.get("mesh").ok_or_else(|| table.missing("mesh", either))?;
     let path = PathBuf::from(mesh.text(FILE)?);
     let format = MeshFormat::of(&path);
@@ -122,7 +128,7 @@ pub(super) fn read_hash(item: &ListItem<'_>) -> Result<String> {
     Ok(text.to_ascii_lowercase())
 }
 
-fn read_placement(table: &Table<'_>) -> Result<Placement> {
+pub(super) fn read_placement(table: &Table<'_>) -> Result<Placement> {
     let mut placement = Placement::default();
     if let Some(item) = table.get("center") {
         placement.center = item.boolean()?;

@@ -14,7 +14,12 @@ pub(super) fn read_shape(item: &ListItem<'_>) -> Result<Shape> {
     if let Some((_, second)) = kinds.next() {
         return Err(second.error("a second shape", allowed));
     }
-    let shape = item.table(&format!("object.shape.{kind}"))?;
+    read_kind(kind, &item, "object.shape")
+}
+
+/// A shape of this kind, whose keys are those of the table `table`.KIND.
+pub(super) fn read_kind(kind: &str, item: &ListItem<'_>, table: &str) -> Result<Shape> {
+    let shape = item.table(&format!("{table}.{kind}"))?;
     let radius = || shape.quantity("radius", Length);
     let height = || shape.quantity("height", Length);
     Ok(match kind {

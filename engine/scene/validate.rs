@@ -41,7 +41,8 @@ impl Scene {
         for (name, spec) in &self.materials {
             faults.note(validate_material(name, spec));
         }
-        faults.note(named("surroundings.material", &self.surroundings));
+        faults.note(named(self.surroundings_key(), &self.surroundings));
+        faults.note(named("surroundings.path_material", &self.path_material));
         self.validate_objects(&mut faults);
         faults.0
     }
@@ -171,7 +172,7 @@ impl Scene {
     fn validate_objects(&self, faults: &mut Faults) {
         let mut names = HashSet::new();
         for (index, object) in self.objects.iter().enumerate() {
-            let key = |key: &str| format!("object[{index}].{key}");
+            let key = |key: &str| self.object_key(index, key);
             faults.note(named(&key("name"), &object.name));
             if !names.insert(&object.name) {
                 let found = format!("{:?}, the name of an earlier object", object.name);
@@ -181,7 +182,7 @@ impl Scene {
             match &object.geometry {
                 ShapeOrMesh::Shape(shape) => validate_shape(&key("shape"), shape, faults),
                 ShapeOrMesh::Mesh(mesh) => {
-                    faults.note(validate_mesh(&format!("object[{index}]"), mesh));
+                    faults.note(validate_mesh(&key(""), mesh));
                 }
             }
             validate_placement(&key, &object.placement, faults);

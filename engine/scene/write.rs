@@ -8,8 +8,8 @@ use super::read_scan::{angle_range, offset_range};
 use super::write_detector::write_detector;
 use super::write_shape::shape_table;
 use super::{
-    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Scene, Scheme, ShapeOrMesh,
-    SpectrumOrigin, Transport, path, write_beam, write_instances,
+    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Scene, Scheme,
+    ShapeOrMesh, SpectrumOrigin, Transport, path, write_beam, write_instances,
 };
 use crate::spot::{Spot, SpotPart};
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
@@ -82,10 +82,8 @@ pub(super) fn to_toml(
         out.table(&format!("[materials.{key}]"));
         write_material(&mut out, spec, scene, directory)?;
     }
-    out.table("[surroundings]");
-    out.text("material", &scene.surroundings);
-
-    for object in &scene.objects {
+    write_surroundings(&mut out, scene, hashes, directory)?;
+    for object in scene.listed_objects() {
         out.table("[[object]]");
         let hash = hashes.get(&object.name).or(object.sha256.as_ref());
         write_object(&mut out, object, hash, scene, directory)?;
@@ -97,6 +95,37 @@ pub(super) fn to_toml(
         out.text(&quoted(&file(path, scene, directory)?), hash);
     }
     Ok(out.0)
+}
+
+fn write_surroundings(
+    out: &mut Text,
+    scene: &Scene,
+    hashes: &BTreeMap<String, String>,
+    directory: &Path,
+) -> Result<()> {
+    out.table("[surroundings]");
+    let region = scene.region();
+    out.text("material", region.map_or(&scene.surroundings, |region| &region.material));
+    if region.is_some() || scene.path_material != "vacuum" {
+        out.text("path_material", &scene.path_material);
+    }
+    let Some(region) = region else { return Ok(()) };
+    out.table("[surroundings.region]");
+    match &region.geometry {
+        ShapeOrMesh::Shape(shape) => {
+            // { kind = { keys } }
+            let table = shape_table(shape);
+            let inner = table.trim_start_matches("{ ").strip_suffix(" }").unwrap_or(&table);
+            let (kind, keys) = inner.split_once(" = ").unwrap_or((inner, ""));
+            out.raw(kind, keys);
+        }
+        ShapeOrMesh::Mesh(_) => {
+            let hash = hashes.get(&region.name).or(region.sha256.as_ref());
+            write_geometry(out, region, hash, scene, directory)?;
+        }
+    }
+    write_placement(out, &region.placement);
+    Ok(())
 }
 
 /// The Gaussians themselves, so that a run needs no file.
@@ -208,6 +237,30 @@ fn write_object(
     directory: &Path,
 ) -> Result<()> {
     out.text("name", &object.name);
+    write_geometry(out, object, hash, scene, directory)?;
+    if matches!(object.geometry, ShapeOrMesh::Mesh(_)) || object.allow_defects {
+        out.raw("allow_defects", object.allow_defects);
+    }
+    out.text("material", &object.material);
+    write_placement(out, &object.placement);
+    if let Some(instances) = &object.instances {
+        let text = match instances {
+            Instances::File(path) => quoted(&file(path, scene, directory)?),
+            Instances::Packing(packing) => write_instances::packing(packing),
+        };
+        out.raw("instances", text);
+    }
+    Ok(())
+}
+
+/// The shape or mesh of an object.
+fn write_geometry(
+    out: &mut Text,
+    object: &Object,
+    hash: Option<&String>,
+    scene: &Scene,
+    directory: &Path,
+) -> Result<()> {
     match &object.geometry {
         ShapeOrMesh::Shape(shape) => out.raw("shape", shape_table(shape)),
         ShapeOrMesh::Mesh(Mesh::File { path, unit, group }) => {
@@ -233,11 +286,10 @@ fn write_object(
             }
         }
     }
-    if matches!(object.geometry, ShapeOrMesh::Mesh(_)) || object.allow_defects {
-        out.raw("allow_defects", object.allow_defects);
-    }
-    out.text("material", &object.material);
-    let placement = &object.placement;
+    Ok(())
+}
+
+fn write_placement(out: &mut Text, placement: &Placement) {
     out.raw("center", placement.center);
     out.raw("scale", number(placement.scale));
     let turn = |(axis, angle): &([f64; 3], f64)| {
@@ -247,14 +299,6 @@ fn write_object(
     let turns: Vec<_> = placement.rotate.iter().map(turn).collect();
     out.raw("rotate", format!("[{}]", turns.join(", ")));
     out.raw("position", list(&placement.position, Length));
-    if let Some(instances) = &object.instances {
-        let text = match instances {
-            Instances::File(path) => quoted(&file(path, scene, directory)?),
-            Instances::Packing(packing) => write_instances::packing(packing),
-        };
-        out.raw("instances", text);
-    }
-    Ok(())
 }
 
 /// A path as it has to stand in a file in `directory`.

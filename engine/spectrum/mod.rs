@@ -90,12 +90,29 @@ impl Spectrum {
         }
     }
 
-    /// What the source emits behind all filters: what reaches the first mask.
+    /// What the source emits behind all filters, and behind the material of the path to the
+    /// detector.
     ///
     /// # Errors
     /// As [`Self::before_filters`].
     pub fn after_filters(scene: &Scene, spec: &SpectrumSpec) -> Result<Self> {
-        Self::before_filters(scene, spec)?.filtered(scene, &spec.filters, "filters")
+        let filtered =
+            Self::before_filters(scene, spec)?.filtered(scene, &spec.filters, "filters")?;
+        filtered.through_path(scene)
+    }
+
+    /// What is left behind the material on the way from the source to the detector.
+    fn through_path(mut self, scene: &Scene) -> Result<Self> {
+        let (name, key) = (&scene.path_material, "surroundings.path_material");
+        let constants = material::constants_over_for(scene, name, &self.energies_kev, key)?;
+        for (weight, constants) in self.weights.iter_mut().zip(constants) {
+            *weight *= (-constants.mu * scene.detector.distance).exp();
+        }
+        if self.total() <= f64::MIN_POSITIVE {
+            let found = format!("\"{name}\", which lets nothing through");
+            return Err(Error::scene(key, found, "a material such as \"air\" or \"helium\""));
+        }
+        Ok(self)
     }
 
     /// The photons that `filters` let through. `list` is the key of the scene that names them.

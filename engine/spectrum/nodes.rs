@@ -11,6 +11,7 @@ use serde::Serialize;
 use super::gauss::Recurrence;
 use super::probes::Probes;
 use super::{Spectrum, edges};
+use crate::material;
 use crate::scene::{Beam, Scene};
 use crate::{Error, Result};
 
@@ -72,6 +73,9 @@ pub fn nodes(scene: &Scene) -> Result<Nodes> {
 pub fn nodes_with(scene: &Scene, response: impl Fn(f64) -> Result<f64>) -> Result<Nodes> {
     let spec = match &scene.source.beam {
         Beam::Energy(energy) => {
+            // It hardens nothing, and has to be known all the same.
+            let key = "surroundings.path_material";
+            material::constants_at_for(scene, &scene.path_material, *energy, key)?;
             let (energies, weights) = (vec![*energy], vec![1.0]);
             return Ok(Nodes { energies, weights, estimated_error: 0.0, chosen: true });
         }

@@ -55,10 +55,10 @@ impl<'a> Probes<'a> {
             media.push(Medium { name, key, constants });
             Ok(media.len() - 1)
         };
-        let around = medium(&scene.surroundings, "surroundings.material".into())?;
+        let around = medium(&scene.surroundings, scene.surroundings_key().into())?;
         let mut sample = Vec::new();
         for (index, object) in scene.objects.iter().enumerate() {
-            sample.push(medium(&object.material, format!("object[{index}].material"))?);
+            sample.push(medium(&object.material, scene.object_key(index, "material"))?);
         }
         sample.sort_unstable();
         sample.dedup();

@@ -28,12 +28,12 @@ impl MaterialTable {
     /// As [`material::constants_at_for`] and [`spectrum::nodes`].
     pub fn of(scene: &Scene) -> Result<Self> {
         let mut names = vec![scene.surroundings.clone()];
-        let mut keys = vec!["surroundings.material".to_owned()];
+        let mut keys = vec![scene.surroundings_key().to_owned()];
         let mut of_object = Vec::with_capacity(scene.objects.len());
         for (number, object) in scene.objects.iter().enumerate() {
             let index = names.iter().position(|n| *n == object.material).unwrap_or_else(|| {
                 names.push(object.material.clone());
-                keys.push(format!("object[{number}].material"));
+                keys.push(scene.object_key(number, "material"));
                 names.len() - 1
             });
             of_object.push(numbers::count(index));

@@ -16,3 +16,4 @@ mod scene_shapes;
 mod spectrum_files;
 mod spectrum_nodes;
 mod spectrum_tube;
+mod surroundings;

@@ -8,6 +8,7 @@ mod support;
 
 mod assemblies;
 mod bars;
+mod bath;
 mod crossings;
 mod detector;
 mod exact_shapes;

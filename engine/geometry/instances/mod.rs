@@ -66,7 +66,7 @@ pub fn transforms(scene: &Scene, object: &Object) -> Result<Vec<InstanceTransfor
         Some(Instances::File(path)) => table::read(&scene.checked(path)?),
         Some(Instances::Packing(spec)) => {
             let index = scene.objects.iter().position(|other| other.name == object.name);
-            let key = format!("object[{}]", index.unwrap_or_default());
+            let key = scene.object_key(index.unwrap_or_default(), "");
             packing::pack(&key, object, spec)
         }
     }
