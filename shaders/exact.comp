@@ -31,6 +31,10 @@ layout(local_size_x = GROUP) in;
 #endif
 #include "walk/media.glsl"
 #include "walk/bent.glsl"
+#ifdef PLACED
+#include "random/hash.glsl"
+#include "walk/rough.glsl"
+#endif
 #include "walk/follow.glsl"
 
 // The first order is the better answer.
@@ -73,6 +77,13 @@ void main() {
     do {
         uint constants = uvec2(push.nodes) == uvec2(0u) ? 0u : push.nodes.at[index];
         Walk walk = walk_begin(line, push.results.at[index].flags, constants);
+#ifdef PLACED
+        if ((KINDS & KIND_ROUGH) != 0u) {
+            Ray own = push.rays.at[index];
+            walk.key = own.key != 0u ? own.key : key_of(own);
+            walk.draws = own.key != 0u;
+        }
+#endif
         uint outcome = follow(walk, list, known);
         if (outcome == THROUGH) {
             write(index, walk);

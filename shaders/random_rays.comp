@@ -25,5 +25,5 @@ void main() {
     centre.y = (light.middle_row - float(pixel.row) - 0.5) * light.row_pitch;
     vec2 slope = (centre + d.target - d.source) / light.detector;
     vec2 at = d.source + slope * light.rotation_distance;
-    push.rays.at[index] = Ray(at.x, at.y, slope.x, slope.y, push.view);
+    push.rays.at[index] = Ray(at.x, at.y, slope.x, slope.y, push.view, d.key);
 }

@@ -15,6 +15,10 @@ layout(local_size_x = GROUP) in;
 
 #include "walk/first_order.glsl"
 
+#ifdef PLACED
+#include "walk/cross_rough.glsl"
+#endif
+
 // A candidate of the search.
 void visit(Beam beam, uint primitive, inout Gathered all) {
     Leaf leaf = leaf_at(primitive);
@@ -22,7 +26,15 @@ void visit(Beam beam, uint primitive, inout Gathered all) {
     if (!facet.crossed) return;
     Surface surface = sample_.surfaces.at[leaf.surface & SURFACE_INDEX];
     if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
-    visit(beam, facet, surface, beam_from_world(beam, leaf.normal), all);
+    vec3 normal_ = beam_from_world(beam, leaf.normal);
+#ifdef PLACED
+    if ((KINDS & KIND_ROUGH) != 0u) {
+        cross_rough(beam, surface, primitive, normal_, place_of(slope_of(beam), facet, normal_),
+                    facet.entering, all);
+        return;
+    }
+#endif
+    visit(beam, facet, surface, normal_, all);
 }
 
 #ifdef PLACED
@@ -33,7 +45,11 @@ void visit_shape(Beam beam, uint primitive, Placed placed, inout Gathered all) {
     Surface surface = sample_.surfaces.at[placed.surface];
     if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
     for (uint i = 0u; i < found.count; i++) {
-        run_cross(all.run, beam, all.stretch, surface, found.normal_[i], found.y[i], i % 2u == 0u);
+        if ((KINDS & KIND_ROUGH) != 0u) {
+            cross_rough(beam, surface, primitive, found.normal_[i], found.y[i], i % 2u == 0u, all);
+        } else {
+            run_cross(all.run, beam, all.stretch, surface, found.normal_[i], found.y[i], i % 2u == 0u);
+        }
     }
 }
 #endif
@@ -51,6 +67,9 @@ void main() {
     Ray ray = ray_at(index);
     Beam beam = beam_of(ray, sample_.views.at[ray.view]);
     Gathered all = gathered_begin(beam, index, true);
+#ifdef PLACED
+    all.key = ray.key;
+#endif
     traverse(beam, -1e30, all);
     finish(index, all);
 }

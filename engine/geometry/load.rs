@@ -210,7 +210,14 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch<'_>)
     for (note, cut_by) in notes.iter_mut().zip(cut_by) {
         note.cut_by = cut_by;
     }
-    Ok(Sample { contacts, ..assemble(bodies, groups, names, notes)? })
+    let mut sample = Sample { contacts, ..assemble(bodies, groups, names, notes)? };
+    // Rough walls throw light up and down.
+    for component in &mut sample.components {
+        if scene.objects[component.object as usize].roughness > 0.0 {
+            component.lids = None;
+        }
+    }
+    Ok(sample)
 }
 
 /// Triangles of the meshes of a scene as far as that is known without reading them: those in

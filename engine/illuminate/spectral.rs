@@ -15,7 +15,7 @@ mod set_up;
 mod sums;
 
 use crate::Result;
-use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
+use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
 use crate::numbers::single;
 use crate::optics::MaskShape;
 use crate::sampling::{CellBatch, CellMoments, Lattice};
@@ -61,6 +61,8 @@ pub(crate) struct EnergyBinning {
     /// Share of the grazing incidence below which exact transport is repeated, by node.
     exact_retrace_threshold: Vec<f64>,
     materials: usize,
+    /// Words of a ray's moments.
+    words: usize,
     /// Masks by node: the sample mask, the detector mask.
     masks: [Option<Vec<MaskShape>>; 2],
     edges: SharedEdges,
@@ -110,6 +112,8 @@ struct Scratch {
     results: Vec<[NodeResult; 2]>,
     /// Light there.
     light: Vec<[f64; 2]>,
+    /// Variance of the displacement that rough surfaces make, by node, m2.
+    roughness: Vec<f64>,
     /// Light of a cell, by node.
     terms: Vec<Terms>,
     waiting: Vec<Range<usize>>,
@@ -121,6 +125,11 @@ struct Scratch {
 impl EnergyBinning {
     fn nodes(&self) -> usize {
         self.weights.len()
+    }
+
+    /// Whether the sample has rough surfaces.
+    const fn is_rough(&self) -> bool {
+        self.words > self.materials * MOMENTS_PER_MATERIAL
     }
 
     /// Share of the light of a node along the axis that takes a way through the masks.
@@ -186,7 +195,7 @@ impl EnergyBinning {
         scratch.lists.resize_with(groups + self.nodes(), Vec::new);
         scratch.lists.iter_mut().for_each(Vec::clear);
         scratch.joining.resize_with(groups, Joining::default);
-        let words = 2 * self.materials * MOMENTS_PER_MATERIAL;
+        let words = 2 * self.words;
         let first = cell_row.first_cell as usize;
         let exact = &cell_rows.moments.exact;
         let mut at = exact.partition_point(|e| (e.cell as usize) < first);
@@ -196,6 +205,7 @@ impl EnergyBinning {
             let x = [cell.x_low, cell.x_high];
             let ends = &cell_rows.moments.ends[index * words..(index + 1) * words];
             let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
+            self.spread_by_roughness([low, high], &mut scratch.roughness);
             // Neighbours share a ray.
             if low == before {
                 scratch.first_order.swap(0, 1);
@@ -221,11 +231,19 @@ impl EnergyBinning {
                 if let Some(nodes) = repeated.of(exact_index) {
                     let range = exact[exact_index].range;
                     let lists = &mut scratch.lists[groups..];
-                    for ((results, again), list) in scratch.results.iter().zip(nodes).zip(lists) {
+                    for ((results, again), (list, rough)) in scratch
+                        .results
+                        .iter()
+                        .zip(nodes)
+                        .zip(lists.iter_mut().zip(&scratch.roughness))
+                    {
+                        let first = list.len();
                         match again {
                             None => list.push(self.cell(cell_row, x, *results)),
                             Some(again) => self.push_exact(list, cell_row, cell, again, range),
                         }
+                        let pushed = list[first..].iter_mut();
+                        pushed.for_each(|cell| cell.displacement_variance += single(*rough));
                     }
                     continue;
                 }
@@ -241,13 +259,30 @@ impl EnergyBinning {
         }
     }
 
+    /// Variance of the displacement that rough surfaces make in a cell, by node: of each pair of
+    /// materials it grows with the square of their step.
+    fn spread_by_roughness(&self, ends: [&[f32]; 2], variance: &mut Vec<f64>) {
+        variance.clear();
+        variance.resize(self.nodes(), 0.0);
+        let [low, high] = ends.map(|end| &end[self.materials * MOMENTS_PER_MATERIAL..]);
+        let pairs = low.chunks_exact(MOMENTS_PER_PAIR).zip(high.chunks_exact(MOMENTS_PER_PAIR));
+        let materials = (1..self.materials).flat_map(|b| (0..b).map(move |a| (a, b)));
+        for ((low, high), (a, b)) in pairs.zip(materials) {
+            let of_pair = 0.5 * (f64::from(low[2]) + f64::from(high[2]));
+            for (node, variance) in variance.iter_mut().enumerate() {
+                let delta = &self.delta[node * self.materials..];
+                *variance += of_pair * (delta[a] - delta[b]).powi(2);
+            }
+        }
+    }
+
     /// A cell for each node.
     fn push_nodes(&self, cell_row: &CellRow, cell: &Cell, scratch: &mut Scratch) {
-        let results = scratch.results.iter().zip(&self.delta_ratio);
+        let results = scratch.results.iter().zip(&self.delta_ratio).zip(&scratch.roughness);
         let lists = &mut scratch.lists[self.groups.len()..];
-        for ((results, delta_ratio), list) in results.zip(lists) {
+        for (((results, delta_ratio), rough), list) in results.zip(lists) {
             let displacement_variance =
-                cell.displacement_variance * single(delta_ratio * delta_ratio);
+                cell.displacement_variance * single(delta_ratio * delta_ratio) + single(*rough);
             let x = [cell.x_low, cell.x_high];
             list.push(Cell { displacement_variance, ..self.cell(cell_row, x, *results) });
         }
@@ -315,7 +350,8 @@ impl EnergyBinning {
         scratch.terms.extend(ends.enumerate().map(|(node, (results, light))| {
             let spread = f64::from(cell.displacement_variance)
                 * self.delta_ratio[node]
-                * self.delta_ratio[node];
+                * self.delta_ratio[node]
+                + scratch.roughness[node];
             Terms::new(results, *light, spread, bars.narrowings[node])
         }));
         let of_node = bars.by_node.iter().zip(&scratch.terms);

@@ -23,8 +23,10 @@ shared_constants! {
     KIND_FRUSTUM: u32 = 2;
     /// ellipsoids and spheres,
     KIND_ELLIPSOID: u32 = 4;
-    /// tori.
+    /// tori;
     KIND_TORUS: u32 = 8;
+    /// and rough surfaces, of these or of the sample's own triangles.
+    KIND_ROUGH: u32 = 16;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.
@@ -62,6 +64,13 @@ shared_constants! {
     MOMENTS_LEVER: usize = 1;
     /// Floats of a material: slope sums in x and z.
     MOMENTS_SLOPE: usize = 3;
+    /// Floats per pair of materials behind those: of rough surfaces between the two, the variance of
+    /// what they do to the slope along x, over the square of the step of delta.
+    MOMENTS_PER_PAIR: usize = 3;
+    /// Floats of a pair: that variance, times the lever, m, and times its square, m2.
+    MOMENTS_VARIANCE: usize = 0;
+    /// Cosine of incidence over the roughness of a surface, below which rays of cells draw its normals.
+    ROUGH_GRAZING: f64 = 15.0;
     /// With more materials sums of rays are kept in memory even where nobody asks for moments.
     MATERIALS_IN_REGISTERS: u32 = 4;
 

@@ -13,6 +13,9 @@ shared_structs! {
         /// dz/dy.
         pub slope_z: f32,
         pub view: u32,
+        /// Of the normals that the ray draws at rough surfaces; 0: it draws them where it is traced
+        /// exactly alone.
+        pub key: u32,
     }
 
     /// Rotation of the beam frame against the world, and planes of constant y in the beam frame.
@@ -89,6 +92,8 @@ shared_structs! {
         pub hash: u32,
         /// Cosine of incidence below which the first order is not enough.
         pub grazing: f32,
+        /// Standard deviation of its slopes.
+        pub roughness: f32,
     }
 
     /// Optical constants of a material at one energy node.
@@ -169,6 +174,8 @@ shared_structs! {
         pub prototype_count: u32,
         /// Leaves of the sample itself: larger numbers are primitives of placed meshes.
         pub sample_leaves: u32,
+        /// Of the scene.
+        pub seed: [u32; 2] => uvec2,
     }
 
     /// Push constants of the order-free walk.

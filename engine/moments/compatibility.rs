@@ -31,6 +31,10 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
             let name = &here.name;
             return differs(&key("position"), format!("\"{name}\" elsewhere"), "its place".into());
         }
+        if there.roughness.to_bits() != here.roughness.to_bits() {
+            let (now, was) = (here.roughness, there.roughness);
+            return differs(&key("roughness"), now.to_string(), was.to_string());
+        }
         if let Some((found, was)) = other_surface(scene, there, here)? {
             return differs(&key("mesh"), found, was);
         }
@@ -117,6 +121,7 @@ pub(super) fn media(
         weights: new.weights.clone(),
         constants,
         of_object: old.of_object.clone(),
+        rough: old.rough,
     };
     for (index, name) in media.names.iter().enumerate() {
         let (now, was) = (media.delta(index), old.delta(index));

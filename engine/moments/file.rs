@@ -31,6 +31,8 @@ const WORDS: usize = 10_000 * MOMENTS_PER_MATERIAL;
 /// Words of a block's header: cell rows, cells, wide cells traced exactly, all of those, first and
 /// last row.
 const BLOCK: usize = 6;
+/// Words of a ray: its place and view. Rays of cells have no key.
+const RAY: usize = 5;
 
 /// What ties moments to their run: the hash of its scene.toml.
 pub(super) fn scene_digest(run: &Path) -> Result<[u8; 32]> {
@@ -277,7 +279,8 @@ const EXACT_WORDS: usize = 1 + 2 * (5 + 8);
 fn words_of(cell: &ExactCell) -> Vec<u32> {
     let mut words = vec![cell.cell];
     for (ray, result) in cell.ends.iter().zip(&cell.results) {
-        words.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(ray)));
+        let ray: &[u32] = bytemuck::cast_slice(bytemuck::bytes_of(ray));
+        words.extend_from_slice(&ray[..RAY]);
         words.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(result)));
     }
     words

@@ -154,7 +154,7 @@ impl StoredMoments {
         let reference = base.mean();
         let same_constants = media.constants == base.constants && media.weights == base.weights;
         let old = Lattice::of(traced, base.strongest());
-        let resample = Resampled::new(traced, &old, optics, lattice)?;
+        let resample = Resampled::new([traced, optics], [&old, lattice], media.names.len())?;
         let wide = self.views.iter().any(MomentFile::has_wide);
         Ok(StoredSource {
             kept: self,
@@ -213,7 +213,7 @@ impl StoredSource<'_> {
         let made = shared.find(&self.resample, spectral, &place);
         let blank = |covered: &Covered| {
             let mut blank = self.resample.blank(rows, lit, covered);
-            blank.keep_nothing(self.media.names.len());
+            blank.keep_nothing(self.media.moment_words());
             blank
         };
         if let Some(part) = made {
@@ -252,7 +252,7 @@ impl StoredSource<'_> {
         covered: &mut Covered,
         mut take: impl FnMut(CellBatch) -> Result<()>,
     ) -> Result<()> {
-        let words = self.media.names.len() * crate::interface::MOMENTS_PER_MATERIAL;
+        let words = self.media.moment_words();
         let bounds = Bounds::of(self.resample.old(), view);
         let old_rows = self.resample.old_rows(rows);
         self.kept.views[view as usize]

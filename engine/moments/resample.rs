@@ -1,7 +1,7 @@
 //! Cells of one lattice as cells of another: cut where beamlets and rows end, their moments
 //! interpolated in between, and taken to another analyser.
 
-use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
+use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
 use crate::numbers::{self, single};
 use crate::optics::Optics;
 use crate::sampling::{
@@ -29,6 +29,8 @@ pub(super) struct Resampled {
     row_slopes: [f64; 2],
     /// From the old analyser to the new one, m.
     lever: f64,
+    /// Words of a ray's moments that belong to materials, and not to pairs of them.
+    of_materials: usize,
     same_columns: bool,
     same_rows: bool,
 }
@@ -48,7 +50,11 @@ impl Covered {
 impl Resampled {
     /// # Errors
     /// [`Error::Scene`] where the new field of view is not inside the old one.
-    pub(super) fn new(from: &Optics, old: &Lattice, to: &Optics, new: &Lattice) -> Result<Self> {
+    pub(super) fn new(
+        [from, to]: [&Optics; 2],
+        [old, new]: [&Lattice; 2],
+        materials: usize,
+    ) -> Result<Self> {
         let rows = [from, to].map(|optics| f64::from(optics.detector.pixels[1]));
         let row_slopes = [from, to].map(|optics| optics.detector.row_slope());
         let reach = |l: &Lattice, beamlets: &Range<i64>| {
@@ -77,6 +83,7 @@ impl Resampled {
             rows,
             row_slopes,
             lever: to.analyser - from.analyser,
+            of_materials: materials * MOMENTS_PER_MATERIAL,
             same_columns,
             same_rows,
         })
@@ -227,7 +234,7 @@ impl Resampled {
                     ends,
                     share,
                     exact,
-                    self.lever,
+                    (self.lever, self.of_materials),
                 );
             }
         }
@@ -334,14 +341,15 @@ struct NewBeamlet {
 }
 
 impl NewBeamlet {
-    /// Takes the part `share` of a cell, to an analyser farther by `lever`.
+    /// Takes the part `share` of a cell, to an analyser farther by `lever`; `of_materials` as in
+    /// [`Resampled`].
     fn push(
         &mut self,
         cell: Cell,
         ends: &[f32],
         share: [f32; 2],
         exact: Option<&ExactCell>,
-        lever: f64,
+        (lever, of_materials): (f64, usize),
     ) {
         let (low, high) = ends.split_at(ends.len() / 2);
         for at in share {
@@ -356,9 +364,15 @@ impl NewBeamlet {
                 }
             };
             self.moments.ends.extend(low.iter().zip(high).map(mix));
-            for m in self.moments.ends[first..].chunks_exact_mut(MOMENTS_PER_MATERIAL) {
+            let (materials, pairs) = self.moments.ends[first..].split_at_mut(of_materials);
+            for m in materials.chunks_exact_mut(MOMENTS_PER_MATERIAL) {
                 m[1] += single(f64::from(m[3]) * lever);
                 m[2] += single(f64::from(m[4]) * lever);
+            }
+            for m in pairs.chunks_exact_mut(MOMENTS_PER_PAIR) {
+                let [plain, levered] = [m[0], m[1]].map(f64::from);
+                m[1] += single(plain * lever);
+                m[2] += single((2.0 * levered + plain * lever) * lever);
             }
         }
         if let Some(exact) = exact {

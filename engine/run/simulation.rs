@@ -108,7 +108,7 @@ impl<'e> Simulation<'e> {
 
     /// Words of a ray's moments.
     fn moment_words(&self) -> usize {
-        self.media.names.len() * crate::interface::MOMENTS_PER_MATERIAL
+        self.media.moment_words()
     }
 
     fn view<'a>(

@@ -3,7 +3,7 @@
 
 use super::cell_moments::CellMoments;
 use super::lattice::Lattice;
-use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
+use crate::interface::{Cell, CellRow};
 use crate::numbers::{self, single};
 use crate::parallel;
 use crate::trace::Tally;
@@ -45,8 +45,9 @@ impl CellBatch {
     }
 
     /// Gives cells without a sample their moments, which are zero.
-    pub(crate) fn keep_nothing(&mut self, materials: usize) {
-        self.moments.ends = vec![0.0; 2 * self.cells.len() * materials * MOMENTS_PER_MATERIAL];
+    /// `words`: of the moments of a ray.
+    pub(crate) fn keep_nothing(&mut self, words: usize) {
+        self.moments.ends = vec![0.0; 2 * self.cells.len() * words];
     }
 
     /// Cell rows of several parts in their order, with their counts.

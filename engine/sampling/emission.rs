@@ -9,7 +9,7 @@ use super::neighbours::Slopes;
 use super::patch::{Border, Known, Patch, alike};
 use super::rectangle::Rectangle;
 use crate::Result;
-use crate::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_REFLECTED, MOMENTS_PER_MATERIAL, RayResult};
+use crate::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_REFLECTED, RayResult};
 use crate::numbers::single;
 use crate::trace::Tracer;
 use rayon::prelude::*;
@@ -76,7 +76,7 @@ impl<'a> Emitter<'a> {
                 empty.push((patch.beamlet - first, patch.row));
             }
         }
-        let words = tracer.materials() * MOMENTS_PER_MATERIAL;
+        let words = tracer.moment_words();
         let parts: Vec<CellBatch> = (patches, rectangles, moments)
             .into_par_iter()
             .map(|(patch, rectangles, moments)| self.cell_rows(patch, &rectangles, &moments, words))

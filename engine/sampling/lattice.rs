@@ -147,6 +147,7 @@ impl Lattice {
             slope_x: single(slope_x),
             slope_z: single(slope_z),
             view,
+            key: 0,
         }
     }
 

@@ -29,6 +29,10 @@ pub(crate) struct MomentRecording {
     /// Signature of a ray that goes into a body and out of it, and meets no other, with the
     /// body's material; sorted.
     single: Vec<(u32, u32)>,
+    /// Words of a ray's moments.
+    words: usize,
+    /// Whether surfaces are rough: results do not say what they spread.
+    rough: bool,
 }
 
 impl MomentRecording {
@@ -58,7 +62,13 @@ impl MomentRecording {
             .flatten()
             .copied()
             .collect();
-        Self { reference: reference.to_vec(), delta_ratio: in_hand * delta_ratio, single }
+        Self {
+            reference: reference.to_vec(),
+            delta_ratio: in_hand * delta_ratio,
+            single,
+            words: media.moment_words(),
+            rough: media.rough,
+        }
     }
 
     /// The material, if the ray crossed exactly one object: its moments are then the result divided
@@ -68,7 +78,7 @@ impl MomentRecording {
             return Some(0);
         }
         let unlike = FLAG_EXACT | FLAG_UNBALANCED | FLAG_NOT_FINITE;
-        if result.crossings != 2 || result.flags & unlike != 0 {
+        if self.rough || result.crossings != 2 || result.flags & unlike != 0 {
             return None;
         }
         let at = self.single.binary_search_by_key(&result.signature, |(signature, _)| *signature);
@@ -91,7 +101,7 @@ impl MomentRecording {
     /// Appends the moments that follow from a result.
     fn push_from_result(&self, result: &RayResult, material: usize, moments: &mut Vec<f32>) {
         let first = moments.len();
-        moments.resize(first + self.reference.len() * MOMENTS_PER_MATERIAL, 0.0);
+        moments.resize(first + self.words, 0.0);
         if result.crossings == 0 {
             return;
         }
@@ -124,7 +134,7 @@ impl MomentRecording {
                 .collect()
         };
         let rays: Vec<Vec<Ray>> = patches.par_iter().zip(rectangles).map(unknown).collect();
-        let stride = MOMENTS_HEAD + tracer.materials() * MOMENTS_PER_MATERIAL;
+        let stride = MOMENTS_HEAD + self.words;
         let traced = tracer.trace_moments(&parallel::concat(&rays))?;
         let mut rest = &traced[..];
         let of_patches: Vec<&[u32]> = rays

@@ -15,7 +15,7 @@ use super::refinement::{PatchWork, Refiner};
 use super::response::Response;
 use crate::Result;
 use crate::geometry::Sample;
-use crate::interface::{MOMENTS_PER_MATERIAL, Ray};
+use crate::interface::Ray;
 use crate::numbers::{self, single};
 use crate::optics::Optics;
 use crate::trace::Tracer;
@@ -135,8 +135,7 @@ pub(crate) fn sample_rows(
         })?;
     }
     let cell = empty_cell(view.lattice);
-    let words =
-        if view.recording.is_some() { tracer.materials() * MOMENTS_PER_MATERIAL } else { 0 };
+    let words = if view.recording.is_some() { tracer.moment_words() } else { 0 };
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
     for cell_rows in blank_cell_rows(view.lattice, blank).chunks(BLANK_AT_ONCE) {
         let mut part = CellBatch::default();

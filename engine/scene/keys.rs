@@ -104,6 +104,7 @@ const KNOWN: &[(&str, &[&str])] = &[
             "rotate",
             "position",
             "instances",
+            "roughness",
         ],
     ),
     ("object.rotate", &["axis", "angle"]),

@@ -45,3 +45,6 @@ pub(super) const CORNERS: u32 = 10_000;
 pub(super) const DENSITY: f64 = 100.0;
 /// FWHM of a spot before small detectors, m; otherwise the detector's larger side counts.
 pub(super) const SPOT: f64 = 1e-3;
+/// Standard deviation of the slopes of a rough surface: beyond it rays meet a surface more than once,
+/// which one normal does not stand for.
+pub(super) const ROUGHNESS: f64 = 0.3;

@@ -73,6 +73,7 @@ fn read_object(item: &ListItem<'_>) -> Result<Object> {
         sha256: table.get("sha256").map(|item| read_hash(&item)).transpose()?,
         allow_defects: table.get("allow_defects").map_or(Ok(false), |item| item.boolean())?,
         instances: table.get("instances").map(|item| read_instances(&item)).transpose()?,
+        roughness: table.get("roughness").map_or(Ok(0.0), |item| item.number())?,
     })
 }
 

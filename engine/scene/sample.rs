@@ -56,6 +56,8 @@ pub struct Object {
     pub allow_defects: bool,
     /// Where copies of the shape or mesh stand; `None`: one copy at the object's own origin.
     pub instances: Option<Instances>,
+    /// Standard deviation of the slopes of its surface against its facets, 0 to 0.3.
+    pub roughness: f64,
 }
 
 impl Object {
@@ -74,6 +76,7 @@ impl Object {
             sha256: None,
             allow_defects: false,
             instances: None,
+            roughness: 0.0,
         }
     }
 }

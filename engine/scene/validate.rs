@@ -186,6 +186,10 @@ impl Scene {
                 }
             }
             validate_placement(&key, &object.placement, faults);
+            let slopes = limits::ROUGHNESS;
+            let allowed = format!("a number from 0 to {slopes}, standard deviation of a slope");
+            let inside = (0.0..=slopes).contains(&object.roughness);
+            faults.note(plain(&key("roughness"), object.roughness, inside, &allowed));
             if let Some(instances) = &object.instances {
                 let found = validate_instances(&key("instances"), instances, &object.geometry);
                 faults.note(found);

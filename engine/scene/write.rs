@@ -250,6 +250,9 @@ fn write_object(
         };
         out.raw("instances", text);
     }
+    if object.roughness > 0.0 {
+        out.raw("roughness", number(object.roughness));
+    }
     Ok(())
 }
 

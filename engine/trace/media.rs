@@ -1,5 +1,6 @@
 //! Materials of a scene by index, medium 0 being the surroundings, with their constants.
 
+use super::moments::moment_words;
 use crate::Result;
 use crate::material::{self, Constants};
 use crate::numbers;
@@ -19,6 +20,8 @@ pub struct MaterialTable {
     pub constants: Vec<Vec<Constants>>,
     /// Material of each object.
     pub of_object: Vec<u32>,
+    /// Whether some object is rough.
+    pub rough: bool,
 }
 
 impl MaterialTable {
@@ -44,7 +47,20 @@ impl MaterialTable {
             named.map(|(name, key)| material::constants_at_for(scene, name, energy, key)).collect()
         };
         let constants = nodes.energies.iter().map(|&e| at(e)).collect::<Result<_>>()?;
-        Ok(Self { names, energies: nodes.energies, weights: nodes.weights, constants, of_object })
+        Ok(Self {
+            names,
+            energies: nodes.energies,
+            weights: nodes.weights,
+            constants,
+            of_object,
+            rough: scene.is_rough(),
+        })
+    }
+
+    /// Words of the moments of a ray through them.
+    #[must_use]
+    pub(crate) fn moment_words(&self) -> usize {
+        moment_words(self.names.len(), self.rough)
     }
 
     /// Constants averaged over the spectrum, by material: those that refinement goes by.

@@ -2,7 +2,7 @@
 
 use crate::interface::{
     FLAG_SHARE_SHIFT, MOMENTS_BALANCE, MOMENTS_CROSSINGS, MOMENTS_HEAD, MOMENTS_LEVER,
-    MOMENTS_PATH, MOMENTS_PER_MATERIAL, MOMENTS_SLOPE, RayResult,
+    MOMENTS_PATH, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR, MOMENTS_SLOPE, RayResult,
 };
 
 /// Least cosine of incidence of a ray over that below which rays are traced exactly.
@@ -10,11 +10,20 @@ pub(crate) fn grazing(result: &RayResult) -> f64 {
     f64::from(result.flags >> FLAG_SHARE_SHIFT) / 255.0
 }
 
+/// Words of the moments of a ray, without their head: of each material, and in samples with rough
+/// surfaces of each pair of them.
+pub(crate) const fn moment_words(materials: usize, rough: bool) -> usize {
+    let pairs = if rough { materials * (materials - 1) / 2 } else { 0 };
+    materials * MOMENTS_PER_MATERIAL + pairs * MOMENTS_PER_PAIR
+}
+
 /// First-order moments of rays, by ray and material. Material 0 is the surroundings.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Moments {
     words: Vec<u32>,
     materials: usize,
+    /// Words of a ray.
+    stride: usize,
 }
 
 /// Moments of one ray in one material.
@@ -29,19 +38,18 @@ pub struct Moment {
 }
 
 impl Moments {
-    pub(crate) fn new(words: Vec<u32>, materials: u32) -> Self {
-        Self { words, materials: materials as usize }
+    pub(crate) fn new(words: Vec<u32>, materials: u32, own: usize) -> Self {
+        Self { words, materials: materials as usize, stride: MOMENTS_HEAD + own }
     }
 
     fn ray(&self, ray: usize) -> &[u32] {
-        let stride = MOMENTS_HEAD + self.materials * MOMENTS_PER_MATERIAL;
-        &self.words[ray * stride..(ray + 1) * stride]
+        &self.words[ray * self.stride..(ray + 1) * self.stride]
     }
 
     /// Number of rays.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.words.len() / (MOMENTS_HEAD + self.materials * MOMENTS_PER_MATERIAL)
+        self.words.len() / self.stride
     }
 
     /// Whether there are no rays.

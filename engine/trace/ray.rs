@@ -25,6 +25,6 @@ impl Ray {
 
 impl From<&Ray> for interface::Ray {
     fn from(&Ray { view, point: [x, z], slope: [slope_x, slope_z] }: &Ray) -> Self {
-        Self { x, z, slope_x, slope_z, view }
+        Self { x, z, slope_x, slope_z, view, key: 0 }
     }
 }

@@ -8,14 +8,14 @@ use super::upload::DeviceSample;
 use crate::accel::Backend;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace};
 use crate::interface::{
-    Crossing, MATERIALS_IN_REGISTERS, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
+    Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
     TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_UNBALANCED, TALLY_UNORDERED, TracePush,
 };
 use crate::numbers;
 use crate::scene::Transport;
 use crate::trace::Tally;
 use crate::{Result, reserve};
-use batch::{Batch, stride};
+use batch::Batch;
 use exact::{ExactRays, LISTED};
 pub use kernels::TraceKernels;
 use kernels::{OrderFree, Walks};
@@ -99,7 +99,7 @@ impl Tracer {
             backend,
             transport,
             node: None,
-            batch: Batch::new(device, capacity, sample.materials)?,
+            batch: Batch::new(device, capacity, MOMENTS_HEAD + sample.moment_words())?,
             tally: device.upload("tally", &[0_u32; TALLY_COUNTERS])?,
             lists: device.buffer(
                 "crossings of exact rays",
@@ -118,7 +118,7 @@ impl Tracer {
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn make_kernels(&self) -> Result<()> {
         let walks = self.walks(self.backend);
-        self.order_free(&walks.order_free).get()?;
+        self.order_free(&walks.order_free, false).get()?;
         walks.exact.get()?;
         Ok(())
     }
@@ -127,8 +127,9 @@ impl Tracer {
         self.kernels.of(backend, self.sample.kinds)
     }
 
-    const fn order_free<'k>(&self, trace: &'k OrderFree) -> &'k LazyKernel {
-        if self.few { &trace.few } else { &trace.many }
+    /// `moments`: those of rays are wanted.
+    fn order_free<'k>(&self, trace: &'k OrderFree, moments: bool) -> &'k LazyKernel {
+        if self.few && !(moments && self.sample.is_rough()) { &trace.few } else { &trace.many }
     }
 
     /// Results from now on are those of a node of the spectrum, or (`None`) at its mean constants.
@@ -140,6 +141,12 @@ impl Tracer {
     #[must_use]
     pub fn materials(&self) -> usize {
         self.sample.materials as usize
+    }
+
+    /// Words of the moments of a ray, without their head.
+    #[must_use]
+    pub(crate) fn moment_words(&self) -> usize {
+        self.sample.moment_words()
     }
 
     /// Most rays that one batch on the device takes now.
@@ -194,7 +201,7 @@ impl Tracer {
         results: &mut [RayResult],
         wanted: Wanted,
     ) -> Result<Vec<u32>> {
-        let words = stride(self.sample.materials);
+        let words = MOMENTS_HEAD + self.moment_words();
         let mut moments = reserve::zeroed::<u32>(rays.len() * words, "moments of rays")?;
         self.each_batch(rays, results, wanted, |batch, first, n| {
             batch.moments.read_into(0, &mut moments[first * words..(first + n) * words])
@@ -233,7 +240,7 @@ impl Tracer {
         let mut pace = Pace::new(capacity, SMALLEST_BATCH.min(capacity), self.most);
         pace.adapt(time);
         if pace.size() != capacity {
-            self.batch = Batch::new(&self.device, pace.size(), self.sample.materials)?;
+            self.batch = Batch::new(&self.device, pace.size(), MOMENTS_HEAD + self.moment_words())?;
         }
         Ok(())
     }
@@ -290,7 +297,7 @@ impl Tracer {
         last: bool,
     ) -> Result<Duration> {
         let b = &self.batch;
-        let kernel = self.order_free(trace).get()?;
+        let kernel = self.order_free(trace, moments).get()?;
         // Many materials are summed in memory, whether anybody asks for the moments or not.
         let keep = moments || !self.few;
         let push = TracePush {

@@ -1,12 +1,13 @@
 //! The sample on the device: uploaded once, views are records.
 
 use super::media::MaterialTable;
+use super::moments::moment_words;
 use crate::Result;
 use crate::accel::Bvh;
 use crate::geometry;
 use crate::gpu::{AccelerationStructure, Buffer, Device};
-use crate::interface::{self, Surface, ViewTransform};
-use crate::numbers::{count, single};
+use crate::interface::{self, KIND_ROUGH, Surface, ViewTransform};
+use crate::numbers::{count, high_word, low_word, single};
 use crate::scene::{self, Scene, Transport};
 use glam::DVec2;
 use std::sync::Arc;
@@ -51,6 +52,8 @@ impl DeviceSample {
             .zip(&sample.components)
             .map(|(i, c)| surface(scene, media, i, c, delta_ratio))
             .collect();
+        let rough = surfaces.iter().any(|surface| surface.roughness > 0.0);
+        let kinds = kinds | if rough { KIND_ROUGH } else { 0 };
         let materials = media.names.len();
         let constants: Vec<interface::Constants> = std::iter::once(&media.mean())
             .chain(&media.constants)
@@ -94,6 +97,7 @@ impl DeviceSample {
             shapes: buffers[9].address(),
             prototype_count,
             sample_leaves,
+            seed: [low_word(scene.sampling.seed), high_word(scene.sampling.seed)],
             acceleration: acceleration.as_ref().map_or(0, AccelerationStructure::address),
         };
         let records: Vec<_> = (0..=media.weights.len() as u64).map(record).collect();
@@ -107,6 +111,16 @@ impl DeviceSample {
     pub fn record(&self, node: Option<usize>) -> u64 {
         let index = node.map_or(0, |n| n + 1);
         self.records.address() + (index * size_of::<interface::Sample>()) as u64
+    }
+
+    /// Whether some of its surfaces are rough.
+    pub(super) const fn is_rough(&self) -> bool {
+        self.kinds & KIND_ROUGH != 0
+    }
+
+    /// Words of the moments of a ray, without their head.
+    pub(super) const fn moment_words(&self) -> usize {
+        moment_words(self.materials as usize, self.is_rough())
     }
 
     /// Whether the sample has acceleration structures.
@@ -160,6 +174,7 @@ fn surface(
         outside,
         hash: hash(index),
         grazing: single(grazing),
+        roughness: single(scene.objects[component.object as usize].roughness),
     }
 }
 

@@ -8,6 +8,10 @@
 #include "walk/primitive.glsl"
 #include "physics/refraction.glsl"
 #include "walk/moments.glsl"
+#ifdef PLACED
+#include "random/hash.glsl"
+#include "walk/rough.glsl"
+#endif
 
 Ray ray_at(uint index) {
     Ray ray = push.rays.at[index];
@@ -21,10 +25,17 @@ struct Gathered {
     Stretch stretch;
     Run run;
     Sums sums;
+#ifdef PLACED
+    uint key; // of its ray
+#endif
 };
 
 Gathered gathered_begin(Beam beam, uint index, bool live) {
+#ifdef PLACED
+    return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live), 0u);
+#else
     return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live));
+#endif
 }
 
 // A ray crosses a facet: everything after "which primitive" is here, for every walk. A run that

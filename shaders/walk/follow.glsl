@@ -20,6 +20,10 @@ struct Walk {
     float y;
     float clearance; // what rounding leaves of y
     uint leaf;
+#ifdef PLACED
+    uint key;   // of the normals that it draws
+    bool draws; // at any incidence
+#endif
 };
 
 const uint THROUGH = 0u;    // behind the last crossing of the list
@@ -66,7 +70,17 @@ bool pass_into(inout Walk walk, Meeting at, uint material) {
     walk.depth += mu * (at.y - walk.entered) * sqrt(1.0 + dot(slope, slope));
     walk.entered = at.y;
     bool reflected;
-    vec2 bend = refract_slope(slope, at.normal, from.delta, to.delta, reflected);
+    vec2 bend;
+#ifdef PLACED
+    Surface surface;
+    if ((KINDS & KIND_ROUGH) != 0u) surface = sample_.surfaces.at[surface_at(at.leaf)];
+    if ((KINDS & KIND_ROUGH) != 0u && surface.roughness > 0.0
+        && (walk.draws || incidence(slope, at.normal, inversesqrt(1.0 + dot(slope, slope)))
+                              < ROUGH_GRAZING * surface.roughness)) {
+        bend = rough_bend(slope, at.normal, surface, walk.key, at.leaf, from.delta, to.delta, reflected);
+    } else
+#endif
+    bend = refract_slope(slope, at.normal, from.delta, to.delta, reflected);
     bend_at(walk.ray, at.y, bend);
     if (reflected) {
         walk.flags |= FLAG_REFLECTED;
@@ -225,5 +239,9 @@ Walk walk_begin(Beam line, uint flags, uint constants) {
     walk.y = -1e30;
     walk.clearance = 0.0;
     walk.leaf = NO_LEAF;
+#ifdef PLACED
+    walk.key = 0u;
+    walk.draws = false;
+#endif
     return walk;
 }

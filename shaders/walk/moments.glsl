@@ -30,6 +30,17 @@ void head_of_moments(uint head, RayResult result, uint balance) {
     push.moments.at[head + MOMENTS_CROSSINGS] = result.crossings;
 }
 
+// Words of the moments of a ray.
+uint moments_stride() {
+    uint stride = MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL;
+#ifdef PLACED
+    if ((KINDS & KIND_ROUGH) != 0u) {
+        stride += push.materials * (push.materials - 1u) / 2u * MOMENTS_PER_PAIR;
+    }
+#endif
+    return stride;
+}
+
 #ifdef SUMS_IN_REGISTERS
 // Few materials: moments are written once, where they are wanted.
 #define EACH_MATERIAL [[unroll]] for (uint m = 0u; m < MATERIALS_IN_REGISTERS; m++)
@@ -75,7 +86,7 @@ RayResult result_of(Sums sums, Run run) {
 
 void sums_end(Sums sums, uint index, RayResult result, uint balance) {
     if (uvec2(push.moments) == uvec2(0u)) return;
-    uint head = index * (MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL);
+    uint head = index * moments_stride();
     head_of_moments(head, result, balance);
     Floats moments = floats_of(push.moments);
     EACH_MATERIAL {
@@ -95,7 +106,7 @@ struct Sums {
 };
 
 Sums sums_begin(uint index, bool live) {
-    uint stride = MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL;
+    uint stride = moments_stride();
     Sums sums = Sums(index * stride);
     if (live) {
         for (uint i = MOMENTS_HEAD; i < stride; i++) push.moments.at[sums.head + i] = 0u;

@@ -250,5 +250,12 @@ impl Aim {
 }
 
 fn ray(x: f64, z: f64, slope: [f64; 2], view: u32) -> Ray {
-    Ray { x: x as f32, z: z as f32, slope_x: slope[0] as f32, slope_z: slope[1] as f32, view }
+    Ray {
+        x: x as f32,
+        z: z as f32,
+        slope_x: slope[0] as f32,
+        slope_z: slope[1] as f32,
+        view,
+        key: 0,
+    }
 }

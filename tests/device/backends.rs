@@ -117,7 +117,14 @@ fn results_are_the_same_ray_by_ray() {
         .map(|i| {
             let (x, z) = (random.between(-1.4e-3, 1.4e-3), random.between(-1.4e-3, 1.4e-3));
             let [sx, sz] = [x / 1.21, z / 1.21];
-            Ray { x: x as f32, z: z as f32, slope_x: sx as f32, slope_z: sz as f32, view: i % 3 }
+            Ray {
+                x: x as f32,
+                z: z as f32,
+                slope_x: sx as f32,
+                slope_z: sz as f32,
+                view: i % 3,
+                key: 0,
+            }
         })
         .collect();
     if !both("results, ray by ray") {

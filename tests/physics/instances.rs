@@ -127,7 +127,7 @@ fn random_rays(count: usize, random: &mut Random) -> Vec<Ray> {
         let (x, z) = (random.between(-0.55e-3, 0.55e-3), random.between(-0.3e-3, 0.3e-3));
         let slope = |at: f64, random: &mut Random| (at / 1.21 + random.between(-3e-5, 3e-5)) as f32;
         let (slope_x, slope_z) = (slope(x, random), slope(z, random));
-        Ray { x: x as f32, z: z as f32, slope_x, slope_z, view: u32::from(i % 2 == 1) }
+        Ray { x: x as f32, z: z as f32, slope_x, slope_z, view: u32::from(i % 2 == 1), key: 0 }
     };
     (0..count).map(ray).collect()
 }

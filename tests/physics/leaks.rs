@@ -132,7 +132,14 @@ fn grid_cube(half: i32, step: f64) -> Mesh {
 }
 
 fn ray(x: f64, z: f64, slope: [f64; 2], view: u32) -> Ray {
-    Ray { x: x as f32, z: z as f32, slope_x: slope[0] as f32, slope_z: slope[1] as f32, view }
+    Ray {
+        x: x as f32,
+        z: z as f32,
+        slope_x: slope[0] as f32,
+        slope_z: slope[1] as f32,
+        view,
+        key: 0,
+    }
 }
 
 /// Rays in chunks that fit memory, until `count` have been traced.

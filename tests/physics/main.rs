@@ -19,6 +19,7 @@ mod mask_mesh;
 mod ordered;
 mod polychromatic;
 mod reference_against_closed_forms;
+mod rough;
 mod sample;
 mod spots;
 mod transport;

@@ -113,6 +113,7 @@ pub(crate) fn near_silhouettes(
             slope_x: slope[0] as f32,
             slope_z: slope[1] as f32,
             view: 0,
+            key: 0,
         }
     };
     (0..count).map(ray).collect()

@@ -149,7 +149,14 @@ fn result_of_a_ray_does_not_depend_on_its_company_or_on_who_asks_for_moments() {
                 let (within, tile) = (i % 16, i / 16);
                 let at = |k: u16| 2.5e-5 * (f32::from(k) - 23.5);
                 let (x, z) = (at(tile % 12 * 4 + within % 4), at(tile / 12 % 12 * 4 + within / 4));
-                Ray { x, z, slope_x: x / 1.21, slope_z: z / 1.21, view: (tile / 144).into() }
+                Ray {
+                    x,
+                    z,
+                    slope_x: x / 1.21,
+                    slope_z: z / 1.21,
+                    view: (tile / 144).into(),
+                    key: 0,
+                }
             })
             .collect();
         for backend in backends() {

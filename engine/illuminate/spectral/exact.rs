@@ -111,7 +111,10 @@ impl EnergyBinning {
                     result.depth += (exact_result.depth - first.depth) * delta_ratio * result.depth
                         / first.depth;
                 }
-                if exact.grazing() < self.exact_retrace_threshold[node] {
+                if self.is_rough() && exact.grazing() <= 0.0 {
+                    // Of drawn normals, which bend in proportion.
+                    result.x = exact_result.x * delta_ratio;
+                } else if exact.grazing() < self.exact_retrace_threshold[node] {
                     // Narrow, or not repeated: total reflection turns light by as much anywhere.
                     result.x = exact_result.x;
                 } else {

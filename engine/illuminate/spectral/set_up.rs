@@ -77,6 +77,7 @@ impl EnergyBinning {
                 flagged,
             ),
             materials,
+            words: media.moment_words(),
             groups: Vec::new(),
             slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),

@@ -54,7 +54,8 @@ impl<'e> Simulation<'e> {
         let media = MaterialTable::of(scene)?;
         let lattice = lattice_of(scene, optics, &media)?;
         let delta_ratio = if engine.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
-        let several = media.energies.len() > 1 || engine.options().keep_moments;
+        // What rough surfaces spread is a moment.
+        let several = media.energies.len() > 1 || engine.options().keep_moments || media.rough;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
             let flagged = delta_ratio * media.strongest();
             Some(EnergyBinning::new(scene, optics, &media, &lattice, &media.mean(), flagged)?)
@@ -143,13 +144,12 @@ impl<'e> Simulation<'e> {
         let across = geometry::across_edges(&sample);
         let on_device =
             DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, delta_ratio)?;
-        let facets = sampling::SampleFacets::new(
-            scene.sampling.transport,
-            &sample,
-            &media,
-            delta_ratio,
-            across,
-        );
+        // Means over facets know no roughness.
+        let of_facets = || {
+            let transport = scene.sampling.transport;
+            sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across)
+        };
+        let facets = if media.rough { None } else { of_facets() };
         let mut simulation = Self {
             engine,
             scene: scene.clone(),

@@ -25,7 +25,7 @@ pub fn moments(
     simulation.check_views(rays.iter().map(|ray| ray.view))?;
     let mut tracer = simulation.tracer(simulation.start.backend)?;
     let (results, words) = tracer.trace_with_moments(rays)?;
-    Ok((results, Moments::new(words, simulation.on_device.materials)))
+    Ok((results, Moments::new(words, simulation.on_device.materials, tracer.moment_words())))
 }
 
 impl Simulation<'_> {

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::gpu::{Buffer, Device, Memory};
-use crate::interface::{MOMENTS_HEAD, MOMENTS_PER_MATERIAL, Ray, RayResult};
+use crate::interface::{Ray, RayResult};
 use std::sync::Arc;
 
 /// Buffers of one batch.
@@ -21,9 +21,10 @@ pub(super) struct Batch {
 }
 
 impl Batch {
-    pub(super) fn new(device: &Arc<Device>, capacity: u32, materials: u32) -> Result<Self> {
+    /// `words`: of the moments of a ray.
+    pub(super) fn new(device: &Arc<Device>, capacity: u32, words: usize) -> Result<Self> {
         let n = u64::from(capacity);
-        let words = stride(materials) as u64;
+        let words = words as u64;
         let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
         Ok(Self {
             capacity,
@@ -38,9 +39,4 @@ impl Batch {
             nodes: make("energies of rays", n * 4)?,
         })
     }
-}
-
-/// Words of a ray's moments.
-pub(super) const fn stride(materials: u32) -> usize {
-    MOMENTS_HEAD + materials as usize * MOMENTS_PER_MATERIAL
 }

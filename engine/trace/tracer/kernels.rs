@@ -4,7 +4,8 @@ use super::push_bytes;
 use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
-    BUNDLE_LANES, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, RAYS_PER_LANE, TracePush,
+    BUNDLE_LANES, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_ROUGH, RAYS_PER_LANE,
+    TracePush,
 };
 use crate::numbers;
 use std::ops::RangeInclusive;
@@ -23,7 +24,7 @@ pub struct TraceKernels {
 }
 
 /// Combinations of `KIND_` bits.
-const KINDS: usize = 16;
+const KINDS: usize = 2 * KIND_ROUGH as usize;
 
 /// The walks of a backend.
 #[derive(Debug)]

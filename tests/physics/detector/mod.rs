@@ -15,4 +15,4 @@ mod reproducible;
 mod response;
 mod scatter;
 mod statistics;
-mod z_test;
+pub(crate) mod z_test;

@@ -44,8 +44,14 @@ fn curve(setup: &Setup, solid: Option<&Solid>, column: u32) -> Vec<f64> {
         let z = 100e-6 * up(j);
         let slope = [x / 1.2, z / 1.2];
         let place = slope.map(|s| 1.21 * s);
-        let ray =
-            Ray { x: 0.0, z: 0.0, slope_x: slope[0] as f32, slope_z: slope[1] as f32, view: 0 };
+        let ray = Ray {
+            x: 0.0,
+            z: 0.0,
+            slope_x: slope[0] as f32,
+            slope_z: slope[1] as f32,
+            view: 0,
+            key: 0,
+        };
         let moved = solid
             .map_or(0.0, |solid| first_order(solid, CARBON[1], &ray, place, 0.0).displacement[0]);
         let off = 1.5 * (x - pixel * 100e-6) + moved;

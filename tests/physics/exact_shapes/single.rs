@@ -224,7 +224,7 @@ fn cylinder_and_sphere_are_the_lenses_of_the_textbook() {
         for backend in backends() {
             let mut tracer = bench.tracer(backend, &carbon(&solid, Transport::FirstOrder));
             let at = |k: u16| (f32::from(k) - 50.0) * 7.2e-5;
-            let ray = |k| Ray { x: at(k), z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0 };
+            let ray = |k| Ray { x: at(k), z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 };
             let rays: Vec<Ray> = (0..=100).map(ray).collect();
             let (mut squares, mut count) = (0.0, 0.0);
             for (ray, result) in rays.iter().zip(tracer.trace(&rays).expect("results")) {
