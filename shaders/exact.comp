@@ -30,11 +30,12 @@ layout(local_size_x = GROUP) in;
 #include "walk/bvh.glsl"
 #endif
 #include "walk/media.glsl"
-#include "walk/bent.glsl"
 #ifdef PLACED
 #include "random/hash.glsl"
 #include "walk/rough.glsl"
+#include "walk/smooth.glsl"
 #endif
+#include "walk/bent.glsl"
 #include "walk/follow.glsl"
 
 // The first order is the better answer.

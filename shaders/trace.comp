@@ -28,9 +28,19 @@ void visit(Beam beam, uint primitive, inout Gathered all) {
     if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
     vec3 normal_ = beam_from_world(beam, leaf.normal);
 #ifdef PLACED
-    if ((KINDS & KIND_ROUGH) != 0u) {
-        cross_rough(beam, surface, primitive, normal_, place_of(slope_of(beam), facet, normal_),
-                    facet.entering, all);
+    if ((KINDS & (KIND_ROUGH | KIND_SMOOTH)) != 0u) {
+        vec3 met = normal_;
+        if ((KINDS & KIND_SMOOTH) != 0u && surface.smooth_ != 0u) {
+            vec3 direction = vec3(beam.slope_x, 1.0, beam.slope_z);
+            met = smooth_normal(beam, primitive, facet, normal_, direction);
+        }
+        // Grazing is what either normal says.
+        if (surface.inside != surface.outside) {
+            float share = incidence(slope_of(beam), normal_, all.stretch.inverse);
+            all.run.grazing = min(all.run.grazing, share / max(surface.grazing, 1e-30));
+        }
+        float y = place_of(slope_of(beam), facet, normal_);
+        cross_rough(beam, surface, primitive, met, y, facet.entering, all);
         return;
     }
 #endif

@@ -157,12 +157,12 @@ void next_leaf(inout Search search, Beam frame, out Record leaf, out Facet facet
     } while (!crossed && search.leaves != 0u);
 }
 
-// A surface; its object is left out, and it is smooth: bundles meet no rough ones.
+// A surface; its object is left out, and it has the normals of its facets: bundles meet no others.
 Surface surface_of(uint index) {
     Words surfaces = Words(uvec2(sample_.surfaces));
     Record sides = record_at(surfaces, index, SURFACE_WORDS);
     return Surface(0u, word_of(sides, SURFACE_INSIDE), word_of(sides, SURFACE_OUTSIDE),
-                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING), 0.0);
+                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING), 0.0, 0u);
 }
 
 #ifdef PLACED

@@ -2,10 +2,10 @@
 //! triangles in the same order: drivers that split in input order need it.
 
 use super::placed::{placed_record, shape_record};
-use crate::geometry::Sample;
+use crate::geometry::{CornerNormals, Sample, corner_normals};
 use crate::interface::{
-    self, FACET_LEAF, KIND_FRUSTUM, KIND_MESH, LEAF_MESH, LEAF_SHAPE, Leaf, NO_LEAF, Node, STACK,
-    SURFACE_INDEX,
+    self, FACET_LEAF, KIND_FRUSTUM, KIND_MESH, KIND_SMOOTH, LEAF_MESH, LEAF_SHAPE, Leaf, NO_LEAF,
+    Node, STACK, SURFACE_INDEX,
 };
 use crate::numbers::{self, single};
 use crate::{Error, Result};
@@ -38,6 +38,9 @@ pub(crate) struct Bvh {
     /// For each leaf those across its edges opposite to a, b, c, counted from the first of its
     /// tree; [`NO_LEAF`] at an open edge.
     pub neighbours: Vec<[u32; 3]>,
+    /// Normals of the corners of each leaf, zero where those of facets refract; none where they do
+    /// everywhere.
+    pub corner_normals: Vec<CornerNormals>,
     /// As in the sample.
     pub placed: Vec<interface::Placed>,
     pub prototypes: Vec<interface::Prototype>,
@@ -89,6 +92,14 @@ impl Bvh {
             })
             .collect();
         bvh.append_neighbours(&order, across);
+        let smooth = sample.components.iter().any(|component| component.smooth);
+        if smooth {
+            let vertices: Vec<DVec3> =
+                sample.vertices.iter().map(|v| DVec3::from_array(*v)).collect();
+            let of = |t: usize| sample.components[sample.triangle_component[t] as usize].smooth;
+            bvh.append_normals(&order, &corner_normals(&vertices, &sample.triangles, of));
+            bvh.kinds |= KIND_SMOOTH;
+        }
         bvh.append_prototypes(sample, reach)?;
         Ok(bvh)
     }
@@ -131,6 +142,13 @@ impl Bvh {
                 leaf(corners, prototype.triangle_component[i as usize])
             }));
             self.append_neighbours(&order, &prototype.across);
+            if self.kinds & KIND_SMOOTH != 0 {
+                let of = |t: usize| {
+                    prototype.components[prototype.triangle_component[t] as usize].smooth
+                };
+                let normals = corner_normals(&prototype.vertices, &prototype.triangles, of);
+                self.append_normals(&order, &normals);
+            }
             let each = order.len() as u64;
             let number = |k: u64| u32::try_from(primitive + k * each).ok();
             let placed =
@@ -208,6 +226,14 @@ impl Bvh {
         let leaf_of = |triangle: u32| place.get(triangle as usize).copied().unwrap_or(NO_LEAF);
         let of = |i: &u32| across.get(*i as usize).map_or([NO_LEAF; 3], |it| it.map(leaf_of));
         self.neighbours.extend(order.iter().map(of));
+    }
+}
+
+impl Bvh {
+    fn append_normals(&mut self, order: &[u32], of: &[CornerNormals]) {
+        let none = CornerNormals::default();
+        let in_order = order.iter().map(|i| of.get(*i as usize).copied().unwrap_or(none));
+        self.corner_normals.extend(in_order);
     }
 }
 

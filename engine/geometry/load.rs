@@ -23,7 +23,10 @@ use super::{Sample, instances, mesh_file, nesting, placement};
 use crate::error::{Error, Result};
 use crate::numbers;
 use crate::reserve;
-use crate::scene::{Instances, Mesh, Object, Placement, Scene, ShapeOrMesh};
+use crate::scene::{Instances, Mesh, Normals, Object, Placement, Scene, ShapeOrMesh};
+
+/// Normals of a rough surface lean by this many standard deviations of its slopes at most, about.
+const ROUGH_LEANS: f64 = 6.0;
 
 /// Reads, checks and places every object of the scene.
 ///
@@ -211,9 +214,12 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch<'_>)
         note.cut_by = cut_by;
     }
     let mut sample = Sample { contacts, ..assemble(bodies, groups, names, notes)? };
-    // Rough walls throw light up and down.
-    for component in &mut sample.components {
-        if scene.objects[component.object as usize].roughness > 0.0 {
+    let own = sample.components.iter_mut();
+    for component in own.chain(sample.prototypes.iter_mut().flat_map(|it| &mut it.components)) {
+        let object = &scene.objects[component.object as usize];
+        component.smooth = object.normals == Normals::Smooth;
+        component.leans = ROUGH_LEANS * object.roughness;
+        if component.smooth {
             component.lids = None;
         }
     }

@@ -27,6 +27,7 @@ mod read;
 mod search;
 mod shapes;
 mod sizes;
+mod smooth;
 mod surface;
 mod swept;
 mod topology;
@@ -48,6 +49,7 @@ pub(crate) use placed::{FacetNumbers, FacetOf, Placed, Prototype};
 pub(crate) use read::PEAK_PER_TRIANGLE;
 pub use read::file_hash;
 pub(crate) use sizes::unit_warnings;
+pub(crate) use smooth::{CornerNormals, corner_normals};
 pub use swept::{BeamExtent, Swept, check_clearance, fov_warnings, swept};
 pub(crate) use watch::Watcher;
 pub use watch::{LoadProgress, LoadStep};
@@ -92,6 +94,10 @@ pub struct Component {
     pub bounds: [[f64; 3]; 2],
     /// Where it is not upright; `None`: anywhere.
     pub(crate) lids: Option<Lids>,
+    /// How far normals of rough walls may lean up or down, sine.
+    pub(crate) leans: f64,
+    /// Whether normals between the corners of its facets refract light.
+    pub(crate) smooth: bool,
 }
 
 /// An object in numbers.

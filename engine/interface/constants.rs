@@ -25,8 +25,10 @@ shared_constants! {
     KIND_ELLIPSOID: u32 = 4;
     /// tori;
     KIND_TORUS: u32 = 8;
-    /// and rough surfaces, of these or of the sample's own triangles.
+    /// rough surfaces, of these or of the sample's own triangles;
     KIND_ROUGH: u32 = 16;
+    /// and surfaces that refract by normals between their corners.
+    KIND_SMOOTH: u32 = 32;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.

@@ -59,11 +59,12 @@ mod light;
 mod walk;
 
 /// Buffer references to arrays of numbers: name, type, access.
-const NUMBERS: [(&str, &str, &str); 7] = [
+const NUMBERS: [(&str, &str, &str); 8] = [
     ("Words", "uint", ""),
     ("Floats", "float", ""),
     ("ObjectMaterials", "uint", "readonly"),
     ("Neighbours", "uint", "readonly"),
+    ("CornerNormals", "float", "readonly"),
     ("Offsets", "float", "readonly"),
     ("Curves", "float", "readonly"),
     ("Fits", "float", "writeonly"),

@@ -94,6 +94,8 @@ shared_structs! {
         pub grazing: f32,
         /// Standard deviation of its slopes.
         pub roughness: f32,
+        /// Normals between those of corners refract light, not those of facets.
+        pub smooth_: u32,
     }
 
     /// Optical constants of a material at one energy node.
@@ -171,6 +173,8 @@ shared_structs! {
         pub placed: u64 => PlacedRef,
         pub prototypes: u64 => Prototypes,
         pub shapes: u64 => AnalyticShapes,
+        /// `[leaf][corner][3]`, unit, as leaves stand; zero where those of facets refract.
+        pub normals: u64 => CornerNormals,
         pub prototype_count: u32,
         /// Leaves of the sample itself: larger numbers are primitives of placed meshes.
         pub sample_leaves: u32,

@@ -35,6 +35,9 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
             let (now, was) = (here.roughness, there.roughness);
             return differs(&key("roughness"), now.to_string(), was.to_string());
         }
+        if there.normals != here.normals {
+            return differs(&key("normals"), "others".into(), "those".into());
+        }
         if let Some((found, was)) = other_surface(scene, there, here)? {
             return differs(&key("mesh"), found, was);
         }

@@ -84,7 +84,8 @@ pub(crate) fn projected_bounds(
                     }
                 }
             }
-            if component.lids.is_none() {
+            // Rough walls throw light up and down: beyond the next row it counts.
+            if component.lids.is_none() || lattice.halo as f64 * component.leans > 1.0 {
                 lids = [rows; 2];
             }
             ProjectedBounds {

@@ -105,6 +105,7 @@ const KNOWN: &[(&str, &[&str])] = &[
             "position",
             "instances",
             "roughness",
+            "normals",
         ],
     ),
     ("object.rotate", &["axis", "angle"]),

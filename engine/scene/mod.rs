@@ -57,7 +57,7 @@ pub use instances::{
 };
 pub use keys::known_keys;
 pub use model::{MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
-pub use sample::{MaterialSpec, Mesh, MeshFormat, Object, Placement, Shape, ShapeOrMesh};
+pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub(crate) use validate_detector::validate_thresholds;
 pub use view::{Pose, View};
 

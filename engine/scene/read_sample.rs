@@ -6,11 +6,12 @@ use std::path::PathBuf;
 use super::read_instances::read_instances;
 use super::read_shape::read_shape;
 use super::table::{ListItem, Table};
-use super::{MaterialSpec, Mesh, MeshFormat, Object, Placement, Shape, ShapeOrMesh};
+use super::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 use crate::Result;
 use crate::units::Dimension::{Angle, Attenuation, Density, Length};
 
 pub(super) const MATERIAL: &str = "name of a material";
+const NORMALS: [(&str, Normals); 2] = [("facets", Normals::Facets), ("smooth", Normals::Smooth)];
 const FILE: &str = "path of a file";
 
 pub(super) fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
@@ -73,6 +74,7 @@ fn read_object(item: &ListItem<'_>) -> Result<Object> {
         sha256: table.get("sha256").map(|item| read_hash(&item)).transpose()?,
         allow_defects: table.get("allow_defects").map_or(Ok(false), |item| item.boolean())?,
         instances: table.get("instances").map(|item| read_instances(&item)).transpose()?,
+        normals: table.get("normals").map_or(Ok(Normals::Facets), |item| item.choice(&NORMALS))?,
         roughness: table.get("roughness").map_or(Ok(0.0), |item| item.number())?,
     })
 }

@@ -58,6 +58,20 @@ pub struct Object {
     pub instances: Option<Instances>,
     /// Standard deviation of the slopes of its surface against its facets, 0 to 0.3.
     pub roughness: f64,
+    /// Which normals refract light.
+    pub normals: Normals,
+}
+
+/// Normals that refract light at an object of facets.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Normals {
+    /// Those of the facets.
+    #[default]
+    Facets,
+    /// Those of the surface that the facets stand for: interpolated between corners, but across edges
+    /// at which facets meet under more than 30 degrees.
+    Smooth,
 }
 
 impl Object {
@@ -77,6 +91,7 @@ impl Object {
             allow_defects: false,
             instances: None,
             roughness: 0.0,
+            normals: Normals::Facets,
         }
     }
 }
@@ -172,6 +187,20 @@ pub enum Shape {
         /// Facets around the ring, and as many around the tube, which keep the volume. >= 4.
         sides: Option<u32>,
     },
+}
+
+impl Shape {
+    /// Whether its surface is made of flat facets.
+    pub(super) const fn has_facets(&self) -> bool {
+        match self {
+            Self::Box { .. } | Self::Prism { .. } | Self::Extrusion { .. } => true,
+            Self::Cylinder { sides, .. }
+            | Self::Cone { sides, .. }
+            | Self::Sphere { sides, .. }
+            | Self::Ellipsoid { sides, .. }
+            | Self::Torus { sides, .. } => sides.is_some(),
+        }
+    }
 }
 
 /// A triangle mesh.

@@ -8,7 +8,7 @@ use super::validate_detector::validate_detector;
 use super::validate_instances::validate_instances;
 use super::validate_material::validate_material;
 use super::validate_shape::validate_shape;
-use super::{MaskBody, MaskSpec, Mesh, MeshFormat, Placement, Scene, ShapeOrMesh, limits};
+use super::{MaskBody, MaskSpec, Mesh, MeshFormat, Normals, Placement, Scene, ShapeOrMesh, limits};
 use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Length};
 use crate::{Error, Result, printed};
@@ -190,6 +190,12 @@ impl Scene {
             let allowed = format!("a number from 0 to {slopes}, standard deviation of a slope");
             let inside = (0.0..=slopes).contains(&object.roughness);
             faults.note(plain(&key("roughness"), object.roughness, inside, &allowed));
+            if let (Normals::Smooth, ShapeOrMesh::Shape(shape)) = (object.normals, &object.geometry)
+                && !shape.has_facets()
+            {
+                let allowed = "\"facets\" where a curved shape without sides has its exact surface";
+                faults.add(Error::scene(key("normals"), "\"smooth\"", allowed));
+            }
             if let Some(instances) = &object.instances {
                 let found = validate_instances(&key("instances"), instances, &object.geometry);
                 faults.note(found);

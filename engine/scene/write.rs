@@ -8,8 +8,8 @@ use super::read_scan::{angle_range, offset_range};
 use super::write_detector::write_detector;
 use super::write_shape::shape_table;
 use super::{
-    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Object, Placement, Scene, Scheme,
-    ShapeOrMesh, SpectrumOrigin, Transport, path, write_beam, write_instances,
+    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Normals, Object, Placement, Scene,
+    Scheme, ShapeOrMesh, SpectrumOrigin, Transport, path, write_beam, write_instances,
 };
 use crate::spot::{Spot, SpotPart};
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
@@ -252,6 +252,9 @@ fn write_object(
     }
     if object.roughness > 0.0 {
         out.raw("roughness", number(object.roughness));
+    }
+    if object.normals == Normals::Smooth {
+        out.text("normals", "smooth");
     }
     Ok(())
 }

@@ -44,8 +44,17 @@ impl DeviceSample {
         ray_query: bool,
         delta_ratio: f64,
     ) -> Result<Self> {
-        let Bvh { nodes, leaves, boxes, neighbours, placed, prototypes, shapes, kinds } =
-            Bvh::build(sample, across)?;
+        let Bvh {
+            nodes,
+            leaves,
+            boxes,
+            neighbours,
+            corner_normals,
+            placed,
+            prototypes,
+            shapes,
+            kinds,
+        } = Bvh::build(sample, across)?;
         let reach = from_axis(sample);
         let views: Vec<ViewTransform> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> = (0..)
@@ -71,6 +80,7 @@ impl DeviceSample {
             upload(device, "places of instances", &placed)?,
             upload(device, "prototypes", &prototypes)?,
             upload(device, "shapes", &shapes)?,
+            upload(device, "normals of corners", &corner_normals)?,
         ];
         let (prototype_count, sample_leaves) = (count(prototypes.len()), count(boxes.len()));
         // The host's copies go before the driver asks for memory to build in.
@@ -95,6 +105,7 @@ impl DeviceSample {
             placed: buffers[7].address(),
             prototypes: buffers[8].address(),
             shapes: buffers[9].address(),
+            normals: buffers[10].address(),
             prototype_count,
             sample_leaves,
             seed: [low_word(scene.sampling.seed), high_word(scene.sampling.seed)],
@@ -175,6 +186,7 @@ fn surface(
         hash: hash(index),
         grazing: single(grazing),
         roughness: single(scene.objects[component.object as usize].roughness),
+        smooth_: component.smooth.into(),
     }
 }
 

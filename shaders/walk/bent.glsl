@@ -61,6 +61,7 @@ struct Meeting {
     uint leaf;
     float y;
     vec3 normal; // beam frame
+    vec3 refracts; // the normal that light is refracted by
 };
 const uint MEETS = 0u;
 const uint MISSES = 1u; // the surface turns away before it
@@ -71,7 +72,7 @@ const uint STEPS = 8u; // across edges
 // Where the ray crosses the surface that the straight line crosses at a leaf, at y: from facet to
 // facet across the edges that it is beyond. `after`: where it may do so at the earliest.
 Meeting meet(Bent ray, uint leaf_index, bool entering, float y, float after) {
-    Meeting meeting = Meeting(FAR, leaf_index, 0.0, vec3(0.0));
+    Meeting meeting = Meeting(FAR, leaf_index, 0.0, vec3(0.0), vec3(0.0));
 #ifdef PLACED
     Placed placed;
     if (is_shape(leaf_index, placed)) {
@@ -79,7 +80,8 @@ Meeting meet(Bent ray, uint leaf_index, bool entering, float y, float after) {
         uint at;
         bool torus = TORI && shape_of(placed).kind == SHAPE_TORUS;
         if (shape_crossing_near(found, y, torus ? after : -FAR_AWAY, entering, at)) {
-            return Meeting(MEETS, leaf_index, found.y[at], found.normal_[at]);
+            vec3 normal_ = found.normal_[at];
+            return Meeting(MEETS, leaf_index, found.y[at], normal_, normal_);
         }
         meeting.outcome = entering ? MISSES : FAR;
         return meeting;
@@ -101,6 +103,14 @@ Meeting meet(Bent ray, uint leaf_index, bool entering, float y, float after) {
             meeting.outcome = MEETS;
             meeting.leaf = leaf_index;
             meeting.y = place_of(slope, facet, meeting.normal);
+            meeting.refracts = meeting.normal;
+#ifdef PLACED
+            if ((KINDS & KIND_SMOOTH) != 0u
+                && sample_.surfaces.at[leaf.surface & SURFACE_INDEX].smooth_ != 0u) {
+                meeting.refracts = smooth_normal(ray.line, leaf_index, facet, meeting.normal,
+                                                 vec3(slope.x, 1.0, slope.y));
+            }
+#endif
             return meeting;
         }
         leaf_index = neighbour_of(leaf_index, edge_beyond(facet, entering));

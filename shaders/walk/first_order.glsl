@@ -11,6 +11,7 @@
 #ifdef PLACED
 #include "random/hash.glsl"
 #include "walk/rough.glsl"
+#include "walk/smooth.glsl"
 #endif
 
 Ray ray_at(uint index) {

@@ -62,7 +62,7 @@ bool miss(Gathered list, uint i, uint object) {
 }
 
 // Refraction or total reflection into `material`; true on reflection.
-bool pass_into(inout Walk walk, Meeting at, uint material) {
+bool pass_into(inout Walk walk, Meeting at, uint surface_index, uint material) {
     vec2 slope = slope_of(walk.ray);
     Constants from = sample_.constants.at[walk.constants + walk.material];
     Constants to = sample_.constants.at[walk.constants + material];
@@ -72,12 +72,16 @@ bool pass_into(inout Walk walk, Meeting at, uint material) {
     bool reflected;
     vec2 bend;
 #ifdef PLACED
+    const uint NORMALS_DIFFER = KIND_ROUGH | KIND_SMOOTH;
     Surface surface;
-    if ((KINDS & KIND_ROUGH) != 0u) surface = sample_.surfaces.at[surface_at(at.leaf)];
+    if ((KINDS & NORMALS_DIFFER) != 0u) surface = sample_.surfaces.at[surface_index];
     if ((KINDS & KIND_ROUGH) != 0u && surface.roughness > 0.0
-        && (walk.draws || incidence(slope, at.normal, inversesqrt(1.0 + dot(slope, slope)))
+        && (walk.draws || incidence(slope, at.refracts, inversesqrt(1.0 + dot(slope, slope)))
                               < ROUGH_GRAZING * surface.roughness)) {
-        bend = rough_bend(slope, at.normal, surface, walk.key, at.leaf, from.delta, to.delta, reflected);
+        bend = rough_bend(slope, at.normal, at.refracts, surface, walk.key, at.leaf, from.delta,
+                          to.delta, reflected);
+    } else if ((KINDS & KIND_SMOOTH) != 0u && surface.smooth_ != 0u) {
+        bend = smooth_bend(slope, at.normal, at.refracts, from.delta, to.delta, reflected);
     } else
 #endif
     bend = refract_slope(slope, at.normal, from.delta, to.delta, reflected);
@@ -153,14 +157,14 @@ uint take_next(inout Walk walk, Gathered list, inout uint i) {
         }
         i = end;
         entering = (one.crossing.facet & FACET_ENTERED) != 0u;
-        at = Meeting(MEETS, one.crossing.facet & FACET_LEAF, one.crossing.y, vec3(0.0));
+        at = Meeting(MEETS, one.crossing.facet & FACET_LEAF, one.crossing.y, vec3(0.0), vec3(0.0));
         uint material = together ? material_of(media)
                                  : material_after(walk.media, one.object, entering, one.place);
         clear = true;
         if (material != walk.material) {
             at = meet(walk.ray, at.leaf, entering, at.y, earliest(walk, at.leaf, entering));
             if (at.outcome == MEETS) {
-                reflected = pass_into(walk, at, material);
+                reflected = pass_into(walk, at, one.crossing.surface, material);
                 along = dot(at.normal, vec3(slope_of(walk.ray.line), 1.0).xzy);
             } else if (!together) {
                 bool missed = at.outcome == MISSES && entering && miss(list, first, one.object);

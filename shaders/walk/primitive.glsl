@@ -4,7 +4,7 @@
 
 #ifdef PLACED
 // What there is beside triangles: KIND_ bits.
-layout(constant_id = 0) const uint KINDS = 31u;
+layout(constant_id = 0) const uint KINDS = 63u;
 
 // Whether a primitive is a facet of a placed mesh.
 bool is_placed(uint primitive) {

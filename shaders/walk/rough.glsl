@@ -35,7 +35,8 @@ uint key_of(Ray ray) {
 // Change of slope of a ray at a rough surface from medium delta_i to delta_r; `reflected` where it
 // stays in its medium. The facet says where the ray is: one that is refracted back over the facet,
 // or reflected but not away from it, meets the surface anew.
-vec2 rough_bend(vec2 slope, vec3 normal_, Surface surface, uint key, uint primitive, float delta_i,
+// `refracts`: the normal that others lean against, that of the facet or of the surface it stands for.
+vec2 rough_bend(vec2 slope, vec3 normal_, vec3 refracts, Surface surface, uint key, uint primitive, float delta_i,
                 float delta_r, out bool reflected) {
     vec3 ahead = dot(normal_, vec3(slope.x, 1.0, slope.y)) < 0.0 ? -normal_ : normal_;
     vec2 bend = vec2(0.0);
@@ -47,7 +48,7 @@ vec2 rough_bend(vec2 slope, vec3 normal_, Surface surface, uint key, uint primit
             reflected = !behind;
             return bend;
         }
-        vec3 drawn = drawn_normal(ahead, direction, surface, key, primitive, k);
+        vec3 drawn = drawn_normal(refracts, direction, surface, key, primitive, k);
         bool turned_;
         bend += refract_slope(now, drawn, behind ? delta_r : delta_i, behind ? delta_i : delta_r,
                               turned_);

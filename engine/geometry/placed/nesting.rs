@@ -104,6 +104,7 @@ impl Group {
             area,
             bounds: place.bounds(corners_of(own)).map(Into::into),
             lids: own.lids.and_then(|lids| place.lids(lids)),
+            ..Component::default()
         })
     }
 }

@@ -144,12 +144,13 @@ impl<'e> Simulation<'e> {
         let across = geometry::across_edges(&sample);
         let on_device =
             DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, delta_ratio)?;
-        // Means over facets know no roughness.
+        // Means over facets know no other normals.
         let of_facets = || {
             let transport = scene.sampling.transport;
             sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across)
         };
-        let facets = if media.rough { None } else { of_facets() };
+        let smooth = sample.components.iter().any(|component| component.smooth);
+        let facets = if media.rough || smooth { None } else { of_facets() };
         let mut simulation = Self {
             engine,
             scene: scene.clone(),

@@ -4,7 +4,7 @@ use super::push_bytes;
 use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
-    BUNDLE_LANES, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_ROUGH, RAYS_PER_LANE,
+    BUNDLE_LANES, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_SMOOTH, RAYS_PER_LANE,
     TracePush,
 };
 use crate::numbers;
@@ -24,7 +24,7 @@ pub struct TraceKernels {
 }
 
 /// Combinations of `KIND_` bits.
-const KINDS: usize = 2 * KIND_ROUGH as usize;
+const KINDS: usize = 2 * KIND_SMOOTH as usize;
 
 /// The walks of a backend.
 #[derive(Debug)]

@@ -3,6 +3,7 @@
 mod keys;
 mod light;
 mod slopes;
+mod smooth;
 
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
