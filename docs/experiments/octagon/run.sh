@@ -24,16 +24,17 @@ run() {
     "$beamlet" simulate "$runs/scene.toml" -o "$runs/$name" --format npy -q "${settings[@]}"
 }
 cells=sampling.scheme=cells
+few=sampling.max_rays=20000
 fine='scan.angles={ from = "22 deg", to = "23 deg", count = 100 }'
 coarse='scan.angles={ from = "22 deg", to = "23 deg", count = 20 }'
 for body in smooth:octagon.stl:0 rough:rough.stl:0 roughness:octagon.stl:0.001; do
     IFS=: read -r name mesh roughness <<<"$body"
-    run "cells_$name" "$mesh" "$roughness" "$cells"
-    run "fine_$name" "$mesh" "$roughness" "$cells" "$fine"
+    run "cells_$name" "$mesh" "$roughness" "$cells" "$few"
+    run "fine_$name" "$mesh" "$roughness" "$cells" "$few" "$fine"
     run "random_$name" "$mesh" "$roughness"
 done
 for roughness in 0.0003 0.0005 0.0007 0.001 0.0014 0.002 0.003; do
-    run "scan_$roughness" octagon.stl "$roughness" "$cells" "$coarse"
+    run "scan_$roughness" octagon.stl "$roughness" "$cells" "$few" "$coarse"
 done
 run scan_mesh rough.stl 0 "$cells" "$coarse"
 run scan_0 octagon.stl 0 "$cells" "$coarse"

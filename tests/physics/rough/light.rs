@@ -7,7 +7,7 @@ use beamlet::scene::{Scene, Scheme};
 use ndarray::Array3;
 
 /// Runs of random rays that are compared with cells.
-const RUNS: u64 = 24;
+const RUNS: u64 = 12;
 
 const MONO: &str = "energy = \"5 keV\"";
 const SPECTRUM: &str = "spectrum = \"soft.csv\"";
@@ -21,7 +21,7 @@ fn scene(beam: &str, object: &str) -> Scene {
          [sample_mask]\ndistance = \"1.2 m\"\ntransmission = 0\nprojected_aperture = \"30 um\"\n\
          [detector_mask]\ntransmission = 0\nprojected_aperture = \"30 um\"\n\
          [scan]\nmask_offsets = [\"-12 um\", \"0 um\", \"15 um\"]\n\
-         [sampling]\nrays = [600, 1]\nmax_rays = 20000\n\
+         [sampling]\nrays = [400, 1]\nmax_rays = 5000\n\
          [materials.matter]\nformula = \"Be\"\ndensity = \"1.85 g/cm3\"\n\
          [[object]]\nname = \"rough\"\nmaterial = \"matter\"\n{object}\n"
     );
@@ -31,16 +31,16 @@ fn scene(beam: &str, object: &str) -> Scene {
     Scene::from_toml(&text, directory).expect("a scene")
 }
 
-/// A hundred plates of 8 um that a spine beside the field of view holds.
+/// Forty plates of 8 um that a spine beside the field of view holds.
 fn plates(beam: &str) -> Scene {
     let [wide, thick, period] = [3.0, 0.008, 0.1]; // mm
     let mut points = vec![];
-    for tooth in 0..100 {
+    for tooth in 0..40 {
         let y = f64::from(tooth) * period;
         points.extend([[-wide, y], [wide, y], [wide, y + thick], [-wide, y + thick]]);
     }
-    points.extend([[-wide - 0.2, 99.0 * period + thick], [-wide - 0.2, 0.0]]);
-    let corner = |[x, y]: &[f64; 2]| format!("[\"{x} mm\", \"{} mm\"]", y - 5.0);
+    points.extend([[-wide - 0.2, 39.0 * period + thick], [-wide - 0.2, 0.0]]);
+    let corner = |[x, y]: &[f64; 2]| format!("[\"{x} mm\", \"{} mm\"]", y - 2.0);
     let points: Vec<String> = points.iter().map(corner).collect();
     let shape = format!(
         "shape = {{ extrusion = {{ points = [{}], height = \"12 mm\" }} }}\nroughness = 0.05\n\
