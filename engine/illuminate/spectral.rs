@@ -61,8 +61,7 @@ pub(crate) struct EnergyBinning {
     /// Share of the grazing incidence below which exact transport is repeated, by node.
     exact_retrace_threshold: Vec<f64>,
     materials: usize,
-    /// Words of a ray's moments.
-    words: usize,
+    words: usize, // of a ray's moments
     /// Masks by node: the sample mask, the detector mask.
     masks: [Option<Vec<MaskShape>>; 2],
     edges: SharedEdges,
@@ -112,8 +111,7 @@ struct Scratch {
     results: Vec<[NodeResult; 2]>,
     /// Light there.
     light: Vec<[f64; 2]>,
-    /// Variance of the displacement that rough surfaces make, by node, m2.
-    roughness: Vec<f64>,
+    roughness: Vec<f64>, // by node: see `spread_by_roughness`
     /// Light of a cell, by node.
     terms: Vec<Terms>,
     waiting: Vec<Range<usize>>,
@@ -242,8 +240,9 @@ impl EnergyBinning {
                             None => list.push(self.cell(cell_row, x, *results)),
                             Some(again) => self.push_exact(list, cell_row, cell, again, range),
                         }
-                        let pushed = list[first..].iter_mut();
-                        pushed.for_each(|cell| cell.displacement_variance += single(*rough));
+                        list[first..]
+                            .iter_mut()
+                            .for_each(|c| c.displacement_variance += single(*rough));
                     }
                     continue;
                 }
@@ -259,8 +258,7 @@ impl EnergyBinning {
         }
     }
 
-    /// Variance of the displacement that rough surfaces make in a cell, by node: of each pair of
-    /// materials it grows with the square of their step.
+    /// Variance of the displacement by rough surfaces, by node: of each pair it grows with the step.
     fn spread_by_roughness(&self, ends: [&[f32]; 2], variance: &mut Vec<f64>) {
         variance.clear();
         variance.resize(self.nodes(), 0.0);
@@ -269,8 +267,7 @@ impl EnergyBinning {
         let materials = (1..self.materials).flat_map(|b| (0..b).map(move |a| (a, b)));
         for ((low, high), (a, b)) in pairs.zip(materials) {
             let of_pair = 0.5 * (f64::from(low[2]) + f64::from(high[2]));
-            for (node, variance) in variance.iter_mut().enumerate() {
-                let delta = &self.delta[node * self.materials..];
+            for (variance, delta) in variance.iter_mut().zip(self.delta.chunks(self.materials)) {
                 *variance += of_pair * (delta[a] - delta[b]).powi(2);
             }
         }

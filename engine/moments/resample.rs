@@ -341,8 +341,7 @@ struct NewBeamlet {
 }
 
 impl NewBeamlet {
-    /// Takes the part `share` of a cell, to an analyser farther by `lever`; `of_materials` as in
-    /// [`Resampled`].
+    /// Takes the part `share` of a cell, to an analyser farther by `lever`.
     fn push(
         &mut self,
         cell: Cell,

@@ -2,6 +2,7 @@
 
 const uint NORMALS = 64u; // drawn, until one faces the ray
 const uint PASSES = 16u;  // of a ray through one place of a rough surface
+const float LEAVES = 2e-6; // least sine of the angle under which it leaves: rounding loses closer ones
 
 // The normal that a ray along `direction` draws at a surface, on the side that the ray goes to.
 // `normal_`: of the facet, either sign; `draw`: the first of those that it draws there.
@@ -44,7 +45,8 @@ vec2 rough_bend(vec2 slope, vec3 normal_, vec3 refracts, Surface surface, uint k
     for (uint k = 0u; k < PASSES; k++) {
         vec2 now = slope + bend;
         vec3 direction = vec3(now.x, 1.0, now.y);
-        if (k > 0u && (dot(ahead, direction) > 0.0) == behind) {
+        float away = dot(ahead, direction);
+        if (k > 0u && abs(away) > LEAVES && (away > 0.0) == behind) {
             reflected = !behind;
             return bend;
         }

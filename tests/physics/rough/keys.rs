@@ -1,5 +1,7 @@
 //! Roughness in scene files.
 
+#![allow(clippy::float_cmp, reason = "numbers are read to the bit")]
+
 use beamlet::scene::Scene;
 use std::collections::BTreeMap;
 

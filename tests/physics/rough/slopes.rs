@@ -1,7 +1,7 @@
 //! Slopes that rays get at a rough face and at the one behind it, which stands across them: their law
 //! against the closed form of the first order, and against Snell's law on normals that are drawn here.
 
-#![allow(clippy::cast_possible_truncation, reason = "numbers of draws, and rays in f32")]
+#![allow(clippy::float_cmp, reason = "angles of a list; draws are equal to the bit")]
 
 use super::face;
 use crate::detector::z_test::Scores;

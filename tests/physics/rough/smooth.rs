@@ -1,5 +1,10 @@
 //! Smooth normals of facets against the exact shapes that the facets stand for.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    reason = "rays are rounded to f32 as the engine takes them"
+)]
+
 use crate::support::{CARBON, Checked, Worst, backends, engine};
 use beamlet::Backend;
 use beamlet::internals::trace::{Ray, RayResult, trace};
