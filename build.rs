@@ -81,8 +81,14 @@ fn main() {
 }
 
 /// The commit that is checked out, for the record of runs; `None` in a package, also where that lies
-/// in a repository of others.
+/// in a repository of others. Builds for development go without it, or each commit would build all anew:
+/// those in debug, and those with `CARGO_INCREMENTAL=1`.
 fn commit() -> Option<String> {
+    println!("cargo::rerun-if-env-changed=CARGO_INCREMENTAL");
+    let is_incremental = env::var("CARGO_INCREMENTAL").is_ok_and(|value| value == "1");
+    if is_incremental || env::var("PROFILE").ok()? != "release" {
+        return None;
+    }
     let root = env::var_os("CARGO_MANIFEST_DIR")?;
     let git = |words: &[&str]| {
         let output = process::Command::new("git").current_dir(&root).args(words).output().ok()?;

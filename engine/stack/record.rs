@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub struct RunRecord {
     /// Version of beamlet.
     pub version: String,
-    /// Commit of its repository that it was built from; `None` where it was built from a package.
+    /// Commit of its repository that it was built from; `None` in packages and incremental builds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub commit: Option<String>,
     /// Device name.
