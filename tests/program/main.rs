@@ -10,4 +10,5 @@ mod mesh;
 mod mistakes;
 mod pictures;
 mod report;
+mod screw;
 mod view;

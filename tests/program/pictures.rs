@@ -2,10 +2,10 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use crate::screw;
 use crate::support::program::{done, ended, run};
 use ndarray::{Array3, s};
 use ndarray_npy::{read_npy, write_npy};
-use std::f64::consts::{FRAC_PI_3, PI};
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -38,52 +38,6 @@ material = "aluminium"
 "#
 );
 
-/// A screw as a surface over angle and height: a shaft with a thread and a hexagonal head, closed
-/// by caps.
-fn screw() -> String {
-    const AROUND: usize = 48;
-    const ALONG: usize = 60;
-    let height = |i: usize| match i {
-        i if i < ALONG => -1.1 + 1.6 * i as f64 / (ALONG - 1) as f64,
-        i if i == ALONG => 0.5,
-        _ => 0.9,
-    };
-    let radius = |i: usize, j: usize| {
-        let turn = j as f64 / AROUND as f64;
-        if i < ALONG {
-            let thread = (height(i) / 0.25 - turn).rem_euclid(1.0);
-            let cut = 0.25 + 1.2 * (height(i) + 1.1);
-            return (0.35 + 0.12 * (1.0 - (2.0 * thread - 1.0).abs())).min(cut);
-        }
-        let side = (2.0 * PI * turn + FRAC_PI_3 / 2.0).rem_euclid(FRAC_PI_3) - FRAC_PI_3 / 2.0;
-        0.75 * (FRAC_PI_3 / 2.0).cos() / side.cos()
-    };
-    let point = |i: usize, j: usize| {
-        let angle = 2.0 * PI * (j % AROUND) as f64 / AROUND as f64;
-        let r = radius(i, j % AROUND);
-        [r * angle.cos(), r * angle.sin(), height(i)]
-    };
-    let last = ALONG + 1;
-    let mut facets = Vec::new();
-    for j in 0..AROUND {
-        for i in 0..last {
-            let [a, b, c, d] = [point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)];
-            facets.extend([[a, b, c], [a, c, d]]);
-        }
-        facets.push([[0.0, 0.0, height(0)], point(0, j + 1), point(0, j)]);
-        facets.push([[0.0, 0.0, height(last)], point(last, j), point(last, j + 1)]);
-    }
-    let mut text = String::from("solid screw\n");
-    for facet in facets {
-        text += "facet normal 0 0 0\nouter loop\n";
-        for [x, y, z] in facet {
-            writeln!(text, "vertex {x:.6} {y:.6} {z:.6}").unwrap();
-        }
-        text += "endloop\nendfacet\n";
-    }
-    text + "endsolid screw\n"
-}
-
 /// A run of the screw with its counts, retrieved from them; made once.
 fn made() -> &'static Path {
     static PLACE: OnceLock<TempDir> = OnceLock::new();
@@ -91,7 +45,7 @@ fn made() -> &'static Path {
         .get_or_init(|| {
             let place = tempfile::tempdir().unwrap();
             fs::write(place.path().join("scene.toml"), SCENE).unwrap();
-            fs::write(place.path().join("screw.stl"), screw()).unwrap();
+            fs::write(place.path().join("screw.stl"), screw::stl()).unwrap();
             done(place.path(), "simulate scene.toml -o run --format npy -q");
             done(place.path(), "retrieve run --counts --weights poisson --format npy -o images -q");
             place
