@@ -18,7 +18,7 @@ use std::path::Path;
 /// One of the two, and where its pixels stand.
 enum Compared {
     Run(Box<OpenRun>),
-    Images { maps: Maps, record: Record },
+    Images { maps: Maps, record: Box<Record> },
     Stack(StackFile),
 }
 
@@ -28,7 +28,7 @@ impl Compared {
             Ok(Self::Run(Box::new(OpenRun::open(path)?)))
         } else if path.join("retrieved.json").exists() {
             let record = Record::read(&path.join("retrieved.json"))?;
-            Ok(Self::Images { maps: Maps::open(path)?, record })
+            Ok(Self::Images { maps: Maps::open(path)?, record: Box::new(record) })
         } else {
             Ok(Self::Stack(StackFile::open(path)?))
         }

@@ -1,6 +1,7 @@
 //! The illumination curve of a set-up, and what its scan makes of it.
 
 use crate::detector::DetectorModel;
+use crate::numbers::single;
 use crate::optics::{MaskShape, Optics};
 use crate::retrieve::{Curves, FitOptions, Fitter, Weights};
 use crate::scene::{Counts, Object, Scatter, Scene, Scheme};
@@ -179,7 +180,7 @@ fn fitted(
         options =
             options.with_weights(Weights::Poisson).with_gain(gain).with_read_noise(read_noise);
     }
-    let curve = Array2::from_shape_fn((light.len(), 1), |(step, _)| light[step] as f32);
+    let curve = Array2::from_shape_fn((light.len(), 1), |(step, _)| single(light[step]));
     // Offsets that are no scan, such as five times the same, settle nothing.
     let Ok(fitter) = Fitter::new(engine, offsets, &options) else { return Ok(None) };
     let Curves { width, area_sigma, centre_sigma, width_sigma, .. } =

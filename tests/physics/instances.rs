@@ -174,7 +174,7 @@ fn rays_through_different_bodies_of_an_object_have_different_signatures() {
         (drum(), true),
         (ball.into(), true),
     ];
-    let ray = |x: f32| Ray { x, z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0 };
+    let ray = |x: f32| Ray { x, z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 };
     let rays = [-61e-6, -59e-6, 59e-6, 61e-6].map(ray);
     for (geometry, placed) in kinds {
         let mut scene = scenes::scene(&Setup::paper([4, 4]), &[], &[0.0]);
