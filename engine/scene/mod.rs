@@ -117,7 +117,10 @@ impl Scene {
                     return Err(Error::file(path, "cannot be read", Some(error)));
                 }
                 let problem = match path.is_dir() {
-                    true => "is a directory without run.json: neither a run nor a scene file",
+                    true => {
+                        "the scene file has to end in .toml or .json; this is a directory, and no run: \
+                         it has no run.json"
+                    }
                     false => "the scene file has to end in .toml or .json",
                 };
                 return Err(Error::file(path, problem, None));

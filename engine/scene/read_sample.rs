@@ -27,9 +27,12 @@ pub(super) fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, Materia
 fn read_material(item: &ListItem<'_>) -> Result<MaterialSpec> {
     let table = item.table("materials.NAME")?;
     let one = "one of: formula and density; mixture and density; mu and delta; table";
+    // Two ways at once make no material: what else is missing of either is no error of its own.
     let only = |wanted: &[&str]| {
         let others = ["formula", "mixture", "density", "mu", "delta", "table"];
-        others.iter().filter(|key| !wanted.contains(key)).try_for_each(|key| table.forbid(key, one))
+        let mut others = others.iter().filter(|key| !wanted.contains(key));
+        let other = others.find_map(|key| table.get(key));
+        other.map_or(Ok(()), |item| Err(item.error("the key", one)))
     };
     if let Some(item) = table.get("table") {
         only(&["table"])?;

@@ -96,7 +96,8 @@ impl Document {
     pub(super) fn report(&self, error: Error) {
         let mut faults = self.faults.borrow_mut();
         if let Error::Scene { key, .. } = &error {
-            if faults.paths.iter().any(|path| below(key, path)) {
+            // Also what a table as a whole does wrong while one of its keys is.
+            if faults.concern(key) {
                 return;
             }
             faults.paths.push(key.clone());

@@ -117,7 +117,11 @@ fn what_is_no_beam_is_refused_with_its_key() {
             "source.spectrum.filters[0].thickness",
             "less than 1 m",
         ),
-        (filter("materiel = \"Al\""), "source.spectrum.filters[0].materiel", "did you mean"),
+        (
+            filter("materiel = \"Al\", thickness = \"1 mm\""),
+            "source.spectrum.filters[0].materiel",
+            "did you mean",
+        ),
     ];
     for (lines, expected, wanted) in cases {
         let error = scene(&lines).unwrap_err();
