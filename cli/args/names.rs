@@ -12,7 +12,7 @@ pub(crate) enum FormatName {
     Exr,
     /// Two arrays for numpy: flat.npy and sample.npy
     Npy,
-    /// Two stacks for ImageJ and Fiji: flat.tif and sample.tif
+    /// Two calibrated stacks for Fiji and other viewers: flat.tif and sample.tif
     Tiff,
 }
 
