@@ -31,6 +31,7 @@ mod row_spread;
 mod rows;
 mod sheets;
 mod survey;
+mod touched;
 
 pub(crate) use cell_batch::{CellBatch, empty_cell_rows};
 pub(crate) use cell_batch::{blank_cell_rows, empty_cell, empty_cell_row};
