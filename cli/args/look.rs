@@ -11,6 +11,7 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:\n  \
     beamlet check scene.toml\n  \
     beamlet check scene.toml --set 'detector.pixels=[512, 512]'\n  \
+    beamlet check scene.toml --plot curve.svg\n  \
     beamlet check scene.toml --json\n  \
     beamlet check run\n\n\
     Of a run every view, and the moments that it keeps, are compared with their checksums; the \
@@ -23,6 +24,12 @@ pub(crate) struct Check {
     /// Do not estimate rays and time: needs no device, and no more memory than the meshes
     #[arg(long, conflicts_with_all = ["device", "backend"])]
     pub(crate) no_estimate: bool,
+    /// Draw the illumination curve into this file (.svg or .png)
+    #[arg(long, value_name = "FILE", conflicts_with = "no_estimate")]
+    pub(crate) plot: Option<PathBuf>,
+    /// Replace the picture if it is there
+    #[arg(long, requires = "plot")]
+    pub(crate) overwrite: bool,
     /// Print JSON (SI units, energies in keV)
     #[arg(long)]
     pub(crate) json: bool,

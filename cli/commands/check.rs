@@ -1,14 +1,17 @@
 //! `beamlet check`: what a scene amounts to, before hours are spent on it; or whether a run is
 //! whole.
 
+use super::pictures::{refuse_read, save_plot};
 use crate::args::Check;
 use crate::failure::Failure;
+use crate::picture::illumination;
 use crate::progress::Reporter;
 use beamlet::check::{self, CheckReport};
 use beamlet::scene::Scene;
 use beamlet::stack::check_run;
 use beamlet::{Engine, Progress};
 use std::io::Write;
+use std::path::Path;
 
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
     // What is left of a run that lost one of them is a run, too.
@@ -21,6 +24,9 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
     let report = report(arguments, &scene, &mut |progress| reporter.update(progress));
     reporter.finish();
     let report = report.map_err(|e| arguments.scene.locate(e))?;
+    if let Some(path) = &arguments.plot {
+        plot(arguments, &scene, &report, path)?;
+    }
     if arguments.json {
         super::write_json(&report, out)?;
     } else {
@@ -30,6 +36,28 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
         true => Ok(()),
         false => Err(Failure::Refused(report.refusals)),
     }
+}
+
+/// Draws the illumination curve.
+fn plot(
+    arguments: &Check,
+    scene: &Scene,
+    report: &CheckReport,
+    path: &Path,
+) -> Result<(), Failure> {
+    let mut read = scene.input_files();
+    read.push(arguments.scene.scene.clone());
+    refuse_read(&[path.to_owned()], &read)?;
+    let Some(curve) = &report.illumination else {
+        let problem = match (&scene.sample_mask, &scene.detector_mask) {
+            (Some(_), Some(_)) => "--plot: there is no device to compute the illumination curve on",
+            _ => "--plot: the scene has no illumination curve: it takes both masks",
+        };
+        return Err(Failure::Usage(problem.into()));
+    };
+    let name = beamlet::printed::path(&arguments.scene.scene);
+    let drawing = illumination::draw(&format!("Illumination curve of {name}"), curve);
+    save_plot(&drawing, path, arguments.overwrite)
 }
 
 /// The report; without an estimate where there is no device, since the rest needs none.
@@ -59,8 +87,12 @@ fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure>
     let backend =
         arguments.engine.backend.choice().is_some() || arguments.engine.device.device.is_some();
     let estimate = backend || arguments.no_estimate;
-    if !arguments.scene.sets.is_empty() || arguments.engine.memory_limit.is_some() || estimate {
-        let problem = "--set, --memory-limit, --backend, --device and --no-estimate are for scenes; \
+    if arguments.plot.is_some()
+        || !arguments.scene.sets.is_empty()
+        || arguments.engine.memory_limit.is_some()
+        || estimate
+    {
+        let problem = "--set, --memory-limit, --backend, --device, --no-estimate and --plot are for scenes; \
                        this is a run";
         return Err(Failure::Usage(problem.into()));
     }

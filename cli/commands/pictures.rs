@@ -103,3 +103,23 @@ pub(super) fn refuse_read(paths: &[PathBuf], read: &[PathBuf]) -> Result<(), Fai
         None => Ok(()),
     }
 }
+
+/// Writes the picture that `--plot` asks for, SVG or PNG by its ending.
+pub(super) fn save_plot(drawing: &Drawing, path: &Path, overwrite: bool) -> Result<(), Failure> {
+    let ending = path.extension().map(|text| text.to_string_lossy().to_lowercase());
+    let bytes = match ending.as_deref() {
+        Some("svg") => drawing.to_svg_file(1.5 * drawing.width).into_bytes(),
+        Some("png") => drawing
+            .to_png(1.5)
+            .map_err(|problem| Failure::File { path: path.to_owned(), problem })?,
+        _ => {
+            let problem = format!(
+                "--plot {}: the name has to end in .svg or .png",
+                beamlet::printed::path(path)
+            );
+            return Err(Failure::Usage(problem));
+        }
+    };
+    refuse_existing(&[path.to_owned()], overwrite)?;
+    Ok(beamlet::write_file(path, &bytes)?)
+}

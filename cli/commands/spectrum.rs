@@ -1,10 +1,9 @@
 //! `beamlet spectrum`: what a source emits, before and after its filters.
 
 use super::beam;
-use super::pictures::{refuse_existing, refuse_read};
+use super::pictures::{refuse_read, save_plot};
 use crate::args::Spectrum as Arguments;
 use crate::failure::Failure;
-use crate::picture::drawing::Drawing;
 use crate::picture::spectrum::draw;
 use beamlet::printed::number;
 use beamlet::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec};
@@ -12,7 +11,6 @@ use beamlet::spectrum::{Nodes, Spectrum, nodes};
 use beamlet::units::Dimension::{Angle, Length};
 use serde::Serialize;
 use std::io::Write;
-use std::path::Path;
 
 /// Anode angle of a tube that is given none, rad.
 const ANODE_ANGLE: f64 = 12.0_f64.to_radians();
@@ -74,7 +72,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
         let mut read = scene.input_files();
         read.extend(arguments.input.clone());
         refuse_read(std::slice::from_ref(path), &read)?;
-        save(&drawing, path, arguments.overwrite)?;
+        save_plot(&drawing, path, arguments.overwrite)?;
     }
     match arguments.json {
         true => super::write_json(&report, out),
@@ -127,25 +125,6 @@ fn listed(filters: &[beamlet::scene::Filter]) -> Vec<String> {
         format!("{} {}", Length.format(filter.thickness), filter.material)
     };
     filters.iter().map(text).collect()
-}
-
-fn save(drawing: &Drawing, path: &Path, overwrite: bool) -> Result<(), Failure> {
-    let ending = path.extension().map(|text| text.to_string_lossy().to_lowercase());
-    let bytes = match ending.as_deref() {
-        Some("svg") => drawing.to_svg_file(1.5 * drawing.width).into_bytes(),
-        Some("png") => drawing
-            .to_png(1.5)
-            .map_err(|problem| Failure::File { path: path.to_owned(), problem })?,
-        _ => {
-            let problem = format!(
-                "--plot {}: the name has to end in .svg or .png",
-                beamlet::printed::path(path)
-            );
-            return Err(Failure::Usage(problem));
-        }
-    };
-    refuse_existing(&[path.to_owned()], overwrite)?;
-    Ok(beamlet::write_file(path, &bytes)?)
 }
 
 fn write_text(report: &SpectrumReport, out: &mut impl Write) -> std::io::Result<()> {

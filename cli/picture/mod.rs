@@ -10,6 +10,7 @@ pub(crate) mod colour;
 pub(crate) mod curve;
 pub(crate) mod drawing;
 mod font;
+pub(crate) mod illumination;
 pub(crate) mod image;
 mod palette;
 pub(crate) mod profile;

@@ -1,0 +1,47 @@
+//! `check` as adviser of a set-up, by the real binary.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use crate::support::program::{done, ended, run, stderr};
+
+const MASKS: &str = include_str!("../support/masks.toml");
+
+#[test]
+fn the_illumination_curve_is_told_and_drawn() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let scene = format!(
+        "{MASKS}\n[scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n[detector]\n\
+         distance = \"1.8 m\"\npixels = [8, 4]\npitch = \"150 um\"\nphotons = 10000\n"
+    );
+    std::fs::write(here.join("scene.toml"), &scene).unwrap();
+    let told = done(here, "check scene.toml --plot curve.svg");
+    for line in
+        ["illumination curve", "visibility", "9.7", "expected 1 sigma", "-2.56 to 2.56 sigma"]
+    {
+        assert!(told.contains(line), "{line}: {told}");
+    }
+    let drawn = std::fs::read_to_string(here.join("curve.svg")).unwrap();
+    for word in ["Illumination curve of scene.toml", "mask offset [µm]", "visibility", "dark field"]
+    {
+        assert!(drawn.contains(word), "{word}");
+    }
+    // Of the curve's 128 offsets and the eleven of the scan each has its place.
+    assert!(drawn.matches("<circle").count() >= 11, "{drawn}");
+    // What is there stays, and a name has to say what it is.
+    assert!(stderr(&run(here, "check scene.toml --plot curve.svg")).contains("is there already"));
+    done(here, "check scene.toml --plot curve.svg --overwrite");
+    ended(&run(here, "check scene.toml --plot curve.pdf"), 2);
+}
+
+#[test]
+fn a_set_up_without_a_mask_has_no_curve_to_draw() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let scene = "[source]\ndistance = \"1.2 m\"\nspot = \"0 um\"\nenergy = \"30 keV\"\n[detector]\n\
+                 distance = \"1.8 m\"\npixels = [8, 4]\npitch = \"150 um\"\n";
+    std::fs::write(here.join("scene.toml"), scene).unwrap();
+    let told = ended(&run(here, "check scene.toml --plot curve.svg"), 2);
+    assert!(told.contains("it takes both masks"), "{told}");
+    assert!(!here.join("curve.svg").exists());
+}
