@@ -6,7 +6,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::RowsControl;
 use beamlet::retrieve::{
-    ImagesTo, Input, Method, Record, RetrieveOptions, Weights, offsets, retrieve,
+    ImagesTo, Input, Method, Record, RetrieveOptions, Weights, flags, offsets, retrieve,
 };
 use beamlet::scene::Scene;
 use beamlet::stack::{OpenRun, StackFile, refuse_overlap};
@@ -23,6 +23,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     };
     let path = arguments.output.clone().unwrap_or(path);
     refuse_overlap(&path, &read(arguments))?;
+    let has_counts = arguments.run.is_some() && input.scene().detector.counts.is_some();
     let input = input.saturated_at(arguments.saturation);
     let of_scene = input.noise();
     let gain = match (input.counts(), arguments.gain) {
@@ -68,7 +69,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     reporter.finish();
     match done {
         Ok(record) if arguments.json => super::write_json(&record, out),
-        Ok(record) => summary(&record, &path, began.elapsed().as_secs_f64(), out),
+        Ok(record) => summary(&record, &path, began.elapsed().as_secs_f64(), has_counts, out),
         Err(Error::Interrupted) => {
             Err(Failure::Interrupted { advice: "nothing was written".into() })
         }
@@ -112,11 +113,35 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     Ok((input, output.clone()))
 }
 
-/// What the user wants to know at the end, on stdout.
+/// What would settle the fits, where every pixel is ill-conditioned.
+fn remedy(record: &Record, pixels: u64) -> Option<String> {
+    let all = |bit: u32| record.flagged.get(&bit).is_some_and(|count| *count == pixels);
+    if !all(flags::of_pixel(flags::ILL_CONDITIONED, 0))
+        && !all(flags::of_pixel(0, flags::ILL_CONDITIONED))
+    {
+        return None;
+    }
+    let [low, high] = record
+        .offsets
+        .iter()
+        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(*at), high.max(*at)]);
+    let sigma = record.flat_width.filter(|_| record.method != "beamlet")?;
+    Some(format!(
+        "every pixel is ill-conditioned: {} offsets cover {:.1} sigma of the flat's curve (sigma {:.1} \
+         um); seven or more over +-{:.0} um would settle width and background",
+        record.offsets.len(),
+        (high - low) / sigma,
+        sigma * 1e6,
+        2.5e6 * sigma
+    ))
+}
+
+/// What the user wants to know at the end, on stdout. `has_counts`: of the run that was read.
 fn summary(
     record: &Record,
     path: &Path,
     seconds: f64,
+    has_counts: bool,
     out: &mut impl Write,
 ) -> Result<(), Failure> {
     let [views, rows, columns] = record.shape;
@@ -125,9 +150,21 @@ fn summary(
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     let pixels = views * rows * columns;
     writeln!(out, "pixels   {} of {pixels} without an answer", record.without_answer)?;
+    let remedy = remedy(record, pixels as u64);
+    let said_once =
+        [flags::of_pixel(flags::ILL_CONDITIONED, 0), flags::of_pixel(0, flags::ILL_CONDITIONED)];
     for (bit, count) in record.flagged.iter().filter(|(_, count)| **count > 0) {
-        let meaning = record.flags.get(bit).map_or("", String::as_str);
-        writeln!(out, "         {count} with flag {bit} ({meaning})")?;
+        if remedy.is_none() || !said_once.contains(bit) {
+            let meaning = record.flags.get(bit).map_or("", String::as_str);
+            writeln!(out, "         {count} with flag {bit} ({meaning})")?;
+        }
+    }
+    if let Some(remedy) = remedy {
+        writeln!(out, "note     {remedy}")?;
+    }
+    if has_counts && !record.counts {
+        let way = "--counts --weights poisson retrieves from them, with their uncertainties";
+        writeln!(out, "note     the run has counts, too: {way}")?;
     }
     Ok(())
 }

@@ -46,6 +46,9 @@ impl Subject {
         if path.join(RECORD).exists() {
             return Self::of_images(path);
         }
+        if !path.exists() {
+            return Err(Failure::File { path: path.to_path_buf(), problem: "is not there".into() });
+        }
         Err(Failure::File {
             path: path.to_path_buf(),
             problem: "is neither a run directory (it has no run.json) nor a directory of \

@@ -166,6 +166,7 @@ fn begun(
             .map(|(path, hash)| (path.display().to_string(), hash.clone()))
             .collect(),
         offsets: scene.scan.mask_offsets.clone(),
+        flat_width: retriever.flat_curves().and_then(|flat| median(&flat.width)),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),
         angle_per_shift: retriever.angle_per_shift(),
@@ -175,6 +176,14 @@ fn begun(
         flags: meanings,
         without_answer: 0,
     }
+}
+
+/// The middle one of the finite values.
+fn median(values: &[f32]) -> Option<f64> {
+    let mut finite: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    let middle = finite.len() / 2;
+    (middle < finite.len())
+        .then(|| f64::from(*finite.select_nth_unstable_by(middle, f32::total_cmp).1))
 }
 
 /// The metadata of every image.

@@ -45,3 +45,24 @@ fn a_set_up_without_a_mask_has_no_curve_to_draw() {
     assert!(told.contains("it takes both masks"), "{told}");
     assert!(!here.join("curve.svg").exists());
 }
+
+#[test]
+fn a_scan_that_settles_nothing_is_told_once_with_what_would() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let scene = format!(
+        "{MASKS}\n[scan]\nmask_offsets = [\"-9 um\", \"-3 um\", \"3 um\", \"9 um\"]\n[detector]\n\
+         distance = \"1.8 m\"\npixels = [8, 4]\npitch = \"150 um\"\nphotons = 10000\n"
+    );
+    std::fs::write(here.join("scene.toml"), scene).unwrap();
+    done(here, "simulate scene.toml -o run -q");
+    let told = done(here, "retrieve run -q");
+    let notes: Vec<&str> = told.lines().filter(|line| line.contains("ill")).collect();
+    let [note] = notes[..] else { panic!("{told}") };
+    // Sigma of this set-up is 9.8 um; the fit of so few steps finds it about.
+    assert!(note.contains("every pixel is ill-conditioned: 4 offsets cover"), "{note}");
+    assert!(note.contains("would settle width and background"), "{note}");
+    assert!(told.contains("the run has counts, too: --counts --weights poisson"), "{told}");
+    let told = done(here, "retrieve run --counts --weights poisson -q --overwrite");
+    assert!(!told.contains("has counts, too"), "{told}");
+}

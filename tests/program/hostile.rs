@@ -446,7 +446,7 @@ fn stl_files_that_lie_are_refused() {
         ("a.stl", b"solid only\nendsolid\n".to_vec(), &["no triangles"]),
         ("a.stl", b"<html>404 not found</html>".to_vec(), &["too few for an STL file"]),
         ("a.obj", good.clone(), &["a.obj"]),
-        ("a.step", b"ISO-10303-21;".to_vec(), &["must end in .stl or .obj"]),
+        ("a.step", b"ISO-10303-21;".to_vec(), &["must end in .stl, .obj, .ply or .3mf"]),
     ] {
         let words = [&["\"part\" (", name], words].concat();
         Workplace::new().mesh(name, bytes).refused(&words);

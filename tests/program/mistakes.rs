@@ -129,7 +129,7 @@ fn what_is_missing_is_named() {
         ("compare nowhere run", 2, "nowhere: cannot be read"),
         ("view nowhere -o pictures", 1, "nowhere: cannot be read"),
         ("check nowhere", 1, "nowhere: cannot be read"),
-        ("report nowhere", 1, "nowhere: is no run directory"),
+        ("report nowhere", 1, "nowhere: is not there"),
         ("simulate scene.toml -o nowhere --resume", 1, "nowhere: is not there"),
         ("simulate scene.toml -o . --resume", 1, ".: holds no run to go on with"),
         (
@@ -143,7 +143,7 @@ fn what_is_missing_is_named() {
     }
 }
 
-const VERBS: [&str; 13] = [
+const VERBS: [&str; 15] = [
     "simulate",
     "illuminate",
     "retrieve",
@@ -153,6 +153,8 @@ const VERBS: [&str; 13] = [
     "report",
     "spectrum",
     "material",
+    "mesh",
+    "mask",
     "devices",
     "example",
     "completions",

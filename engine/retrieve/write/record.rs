@@ -42,6 +42,10 @@ pub struct Record {
     pub files: BTreeMap<String, String>,
     /// Offsets of the sample mask, m.
     pub offsets: Vec<f64>,
+    /// Median standard deviation of the flat's curves, m of offset (of beamlets m on the detector);
+    /// `None` in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flat_width: Option<f64>,
     /// Mask magnification M.
     pub magnification: f64,
     /// Lever arm z, m.
