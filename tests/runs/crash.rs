@@ -66,6 +66,10 @@ fn assert_whole(place: &Path, run: &str) -> Vec<Exposure> {
     resumed.committed().to_vec()
 }
 
+/// What run.json tells of when and how a run was made.
+const OF_THIS_TIME: [&str; 7] =
+    ["began", "written", "duration_s", "commands", "seconds", "calibration", "resumed_views"];
+
 /// What a run holds, by name: every file byte by byte, but for the order of lines of progress.log
 /// and for times and rates in run.json. All of its `views` have to verify.
 fn contents(place: &Path, run: &str, views: usize) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -88,7 +92,7 @@ fn contents(place: &Path, run: &str, views: usize) -> BTreeMap<PathBuf, Vec<u8>>
                 bytes = lines.join(&b'\n');
             } else if name == Path::new("run.json") {
                 let mut record: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
-                for key in ["seconds", "calibration", "resumed_views"] {
+                for key in OF_THIS_TIME {
                     record.as_object_mut().unwrap().remove(key);
                 }
                 bytes = record.to_string().into_bytes();
