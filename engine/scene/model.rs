@@ -60,7 +60,7 @@ impl Scene {
     /// scene.scan.angles = vec![0.0, 1.0];
     /// let carbon = MaterialSpec::Formula { formula: "C".into(), density: 2.0 };
     /// scene.materials.insert("carbon fibre".into(), carbon);
-    /// let ball = Shape::Sphere { radius: 4e-3, sides: 256 };
+    /// let ball = Shape::Sphere { radius: 4e-3, sides: None };
     /// scene.objects.push(Object::new("ball", ball, "carbon fibre"));
     /// scene.validate()?;
     /// # Ok::<(), beamlet::Error>(())
