@@ -2,7 +2,7 @@
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
 use crate::detector::DetectorModel;
-use crate::geometry::{self, Defects, ObjectSummary, Sample};
+use crate::geometry::{self, Defects, ObjectSummary, Sample, Swept};
 use crate::optics::{Mask, Optics};
 use crate::run::RunEstimate;
 use crate::run::Simulation;
@@ -281,8 +281,9 @@ fn load_lenient(
     memory::check_before_loading(scene, memory_limit)?;
     let (sample, refusals) =
         run::watching(progress, None, |watcher| geometry::load_lenient_watched(scene, watcher))?;
-    geometry::check_clearance(scene, &sample)?;
-    let mut warnings = geometry::fov_warnings(scene, &sample);
+    let swept = geometry::swept(&sample);
+    swept.check_clearance(scene, &sample)?;
+    let mut warnings = swept.fov_warnings(scene);
     warnings.extend(geometry::unit_warnings(scene, &sample));
     for material in materials.iter().filter(|material| material.shadows_builtin) {
         warnings.push(format!("materials.{} hides the built-in material", material.name));
@@ -295,7 +296,7 @@ fn load_lenient(
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     let report = CheckReport {
-        setup: setup(scene, &sample, extent, nodes, &detector),
+        setup: setup(scene, &swept, extent, nodes, &detector),
         illumination: None,
         work: Work {
             estimate: None,
@@ -314,12 +315,11 @@ fn load_lenient(
 
 fn setup(
     scene: &Scene,
-    sample: &Sample,
+    swept: &Swept,
     extent: StackShape,
     nodes: Nodes,
     detector: &DetectorModel,
 ) -> Setup {
-    let swept = geometry::swept(sample);
     let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(
         None,
         |reach: Option<[f64; 2]>, extent| {

@@ -4,7 +4,7 @@ use crate::detector::DetectorModel;
 use crate::numbers::single;
 use crate::optics::{MaskShape, Optics};
 use crate::retrieve::{Curves, FitOptions, Fitter, Weights};
-use crate::scene::{Counts, Object, Scatter, Scene, Scheme};
+use crate::scene::{Counts, Object, Scatter, Scene, Scheme, limits};
 use crate::spectrum::Nodes;
 use crate::{Engine, Result};
 use ndarray::{Array2, Axis};
@@ -247,11 +247,9 @@ pub(super) fn warnings(scene: &Scene, curve: &IlluminationCurve) -> Vec<String> 
             ));
         }
     }
-    for (name, mask) in
-        [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
-    {
-        let thickness = mask.as_ref().map_or(0.0, |mask| mask.body.thickness());
-        if thickness > 1e-3 {
+    for (name, mask) in scene.masks() {
+        let thickness = mask.body.thickness();
+        if thickness > limits::THICK_BARS {
             warnings.push(format!(
                 "{name}.thickness of {} mm is more than any mask has, about 1 mm: is its unit right?",
                 crate::printed::number(thickness * 1e3)

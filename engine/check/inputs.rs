@@ -2,11 +2,7 @@
 
 use std::path::Path;
 
-use crate::scene::path as keys;
-use crate::scene::{
-    Beam, Blur, Filter, Instances, KernelFile, MaterialSpec, Mesh, Scatter, Scene, ShapeOrMesh,
-    SpectrumOrigin,
-};
+use crate::scene::{Beam, Filter, Scene, SpectrumOrigin};
 use crate::{Error, Result, material, printed};
 
 /// Loads a scene file as [`Scene::load_with`] does, and tells in the same breath of unknown materials
@@ -39,15 +35,13 @@ fn unknown_materials<'a>(scene: &'a Scene) -> Vec<Error> {
     if let Some(absorber) = &scene.detector.absorber {
         named.push(("detector.absorber.material".into(), &absorber.material));
     }
-    for (key, mask) in
-        [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
-    {
-        let material = mask.as_ref().and_then(|mask| mask.body.material());
+    for (key, mask) in scene.masks() {
+        let material = mask.body.material();
         named.extend(material.map(|material| (format!("{key}.material"), material)));
     }
-    named.push(("surroundings.material".into(), &scene.surroundings));
-    for (index, object) in scene.objects.iter().enumerate() {
-        named.push((format!("object[{index}].material"), &object.material));
+    named.push((scene.surroundings_key().into(), &scene.surroundings));
+    for (number, object) in scene.objects.iter().enumerate() {
+        named.push((scene.object_key(number, "material"), &object.material));
     }
     // What has no name has an error of its own.
     let named = named.into_iter().filter(|(_, name)| !name.trim().is_empty());
@@ -55,37 +49,9 @@ fn unknown_materials<'a>(scene: &'a Scene) -> Vec<Error> {
 }
 
 fn missing_files(scene: &Scene) -> Vec<Error> {
-    let mut named: Vec<(String, &Path)> = Vec::new();
-    if let Beam::Spectrum(spec) = &scene.source.beam
-        && let SpectrumOrigin::File { path } = &spec.origin
-    {
-        named.push(("source.spectrum".into(), path));
-    }
-    if let Some(Blur::Kernel(KernelFile { path, .. })) = &scene.detector.blur {
-        named.push(("detector.blur.kernel".into(), path));
-    }
-    match &scene.detector.scatter {
-        Some(Scatter::Image(path)) => named.push(("detector.scatter.image".into(), path)),
-        Some(Scatter::Kernel { kernel, .. }) => {
-            named.push(("detector.scatter.kernel".into(), &kernel.path));
-        }
-        None => {}
-    }
-    for (name, spec) in &scene.materials {
-        if let MaterialSpec::Table { path } = spec {
-            let table = keys::join("materials", name);
-            named.push((keys::join(&table, "table"), path));
-        }
-    }
-    for (index, object) in scene.objects.iter().enumerate() {
-        if let ShapeOrMesh::Mesh(Mesh::File { path, .. }) = &object.geometry {
-            named.push((format!("object[{index}].mesh"), path));
-        }
-        if let Some(Instances::File(path)) = &object.instances {
-            named.push((format!("object[{index}].instances"), path));
-        }
-    }
-    let named = named.into_iter().filter(|(_, path)| !path.as_os_str().is_empty());
+    let mesh = |(number, path)| (scene.object_key(number, "mesh"), path);
+    let named = scene.files_by_key().into_iter().chain(scene.mesh_files().map(mesh));
+    let named = named.filter(|(_, path)| !path.as_os_str().is_empty());
     let missing = |(key, path): (String, &Path)| {
         let error = std::fs::metadata(scene.resolve(path)).err()?;
         let found = format!("\"{}\": {error}", printed::path(path));

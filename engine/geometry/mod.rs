@@ -3,7 +3,7 @@
 //! [`load`] reads the objects of a scene (`mesh_file`, `shapes`), welds and places them,
 //! refuses what is not closed or crosses itself (`defects`), turns what is inside out (`body`),
 //! cuts away what later objects cover (`overlap`), and finds which object surrounds which
-//! (`nesting`). [`check_clearance`] and [`fov_warnings`] compare what
+//! (`nesting`). [`check_clearance`] and [`Swept::fov_warnings`] compare what
 //! the sample sweeps over the views with the set-up.
 
 mod adjacency;
@@ -50,7 +50,7 @@ pub(crate) use read::PEAK_PER_TRIANGLE;
 pub use read::file_hash;
 pub(crate) use sizes::unit_warnings;
 pub(crate) use smooth::{CornerNormals, corner_normals};
-pub use swept::{BeamExtent, Swept, check_clearance, fov_warnings, swept};
+pub use swept::{BeamExtent, Swept, check_clearance, swept};
 pub(crate) use watch::Watcher;
 pub use watch::{LoadProgress, LoadStep};
 

@@ -177,79 +177,92 @@ fn hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
 /// # Errors
 /// The first object that does, with the angle and the distances.
 pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
-    let [(near, near_name), (far, far_name)] = scene.clearance();
-    let swept = swept(sample);
-    // A unit that is wrong makes most samples too large.
-    let doubt = |number: usize| {
-        let (object, summary) = scene.objects.get(number).zip(sample.objects.get(number))?;
-        Some(format!("; it {}", unit_doubt(scene, object, summary)?))
-    };
-    for angle in &scene.scan.angles {
-        for (number, extent) in swept.extents(*angle).enumerate() {
-            let [first, last] = extent.y.map(|y| scene.source.distance + y);
-            if first > near && last < far {
-                continue;
-            }
-            let (side, wall) = if first > near { ("back", far_name) } else { ("front", near_name) };
-            return Err(Error::scene(
-                scene.object_key(number, ""),
-                format!(
-                    "\"{}\" reaching, at angle {:.3} deg, from {:.6} m to {:.6} m from the source, so \
-                     that its {side} meets {wall}",
-                    swept.outlines[number].name,
-                    angle.to_degrees(),
-                    first,
-                    last
-                ),
-                format!(
-                    "from {near:.6} m ({near_name}) to {far:.6} m ({far_name}){}",
-                    doubt(number).unwrap_or_default()
-                ),
-            ));
-        }
-    }
-    Ok(())
+    swept(sample).check_clearance(scene, sample)
 }
 
 /// A body that passes through the field along the slits may reach so many times as far.
 const PASSING: f64 = 4.0;
 
-/// What of the sample may lie outside the field of view, in words; at most one sentence for
-/// each object and direction.
-pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
-    let swept = swept(sample);
-    let half = scene.detector.size().map(|side| side / 2.0);
-    let centre = scene.source.distance;
-    let mut warnings = Vec::new();
-    // A bath is as wide as it is.
-    let region = usize::from(scene.region().is_some());
-    for outline in swept.outlines.iter().skip(region) {
-        // Greatest distance from the detector's centre over the views, and its angle.
-        let mut worst = [(0.0, 0.0); 2];
+impl Swept {
+    /// As [`check_clearance`], of the sample that this is of.
+    ///
+    /// # Errors
+    /// The same.
+    pub fn check_clearance(&self, scene: &Scene, sample: &Sample) -> Result<()> {
+        let [(near, near_name), (far, far_name)] = scene.clearance();
+        // A unit that is wrong makes most samples too large.
+        let doubt = |number: usize| {
+            let (object, summary) = scene.objects.get(number).zip(sample.objects.get(number))?;
+            Some(format!("; it {}", unit_doubt(scene, object, summary)?))
+        };
         for angle in &scene.scan.angles {
-            let z = outline.z[0].abs().max(outline.z[1].abs());
-            for point in outline.turned(*angle) {
-                let magnification = scene.detector.distance / (centre + point.y);
-                for (worst, reach) in worst.iter_mut().zip([point.x.abs(), z]) {
-                    if reach * magnification > worst.0 {
-                        *worst = (reach * magnification, *angle);
+            for (number, extent) in self.extents(*angle).enumerate() {
+                let [first, last] = extent.y.map(|y| scene.source.distance + y);
+                if first > near && last < far {
+                    continue;
+                }
+                let (side, wall) =
+                    if first > near { ("back", far_name) } else { ("front", near_name) };
+                return Err(Error::scene(
+                    scene.object_key(number, ""),
+                    format!(
+                        "\"{}\" reaching, at angle {:.3} deg, from {:.6} m to {:.6} m from the source, so \
+                     that its {side} meets {wall}",
+                        self.outlines[number].name,
+                        angle.to_degrees(),
+                        first,
+                        last
+                    ),
+                    format!(
+                        "from {near:.6} m ({near_name}) to {far:.6} m ({far_name}){}",
+                        doubt(number).unwrap_or_default()
+                    ),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// What of the sample may lie outside the field of view, in words; at most one sentence for
+    /// each object and direction.
+    #[must_use]
+    pub fn fov_warnings(&self, scene: &Scene) -> Vec<String> {
+        let half = scene.detector.size().map(|side| side / 2.0);
+        let centre = scene.source.distance;
+        let mut warnings = Vec::new();
+        // A bath is as wide as it is.
+        let region = usize::from(scene.region().is_some());
+        for outline in self.outlines.iter().skip(region) {
+            // Greatest distance from the detector's centre over the views, and its angle.
+            let mut worst = [(0.0, 0.0); 2];
+            for angle in &scene.scan.angles {
+                let z = outline.z[0].abs().max(outline.z[1].abs());
+                for point in outline.turned(*angle) {
+                    let magnification = scene.detector.distance / (centre + point.y);
+                    for (worst, reach) in worst.iter_mut().zip([point.x.abs(), z]) {
+                        if reach * magnification > worst.0 {
+                            *worst = (reach * magnification, *angle);
+                        }
                     }
                 }
             }
-        }
-        // Fibres and rods pass through the field along the slits: nothing changes along them. What
-        // is many times as long has the wrong unit.
-        let [low, high] = outline.z;
-        let far = outline.hull.iter().fold(0.0_f64, |far, point| far.max(point.length()));
-        let least = scene.detector.distance / (centre + far);
-        let passes = low * least < -half[1] && high * least > half[1];
-        let is_meant = |axis: &str, reach: f64| axis == "z" && passes && reach < PASSING * half[1];
-        for (((reach, angle), half), axis) in worst.into_iter().zip(half).zip(["x", "z"]) {
-            if reach > half && !is_meant(axis, reach) {
-                let is_mesh = |o: &&Object| matches!(o.geometry, ShapeOrMesh::Mesh(_));
-                let of_file =
-                    scene.objects.iter().filter(is_mesh).any(|object| object.name == outline.name);
-                warnings.push(format!(
+            // Fibres and rods pass through the field along the slits: nothing changes along them. What
+            // is many times as long has the wrong unit.
+            let [low, high] = outline.z;
+            let far = outline.hull.iter().fold(0.0_f64, |far, point| far.max(point.length()));
+            let least = scene.detector.distance / (centre + far);
+            let passes = low * least < -half[1] && high * least > half[1];
+            let is_meant =
+                |axis: &str, reach: f64| axis == "z" && passes && reach < PASSING * half[1];
+            for (((reach, angle), half), axis) in worst.into_iter().zip(half).zip(["x", "z"]) {
+                if reach > half && !is_meant(axis, reach) {
+                    let is_mesh = |o: &&Object| matches!(o.geometry, ShapeOrMesh::Mesh(_));
+                    let of_file = scene
+                        .objects
+                        .iter()
+                        .filter(is_mesh)
+                        .any(|object| object.name == outline.name);
+                    warnings.push(format!(
                     "\"{}\" reaches outside the field of view: {:.3} mm from the centre of the \
                      detector in {axis} at angle {:.3} deg, where the detector ends at {:.3} mm; if \
                      it should not, {}?",
@@ -263,8 +276,9 @@ pub fn fov_warnings(scene: &Scene, sample: &Sample) -> Vec<String> {
                         "are its size and place the right ones"
                     }
                 ));
+                }
             }
         }
+        warnings
     }
-    warnings
 }

@@ -143,10 +143,8 @@ fn lit(scene: &Scene, optics: &Optics, mask: &Mask) -> [f64; 2] {
     let moved = optics.mask_offsets.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
     let spot = scene.source.spot.fwhm();
     let side = |axis: usize| {
-        let [_, z] = scene.detector.size();
-        let side = if axis == 0 { scene.detector.size()[0] } else { z };
         // Three widths of the spot are seven deviations.
-        side * near + 6.0 * spot[axis] * (1.0 - near).max(0.0)
+        scene.detector.size()[axis] * near + 6.0 * spot[axis] * (1.0 - near).max(0.0)
     };
     [side(0) + 2.0 * moved + 2.0 * mask.period(), side(1)]
 }

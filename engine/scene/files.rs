@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
+use super::path as keys;
 use super::{Beam, Instances, KernelFile};
 use super::{Blur, MaterialSpec, Mesh, Scatter, Scene, ShapeOrMesh, SpectrumOrigin};
 use crate::{Error, Result, input_file};
@@ -15,34 +16,46 @@ impl Scene {
     /// material tables and positions of instances. Spots are read with the scene, meshes carry their own hash.
     #[must_use]
     pub fn referenced_files(&self) -> Vec<&Path> {
-        let mut paths: Vec<&Path> = Vec::new();
+        self.files_by_key().into_iter().map(|(_, path)| path).collect()
+    }
+
+    /// The same, each with the key that names it.
+    pub(crate) fn files_by_key(&self) -> Vec<(String, &Path)> {
+        let mut named: Vec<(String, &Path)> = Vec::new();
         if let Beam::Spectrum(spec) = &self.source.beam
             && let SpectrumOrigin::File { path } = &spec.origin
         {
-            paths.push(path);
+            named.push(("source.spectrum".into(), path));
         }
         if let Some(Blur::Kernel(KernelFile { path, .. })) = &self.detector.blur {
-            paths.push(path);
+            named.push(("detector.blur.kernel".into(), path));
         }
         match &self.detector.scatter {
-            Some(
-                Scatter::Image(path) | Scatter::Kernel { kernel: KernelFile { path, .. }, .. },
-            ) => {
-                paths.push(path);
+            Some(Scatter::Image(path)) => named.push(("detector.scatter.image".into(), path)),
+            Some(Scatter::Kernel { kernel, .. }) => {
+                named.push(("detector.scatter.kernel".into(), &kernel.path));
             }
             None => {}
         }
-        let tables = self.materials.values().filter_map(|spec| match spec {
-            MaterialSpec::Table { path } => Some(path.as_path()),
+        for (name, spec) in &self.materials {
+            if let MaterialSpec::Table { path } = spec {
+                named.push((keys::join(&keys::join("materials", name), "table"), path));
+            }
+        }
+        for (number, object) in self.objects.iter().enumerate() {
+            if let Some(Instances::File(path)) = &object.instances {
+                named.push((self.object_key(number, "instances"), path));
+            }
+        }
+        named
+    }
+
+    /// Objects that are mesh files, by number, with these.
+    pub(crate) fn mesh_files(&self) -> impl Iterator<Item = (usize, &Path)> {
+        self.objects.iter().enumerate().filter_map(|(number, object)| match &object.geometry {
+            ShapeOrMesh::Mesh(Mesh::File { path, .. }) => Some((number, path.as_path())),
             _ => None,
-        });
-        paths.extend(tables);
-        let positions = self.objects.iter().filter_map(|object| match &object.instances {
-            Some(Instances::File(path)) => Some(path.as_path()),
-            _ => None,
-        });
-        paths.extend(positions);
-        paths
+        })
     }
 
     /// Every file that the scene refers to, from where the program runs: those of
@@ -50,10 +63,7 @@ impl Scene {
     /// file itself is not among them.
     #[must_use]
     pub fn input_files(&self) -> Vec<PathBuf> {
-        let meshes = self.objects.iter().filter_map(|object| match &object.geometry {
-            ShapeOrMesh::Mesh(Mesh::File { path, .. }) => Some(path.as_path()),
-            _ => None,
-        });
+        let meshes = self.mesh_files().map(|(_, path)| path);
         let files = self.referenced_files().into_iter().chain(meshes);
         let mut files: Vec<PathBuf> = files.map(|path| self.resolve(path)).collect();
         // The spot is read with the scene: its path needs no directory.
@@ -90,13 +100,11 @@ impl Scene {
     /// read: an error each. Files that are not there are left out.
     #[must_use]
     pub fn changed_files(&self) -> Vec<Error> {
-        let meshes = self.objects.iter().filter_map(|object| match &object.geometry {
-            ShapeOrMesh::Mesh(Mesh::File { path, .. }) => Some((path, object.sha256.as_ref()?)),
-            _ => None,
-        });
-        self.files
-            .iter()
-            .chain(meshes)
+        let recorded =
+            |(number, path): (usize, _)| Some((path, self.objects[number].sha256.as_ref()?));
+        let files = self.files.iter().map(|(path, recorded)| (path.as_path(), recorded));
+        files
+            .chain(self.mesh_files().filter_map(recorded))
             .filter(|(path, _)| self.resolve(path).exists())
             .filter_map(|(path, recorded)| self.compare(path, recorded).err())
             .collect()

@@ -48,3 +48,5 @@ pub(super) const SPOT: f64 = 1e-3;
 /// Standard deviation of the slopes of a rough surface: beyond it rays meet a surface more than once,
 /// which one normal does not stand for.
 pub(super) const ROUGHNESS: f64 = 0.3;
+/// Bars of masks are thinner, m: thicker ones are probably a mistake.
+pub(crate) const THICK_BARS: f64 = 1e-3;

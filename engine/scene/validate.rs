@@ -47,7 +47,8 @@ impl Scene {
         faults.0
     }
 
-    fn masks(&self) -> impl Iterator<Item = (&'static str, &MaskSpec)> {
+    /// The masks that there are, by their keys.
+    pub(crate) fn masks(&self) -> impl Iterator<Item = (&'static str, &MaskSpec)> {
         let masks = [("sample_mask", &self.sample_mask), ("detector_mask", &self.detector_mask)];
         masks.into_iter().filter_map(|(key, mask)| Some((key, mask.as_ref()?)))
     }
@@ -222,14 +223,11 @@ fn has_place(mask: &MaskSpec) -> bool {
     mask.distance > 0.0 && mask.body.thickness() >= 0.0
 }
 
-/// Bars of masks are thinner, m: one that is not is more likely a mistake than the distance.
-const THICK: f64 = 1e-3;
-
 /// The error of a mask whose bars do not stand between two planes: of its thickness where its own
 /// plane does and the bars are thick, and else of its distance.
 fn misplaced(table: &str, mask: &MaskSpec, [low, high]: [f64; 2], allowed: String) -> Result<()> {
     let (distance, thickness) = (mask.distance, mask.body.thickness());
-    if distance > low && distance < high - AT_DETECTOR && thickness > THICK {
+    if distance > low && distance < high - AT_DETECTOR && thickness > limits::THICK_BARS {
         let most = 2.0 * (distance - low).min(high - distance);
         // Without the rounding of a difference.
         let most = Length.format((most * 1e9).round() / 1e9);

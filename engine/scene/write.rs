@@ -61,12 +61,9 @@ pub(super) fn to_toml(
     out.table("[detector]");
     write_detector(&mut out, scene, directory)?;
 
-    let masks = [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)];
-    for (key, mask) in masks {
-        if let Some(mask) = mask {
-            out.table(&format!("[{key}]"));
-            write_mask(&mut out, mask);
-        }
+    for (key, mask) in scene.masks() {
+        out.table(&format!("[{key}]"));
+        write_mask(&mut out, mask);
     }
 
     write_sampling(&mut out, scene);

@@ -63,10 +63,8 @@ impl<'a> Probes<'a> {
         sample.sort_unstable();
         sample.dedup();
         let mut bars = Vec::new();
-        for (key, mask) in
-            [("sample_mask", &scene.sample_mask), ("detector_mask", &scene.detector_mask)]
-        {
-            let Some(body) = mask.as_ref().map(|mask| &mask.body) else { continue };
+        for (key, mask) in scene.masks() {
+            let body = &mask.body;
             if let Some(material) = body.material() {
                 bars.push((medium(material, format!("{key}.material"))?, body.thickness()));
             }

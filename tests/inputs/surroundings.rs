@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use beamlet::geometry::{check_clearance, fov_warnings, load};
+use beamlet::geometry::{check_clearance, load, swept};
 use beamlet::scene::{Beam, Filter, Scene};
 use beamlet::spectrum::nodes;
 
@@ -63,7 +63,7 @@ fn a_region_is_the_object_that_stands_before_all_others() {
     // The rod stands in the bath, and nothing says that a bath is larger than the detector sees.
     assert_eq!(sample.objects[1].inside, [Some(0)]);
     check_clearance(&region, &sample).unwrap();
-    assert!(fov_warnings(&region, &sample).iter().all(|it| it.contains("\"rod\"")));
+    assert!(swept(&sample).fov_warnings(&region).iter().all(|it| it.contains("\"rod\"")));
 }
 
 #[test]
@@ -162,4 +162,19 @@ fn the_path_hardens_a_spectrum_as_a_filter_of_its_length_does() {
     let told = nodes(&scene("material = \"vacuum\"\npath_material = \"gold\"").unwrap());
     let told = told.unwrap_err().to_string();
     assert!(told.contains("surroundings.path_material") && told.contains("lets nothing"), "{told}");
+}
+
+#[test]
+fn what_is_missing_is_named_by_the_keys_of_the_file() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("scene.toml");
+    let text = BASE.replace("\"carbon\"", "\"unobtainium\"");
+    let region =
+        "[surroundings]\nmaterial = \"nowater\"\nregion = { mesh = \"no.obj\", unit = \"mm\" }\n";
+    std::fs::write(&path, format!("{text}\n{region}")).unwrap();
+    let told = beamlet::check::load_scene(&path, &[]).unwrap_err().to_string();
+    for key in ["surroundings.material", "surroundings.region.mesh", "object[0].material"] {
+        assert!(told.contains(key), "{key}: {told}");
+    }
+    assert!(!told.contains("object[1]"), "{told}");
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use beamlet::geometry::{BeamExtent, check_clearance, fov_warnings, load, swept};
+use beamlet::geometry::{BeamExtent, check_clearance, load, swept};
 use beamlet::scene::{MaskBody, Object, Scene, Shape};
 
 use super::set_up::{at, cube, scene, shape};
@@ -74,7 +74,7 @@ fn sample_outside_the_field_of_view_is_told_by_axis() {
     let warned = |object: Object, angles: &[f64]| {
         let mut scene = scene(vec![object]);
         scene.scan.angles = angles.to_vec();
-        fov_warnings(&scene, &load(&scene).unwrap())
+        swept(&load(&scene).unwrap()).fov_warnings(&scene)
     };
     assert!(warned(cube("a", 8e-3), &[0.0]).is_empty());
     let wide = warned(plate(14e-3), &[0.0, FRAC_PI_4]);

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use beamlet::geometry::{Sample, check_clearance, fov_warnings, load};
+use beamlet::geometry::{Sample, check_clearance, load, swept};
 use beamlet::scene::{Mesh, Object, Scene, ShapeOrMesh};
 
 use super::set_up::{close, object, scene};
@@ -39,5 +39,5 @@ fn shipped_bracket_holds_its_core_and_fits_the_field_of_view() {
     let (scene, sample) = experiment("bracket", &["bracket", "core"]);
     assert_eq!(sample.components.len(), 2);
     assert_eq!(sample.objects[1].inside, [Some(0)]);
-    assert!(fov_warnings(&scene, &sample).is_empty());
+    assert!(swept(&sample).fov_warnings(&scene).is_empty());
 }
