@@ -8,6 +8,7 @@ use crate::picture::image::{self, Grid, ImagePlot};
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::{Scale, pixels};
 use crate::picture::text::{capital, joined, rough};
+use crate::subject::trusted;
 use beamlet::compare::Difference;
 use beamlet::retrieve::Record;
 use beamlet::scene::Scene;
@@ -111,16 +112,15 @@ pub(super) fn draw(
         .of_difference();
         let flagged = if is_map { flagged(&pair, [a, b], *step) } else { None };
         let grid = Grid::of_pixels(pair[0].pitch(a), [images[0].nrows(), images[0].ncols()]);
-        let plot = plot(series, &images, &quantity, flagged.as_ref(), &grid, [a, b]);
+        let values = (&images[1] - &images[0]).mapv(|value| value * quantity.factor);
+        let plot = plot(series, &values, &quantity, flagged.as_ref(), &grid, [a, b]);
         let place = match (is_map, name.as_str()) {
             (true, _) => format!("view_{step:04}"),
             (_, "flat" | "counts/flat") => format!("step_{step:03}"),
             _ => format!("view_{view:04}_step_{step:03}"),
         };
         let file = format!("difference_{}_{place}", name.replace('/', "_"));
-        let values = &images[1] - &images[0];
-        let values = values.mapv(|value| value * quantity.factor);
-        pictures.add(file, &image::draw(&grid, &ImagePlot { values: values.view(), ..plot }))?;
+        pictures.add(file, &image::draw(&grid, &plot))?;
     }
     Ok(pictures)
 }
@@ -137,26 +137,22 @@ fn flagged(pair: &[Compared; 2], paths: [&Path; 2], view: usize) -> Option<Array
     }
 }
 
-/// Scale and words of a picture; its values are put in by the caller.
+/// The picture of a series. `values`: B - A in its unit.
 fn plot<'a>(
     series: &Difference,
-    images: &'a [Array2<f64>; 2],
+    values: &'a Array2<f64>,
     quantity: &'a Quantity,
     flagged: Option<&'a Array2<bool>>,
     grid: &Grid,
     [a, b]: [&Path; 2],
 ) -> ImagePlot<'a> {
-    let all: Vec<f64> =
-        images[0].iter().zip(&images[1]).map(|(a, b)| (b - a) * quantity.factor).collect();
     let count = flagged.map_or(0, |flagged| flagged.iter().filter(|flagged| **flagged).count());
-    // Where most pixels are flagged, flags do not tell which to trust.
-    let excluded: Option<Vec<bool>> =
-        flagged.filter(|_| 2 * count <= all.len()).map(|f| f.iter().copied().collect());
-    let is_trusted = |at: usize| excluded.as_ref().is_none_or(|excluded| !excluded[at]);
-    let trusted: Vec<f64> =
-        all.iter().enumerate().filter(|(at, _)| is_trusted(*at)).map(|(_, v)| *v).collect();
-    let own = Scale::of(quantity.map, &trusted, quantity.empty, None);
-    let scale = Scale::between(own.map, [own.low, own.high], all.iter().copied());
+    let trusted = flagged.and_then(trusted);
+    let is_trusted = |at: usize| trusted.as_ref().is_none_or(|trusted| trusted[at]);
+    let setting: Vec<f64> =
+        values.iter().enumerate().filter(|(at, _)| is_trusted(*at)).map(|(_, v)| *v).collect();
+    let own = Scale::of(quantity.map, &setting, quantity.empty, None);
+    let scale = Scale::between(own.map, [own.low, own.high], values.iter().copied());
     let unit = |value: f64| {
         format!("{} {}", rough(value * quantity.factor), quantity.unit).trim_end().to_owned()
     };
@@ -193,7 +189,7 @@ fn plot<'a>(
     ];
     below.retain(|line| !line.is_empty());
     ImagePlot {
-        values: images[0].view(),
+        values: values.view(),
         flagged,
         quantity,
         scale,

@@ -79,11 +79,15 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
 
 /// Files that are read beside the stacks of flat and sample.
 fn read(arguments: &Retrieve) -> Vec<PathBuf> {
-    let lists = [&arguments.offsets, &arguments.sample_offsets];
-    let lists = lists.into_iter().flatten().map(PathBuf::from).filter(|path| path.is_file());
     let scene = arguments.run.as_ref().map(|run| run.join("scene.toml"));
     let files = [arguments.geometry.clone(), arguments.dark.clone(), scene];
-    files.into_iter().flatten().chain(lists).collect()
+    files.into_iter().flatten().chain(lists(arguments)).collect()
+}
+
+/// Files of offsets.
+fn lists(arguments: &Retrieve) -> impl Iterator<Item = PathBuf> {
+    let lists = [&arguments.offsets, &arguments.sample_offsets];
+    lists.into_iter().flatten().map(PathBuf::from).filter(|path| path.is_file())
 }
 
 fn of_run(arguments: &Retrieve, run: &Path) -> Result<Input, Failure> {
@@ -106,9 +110,7 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let flat = StackFile::open(flat)?;
     let sample = StackFile::open(sample)?;
     let dark = arguments.dark.as_ref().map(StackFile::open).transpose()?;
-    let lists = [&arguments.offsets, &arguments.sample_offsets];
-    let lists = lists.into_iter().flatten().map(PathBuf::from).filter(|path| path.is_file());
-    let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(lists).collect();
+    let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(lists(arguments)).collect();
     let input = Input::measured(&scene, flat, sample, dark.as_ref())?.with_read(&others);
     Ok((input, output.clone()))
 }

@@ -6,7 +6,7 @@ use crate::failure::Failure;
 use crate::picture::colour::Map;
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::Scale;
-use crate::subject::Subject;
+use crate::subject::{Subject, trusted};
 use serde_json::{Value, json};
 
 const CONTRASTS: [&str; 3] = ["transmission", "refraction", "dark_field"];
@@ -103,8 +103,7 @@ impl Contents<'_> {
             let bits = self.thinning.joined(self.run.map("flags", *view)?.view());
             flagged.extend(bits.iter().map(|bits| *bits != 0));
         }
-        let count = flagged.iter().filter(|flagged| **flagged).count();
-        Ok((2 * count <= flagged.len()).then(|| flagged.iter().map(|flagged| !flagged).collect()))
+        Ok(trusted(&flagged))
     }
 }
 

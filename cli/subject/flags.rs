@@ -6,10 +6,6 @@ use crate::numbers;
 use crate::picture::scale::pixels;
 use ndarray::Array2;
 
-/// Where more than this share of the pixels with an answer is flagged, flags tell nothing of what
-/// to trust, and all pixels set the scale.
-const MOST: f64 = 0.5;
-
 /// Flags of a view.
 #[derive(Debug, Clone)]
 pub(crate) struct Flags {
@@ -18,15 +14,15 @@ pub(crate) struct Flags {
     pub(crate) flagged: Array2<bool>,
 }
 
-impl Flags {
-    /// Whether a pixel may set a scale.
-    pub(crate) fn sets_scale(&self) -> Array2<bool> {
-        let count = self.flagged.iter().filter(|flagged| **flagged).count();
-        match count as f64 > MOST * self.flagged.len() as f64 {
-            true => self.flagged.mapv(|_| true),
-            false => self.flagged.mapv(|flagged| !flagged),
-        }
-    }
+/// Which pixels may set a scale: those without a flag. `None`, all of them, where more than half
+/// is flagged: flags tell nothing of what to trust then.
+pub(crate) fn trusted<'a, I>(flagged: I) -> Option<Vec<bool>>
+where
+    I: IntoIterator<Item = &'a bool>,
+{
+    let trusted: Vec<bool> = flagged.into_iter().map(|flagged| !flagged).collect();
+    let count = trusted.iter().filter(|trusted| **trusted).count();
+    (2 * count >= trusted.len()).then_some(trusted)
 }
 
 impl Subject {

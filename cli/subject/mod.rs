@@ -13,6 +13,7 @@ use crate::picture::text::joined;
 use beamlet::retrieve::{Input, Method, Record};
 use beamlet::scene::Scene;
 use beamlet::stack::{Maps, OpenRun, StackFile};
+pub(crate) use flags::trusted;
 use ndarray::{Array2, Array3};
 use std::ops::Range;
 use std::path::{Path, PathBuf};

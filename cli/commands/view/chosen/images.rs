@@ -8,7 +8,7 @@ use crate::picture::image::{self, Grid, ImagePlot};
 use crate::picture::quantity::Quantity;
 use crate::picture::scale::{Scale, pixels};
 use crate::picture::text::{capital, joined};
-use crate::subject::row_number;
+use crate::subject::{row_number, trusted};
 use ndarray::Array2;
 
 /// Values of an image or a sinogram, with what decides its scale.
@@ -19,7 +19,7 @@ struct Values {
     values: Array2<f64>,
     sigma: Option<Array2<f64>>,
     /// Pixels that may set the scale; `None`: all.
-    trusted: Option<Array2<bool>>,
+    trusted: Option<Vec<bool>>,
     flagged: Option<Array2<bool>>,
     /// Why pixels are flagged, in words.
     flag_words: String,
@@ -53,7 +53,7 @@ impl Chosen<'_> {
             let values = Values {
                 values: read(&name)?,
                 sigma: self.noise(&name).map(|sigma| read(&sigma)).transpose()?,
-                trusted: flags.as_ref().map(|flags| flags.sets_scale()),
+                trusted: flags.as_ref().and_then(|flags| trusted(&flags.flagged)),
                 flagged: flags.as_ref().map(|flags| flags.flagged.clone()),
                 flag_words: flags
                     .as_ref()
@@ -174,7 +174,7 @@ impl Chosen<'_> {
             if count > 0 {
                 let sign = if image::can_hatch(&grid, &flagged) { " (hatched)" } else { "" };
                 values.flag_words = format!("flagged{sign}: {}", pixels(count));
-                values.trusted = (2 * count <= flagged.len()).then(|| flagged.mapv(|f| !f));
+                values.trusted = trusted(&flagged);
                 values.flagged = Some(flagged.clone());
             }
             let title = format!("Sinogram of row {row}: {}", quantity.label);
@@ -187,10 +187,8 @@ impl Chosen<'_> {
 
 /// The scale of the pixels that may set it.
 fn own_scale(image: &Values) -> Scale {
-    let trusted: Option<Vec<bool>> =
-        image.trusted.as_ref().map(|trusted| trusted.iter().copied().collect());
     let of = |values: &Array2<f64>| -> Vec<f64> {
-        let is_trusted = |at: usize| trusted.as_ref().is_none_or(|trusted| trusted[at]);
+        let is_trusted = |at: usize| image.trusted.as_ref().is_none_or(|trusted| trusted[at]);
         let all = values.iter().enumerate();
         all.filter(|(at, _)| is_trusted(*at)).map(|(_, value)| *value).collect()
     };
