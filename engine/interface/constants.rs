@@ -101,6 +101,8 @@ shared_constants! {
     FLAG_DROPPED: u32 = 16;
     /// A value is not finite.
     FLAG_NOT_FINITE: u32 = 32;
+    /// Its normal at a rough surface is drawn: another ray there may go elsewhere.
+    FLAG_DRAWN: u32 = 64;
     /// The highest byte of a result's flags: least cosine of incidence over that below which the
     /// first order is not enough, in 255ths; 255 is 1 or more.
     FLAG_SHARE_SHIFT: u32 = 24;

@@ -107,7 +107,7 @@ impl<'e> Simulation<'e> {
     }
 
     /// Words of a ray's moments.
-    fn moment_words(&self) -> usize {
+    pub(super) fn moment_words(&self) -> usize {
         self.media.moment_words()
     }
 

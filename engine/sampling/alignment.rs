@@ -1,6 +1,6 @@
 //! Scanlines of a patch, traced to find how its silhouettes slant.
 
-use super::patch::alike;
+use super::patch::no_silhouette_between;
 use crate::interface::RayResult;
 
 /// Heights of the scanlines, share of the row.
@@ -69,7 +69,9 @@ impl Scanlines {
             let mut taken = vec![false; self.lines[b].len()];
             for (low, high) in brackets(&self.lines[a]) {
                 let same = brackets(&self.lines[b]).enumerate().find(|(index, other)| {
-                    !taken[*index] && alike(&other.0.1, &low.1) && alike(&other.1.1, &high.1)
+                    !taken[*index]
+                        && no_silhouette_between(&other.0.1, &low.1)
+                        && no_silhouette_between(&other.1.1, &high.1)
                 });
                 if let Some((index, other)) = same {
                     taken[index] = true;
@@ -93,7 +95,9 @@ impl Scanlines {
 fn brackets(
     line: &[(f32, RayResult)],
 ) -> impl Iterator<Item = (&(f32, RayResult), &(f32, RayResult))> {
-    line.windows(2).filter(|pair| !alike(&pair[0].1, &pair[1].1)).map(|pair| (&pair[0], &pair[1]))
+    line.windows(2)
+        .filter(|pair| !no_silhouette_between(&pair[0].1, &pair[1].1))
+        .map(|pair| (&pair[0], &pair[1]))
 }
 
 #[cfg(test)]

@@ -53,6 +53,20 @@ pub(super) struct CellError {
     /// A silhouette crosses it, or a neighbour crossed other objects.
     pub(super) silhouette: bool,
     pub(super) axis: Axis,
+    /// What neighbours show, where its ray draws normals.
+    pub(super) draws: Option<Draws>,
+}
+
+/// A rectangle whose ray draws its normals at a rough surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Draws {
+    /// Its light without the sample, share of open beam.
+    pub(super) area: f32,
+    /// Error by neighbours that do not draw, share of open beam.
+    pub(super) others: f32,
+    /// Mean variance of the light of a ray among its neighbours that draw, share of its light
+    /// squared; nothing where it has none.
+    pub(super) variance: Option<f32>,
 }
 
 /// Judges the patches of a view.
@@ -152,6 +166,7 @@ impl Estimator<'_> {
             through: all,
             silhouette: node.has_silhouette(),
             axis: if height > width { Axis::Z } else { Axis::X },
+            draws: None,
         }
     }
 
@@ -208,6 +223,7 @@ impl Estimator<'_> {
             through: area * passed,
             silhouette: false,
             axis: if down > where_open { Axis::Z } else { Axis::X },
+            draws: None,
         }
     }
 

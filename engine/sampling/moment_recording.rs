@@ -71,6 +71,11 @@ impl MomentRecording {
         }
     }
 
+    /// Words of the moments of a ray.
+    pub(super) const fn words(&self) -> usize {
+        self.words
+    }
+
     /// The material, if the ray crossed exactly one object: its moments are then the result divided
     /// by (mu, delta). `None` for results of exact transport, and of rays that are flagged.
     pub(super) fn single_material(&self, result: &RayResult) -> Option<usize> {

@@ -2,7 +2,7 @@
 
 use super::base_lattice::Found;
 use super::error_estimate::Estimator;
-use super::patch::{Node, Patch, alike};
+use super::patch::{Node, Patch, alike, is_drawn};
 use crate::interface::RayResult;
 
 /// Neighbours are compared with a rectangle where their centres stand no farther aside than this
@@ -127,6 +127,11 @@ impl Estimator<'_> {
     pub(super) fn slopes(&self, node: &Node, neighbours: &[Option<Found>; 12]) -> Slopes {
         let centre = node.centre();
         let own = &node.result;
+        // Between rays that draw their normals nothing is interpolated.
+        if is_drawn(own) {
+            return Slopes::default();
+        }
+        let comparable = |result: &RayResult| alike(result, own) && !is_drawn(result);
         let slope = |of: fn(&RayResult) -> f32| {
             let mut slopes = [0.0_f32; 2];
             // Neighbours of other sizes stand aslant: what the other axis explains is taken off.
@@ -135,7 +140,7 @@ impl Estimator<'_> {
                     let found = neighbours[3 * side..3 * side + 3].iter().flatten();
                     let apart = |found: &Found| [found.x - centre[0], found.z - centre[1]];
                     let nearest =
-                        found.filter(|found| alike(&found.result, own)).min_by(|a, b| {
+                        found.filter(|found| comparable(&found.result)).min_by(|a, b| {
                             let off = |found: &Found| apart(found)[1 - axis].abs();
                             off(a).total_cmp(&off(b))
                         })?;

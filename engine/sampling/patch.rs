@@ -5,7 +5,7 @@
 
 mod node;
 
-pub(super) use node::{Border, Known, Node, Residuals, alike};
+pub(super) use node::{Border, Known, Node, Residuals, alike, is_drawn, no_silhouette_between};
 
 use super::dissection::Piece;
 use super::facet_lists::{Overlap, PatchFacet};

@@ -3,7 +3,7 @@
 use super::error_estimate::{CellError, Estimator, SPREAD};
 use super::patch::{Axis, Known, Patch};
 use super::response::Opening;
-use crate::numbers;
+use crate::numbers::{self, single};
 
 /// Rectangles that would hold this part of the budget, were all like them, are not split.
 const NEGLIGIBLE: f64 = 0.01;
@@ -57,6 +57,34 @@ impl KnownErrors {
     fn of(&self, node: u32) -> Option<(&CellError, &[(u32, f32)])> {
         let [first, end] = self.seen[node as usize]?;
         Some((self.errors[node as usize].as_ref()?, &self.shares[first as usize..end as usize]))
+    }
+}
+
+/// Rays that draw their normals at rough surfaces are independent samples: whether neighbours agree is
+/// chance. All of a patch share the variance of their light, so that none stands for a wide
+/// rectangle because its neighbours happened to do as it did. `least`: what n draws that agree leave
+/// open, a share of 1 / (n + 2).
+fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
+    let drawn = |leaf: u32| errors[leaf as usize].as_ref().and_then(|error| error.draws);
+    let (mut squares, mut area, mut count) = (0.0, 0.0, 0_u32);
+    for draws in patch.leaves().filter_map(drawn) {
+        count += 1;
+        if let Some(variance) = draws.variance {
+            squares += f64::from(draws.area) * f64::from(variance);
+            area += f64::from(draws.area);
+        }
+    }
+    if count == 0 {
+        return;
+    }
+    let seen = if area > 0.0 { single(squares / area) } else { 0.0 };
+    let least = 0.25 / (count + 2) as f32;
+    for leaf in patch.leaves() {
+        let Some(error) = &mut errors[leaf as usize] else { continue };
+        let Some(draws) = error.draws else { continue };
+        let passed = error.through / draws.area.max(f32::MIN_POSITIVE);
+        let variance = seen.max(least * passed * passed);
+        error.light = draws.others.hypot(draws.area * variance.sqrt());
     }
 }
 
@@ -115,6 +143,7 @@ impl Estimator<'_> {
                 known_errors.seen[index] = Some(range.map(|n| numbers::count(n)));
             }
         }
+        pool_draws(&mut known_errors.errors, patch);
     }
 
     /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide.

@@ -2,9 +2,9 @@
 //! like the neighbour that it predicts worst.
 
 use super::base_lattice::Found;
-use super::error_estimate::{CellError, Estimator, SPREAD};
+use super::error_estimate::{CellError, Draws, Estimator, SPREAD};
 use super::neighbours::Slopes;
-use super::patch::{Axis, Node, Patch, alike};
+use super::patch::{Axis, Node, Patch, alike, is_drawn};
 use crate::interface::RayResult;
 
 /// Share of the light at a silhouette that may land in recorded rows from outside.
@@ -49,9 +49,16 @@ impl Estimator<'_> {
         let mut change = [0.0_f32; 2];
         let mut silhouette = false;
         let mut moved: f32 = 0.0;
+        let drawn = is_drawn(&node.result);
+        let mut squares = (0.0_f32, 0_u32);
         for (number, found) in neighbours.iter().enumerate() {
             let Some(found) = found else { continue };
             let axis = number / 6;
+            if drawn && is_drawn(&found.result) {
+                squares.0 += self.change_by_draw(&by_ray, &found.result).powi(2);
+                squares.1 += 1;
+                continue;
+            }
             let shown = self.change_to(&by_ray, found);
             change[axis] = change[axis].max(shown.light);
             moved = moved.max(shown.moved);
@@ -65,22 +72,28 @@ impl Estimator<'_> {
             change = change.map(|change| change.max(all));
         }
         let [width, height] = [node.width(), node.height() * self.row_height];
+        // Rays that draw their normals stand in columns: rectangles one above the other err together at
+        // a silhouette that stands upright.
         let axis = if change[0] > 2.0 * change[1] {
             Axis::X
-        } else if change[1] > 2.0 * change[0] || height > width {
+        } else if change[1] > 2.0 * change[0] || (height > width && !drawn) {
             Axis::Z
         } else {
             Axis::X
         };
         let area = node.width() * node.height() * self.response.weight;
+        let light = SPREAD * area * change[0].max(change[1]);
+        // Two draws differ by twice the variance of one.
+        let variance = (squares.1 > 0).then_some(0.5 * squares.0 / squares.1 as f32);
         CellError {
             node: index,
-            light: SPREAD * area * change[0].max(change[1]),
+            light,
             whole: 1.0,
             moment: SPREAD * area * by_ray.passed * moved,
             through: area * by_ray.passed,
-            silhouette,
+            silhouette: silhouette || drawn,
             axis,
+            draws: drawn.then_some(Draws { area, others: light, variance }),
         }
     }
 
@@ -125,6 +138,18 @@ impl Estimator<'_> {
         }
     }
 
+    /// Change of the recorded light if a rectangle whose ray draws its normals had the draw of a
+    /// neighbour.
+    fn change_by_draw(&self, by_ray: &ByRay<'_>, result: &RayResult) -> f32 {
+        let ByRay { node, passed, at, half, .. } = by_ray;
+        let own = &node.result;
+        let there = (-result.optical_depth).exp();
+        let moved = at + result.displacement_x - own.displacement_x;
+        let light = self.response.change([*passed, *at], [there, moved], *half);
+        let fall = (result.landing_z(self.gap) - own.landing_z(self.gap)).abs();
+        light.hypot(passed * (fall / self.row_pitch).min(1.0))
+    }
+
     /// What a neighbour on the same surfaces shows: how far the linear result is off there.
     fn change_on_surface(&self, by_ray: &ByRay<'_>, found: &Found) -> Change {
         let ByRay { node, slopes, passed, at, half, .. } = by_ray;
@@ -135,7 +160,9 @@ impl Estimator<'_> {
         };
         let depth = off(|result| result.optical_depth, slopes.depth);
         let displacement = off(|result| result.displacement_x, slopes.displacement);
-        let other = [passed * (-depth).exp(), at + displacement];
+        // A slope between rays that stand close may predict any depth.
+        let there = (-result.optical_depth).exp();
+        let other = [(passed * (-depth).exp()).min(2.0 * passed.max(there)), at + displacement];
         let mut light = self.response.change([*passed, *at], other, *half);
         if node.z[0] <= 0.0 || node.z[1] >= 1.0 {
             // Light that moves over the border of the row.

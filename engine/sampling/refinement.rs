@@ -9,7 +9,7 @@ use super::base_lattice::BaseLattice;
 use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
-use super::patch::{Known, Patch, alike};
+use super::patch::{Known, Patch, alike, no_silhouette_between};
 use super::patch_error::{KnownErrors, NarrowComponent};
 use super::response::Opening;
 use crate::Result;
@@ -226,7 +226,10 @@ impl<'a> Refiner<'a> {
         for node in &patch.nodes {
             let neighbours = self.estimator.neighbours(patch, node);
             for (index, found) in neighbours.iter().enumerate() {
-                if found.as_ref().is_some_and(|found| !alike(&found.result, &node.result)) {
+                if found
+                    .as_ref()
+                    .is_some_and(|found| !no_silhouette_between(&found.result, &node.result))
+                {
                     count = Some(count.unwrap_or(0) + u32::from(index < 3));
                 }
             }

@@ -135,7 +135,7 @@ pub(crate) fn sample_rows(
         })?;
     }
     let cell = empty_cell(view.lattice);
-    let words = if view.recording.is_some() { tracer.moment_words() } else { 0 };
+    let words = view.recording.as_ref().map_or(0, |recording| recording.words());
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
     for cell_rows in blank_cell_rows(view.lattice, blank).chunks(BLANK_AT_ONCE) {
         let mut part = CellBatch::default();

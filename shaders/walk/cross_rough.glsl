@@ -43,6 +43,7 @@ void cross_rough(Beam beam, Surface surface, uint primitive, vec3 normal_, float
             all.run.grazing = min(all.run.grazing, share / max(surface.grazing, 1e-30));
         } else if (draws(surface, slope_of(beam), normal_, inverse_stretch)) {
             all.run.grazing = 0.0;
+            all.run.flags |= FLAG_DRAWN;
 #ifndef SUMS_IN_REGISTERS
         } else {
             spread_slopes(beam, surface, normal_, y, all);

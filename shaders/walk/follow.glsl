@@ -237,7 +237,7 @@ Walk walk_begin(Beam line, uint flags, uint constants) {
     walk.entered = 0.0;
     walk.depth = 0.0;
     walk.signature = 0u;
-    walk.flags = FLAG_EXACT | (flags & (FLAG_GRAZING | (255u << FLAG_SHARE_SHIFT)));
+    walk.flags = FLAG_EXACT | (flags & (FLAG_GRAZING | FLAG_DRAWN | (255u << FLAG_SHARE_SHIFT)));
     walk.crossings = 0u;
     walk.searches = 0u;
     walk.y = -1e30;

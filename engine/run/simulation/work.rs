@@ -299,7 +299,7 @@ impl<'s> ViewWork<'s> {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
                 let mut cell_rows = sampling::empty_cell_rows(&simulation.lattice, rows);
                 if simulation.spectral.is_some() {
-                    cell_rows.keep_nothing(tracer.moment_words());
+                    cell_rows.keep_nothing(simulation.moment_words());
                 }
                 add(tracer, &cell_rows)?;
             }

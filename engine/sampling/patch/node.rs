@@ -1,7 +1,7 @@
 //! A rectangle of a patch, and how its result is known.
 
 use super::Axis;
-use crate::interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
+use crate::interface::{FLAG_DRAWN, FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
 
 /// What the linear model that fits a rectangle best leaves of what its facets do.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,4 +123,18 @@ pub(in crate::sampling) fn alike(a: &RayResult, b: &RayResult) -> bool {
     a.signature == b.signature
         && (a.flags ^ b.flags) & FLAG_REFLECTED == 0
         && (a.flags | b.flags) & FLAG_NOT_FINITE == 0
+}
+
+/// Whether a ray drew its normal at a rough surface: another at the same place may go elsewhere.
+pub(in crate::sampling) fn is_drawn(result: &RayResult) -> bool {
+    result.flags & FLAG_DRAWN != 0
+}
+
+/// Whether no silhouette stands between two rays. Those that draw their normals may be reflected or
+/// not on one surface: any that meet the sample are alike.
+pub(in crate::sampling) fn no_silhouette_between(a: &RayResult, b: &RayResult) -> bool {
+    if is_drawn(a) || is_drawn(b) {
+        return (a.crossings == 0) == (b.crossings == 0);
+    }
+    alike(a, b)
 }

@@ -9,8 +9,8 @@ use ndarray::Array3;
 /// Runs of random rays that are compared with cells.
 const RUNS: u64 = 12;
 
-const MONO: &str = "energy = \"5 keV\"";
-const SPECTRUM: &str = "spectrum = \"soft.csv\"";
+pub(super) const MONO: &str = "energy = \"5 keV\"";
+pub(super) const SPECTRUM: &str = "spectrum = \"soft.csv\"";
 const ROWS: &str = "4.5,1\n5,2\n6,2\n7,1\n";
 
 /// The paper's set-up with soft X-rays before a row of pixels that are high, so that light stays in it.
@@ -32,7 +32,7 @@ fn scene(beam: &str, object: &str) -> Scene {
 }
 
 /// Forty plates of 8 um that a spine beside the field of view holds.
-fn plates(beam: &str) -> Scene {
+pub(super) fn plates(beam: &str) -> Scene {
     let [wide, thick, period] = [3.0, 0.008, 0.1]; // mm
     let mut points = vec![];
     for tooth in 0..40 {

@@ -1,5 +1,7 @@
 //! Rough surfaces: slopes of single rays, and light of rough bodies.
 
+mod grazing;
+mod kept;
 mod keys;
 mod light;
 mod slopes;

@@ -233,7 +233,7 @@ impl ViewWork<'_> {
             let mut cell_rows = sampling::empty_cell_rows(&self.simulation.lattice, rows.clone());
             let lists = match &self.simulation.spectral {
                 Some(spectral) => {
-                    cell_rows.keep_nothing(self.tracer.moment_words());
+                    cell_rows.keep_nothing(self.simulation.moment_words());
                     spectral.lists(&mut self.tracer, &mut self.bars, &cell_rows)?
                 }
                 None => vec![cell_rows],

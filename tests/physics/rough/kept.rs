@@ -1,0 +1,57 @@
+//! Kept moments of a rough body: what it spreads is kept by pairs of materials.
+
+use super::light::{MONO, SPECTRUM, plates};
+use crate::support::{Checked, engine, engine_with};
+use beamlet::moments::{MomentWriter, StoredMoments};
+use beamlet::scene::{MaterialSpec, Scene};
+use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
+use beamlet::{Backend, Control, EngineOptions};
+use ndarray::Array4;
+
+fn again(engine: &Checked, kept: &StoredMoments, scene: &Scene) -> Stacks {
+    let mut sink = ArraySink::new();
+    let simulation = engine.reilluminate(kept, scene).expect("a scene that fits");
+    simulation.run(&mut sink, Control::default()).expect("a run");
+    sink.into_stacks().expect("stacks")
+}
+
+fn mean_off(a: &Stacks, b: &Stacks) -> f64 {
+    let off: Array4<f64> = (&a.sample - &b.sample).mapv(|off| f64::from(off.abs()));
+    off.sum() / off.len() as f64
+}
+
+#[test]
+fn rough_bodies_are_illuminated_again() {
+    let run = plates(MONO);
+    let directory = tempfile::tempdir().expect("a folder");
+    let path = directory.path().join("run");
+    let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
+    let keeping = engine_with(options);
+    let mut sink = RunDirectory::create(&path, Format::Npy, false).expect("a run");
+    let mut keep = MomentWriter::new(&path);
+    keeping.run(&run, &mut sink, Control::default().with_keep(&mut keep)).expect("a run");
+    let kept = StoredMoments::open(&path).expect("moments");
+    let engine = engine(Backend::Bvh);
+    // Nothing is traced again here: the empty sample of this run must not say what a ray keeps.
+    let same = again(&engine, &kept, kept.scene());
+    let fresh = keeping.simulate(&run).expect("a run");
+    assert_eq!(same.flat, fresh.flat);
+    assert_eq!(same.sample, fresh.sample);
+    let mut steps = run.clone();
+    steps.scan.mask_offsets = vec![-7e-6, 11e-6];
+    let mut denser = run.clone();
+    let beryllium = MaterialSpec::Formula { formula: "Be".to_owned(), density: 2.2 };
+    denser.materials.insert("matter".to_owned(), beryllium);
+    for (change, scene) in [("steps", steps), ("density", denser), ("spectrum", plates(SPECTRUM))] {
+        let got = again(&engine, &kept, &scene);
+        let want = engine.simulate(&scene).expect("a run");
+        let mut smooth = scene.clone();
+        smooth.objects[0].roughness = 0.0;
+        let seen = mean_off(&engine.simulate(&smooth).expect("a run"), &want);
+        let off = mean_off(&got, &want);
+        assert!(seen > 1e-4, "{change}: roughness is seen: {seen:e}");
+        // As of smooth bodies: cells were refined for the run's own set-up.
+        println!("measured {change}: {off:e} of {seen:e}");
+        assert!(off < 2e-5, "{change}: {off:e} of {seen:e}");
+    }
+}
