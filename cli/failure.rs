@@ -55,6 +55,7 @@ impl fmt::Display for Failure {
             }
             Self::Refused(reasons) => write!(f, "error: {}", reasons.join("\nerror: ")),
             Self::Usage(problem) => write!(f, "error: {problem}\n\nFor more, try '--help'."),
+            Self::Interrupted { advice } if advice.is_empty() => write!(f, "interrupted"),
             Self::Interrupted { advice } => write!(f, "interrupted\n{advice}"),
             Self::ClosedPipe => Ok(()),
             Self::Stdout(error) => write!(f, "error: stdout cannot be written: {error}"),

@@ -1,19 +1,20 @@
-//! Ctrl-C: the first ends the run cleanly, so that it can be resumed; the second ends at once.
+//! Ctrl-C: the first ends the work cleanly, so that it can be resumed; the second ends at once.
 
+use beamlet::Cancel;
 use std::io::Write;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::LazyLock;
 use std::thread;
 use std::time::Duration;
 
 /// Exit code of an interrupted run: 128 + SIGINT, as shells have it.
 pub(crate) const EXIT_CODE: u8 = 130;
 
-/// Time to end cleanly. Whatever does not look at [`CANCELLED`] by then (a driver, a disk, a
-/// mesh of millions of triangles) is ended as by a second signal: a run is whole at any moment.
+/// Time to end cleanly. Whatever does not look at its [`Cancel`] by then (a driver, a disk) is ended as
+/// by a second signal: a run is whole at any moment.
 const GRACE: Duration = Duration::from_secs(10);
 
-/// Set by Ctrl-C (and by a termination signal); the engine looks at it between dispatches.
-pub(crate) static CANCELLED: AtomicBool = AtomicBool::new(false);
+/// Set by Ctrl-C, and by a termination signal.
+static CANCEL: LazyLock<Cancel> = LazyLock::new(Cancel::default);
 
 /// Ends the process. Libraries tidy up as it exits, and may wait for what hangs: a second later
 /// it ends without that.
@@ -25,12 +26,14 @@ fn end() -> ! {
     std::process::exit(EXIT_CODE.into())
 }
 
-/// Starts to listen. Where that is impossible Ctrl-C ends the process as it always does.
-pub(crate) fn listen() {
+/// Starts to listen, and gives what Ctrl-C ends from now on. Where that is impossible Ctrl-C ends the
+/// process as it always does.
+pub(crate) fn listen() -> Cancel {
     let listening = ctrlc::set_handler(|| {
-        if CANCELLED.swap(true, Ordering::SeqCst) {
+        if CANCEL.is_cancelled() {
             end();
         }
+        CANCEL.cancel();
         let _ = writeln!(std::io::stderr(), "\nstopping; press Ctrl-C again to stop at once");
         thread::spawn(|| {
             thread::sleep(GRACE);
@@ -42,4 +45,5 @@ pub(crate) fn listen() {
     if let Err(error) = listening {
         log::warn!("Ctrl-C will not end the run cleanly: {error}");
     }
+    CANCEL.clone()
 }

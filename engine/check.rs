@@ -2,7 +2,7 @@
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
 use crate::detector::DetectorModel;
-use crate::geometry::{self, Defects, ObjectSummary, Sample, Swept};
+use crate::geometry::{self, Defects, LoadStep, ObjectSummary, Sample, Swept};
 use crate::optics::{Mask, Optics};
 use crate::run::RunEstimate;
 use crate::run::Simulation;
@@ -11,8 +11,9 @@ use crate::scene::Scene;
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::StackShape;
-use crate::{Control, Engine, Progress, Result, run};
+use crate::{Control, Engine, Result, run};
 use serde::Serialize;
+use std::sync::Arc;
 use std::time::Instant;
 
 mod contacts;
@@ -32,6 +33,9 @@ use materials::materials;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct CheckReport {
+    /// Title of the scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
     /// The set-up.
     pub setup: Setup,
     /// The illumination curve; nothing without a device, or where a mask is missing.
@@ -187,19 +191,20 @@ pub fn check(scene: &Scene) -> Result<CheckReport> {
 /// # Errors
 /// As [`check`]; [`crate::Error::Memory`] where the limit is too small.
 pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckReport> {
-    check_watched(scene, memory_limit, None)
+    check_watched(scene, memory_limit, &mut Control::default())
 }
 
-/// As [`check_within`]; `progress` receives the loading of objects, from the calling thread.
+/// As [`check_within`]; `control.progress` receives the loading of objects, from the calling
+/// thread, and `control.cancel` ends it.
 ///
 /// # Errors
-/// As [`check_within`].
+/// As [`check_within`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
 pub fn check_watched(
     scene: &Scene,
     memory_limit: Option<u64>,
-    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+    control: &mut Control<'_>,
 ) -> Result<CheckReport> {
-    let mut report = load_lenient(scene, memory_limit, progress)?.0;
+    let mut report = load_lenient(scene, memory_limit, control)?.0;
     report.work.no_estimate = Some("it needs a device".into());
     Ok(report)
 }
@@ -227,20 +232,20 @@ pub fn check_watched(
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
-    check_on_watched(engine, scene, None)
+    check_on_watched(engine, scene, &mut Control::default())
 }
 
-/// As [`check_on`]; `progress` is called as in [`check_watched`].
+/// As [`check_on`]; `control` is used as in [`check_watched`].
 ///
 /// # Errors
-/// As [`check_on`].
+/// As [`check_on`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
 pub fn check_on_watched(
     engine: &Engine,
     scene: &Scene,
-    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+    control: &mut Control<'_>,
 ) -> Result<CheckReport> {
     let begin = Instant::now();
-    let (mut report, sample) = load_lenient(scene, engine.options().memory_limit, progress)?;
+    let (mut report, sample) = load_lenient(scene, engine.options().memory_limit, control)?;
     let loaded_in = begin.elapsed().as_secs_f64();
     // Where the device fails, the estimate says why.
     let curve = illumination::illumination(engine, scene, &report.setup.nodes);
@@ -252,17 +257,17 @@ pub fn check_on_watched(
         report.work.no_estimate = Some("a run refuses the sample".into());
         return Ok(report);
     }
-    let control = &mut Control::default();
     let limit = engine.options().memory_limit;
     let objects = sample.objects.clone();
     let made = Simulation::of_loaded(engine, scene, Some(sample), control);
-    match made.and_then(|made| made.estimate()) {
+    match made.and_then(|made| made.estimate_until(&control.cancel)) {
         Ok(estimate) => {
             let seconds = loaded_in + estimate.seconds;
             let rays = estimate.rays_per_view;
             report.work.memory = memory::estimate_refined(scene, &objects, limit, rays)?;
             report.work.estimate = Some(RunEstimate { seconds, ..estimate });
         }
+        Err(crate::Error::Interrupted) => return Err(crate::Error::Interrupted),
         Err(error) => report.work.no_estimate = Some(error.to_string()),
     }
     Ok(report)
@@ -272,17 +277,22 @@ pub fn check_on_watched(
 fn load_lenient(
     scene: &Scene,
     memory_limit: Option<u64>,
-    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+    control: &mut Control<'_>,
 ) -> Result<(CheckReport, Sample)> {
     let extent = StackShape::of(scene)?;
     let detector = DetectorModel::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
     let materials = materials(scene, nodes.mean_energy())?;
     memory::check_before_loading(scene, memory_limit)?;
+    let shared = Arc::new(scene.clone());
     let (sample, refusals) =
-        run::watching(progress, None, |watcher| geometry::load_lenient_watched(scene, watcher))?;
-    let swept = geometry::swept(&sample);
-    swept.check_clearance(scene, &sample)?;
+        run::watching(control.progress.as_deref_mut(), &control.cancel, |watcher| {
+            geometry::load_lenient_watched(&shared, watcher)
+        })?;
+    let (sample, swept) = control.step(LoadStep::Clearance, move || {
+        let swept = geometry::swept(&sample);
+        swept.check_clearance(&shared, &sample).map(|()| (sample, swept))
+    })??;
     let mut warnings = swept.fov_warnings(scene);
     warnings.extend(geometry::unit_warnings(scene, &sample));
     for material in materials.iter().filter(|material| material.shadows_builtin) {
@@ -296,6 +306,7 @@ fn load_lenient(
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
     let report = CheckReport {
+        title: scene.title.clone(),
         setup: setup(scene, &swept, extent, nodes, &detector),
         illumination: None,
         work: Work {

@@ -10,7 +10,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::Ordering;
 
 /// What two series of images differ by. `b - a` where there is a sign.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -63,10 +62,7 @@ impl Advance<'_, '_> {
         if let Some(progress) = &mut self.control.progress {
             progress(self.done, self.all);
         }
-        match self.control.cancel {
-            Some(cancel) if cancel.load(Ordering::Relaxed) => Err(Error::Interrupted),
-            _ => Ok(()),
-        }
+        self.control.cancel.check()
     }
 }
 

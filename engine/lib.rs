@@ -21,6 +21,7 @@ mod setters;
 
 mod accel;
 mod array_file;
+mod cancel;
 pub mod check;
 pub mod compare;
 mod detector;
@@ -57,12 +58,13 @@ mod whole_file;
 pub use ndarray;
 
 pub use accel::Backend;
+pub use cancel::Cancel;
 pub use error::{Error, Place, Result};
 pub use gpu::{DeviceDescription, DeviceKind};
 pub use optics::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use run::{
     Control, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate, Simulation,
-    ViewProgress, devices, require_memory,
+    ViewProgress, devices, load_sample, require_memory,
 };
 pub use stack::{RunRecord, SamplingSummary};
 pub use trace::{Ray, SurfaceCrossing, Tally};

@@ -4,12 +4,13 @@
 use super::pictures::{refuse_read, save_plot};
 use crate::args::Check;
 use crate::failure::Failure;
+use crate::interrupt;
 use crate::picture::illumination;
 use crate::progress::Reporter;
 use beamlet::check::{self, CheckReport};
 use beamlet::scene::Scene;
 use beamlet::stack::check_run;
-use beamlet::{Engine, Progress};
+use beamlet::{Control, Engine, Error};
 use std::io::Write;
 use std::path::Path;
 
@@ -21,9 +22,15 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
     }
     let scene = arguments.scene.load()?;
     let mut reporter = Reporter::new(arguments.messages);
-    let report = report(arguments, &scene, &mut |progress| reporter.update(progress));
+    let mut progress = |progress| reporter.update(progress);
+    let mut control =
+        Control::default().with_progress(&mut progress).with_cancel(interrupt::listen());
+    let report = report(arguments, &scene, &mut control);
     reporter.finish();
-    let report = report.map_err(|e| arguments.scene.locate(e))?;
+    let report = report.map_err(|error| match error {
+        Error::Interrupted => Failure::Interrupted { advice: String::new() },
+        error => arguments.scene.locate(error).into(),
+    })?;
     if let Some(path) = &arguments.plot {
         plot(arguments, &scene, &report, path)?;
     }
@@ -64,18 +71,17 @@ fn plot(
 fn report(
     arguments: &Check,
     scene: &Scene,
-    progress: &mut dyn FnMut(Progress),
+    control: &mut Control<'_>,
 ) -> beamlet::Result<CheckReport> {
     if arguments.no_estimate {
-        return check::check_watched(scene, arguments.engine.memory_limit, Some(progress));
+        return check::check_watched(scene, arguments.engine.memory_limit, control);
     }
     let engine = Engine::open(&arguments.engine.options());
     match engine {
-        Ok(engine) => check::check_on_watched(&engine, scene, Some(progress)),
+        Ok(engine) => check::check_on_watched(&engine, scene, control),
         Err(error) if arguments.engine.device.device.is_some() => Err(error),
         Err(error) => {
-            let mut report =
-                check::check_watched(scene, arguments.engine.memory_limit, Some(progress))?;
+            let mut report = check::check_watched(scene, arguments.engine.memory_limit, control)?;
             report.work.no_estimate = Some(error.to_string());
             Ok(report)
         }

@@ -14,11 +14,10 @@ use std::io::Write;
 pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failure> {
     let to =
         arguments.difference.as_ref().map(|path| DifferencesTo::new(path, arguments.format.into()));
-    interrupt::listen();
+    let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
     let mut progress = |done, all| reporter.rows(done, all);
-    let mut control =
-        RowsControl::default().with_progress(&mut progress).with_cancel(&interrupt::CANCELLED);
+    let mut control = RowsControl::default().with_progress(&mut progress).with_cancel(cancel);
     let found = compare(&arguments.a, &arguments.b, to, &mut control);
     reporter.finish();
     let found = found.map_err(|error| match error {

@@ -8,7 +8,7 @@ use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
 use beamlet::stack::{Format, RunDirectory, RunFile, StackShape, is_same_place};
-use beamlet::{Control, Engine, Error, RunRecord};
+use beamlet::{Cancel, Control, Engine, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -34,6 +34,7 @@ struct Job {
 
 /// A scene that is done.
 struct Done {
+    title: Option<String>,
     extent: StackShape,
     sink: RunDirectory,
     record: RunRecord,
@@ -71,7 +72,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         kept = kept.sharing(SHARED);
     }
     let jobs = jobs(arguments, outputs)?;
-    interrupt::listen();
+    let cancel = interrupt::listen();
     let engine = Engine::open(&arguments.engine.options())?;
     let places: Vec<_> = jobs.iter().map(|job| (job.path.clone(), job.output.clone())).collect();
     // A limit is that of one run.
@@ -86,6 +87,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         for worker in 0..at_once {
             let sender = sender.clone();
             let (engine, kept, jobs, failed) = (&engine, &kept, &jobs, &failed);
+            let cancel = cancel.clone();
             scope.spawn(move || {
                 while !failed.load(Ordering::Relaxed) {
                     let next = jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
@@ -94,7 +96,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
                     let mut messages = arguments.messages;
                     messages.quiet |= worker > 0;
                     let reporter = Reporter::new(messages);
-                    let done = illuminate(engine, kept, job, &arguments.sets, reporter);
+                    let done = illuminate(engine, kept, job, &arguments.sets, (reporter, &cancel));
                     failed.fetch_or(done.is_err(), Ordering::Relaxed);
                     let _ = sender.send((index, done));
                 }
@@ -103,9 +105,9 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
         drop(sender);
         for (index, done) in results {
             match done {
-                Ok(Done { extent, sink, record, seconds }) => {
+                Ok(Done { title, extent, sink, record, seconds }) => {
                     unfinished.remove(&index);
-                    let printed = summary(&sink, extent, &record, seconds, out);
+                    let printed = summary(title.as_deref(), &sink, extent, &record, seconds, out);
                     failed.fetch_or(printed.is_err(), Ordering::Relaxed);
                     printed?;
                 }
@@ -133,19 +135,20 @@ fn illuminate(
     kept: &StoredMoments,
     mut job: Job,
     sets: &[String],
-    mut reporter: Reporter,
+    (mut reporter, cancel): (Reporter, &Cancel),
 ) -> Result<Done, Failure> {
     let began = Instant::now();
     let mut report = |progress| reporter.update(progress);
-    let mut control =
-        Control::default().with_progress(&mut report).with_cancel(&interrupt::CANCELLED);
+    let mut control = Control::default().with_progress(&mut report).with_cancel(cancel.clone());
     let done = engine
         .reilluminate_with(kept, &job.scene, &mut control)
         .and_then(|simulation| simulation.run(&mut job.sink, control));
     reporter.finish();
-    let Job { path, extent, sink, .. } = job;
+    let Job { path, scene: Scene { title, .. }, extent, sink, .. } = job;
     match done {
-        Ok(record) => Ok(Done { extent, sink, record, seconds: began.elapsed().as_secs_f64() }),
+        Ok(record) => {
+            Ok(Done { title, extent, sink, record, seconds: began.elapsed().as_secs_f64() })
+        }
         Err(Error::Interrupted) => Err(Failure::Interrupted { advice: String::new() }),
         Err(error) => Err(Scene::locate(&path, sets, error).into()),
     }

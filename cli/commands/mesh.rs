@@ -4,7 +4,9 @@ use super::beam;
 use super::pictures::{refuse_existing, refuse_read};
 use crate::args::Mesh as Arguments;
 use crate::failure::Failure;
-use beamlet::geometry::{self, NamedMesh, write_meshes};
+use crate::progress::Reporter;
+use beamlet::Control;
+use beamlet::geometry::{NamedMesh, write_meshes};
 use beamlet::scene::{Beam, Mesh, MeshFormat, Object, Scene};
 use std::io::Write;
 use std::path::Path;
@@ -21,7 +23,11 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     refuse_format(&arguments.output)?;
     refuse_read(path, &read)?;
     refuse_existing(path, arguments.overwrite)?;
-    let sample = geometry::load(&scene).map_err(located)?;
+    let mut reporter = Reporter::new(arguments.messages);
+    let mut progress = |progress| reporter.update(progress);
+    let mut control = Control::default().with_progress(&mut progress);
+    let sample = beamlet::load_sample(&scene, &mut control).map_err(located)?;
+    reporter.doing("making facets of shapes");
     for object in &sample.objects {
         object.warnings.iter().for_each(|text| log::warn!("{}: {text}", object.name));
     }
@@ -29,6 +35,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     if !arguments.objects.is_empty() {
         meshes = chosen(meshes, &arguments.objects)?;
     }
+    reporter.finish();
     write(&arguments.output, &meshes, arguments.unit, out)
 }
 

@@ -3,6 +3,7 @@
 use super::pictures::{refuse_existing, refuse_read};
 use crate::args::Report;
 use crate::failure::Failure;
+use crate::progress::Reporter;
 use crate::report::{self, PageOptions};
 use crate::subject::Subject;
 use std::ffi::OsString;
@@ -29,7 +30,9 @@ pub(super) fn run(arguments: &Report, out: &mut impl Write) -> Result<(), Failur
         device: arguments.device.device.clone(),
         command: command(),
     };
-    let page = report::page(&run, &options)?;
+    let mut reporter = Reporter::new(arguments.messages);
+    let page = report::page(&run, &options, &mut reporter)?;
+    reporter.finish();
     beamlet::write_file(&path, page.as_bytes())?;
     Ok(writeln!(out, "{}", beamlet::printed::path(&path))?)
 }

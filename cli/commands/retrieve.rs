@@ -58,12 +58,11 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
             return Err(Failure::Usage(problem));
         }
     }
-    interrupt::listen();
+    let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
     let engine = Engine::open(&arguments.device.options())?;
     let mut progress = |done, all| reporter.rows(done, all);
-    let mut control =
-        RowsControl::default().with_progress(&mut progress).with_cancel(&interrupt::CANCELLED);
+    let mut control = RowsControl::default().with_progress(&mut progress).with_cancel(cancel);
     let to = ImagesTo::new(&path, arguments.format.into()).with_overwrite(arguments.overwrite);
     let done = retrieve(&engine, input, &options, to, &mut control);
     reporter.finish();

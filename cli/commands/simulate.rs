@@ -35,7 +35,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         return Ok(());
     }
     let recorded_backend = sink.recorded().map(|file| file.record.backend);
-    interrupt::listen();
+    let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
     // A resumed run goes on with the backend that began it, or its bits would change.
     let backend = arguments.engine.backend.choice().or(recorded_backend);
@@ -46,14 +46,17 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let mut report = |progress| reporter.update(progress);
     let control = Control::default()
         .with_progress(&mut report)
-        .with_cancel(&interrupt::CANCELLED)
+        .with_cancel(cancel)
         .with_skip(skip)
         .with_counted(counted)
         .with_keep(keep.as_mut());
     let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
     match done {
-        Ok(record) => summary(&sink, extent, &record, began.elapsed().as_secs_f64(), out),
+        Ok(record) => {
+            let seconds = began.elapsed().as_secs_f64();
+            summary(scene.title.as_deref(), &sink, extent, &record, seconds, out)
+        }
         Err(Error::Interrupted) => {
             let began = arguments.resume || sink.has_begun();
             Err(Failure::Interrupted { advice: advice(arguments, began) })
@@ -112,6 +115,7 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
 
 /// What the user wants to know at the end, on stdout.
 pub(super) fn summary(
+    title: Option<&str>,
     sink: &RunDirectory,
     extent: StackShape,
     record: &RunRecord,
@@ -122,6 +126,9 @@ pub(super) fn summary(
     // Of a resumed run the tally covers all views, and the time this part.
     let rays = record.tally.rays.saturating_sub(sink.counted().rays);
     let rate = rays as f64 / 1e6 / seconds.max(1e-9);
+    if let Some(title) = title {
+        writeln!(out, "title    {}", beamlet::printed::line(title))?;
+    }
     writeln!(out, "run      {} ({})", beamlet::printed::path(sink.path()), sink.format())?;
     writeln!(out, "views    {views} x {steps} steps of {columns} x {rows} pixels, and the flat")?;
     writeln!(out, "device   {} ({})", record.device, record.driver)?;

@@ -7,6 +7,8 @@ use crate::args::{View, ViewOfRun, ViewOfScene};
 use crate::failure::Failure;
 use crate::picture::sample::{self, Camera};
 use crate::picture::set_up;
+use crate::progress::Reporter;
+use beamlet::Control;
 use beamlet::scene::Scene;
 use std::io::Write;
 use std::path::PathBuf;
@@ -14,6 +16,7 @@ use std::path::PathBuf;
 pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure> {
     let of_scene = &arguments.of_scene;
     let form = PictureForm { format: arguments.format, width: arguments.width };
+    let mut reporter = Reporter::new(arguments.messages);
     let camera = of_scene.azimuth.is_some() || of_scene.elevation.is_some();
     let (pictures, read) = if arguments.what.is_dir() {
         if !of_scene.sets.is_empty() || of_scene.device.device.is_some() || camera {
@@ -23,6 +26,7 @@ pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure>
         }
         let read = std::iter::once(&arguments.what).chain(&arguments.of_run.retrieved);
         let read = read.cloned().collect();
+        reporter.doing("drawing");
         (chosen::of(&arguments.what, &arguments.of_run, form)?, read)
     } else {
         let ViewOfRun { show, maps, retrieved, ranges, view, step, row, pixel } = &arguments.of_run;
@@ -33,17 +37,25 @@ pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure>
                            are for runs and retrieved images; this is a scene";
             return Err(Failure::Usage(problem.into()));
         }
-        scene(arguments, form)?
+        scene(arguments, form, &mut reporter)?
     };
+    reporter.finish();
     pictures.write(&arguments.output, arguments.overwrite, &read, out)
 }
 
 /// Set-up and sample, and the files that they are of.
-fn scene(arguments: &View, form: PictureForm) -> Result<(Pictures, Vec<PathBuf>), Failure> {
+fn scene(
+    arguments: &View,
+    form: PictureForm,
+    reporter: &mut Reporter,
+) -> Result<(Pictures, Vec<PathBuf>), Failure> {
     let ViewOfScene { sets, azimuth, elevation, device } = &arguments.of_scene;
     let failed = |error| Failure::from(Scene::locate(&arguments.what, sets, error));
     let scene = beamlet::check::load_scene(&arguments.what, sets)?;
-    let geometry = beamlet::geometry::load(&scene).map_err(failed)?;
+    let mut progress = |progress| reporter.update(progress);
+    let mut control = Control::default().with_progress(&mut progress);
+    let geometry = beamlet::load_sample(&scene, &mut control).map_err(failed)?;
+    reporter.doing("drawing");
     beamlet::geometry::check_clearance(&scene, &geometry).map_err(failed)?;
     let mut pictures = Pictures::new(form);
     pictures.add("set_up", &set_up::draw(&scene, &geometry)?)?;

@@ -3,8 +3,10 @@
 use crate::failure::Failure;
 use crate::picture::sample::{self, Camera};
 use crate::picture::{set_up, spectrum};
+use crate::progress::Reporter;
 use crate::subject::Subject;
-use beamlet::geometry::{self, Sample};
+use beamlet::Control;
+use beamlet::geometry::Sample;
 use beamlet::scene::{Beam, Scene};
 use beamlet::spectrum::Spectrum;
 
@@ -20,13 +22,20 @@ pub(super) struct Figures {
 }
 
 /// Draws what the scene of a run, or the geometry of a retrieval, has. `device` draws the sample.
-pub(super) fn of(run: &Subject, device: Option<&str>) -> Result<Figures, Failure> {
+pub(super) fn of(
+    run: &Subject,
+    device: Option<&str>,
+    reporter: &mut Reporter,
+) -> Result<Figures, Failure> {
     let mut figures = Figures::default();
     let Some(scene) = run.scene() else { return Ok(figures) };
-    let loaded = geometry::load(scene).unwrap_or_else(|error| {
+    let mut progress = |progress| reporter.update(progress);
+    let mut control = Control::default().with_progress(&mut progress);
+    let loaded = beamlet::load_sample(scene, &mut control).unwrap_or_else(|error| {
         figures.notes.push(format!("Without the sample: {error}"));
         Sample::default()
     });
+    reporter.doing("drawing");
     let drawing = set_up::draw(scene, &loaded)?;
     figures.set_up = drawing.to_svg("set-up", "The set-up from above");
     if !loaded.objects.is_empty() {

@@ -7,7 +7,9 @@ mod tables;
 mod thinning;
 
 use crate::failure::Failure;
+use crate::numbers;
 use crate::picture::colour::Map;
+use crate::progress::Reporter;
 use crate::subject::Subject;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -51,20 +53,25 @@ pub(crate) struct PageOptions {
 /// The page of a run or of retrieved images.
 ///
 /// Fails where there is not the memory for it.
-pub(crate) fn page(run: &Subject, options: &PageOptions) -> Result<String, Failure> {
+pub(crate) fn page(
+    run: &Subject,
+    options: &PageOptions,
+    reporter: &mut Reporter,
+) -> Result<String, Failure> {
     let most = options.most;
     let [views, steps, rows, columns] = run.shape().map(|side| side as u64);
     let frame = rows.saturating_mul(columns);
     let images = (views + 1).saturating_mul(steps + IMAGES).saturating_mul(2 * frame).min(most);
     let needed = COPIES.saturating_mul(images).saturating_add(OF_FRAME.saturating_mul(frame));
     require_memory(needed, "the page of a report")?;
+    reporter.doing("reading images");
     let data = data::collect(run, most)?;
     let encoded = |(name, words): (String, Vec<u16>)| {
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
         TableRow::new(name, STANDARD.encode(bytes))
     };
     let arrays: Vec<TableRow> = data.arrays.into_iter().map(encoded).collect();
-    let figures = figures::of(run, options.device.as_deref())?;
+    let figures = figures::of(run, options.device.as_deref(), reporter)?;
     let notes: Vec<String> = data.notes.into_iter().chain(figures.notes).collect();
     let counts = run.record().is_some_and(|record| record.counts);
     let context = context! {
@@ -112,8 +119,11 @@ fn rendered(context: &Value) -> Result<String, Failure> {
     environment.get_template("page.html").and_then(|page| page.render(context)).map_err(failed)
 }
 
-/// The name of the directory.
+/// The title of the scene, or the name of the directory.
 fn title(run: &Subject) -> String {
+    if let Some(title) = run.scene().and_then(|scene| scene.title.clone()) {
+        return title;
+    }
     let path = run.path();
     // Of a path such as ".", too.
     let whole = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
@@ -121,23 +131,49 @@ fn title(run: &Subject) -> String {
     name.unwrap_or_else(|| "run".to_owned())
 }
 
-/// When what was made, and by which command.
+/// When what was made, by which command and program.
 fn facts(run: &Subject, command: &str) -> Vec<TableRow> {
-    let time = |time: SystemTime| {
-        let text = humantime::format_rfc3339_seconds(time).to_string();
-        text.replace('T', " ").replace('Z', " UTC")
-    };
-    let written = |file: &str| {
-        let found = run.path().join(file).metadata().and_then(|found| found.modified());
-        found.ok().map(time)
-    };
-    let files = [("run.json", "run written"), ("retrieved.json", "images written")];
-    let dates =
-        files.into_iter().filter_map(|(file, key)| Some(TableRow::new(key, written(file)?)));
-    let mut facts: Vec<TableRow> = dates.collect();
-    facts.push(TableRow::new("page written", time(SystemTime::now())));
-    facts.push(TableRow::new("by", command));
+    // "2026-11-22T05:40:01Z" as people write it.
+    let date = |text: &str| text.replace('T', " ").replace('Z', " UTC");
+    let mut facts = Vec::new();
+    let mut add = |key: &str, value: String| facts.push(TableRow::new(key, value));
+    if let Some(file) = run.run().map(|run| run.record()) {
+        let began = file.began.as_deref().map(date);
+        let written = file.written.as_deref().map(date);
+        match (began, written) {
+            (Some(began), Some(written)) => add("run", format!("{began} to {written}")),
+            (began, written) => add("run", began.or(written).unwrap_or_else(unknown)),
+        }
+        add("duration", if file.duration_s > 0.0 { words_of(file.duration_s) } else { unknown() });
+        let record = &file.record;
+        let commit = record.commit.as_ref().map(|commit| format!(", commit {commit}"));
+        add("program", format!("beamlet {}{}", record.version, commit.unwrap_or_default()));
+        for command in &file.commands {
+            add("command", command.clone());
+        }
+    } else if let Some(record) = run.record() {
+        add("program", format!("beamlet {}", record.version));
+    }
+    let now = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
+    add("page written", date(&now));
+    add("by", command.to_owned());
     facts
+}
+
+/// What runs of earlier versions do not say.
+fn unknown() -> String {
+    "not recorded".to_owned()
+}
+
+/// A duration as people say it: 0.4 s, 2 min 05 s, 3 h 20 min.
+fn words_of(seconds: f64) -> String {
+    let whole = numbers::whole::<u64>(seconds.round());
+    match whole {
+        0..10 => format!("{seconds:.1} s"),
+        10..60 => format!("{whole} s"),
+        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3600, whole / 60 % 60),
+    }
 }
 
 /// JSON that may stand in a script element.

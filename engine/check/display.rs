@@ -55,6 +55,9 @@ impl CheckReport {
     fn write_setup(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let setup = &self.setup;
         let extent = setup.extent;
+        if let Some(title) = &self.title {
+            writeln!(f, "{}\n", crate::printed::line(title))?;
+        }
         writeln!(f, "set-up")?;
         line(f, "mask magnification", number(setup.magnification))?;
         line(f, "object magnification", number(setup.object_magnification))?;

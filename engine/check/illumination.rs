@@ -1,5 +1,6 @@
 //! The illumination curve of a set-up, and what its scan makes of it.
 
+use crate::cancel::Cancel;
 use crate::detector::DetectorModel;
 use crate::numbers::single;
 use crate::optics::{MaskShape, Optics};
@@ -184,7 +185,7 @@ fn fitted(
     // Offsets that are no scan, such as five times the same, settle nothing.
     let Ok(fitter) = Fitter::new(engine, offsets, &options) else { return Ok(None) };
     let Curves { width, area_sigma, centre_sigma, width_sigma, .. } =
-        fitter.fit(curve.view(), None)?;
+        fitter.fit(curve.view(), &Cancel::default())?;
     let fit = CurveFit {
         sigma: f64::from(width[0]),
         uncertainties: [area_sigma[0], centre_sigma[0], width_sigma[0]].map(f64::from),

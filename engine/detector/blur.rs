@@ -4,6 +4,7 @@ use super::grid::SubpixelGrid;
 use super::kernel::{KernelOf, Measured, Spread};
 use super::spread::Window;
 use crate::Result;
+use crate::cancel::Cancel;
 use crate::scene::{Blur, Scene};
 use ndarray::{Array2, Array3, ArrayView3};
 
@@ -39,7 +40,15 @@ impl BlurStage {
     }
 
     /// Intensities `[step][row][column]` of `rows` of pixels, from the grid's rows that they need.
-    pub(super) fn pixels(&self, lit: ArrayView3<'_, f32>, rows: usize) -> Array3<f32> {
-        self.window.gather(lit, [rows, self.window.columns(lit.dim().2)])
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub(super) fn pixels(
+        &self,
+        lit: ArrayView3<'_, f32>,
+        rows: usize,
+        cancel: &Cancel,
+    ) -> Result<Array3<f32>> {
+        self.window.gather(lit, [rows, self.window.columns(lit.dim().2)], cancel)
     }
 }

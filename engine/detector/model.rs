@@ -5,6 +5,7 @@ use super::excess_noise;
 use super::grid::SubpixelGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
+use crate::cancel::Cancel;
 use crate::optics::Optics;
 use crate::scene::Exposure;
 use crate::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec, validate_thresholds};
@@ -72,16 +73,24 @@ impl DetectorModel {
 
     /// Intensities of a band of the detector's rows, from the light on the grid's
     /// `SubpixelGrid::lit_rows`, `[step][row][column]`.
-    #[must_use]
-    pub fn intensities(&self, view: Exposure, band: &Range<u32>, lit: Array3<f32>) -> Array3<f32> {
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub(crate) fn intensities(
+        &self,
+        view: Exposure,
+        band: &Range<u32>,
+        lit: Array3<f32>,
+        cancel: &Cancel,
+    ) -> Result<Array3<f32>> {
         let needed = self.grid.needed(band);
         let pixels = match &self.blur {
-            Some(blur) => blur.pixels(lit.view(), needed.len()),
+            Some(blur) => blur.pixels(lit.view(), needed.len(), cancel)?,
             None => lit,
         };
         match &self.scatter {
-            Some(scatter) => scatter.add(view, band, &needed, pixels.view()),
-            None => pixels,
+            Some(scatter) => scatter.add(view, band, &needed, pixels.view(), cancel),
+            None => Ok(pixels),
         }
     }
 
@@ -94,9 +103,11 @@ impl DetectorModel {
         view: Exposure,
         band: &Range<u32>,
         intensities: ArrayView3<'_, f32>,
+        cancel: &Cancel,
     ) -> Result<Option<Frame>> {
-        let frame =
-            |noise: &Noise| noise.counts(view, band.start, intensities.slice(s![.., .., ..]));
+        let frame = |noise: &Noise| {
+            noise.counts(view, band.start, intensities.slice(s![.., .., ..]), cancel)
+        };
         self.noise.as_ref().map(frame).transpose()
     }
 }

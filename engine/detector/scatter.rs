@@ -2,6 +2,7 @@
 
 use super::kernel::{KernelOf, Measured};
 use super::spread::Window;
+use crate::cancel::Cancel;
 use crate::numbers::{self, single};
 use crate::scene::Exposure;
 use crate::scene::{Scatter, Scene};
@@ -52,13 +53,17 @@ impl ScatterStage {
     }
 
     /// The rows `band` with what is scattered into them; `light` are the rows `needed`.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
     pub(super) fn add(
         &self,
         view: Exposure,
         band: &Range<u32>,
         needed: &Range<u32>,
         light: ArrayView3<'_, f32>,
-    ) -> Array3<f32> {
+        cancel: &Cancel,
+    ) -> Result<Array3<f32>> {
         let from = (band.start - needed.start) as usize;
         let mut out = light.slice(s![.., from..from + band.len(), ..]).to_owned();
         match self {
@@ -80,9 +85,9 @@ impl ScatterStage {
                 framed
                     .slice_mut(s![.., skip..skip + rows, *across..across + columns])
                     .assign(&light.slice(s![.., take..take + rows, ..]));
-                out += &window.gather(framed.view(), [band.len(), columns]);
+                out += &window.gather(framed.view(), [band.len(), columns], cancel)?;
             }
         }
-        out
+        Ok(out)
     }
 }

@@ -1,6 +1,8 @@
 //! Light summed over the window of each pixel: directly, or by Fourier transforms along the rows
 //! where windows are wide.
 
+use crate::Result;
+use crate::cancel::Cancel;
 use crate::numbers::single;
 use ndarray::{Array2, Array3, ArrayView3};
 use rayon::prelude::*;
@@ -41,23 +43,30 @@ impl Window {
 
     /// Sums the weights over the window of each pixel, which moves by the parts of a pixel from
     /// pixel to pixel; in f64. The bits of a row depend on the light in its window alone.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
     pub(super) fn gather(
         &self,
         lit: ArrayView3<'_, f32>,
         [rows, columns]: [usize; 2],
-    ) -> Array3<f32> {
-        match &self.transformed {
-            Some(transformed) => transformed.gather(lit, self.parts, [rows, columns]),
-            None => direct(lit, &self.weights, self.parts, [rows, columns]),
-        }
+        cancel: &Cancel,
+    ) -> Result<Array3<f32>> {
+        let sums = match &self.transformed {
+            Some(transformed) => transformed.gather(lit, self.parts, [rows, columns], cancel),
+            None => direct(lit, &self.weights, self.parts, [rows, columns], cancel),
+        };
+        cancel.check().map(|()| sums)
     }
 }
 
+/// Where it is cancelled, sums are left out.
 fn direct(
     lit: ArrayView3<'_, f32>,
     weights: &Array2<f64>,
     parts: [usize; 2],
     [rows, columns]: [usize; 2],
+    cancel: &Cancel,
 ) -> Array3<f32> {
     let (steps, lit_rows, lit_columns) = lit.dim();
     let mut out = Array3::zeros((steps, rows, columns));
@@ -65,6 +74,9 @@ fn direct(
     let light = lit.as_slice().unwrap_or_default();
     let Some(values) = out.as_slice_mut() else { return out };
     values.par_chunks_mut(columns).enumerate().for_each(|(index, line)| {
+        if cancel.is_cancelled() {
+            return;
+        }
         let (step, row) = (index / rows, index % rows);
         let mut sums = vec![0.0_f64; columns];
         for (j, weights) in weights.outer_iter().enumerate() {
@@ -142,11 +154,13 @@ impl Transformed {
         Some(Self { length, block: length + 1 - taps, weights: spectra, forward, inverse })
     }
 
+    /// Where it is cancelled, sums are left out.
     fn gather(
         &self,
         lit: ArrayView3<'_, f32>,
         [across, down]: [usize; 2],
         [rows, columns]: [usize; 2],
+        cancel: &Cancel,
     ) -> Array3<f32> {
         let (steps, lit_rows, lit_columns) = lit.dim();
         let mut out = Array3::zeros((steps, rows, columns));
@@ -161,6 +175,9 @@ impl Transformed {
                 for (start, lines) in
                     (0..rows).step_by(group).zip(frame.chunks_mut(group * columns))
                 {
+                    if cancel.is_cancelled() {
+                        return out;
+                    }
                     let count = (lines.len() / columns - 1) * down + window;
                     let spectra: Vec<Half> = (0..count * across)
                         .into_par_iter()
@@ -173,6 +190,9 @@ impl Transformed {
                         })
                         .collect();
                     lines.par_chunks_mut(columns).enumerate().for_each(|(row, line)| {
+                        if cancel.is_cancelled() {
+                            return;
+                        }
                         let light = &spectra[row * down * across..];
                         let last = columns.min(first + self.block);
                         store(&mut line[first..last], &self.sums(light));
@@ -251,7 +271,7 @@ mod tests {
             let window = Window::new(weights.clone(), parts, size[0]);
             assert!(window.transformed.is_some());
             assert_eq!(window.columns(lit.dim().2), size[0]);
-            let got = window.gather(lit.view(), [size[1], size[0]]);
+            let got = window.gather(lit.view(), [size[1], size[0]], &Cancel::default()).unwrap();
             for ((step, row, column), got) in got.indexed_iter() {
                 let want: f64 = weights
                     .indexed_iter()
@@ -271,11 +291,11 @@ mod tests {
         let (parts, taps, size) = ([2, 3], [30, 5], [100, 13]);
         let (weights, lit) = case(parts, taps, size);
         let window = Window::new(weights, parts, size[0]);
-        let all = window.gather(lit.view(), [size[1], size[0]]);
+        let all = window.gather(lit.view(), [size[1], size[0]], &Cancel::default()).unwrap();
         for (start, count) in [(0, 1), (3, 4), (7, 6), (12, 1)] {
             let rows = start * parts[1]..(start + count + taps[1] - 1) * parts[1];
             let band = lit.slice(ndarray::s![1.., rows, ..]);
-            let some = window.gather(band, [count, size[0]]);
+            let some = window.gather(band, [count, size[0]], &Cancel::default()).unwrap();
             assert_eq!(some, all.slice(ndarray::s![1.., start..start + count, ..]));
         }
     }

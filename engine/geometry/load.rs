@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -45,18 +46,21 @@ const ROUGH_LEANS: f64 = 6.0;
 /// # Ok::<(), beamlet::Error>(())
 /// ```
 pub fn load(scene: &Scene) -> Result<Sample> {
-    load_watched(scene, Watcher::default())
+    load_all(scene, &Watch::unwatched(scene.objects.len()))
 }
 
 /// As [`load`], watched.
-pub(crate) fn load_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<Sample> {
-    watched(&names(scene), watcher, |watch| {
-        let mut loaded = read_all(scene, watch)?;
-        match loaded.iter_mut().find_map(|object| object.refusal.take()) {
-            Some(refusal) => Err(refusal),
-            None => sample(scene, loaded, false, watch),
-        }
-    })
+pub(crate) fn load_watched(scene: &Arc<Scene>, watcher: Watcher<'_>) -> Result<Sample> {
+    let shared = scene.clone();
+    watched(&names(scene), watcher, move |watch| load_all(&shared, watch))
+}
+
+fn load_all(scene: &Scene, watch: &Watch) -> Result<Sample> {
+    let mut loaded = read_all(scene, watch)?;
+    match loaded.iter_mut().find_map(|object| object.refusal.take()) {
+        Some(refusal) => Err(refusal),
+        None => sample(scene, loaded, false, watch),
+    }
 }
 
 /// As [`load`], but lets every defect through, to report what is wrong with each object.
@@ -66,26 +70,29 @@ pub(crate) fn load_watched(scene: &Scene, watcher: Watcher<'_>) -> Result<Sample
 /// # Errors
 /// As [`load`], where an object has no surface.
 pub fn load_lenient(scene: &Scene) -> Result<(Sample, Vec<Error>)> {
-    load_lenient_watched(scene, Watcher::default())
+    load_all_leniently(scene, &Watch::unwatched(scene.objects.len()))
 }
 
 /// As [`load_lenient`], watched.
 pub(crate) fn load_lenient_watched(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     watcher: Watcher<'_>,
 ) -> Result<(Sample, Vec<Error>)> {
-    watched(&names(scene), watcher, |watch| {
-        let mut loaded = read_all(scene, watch)?;
-        let mut refusals: Vec<Error> =
-            loaded.iter_mut().filter_map(|object| object.refusal.take()).collect();
-        match sample(scene, loaded, true, watch) {
-            Ok(sample) => Ok((sample, refusals)),
-            Err(Error::Interrupted) => Err(Error::Interrupted),
-            // What goes wrong between broken objects follows from the first that is broken.
-            Err(_) if !refusals.is_empty() => Err(refusals.swap_remove(0)),
-            Err(error) => Err(error),
-        }
-    })
+    let shared = scene.clone();
+    watched(&names(scene), watcher, move |watch| load_all_leniently(&shared, watch))
+}
+
+fn load_all_leniently(scene: &Scene, watch: &Watch) -> Result<(Sample, Vec<Error>)> {
+    let mut loaded = read_all(scene, watch)?;
+    let mut refusals: Vec<Error> =
+        loaded.iter_mut().filter_map(|object| object.refusal.take()).collect();
+    match sample(scene, loaded, true, watch) {
+        Ok(sample) => Ok((sample, refusals)),
+        Err(Error::Interrupted) => Err(Error::Interrupted),
+        // What goes wrong between broken objects follows from the first that is broken.
+        Err(_) if !refusals.is_empty() => Err(refusals.swap_remove(0)),
+        Err(error) => Err(error),
+    }
 }
 
 fn names(scene: &Scene) -> Vec<String> {
@@ -121,7 +128,7 @@ struct Loaded {
     refusal: Option<Error>,
 }
 
-fn read_all(scene: &Scene, watch: &Watch<'_>) -> Result<Vec<Loaded>> {
+fn read_all(scene: &Scene, watch: &Watch) -> Result<Vec<Loaded>> {
     let mut loaded: Vec<(usize, Loaded)> = by_file(scene)
         .par_iter()
         .map(|members| read_members(scene, members, watch))
@@ -158,11 +165,7 @@ fn file_of(object: &Object) -> Option<&Path> {
 }
 
 /// Reads the objects of these numbers, which take of one mesh file, or one that takes of none.
-fn read_members(
-    scene: &Scene,
-    members: &[usize],
-    watch: &Watch<'_>,
-) -> Result<Vec<(usize, Loaded)>> {
+fn read_members(scene: &Scene, members: &[usize], watch: &Watch) -> Result<Vec<(usize, Loaded)>> {
     let read = |number: usize, file: FileOf<'_>| {
         let object = &scene.objects[number];
         let task = watch.object(number);
@@ -187,7 +190,7 @@ fn label(object: &Object) -> String {
 }
 
 /// The sample; with `contacts`, those of its objects, too.
-fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch<'_>) -> Result<Sample> {
+fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> Result<Sample> {
     let names = names(scene);
     let mut bodies = Vec::with_capacity(loaded.len());
     let mut notes = Vec::with_capacity(loaded.len());
@@ -253,7 +256,7 @@ fn read_object(
     {
         task.begin(LoadStep::Reading, 0)?;
         let prototype = |places| Prototype::of_shape(shape, number, places);
-        let group = group_of(scene, object, number, &label, prototype)?;
+        let group = group_of(scene, object, number, &label, prototype, task)?;
         task.finish();
         return Ok(Loaded {
             body: Body::empty(),
@@ -313,7 +316,10 @@ fn read_object(
     body.warnings = warnings;
     let group = match &object.instances {
         None => None,
-        Some(_) => Some(group_of(scene, object, number, &label, |_| body.take_prototype())?),
+        Some(_) => {
+            let prototype = |_| body.take_prototype();
+            Some(group_of(scene, object, number, &label, prototype, task)?)
+        }
     };
     let (parts, seconds) = (body.components.len(), begin.elapsed().as_secs_f64());
     log::info!("{label}: {parts} parts, read and checked in {seconds:.1} s");
@@ -329,10 +335,11 @@ fn group_of(
     number: u32,
     label: &str,
     prototype: impl FnOnce(usize) -> Prototype,
+    task: Task<'_>,
 ) -> Result<Group> {
     let around = placement::group(&object.placement).map_err(failed(label))?;
     let places: Vec<Place> =
-        instances::transforms(scene, object)?.iter().map(|it| around.around(it)).collect();
+        instances::watched(scene, object, task)?.iter().map(|it| around.around(it)).collect();
     let prototype = prototype(places.len());
     let bounds = prototype.bounds();
     let held = |place: &&Place| place.bounds(bounds).iter().all(|it| it.as_vec3().is_finite());

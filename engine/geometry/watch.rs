@@ -1,15 +1,12 @@
 //! Reading and checking of objects, watched from the calling thread: what is in work, how far it
 //! is, and whether to stop.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::thread;
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{self, Sender};
 
+use crate::cancel::Cancel;
 use crate::error::{Error, Result};
-
-/// Time between two reports of the same step.
-const TICK: Duration = Duration::from_millis(100);
 
 /// A step of reading and checking the objects of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,6 +14,8 @@ const TICK: Duration = Duration::from_millis(100);
 pub enum LoadStep {
     /// A file is read, or a shape made; counted in bytes of the file.
     Reading,
+    /// Instances of the object are packed; random fibres are counted in fibres, others not.
+    Packing,
     /// Equal vertices are joined, and triangles sorted for search. Not counted.
     Joining,
     /// Triangles are looked at for what passes through what; counted in groups of triangles.
@@ -27,8 +26,12 @@ pub enum LoadStep {
     /// Objects that meet or nearly do are measured, for a check alone; counted in pairs of objects.
     Comparing,
     /// What later objects cover is cut away; counted in parts of objects. Only where objects
-    /// overlap or touch, last, and of all objects together.
+    /// overlap or touch, and of all objects together.
     Cutting,
+    /// The sample is compared with the masks, which it must not reach. Not counted.
+    Clearance,
+    /// Trees are built over triangles and instances, for rays to find them. Not counted.
+    Building,
 }
 
 /// How far the reading and checking of objects is.
@@ -49,13 +52,20 @@ pub struct LoadProgress {
     pub total: u64,
 }
 
+impl LoadProgress {
+    /// A step of all objects together, which is not counted.
+    pub(crate) const fn of_all(step: LoadStep) -> Self {
+        Self { step, object: String::new(), objects_done: 0, objects: 0, done: 0, total: 0 }
+    }
+}
+
 /// Who watches, and who may stop it.
 #[derive(Default)]
 pub(crate) struct Watcher<'a> {
-    /// Called at the beginning of each step and every tenth of a second, from the calling thread.
+    /// Called at the beginning of each step and many times a second, from the calling thread.
     pub(crate) progress: Option<&'a mut dyn FnMut(LoadProgress)>,
-    /// Set to true to end with [`Error::Interrupted`].
-    pub(crate) cancel: Option<&'a AtomicBool>,
+    /// Ends it with [`Error::Interrupted`].
+    pub(crate) cancel: Cancel,
 }
 
 /// The step in work of one object, or of the nesting of all.
@@ -67,13 +77,16 @@ struct Slot {
     total: AtomicU64,
 }
 
-const STEPS: [LoadStep; 6] = [
+const STEPS: [LoadStep; 9] = [
     LoadStep::Reading,
+    LoadStep::Packing,
     LoadStep::Joining,
     LoadStep::Checking,
     LoadStep::Nesting,
     LoadStep::Comparing,
     LoadStep::Cutting,
+    LoadStep::Clearance,
+    LoadStep::Building,
 ];
 const FINISHED: u64 = STEPS.len() as u64 + 1;
 
@@ -86,8 +99,8 @@ struct Begun {
 }
 
 /// Where the threads that read objects say how far they are.
-pub(super) struct Watch<'a> {
-    cancel: Option<&'a AtomicBool>,
+pub(super) struct Watch {
+    cancel: Cancel,
     /// Steps that began; `None` where nobody listens.
     began: Option<Sender<Begun>>,
     /// Of each object, and of the nesting.
@@ -96,9 +109,15 @@ pub(super) struct Watch<'a> {
 
 /// The part of a [`Watch`] that one object has, or the nesting.
 #[derive(Clone, Copy)]
-pub(super) struct Task<'a>(Option<(&'a Watch<'a>, usize)>);
+pub(super) struct Task<'a>(Option<(&'a Watch, usize)>);
 
-impl Watch<'_> {
+impl Watch {
+    /// One that nobody watches, of so many objects.
+    pub(super) fn unwatched(objects: usize) -> Self {
+        let slots = (0..=objects).map(|_| Slot::default()).collect();
+        Self { cancel: Cancel::default(), began: None, slots }
+    }
+
     pub(super) fn object(&self, number: usize) -> Task<'_> {
         Task(Some((self, number)))
     }
@@ -127,6 +146,12 @@ impl Task<'_> {
         if let Some(began) = &watch.began {
             let _ = began.send(Begun { number, step, total });
         }
+        self.check()
+    }
+
+    /// # Errors
+    /// [`Error::Interrupted`] where it shall stop.
+    pub(super) fn check(self) -> Result<()> {
         if self.is_cancelled() { Err(Error::Interrupted) } else { Ok(()) }
     }
 
@@ -146,61 +171,40 @@ impl Task<'_> {
 
     /// Whether to stop.
     pub(super) fn is_cancelled(self) -> bool {
-        self.0
-            .and_then(|(watch, _)| watch.cancel)
-            .is_some_and(|cancel| cancel.load(Ordering::Relaxed))
+        self.0.is_some_and(|(watch, _)| watch.cancel.is_cancelled())
     }
 }
 
-/// Does `work` on the objects of these names. Where somebody listens, a thread of its own does it
-/// and the calling one reports.
-pub(super) fn watched<T: Send>(
+/// Does `work` on the objects of these names, on a thread of its own that is left behind where the
+/// work is cancelled; the calling thread reports.
+///
+/// # Errors
+/// Those of `work`; [`Error::Interrupted`].
+pub(super) fn watched<T: Send + 'static>(
     names: &[String],
     watcher: Watcher<'_>,
-    work: impl Fn(&Watch<'_>) -> T + Sync,
-) -> T {
-    let Watcher { progress, cancel } = watcher;
-    let slots = (0..=names.len()).map(|_| Slot::default()).collect();
-    let Some(progress) = progress else {
-        return work(&Watch { cancel, began: None, slots });
-    };
+    work: impl FnOnce(&Watch) -> Result<T> + Send + 'static,
+) -> Result<T> {
+    let Watcher { mut progress, cancel } = watcher;
     let (began, beginnings) = mpsc::channel();
-    let watch = Watch { cancel, began: Some(began), slots };
-    let (watch, work) = (&watch, &work);
-    let finished = AtomicBool::new(false);
-    let finished = &finished;
-    thread::scope(|scope| {
-        let job = || {
-            let made = work(watch);
-            finished.store(true, Ordering::Release);
-            // Wakes the thread that listens: no slot has this number.
-            let end = Begun { number: usize::MAX, step: LoadStep::Nesting, total: 0 };
-            let _ = watch.began.as_ref().map(|began| began.send(end));
-            made
-        };
-        // Without memory for a thread it is done all the same, unwatched.
-        let Ok(worker) = thread::Builder::new().spawn_scoped(scope, job) else {
-            return work(watch);
-        };
-        // A thread that panics sends nothing.
-        while !finished.load(Ordering::Acquire) && !worker.is_finished() {
-            let report = match beginnings.recv_timeout(TICK) {
-                Ok(begun) => watch.beginning(&begun, names),
-                Err(RecvTimeoutError::Timeout) => watch.in_work(names),
-                Err(RecvTimeoutError::Disconnected) => break,
-            };
-            report.into_iter().for_each(&mut *progress);
-        }
-        beginnings.try_iter().filter_map(|begun| watch.beginning(&begun, names)).for_each(progress);
-        worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
+    let unwatched = Watch::unwatched(names.len());
+    let watch = Arc::new(Watch { cancel: cancel.clone(), began: Some(began), ..unwatched });
+    let mut report = |also: Option<LoadProgress>| {
+        let Some(progress) = &mut progress else { return };
+        let begun = beginnings.try_iter().map(|begun| watch.beginning(&begun, names));
+        begun.chain(also).for_each(progress);
+    };
+    let at_work = watch.clone();
+    let made = cancel.leaving(&mut || report(watch.in_work(names)), move || work(&at_work));
+    report(None);
+    made?
 }
 
-impl Watch<'_> {
-    /// A step as it began; `None` for the end of all.
-    fn beginning(&self, begun: &Begun, names: &[String]) -> Option<LoadProgress> {
+impl Watch {
+    /// A step as it began.
+    fn beginning(&self, begun: &Begun, names: &[String]) -> LoadProgress {
         let Begun { number, step, total } = *begun;
-        (number < self.slots.len()).then(|| self.report(number, step, [0, total], names))
+        self.report(number, step, [0, total], names)
     }
 
     /// The step in work that has the most left.
@@ -241,6 +245,8 @@ impl Watch<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cancel::TICK;
+    use std::thread;
 
     #[test]
     fn every_step_is_reported_as_it_began_and_again_while_it_lasts() {
@@ -249,7 +255,7 @@ mod tests {
         let mut take = |report: LoadProgress| {
             reports.push((report.object, report.step, report.done, report.total));
         };
-        let watcher = Watcher { progress: Some(&mut take), cancel: None };
+        let watcher = Watcher { progress: Some(&mut take), ..Watcher::default() };
         let made = watched(&names, watcher, |watch| {
             watch.object(0).begin(LoadStep::Reading, 10)?;
             watch.object(0).finish();
@@ -258,7 +264,7 @@ mod tests {
             thread::sleep(4 * TICK);
             watch.object(1).finish();
             watch.nesting().begin(LoadStep::Nesting, 0)?;
-            Ok::<_, Error>(42)
+            Ok(42)
         });
         assert_eq!(made.unwrap(), 42);
         let name = |name: &str| name.to_owned();
@@ -270,19 +276,25 @@ mod tests {
 
     #[test]
     fn who_cancels_ends_the_next_step() {
-        let cancel = AtomicBool::new(false);
+        let cancel = Cancel::default();
         let mut stop = |report: LoadProgress| {
-            cancel.fetch_or(report.step == LoadStep::Joining, Ordering::Relaxed);
+            if report.step == LoadStep::Joining {
+                cancel.cancel();
+            }
         };
-        let watcher = Watcher { progress: Some(&mut stop), cancel: Some(&cancel) };
-        let ended = watched(&["a".to_owned()], watcher, |watch| {
+        let watcher = Watcher { progress: Some(&mut stop), cancel: cancel.clone() };
+        let (sender, seen) = mpsc::channel();
+        let ended = watched(&["a".to_owned()], watcher, move |watch| {
             watch.object(0).begin(LoadStep::Reading, 1)?;
             watch.object(0).begin(LoadStep::Joining, 1)?;
             while !watch.object(0).is_cancelled() {
                 thread::yield_now();
             }
-            watch.object(0).begin(LoadStep::Checking, 1)
+            let next = watch.object(0).begin(LoadStep::Checking, 1);
+            let _ = sender.send(next.is_err());
+            next
         });
         assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
+        assert!(seen.recv().unwrap(), "the work that was left behind ends, too");
     }
 }

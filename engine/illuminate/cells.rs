@@ -3,6 +3,7 @@
 use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::Result;
+use crate::cancel::Cancel;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace, shaders};
 use crate::interface::{Cell, CellRow, GROUP, IlluminatePush};
 use crate::numbers;
@@ -50,14 +51,19 @@ pub(crate) struct CellIlluminator {
     /// Dispatches of the next submission, to the far kernel or not, and their cost.
     planned: Vec<(bool, IlluminatePush)>,
     planned_cost: u64,
+    cancel: Cancel,
 }
 
 impl CellIlluminator {
-    /// An illuminator, its kernel made.
+    /// An illuminator, its kernel made, which `cancel` ends between two submissions.
     ///
     /// # Errors
     /// [`crate::Error::Device`], [`crate::Error::Memory`].
-    pub(crate) fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>) -> Result<Self> {
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        kernels: &Arc<CellKernels>,
+        cancel: &Cancel,
+    ) -> Result<Self> {
         kernels.near.get()?;
         Ok(Self {
             device: device.clone(),
@@ -67,13 +73,14 @@ impl CellIlluminator {
             pace: Pace::new(1 << 16, 1024, 1 << 26),
             planned: Vec::new(),
             planned_cost: 0,
+            cancel: cancel.clone(),
         })
     }
 
     /// Adds the light of lists of cell rows to the sums, at `steps` mask steps.
     ///
     /// # Errors
-    /// [`crate::Error::Memory`], [`crate::Error::Device`].
+    /// [`crate::Error::Memory`], [`crate::Error::Device`]; [`crate::Error::Interrupted`].
     pub(crate) fn add<'l>(
         &mut self,
         lists: impl Iterator<Item = (&'l IlluminationBuffer, &'l CellBatch)>,
@@ -193,6 +200,7 @@ impl CellIlluminator {
 
     /// Runs what is planned.
     fn run(&mut self) -> Result<()> {
+        self.cancel.check()?;
         let planned = std::mem::take(&mut self.planned);
         self.planned_cost = 0;
         let kernels = self.kernels.clone();

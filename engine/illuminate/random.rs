@@ -66,6 +66,7 @@ pub(crate) fn illuminate_random(
         let pixel_count = numbers::count(pixels.len());
         let mut first_ray = 0;
         while first_ray < all {
+            tracer.cancel().check()?;
             let batch = (all - first_ray).min(capacity / pixel_count);
             if !job.empty {
                 let push = RandomRaysPush {

@@ -1,6 +1,7 @@
 //! Fits of a Gaussian on a background to many illumination curves at once, on the device.
 
 use super::curves::Curves;
+use crate::cancel::Cancel;
 use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
 use crate::interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
@@ -12,7 +13,6 @@ use crate::{Engine, Error, Result};
 use ndarray::{ArrayView2, s};
 use serde::Serialize;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Curves on the device at once: 84 MB with 11 steps.
 const AT_ONCE: usize = 1 << 20;
@@ -170,7 +170,7 @@ impl Fitter {
     /// # Errors
     /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for another number of steps than
     /// of offsets; [`Error::Interrupted`] when `cancel` was set.
-    pub fn fit(&self, curves: ArrayView2<'_, f32>, cancel: Option<&AtomicBool>) -> Result<Curves> {
+    pub fn fit(&self, curves: ArrayView2<'_, f32>, cancel: &Cancel) -> Result<Curves> {
         let (steps, count) = curves.dim();
         if steps != self.step_count {
             return Err(Error::argument(
@@ -210,13 +210,11 @@ impl Fitter {
         output: &Buffer,
         count: u32,
         pace: &mut Pace,
-        cancel: Option<&AtomicBool>,
+        cancel: &Cancel,
     ) -> Result<()> {
         let mut first = 0;
         while first < count {
-            if cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
-                return Err(Error::Interrupted);
-            }
+            cancel.check()?;
             let n = (count - first).min(pace.size());
             let push = FitPush {
                 steps: self.steps.address(),

@@ -3,9 +3,10 @@
 mod reopened;
 
 use super::retriever::Retriever;
+use crate::cancel::{Aside, Cancel};
 use crate::detector::DetectorModel;
 use crate::numbers;
-use crate::scene::{Scene, file_hash, text_hash};
+use crate::scene::{Scene, hash_until, text_hash};
 use crate::stack::{LOG, OpenRun, SCENE, StackFile};
 use crate::{Error, Result, input_file, reserve};
 use ndarray::{Array2, Array3, Zip};
@@ -131,10 +132,13 @@ impl Input {
         self
     }
 
-    /// SHA-256 of everything that was read, by its path.
-    pub(super) fn hashes(&self) -> Result<BTreeMap<String, String>> {
-        let hash = |path: &PathBuf| Ok((path.display().to_string(), hash_of(path)?));
-        self.read.iter().map(hash).collect()
+    /// Begins to find the SHA-256 of everything that is read, by its path, while curves are fitted.
+    pub(super) fn hashes(&self, cancel: &Cancel) -> Aside<Result<BTreeMap<String, String>>> {
+        let (read, cancel) = (self.read.clone(), cancel.clone());
+        Aside::begin(move || {
+            let hash = |path: &PathBuf| Ok((path.display().to_string(), hash_of(path, &cancel)?));
+            read.iter().map(hash).collect()
+        })
     }
 
     /// Leaves out values from here on, as they are in the files: before the dark is subtracted.
@@ -269,9 +273,9 @@ impl Input {
 }
 
 /// SHA-256 of a file, or of what a folder holds: lines of hash and name.
-fn hash_of(path: &Path) -> Result<String> {
+fn hash_of(path: &Path, cancel: &Cancel) -> Result<String> {
     if !path.is_dir() {
-        return file_hash(path);
+        return hash_until(path, cancel);
     }
     let unread = |error| Error::file(path, "cannot be read", Some(error));
     let mut paths = Vec::new();
@@ -281,7 +285,7 @@ fn hash_of(path: &Path) -> Result<String> {
     paths.sort();
     let line = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().display().to_string();
-        Ok(format!("{}  {name}\n", hash_of(path)?))
+        Ok(format!("{}  {name}\n", hash_of(path, cancel)?))
     };
     let lines = paths.iter().map(line).collect::<Result<String>>()?;
     Ok(text_hash(&lines))

@@ -15,7 +15,6 @@ use crate::scene::Scene;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array3, ArrayView3, s};
 use std::ops::Range;
-use std::sync::atomic::Ordering;
 
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
 /// takes seconds, a sixteenth of it, so that a retrieval can be stopped.
@@ -198,7 +197,7 @@ impl Retriever {
         reserve::ask(bytes, &purpose, "retrieve frames with fewer pixels")?;
         let mut all = Curves::new(rows as usize * across);
         self.bands(rows, columns, self.offsets.len(), control, |band, control| {
-            let curves = self.curves(read(band.clone())?, &self.offsets, None, control.cancel)?;
+            let curves = self.curves(read(band.clone())?, &self.offsets, None, &control.cancel)?;
             all.put(band.start as usize * across, &curves);
             Ok(())
         })?;
@@ -249,7 +248,7 @@ impl Retriever {
             }
             let pixels = band.start as usize * across..band.end as usize * across;
             let known = chosen.map(|_| (&flat.curves, pixels.start));
-            let curves = self.curves(data, &offsets, known, control.cancel)?;
+            let curves = self.curves(data, &offsets, known, &control.cancel)?;
             images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
             Ok(())
         })?;
@@ -311,9 +310,7 @@ impl Retriever {
         let height = numbers::at_most(bytes / row_bytes).max(1);
         let mut start = 0;
         while start < rows {
-            if control.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
-                return Err(Error::Interrupted);
-            }
+            control.cancel.check()?;
             let end = rows.min(start.saturating_add(height));
             work(start..end, control)?;
             if let Some(progress) = &mut control.progress {

@@ -85,7 +85,9 @@ pub fn retrieve(
             progress(done, all);
         }
     };
-    let mut inner = RowsControl { progress: Some(&mut advance), cancel: control.cancel };
+    let cancel = control.cancel.clone();
+    let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
+    let hashes = input.hashes(&cancel);
     retriever.set_flat(row_count, columns, &mut |band| input.flat_rows(band), &mut inner)?;
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);
@@ -100,6 +102,7 @@ pub fn retrieve(
     }
     let mut images = ImageDirectory::begin(to.path, to.format, to.overwrite, about(&record))?;
     for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
+        cancel.check()?;
         let image = ArrayView2::from_shape((rows, across), values)
             .map_err(|error| Error::file(to.path, error.to_string(), None))?;
         images.put(name, unit(name, value), 1, image)?;
@@ -108,11 +111,12 @@ pub fn retrieve(
         let mut read = |band| input.sample_rows(view, band);
         let retrieved = retriever.retrieve(columns, &mut read, &mut inner)?;
         for (name, image) in retrieved.iter() {
+            cancel.check()?;
             images.put(name, unit(name, value), input.views(), image.view())?;
         }
         count(&mut record, retrieved.get(FLAGS));
     }
-    record.inputs = input.hashes()?;
+    record.inputs = hashes.wait(&cancel, &mut || {})??;
     images.finish(Some(&record))?;
     Ok(record)
 }

@@ -1,23 +1,25 @@
 //! What a caller may steer while a run goes on, and what it learns of its progress.
 
-use crate::geometry::{LoadProgress, Watcher};
+use crate::cancel::Cancel;
+use crate::error::Result;
+use crate::geometry::{self, LoadProgress, LoadStep, Sample, Watcher};
 use crate::moments::MomentWriter;
-use crate::scene::Exposure;
+use crate::scene::{Exposure, Scene};
 use crate::trace::Tally;
 use std::fmt;
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 
 /// What a caller may steer while a run goes on. `Control::default()` runs every view to its end
 /// without a word; what differs from it is set in a chain.
 ///
 /// ```no_run
 /// use beamlet::stack::ArraySink;
-/// use beamlet::{Control, Engine, EngineOptions, Progress, scene::Scene};
-/// use std::sync::atomic::AtomicBool;
+/// use beamlet::{Cancel, Control, Engine, EngineOptions, Progress, scene::Scene};
 ///
-/// let cancel = AtomicBool::new(false);
+/// // A clone of it, on another thread, ends the run.
+/// let cancel = Cancel::default();
 /// let mut report = |progress: Progress| println!("{progress:?}");
-/// let control = Control::default().with_progress(&mut report).with_cancel(&cancel);
+/// let control = Control::default().with_progress(&mut report).with_cancel(cancel.clone());
 /// let engine = Engine::open(&EngineOptions::default())?;
 /// let record = engine.run(&Scene::load("scene.toml")?, &mut ArraySink::new(), control)?;
 /// # Ok::<(), beamlet::Error>(())
@@ -25,11 +27,12 @@ use std::sync::atomic::AtomicBool;
 #[derive(Default)]
 #[non_exhaustive]
 pub struct Control<'a> {
-    /// Called from the calling thread: at each step of the loading of objects and ten times a
-    /// second while it lasts, then now and then while views are made.
+    /// Called from the calling thread: at each step of the preparation and many times a second
+    /// while it lasts, then at each part of a view that is done. What takes long between two calls
+    /// is for the caller to bridge, with a clock of its own.
     pub progress: Option<&'a mut dyn FnMut(Progress)>,
-    /// Set to true to end the run with [`crate::Error::Interrupted`].
-    pub cancel: Option<&'a AtomicBool>,
+    /// Ends the run with [`crate::Error::Interrupted`].
+    pub cancel: Cancel,
     /// Views that are committed already and are not computed again.
     pub skip: Vec<Exposure>,
     /// What was counted while those were made ([`crate::stack::RunDirectory::counted`]); it is
@@ -45,8 +48,8 @@ impl<'a> Control<'a> {
     setters! {
         /// Sets what is called with the progress.
         with_progress(progress: &'a mut dyn FnMut(Progress));
-        /// Sets the flag that ends the run.
-        with_cancel(cancel: &'a AtomicBool);
+        /// Sets what ends the run.
+        with_cancel(cancel: Cancel);
         /// Sets the views that are committed already.
         with_skip(skip: Vec<Exposure>);
         /// Sets what was counted while those were made.
@@ -62,16 +65,16 @@ impl<'a> Control<'a> {
 pub struct RowsControl<'a> {
     /// Called now and then with rows done and rows in all, over all images and the flat.
     pub progress: Option<&'a mut dyn FnMut(u64, u64)>,
-    /// Set to true to end with [`crate::Error::Interrupted`].
-    pub cancel: Option<&'a AtomicBool>,
+    /// Ends the work with [`crate::Error::Interrupted`].
+    pub cancel: Cancel,
 }
 
 impl<'a> RowsControl<'a> {
     setters! {
         /// Sets what is called with the progress.
         with_progress(progress: &'a mut dyn FnMut(u64, u64));
-        /// Sets the flag that ends the work.
-        with_cancel(cancel: &'a AtomicBool);
+        /// Sets what ends the work.
+        with_cancel(cancel: Cancel);
     }
 }
 
@@ -84,9 +87,10 @@ impl fmt::Debug for RowsControl<'_> {
 /// Calls `work` with a watcher of the loading of objects that reports to `progress`.
 pub(crate) fn watching<T>(
     progress: Option<&mut (dyn FnMut(Progress) + '_)>,
-    cancel: Option<&AtomicBool>,
+    cancel: &Cancel,
     work: impl FnOnce(Watcher<'_>) -> T,
 ) -> T {
+    let cancel = cancel.clone();
     match progress {
         None => work(Watcher { progress: None, cancel }),
         Some(progress) => {
@@ -96,10 +100,44 @@ pub(crate) fn watching<T>(
     }
 }
 
+impl Control<'_> {
+    /// Does one step of the preparation, which cannot look whether to stop, as
+    /// [`Cancel::leaving`] does it.
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub(crate) fn step<T: Send + 'static>(
+        &mut self,
+        step: LoadStep,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T> {
+        let progress = &mut self.progress;
+        let mut look = || {
+            if let Some(progress) = progress {
+                progress(Progress::Loading(LoadProgress::of_all(step)));
+            }
+        };
+        look();
+        self.cancel.leaving(&mut look, work)
+    }
+}
+
 impl fmt::Debug for Control<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Control").field("skip", &self.skip).finish_non_exhaustive()
     }
+}
+
+/// The objects of a scene, read, checked and cut as a run has them: [`crate::geometry::load`] with
+/// progress and an end.
+///
+/// # Errors
+/// As [`crate::geometry::load`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+pub fn load_sample(scene: &Scene, control: &mut Control<'_>) -> Result<Sample> {
+    let scene = Arc::new(scene.clone());
+    watching(control.progress.as_deref_mut(), &control.cancel, |watcher| {
+        geometry::load_watched(&scene, watcher)
+    })
 }
 
 /// How far a run is.
@@ -124,4 +162,7 @@ pub struct ViewProgress {
     pub view: Exposure,
     /// Rays traced so far.
     pub rays: u64,
+    /// The share of the run's work that is done, from 0 to 1: rows with the sample weigh more than
+    /// those without, and the flat little. Views with the sample count as alike.
+    pub share: f64,
 }

@@ -7,7 +7,7 @@ pub(crate) mod memory;
 pub(crate) mod simulation;
 
 pub(crate) use control::watching;
-pub use control::{Control, Progress, RowsControl, ViewProgress};
+pub use control::{Control, Progress, RowsControl, ViewProgress, load_sample};
 pub use engine::{Engine, EngineOptions, devices};
 pub use estimate::RunEstimate;
 pub use memory::{MemoryEstimate, require_memory};

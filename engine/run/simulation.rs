@@ -33,7 +33,7 @@ const UNBALANCED_SHARE: f64 = 1e-5;
 #[derive(Debug)]
 pub struct Simulation<'e> {
     engine: &'e Engine,
-    scene: Scene,
+    scene: Arc<Scene>,
     /// The detector; its optics are what is traced and illuminated.
     detector: DetectorModel,
     sample: Sample,
@@ -60,7 +60,7 @@ pub struct Simulation<'e> {
 impl<'e> Simulation<'e> {
     /// The scene.
     #[must_use]
-    pub const fn scene(&self) -> &Scene {
+    pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
@@ -170,7 +170,7 @@ impl<'e> Simulation<'e> {
         let begin = Instant::now();
         let views: Vec<Exposure> =
             stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();
-        let mut work = ViewWork::new(self, &views)?;
+        let mut work = ViewWork::new(self, &views, &control.cancel)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
         let (mut before, mut counted) = (Tally::default(), control.counted);

@@ -34,7 +34,7 @@ impl ProjectedBounds {
     }
 
     /// Rows (of any number) and beamlets of the lattice whose patches it touches.
-    pub(super) fn patches(&self, lattice: &Lattice) -> [Range<i64>; 2] {
+    pub(crate) fn patches(&self, lattice: &Lattice) -> [Range<i64>; 2] {
         let [top, bottom] = self.rows.map(|row| numbers::whole::<i64>(row.floor()));
         [top..bottom + 1, lattice.beamlets_of(self.x)]
     }

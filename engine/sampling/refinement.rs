@@ -13,6 +13,7 @@ use super::patch::{Known, Patch, alike, no_silhouette_between};
 use super::patch_error::{KnownErrors, NarrowComponent};
 use super::response::Opening;
 use crate::Result;
+use crate::cancel::Cancel;
 use crate::interface::{Ray, RayResult};
 use crate::numbers::{self, single};
 use crate::trace::Tracer;
@@ -52,7 +53,7 @@ pub(super) struct PatchWork {
     /// Pieces that wait for the rays through their centroids.
     pending_pieces: Vec<u32>,
     known_errors: KnownErrors,
-    done: bool,
+    pub(super) done: bool,
 }
 
 /// Refines patches.
@@ -260,19 +261,24 @@ impl<'a> Refiner<'a> {
     }
 
     /// Refines patches; false where several hold more than `most` rectangles before they are done.
-    /// They can be gone on with.
+    /// They can be gone on with. `advance` gets how many are done.
     pub(super) fn refine(
         &self,
         tracer: &mut Tracer,
         work: &mut [PatchWork],
         most: usize,
+        advance: &mut dyn FnMut(&Tracer, usize),
     ) -> Result<bool> {
         let most = if work.len() > 1 { most } else { usize::MAX };
+        let cancel = tracer.cancel().clone();
         let rectangles = AtomicUsize::new(work.iter().map(|work| work.patch.size()).sum());
         loop {
             let undone = work.par_iter_mut().filter(|work| !work.done);
-            undone.for_each(|work| self.accept_or_split(work, &rectangles, most));
-            if work.iter().all(|work| work.done) {
+            undone.for_each(|work| self.accept_or_split(work, &rectangles, most, &cancel));
+            cancel.check()?;
+            let done = work.iter().filter(|work| work.done).count();
+            advance(tracer, done);
+            if done == work.len() {
                 return Ok(true);
             }
             if rectangles.load(Ordering::Relaxed) > most {
@@ -284,11 +290,18 @@ impl<'a> Refiner<'a> {
 
     /// Judges a patch and splits the rectangles that it is wrong in, until it needs rays or all
     /// patches together have `most` of them.
-    fn accept_or_split(&self, work: &mut PatchWork, rectangles: &AtomicUsize, most: usize) {
+    fn accept_or_split(
+        &self,
+        work: &mut PatchWork,
+        rectangles: &AtomicUsize,
+        most: usize,
+        cancel: &Cancel,
+    ) {
         while work.pending.is_empty()
             && work.pending_pieces.is_empty()
             && !work.done
             && rectangles.load(Ordering::Relaxed) <= most
+            && !cancel.is_cancelled()
         {
             let before = work.patch.size();
             self.split_once(work);

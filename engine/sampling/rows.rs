@@ -78,6 +78,9 @@ impl ViewContext<'_> {
 /// Takes cell rows as they are ready; may trace with the tracer that it is lent.
 pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<()>;
 
+/// Learns what share of the patches of its rows is done.
+pub(crate) type Advance<'a> = &'a mut dyn FnMut(&Tracer, f64);
+
 /// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
 /// which undeflected light matters; what neither stands nor lands there is left out. About
 /// `rays_at_once` rays are in memory at a time. The cells, but not their order, are the same
@@ -92,6 +95,7 @@ pub(crate) fn sample_rows(
     lit: &Range<i64>,
     rays_at_once: usize,
     take: Take<'_>,
+    advance: Advance<'_>,
 ) -> Result<()> {
     let base = BaseLattice::trace(view, tracer, &rows)?;
     if base.is_empty() && (rows.end <= lit.start || rows.start >= lit.end) {
@@ -123,16 +127,21 @@ pub(crate) fn sample_rows(
             room = room.saturating_sub(weight);
             fits
         };
+        let before = waiting.len() - rest.len();
         let (chunk, after) = rest.split_at(rest.iter().take_while(fits).count());
         rest = after;
         // As many leaves as memory is reckoned for, with what they were split from.
         let most = 2 * rays_at_once;
-        refined(view, &refiner, tracer, (chunk, most), lit, &mut |tracer, cells, empty| {
+        let mut part = |tracer: &Tracer, done: usize| {
+            advance(tracer, (before + done) as f64 / waiting.len() as f64);
+        };
+        let mut keep = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
             blank.extend(empty.into_iter().filter(|(column, row)| {
                 lit.contains(row) && view.lattice.direct.contains(&(column + first_beamlet))
             }));
             take(tracer, &cells)
-        })?;
+        };
+        refined(view, &refiner, tracer, (chunk, most), lit, &mut keep, &mut part)?;
     }
     let cell = empty_cell(view.lattice);
     let words = view.recording.as_ref().map_or(0, |recording| recording.words());
@@ -151,7 +160,7 @@ pub(super) type TakeRefined<'a> =
     &'a mut dyn FnMut(&mut Tracer, CellBatch, Vec<(i64, i64)>) -> Result<()>;
 
 /// Refines patches and hands their cells over, in parts. Where the patches would hold more than
-/// `most` rectangles together, one half waits for the other.
+/// `most` rectangles together, one half waits for the other. `advance` gets how many are done.
 pub(super) fn refined(
     view: &ViewContext<'_>,
     refiner: &Refiner<'_>,
@@ -159,17 +168,23 @@ pub(super) fn refined(
     (patches, most): (&[(i64, i64)], usize),
     lit: &Range<i64>,
     take: TakeRefined<'_>,
+    advance: &mut dyn FnMut(&Tracer, usize),
 ) -> Result<()> {
     let mut work: Vec<PatchWork> = patches.par_iter().filter_map(|at| refiner.begin(*at)).collect();
     refiner.align(tracer, &mut work)?;
     let emitter = Emitter::new(view, &refiner.estimator, lit);
     let mut groups = vec![work];
+    let mut finished = 0;
     while let Some(mut group) = groups.pop() {
-        if !refiner.refine(tracer, &mut group, most)? {
+        let done = |group: &Vec<PatchWork>| group.iter().filter(|work| work.done).count();
+        let others = finished + groups.iter().map(done).sum::<usize>();
+        let mut part = |tracer: &Tracer, done: usize| advance(tracer, others + done);
+        if !refiner.refine(tracer, &mut group, most, &mut part)? {
             let waiting = group.split_off(group.len() / 2);
             groups.extend([waiting, group]);
             continue;
         }
+        finished += group.len();
         let patches: Vec<&Patch> = group.iter().map(|work| &work.patch).collect();
         let (mut cells, empty) = emitter.cells(tracer, &patches)?;
         for work in &group {

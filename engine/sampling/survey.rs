@@ -130,6 +130,7 @@ pub(crate) fn survey_rows(
                 }
                 Ok(())
             },
+            &mut |_, _| {},
         )?;
         *kind = PatchCost {
             patches: patches.len() as f64,

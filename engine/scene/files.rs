@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use super::path as keys;
 use super::{Beam, Instances, KernelFile};
 use super::{Blur, MaterialSpec, Mesh, Scatter, Scene, ShapeOrMesh, SpectrumOrigin};
+use crate::cancel::Cancel;
 use crate::{Error, Result, input_file};
 
 impl Scene {
@@ -150,6 +151,14 @@ impl Scene {
 
 /// SHA-256 of a file, hexadecimal.
 pub(crate) fn hash(path: &Path) -> Result<String> {
+    hash_until(path, &Cancel::default())
+}
+
+/// As [`hash`], of files of any length.
+///
+/// # Errors
+/// The file cannot be read; [`Error::Interrupted`].
+pub(crate) fn hash_until(path: &Path, cancel: &Cancel) -> Result<String> {
     let read = || {
         let mut hasher = Sha256::new();
         let mut file = match input_file::open(path) {
@@ -160,12 +169,14 @@ pub(crate) fn hash(path: &Path) -> Result<String> {
         let mut block = vec![0_u8; 1 << 16];
         loop {
             match file.read(&mut block)? {
+                _ if cancel.is_cancelled() => break Ok(hasher.finalize()),
                 0 => break Ok(hasher.finalize()),
                 len => hasher.update(&block[..len]),
             }
         }
     };
     let digest = read().map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
+    cancel.check()?;
     Ok(digest.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 

@@ -16,6 +16,7 @@ const KNOWN: &[(&str, &[&str])] = &[
     (
         "",
         &[
+            "title",
             "source",
             "detector",
             "sample_mask",

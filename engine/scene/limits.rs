@@ -50,3 +50,6 @@ pub(super) const SPOT: f64 = 1e-3;
 pub(super) const ROUGHNESS: f64 = 0.3;
 /// Bars of masks are thinner, m: thicker ones are probably a mistake.
 pub(crate) const THICK_BARS: f64 = 1e-3;
+
+/// Characters of a title.
+pub(super) const TITLE: usize = 200;

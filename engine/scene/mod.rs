@@ -49,7 +49,7 @@ pub use crate::spot::{Spot, SpotFit, SpotPart};
 pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
 pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 pub use exposure::Exposure;
-pub(crate) use files::{hash as file_hash, text_hash};
+pub(crate) use files::{hash_until, text_hash};
 pub use formula::check_formula;
 pub use instances::{
     Instances, PARALLEL_FIBRE_FILL, Packing, PackingAmount, PackingKind, PackingRegion,

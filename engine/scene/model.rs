@@ -16,6 +16,8 @@ const REGION: &str = "surroundings";
 pub struct Scene {
     /// Directory that relative paths start from.
     pub directory: PathBuf,
+    /// What the scene is, in a line for people; nothing depends on it.
+    pub title: Option<String>,
     /// X-ray source.
     pub source: Source,
     /// Detector.
@@ -76,6 +78,7 @@ impl Scene {
             sampling: Sampling::default(),
             scan: Scan::default(),
             materials: BTreeMap::new(),
+            title: None,
             surroundings: "vacuum".into(),
             path_material: "vacuum".into(),
             has_region: false,

@@ -15,8 +15,8 @@ use super::read_surroundings::read_surroundings;
 use super::table::{ListItem, Table};
 use super::tree::Document;
 use super::{Detector, MaskBody, MaskSpec, Sampling, Scene, Scheme, Source, Transport};
-use crate::Result;
 use crate::units::Dimension::{self, Angle, Length};
+use crate::{Result, printed};
 
 /// Reads a scene. The result still has to be validated. Errors are reported to the document; without
 /// a source or a detector there is no scene, and what else is wrong stands for nothing in it.
@@ -43,8 +43,10 @@ pub(super) fn read_scene(document: &Document, directory: &Path) -> Option<Scene>
         }
         mask
     };
+    let title = top.get("title").and_then(|item| document.keep(read_title(&item)));
     let mut scene = Scene {
         directory: directory.to_owned(),
+        title,
         sample_mask: mask("sample_mask"),
         detector_mask: mask("detector_mask"),
         sampling,
@@ -59,6 +61,20 @@ pub(super) fn read_scene(document: &Document, directory: &Path) -> Option<Scene>
         document.keep(table.and_then(|table| read_surroundings(&table, &mut scene)));
     }
     Some(scene)
+}
+
+/// One line of text.
+fn read_title(item: &ListItem<'_>) -> Result<String> {
+    let allowed = format!("a line of text, of 1 to {} characters", limits::TITLE);
+    let is_line = |text: &&str| {
+        !text.trim().is_empty()
+            && text.chars().count() <= limits::TITLE
+            && !text.chars().any(printed::is_unsafe)
+    };
+    match item.as_text().filter(is_line) {
+        Some(text) => Ok(text.trim().to_owned()),
+        None => item.refuse(item.mismatch(allowed), String::new()),
+    }
 }
 
 /// Hashes of files by path.

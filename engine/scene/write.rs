@@ -52,6 +52,9 @@ pub(super) fn to_toml(
     let mut out = Text(String::new());
     out.comment(concat!("Resolved scene, beamlet ", env!("CARGO_PKG_VERSION")));
     sets.iter().for_each(|set| out.comment(&format!("--set {set}")));
+    if let Some(title) = &scene.title {
+        out.text("title", title);
+    }
 
     out.table("[source]");
     out.quantity("distance", scene.source.distance, Length);

@@ -253,6 +253,7 @@ impl Sink for RunDirectory {
         let scene = &scene.with_file_hashes()?;
         let mut file = RunFile::begin(self.format, extent, scene.sampling.seed, start);
         file.keep_moments = Some(self.keep_moments);
+        file.title.clone_from(&scene.title);
         let scene_path = self.path.join(SCENE);
         let resolved =
             scene_file::resolved(&self.path, scene, &start.mesh_hashes, &self.overrides)?;

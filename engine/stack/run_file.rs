@@ -55,6 +55,9 @@ pub struct RunFile {
     /// Seconds that the run took so far by the clock on the wall, all its parts together.
     #[serde(default)]
     pub duration_s: f64,
+    /// Title of the scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
     /// Command line of each part of the run, the first first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<String>,
@@ -94,6 +97,7 @@ impl RunFile {
             began: Some(now()),
             written: None,
             duration_s: 0.0,
+            title: None,
             commands: Vec::new(),
             resumed_views: 0,
             uncounted_views: 0,

@@ -40,6 +40,10 @@ pub(super) fn differences(
     let none = BTreeMap::new();
     let mut now = parse(path, &resolved(directory, scene, mesh_hashes.unwrap_or(&none), &[])?)?;
     let [stored_files, files] = [&mut stored, &mut now].map(take_files);
+    // It says nothing about the stacks.
+    for scene in [&mut stored, &mut now] {
+        scene.as_table_mut().map(|table| table.remove("title"));
+    }
     if mesh_hashes.is_none() {
         [&mut stored, &mut now].into_iter().for_each(remove_mesh_hashes);
     }

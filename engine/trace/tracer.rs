@@ -6,6 +6,7 @@ mod kernels;
 
 use super::upload::DeviceSample;
 use crate::accel::Backend;
+use crate::cancel::Cancel;
 use crate::gpu::{Buffer, Device, LazyKernel, Memory, Pace};
 use crate::interface::{
     Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
@@ -56,6 +57,7 @@ pub struct Tracer {
     fixed_batch: Option<u32>,
     most: u32,
     counts: DeviceCounts,
+    cancel: Cancel,
 }
 
 /// What is asked of rays.
@@ -109,7 +111,18 @@ impl Tracer {
             fixed_batch,
             most,
             counts: DeviceCounts::default(),
+            cancel: Cancel::default(),
         })
+    }
+
+    /// Sets what ends tracing, between two dispatches.
+    pub(crate) fn set_cancel(&mut self, cancel: Cancel) {
+        self.cancel = cancel;
+    }
+
+    /// What ends tracing.
+    pub(crate) const fn cancel(&self) -> &Cancel {
+        &self.cancel
     }
 
     /// Makes the kernels that results take, so that a run that cannot have them does not begin.
@@ -218,6 +231,7 @@ impl Tracer {
     ) -> Result<()> {
         let mut first = 0;
         while first < rays.len() {
+            self.cancel.check()?;
             let n = (rays.len() - first).min(self.batch.capacity as usize);
             self.batch.rays.write(0, &rays[first..first + n])?;
             let time = self.trace_batch(numbers::count(n), wanted)?;

@@ -31,7 +31,8 @@ pub struct DeviceSample {
 
 impl DeviceSample {
     /// Uploads geometry, materials and views; builds acceleration structures if `ray_query`.
-    /// `across`: [`geometry::across_edges`] of the sample. Rays are flagged for steps of delta that are `delta_ratio` times the scene's.
+    /// `across`: [`geometry::across_edges`] of the sample. Rays are flagged for steps of delta that
+    /// are `delta_ratio` times the scene's.
     ///
     /// # Errors
     /// [`crate::Error::Memory`], [`crate::Error::Device`], [`crate::Error::Mesh`].
@@ -40,6 +41,20 @@ impl DeviceSample {
         scene: &Scene,
         sample: &geometry::Sample,
         across: &[[u32; 3]],
+        media: &MaterialTable,
+        ray_query: bool,
+        delta_ratio: f64,
+    ) -> Result<Self> {
+        let bvh = Bvh::build(sample, across)?;
+        Self::with_bvh(device, scene, sample, bvh, media, ray_query, delta_ratio)
+    }
+
+    /// As [`DeviceSample::upload`], with the trees of the sample.
+    pub(crate) fn with_bvh(
+        device: &Arc<Device>,
+        scene: &Scene,
+        sample: &geometry::Sample,
+        bvh: Bvh,
         media: &MaterialTable,
         ray_query: bool,
         delta_ratio: f64,
@@ -54,7 +69,7 @@ impl DeviceSample {
             prototypes,
             shapes,
             kinds,
-        } = Bvh::build(sample, across)?;
+        } = bvh;
         let reach = from_axis(sample);
         let views: Vec<ViewTransform> = scene.views().map(|v| view(scene, &v, reach)).collect();
         let surfaces: Vec<Surface> = (0..)

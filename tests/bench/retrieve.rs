@@ -5,6 +5,7 @@
 #![allow(clippy::cast_possible_truncation, reason = "curves are f32")]
 #![allow(clippy::print_stdout, reason = "a table is the result")]
 
+use beamlet::Cancel;
 use beamlet::retrieve::{FitOptions, Fitter, Weights};
 use beamlet::{Engine, EngineOptions};
 use ndarray::{Array2, s};
@@ -28,11 +29,11 @@ fn main() {
     for weights in [Weights::None, Weights::Poisson] {
         let options = FitOptions::default().with_weights(weights);
         let fitter = Fitter::new(&engine, &offsets, &options).unwrap();
-        fitter.fit(curves.slice(s![.., ..4096]), None).unwrap();
+        fitter.fit(curves.slice(s![.., ..4096]), &Cancel::default()).unwrap();
         let mut rates = [0.0_f64; 2];
         for _ in 0..ATTEMPTS {
             let (began, before) = (Instant::now(), processor_time());
-            let fits = fitter.fit(curves.view(), None).unwrap();
+            let fits = fitter.fit(curves.view(), &Cancel::default()).unwrap();
             let (wall, cpu) = (began.elapsed(), processor_time() - before);
             assert!(fits.flags.iter().filter(|f| **f == 0).count() * 100 > 99 * CURVES);
             let rate = |time: Duration| CURVES as f64 / 1e6 / time.as_secs_f64();

@@ -66,10 +66,11 @@ fn home(name: &str) -> &str {
     match name {
         "Error" | "Place" | "Result" => "error",
         "Backend" => "accel",
+        "Cancel" => "cancel",
         "Tally" => "trace",
         "RunRecord" | "SamplingSummary" => "stack",
         "Control" | "Engine" | "EngineOptions" | "Progress" | "RunEstimate" | "Simulation"
-        | "ViewProgress" => "run",
+        | "ViewProgress" | "load_sample" => "run",
         "write_file" => "whole_file",
         "DeviceDescription" => "gpu",
         other => other,

@@ -279,3 +279,49 @@ fn what_cannot_be_reported_is_refused_and_nothing_is_written() {
     assert!(message.contains("16 x 3 pixels; the run has"), "{message}");
     assert!(!place.path().join("page.html").exists());
 }
+
+#[test]
+fn the_page_tells_the_title_and_what_the_record_says_of_the_run() {
+    let place = run_with_maps();
+    let title = "Block <of> water & air";
+    let set = format!("title=\"{title}\"");
+    let words = ["simulate", "scene.toml", "-o", "named", "--format", "npy", "--set", &set];
+    let output = beamlet(place.path()).args(words).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let closing = String::from_utf8(output.stdout).unwrap();
+    assert!(closing.starts_with(&format!("title    {title}\n")), "{closing}");
+    // Dates of the record and not of files, which a copy changes.
+    let path = place.path().join("named/run.json");
+    let mut record: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    assert_eq!(record["title"], title);
+    record["began"] = "2001-02-03T04:05:06Z".into();
+    record["written"] = "2001-02-03T05:07:09Z".into();
+    record["duration_s"] = 3723.4.into();
+    record["commit"] = "0123abcd".into();
+    record["commands"] =
+        serde_json::json!(["beamlet simulate a.toml", "beamlet simulate --resume"]);
+    fs::write(&path, record.to_string()).unwrap();
+    done(place.path(), "report named");
+    let page = fs::read_to_string(place.path().join("named/report.html")).unwrap();
+    assert!(page.contains("<h1>Block &lt;of&gt; water &amp; air</h1>"), "the title");
+    for (key, value) in [
+        ("run", "2001-02-03 04:05:06 UTC to 2001-02-03 05:07:09 UTC"),
+        ("duration", "1 h 02 min"),
+        ("program", &format!("beamlet {}, commit 0123abcd", env!("CARGO_PKG_VERSION"))),
+        ("command", "beamlet simulate a.toml"),
+        ("command", "beamlet simulate --resume"),
+        ("by", "beamlet report named"),
+    ] {
+        let line = format!("<dt>{key}</dt><dd>{value}</dd>");
+        assert!(page.contains(&line), "{line} is not in the page");
+    }
+    // Nothing depends on the title: the run goes on with another one, and equals one without.
+    let output = done(place.path(), "simulate scene.toml -o named --resume");
+    assert_eq!(output, "named is complete already\n");
+    for (wrong, allowed) in [("title=\"\"", "1 to 200"), ("title=7", "a line of text")] {
+        let output = run(place.path(), &format!("check scene.toml --set {wrong}"));
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && message.contains(allowed), "{wrong}: {message}");
+    }
+}

@@ -13,6 +13,7 @@ use crate::reference::closed_form::ThinMasks;
 use crate::reference::draws::Draws;
 use crate::reference::fit::{self, Gaussian, gaussian};
 use crate::support::{Checked, Worst, engine_with};
+use beamlet::Cancel;
 use beamlet::Engine;
 use beamlet::retrieve::{Curves, FitOptions, Fitter, Weights, flags};
 use ndarray::Array2;
@@ -38,7 +39,7 @@ fn on_device(engine: &Engine, offsets: &[f64], curves: &[Vec<f64>], weights: Wei
     let options = FitOptions::default().with_weights(weights);
     let fitter = Fitter::new(engine, offsets, &options).unwrap();
     let data = Array2::from_shape_fn((offsets.len(), curves.len()), |(s, c)| curves[c][s] as f32);
-    fitter.fit(data.view(), None).unwrap()
+    fitter.fit(data.view(), &Cancel::default()).unwrap()
 }
 
 /// The deviation of a fit from the f64 optimum of the numbers that the device saw.

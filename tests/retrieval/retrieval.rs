@@ -13,6 +13,7 @@ use crate::reference::closed_form::{ThinMasks, blurred_overlap};
 use crate::reference::draws::Draws;
 use crate::reference::fit::gaussian;
 use crate::support::{Checked, engine_with};
+use beamlet::Cancel;
 use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, flags};
 use beamlet::scene::Scene;
 use ndarray::{Array3, s};
@@ -439,9 +440,9 @@ fn results_do_not_depend_on_what_is_fitted_beside() {
     let curves = |count: usize| {
         ndarray::Array2::from_shape_fn((11, count), |(s, c)| sample[[s, 0, c % PIXELS]])
     };
-    let few = fitter.fit(curves(PIXELS).view(), None).unwrap();
+    let few = fitter.fit(curves(PIXELS).view(), &Cancel::default()).unwrap();
     // Across the ends of workgroups, dispatches and uploads.
-    let many = fitter.fit(curves((1 << 20) + 77).view(), None).unwrap();
+    let many = fitter.fit(curves((1 << 20) + 77).view(), &Cancel::default()).unwrap();
     for at in [0, 63, 64, 32_767, 32_768, (1 << 20) - 1, 1 << 20, (1 << 20) + 76] {
         assert_eq!(many.centre[at].to_bits(), few.centre[at % PIXELS].to_bits(), "{at}");
         assert_eq!(many.width[at].to_bits(), few.width[at % PIXELS].to_bits(), "{at}");

@@ -17,14 +17,13 @@ use crate::support::program;
 use beamlet::RowsControl;
 use beamlet::retrieve::{ImageFormat, ImagesTo, Input, Record, RetrieveOptions, retrieve};
 use beamlet::stack::{Maps, OpenRun, StackFile};
-use beamlet::{Engine, EngineOptions, Error};
+use beamlet::{Cancel, Engine, EngineOptions, Error};
 use ndarray::{Array3, Array4};
 use ndarray_npy::{read_npy, write_npy};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
-use std::sync::atomic::AtomicBool;
 use tempfile::TempDir;
 use tiff::encoder::TiffEncoder;
 use tiff::encoder::colortype::Gray16;
@@ -189,19 +188,21 @@ fn a_retrieval_that_is_stopped_or_fails_leaves_nothing() {
     let engine = Engine::open(&EngineOptions::default()).unwrap();
     let images = run.join("retrieved");
     let to = ImagesTo::new(&images, ImageFormat::Npy);
-    let cancel = AtomicBool::new(true);
+    let cancel = Cancel::default();
+    cancel.cancel();
     let input = || Input::of_run(&OpenRun::open(&run).unwrap(), false).unwrap();
-    let mut control = RowsControl::default().with_cancel(&cancel);
+    let mut control = RowsControl::default().with_cancel(cancel.clone());
     let stopped = retrieve(&engine, input(), &RetrieveOptions::default(), to, &mut control);
     assert!(matches!(stopped, Err(Error::Interrupted)));
     // Stopped between the views.
-    let later = AtomicBool::new(false);
+    let later = Cancel::default();
     let mut progress = |done: u64, _: u64| {
         if done >= 8 {
-            later.store(true, std::sync::atomic::Ordering::Relaxed);
+            later.cancel();
         }
     };
-    let mut control = RowsControl::default().with_cancel(&later).with_progress(&mut progress);
+    let mut control =
+        RowsControl::default().with_cancel(later.clone()).with_progress(&mut progress);
     let stopped = retrieve(&engine, input(), &RetrieveOptions::default(), to, &mut control);
     assert!(matches!(stopped, Err(Error::Interrupted)));
     let left: Vec<String> = fs::read_dir(&run)

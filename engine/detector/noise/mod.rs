@@ -3,6 +3,7 @@
 mod poisson;
 
 use crate::Result;
+use crate::cancel::Cancel;
 use crate::numbers::{self, single};
 use crate::random::Draws;
 use crate::scene::Exposure;
@@ -57,12 +58,14 @@ impl Noise {
     /// Numbers of a band of rows from `first_row` on, of intensities `[step][row][column]`.
     ///
     /// # Errors
-    /// [`crate::Error::File`] where the band has another shape than the scene's.
+    /// [`crate::Error::File`] where the band has another shape than the scene's;
+    /// [`crate::Error::Interrupted`].
     pub fn counts(
         &self,
         view: Exposure,
         first_row: u32,
         intensities: ArrayView3<'_, f32>,
+        cancel: &Cancel,
     ) -> Result<Frame> {
         let (steps, rows, columns) = intensities.dim();
         if (steps, columns) != (self.steps, self.columns) {
@@ -72,13 +75,15 @@ impl Noise {
         }
         let values = intensities.as_standard_layout();
         let values = values.as_slice().unwrap_or_default();
-        Ok(self.frame(view, first_row, rows, |index| values[index]))
+        self.frame(view, first_row, rows, |index| values[index], cancel)
     }
 
     /// Numbers of the dark frames, one of each step, in a band of rows.
-    #[must_use]
-    pub fn dark(&self, rows: Range<u32>) -> Frame {
-        self.frame(Exposure::Dark, rows.start, rows.len(), |_| 0.0)
+    ///
+    /// # Errors
+    /// [`crate::Error::Interrupted`].
+    pub fn dark(&self, rows: Range<u32>, cancel: &Cancel) -> Result<Frame> {
+        self.frame(Exposure::Dark, rows.start, rows.len(), |_| 0.0, cancel)
     }
 
     fn frame(
@@ -87,7 +92,8 @@ impl Noise {
         first_row: u32,
         rows: usize,
         intensity: impl Fn(usize) -> f32 + Sync,
-    ) -> Frame {
+        cancel: &Cancel,
+    ) -> Result<Frame> {
         let mut numbers = Array3::zeros((self.steps, rows, self.columns));
         let (kind, view) = match view {
             Exposure::Flat => (1, 0),
@@ -95,6 +101,9 @@ impl Noise {
             Exposure::Dark => (3, 0),
         };
         let line = |(index, line): (usize, &mut [f32])| {
+            if cancel.is_cancelled() {
+                return 0;
+            }
             let (step, row) = (index / rows, first_row + numbers::count(index % rows));
             let mut saturated = 0;
             for (column, number) in line.iter_mut().enumerate() {
@@ -113,7 +122,8 @@ impl Noise {
             }
             _ => 0,
         };
-        Frame { numbers, saturated }
+        cancel.check()?;
+        Ok(Frame { numbers, saturated })
     }
 
     /// One number, not yet clipped at its upper end.

@@ -9,6 +9,7 @@ use super::InstanceTransform;
 use super::packing::{Prototype, Target};
 use super::region::Region;
 use super::sorted::PURPOSE;
+use crate::geometry::watch::{LoadStep, Task};
 use crate::random::Draws;
 use crate::scene::Packing;
 use crate::{Result, numbers, reserve};
@@ -39,22 +40,26 @@ struct Fibre {
 /// Packs fibres of the body's length into a region.
 ///
 /// # Errors
-/// [`crate::Error::Scene`] where they do not fit.
+/// [`crate::Error::Scene`] where they do not fit; [`crate::Error::Interrupted`].
 pub(super) fn pack(
     key: &str,
     region: &Region,
     body: &Prototype,
     spec: &Packing,
+    task: Task<'_>,
 ) -> Result<Vec<InstanceTransform>> {
     let volume = |size: f64| TAU / 2.0 * (body.radius * size).powi(2) * body.height;
     let space = region.volume(0.0);
     let mean = volume(1.0) * body.mean_power(2.0);
     let target = Target::new(key, spec.amount, space, mean)?;
     let mut packed = Fibres::new(body, target.count, region)?;
+    task.begin(LoadStep::Packing, numbers::whole(target.count))?;
     let (mut sum, mut direction, mut failed) = (0.0, 0, 0);
     let mut failed_of_all = 0;
     loop {
         let count = packed.fibres.len();
+        task.check()?;
+        task.reach(count as u64);
         if count as f64 >= target.count && target.volume.is_infinite() || sum >= target.volume {
             break;
         }

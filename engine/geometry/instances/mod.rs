@@ -20,6 +20,7 @@ mod table;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
+use super::watch::Task;
 use crate::scene::{Instances, Object, Scene};
 use crate::{Error, Result};
 
@@ -56,6 +57,15 @@ impl InstanceTransform {
 /// numbers, or with the key of a packing that cannot be made and the fill or count that was reached;
 /// [`Error::File`] where the file cannot be read or is not the one that the scene records.
 pub fn transforms(scene: &Scene, object: &Object) -> Result<Vec<InstanceTransform>> {
+    watched(scene, object, Task::unwatched())
+}
+
+/// As [`transforms`], watched.
+pub(super) fn watched(
+    scene: &Scene,
+    object: &Object,
+    task: Task<'_>,
+) -> Result<Vec<InstanceTransform>> {
     match &object.instances {
         None => Ok(vec![InstanceTransform {
             scale: 1.0,
@@ -67,7 +77,7 @@ pub fn transforms(scene: &Scene, object: &Object) -> Result<Vec<InstanceTransfor
         Some(Instances::Packing(spec)) => {
             let index = scene.objects.iter().position(|other| other.name == object.name);
             let key = scene.object_key(index.unwrap_or_default(), "");
-            packing::pack(&key, object, spec)
+            packing::pack(&key, object, spec, task)
         }
     }
 }

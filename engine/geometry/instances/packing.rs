@@ -11,6 +11,7 @@ use super::periodic::{Packed, pack as pack_periodic};
 use super::region::{Region, unit_ball};
 use super::sorted::Cells;
 use super::{InstanceTransform, fibres, refused};
+use crate::geometry::watch::{LoadStep, Task};
 use crate::random::Draws;
 use crate::scene::{Object, Packing, PackingAmount, PackingKind, Shape, ShapeOrMesh, limits};
 use crate::units::Dimension::Length;
@@ -122,8 +123,13 @@ fn sphere_corner(sides: u32) -> f64 {
 /// Makes the packing of an object, whose key is `key`.
 ///
 /// # Errors
-/// [`Error::Scene`] where it cannot be made; [`Error::Memory`].
-pub(super) fn pack(key: &str, object: &Object, spec: &Packing) -> Result<Vec<InstanceTransform>> {
+/// [`Error::Scene`] where it cannot be made; [`Error::Memory`]; [`Error::Interrupted`].
+pub(super) fn pack(
+    key: &str,
+    object: &Object,
+    spec: &Packing,
+    task: Task<'_>,
+) -> Result<Vec<InstanceTransform>> {
     let solid = Region::solid(&spec.region);
     let reach = solid.half_sides::<3>().iter().fold(0.0_f64, |most, side| most.max(*side));
     let Some(body) = Prototype::new(object, spec, reach) else {
@@ -137,9 +143,9 @@ pub(super) fn pack(key: &str, object: &Object, spec: &Packing) -> Result<Vec<Ins
         position,
     };
     match spec.kind {
-        PackingKind::RandomFibres => fibres::pack(key, &solid, &body, spec),
+        PackingKind::RandomFibres => fibres::pack(key, &solid, &body, spec, task),
         PackingKind::Spheres => {
-            let found = Filling::<3> { key, region: &solid, body, spec }.pack()?;
+            let found = Filling::<3> { key, region: &solid, body, spec, task }.pack()?;
             Ok(found.into_iter().map(|(at, size)| placed(at.into(), size, size)).collect())
         }
         PackingKind::ParallelFibres => {
@@ -148,7 +154,7 @@ pub(super) fn pack(key: &str, object: &Object, spec: &Packing) -> Result<Vec<Ins
                 let allowed = "no more than the height of instances.region: fibres stay inside";
                 return Err(refused(key, "shape.cylinder.height", found, allowed.into()));
             };
-            let found = Filling::<2> { key, region: &section, body, spec }.pack()?;
+            let found = Filling::<2> { key, region: &section, body, spec, task }.pack()?;
             let upright =
                 |([x, y], size): ([f64; 2], f64)| placed(DVec3::new(x, y, 0.0), size, 1.0);
             Ok(found.into_iter().map(upright).collect())
@@ -252,6 +258,7 @@ struct Filling<'a, const D: usize> {
     region: &'a Region,
     body: Prototype,
     spec: &'a Packing,
+    task: Task<'a>,
 }
 
 impl<const D: usize> Filling<'_, D> {
@@ -282,10 +289,11 @@ impl<const D: usize> Filling<'_, D> {
         let half: [f64; D] = self.region.half_sides();
         let sides = half.map(|half| (2.0 * half).max(least));
         let mut best = 0.0_f64;
+        self.task.begin(LoadStep::Packing, 0)?;
         for attempt in 0..self.attempts(&target) {
             let sizes = self.sizes(&target, &sides, attempt)?;
             let radii: Vec<f64> = sizes.iter().map(|size| contact(*size)).collect();
-            let centres = match pack_periodic(sides, &radii, spec.seed, attempt)? {
+            let centres = match pack_periodic(sides, &radii, spec.seed, attempt, self.task)? {
                 Packed::Whole(centres) => centres,
                 Packed::Jammed { share } => {
                     let share = if best > 0.0 { best } else { share };

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::relax::Relaxation;
 use super::sorted::{Cells, PURPOSE};
+use crate::geometry::watch::Task;
 use crate::random::Draws;
 use crate::{Result, numbers, reserve};
 
@@ -40,12 +41,13 @@ pub(super) enum Packed<const D: usize> {
 /// [`Cells::least_side`] of the largest diameter. The same bits on any number of threads.
 ///
 /// # Errors
-/// [`crate::Error::Memory`].
+/// [`crate::Error::Memory`]; [`crate::Error::Interrupted`].
 pub(super) fn pack<const D: usize>(
     sides: [f64; D],
     radii: &[f64],
     seed: u64,
     attempt: u32,
+    task: Task<'_>,
 ) -> Result<Packed<D>> {
     let largest = radii.iter().fold(0.0_f64, |most, radius| most.max(*radius));
     let cells = Cells::new(sides, 2.0 * largest, radii.len());
@@ -56,11 +58,12 @@ pub(super) fn pack<const D: usize>(
     let mut order: Vec<u32> = (0..numbers::count(radii.len())).collect();
     order.sort_by(|a, b| radii[*b as usize].total_cmp(&radii[*a as usize]).then(a.cmp(b)));
     let shrunk = libm::pow(ADDED_FILL[D - 2] / fill, 1.0 / D as f64).min(1.0);
-    let (centres, left) = Addition { cells: &cells, radii, shrunk, seed, attempt }.all(&order)?;
+    let (centres, left) =
+        Addition { cells: &cells, radii, shrunk, seed, attempt, task }.all(&order)?;
     if shrunk >= 1.0 && left == 0 {
         return Ok(Packed::Whole(centres));
     }
-    Relaxation { cells, radii, fill, seed, attempt }.pack(&centres)
+    Relaxation { cells, radii, fill, seed, attempt, task }.pack(&centres)
 }
 
 /// Random sequential addition in rounds: each body that has no place tries some, and takes the first
@@ -72,6 +75,7 @@ struct Addition<'a, const D: usize> {
     shrunk: f64,
     seed: u64,
     attempt: u32,
+    task: Task<'a>,
 }
 
 /// Bodies by their cells: the first of each cell, and after each body the next.
@@ -91,6 +95,7 @@ impl<const D: usize> Addition<'_, D> {
         };
         let mut left = order.to_vec();
         for round in 0..ROUNDS {
+            self.task.check()?;
             let found: Vec<([f64; D], bool)> =
                 left.par_iter().map(|body| self.place(*body, round, &lists)).collect();
             let mut without = Vec::new();

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::periodic::Packed;
 use super::sorted::{Body, Cells, PURPOSE, Sorted};
+use crate::geometry::watch::Task;
 use crate::random::Draws;
 use crate::{Result, reserve};
 
@@ -39,13 +40,14 @@ pub(super) struct Relaxation<'a, const D: usize> {
     pub(super) fill: f64,
     pub(super) seed: u64,
     pub(super) attempt: u32,
+    pub(super) task: Task<'a>,
 }
 
 impl<const D: usize> Relaxation<'_, D> {
     /// Removes the overlap of bodies at these centres.
     ///
     /// # Errors
-    /// [`crate::Error::Memory`].
+    /// [`crate::Error::Memory`]; [`crate::Error::Interrupted`].
     pub(super) fn pack(&self, centres: &[[f64; D]]) -> Result<Packed<D>> {
         let body = |(number, at): (u32, &[f64; D])| Body {
             at: *at,
@@ -57,6 +59,7 @@ impl<const D: usize> Relaxation<'_, D> {
         let margin = 1.0 + (room / 2.0).clamp(LEAST_MARGIN, MARGIN);
         let mut best = 0.0_f64;
         for _ in 0..PASSES {
+            self.task.check()?;
             let sorted = Sorted::new(&bodies, &self.cells)?;
             let (pushed, nearest) = self.push(&sorted, margin);
             if nearest >= 1.0 {
@@ -112,6 +115,7 @@ impl<const D: usize> Relaxation<'_, D> {
     fn stir(&self, mut bodies: Vec<Body<D>>) -> Result<Vec<[f64; D]>> {
         let mut step = STEP;
         for sweep in 0..SWEEPS {
+            self.task.check()?;
             let mut draws = Draws::new(self.seed, [sweep, self.attempt, 0], SHIFT);
             let shift: [f64; D] = std::array::from_fn(|k| draws.uniform() * self.cells.sides[k]);
             bodies.par_iter_mut().for_each(|body| body.at = self.cells.moved(&body.at, &shift));

@@ -7,10 +7,10 @@ use super::super::method::Method;
 use super::super::shape::CurveShape;
 use super::super::{closed, flags};
 use super::{Flat, Retriever};
+use crate::cancel::Cancel;
 use crate::{Error, Result};
 use ndarray::Array3;
 use rayon::prelude::*;
-use std::sync::atomic::AtomicBool;
 
 impl Retriever {
     /// The two steps of the sample that two-step uses.
@@ -42,7 +42,7 @@ impl Retriever {
         data: Array3<f32>,
         offsets: &[f64],
         known: Option<(&Curves, usize)>,
-        cancel: Option<&AtomicBool>,
+        cancel: &Cancel,
     ) -> Result<Curves> {
         let (steps, rows, columns) = data.dim();
         if steps != offsets.len() {
@@ -64,10 +64,11 @@ impl Retriever {
             return fitter.fit(flat.view(), cancel);
         }
         let scan = self.scan(offsets);
-        let entry = |pixel: usize| -> Curve {
+        let entry = |pixel: usize| -> Result<Curve> {
+            cancel.check()?;
             let (row, column) = (pixel / columns, pixel % columns);
             let curve = (0..steps).map(|step| data[[step, row, column]]);
-            match (self.options.method, known) {
+            Ok(match (self.options.method, known) {
                 (Method::ThreeStep, _) => closed::three_step(&scan, curve),
                 (Method::Moments, _) => closed::by_moments(&scan, curve),
                 (Method::TwoStep, Some((flat, first))) => {
@@ -76,9 +77,10 @@ impl Retriever {
                 _ => self.shape().map_or(Curve::unknown(flags::NOT_CONVERGED), |shape| {
                     least_squares::fit(shape, &scan, curve)
                 }),
-            }
+            })
         };
-        let entries: Vec<Curve> = (0..rows * columns).into_par_iter().map(entry).collect();
+        let entries: Vec<Curve> =
+            (0..rows * columns).into_par_iter().map(entry).collect::<Result<_>>()?;
         Ok(Curves::from_entries(&entries))
     }
 

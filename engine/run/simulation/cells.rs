@@ -4,6 +4,7 @@ use super::Simulation;
 use crate::Result;
 use crate::numbers;
 use crate::sampling::{self, CellBatch};
+use crate::trace::Tracer;
 use std::ops::Range;
 
 /// The cells of some detector rows of a view (scheme `cells`); of a detector with blur, of rows of
@@ -21,9 +22,11 @@ pub fn cells_of_rows(
     let view = simulation.view(view, &projected_bounds);
     let mut parts = Vec::new();
     let at_once = numbers::length(simulation.memory.rays_at_once);
-    sampling::sample_rows(&view, &mut tracer, rows.clone(), &rows, at_once, &mut |_, part| {
+    let mut keep = |_: &mut Tracer, part: &CellBatch| {
         parts.push(part.clone());
         Ok(())
-    })?;
+    };
+    let (all, ignored) = (rows.clone(), &mut |_: &Tracer, _| {});
+    sampling::sample_rows(&view, &mut tracer, all, &rows, at_once, &mut keep, ignored)?;
     Ok(CellBatch::concat(parts))
 }

@@ -1,9 +1,9 @@
 //! A scene made ready on a device, from its meshes or from kept moments.
 
 use super::{Simulation, backend};
-use crate::accel::Backend;
+use crate::accel::{Backend, Bvh};
 use crate::detector::DetectorModel;
-use crate::geometry::{self, Sample};
+use crate::geometry::{self, LoadStep, Sample};
 use crate::illuminate::{self, EnergyBinning};
 use crate::moments::{self, StoredMoments, StoredSource};
 use crate::optics::Optics;
@@ -11,13 +11,12 @@ use crate::run::engine::Engine;
 use crate::run::memory;
 use crate::run::{self, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
-use crate::scene::{Scene, Scheme};
+use crate::scene::{Scene, Scheme, Transport};
 use crate::stack::RunStart;
 use crate::trace::{DeviceSample, MaterialTable};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// What a simulation is made of, besides its geometry.
@@ -48,17 +47,17 @@ impl<'e> Simulation<'e> {
     ) -> Result<Self> {
         scene.validate()?;
         // From here on every reader of a file compares it with its hash.
-        let scene = &scene.with_file_hashes()?;
-        let detector = DetectorModel::of(scene)?;
+        let scene = Arc::new(scene.with_file_hashes()?);
+        let detector = DetectorModel::of(&scene)?;
         let optics = detector.optics();
-        let media = MaterialTable::of(scene)?;
-        let lattice = lattice_of(scene, optics, &media)?;
+        let media = MaterialTable::of(&scene)?;
+        let lattice = lattice_of(&scene, optics, &media)?;
         let delta_ratio = if engine.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
         // What rough surfaces spread is a moment.
         let several = media.energies.len() > 1 || engine.options().keep_moments || media.rough;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
             let flagged = delta_ratio * media.strongest();
-            Some(EnergyBinning::new(scene, optics, &media, &lattice, &media.mean(), flagged)?)
+            Some(EnergyBinning::new(&scene, optics, &media, &lattice, &media.mean(), flagged)?)
         } else {
             None
         };
@@ -81,16 +80,16 @@ impl<'e> Simulation<'e> {
         if scene.sampling.scheme != Scheme::Cells {
             return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
         }
-        let scene = &scene.with_file_hashes()?;
-        let detector = DetectorModel::of(scene)?;
+        let scene = Arc::new(scene.with_file_hashes()?);
+        let detector = DetectorModel::of(&scene)?;
         let optics = detector.optics();
-        let own = MaterialTable::of(scene)?;
-        let lattice = lattice_of(scene, optics, &own)?;
-        let source = moments.for_scene(scene, optics, &lattice)?;
+        let own = MaterialTable::of(&scene)?;
+        let lattice = lattice_of(&scene, optics, &own)?;
+        let source = moments.for_scene(&scene, optics, &lattice)?;
         let media = source.media.clone();
         let flagged = source.flagged;
         let spectral =
-            EnergyBinning::new(scene, optics, &media, &lattice, &source.reference, flagged)?;
+            EnergyBinning::new(&scene, optics, &media, &lattice, &source.reference, flagged)?;
         let (stored, delta_ratio) = (Some(source), 1.0);
         Self::with(
             engine,
@@ -110,7 +109,7 @@ impl<'e> Simulation<'e> {
 
     fn with(
         engine: &'e Engine,
-        scene: &Scene,
+        scene: Arc<Scene>,
         parts: SimulationParts<'e>,
         loaded: Option<Sample>,
         control: &mut Control<'_>,
@@ -119,12 +118,12 @@ impl<'e> Simulation<'e> {
         let options = engine.options();
         let sample = match loaded {
             Some(sample) => sample,
-            None => load(scene, &parts, options.memory_limit, control)?,
+            None => load(&scene, &parts, options.memory_limit, control)?,
         };
         let memory =
-            memory::estimate(scene, &sample.objects, options.memory_limit, options.band_rows)?;
-        memory::ask_for_run(scene, &memory)?;
-        log_spot(scene);
+            memory::estimate(&scene, &sample.objects, options.memory_limit, options.band_rows)?;
+        memory::ask_for_run(&scene, &memory)?;
+        log_spot(&scene);
         let device = engine.device();
         let wanted = options.backend;
         let description = device.description();
@@ -140,25 +139,20 @@ impl<'e> Simulation<'e> {
         let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
         let SimulationParts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
         let response = Response::new(detector.optics(), &lattice, options.keep_moments);
-        let budget = error_budget(scene, detector.optics());
-        let across = geometry::across_edges(&sample);
+        let transport = scene.sampling.transport;
+        let budget = error_budget(&scene, detector.optics());
+        let Built { sample, media, bvh, facets } = control
+            .step(LoadStep::Building, move || build(sample, media, transport, delta_ratio))??;
         let on_device =
-            DeviceSample::upload(device, scene, &sample, &across, &media, ray_query, delta_ratio)?;
-        // Means over facets know no other normals.
-        let of_facets = || {
-            let transport = scene.sampling.transport;
-            sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across)
-        };
-        let smooth = sample.components.iter().any(|component| component.smooth);
-        let facets = if media.rough || smooth { None } else { of_facets() };
+            DeviceSample::with_bvh(device, &scene, &sample, bvh, &media, ray_query, delta_ratio)?;
         let mut simulation = Self {
             engine,
-            scene: scene.clone(),
             detector,
             start: RunStart {
-                mesh_hashes: mesh_hashes(scene, &sample),
+                mesh_hashes: mesh_hashes(&scene, &sample),
                 ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
             },
+            scene,
             sample,
             on_device: Arc::new(on_device),
             facets,
@@ -180,7 +174,7 @@ impl<'e> Simulation<'e> {
 
 /// The sample, where rays will be traced through it.
 fn load(
-    scene: &Scene,
+    scene: &Arc<Scene>,
     parts: &SimulationParts<'_>,
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
@@ -191,15 +185,42 @@ fn load(
     memory::check_before_loading(scene, memory_limit)?;
     let progress = control.progress.as_deref_mut();
     let sample =
-        run::watching(progress, control.cancel, |watcher| geometry::load_watched(scene, watcher))?;
-    if control.cancel.is_some_and(|cancel| cancel.load(Ordering::Relaxed)) {
-        return Err(Error::Interrupted);
-    }
+        run::watching(progress, &control.cancel, |watcher| geometry::load_watched(scene, watcher))?;
+    control.cancel.check()?;
     for object in &sample.objects {
         object.warnings.iter().for_each(|text| log::warn!("\"{}\": {text}", object.name));
     }
-    geometry::check_clearance(scene, &sample)?;
+    let scene = scene.clone();
+    let sample = control.step(LoadStep::Clearance, move || {
+        geometry::check_clearance(&scene, &sample).map(|()| sample)
+    })??;
+    control.cancel.check()?;
     Ok(sample)
+}
+
+/// What is made of a sample before any of it goes to the device, and what that takes.
+struct Built {
+    sample: Sample,
+    media: MaterialTable,
+    bvh: Bvh,
+    facets: Option<sampling::SampleFacets>,
+}
+
+fn build(
+    sample: Sample,
+    media: MaterialTable,
+    transport: Transport,
+    delta_ratio: f64,
+) -> Result<Built> {
+    let across = geometry::across_edges(&sample);
+    let bvh = Bvh::build(&sample, &across)?;
+    // Means over facets know no other normals.
+    let smooth = sample.components.iter().any(|component| component.smooth);
+    let facets = match media.rough || smooth {
+        true => None,
+        false => sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across),
+    };
+    Ok(Built { sample, media, bvh, facets })
 }
 
 /// Logs what stands for a focal spot that is not one Gaussian.

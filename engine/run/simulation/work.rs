@@ -1,27 +1,27 @@
 //! The run in progress: bands of rows, traced and illuminated in groups, handed to the sink.
 
+mod random;
+mod share;
 mod survey;
 
 use super::Simulation;
-use crate::Error;
 use crate::Result;
+use crate::cancel::Cancel;
 use crate::gpu::Device;
 use crate::illuminate::{
     CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, PixelSums,
-    RandomBatch, RandomKernels, SpectralBand, illuminate_random,
+    RandomKernels, SpectralBand,
 };
-use crate::interface::Pixel;
 use crate::numbers;
-use crate::optics::Optics;
 use crate::run::{Control, Progress, ViewProgress};
 use crate::sampling::{self, CellBatch, ProjectedBounds};
 use crate::scene::{Exposure, Scheme};
 use crate::stack::Sink;
 use crate::trace::Tally;
 use crate::trace::Tracer;
+use share::Share;
 use std::ops::Range;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// Seconds by stage.
@@ -52,16 +52,24 @@ pub(super) struct ViewWork<'s> {
     pub(super) seconds: Seconds,
     rows_done: u64,
     rows_total: u64,
+    share: Share,
+    cancel: Cancel,
 }
 
 impl<'s> ViewWork<'s> {
-    pub(super) fn new(simulation: &'s Simulation<'_>, views: &[Exposure]) -> Result<Self> {
+    pub(super) fn new(
+        simulation: &'s Simulation<'_>,
+        views: &[Exposure],
+        cancel: &Cancel,
+    ) -> Result<Self> {
         let (scene, optics) = (&simulation.scene, simulation.detector.optics());
         let device = simulation.device().clone();
         let band = simulation.band_rows();
         let grid = simulation.detector.grid();
         let lit_rows = || bands(grid.pixels[1], band).map(|rows| grid.lit_rows(&rows).len());
         let lit_views = views.iter().filter(|view| **view != Exposure::Dark).count();
+        let blank = views.iter().filter(|view| **view == Exposure::Flat).count();
+        let traced = !simulation.sample.is_empty() && simulation.stored.is_none();
         let [columns, _] = optics.detector.pixels;
         let steps = optics.mask_steps();
         let random = scene.sampling.scheme == Scheme::Random;
@@ -82,7 +90,8 @@ impl<'s> ViewWork<'s> {
                 .map(|part| IlluminationBuffer::of_cells(&device, scene, optics, lattice, &part))
                 .collect::<Result<_>>()?,
         };
-        let tracer = simulation.tracer(simulation.start.backend)?;
+        let mut tracer = simulation.tracer(simulation.start.backend)?;
+        tracer.set_cancel(cancel.clone());
         if !simulation.sample.is_empty() {
             tracer.make_kernels()?;
         }
@@ -90,7 +99,7 @@ impl<'s> ViewWork<'s> {
             tracer,
             lights,
             sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
-            cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels())?,
+            cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels(), cancel)?,
             bars: MaskTransmissionCache::default(),
             random: if random { Some(RandomKernels::new(&device)?) } else { None },
             band,
@@ -101,6 +110,8 @@ impl<'s> ViewWork<'s> {
             rows_total: (lit_views
                 * bands(grid.pixels[1], band).map(|rows| grid.own_rows(&rows).len()).sum::<usize>())
                 as u64,
+            share: Share::new([blank, lit_views - blank], traced),
+            cancel: cancel.clone(),
             device,
             simulation,
         })
@@ -127,16 +138,25 @@ impl<'s> ViewWork<'s> {
             }
             _ => Vec::new(),
         };
+        let halo = self.simulation.lattice.halo;
+        let sampled: Vec<Range<i64>> = bands(rows, self.band)
+            .map(|band| detector.grid().lit_rows(&band))
+            .map(|lit| i64::from(lit.start) - halo..i64::from(lit.end) + halo)
+            .collect();
+        let lattice = &self.simulation.lattice;
+        self.share.begin(lattice, &projected_bounds, view != Exposure::Flat, &sampled);
+        self.report(view, control)?;
         for band in bands(rows, self.band) {
             let lit = detector.grid().lit_rows(&band);
             self.sums.clear(&lit)?;
             self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
             self.band(view, &projected_bounds, &lit, &detector.grid().own_rows(&band), control)?;
             let begin = Instant::now();
-            let intensities = detector.intensities(view, &band, self.sums.intensities()?);
+            let intensities =
+                detector.intensities(view, &band, self.sums.intensities()?, &self.cancel)?;
             self.seconds.detect += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
-            let counts = detector.counts(view, &band, intensities.view())?;
+            let counts = detector.counts(view, &band, intensities.view(), &self.cancel)?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
             let begin = Instant::now();
             sink.write(view, band.clone(), intensities.view())?;
@@ -154,7 +174,7 @@ impl<'s> ViewWork<'s> {
         let Some(noise) = self.simulation.detector.noise() else { return Ok(()) };
         for band in bands(self.simulation.scene.detector.pixels[1], self.band) {
             let begin = Instant::now();
-            let frame = noise.dark(band.clone());
+            let frame = noise.dark(band.clone(), &self.cancel)?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
             self.tally.saturated += frame.saturated;
             let begin = Instant::now();
@@ -198,6 +218,7 @@ impl<'s> ViewWork<'s> {
             if own {
                 self.rows_done += numbers::narrow::<u64>(rows.end - rows.start);
             }
+            self.share.finish(&rows);
             self.report(view, control)?;
         }
         Ok(())
@@ -223,15 +244,14 @@ impl<'s> ViewWork<'s> {
     }
 
     fn report(&mut self, view: Exposure, control: &mut Control<'_>) -> Result<()> {
-        if control.cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
-            return Err(Error::Interrupted);
-        }
+        self.cancel.check()?;
         if let Some(progress) = control.progress.as_mut() {
             progress(Progress::Views(ViewProgress {
                 rows_done: self.rows_done,
                 rows_total: self.rows_total,
                 view,
                 rays: self.tracer.rays_traced(),
+                share: self.share.with(&(0..0), 0.0),
             }));
         }
         Ok(())
@@ -250,8 +270,9 @@ impl<'s> ViewWork<'s> {
         let blur_rows = self.simulation.lattice.blur_rows;
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = numbers::count(self.simulation.scene.scan.mask_offsets.len());
-        let Self { cells, bars, lights, sums, tally, tracer, simulation, .. } = self;
-        let cancel = control.cancel;
+        let Self { cells, bars, lights, sums, tally, tracer, simulation, cancel, share, .. } = self;
+        let counted = [self.rows_done, self.rows_total];
+        let mut advance = share::advance(&mut control.progress, share, (view, rows), counted);
         let illuminating = std::cell::Cell::new(0.0);
         let words = simulation.moment_words();
         let keep = &mut control.keep;
@@ -263,9 +284,7 @@ impl<'s> ViewWork<'s> {
             lists
         };
         let mut light = |lists: &[CellBatch]| {
-            if cancel.is_some_and(|c| c.load(Ordering::Relaxed)) {
-                return Err(Error::Interrupted);
-            }
+            cancel.check()?;
             let begin = Instant::now();
             cells.add(lights.iter().zip(lists), sums, steps)?;
             illuminating.set(illuminating.get() + begin.elapsed().as_secs_f64());
@@ -293,7 +312,15 @@ impl<'s> ViewWork<'s> {
             (Exposure::Sample(index), ..) if !projected_bounds.is_empty() => {
                 let view = simulation.view(index, projected_bounds);
                 let at_once = numbers::narrow::<usize>(simulation.memory.rays_at_once);
-                sampling::sample_rows(&view, tracer, rows.clone(), &lit, at_once, &mut add)?;
+                sampling::sample_rows(
+                    &view,
+                    tracer,
+                    rows.clone(),
+                    &lit,
+                    at_once,
+                    &mut add,
+                    &mut advance,
+                )?;
             }
             _ => {
                 let rows = rows.start.max(lit.start)..rows.end.min(lit.end);
@@ -307,58 +334,6 @@ impl<'s> ViewWork<'s> {
         let illuminating = illuminating.get();
         self.seconds.trace += begin.elapsed().as_secs_f64() - illuminating;
         self.seconds.illuminate += illuminating;
-        Ok(())
-    }
-
-    fn random_rows(
-        &mut self,
-        optics: &Optics,
-        view: Exposure,
-        projected_bounds: &[ProjectedBounds],
-        rows: &Range<i64>,
-    ) -> Result<()> {
-        let Some(kernels) = &self.random else { return Ok(()) };
-        let begin = Instant::now();
-        let detector_rows = 0..i64::from(optics.detector.pixels[1]);
-        let detector_columns = 0..i64::from(optics.detector.pixels[0]);
-        let (mut met, mut missed) = (Vec::new(), Vec::new());
-        for row in rows.clone() {
-            for column in self.pixel_columns.clone() {
-                let inside = detector_rows.contains(&row) && detector_columns.contains(&column);
-                let pixel = Pixel {
-                    column: numbers::narrow::<i32>(column),
-                    row: numbers::narrow::<i32>(row),
-                    table: numbers::narrow::<u32>(column - self.pixel_columns.start),
-                };
-                if self.simulation.lattice.pixel_meets(projected_bounds, column, row) {
-                    met.push(pixel);
-                } else if inside {
-                    missed.push(pixel);
-                }
-            }
-        }
-        let view = match view {
-            Exposure::Flat | Exposure::Dark => 0,
-            Exposure::Sample(i) => i,
-        };
-        for (pixels, empty) in [(&met, false), (&missed, true)] {
-            if !pixels.is_empty() {
-                let job = RandomBatch { pixels, view, empty };
-                for (node, light) in self.lights.iter().enumerate() {
-                    self.tracer.set_node(Some(node));
-                    illuminate_random(
-                        &self.device,
-                        kernels,
-                        optics,
-                        &mut self.tracer,
-                        light,
-                        &self.sums,
-                        job,
-                    )?;
-                }
-            }
-        }
-        self.seconds.trace += begin.elapsed().as_secs_f64();
         Ok(())
     }
 

@@ -45,6 +45,7 @@ impl Tracer {
         let mut results: Vec<Vec<RayResult>> =
             rays.iter().map(|of| bytemuck::zeroed_vec(of.len())).collect();
         for some in all.chunks(AT_NODES.min(self.capacity()) as usize) {
+            self.cancel.check()?;
             let listed: Vec<(usize, Ray)> = some.iter().map(|&at| (at.0, ray(at))).collect();
             for (&(node, place), result) in some.iter().zip(self.trace_at_nodes(&listed)?) {
                 results[node][place] = result;
@@ -136,6 +137,7 @@ impl Tracer {
         b.unbalanced.write(0, &[0_u32])?;
         let mut time = Duration::ZERO;
         while push.count > 0 {
+            self.cancel.check()?;
             b.longer.write(0, &[0_u32])?;
             time += self.exact_dispatches(kernel, push)?;
             let longer = b.longer.read::<u32>(0, 1)?[0];

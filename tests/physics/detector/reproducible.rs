@@ -8,12 +8,11 @@ use beamlet::moments::{MomentWriter, StoredMoments};
 use beamlet::scene::Exposure;
 use beamlet::scene::{Blur, Counts, KernelFile, Scatter, Scene, Shape, ShapeOrMesh};
 use beamlet::stack::{ArraySink, Format, OpenRun, RunDirectory, StackFile, Stacks};
-use beamlet::{Backend, Control, EngineOptions, Error, Progress};
+use beamlet::{Backend, Cancel, Control, EngineOptions, Error, Progress};
 use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Everything that a detector may have, in few pixels.
 fn scene(place: &Path) -> Scene {
@@ -106,7 +105,7 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
         let mut sink = RunDirectory::create(&whole, format, false).unwrap();
         engine.run(&scene, &mut sink, Control::default()).unwrap();
         // In the second view with the sample.
-        let cancel = AtomicBool::new(false);
+        let cancel = Cancel::default();
         let mut sink = RunDirectory::create(&broken, format, false).unwrap();
         let ended = engine.run(
             &scene,
@@ -114,9 +113,9 @@ fn interrupted_run_goes_on_to_the_same_files_and_overwrites_its_own_alone() {
             Control::default().with_progress(&mut |progress| {
                     if matches!(&progress, Progress::Views(views) if views.view == Exposure::Sample(1))
                     {
-                        cancel.store(true, Ordering::Relaxed);
+                        cancel.cancel();
                     }
-                }).with_cancel(&cancel),
+                }).with_cancel(cancel.clone()),
         );
         assert!(matches!(ended, Err(Error::Interrupted)));
         drop(sink);

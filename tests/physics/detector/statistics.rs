@@ -5,9 +5,9 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cylinder};
 use crate::support::{CARBON, engine};
-use beamlet::Backend;
 use beamlet::internals::detector::Noise;
 use beamlet::scene::{Counts, DetectorMode, Exposure, Scene};
+use beamlet::{Backend, Cancel};
 use ndarray::{Array3, ArrayView2, Axis, s};
 
 const STEPS: usize = 4;
@@ -27,7 +27,7 @@ fn frames(scene: &Scene, excess: f64, view: Exposure) -> Array3<f32> {
     let [columns, rows] = scene.detector.pixels.map(|n| n as usize);
     let even = Array3::from_elem((scene.scan.mask_offsets.len(), rows, columns), 0.5_f32);
     let noise = Noise::of(scene, excess).unwrap();
-    noise.counts(view, 0, even.view()).unwrap().numbers
+    noise.counts(view, 0, even.view(), &Cancel::default()).unwrap().numbers
 }
 
 /// Values of a frame less their mean, over their standard deviation.
@@ -140,7 +140,7 @@ fn dark_frames_hold_offset_and_electronic_noise_of_their_own() {
     let counts =
         Counts::of_photons(1e-9).with_electronic_noise(2.5).with_offset(100.0).with_bit_depth(16);
     let scene = scene([160, 128], STEPS, counts);
-    let dark = Noise::of(&scene, 1.0).unwrap().dark(0..128).numbers;
+    let dark = Noise::of(&scene, 1.0).unwrap().dark(0..128, &Cancel::default()).unwrap().numbers;
     // Without photons the flat is another dark frame; rounding adds 1/12.
     let flat = frames(&scene, 1.0, Exposure::Flat);
     let deviation = (2.5_f64 * 2.5 + 1.0 / 12.0).sqrt();
@@ -218,11 +218,12 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
     }
     let noise = Noise::of(&scenes[1], 1.0).unwrap();
     let even = Array3::from_elem((STEPS, 32, 64), 0.5_f32);
-    let saturated = noise.counts(Exposure::Flat, 0, even.view()).unwrap().saturated;
+    let saturated =
+        noise.counts(Exposure::Flat, 0, even.view(), &Cancel::default()).unwrap().saturated;
     assert_eq!(saturated, free.iter().filter(|number| number.round() > 255.0).count() as u64);
     assert!(saturated > 1000);
     // Without light and offset half of the electronic noise is below zero.
-    let dark = noise.dark(0..32).numbers;
+    let dark = noise.dark(0..32, &Cancel::default()).unwrap().numbers;
     let zeros = dark.iter().filter(|number| **number == 0.0).count();
     assert!((0.45..0.57).contains(&(zeros as f64 / dark.len() as f64)), "{zeros}");
 }

@@ -4,12 +4,12 @@
 use super::{code_and_stderr, workplace};
 use crate::support::program::Workplace;
 use beamlet::geometry::LoadStep;
-use beamlet::scene::Scene;
-use beamlet::stack::ArraySink;
-use beamlet::{Backend, Control, Engine, EngineOptions, Error, Progress, check};
+use beamlet::scene::{Exposure, Scene};
+use beamlet::stack::{ArraySink, Format, RunDirectory};
+use beamlet::{Backend, Cancel, Control, Engine, EngineOptions, Error, Progress, check};
 use std::fs;
-use std::process::Command;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::io::{Read, Write};
+use std::process::{Command, Stdio};
 
 /// A binary STL file of so many small boxes in rows of 200, 2.5 units apart.
 fn boxes(count: u16) -> Vec<u8> {
@@ -33,6 +33,22 @@ fn boxes(count: u16) -> Vec<u8> {
         }
     }
     file
+}
+
+/// Steps of a scene with one mesh, up to its first ray.
+const STEPS: [LoadStep; 6] = [
+    LoadStep::Reading,
+    LoadStep::Joining,
+    LoadStep::Checking,
+    LoadStep::Nesting,
+    LoadStep::Clearance,
+    LoadStep::Building,
+];
+
+fn end_at(cancel: &Cancel, now: bool) {
+    if now {
+        cancel.cancel();
+    }
 }
 
 /// The scene with a mesh of so many boxes for its object, and the `--set` for it.
@@ -68,7 +84,7 @@ fn a_terminal_shows_what_is_read_and_checked_and_a_pipe_does_not() {
     assert!(!shown.contains("checking \"part\"") && shown.contains("memory  "), "{shown}");
     let (code, message) =
         code_and_stderr(&place.beamlet(&[&["check", "scene.toml"][..], &sets].concat()));
-    assert_eq!((code, message), (Some(0), String::new()), "lines come every ten seconds");
+    assert_eq!((code, message), (Some(0), String::new()), "lines come every 30 seconds");
 }
 
 fn scene(place: &Workplace, sets: &[&str]) -> Scene {
@@ -85,9 +101,12 @@ fn every_step_of_loading_is_told_before_the_first_view() {
     let mut told = |progress: Progress| match progress {
         Progress::Loading(loading) => {
             assert_eq!(views, 0, "{loading:?}");
-            assert!(loading.done <= loading.total && loading.objects == 1, "{loading:?}");
-            let name = if loading.step == LoadStep::Nesting { "" } else { "part" };
-            assert_eq!(loading.object, name);
+            assert!(loading.done <= loading.total && loading.objects <= 1, "{loading:?}");
+            let of_all = matches!(
+                loading.step,
+                LoadStep::Nesting | LoadStep::Clearance | LoadStep::Building
+            );
+            assert_eq!(loading.object, if of_all { "" } else { "part" });
             if steps.last() == Some(&loading.step) {
                 assert!(loading.done >= last, "{loading:?} after {last}");
             } else {
@@ -104,18 +123,18 @@ fn every_step_of_loading_is_told_before_the_first_view() {
     let control = Control::default().with_progress(&mut told);
     engine.run(&scene, &mut ArraySink::new(), control).unwrap();
     assert!(views > 0);
-    let all = [LoadStep::Reading, LoadStep::Joining, LoadStep::Checking, LoadStep::Nesting];
-    assert_eq!(steps, all);
+    assert_eq!(steps, STEPS);
     // `check` tells the same, and amounts to the same as without.
     let mut steps = Vec::new();
     let mut told = |progress: Progress| {
         let Progress::Loading(loading) = progress else { panic!("{progress:?}") };
         steps.push(loading.step);
     };
-    let report = check::check_watched(&scene, None, Some(&mut told)).unwrap();
+    let control = &mut Control::default().with_progress(&mut told);
+    let report = check::check_watched(&scene, None, control).unwrap();
     assert_eq!(report, check::check(&scene).unwrap());
     steps.dedup();
-    assert_eq!(steps, all);
+    assert_eq!(steps, STEPS[..5]);
 }
 
 #[test]
@@ -123,15 +142,13 @@ fn loading_can_be_cancelled() {
     let (place, sets) = with_boxes(3000);
     let scene = scene(&place, &sets);
     let engine = Engine::open(&EngineOptions::default()).unwrap();
-    for at in [LoadStep::Reading, LoadStep::Joining, LoadStep::Checking, LoadStep::Nesting] {
-        let cancel = AtomicBool::new(false);
+    for at in STEPS {
+        let cancel = Cancel::default();
         let mut told = |progress: Progress| match progress {
-            Progress::Loading(loading) => {
-                cancel.fetch_or(loading.step == at, Ordering::Relaxed);
-            }
+            Progress::Loading(loading) => end_at(&cancel, loading.step == at),
             other => panic!("{at:?}: {other:?}"),
         };
-        let mut control = Control::default().with_progress(&mut told).with_cancel(&cancel);
+        let mut control = Control::default().with_progress(&mut told).with_cancel(cancel.clone());
         let ended = engine.prepare_with(&scene, &mut control);
         assert!(matches!(ended, Err(Error::Interrupted)), "{at:?}: {ended:?}");
     }
@@ -167,19 +184,157 @@ fn cuts_are_told_measured_by_check_alone_and_end_where_they_are_cancelled() {
         let Progress::Loading(loading) = progress else { panic!("{progress:?}") };
         steps.push(loading.step);
     };
-    let report = check::check_watched(&scene, None, Some(&mut told)).unwrap();
+    let control = &mut Control::default().with_progress(&mut told);
+    let report = check::check_watched(&scene, None, control).unwrap();
     assert!(steps.contains(&LoadStep::Comparing), "{steps:?}");
     assert_eq!(report.contacts.len(), 1);
     assert_eq!(report.objects[0].cut_by, ["b"]);
     assert!(report.to_string().contains("\"a\" and \"b\" overlap"), "{report}");
 
-    let cancel = AtomicBool::new(false);
+    let cancel = Cancel::default();
     let mut told = |progress: Progress| {
         if let Progress::Loading(loading) = progress {
-            cancel.fetch_or(loading.step == LoadStep::Cutting, Ordering::Relaxed);
+            end_at(&cancel, loading.step == LoadStep::Cutting);
         }
     };
-    let mut control = Control::default().with_progress(&mut told).with_cancel(&cancel);
+    let mut control = Control::default().with_progress(&mut told).with_cancel(cancel.clone());
     let ended = engine.prepare_with(&scene, &mut control);
     assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
+}
+
+/// A scene whose packing takes any machine many seconds: a million spheres.
+fn with_spheres() -> Workplace {
+    let place = workplace();
+    let text = fs::read_to_string(place.path("scene.toml")).unwrap();
+    let (setup, _) = text.split_once("[[object]]").unwrap();
+    let spheres = "[[object]]\nname = \"powder\"\nmaterial = \"water\"\n\
+                   shape = { sphere = { radius = \"10 um\" } }\n\
+                   [object.instances]\npacking = \"spheres\"\ncount = 1000000\n\
+                   region = { box = { size = [\"2.4 mm\", \"2.4 mm\", \"2.4 mm\"] } }\n";
+    fs::write(place.path("scene.toml"), [setup, spheres].concat()).unwrap();
+    place
+}
+
+/// The clocks that were shown beside a word, in seconds, in their order.
+fn clocks(shown: &str, word: &str) -> Vec<u64> {
+    let lines = shown.split(['\r', '\n']).filter(|line| line.contains(word));
+    let clock = |line: &str| {
+        let before = line.split(" gone").next()?;
+        let parts = before.rsplit("  ").next()?.split(':').map(|part| part.parse::<u64>().ok());
+        parts.collect::<Option<Vec<_>>>().map(|it| it.iter().fold(0, |sum, it| 60 * sum + it))
+    };
+    lines.filter_map(clock).collect()
+}
+
+#[test]
+fn a_terminal_ticks_while_one_step_lasts_and_ctrl_c_ends_that() {
+    let place = with_spheres();
+    let line =
+        format!("stty cols 200; {} simulate scene.toml -o run", env!("CARGO_BIN_EXE_beamlet"));
+    let mut command = Command::new("script");
+    command.args(["--quiet", "--return", "--command", &line, "/dev/null"]);
+    command.current_dir(place.path("")).env_remove("RUST_LOG");
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+    let (mut output, mut shown) = (child.stdout.take().unwrap(), Vec::new());
+    let mut part = [0; 4096];
+    let packing = |shown: &[u8]| clocks(&String::from_utf8_lossy(shown), "packing instances of");
+    let mut keyboard = child.stdin.take().unwrap();
+    let mut pressed = false;
+    loop {
+        let length = output.read(&mut part).unwrap_or(0);
+        if length == 0 {
+            break;
+        }
+        shown.extend_from_slice(&part[..length]);
+        let mut told = packing(&shown);
+        told.dedup();
+        if told.len() > 3 && !pressed {
+            // What the terminal makes a signal of.
+            keyboard.write_all(b"\x03").unwrap();
+            pressed = true;
+        }
+    }
+    let ended = child.wait().unwrap();
+    let told = packing(&shown);
+    let shown = String::from_utf8_lossy(&shown);
+    assert!(told.is_sorted() && told.last().is_some_and(|last| *last >= 3), "{told:?}: {shown}");
+    assert_eq!(ended.code(), Some(130), "{shown}");
+    assert!(shown.contains("interrupted") && !shown.contains("looking for objects"), "{shown}");
+    assert!(!place.path("run").exists(), "nothing was written");
+}
+
+#[test]
+fn a_pipe_gets_lines_with_a_clock_that_runs() {
+    let place = workplace();
+    let mut command = super::beamlet(&place.path(""), &["simulate", "scene.toml", "-o", "run"]);
+    command.args(["--set", "scan.angles={ from = \"0 deg\", to = \"180 deg\", count = 200 }"]);
+    command.args(["--backend", "bvh"]);
+    let (code, message) =
+        code_and_stderr(&command.env("BEAMLET_PROGRESS_SECONDS", "0.02").output().unwrap());
+    assert_eq!(code, Some(0), "{message}");
+    let shares: Vec<f64> = message
+        .lines()
+        .filter(|line| line.contains("view "))
+        .map(|line| line.split(" %").next().unwrap().trim().parse().unwrap())
+        .collect();
+    assert!(shares.len() > 3 && shares.is_sorted(), "{message}");
+    assert!(shares.iter().all(|share| (0.0..=100.0).contains(share)), "{message}");
+    assert!(clocks(&message, "view ").is_sorted(), "{message}");
+    assert!(!message.contains(" 0 s left"), "{message}");
+}
+
+#[test]
+fn packing_and_views_can_be_cancelled_and_what_stands_can_be_gone_on_with() {
+    let place = with_spheres();
+    let scene = Scene::load(place.path("scene.toml")).unwrap();
+    let engine = Engine::open(&EngineOptions::default()).unwrap();
+    let cancel = Cancel::default();
+    let mut packed = false;
+    let mut told = |progress: Progress| match progress {
+        Progress::Loading(loading) => {
+            packed = packed || loading.step == LoadStep::Packing;
+            end_at(&cancel, packed);
+        }
+        other => panic!("{other:?}"),
+    };
+    let mut control = Control::default().with_progress(&mut told).with_cancel(cancel.clone());
+    let ended = engine.prepare_with(&scene, &mut control);
+    assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
+    assert!(packed);
+
+    // From its own thread, in the middle of a view: earlier ones stand.
+    let place = workplace();
+    let scene = scene_with_views(&place);
+    let cancel = Cancel::default();
+    let mut before = 0.0;
+    let mut told = |progress: Progress| {
+        let Progress::Views(views) = progress else { return };
+        assert!((before..=1.0).contains(&views.share), "{} after {before}", views.share);
+        before = views.share;
+        end_at(&cancel, views.view == Exposure::Sample(2));
+    };
+    let mut sink = RunDirectory::create(place.path("run"), Format::Npy, false).unwrap();
+    let control = Control::default().with_progress(&mut told).with_cancel(cancel.clone());
+    let ended = engine.run(&scene, &mut sink, control);
+    assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
+    assert!((0.25..0.75).contains(&before), "{before} of five views, the third in work");
+    drop(sink);
+    let mut sink = RunDirectory::resume(place.path("run"), &scene).unwrap();
+    let skip = sink.committed().to_vec();
+    assert_eq!(skip, [Exposure::Flat, Exposure::Sample(0), Exposure::Sample(1)]);
+    engine.run(&scene, &mut sink, Control::default().with_skip(skip)).unwrap();
+    drop(sink);
+    let mut whole = RunDirectory::create(place.path("whole"), Format::Npy, false).unwrap();
+    engine.run(&scene, &mut whole, Control::default()).unwrap();
+    drop(whole);
+    for name in ["flat.npy", "sample.npy"] {
+        let bytes = |run: &str| fs::read(place.path(run).join(name)).unwrap();
+        assert!(bytes("run") == bytes("whole"), "{name}");
+    }
+}
+
+/// Five views.
+fn scene_with_views(place: &Workplace) -> Scene {
+    let angles = "scan.angles={ from = \"0 deg\", to = \"90 deg\", count = 5 }".to_owned();
+    Scene::load_with(place.path("scene.toml"), &[angles]).unwrap()
 }

@@ -3,6 +3,7 @@
 
 use super::{ViewWork, bands};
 use crate::Result;
+use crate::cancel::Cancel;
 use crate::numbers;
 use crate::optics::Optics;
 use crate::run::RunEstimate;
@@ -56,9 +57,14 @@ impl Simulation<'_> {
     /// # Errors
     /// As [`Simulation::run`], but for those of a sink.
     pub fn estimate(&self) -> Result<RunEstimate> {
+        self.estimate_until(&Cancel::default())
+    }
+
+    /// As [`Simulation::estimate`]; [`crate::Error::Interrupted`] when `cancel` was set.
+    pub(crate) fn estimate_until(&self, cancel: &Cancel) -> Result<RunEstimate> {
         let begin = Instant::now();
         let views: Vec<Exposure> = stack::views(&self.scene)?.collect();
-        let mut work = ViewWork::new(self, &views)?;
+        let mut work = ViewWork::new(self, &views, cancel)?;
         let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
         let mut estimate = if self.scene.sampling.scheme == Scheme::Random {
             work.random_estimate()?

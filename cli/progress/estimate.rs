@@ -1,0 +1,193 @@
+//! The time that work will still take, from the share of it that is done.
+
+use std::time::Duration;
+
+/// Share and time of the work before which nobody knows.
+const LEAST_SHARE: f64 = 0.03;
+const LEAST_SECONDS: f64 = 5.0;
+/// New ends of the work count over this part of the time gone: a few slow rows move little.
+const MEMORY: f64 = 0.15;
+/// An end is moved farther away where it is this much later than shown, and these seconds.
+const LATER: f64 = 1.25;
+const LATER_SECONDS: f64 = 5.0;
+
+/// When work will end. Times are those since any fixed moment, so that tests have a clock of their
+/// own.
+#[derive(Debug, Default)]
+pub(super) struct Estimate {
+    /// Time and share when it began: what went before, at another pace, tells nothing.
+    began: Option<[f64; 2]>,
+    /// Time and share of the last step,
+    at: [f64; 2],
+    /// and what it added to the share.
+    step: f64,
+    /// Expected time of the end,
+    end: f64,
+    /// and the one that was shown last.
+    shown: Option<f64>,
+}
+
+impl Estimate {
+    /// The work begins, with this share of it done before.
+    pub(super) fn begin(&mut self, now: Duration, share: f64) {
+        let at = [now.as_secs_f64(), share];
+        *self = Self { began: Some(at), at, ..Self::default() };
+    }
+
+    /// This share of the work is done.
+    pub(super) fn reach(&mut self, now: Duration, share: f64) {
+        let now = now.as_secs_f64();
+        let Some([began, before]) = self.began else {
+            return self.begin(Duration::from_secs_f64(now), share);
+        };
+        if share <= self.at[1] {
+            return;
+        }
+        let (gone, since) = (now - began, now - self.at[0]);
+        let end = now + gone * (1.0 - share) / (share - before);
+        let first = self.end <= 0.0;
+        let weight = since / (since + MEMORY * gone).max(1e-9);
+        self.end = if first { end } else { self.end + weight * (end - self.end) };
+        self.step = share - self.at[1];
+        self.at = [now, share];
+    }
+
+    /// Time that is left; `None` where it is too early to tell.
+    pub(super) fn left(&mut self, now: Duration) -> Option<Duration> {
+        let now = now.as_secs_f64();
+        let [began, before] = self.began?;
+        let [last, share] = self.at;
+        if share - before < LEAST_SHARE || now - began < LEAST_SECONDS {
+            return None;
+        }
+        // Until the next step, it counts down to what will be left then, and waits there.
+        let pace = (last - began) / (share - before);
+        let then = pace * (1.0 - share - self.step).max(0.0);
+        let left = (self.end - now).max(then);
+        let shown = self.shown.map(|end| end - now);
+        let left = match shown {
+            Some(shown) if left > shown && left < LATER * shown + LATER_SECONDS => shown.max(then),
+            _ => left,
+        };
+        self.shown = Some(now + left);
+        Some(Duration::from_secs_f64(left.max(0.0)))
+    }
+}
+
+/// A time that is left, no finer than it is known.
+pub(super) fn words(left: Duration) -> String {
+    let seconds = left.as_secs();
+    match seconds {
+        0..5 => "a few seconds left".to_owned(),
+        5..56 => format!("about {} s left", seconds.div_ceil(5) * 5),
+        56..3540 => format!("about {} min left", seconds.div_ceil(60)),
+        _ => {
+            let minutes = seconds.div_ceil(600) * 10;
+            format!("about {} h {:02} min left", minutes / 60, minutes % 60)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(seconds: f64) -> Duration {
+        Duration::from_secs_f64(seconds)
+    }
+
+    /// What is shown each second of work whose share at a time is `share`, reported at `steps`.
+    fn shown(total: u32, step: f64, share: impl Fn(f64) -> f64) -> Vec<(f64, Option<f64>)> {
+        let mut estimate = Estimate::default();
+        estimate.begin(at(0.0), 0.0);
+        let mut next = step;
+        let tick = |second: u32| {
+            let now = f64::from(second);
+            while next <= now {
+                estimate.reach(at(next), share(next));
+                next += step;
+            }
+            (now, estimate.left(at(now)).map(|left| left.as_secs_f64()))
+        };
+        (0..total).map(tick).collect()
+    }
+
+    #[test]
+    fn nothing_is_told_before_it_is_known() {
+        let mut estimate = Estimate::default();
+        assert_eq!(estimate.left(at(100.0)), None, "nothing has begun");
+        estimate.begin(at(100.0), 0.2);
+        assert_eq!(estimate.left(at(200.0)), None, "what was done before tells nothing");
+        estimate.reach(at(101.0), 0.4);
+        assert_eq!(estimate.left(at(101.0)), None, "one second is not enough");
+        let mut estimate = Estimate::default();
+        estimate.begin(at(0.0), 0.0);
+        estimate.reach(at(60.0), 0.01);
+        assert_eq!(estimate.left(at(60.0)), None, "one per cent is not enough");
+        estimate.reach(at(180.0), 0.03);
+        assert!(estimate.left(at(180.0)).is_some());
+    }
+
+    #[test]
+    fn steady_work_counts_down_to_its_end() {
+        for step in [0.3, 7.0, 20.0] {
+            for (now, left) in shown(200, step, |now| now / 200.0) {
+                let Some(left) = left else {
+                    assert!(now < 7.0_f64.max(step), "nothing told at {now} s, steps of {step} s");
+                    continue;
+                };
+                let error = left - (200.0 - now);
+                assert!(
+                    (-1e-6..=1.0).contains(&error),
+                    "{left} left at {now} s, steps of {step} s"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn an_unsteady_pace_moves_it_little_and_never_up_and_down() {
+        // Rows cost up to three times as much as others, in waves of 20 s.
+        let share = |now: f64| now / 300.0 + 0.5 * 20.0 / 300.0 / 6.3 * (now / 20.0 * 6.3).sin();
+        let told = shown(300, 0.5, share);
+        let told: Vec<(f64, f64)> = told.into_iter().filter_map(|(t, it)| Some((t, it?))).collect();
+        assert!(told.len() > 250);
+        for ((_, before), (now, left)) in told.iter().zip(&told[1..]) {
+            assert!(
+                *left < before + 1e-6 || left - before > 5.0,
+                "{before} then {left} at {now} s"
+            );
+        }
+        let rises = told.windows(2).filter(|it| it[1].1 > it[0].1).count();
+        assert!(rises <= 2, "{rises} times it rose");
+        for (now, left) in told.iter().filter(|(now, _)| *now > 60.0) {
+            assert!((left - (300.0 - now)).abs() < 0.15 * 300.0, "{left} left at {now} s");
+        }
+    }
+
+    #[test]
+    fn a_long_step_makes_it_wait_and_not_run_out() {
+        let mut estimate = Estimate::default();
+        estimate.begin(at(0.0), 0.0);
+        (1..=50).for_each(|n| estimate.reach(at(f64::from(n)), f64::from(n) / 100.0));
+        let mut before = f64::INFINITY;
+        for now in 50..500 {
+            let left = estimate.left(at(f64::from(now))).unwrap().as_secs_f64();
+            assert!(left <= before && left >= 48.9, "{left} left at {now} s");
+            before = left;
+        }
+        estimate.reach(at(500.0), 0.51);
+        assert!(estimate.left(at(500.0)).unwrap() > at(200.0), "the step is known to be slow now");
+    }
+
+    #[test]
+    fn what_is_left_is_told_no_finer_than_it_is_known() {
+        let of = |seconds: u64| words(Duration::from_secs(seconds));
+        assert_eq!(of(0), "a few seconds left");
+        assert_eq!(of(31), "about 35 s left");
+        assert_eq!(of(58), "about 1 min left");
+        assert_eq!(of(61), "about 2 min left");
+        assert_eq!(of(3600), "about 1 h 00 min left");
+        assert_eq!(of(3601), "about 1 h 10 min left");
+    }
+}

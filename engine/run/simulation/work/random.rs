@@ -1,0 +1,67 @@
+//! Rows whose rays are random.
+
+use super::ViewWork;
+use crate::Result;
+use crate::illuminate::{RandomBatch, illuminate_random};
+use crate::interface::Pixel;
+use crate::numbers;
+use crate::optics::Optics;
+use crate::sampling::ProjectedBounds;
+use crate::scene::Exposure;
+use std::ops::Range;
+use std::time::Instant;
+
+impl ViewWork<'_> {
+    pub(super) fn random_rows(
+        &mut self,
+        optics: &Optics,
+        view: Exposure,
+        projected_bounds: &[ProjectedBounds],
+        rows: &Range<i64>,
+    ) -> Result<()> {
+        let Some(kernels) = &self.random else { return Ok(()) };
+        let begin = Instant::now();
+        let detector_rows = 0..i64::from(optics.detector.pixels[1]);
+        let detector_columns = 0..i64::from(optics.detector.pixels[0]);
+        let (mut met, mut missed) = (Vec::new(), Vec::new());
+        for row in rows.clone() {
+            for column in self.pixel_columns.clone() {
+                let inside = detector_rows.contains(&row) && detector_columns.contains(&column);
+                let pixel = Pixel {
+                    column: numbers::narrow::<i32>(column),
+                    row: numbers::narrow::<i32>(row),
+                    table: numbers::narrow::<u32>(column - self.pixel_columns.start),
+                };
+                if self.simulation.lattice.pixel_meets(projected_bounds, column, row) {
+                    met.push(pixel);
+                } else if inside {
+                    missed.push(pixel);
+                }
+            }
+        }
+        let view = match view {
+            Exposure::Flat | Exposure::Dark => 0,
+            Exposure::Sample(i) => i,
+        };
+        for (pixels, empty) in [(&met, false), (&missed, true)] {
+            if !pixels.is_empty() {
+                let job = RandomBatch { pixels, view, empty };
+                for (node, light) in self.lights.iter().enumerate() {
+                    self.cancel.check()?;
+                    self.tracer.set_node(Some(node));
+                    illuminate_random(
+                        &self.device,
+                        kernels,
+                        optics,
+                        &mut self.tracer,
+                        light,
+                        &self.sums,
+                        job,
+                    )?;
+                }
+            }
+        }
+        self.seconds.trace += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+}
