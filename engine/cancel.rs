@@ -55,28 +55,30 @@ impl Cancel {
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T> {
         self.check()?;
-        Aside::begin(work).wait(self, look)
+        Aside::begin(|_| work()).wait(self, look)
     }
 }
 
-/// Work on a thread of its own.
+/// Work on a thread of its own, which is told to end where nobody waits for it any more.
 pub(crate) struct Aside<T> {
+    end: Cancel,
     made: Receiver<T>,
     /// `None` where there was no memory for a thread: then it is done already.
     worker: Option<JoinHandle<()>>,
 }
 
 impl<T: Send + 'static> Aside<T> {
-    pub(crate) fn begin(work: impl FnOnce() -> T + Send + 'static) -> Self {
+    pub(crate) fn begin(work: impl FnOnce(&Cancel) -> T + Send + 'static) -> Self {
         let (sender, made) = mpsc::sync_channel(1);
+        let end = Cancel::default();
         let work = Arc::new(Mutex::new(Some((work, sender))));
         let job = {
-            let work = work.clone();
+            let (work, end) = (work.clone(), end.clone());
             move || {
                 let taken = work.lock().unwrap_or_else(PoisonError::into_inner).take();
                 if let Some((work, sender)) = taken {
                     // Nobody listens to what was left behind.
-                    let _ = sender.send(work());
+                    let _ = sender.send(work(&end));
                 }
             }
         };
@@ -84,14 +86,14 @@ impl<T: Send + 'static> Aside<T> {
         if worker.is_none() {
             job();
         }
-        Self { made, worker }
+        Self { end, made, worker }
     }
 
-    /// Waits for its end.
+    /// Waits for it.
     ///
     /// # Errors
-    /// [`Error::Interrupted`]; the thread goes on, and what it makes is dropped.
-    pub(crate) fn wait(self, cancel: &Cancel, look: &mut dyn FnMut()) -> Result<T> {
+    /// [`Error::Interrupted`]; the thread goes on until it looks, and what it makes is dropped.
+    pub(crate) fn wait(mut self, cancel: &Cancel, look: &mut dyn FnMut()) -> Result<T> {
         loop {
             match self.made.recv_timeout(TICK) {
                 Ok(made) => return Ok(made),
@@ -101,13 +103,19 @@ impl<T: Send + 'static> Aside<T> {
                 }
                 // It ended without a word: it panicked.
                 Err(RecvTimeoutError::Disconnected) => {
-                    if let Some(Err(panic)) = self.worker.map(JoinHandle::join) {
+                    if let Some(Err(panic)) = self.worker.take().map(JoinHandle::join) {
                         resume_unwind(panic);
                     }
                     return Err(Error::Interrupted);
                 }
             }
         }
+    }
+}
+
+impl<T> Drop for Aside<T> {
+    fn drop(&mut self) {
+        self.end.cancel();
     }
 }
 
@@ -137,5 +145,18 @@ mod tests {
         assert_eq!(looks, 3);
         assert!(matches!(cancel.leaving(&mut || {}, || 1), Err(Error::Interrupted)));
         assert_eq!(Cancel::default().leaving(&mut || {}, || 42).unwrap(), 42);
+    }
+
+    #[test]
+    fn work_that_nobody_waits_for_is_told_to_end() {
+        let (sender, ended) = mpsc::channel();
+        let aside = Aside::begin(move |end| {
+            while !end.is_cancelled() {
+                thread::sleep(TICK);
+            }
+            sender.send(()).unwrap();
+        });
+        drop(aside);
+        ended.recv().unwrap();
     }
 }

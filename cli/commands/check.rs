@@ -103,7 +103,10 @@ fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure>
         return Err(Failure::Usage(problem.into()));
     }
     let path = &arguments.scene.scene;
+    let mut reporter = Reporter::new(arguments.messages);
+    reporter.doing("comparing frames with their checksums");
     let found = check_run(path)?;
+    reporter.finish();
     if arguments.json {
         super::write_json(&found, out)?;
     } else {

@@ -89,7 +89,10 @@ fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failu
 fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failure> {
     let format = arguments.format.map(Format::from);
     let sink = if arguments.resume {
+        let mut reporter = Reporter::new(arguments.messages);
+        reporter.doing("comparing frames with their checksums");
         let sink = RunDirectory::resume(&arguments.output, scene)?;
+        reporter.finish();
         // Also under --quiet: data was lost.
         for problem in sink.problems() {
             let _ = writeln!(std::io::stderr(), "warning: {}", beamlet::printed::line(problem));

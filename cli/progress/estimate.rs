@@ -17,10 +17,10 @@ const LATER_SECONDS: f64 = 5.0;
 pub(super) struct Estimate {
     /// Time and share when it began: what went before, at another pace, tells nothing.
     began: Option<[f64; 2]>,
-    /// Time and share of the last step,
+    /// Time and share of the last step.
     at: [f64; 2],
-    /// and what it added to the share.
-    step: f64,
+    /// Seconds that will be left after the next one.
+    then: f64,
     /// Expected time of the end,
     end: f64,
     /// and the one that was shown last.
@@ -48,7 +48,9 @@ impl Estimate {
         let first = self.end <= 0.0;
         let weight = since / (since + MEMORY * gone).max(1e-9);
         self.end = if first { end } else { self.end + weight * (end - self.end) };
-        self.step = share - self.at[1];
+        // The next step is taken to be as long as this one. It counts down to then, and waits there.
+        let after = (1.0 - 2.0 * share + self.at[1]).max(0.0) / (1.0 - share).max(1e-9);
+        self.then = (self.shown.unwrap_or(self.end) - now).max(0.0) * after;
         self.at = [now, share];
     }
 
@@ -56,17 +58,14 @@ impl Estimate {
     pub(super) fn left(&mut self, now: Duration) -> Option<Duration> {
         let now = now.as_secs_f64();
         let [began, before] = self.began?;
-        let [last, share] = self.at;
+        let [_, share] = self.at;
         if share - before < LEAST_SHARE || now - began < LEAST_SECONDS {
             return None;
         }
-        // Until the next step, it counts down to what will be left then, and waits there.
-        let pace = (last - began) / (share - before);
-        let then = pace * (1.0 - share - self.step).max(0.0);
-        let left = (self.end - now).max(then);
+        let left = (self.end - now).max(self.then);
         let shown = self.shown.map(|end| end - now);
         let left = match shown {
-            Some(shown) if left > shown && left < LATER * shown + LATER_SECONDS => shown.max(then),
+            Some(shown) if left > shown && left < LATER * shown + LATER_SECONDS => shown.max(self.then),
             _ => left,
         };
         self.shown = Some(now + left);

@@ -133,10 +133,10 @@ impl Input {
     }
 
     /// Begins to find the SHA-256 of everything that is read, by its path, while curves are fitted.
-    pub(super) fn hashes(&self, cancel: &Cancel) -> Aside<Result<BTreeMap<String, String>>> {
-        let (read, cancel) = (self.read.clone(), cancel.clone());
-        Aside::begin(move || {
-            let hash = |path: &PathBuf| Ok((path.display().to_string(), hash_of(path, &cancel)?));
+    pub(super) fn hashes(&self) -> Aside<Result<BTreeMap<String, String>>> {
+        let read = self.read.clone();
+        Aside::begin(move |end| {
+            let hash = |path: &PathBuf| Ok((path.display().to_string(), hash_of(path, end)?));
             read.iter().map(hash).collect()
         })
     }

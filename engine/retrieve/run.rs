@@ -87,7 +87,7 @@ pub fn retrieve(
     };
     let cancel = control.cancel.clone();
     let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
-    let hashes = input.hashes(&cancel);
+    let hashes = input.hashes();
     retriever.set_flat(row_count, columns, &mut |band| input.flat_rows(band), &mut inner)?;
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);
