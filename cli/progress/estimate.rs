@@ -65,7 +65,9 @@ impl Estimate {
         let left = (self.end - now).max(self.then);
         let shown = self.shown.map(|end| end - now);
         let left = match shown {
-            Some(shown) if left > shown && left < LATER * shown + LATER_SECONDS => shown.max(self.then),
+            Some(shown) if left > shown && left < LATER * shown + LATER_SECONDS => {
+                shown.max(self.then)
+            }
             _ => left,
         };
         self.shown = Some(now + left);

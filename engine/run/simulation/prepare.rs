@@ -143,8 +143,11 @@ impl<'e> Simulation<'e> {
         let budget = error_budget(&scene, detector.optics());
         let Built { sample, media, bvh, facets } = control
             .step(LoadStep::Building, move || build(sample, media, transport, delta_ratio))??;
-        let on_device =
-            DeviceSample::with_bvh(device, &scene, &sample, bvh, &media, ray_query, delta_ratio)?;
+        let (to, of) = (device.clone(), scene.clone());
+        let (sample, media, on_device) = control.step(LoadStep::Building, move || {
+            DeviceSample::with_bvh(&to, &of, &sample, bvh, &media, ray_query, delta_ratio)
+                .map(|made| (sample, media, made))
+        })??;
         let mut simulation = Self {
             engine,
             detector,
@@ -166,6 +169,7 @@ impl<'e> Simulation<'e> {
             memory,
             prepared_in: 0.0,
         };
+        control.cancel.check()?;
         simulation.choose_backend(wanted)?;
         simulation.prepared_in = begin.elapsed().as_secs_f64();
         Ok(simulation)
