@@ -287,7 +287,8 @@ fn a_pipe_gets_lines_with_a_clock_that_runs() {
 fn packing_and_views_can_be_cancelled_and_what_stands_can_be_gone_on_with() {
     let place = with_spheres();
     let scene = Scene::load(place.path("scene.toml")).unwrap();
-    let engine = Engine::open(&EngineOptions::default()).unwrap();
+    // A run goes on with the backend that began it alone.
+    let engine = Engine::open(&EngineOptions::default().with_backend(Backend::Bvh)).unwrap();
     let cancel = Cancel::default();
     let mut packed = false;
     let mut told = |progress: Progress| match progress {
