@@ -30,6 +30,10 @@ pub mod image {
 pub mod interface {
     pub use crate::interface::*;
 }
+/// The choice of a backend.
+pub mod backend {
+    pub use crate::run::simulation::choose;
+}
 /// Memory of a run.
 pub mod memory {
     pub use crate::run::memory::{MemoryEstimate, estimate};

@@ -66,6 +66,6 @@ pub use run::{
     Control, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate, Simulation,
     ViewProgress, devices, load_sample, require_memory,
 };
-pub use stack::{RunRecord, SamplingSummary};
+pub use stack::{RunRecord, SamplingSummary, SearchCounts};
 pub use trace::{Ray, SurfaceCrossing, Tally};
 pub use whole_file::write_file;

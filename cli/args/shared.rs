@@ -23,7 +23,7 @@ impl DeviceArguments {
 /// What walks the rays of a run, and in how much memory.
 #[derive(Debug, Args)]
 pub(crate) struct EngineArguments {
-    /// How rays find triangles: auto measures both on the scene
+    /// How rays find triangles: auto chooses by the device and counts of the scene
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]
     pub(crate) backend: BackendName,
     #[command(flatten)]

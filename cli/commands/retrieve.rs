@@ -160,6 +160,10 @@ fn summary(
             writeln!(out, "         {count} with flag {bit} ({meaning})")?;
         }
     }
+    if let Some(residual) = record.residual.filter(|_| !record.counts) {
+        let share = 100.0 * residual;
+        writeln!(out, "misfit   fits leave {share:.2} % of open beam (rms, median of all pixels)")?;
+    }
     if let Some(remedy) = remedy {
         writeln!(out, "note     {remedy}")?;
     }

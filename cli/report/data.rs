@@ -56,7 +56,6 @@ impl Contents<'_> {
             }
         }
         let trusted = self.trusted()?;
-        let counts = run.record().is_some_and(|record| record.counts);
         let mut add = |name: &str, kept: &[usize], trusted: Option<&[bool]>| {
             let quantity = Quantity::of_map(name);
             let values = map(run, name, kept, &quantity, *thinning)?;
@@ -65,11 +64,9 @@ impl Contents<'_> {
                 let all = values.iter().enumerate();
                 all.filter(|(at, _)| is_trusted(*at)).map(|(_, value)| *value).collect()
             };
-            // Only of counts is it the noise.
-            let sigma = format!("{name}_sigma");
-            let sigma = match counts && run.has(&sigma) {
-                true => Some(own(&map(run, &sigma, kept, &quantity, *thinning)?)),
-                false => None,
+            let sigma = match run.sigma_of(name) {
+                Some(sigma) => Some(own(&map(run, &sigma, kept, &quantity, *thinning)?)),
+                None => None,
             };
             let scale = Scale::of(quantity.map, &own(&values), quantity.empty, sigma.as_deref());
             images.insert(name.into(), image(name, &values, &quantity, &scale, arrays));
@@ -77,8 +74,7 @@ impl Contents<'_> {
         };
         for name in contrasts {
             add(name, kept, trusted.as_deref())?;
-            let sigma = format!("{name}_sigma");
-            if run.has(&sigma) {
+            if let Some(sigma) = run.sigma_of(name) {
                 add(&sigma, kept, trusted.as_deref())?;
             }
         }
@@ -117,7 +113,7 @@ pub(super) fn collect(run: &Subject, most: u64) -> Result<Data, Failure> {
     let fitted =
         run.has_gaussians() && fits("flat").iter().chain(&fits("sample")).all(|name| run.has(name));
     let contrasts: Vec<&str> = CONTRASTS.into_iter().filter(|name| run.has(name)).collect();
-    let sigmas = contrasts.iter().filter(|name| run.has(&format!("{name}_sigma"))).count();
+    let sigmas = contrasts.iter().filter(|name| run.sigma_of(name).is_some()).count();
     let of_frames = if run.has_fitted() { steps } else { 0 };
     let of_fit = if fitted { FIT.len() } else { 0 } + usize::from(has_residuals(run));
     let of_view = of_frames + contrasts.len() + sigmas + usize::from(run.has("flags")) + of_fit;

@@ -73,7 +73,7 @@ pub(crate) fn page(
     let arrays: Vec<TableRow> = data.arrays.into_iter().map(encoded).collect();
     let figures = figures::of(run, options.device.as_deref(), reporter)?;
     let notes: Vec<String> = data.notes.into_iter().chain(figures.notes).collect();
-    let counts = run.record().is_some_and(|record| record.counts);
+    let has_noise = run.sigma_of("transmission").is_some();
     let context = context! {
         title => title(run),
         summary => tables::summary(run),
@@ -81,7 +81,7 @@ pub(crate) fn page(
         notes,
         frames => run.has_fitted(),
         words => tables::words(),
-        band => if counts { "± 1σ" } else { "± 1σ by the misfit of the fit" },
+        band => if has_noise { "± 1σ" } else { "" },
         set_up => figures.set_up,
         sample => figures.sample,
         spectrum => figures.spectrum,

@@ -94,13 +94,14 @@ const WORDS: [(&str, &str); 8] = [
     ),
     (
         "1σ",
-        "one standard deviation. From counts it is that of the noise; from noise-free intensities \
-         it is what the fit leaves, and no uncertainty.",
+        "one standard deviation of the noise of counts. Noise-free intensities have none: what tells \
+         of them is the rms residual, as a share of open beam.",
     ),
     ("residual", "value less fit; the rms residual is its root mean square over the mask steps."),
     (
         "flags",
-        "what stands against the values of a pixel. Flagged pixels do not set the colour scales; \
+        "what stands against the values of a pixel. Misfit: they are not those of the neighbours on \
+         either side, as where the silhouette of an object crosses the pixel. Flagged pixels do not set the colour scales; \
          pixels without an answer are violet.",
     ),
     (
@@ -208,9 +209,11 @@ pub(super) fn provenance(run: &Subject) -> Vec<TableRow> {
     ] {
         rows.push(TableRow::new(key, value));
     }
-    for (what, rate) in &record.calibration {
-        let value = format!("{what} {} million rays a second", short(*rate));
-        rows.push(TableRow::new("calibration", value));
+    if let Some(search) = &record.search {
+        let crossings = short(search.crossings_per_ray);
+        let value =
+            format!("{} leaves, {crossings} crossings per ray", count(search.leaves.into()));
+        rows.push(TableRow::new("search", value));
     }
     let seconds: Vec<String> =
         record.seconds.iter().map(|(what, time)| format!("{what} {time:.1}")).collect();

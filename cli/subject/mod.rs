@@ -171,6 +171,15 @@ impl Subject {
         self.maps.as_ref().is_some_and(|maps| maps.names().any(|found| found == name))
     }
 
+    /// Name of the image of the 1 sigma of another, where values have noise.
+    pub(crate) fn sigma_of(&self, name: &str) -> Option<String> {
+        let sigma = format!("{name}_sigma");
+        let counts = self.record.as_ref().is_some_and(|record| record.counts);
+        // Earlier versions made one from noise-free values, of what the fit leaves.
+        let there = |maps: &Maps| maps.names().any(|found| found == sigma);
+        (counts && self.images().is_some_and(there)).then_some(sigma)
+    }
+
     /// How the images were retrieved, in words.
     pub(crate) fn method_words(&self) -> String {
         let Some(record) = &self.record else { return String::new() };

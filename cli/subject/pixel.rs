@@ -43,8 +43,7 @@ impl Subject {
             let value = |name: &str| -> Result<f64, Failure> {
                 Ok(f64::from(self.map(name, view)?[[row, column]]) * quantity.factor)
             };
-            let sigma = format!("{name}_sigma");
-            let sigma = if self.has(&sigma) { Some(value(&sigma)?) } else { None };
+            let sigma = self.sigma_of(name).map(|sigma| value(&sigma)).transpose()?;
             let text = match measured(value(name)?, sigma) {
                 text if text.contains('±')
                     && !quantity.unit.is_empty()
@@ -55,6 +54,11 @@ impl Subject {
                 text => text,
             };
             lines.push(format!("{sign} = {text} {}", quantity.unit).trim_end().to_owned());
+        }
+        let counts = self.record().is_some_and(|record| record.counts);
+        if !counts && self.has("residual_sample") {
+            let left = f64::from(self.map("residual_sample", view)?[[row, column]]);
+            lines.push(format!("misfit (rms residual): {:.2} % of open beam", 100.0 * left));
         }
         if self.has("flags") {
             let flags = numbers::whole::<u32>(f64::from(self.map("flags", view)?[[row, column]]));

@@ -1,5 +1,6 @@
 //! What the bits of a flag image mean. A curve has ten bits; in the image the flat's come first
-//! and the sample's follow, so that every value is a small integer that f32 holds exactly.
+//! and the sample's follow, then that of the pixel, so that every value is an integer that f32 holds
+//! exactly.
 
 use crate::interface;
 
@@ -25,13 +26,24 @@ pub const NO_PEAK: u32 = interface::CURVE_NO_PEAK;
 /// (two-step).
 pub const TRUNCATED: u32 = 512;
 
+/// The values are not those of one piece of sample: a silhouette crosses the pixel, or a value of its
+/// curve is off. A bit of a pixel, and not of one of its curves.
+pub const MISFIT: u32 = 1 << 20;
+
 /// Bits of a curve: the sample's bits in an image are those of the flat, shifted by this.
 pub const BITS: u32 = 10;
 
 /// With one of these a pixel has no answer, and its images hold NaN.
 pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_PEAK;
 
-/// Each bit with its name and meaning, for files and tables.
+/// Name and meaning of [`MISFIT`].
+pub const OF_PIXEL: (u32, &str, &str) = (
+    MISFIT,
+    "misfit",
+    "values are not those of the neighbours on either side, or the fit leaves more",
+);
+
+/// Each bit of a curve with its name and meaning, for files and tables.
 pub const MEANINGS: [(u32, &str, &str); 10] = [
     (DEAD, "dead", "all values are the same: dead pixel, or no light"),
     (NOT_FINITE, "not_finite", "a value is not a number or infinite"),

@@ -64,6 +64,12 @@ impl Images {
         self.iter().find(|(other, _)| *other == name).map(|(_, map)| map)
     }
 
+    /// An image to change.
+    pub(super) fn get_mut(&mut self, name: &str) -> Option<&mut Array2<f32>> {
+        let at = self.names.iter().position(|other| *other == name)?;
+        self.maps.get_mut(at)
+    }
+
     /// Fills the pixels `at` from the curves of the whole flat and of these pixels' sample.
     pub(super) fn take(
         &mut self,

@@ -11,6 +11,7 @@ mod images;
 mod input;
 mod least_squares;
 mod method;
+mod misfit;
 mod options;
 mod retriever;
 mod run;

@@ -7,6 +7,7 @@ use super::curves::Curves;
 use super::fitter::{FitOptions, Fitter, Weights};
 use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::method::Method;
+use super::misfit::{self, Noise};
 use super::options::{ReadRows, RetrieveOptions};
 use super::shape::CurveGeometry;
 use crate::numbers;
@@ -163,7 +164,10 @@ impl Retriever {
     pub fn names(&self) -> Vec<&'static str> {
         let is_given = |name: &&'static str| {
             let dark = name.starts_with("dark_field");
-            !dark || self.options.method.has_dark_field()
+            // Without noise there is nothing to be uncertain of.
+            let sigma = name.ends_with("_sigma");
+            (!dark || self.options.method.has_dark_field())
+                && (!sigma || self.options.gain.is_some())
         };
         CONTRASTS.into_iter().filter(is_given).chain([FLAGS]).chain(OF_SAMPLE).collect()
     }
@@ -232,6 +236,7 @@ impl Retriever {
             ));
         }
         let chosen = self.two_steps(flat);
+        let offsets_used = chosen.map_or(self.sample_offsets.len(), |steps| steps.len());
         let across = flat.columns;
         let mut images = Images::new(self.names(), flat.rows, across);
         let rows = numbers::count(flat.rows);
@@ -252,6 +257,12 @@ impl Retriever {
             images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
             Ok(())
         })?;
+        let noise = Noise {
+            gain: self.options.gain,
+            read_noise: self.options.read_noise,
+            steps: self.beamlets.as_ref().map_or(offsets_used, |of| of.offsets().len()),
+        };
+        misfit::mark(&mut images, &flat.curves, self.angle_per_shift, noise);
         Ok(images)
     }
 

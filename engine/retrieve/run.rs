@@ -2,6 +2,7 @@
 
 use super::images::{FLAGS, OF_FLAT, unit};
 use super::input::Input;
+use super::misfit::median;
 use super::options::RetrieveOptions;
 use super::retriever::Retriever;
 use super::write::{ImageDirectory, ImageFormat, Record};
@@ -107,6 +108,7 @@ pub fn retrieve(
             .map_err(|error| Error::file(to.path, error.to_string(), None))?;
         images.put(name, unit(name, value), 1, image)?;
     }
+    let mut residuals = Vec::new();
     for view in 0..input.views() {
         let mut read = |band| input.sample_rows(view, band);
         let retrieved = retriever.retrieve(columns, &mut read, &mut inner)?;
@@ -115,7 +117,10 @@ pub fn retrieve(
             images.put(name, unit(name, value), input.views(), image.view())?;
         }
         count(&mut record, retrieved.get(FLAGS));
+        let left = retrieved.get("residual_sample").into_iter().flatten();
+        residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
     }
+    record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.inputs = hashes.wait(&cancel, &mut || {})??;
     images.finish(Some(&record))?;
     Ok(record)
@@ -149,6 +154,8 @@ fn begun(
         meanings.insert(flags::of_pixel(bit, 0), format!("flat {name}: {meaning}"));
         meanings.insert(flags::of_pixel(0, bit), format!("sample {name}: {meaning}"));
     }
+    let (bit, name, meaning) = flags::OF_PIXEL;
+    meanings.insert(bit, format!("{name}: {meaning}"));
     Record {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         method: options.method.name().to_owned(),
@@ -170,7 +177,10 @@ fn begun(
             .map(|(path, hash)| (path.display().to_string(), hash.clone()))
             .collect(),
         offsets: scene.scan.mask_offsets.clone(),
-        flat_width: retriever.flat_curves().and_then(|flat| median(&flat.width)),
+        flat_width: retriever
+            .flat_curves()
+            .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),
+        residual: None,
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),
         angle_per_shift: retriever.angle_per_shift(),
@@ -180,14 +190,6 @@ fn begun(
         flags: meanings,
         without_answer: 0,
     }
-}
-
-/// The middle one of the finite values.
-fn median(values: &[f32]) -> Option<f64> {
-    let mut finite: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
-    let middle = finite.len() / 2;
-    (middle < finite.len())
-        .then(|| f64::from(*finite.select_nth_unstable_by(middle, f32::total_cmp).1))
 }
 
 /// The metadata of every image.

@@ -28,7 +28,7 @@ pub struct EngineOptions {
     /// Device by index or part of its name; `None`: the environment variable
     /// `BEAMLET_DEVICE`, then the best device found.
     pub device: Option<String>,
-    /// Backend; `None`: by capability and calibration on the scene.
+    /// Backend; `None`: by what the device can, what it is, and counts of the scene.
     pub backend: Option<Backend>,
     /// Ask for the Khronos validation layer; its messages go to `log` as errors.
     pub validation: bool,

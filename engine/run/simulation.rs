@@ -21,6 +21,7 @@ use crate::scene::{Exposure, Scene};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
 use crate::trace::{DeviceSample, MaterialTable, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
+pub use backend::choose;
 pub use rays::{moments, trace};
 use std::sync::Arc;
 use std::time::Instant;

@@ -26,7 +26,7 @@ pub use array::ArraySink;
 pub use callback::CallbackSink;
 pub(crate) use npy::{le_bytes, npy_header};
 pub use read::{Maps, OpenRun, StackFile};
-pub use record::{RunRecord, SamplingSummary};
+pub use record::{RunRecord, SamplingSummary, SearchCounts};
 pub use run_directory::{Format, RunDirectory};
 pub(crate) use run_directory::{LOG, SCENE};
 pub use run_file::{FORMAT_VERSION, RunFile, RunState};
@@ -66,15 +66,15 @@ pub struct RunStart {
     pub backend: Backend,
     /// Why that backend.
     pub backend_reason: String,
-    /// Calibration: million rays a second by backend name.
-    pub calibration: BTreeMap<String, f64>,
+    /// What the backend was chosen by; `None` where there was nothing to choose.
+    pub search: Option<SearchCounts>,
     /// SHA-256 of the meshes by the name of their object, as
     /// [`crate::geometry::ObjectSummary::hash`]; shapes have none.
     pub mesh_hashes: BTreeMap<String, String>,
 }
 
 impl RunStart {
-    /// A run on a device and backend, for reasons in words; nothing was calibrated, and no mesh read.
+    /// A run on a device and backend, for reasons in words; nothing was counted, and no mesh read.
     pub fn new(
         device: impl Into<String>,
         driver: impl Into<String>,
@@ -86,7 +86,7 @@ impl RunStart {
             driver: driver.into(),
             backend,
             backend_reason: backend_reason.into(),
-            calibration: BTreeMap::new(),
+            search: None,
             mesh_hashes: BTreeMap::new(),
         }
     }

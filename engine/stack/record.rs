@@ -23,8 +23,10 @@ pub struct RunRecord {
     pub backend: Backend,
     /// Why that backend.
     pub backend_reason: String,
-    /// Calibration: million rays a second by backend name.
-    pub calibration: BTreeMap<String, f64>,
+    /// What the backend was chosen by; `None` where there was nothing to choose, and in records of
+    /// earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub search: Option<SearchCounts>,
     /// Seed.
     pub seed: u64,
     /// Counts.
@@ -47,12 +49,31 @@ impl RunRecord {
             driver: start.driver.clone(),
             backend: start.backend,
             backend_reason: start.backend_reason.clone(),
-            calibration: start.calibration.clone(),
+            search: start.search,
             seed,
             tally: Tally::default(),
             sampling: None,
             seconds: BTreeMap::new(),
         }
+    }
+}
+
+/// What a search for surfaces has to do in a scene, in counts that no clock enters.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct SearchCounts {
+    /// Leaves of the tree: triangles, shapes and placed meshes.
+    pub leaves: u32,
+    /// Mean number of surfaces that a ray through the shadow of the sample crosses (a ray counts
+    /// up to 64).
+    pub crossings_per_ray: f64,
+}
+
+impl SearchCounts {
+    /// Counts of a scene.
+    #[must_use]
+    pub const fn new(leaves: u32, crossings_per_ray: f64) -> Self {
+        Self { leaves, crossings_per_ray }
     }
 }
 

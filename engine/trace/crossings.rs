@@ -38,6 +38,8 @@ pub struct CrossingFinder {
     sample: Arc<DeviceSample>,
     kernel: Kernel,
     most: u32,
+    /// Rays at once.
+    room: u32,
     rays: Buffer,
     met: Buffer,
     counts: Buffer,
@@ -50,19 +52,31 @@ impl CrossingFinder {
     /// # Errors
     /// [`crate::Error::Memory`], or [`crate::Error::Device`] where the driver refuses.
     pub fn new(device: &Arc<Device>, sample: &Arc<DeviceSample>, most: u32) -> Result<Self> {
+        Self::of_rays(device, sample, most, RAYS)
+    }
+
+    /// As [`CrossingFinder::new`], for up to `room` rays at once.
+    pub(crate) fn of_rays(
+        device: &Arc<Device>,
+        sample: &Arc<DeviceSample>,
+        most: u32,
+        room: u32,
+    ) -> Result<Self> {
+        let room = room.clamp(1, RAYS);
         let push = push_bytes::<CrossingsPush>();
         let most = most.max(1);
-        let of_all = |each: usize| u64::from(RAYS) * u64::from(most) * each as u64;
+        let of_all = |each: usize| u64::from(room) * u64::from(most) * each as u64;
         let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
         Ok(Self {
             device: device.clone(),
             sample: sample.clone(),
             kernel: device.kernel("crossings", shaders::CROSSINGS, push)?,
             most,
-            rays: make("rays", u64::from(RAYS) * size_of::<interface::Ray>() as u64)?,
+            room,
+            rays: make("rays", u64::from(room) * size_of::<interface::Ray>() as u64)?,
             met: make("crossings", of_all(size_of::<interface::SurfaceCrossing>()))?,
             lists: make("lists of crossings", of_all(size_of::<Crossing>()))?,
-            counts: make("counts of crossings", u64::from(RAYS) * 4)?,
+            counts: make("counts of crossings", u64::from(room) * 4)?,
         })
     }
 
@@ -80,8 +94,8 @@ impl CrossingFinder {
         let mut pace = Pace::new(4096, GROUP, RAYS);
         let mut done = 0;
         let mut met_by_ray = Vec::with_capacity(most);
-        for batch in rays.chunks(RAYS as usize) {
-            let count = u32::try_from(batch.len()).unwrap_or(RAYS);
+        for batch in rays.chunks(self.room as usize) {
+            let count = u32::try_from(batch.len()).unwrap_or(self.room);
             let packed: Vec<interface::Ray> = batch.iter().map(interface::Ray::from).collect();
             self.rays.write(0, &packed)?;
             let mut first = 0;

@@ -23,6 +23,12 @@ impl Ray {
     }
 }
 
+impl From<&interface::Ray> for Ray {
+    fn from(ray: &interface::Ray) -> Self {
+        Self::new(ray.view, [ray.x, ray.z], [ray.slope_x, ray.slope_z])
+    }
+}
+
 impl From<&Ray> for interface::Ray {
     fn from(&Ray { view, point: [x, z], slope: [slope_x, slope_z] }: &Ray) -> Self {
         Self { x, z, slope_x, slope_z, view, key: 0 }

@@ -25,6 +25,8 @@ pub struct DeviceSample {
     pub materials: u32,
     /// `KIND_` bits of the surfaces that are placed, which kernels have to know of.
     pub(super) kinds: u32,
+    /// Leaves of the tree over the sample.
+    pub(crate) leaves: u32,
     _buffers: Vec<Buffer>,
     acceleration: Option<AccelerationStructure>,
 }
@@ -128,7 +130,14 @@ impl DeviceSample {
         };
         let records: Vec<_> = (0..=media.weights.len() as u64).map(record).collect();
         let records = device.upload("sample", &records)?;
-        Ok(Self { records, materials: count(materials), kinds, _buffers: buffers, acceleration })
+        Ok(Self {
+            records,
+            materials: count(materials),
+            kinds,
+            leaves: sample_leaves,
+            _buffers: buffers,
+            acceleration,
+        })
     }
 
     /// Address of the record that shaders start from, at a node of the spectrum or (`None`) at

@@ -10,11 +10,13 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Random, body, cuboid, star};
 use crate::support::{CARBON, WATER, Worst, backends, engine, engine_with};
+use beamlet::internals::backend::choose;
 use beamlet::internals::interface::{FLAG_EXACT, FLAG_UNBALANCED};
 use beamlet::internals::trace::{Ray, trace};
 use beamlet::scene::{MaterialSpec, Object, Scene, Shape, Transport};
 use beamlet::stack::Stacks;
-use beamlet::{Backend, EngineOptions};
+use beamlet::{Backend, DeviceKind, EngineOptions, SearchCounts};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Open beam. Sums of a ray run in the order of its candidates, which differs between backends:
 /// 1e-7 of a depth or a displacement.
@@ -163,16 +165,47 @@ fn results_are_the_same_ray_by_ray() {
 }
 
 #[test]
-fn backend_not_asked_for_is_chosen_by_calibration() {
-    let scene = ball(64);
-    let record = engine_with(EngineOptions::default()).simulate(&scene).expect("a stack").record;
-    let both = backends();
-    if both.len() == 2 {
-        let [query, software] = ["ray-query", "bvh"].map(|name| record.calibration[name]);
-        let best = if query > software { Backend::RayQuery } else { Backend::Bvh };
-        assert_eq!(record.backend, best, "{:?}", record.calibration);
-    } else {
-        assert_eq!(record.backend, Backend::Bvh);
+fn backend_not_asked_for_is_chosen_by_kind_leaves_and_crossings() {
+    let of = |kind, leaves, crossings| choose(kind, SearchCounts::new(leaves, crossings)).0;
+    for kind in [DeviceKind::Discrete, DeviceKind::Integrated, DeviceKind::Virtual] {
+        assert_eq!(of(kind, 100_000, 1.3), Backend::RayQuery);
+        assert_eq!(of(kind, 65, 32.0), Backend::RayQuery);
+        assert_eq!(of(kind, 64, 1.3), Backend::Bvh);
+        assert_eq!(of(kind, 100_000, 32.1), Backend::Bvh);
     }
-    assert!(!record.backend_reason.is_empty());
+    for leaves in [1, 500, 1_000_000] {
+        assert_eq!(of(DeviceKind::Cpu, leaves, 1.3), Backend::Bvh);
+    }
+}
+
+#[test]
+fn what_a_backend_is_chosen_by_is_the_same_under_load() {
+    let scene = ball(64);
+    let record = || engine_with(EngineOptions::default()).simulate(&scene).expect("a stack").record;
+    let quiet = record();
+    assert!(!quiet.backend_reason.is_empty());
+    if !both("counts of a scene") {
+        assert_eq!((quiet.backend, quiet.search), (Backend::Bvh, None));
+        return;
+    }
+    let counts = quiet.search.expect("counts");
+    // A ball alone: rays through its shadow, a square about it, cross it twice or not at all. The
+    // disc has pi / 4 of the square; of 16 places some are at its corners.
+    assert_eq!(counts.leaves as usize, triangles(&scene));
+    assert!((0.8..=2.0).contains(&counts.crossings_per_ray), "{counts:?}");
+    let done = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                while !done.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        let busy = [record(), record()];
+        done.store(true, Ordering::Relaxed);
+        for record in busy {
+            assert_eq!((record.backend, record.search), (quiet.backend, quiet.search));
+        }
+    });
 }

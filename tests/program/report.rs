@@ -90,6 +90,7 @@ fn run_with_maps() -> tempfile::TempDir {
     let flags = BTreeMap::from([(1, "flat dead: on purpose".into()), (2, "flat other".into())]);
     let mut record = Record::default();
     record.method = "gaussian".into();
+    record.counts = true;
     record.shape = [2, 4, 16];
     record.flags = flags;
     let text = serde_json::to_string(&record).unwrap();

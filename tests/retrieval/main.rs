@@ -8,6 +8,7 @@ mod support;
 mod dark_field;
 mod expected;
 mod fits;
+mod misfit;
 mod retrieval;
 #[cfg(feature = "cli")]
 mod retrieve_cli;

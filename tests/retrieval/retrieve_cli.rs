@@ -15,7 +15,7 @@ use crate::reference::fit;
 use crate::support::log::commit;
 use crate::support::program;
 use beamlet::RowsControl;
-use beamlet::retrieve::{ImageFormat, ImagesTo, Input, Record, RetrieveOptions, retrieve};
+use beamlet::retrieve::{ImageFormat, ImagesTo, Input, Record, RetrieveOptions, flags, retrieve};
 use beamlet::stack::{Maps, OpenRun, StackFile};
 use beamlet::{Cancel, Engine, EngineOptions, Error};
 use ndarray::{Array3, Array4};
@@ -411,7 +411,14 @@ fn images_of_counts_scatter_as_their_uncertainties_say() {
     // From the scene's detector.
     assert_eq!((record.gain, record.read_noise), (Some(0.8), 12.0));
     let [light, counts] = ["light", "counts"].map(|name| Maps::open(folder.join(name)).unwrap());
-    assert!(counts.map("flags", 0).unwrap().iter().all(|flags| *flags == 0.0));
+    // Misfits, and these at the silhouettes but for a pixel in a thousand.
+    let place = |column: usize| ((column as f64 + 0.5 - 64.0) * 150e-6 * 1.21 / 1.8).abs();
+    let mut elsewhere = 0;
+    for ((_, column), flags) in counts.map("flags", 0).unwrap().indexed_iter() {
+        assert!([0, flags::MISFIT].contains(&(*flags as u32)), "{flags}");
+        elsewhere += u32::from(*flags > 0.0 && (place(column) - 4e-3).abs() > 0.1e-3);
+    }
+    assert!(elsewhere <= 6, "{elsewhere} of 6,144");
     for name in ["transmission", "refraction", "dark_field"] {
         let [a, b, sigma] = [
             counts.map(name, 0).unwrap(),

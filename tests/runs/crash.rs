@@ -67,8 +67,8 @@ fn assert_whole(place: &Path, run: &str) -> Vec<Exposure> {
 }
 
 /// What run.json tells of when and how a run was made.
-const OF_THIS_TIME: [&str; 7] =
-    ["began", "written", "duration_s", "commands", "seconds", "calibration", "resumed_views"];
+const OF_THIS_TIME: [&str; 6] =
+    ["began", "written", "duration_s", "commands", "seconds", "resumed_views"];
 
 /// What a run holds, by name: every file byte by byte, but for the order of lines of progress.log
 /// and for times and rates in run.json. All of its `views` have to verify.

@@ -10,7 +10,7 @@ use beamlet::stack::{
     ArraySink, CallbackSink, Format, OpenRun, RunDirectory, RunFile, RunStart, RunState, Sink,
     StackShape,
 };
-use beamlet::{Backend, Error, RunRecord};
+use beamlet::{Backend, Error, RunRecord, SearchCounts};
 use ndarray::{Array3, Array4, s};
 use ndarray_npy::ReadNpyExt;
 use std::fs;
@@ -38,7 +38,7 @@ fn scene() -> Scene {
 
 fn start() -> RunStart {
     let mut start = RunStart::new("tested device", "1.0", Backend::Bvh, "the test says so");
-    start.calibration.insert("bvh".into(), 2.5);
+    start.search = Some(SearchCounts::new(500, 1.5));
     start
 }
 

@@ -46,6 +46,10 @@ pub struct Record {
     /// `None` in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flat_width: Option<f64>,
+    /// Median, over pixels and then views, of what the fits of the sample leave, rms: share of open
+    /// beam, or counts; `None` where the method leaves nothing, and in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual: Option<f64>,
     /// Mask magnification M.
     pub magnification: f64,
     /// Lever arm z, m.

@@ -1,17 +1,38 @@
-//! The backend of a run: as requested, as the device can, or the faster one on the scene.
+//! The backend of a run: as requested, as the device can, or by counts of the scene.
 
 use super::Simulation;
 use crate::accel::Backend;
-use crate::gpu::DeviceDescription;
-use crate::interface::Ray;
-use crate::numbers;
+use crate::gpu::{DeviceDescription, DeviceKind};
 use crate::sampling::ProjectedBounds;
+use crate::stack::SearchCounts;
+use crate::trace::{CrossingFinder, Ray};
 use crate::{Error, Result};
 
-/// Rays of a calibration.
-const CALIBRATION_RAYS: usize = 1 << 13;
+/// Rays whose crossings are counted.
+const COUNTED_RAYS: usize = 1 << 10;
 /// Places they are at.
-const CALIBRATION_PATCHES: usize = 16;
+const COUNTED_PATCHES: usize = 16;
+/// Crossings of a ray that are counted.
+const MOST_CROSSINGS: u32 = 64;
+/// Leaves up to which a tree has two levels of eight: a driver's search saves nothing.
+const FEW_LEAVES: u32 = 64;
+/// Crossings of a ray above which candidates, which return to the shader one by one, are the work,
+/// and not the search.
+const MANY_CROSSINGS: f64 = 32.0;
+
+/// The backend for a scene on a device that has both, and why. Results are the same.
+#[must_use]
+pub fn choose(kind: DeviceKind, counts: SearchCounts) -> (Backend, &'static str) {
+    if kind == DeviceKind::Cpu {
+        (Backend::Bvh, "the device is a processor, on which ray query is software, too")
+    } else if counts.leaves <= FEW_LEAVES {
+        (Backend::Bvh, "the sample has few leaves")
+    } else if counts.crossings_per_ray > MANY_CROSSINGS {
+        (Backend::Bvh, "rays cross many surfaces")
+    } else {
+        (Backend::RayQuery, "the device searches many leaves for few crossings")
+    }
+}
 
 /// Refuses a backend that the device does not have.
 pub(super) fn check(wanted: Option<Backend>, device: &DeviceDescription) -> Result<()> {
@@ -26,7 +47,7 @@ pub(super) fn check(wanted: Option<Backend>, device: &DeviceDescription) -> Resu
 }
 
 impl Simulation<'_> {
-    /// By what the caller wants, what the device can, and a short calibration on the scene.
+    /// By what the caller wants, what the device can, and counts of the scene.
     pub(super) fn choose_backend(&mut self, wanted: Option<Backend>) -> Result<()> {
         let (backend, reason) = if let Some(backend) = wanted {
             (backend, "requested".to_owned())
@@ -38,24 +59,10 @@ impl Simulation<'_> {
             };
             (Backend::Bvh, reason.to_owned())
         } else {
-            let rays = self.calibration_rays();
-            for backend in [Backend::Bvh, Backend::RayQuery] {
-                let tracer = self.tracer(backend)?;
-                let n = rays.len().min(tracer.capacity() as usize);
-                tracer.rays().write(0, &rays[..n])?;
-                let n = numbers::count(n);
-                tracer.trace_on_device(n)?; // the first dispatch pays for compilation
-                let time = tracer.trace_on_device(n)?;
-                let rate = f64::from(n) / time.as_secs_f64().max(1e-9) / 1e6;
-                self.start.calibration.insert(backend.to_string(), rate);
-            }
-            let rate = |b: Backend| self.start.calibration[&b.to_string()];
-            let best = if rate(Backend::RayQuery) > rate(Backend::Bvh) {
-                Backend::RayQuery
-            } else {
-                Backend::Bvh
-            };
-            (best, "faster in calibration on this scene".to_owned())
+            let counts = self.search_counts()?;
+            let (backend, reason) = choose(self.device().description().kind, counts);
+            self.start.search = Some(counts);
+            (backend, reason.to_owned())
         };
         log::info!("backend {backend}: {reason}");
         self.start.backend = backend;
@@ -63,9 +70,19 @@ impl Simulation<'_> {
         Ok(())
     }
 
-    /// Rays over the shadow of the sample in the first view, side by side in lines as in a run:
-    /// how fast a backend is depends on their order.
-    fn calibration_rays(&self) -> Vec<Ray> {
+    /// Leaves of the sample, and surfaces that rays through its shadow in the first view cross.
+    fn search_counts(&self) -> Result<SearchCounts> {
+        let rays = self.counted_rays();
+        let room = crate::numbers::count(rays.len());
+        let finder = CrossingFinder::of_rays(self.device(), &self.on_device, MOST_CROSSINGS, room)?;
+        let mut crossings = 0;
+        finder.find(&rays, |_, met| crossings += met.len())?;
+        let mean = crossings as f64 / rays.len().max(1) as f64;
+        Ok(SearchCounts::new(self.on_device.leaves, mean))
+    }
+
+    /// Rays over the shadow of the sample in the first view, side by side in lines as in a run.
+    fn counted_rays(&self) -> Vec<Ray> {
         let projected_bounds = self.projected_bounds(0);
         let span = |f: fn(&ProjectedBounds) -> [f64; 2]| {
             projected_bounds
@@ -78,16 +95,18 @@ impl Simulation<'_> {
         let places: Vec<f64> = (0..=2 * self.lattice.cells)
             .map(|i| self.lattice.period * (f64::from(i) / f64::from(2 * self.lattice.cells) - 0.5))
             .collect();
-        let lines = CALIBRATION_RAYS / places.len() / CALIBRATION_PATCHES + 1;
-        let mut rays = Vec::with_capacity(CALIBRATION_PATCHES * lines * places.len());
-        for patch in 0..CALIBRATION_PATCHES {
+        let lines = COUNTED_RAYS / places.len() / COUNTED_PATCHES + 1;
+        let mut rays = Vec::with_capacity(COUNTED_PATCHES * lines * places.len());
+        for patch in 0..COUNTED_PATCHES {
             // Spread over width and height by the golden ratio.
-            let share = (patch as f64 + 0.5) / CALIBRATION_PATCHES as f64;
+            let share = (patch as f64 + 0.5) / COUNTED_PATCHES as f64;
             let beamlet = self.lattice.beamlet_at(at(share, x));
-            let row = at((share * 1.618 * CALIBRATION_PATCHES as f64).fract(), rows);
+            let row = at((share * 1.618 * COUNTED_PATCHES as f64).fract(), rows);
             for line in 0..lines {
                 let row = row + 0.5 * line as f64;
-                rays.extend(places.iter().map(|&x| self.lattice.ray(beamlet, x, row, 0)));
+                rays.extend(
+                    places.iter().map(|&x| Ray::from(&self.lattice.ray(beamlet, x, row, 0))),
+                );
             }
         }
         rays

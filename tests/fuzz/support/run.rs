@@ -4,7 +4,7 @@ use crate::{PLACE, write};
 use beamlet::moments::StoredMoments;
 use beamlet::scene::{Exposure, Scene};
 use beamlet::stack::{Format, OpenRun, RunDirectory, RunStart, Sink, check_run, views};
-use beamlet::{Backend, RunRecord, SamplingSummary, Tally};
+use beamlet::{Backend, RunRecord, SamplingSummary, SearchCounts, Tally};
 use ndarray::{Array3, ArrayD};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ pub fn fixture(name: &str, format: Format) -> PathBuf {
     let scene = scene();
     let mut sink = RunDirectory::create(&path, format, false).expect("a new folder");
     let mut start = RunStart::new("none", "none", Backend::Bvh, "requested");
-    start.calibration.insert("bvh".into(), 1.5);
+    start.search = Some(SearchCounts::new(500, 1.5));
     sink.begin(&scene, &start).expect("the run begins");
     let rows = 0..scene.detector.pixels[1];
     for view in views(&scene).expect("few views") {

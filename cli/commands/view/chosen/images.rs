@@ -52,7 +52,7 @@ impl Chosen<'_> {
             };
             let values = Values {
                 values: read(&name)?,
-                sigma: self.noise(&name).map(|sigma| read(&sigma)).transpose()?,
+                sigma: self.run.sigma_of(&name).map(|sigma| read(&sigma)).transpose()?,
                 trusted: flags.as_ref().and_then(|flags| trusted(&flags.flagged)),
                 flagged: flags.as_ref().map(|flags| flags.flagged.clone()),
                 flag_words: flags
@@ -67,14 +67,6 @@ impl Chosen<'_> {
             self.draw_values(pictures, file, &grid, &values, [title, note])?;
         }
         Ok(())
-    }
-
-    /// Image of the 1 sigma of noise of an image, where it is one of noise: without counts it is
-    /// the misfit of the fit.
-    fn noise(&self, name: &str) -> Option<String> {
-        let sigma = format!("{name}_sigma");
-        let counts = self.run.record().is_some_and(|record| record.counts);
-        (counts && self.run.has(&sigma)).then_some(sigma)
     }
 
     /// Names of the images to draw.
@@ -169,7 +161,7 @@ impl Chosen<'_> {
                 Ok(values)
             };
             let mut values = plain(&name, quantity.clone(), read(&name)?);
-            values.sigma = self.noise(&name).map(|sigma| read(&sigma)).transpose()?;
+            values.sigma = self.run.sigma_of(&name).map(|sigma| read(&sigma)).transpose()?;
             let count = flagged.iter().filter(|flagged| **flagged).count();
             if count > 0 {
                 let sign = if image::can_hatch(&grid, &flagged) { " (hatched)" } else { "" };

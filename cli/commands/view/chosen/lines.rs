@@ -58,8 +58,6 @@ impl Chosen<'_> {
 
     /// A panel for each contrast of the row.
     fn contrast_panels(&self) -> Result<Vec<Panel>, Failure> {
-        let counts = self.run.record().is_some_and(|record| record.counts);
-        let band = if counts { "± 1σ" } else { "± 1σ by the misfit" };
         let flags = match self.run.maps() {
             Some(_) => self.run.flags(self.view)?,
             None => None,
@@ -72,17 +70,14 @@ impl Chosen<'_> {
                 let map = self.run.map(name, self.view)?;
                 Ok(map.row(self.row).iter().map(|v| f64::from(*v) * quantity.factor).collect())
             };
-            let sigma = format!("{name}_sigma");
-            let sigma = match self.run.has(&sigma) {
-                true => Some(along(&sigma)?),
-                false => None,
-            };
+            let sigma = self.run.sigma_of(name).map(|sigma| along(&sigma)).transpose()?;
+            let sigma_there = sigma.is_some();
             panels.push(Panel {
                 label: quantity.words(),
                 lines: vec![ProfileLine { name: String::new(), values: along(name)?, sigma }],
                 zero: *name != "transmission",
                 flagged: flagged.clone(),
-                band: band.into(),
+                band: if sigma_there { "± 1σ".into() } else { String::new() },
             });
         }
         Ok(panels)

@@ -1,0 +1,236 @@
+//! Pixels whose values are not those of one piece of sample: the silhouette of an object crosses
+//! their light, so that a part of it is refracted out of the curve, or a value of the curve is off.
+//!
+//! Nothing in such a curve itself need be odd: half of the light turned aside leaves a Gaussian.
+//! What tells is that neither the neighbours to the left nor those to the right continue to it.
+//! How the limits were found, and what they catch: docs/retrieval.md.
+
+use super::curves::Curves;
+use super::flags;
+use super::images::{FLAGS, Images};
+use crate::numbers::single;
+use ndarray::Array2;
+use rayon::prelude::*;
+
+/// Deviation from both sides from which on a pixel is flagged.
+const LIMIT: f64 = 2.8;
+/// Part of the difference of two neighbours by which a line through them may miss.
+const SLACK: f64 = 0.5;
+/// The same from row to row, where only the transmission is judged.
+const SLACK_OF_ROWS: f64 = 2.0;
+/// What a Gaussian's own bias leaves between neighbours without silhouettes: of the transmission
+/// and the relative width, and of the centre in widths of the flat's curve.
+const BIAS: f64 = 0.0047;
+const BIAS_OF_CENTRE: f64 = 0.0092;
+/// Scatter of structure below a pixel, as a part of the dark field that it makes.
+const TEXTURE: f64 = 1.0;
+/// Median deviation of a field of noise, and one where bias is more than noise; where it is larger
+/// the field is rougher than these.
+const ROUGH: f64 = 0.6;
+const ROUGH_BIAS: f64 = 0.5;
+/// Neighbours of a side are looked for so far, past pixels without an answer.
+const REACH: usize = 4;
+/// Residual over the median of the neighbours' from which on a pixel is flagged, at noise without
+/// end; fewer steps scatter more.
+const RESIDUAL: f64 = 2.0;
+/// Standard deviations at which the residual of noise stands 1 time in 20,000.
+const RARE: f64 = 3.9;
+
+/// A quantity in units of the flat's curve: `[row][column]`, with its 1 sigma (0 without noise).
+struct Field {
+    values: Array2<f64>,
+    sigma: Array2<f64>,
+    bias: f64,
+}
+
+/// What decides about misfits beside the images.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Noise {
+    /// Variance of a value over its mean; `None` for values without noise.
+    pub(super) gain: Option<f64>,
+    /// Standard deviation of a value without light.
+    pub(super) read_noise: f64,
+    /// Values of a curve.
+    pub(super) steps: usize,
+}
+
+/// Sets the flag of misfits in the images of a view.
+pub(super) fn mark(images: &mut Images, flat: &Curves, angle_per_shift: f64, noise: Noise) {
+    let Some(width) = median(flat.width.iter().map(|width| f64::from(*width)).collect()) else {
+        return;
+    };
+    let unit = angle_per_shift.abs() * width;
+    let field = |name: &str, unit: f64, bias: f64| -> Option<Field> {
+        let values = images.get(name)?.mapv(|value| f64::from(value) / unit);
+        let sigma = images.get(&format!("{name}_sigma")).filter(|_| noise.gain.is_some());
+        let sigma = match sigma {
+            Some(sigma) => medians(&sigma.mapv(|value| f64::from(value) / unit), 1, 1),
+            None => Array2::zeros(values.dim()),
+        };
+        Some(Field { values, sigma, bias })
+    };
+    let Some(transmission) = field("transmission", 1.0, BIAS) else { return };
+    let Some(centre) = field("refraction", unit, BIAS_OF_CENTRE) else { return };
+    let width = field("dark_field", 2.0 * unit * unit, BIAS);
+    let mut marked = edges(&transmission, &centre, width.as_ref());
+    if let Some(residuals) = residuals(images, noise) {
+        let rare = rare_residuals(&residuals, noise);
+        marked.zip_mut_with(&rare, |marked, rare| *marked |= rare);
+    }
+    if let Some(bits) = images.get_mut(FLAGS) {
+        bits.zip_mut_with(&marked, |bits, marked| {
+            if *marked {
+                *bits += single(f64::from(flags::MISFIT));
+            }
+        });
+    }
+}
+
+/// Pixels to which neither side continues.
+fn edges(transmission: &Field, centre: &Field, width: Option<&Field>) -> Array2<bool> {
+    let shape = transmission.values.dim();
+    // Structure below a pixel scatters from pixel to pixel.
+    let texture = match width {
+        Some(width) => {
+            let [rows, columns] = window(shape);
+            medians(&width.values, rows, columns).mapv(|width| width.max(0.0))
+        }
+        None => Array2::zeros(shape),
+    };
+    let deviations = by_pixel(shape, |at| {
+        let texture = if texture[at].is_finite() { TEXTURE * texture[at] } else { 0.0 };
+        let of_centre = (2.0 * TEXTURE * texture).sqrt();
+        let side = |step: isize| {
+            let of = |field: &Field, texture| field.deviation(at, [0, step], SLACK, texture);
+            let width = width.map_or(0.0, |width| of(width, texture));
+            of(transmission, texture).hypot(of(centre, of_centre)).hypot(width)
+        };
+        let row = |step: isize| transmission.deviation(at, [step, 0], SLACK_OF_ROWS, texture);
+        side(-1).min(side(1)).max(row(-1).min(row(1)))
+    });
+    let [rows, columns] = window(shape);
+    let rough = medians(&deviations, rows, columns);
+    by_pixel(shape, |at| {
+        let usual = (ROUGH * centre.share_of_noise(at)).hypot(ROUGH_BIAS);
+        deviations[at] > LIMIT * (rough[at] / usual).max(1.0)
+    })
+}
+
+impl Field {
+    /// Noise as a part of noise and bias.
+    fn share_of_noise(&self, at: (usize, usize)) -> f64 {
+        let noise = std::f64::consts::SQRT_2 * self.sigma[at];
+        if noise.is_finite() { noise / noise.hypot(self.bias) } else { 1.0 }
+    }
+
+    /// How far the value of a pixel is from those that its neighbours to one side continue to:
+    /// between the next one and the line through the next two. In standard deviations; 0 where
+    /// there is none to compare with.
+    fn deviation(
+        &self,
+        at: (usize, usize),
+        [down, right]: [isize; 2],
+        slack: f64,
+        texture: f64,
+    ) -> f64 {
+        let value = |k: usize| {
+            let k = k.cast_signed();
+            let row = at.0.checked_add_signed(k * down)?;
+            let column = at.1.checked_add_signed(k * right)?;
+            self.values.get((row, column)).copied()
+        };
+        let mut known = (1..=REACH).map_while(value).filter(|value| value.is_finite());
+        let (own, Some(next)) = (self.values[at], known.next()) else { return 0.0 };
+        let slope = next - known.next().unwrap_or(next);
+        let [low, high] = [next.min(next + slope), next.max(next + slope)];
+        let off = (low - own).max(own - high) - slack * slope.abs();
+        let sigma = self.sigma[at];
+        let noise = 2.0 * sigma * sigma + texture * texture + self.bias * self.bias;
+        // What has no answer, or an uncertainty that is not known, is not judged.
+        if off > 0.0 && noise.is_finite() { off / noise.sqrt() } else { 0.0 }
+    }
+}
+
+/// Squares of what the fits leave, over the variance that counts have; without noise over the
+/// square of the amplitude. `None` where the method leaves nothing.
+fn residuals(images: &Images, noise: Noise) -> Option<Array2<f64>> {
+    let [residual, amplitude, background] =
+        ["residual_sample", "sample_amplitude", "sample_background"].map(|name| images.get(name));
+    let (residual, amplitude, background) = (residual?, amplitude?, background?);
+    let squares = by_pixel(residual.dim(), |at| {
+        let [residual, amplitude, background] =
+            [residual, amplitude, background].map(|image| f64::from(image[at]));
+        let variance = match noise.gain {
+            // The mean of a curve is about half its height.
+            Some(gain) => {
+                let mean = (0.5 * amplitude + background).max(0.1 * amplitude);
+                gain * mean + noise.read_noise * noise.read_noise
+            }
+            None => amplitude * amplitude,
+        };
+        residual * residual / variance
+    });
+    (noise.steps > 4 && squares.iter().any(|square| *square > 0.0)).then_some(squares)
+}
+
+/// Residuals that stand out among their neighbours'.
+fn rare_residuals(squares: &Array2<f64>, noise: Noise) -> Array2<bool> {
+    let freedom = (noise.steps - 4) as f64;
+    // Reduced chi squared, by Wilson and Hilferty.
+    let quantile =
+        |z: f64| (1.0 - 2.0 / (9.0 * freedom) + z * (2.0 / (9.0 * freedom)).sqrt()).powi(3);
+    let factor = match noise.gain {
+        Some(_) => (quantile(RARE) / quantile(0.0)).max(RESIDUAL * RESIDUAL),
+        None => RESIDUAL * RESIDUAL,
+    };
+    let least = match noise.gain {
+        Some(_) => quantile(RARE) * freedom / noise.steps as f64,
+        None => BIAS * BIAS,
+    };
+    let [rows, columns] = window(squares.dim());
+    let usual = medians(squares, rows, columns);
+    by_pixel(squares.dim(), |at| squares[at] > (factor * usual[at]).max(least))
+}
+
+/// Reach of a neighbourhood in rows and columns; images of few rows have wide ones.
+const fn window((rows, _): (usize, usize)) -> [usize; 2] {
+    if rows >= 7 { [3, 3] } else { [3, 9] }
+}
+
+/// Medians of the finite values about each pixel: of all up to one pixel away, of every second one
+/// farther. NaN where there are none.
+fn medians(values: &Array2<f64>, rows: usize, columns: usize) -> Array2<f64> {
+    let (height, breadth) = values.dim();
+    by_pixel(values.dim(), |(row, column)| {
+        let line = |at: usize, reach: usize, end: usize| {
+            let step = if reach > 1 { 2 } else { 1 };
+            (0..=2 * reach)
+                .step_by(step)
+                .filter_map(move |k| (at + k).checked_sub(reach).filter(|at| *at < end))
+        };
+        let near = line(row, rows, height).flat_map(|row| {
+            line(column, columns, breadth).map(move |column| values[[row, column]])
+        });
+        median(near.filter(|value| value.is_finite()).collect()).unwrap_or(f64::NAN)
+    })
+}
+
+/// The middle one of the finite values.
+pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.retain(|value| value.is_finite());
+    let middle = values.len() / 2;
+    (middle < values.len()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// An image, computed pixel by pixel.
+fn by_pixel<T: Default + Clone + Send>(
+    (rows, columns): (usize, usize),
+    of: impl Fn((usize, usize)) -> T + Sync,
+) -> Array2<T> {
+    let mut image = Array2::from_elem((rows, columns), T::default());
+    if let Some(values) = image.as_slice_mut() {
+        let all = values.par_iter_mut().enumerate();
+        all.for_each(|(at, value)| *value = of((at / columns, at % columns)));
+    }
+    image
+}

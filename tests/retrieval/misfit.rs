@@ -1,0 +1,254 @@
+//! The flag of misfits against scenes of which the truth is known: the transmission without
+//! refraction, and which pixels a silhouette crosses.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::print_stdout, reason = "measured figures are printed")]
+#![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "flags are small")]
+
+use crate::reference::draws::Draws;
+use crate::support::{Checked, engine};
+use beamlet::retrieve::{Images, RetrieveOptions, Retriever, Weights, flags};
+use beamlet::scene::Scene;
+use beamlet::{Backend, Ray};
+use ndarray::{Array2, Array3, Axis};
+use std::fmt::Write;
+
+const ROWS: u32 = 32;
+const COLUMNS: u32 = 64;
+/// 11 steps over +-25 um, 7 over +-30 um.
+const STEPS: [&str; 2] = [
+    "{ from = \"-25 um\", to = \"25 um\", count = 11 }",
+    "{ from = \"-30 um\", to = \"30 um\", count = 7 }",
+];
+/// Name, attenuation in 1/m and decrement at 30 keV.
+const MATERIALS: [(&str, f64, f64); 4] = [
+    ("carbon", 51.1, 4.61e-7),
+    ("poly", 25.0, 2.5e-7),
+    ("light metal", 304.0, 5.4e-7),
+    ("metal", 6400.0, 1.8e-6),
+];
+
+/// A torus as a mesh with a hole: rings of facets about y, so that it is seen through.
+fn torus_obj() -> String {
+    let [around, across] = [96, 40];
+    let mut text = String::new();
+    for i in 0..around {
+        for j in 0..across {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(around)).sin_cos();
+            let (up, out) = (std::f64::consts::TAU * f64::from(j) / f64::from(across)).sin_cos();
+            let r = 1.0 + 0.35 * out;
+            writeln!(text, "v {:.6} {:.6} {:.6}", r * cos, 0.35 * up, r * sin).unwrap();
+        }
+    }
+    for i in 0..around {
+        for j in 0..across {
+            let at = |i: i32, j: i32| (i % around) * across + j % across + 1;
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            writeln!(text, "f {a} {c} {b}\nf {a} {d} {c}").unwrap();
+        }
+    }
+    text
+}
+
+/// Objects of the scenes: a cylinder, a ball, a tilted box, a mesh, wires.
+fn objects() -> Vec<(&'static str, String)> {
+    let object = |material: &str, body: &str, more: &str| {
+        format!(
+            "[[object]]\nname = \"{material}{body}\"\nmaterial = \"{material}\"\n{body}\n{more}\n"
+        )
+        .replacen(
+            &format!("name = \"{material}{body}\""),
+            &format!("name = \"{}\"", body.len() + more.len()),
+            1,
+        )
+    };
+    let rod = |radius: &str| {
+        format!("shape = {{ cylinder = {{ radius = \"{radius}\", height = \"20 mm\" }} }}")
+    };
+    let wire = |material: &str, radius: &str, angle: i32, x: &str| {
+        let more = format!(
+            "rotate = [{{ axis = [0, 1, 0], angle = \"{angle} deg\" }}]\nposition = [\"{x}\", \"0 mm\", \"0 mm\"]"
+        );
+        object(material, &rod(radius), &more)
+    };
+    vec![
+        ("cylinder", object("carbon", &rod("2.4 mm"), "")),
+        ("ball", object("poly", "shape = { sphere = { radius = \"1.3 mm\" } }", "")),
+        (
+            "box",
+            object(
+                "light metal",
+                "shape = { box = { size = [\"2.2 mm\", \"2 mm\", \"1.8 mm\"] } }",
+                "rotate = [{ axis = [0, 1, 0], angle = \"25 deg\" }, { axis = [0, 0, 1], angle = \"20 deg\" }]",
+            ),
+        ),
+        ("mesh", object("carbon", "mesh = \"torus.obj\"\nunit = \"mm\"", "")),
+        (
+            "wires",
+            wire("poly", "300 um", 3, "-1.8 mm")
+                + &wire("light metal", "150 um", -4, "0.1 mm")
+                + &wire("metal", "40 um", 11, "1.7 mm"),
+        ),
+    ]
+}
+
+/// A scene; without refraction its stacks hold the transmission alone.
+fn scene(folder: &std::path::Path, objects: &str, steps: &str, refraction: bool) -> Scene {
+    let mut text = format!(
+        "{}\n[detector]\ndistance = \"1.8 m\"\npixels = [{COLUMNS}, {ROWS}]\npitch = \"150 um\"\n\
+         [scan]\nmask_offsets = {steps}\n",
+        include_str!("../support/masks.toml"),
+    );
+    for (name, mu, delta) in MATERIALS {
+        let delta = if refraction { delta } else { 1e-14 };
+        writeln!(text, "[materials.\"{name}\"]\nmu = \"{mu} /m\"\ndelta = {delta:e}").unwrap();
+    }
+    Scene::from_toml(&(text + objects), folder).unwrap()
+}
+
+/// Pixels that a silhouette crosses: rays through them meet surfaces unequally often.
+fn silhouettes(engine: &Checked, scene: &Scene) -> Array2<bool> {
+    const FINE: u32 = 8;
+    let simulation = engine.prepare(scene).unwrap();
+    let [width, height] = [COLUMNS * FINE, ROWS * FINE];
+    // From the spot through a point of the detector: where it passes the plane of the axis.
+    let at = |i: u32, count: u32| {
+        ((f64::from(i) + 0.5) / f64::from(FINE) - 0.5 * f64::from(count)) * 150e-6
+    };
+    let rays: Vec<Ray> = (0..width * height)
+        .map(|i| [at(i % width, COLUMNS), -at(i / width, ROWS)])
+        .map(|[x, z]| {
+            let [dx, dz] = [x / 1.8, z / 1.8];
+            Ray::new(0, [(dx * 1.21) as f32, (dz * 1.21) as f32], [dx as f32, dz as f32])
+        })
+        .collect();
+    let mut met = vec![0; rays.len()];
+    simulation.crossings(&rays, 16, |ray, found| met[ray] = found.len()).unwrap();
+    Array2::from_shape_fn((ROWS as usize, COLUMNS as usize), |(row, column)| {
+        let [row, column] = [row as u32 * FINE, column as u32 * FINE];
+        let of = |k: u32| met[((row + k / FINE) * width + column + k % FINE) as usize];
+        (1..FINE * FINE).any(|k| of(k) != of(0))
+    })
+}
+
+fn retrieved(
+    engine: &Checked,
+    scene: &Scene,
+    options: &RetrieveOptions,
+    [flat, sample]: [&Array3<f32>; 2],
+) -> Images {
+    let mut retriever = Retriever::new(engine, scene, options).unwrap();
+    retriever.set_flat_array(flat.view()).unwrap();
+    retriever.retrieve_array(sample.view()).unwrap()
+}
+
+/// Noise-free stacks of a scene with what is true of it.
+struct Known {
+    name: &'static str,
+    scene: Scene,
+    flat: Array3<f32>,
+    sample: Array3<f32>,
+    transmission: Array2<f32>,
+    crossed: Array2<bool>,
+}
+
+fn known(engine: &Checked, folder: &std::path::Path, steps: &str) -> Vec<Known> {
+    objects()
+        .into_iter()
+        .map(|(name, objects)| {
+            let plain = scene(folder, &objects, steps, false);
+            let stacks = engine.simulate(&plain).unwrap();
+            let of = |sample: &ndarray::Array4<f32>| sample.index_axis(Axis(0), 0).to_owned();
+            let both = [&stacks.flat, &of(&stacks.sample)];
+            let images = retrieved(engine, &plain, &RetrieveOptions::default(), both);
+            let transmission = images.get("transmission").unwrap().clone();
+            let crossed = silhouettes(engine, &plain);
+            let scene = scene(folder, &objects, steps, true);
+            let stacks = engine.simulate(&scene).unwrap();
+            let sample = of(&stacks.sample);
+            Known { name, scene, flat: stacks.flat, sample, transmission, crossed }
+        })
+        .collect()
+}
+
+/// Pixels that are flagged of all, without silhouettes and with a transmission that is right;
+/// and of those with a silhouette and a transmission that is off.
+#[derive(Debug, Default)]
+struct Score {
+    clean: [u32; 2],
+    off: [u32; 2],
+}
+
+impl Score {
+    fn take(
+        &mut self,
+        known: &Known,
+        images: &Images,
+        is_off: impl Fn(f32, (usize, usize)) -> bool,
+    ) {
+        let [flagged, got] = ["flags", "transmission"].map(|name| images.get(name).unwrap());
+        for (at, crossed) in known.crossed.indexed_iter() {
+            let (bits, error) = (flagged[at] as u32, (got[at] - known.transmission[at]).abs());
+            if bits & !flags::MISFIT & flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER) != 0 {
+                continue;
+            }
+            let counts = match (*crossed, is_off(error, at)) {
+                (false, false) => &mut self.clean,
+                (true, true) => &mut self.off,
+                _ => continue,
+            };
+            counts[0] += u32::from(bits & flags::MISFIT != 0);
+            counts[1] += 1;
+        }
+    }
+
+    fn holds(&self, least: f64, what: &str) {
+        let Self { clean, off } = self;
+        println!(
+            "{what}: clean pixels flagged {clean:?}, silhouettes that are off flagged {off:?}"
+        );
+        assert!(clean[1] > 8_000 && clean[0] * 1000 <= clean[1], "{what}: {self:?}");
+        assert!(f64::from(off[0]) >= least * f64::from(off[1]), "{what}: {self:?}");
+    }
+}
+
+#[test]
+fn silhouettes_with_a_wrong_transmission_are_flagged_and_clean_pixels_are_not() {
+    let engine = engine(Backend::Bvh);
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("torus.obj"), torus_obj()).unwrap();
+    let mut draws = Draws(17);
+    for steps in STEPS {
+        let all = known(&engine, folder.path(), steps);
+        // Photons of an open pixel; at a million the errors are as small as a Gaussian's own bias.
+        for (photons, weights, least) in [
+            (5e3, Weights::Poisson, 0.9),
+            (2e4, Weights::Poisson, 0.9),
+            (1e5, Weights::Poisson, 0.9),
+            (1e5, Weights::None, 0.85),
+            (1e6, Weights::Poisson, 0.7),
+        ] {
+            let mut score = Score::default();
+            for known in &all {
+                let mut counted = |clean: &Array3<f32>| {
+                    clean.mapv(|light| draws.poisson(f64::from(light) * photons) as f32)
+                };
+                let both = [counted(&known.flat), counted(&known.sample)];
+                let options = RetrieveOptions::default().with_weights(weights).with_gain(1.0);
+                let images = retrieved(&engine, &known.scene, &options, both.each_ref());
+                let sigma = images.get("transmission_sigma").unwrap();
+                score.take(known, &images, |error, at| error > 5.0 * sigma[at]);
+                println!("  {}: {score:?}", known.name);
+            }
+            score.holds(least, &format!("{steps}, {photons} photons, {weights:?}"));
+        }
+        let mut score = Score::default();
+        for known in &all {
+            let both = [&known.flat, &known.sample];
+            let images = retrieved(&engine, &known.scene, &RetrieveOptions::default(), both);
+            assert!(images.get("transmission_sigma").is_none());
+            score.take(known, &images, |error, _| error > 0.025);
+        }
+        score.holds(0.9, &format!("{steps}, without noise"));
+    }
+}
