@@ -175,7 +175,8 @@ fn residuals(images: &Images, noise: Noise) -> Option<Array2<f64>> {
 
 /// Residuals that stand out among their neighbours'.
 fn rare_residuals(squares: &Array2<f64>, noise: Noise) -> Array2<bool> {
-    let freedom = (noise.steps - 4) as f64;
+    // Few of the steps, those at the peak, have most of the variance.
+    let freedom = 0.5 * (noise.steps - 4) as f64;
     // Reduced chi squared, by Wilson and Hilferty.
     let quantile =
         |z: f64| (1.0 - 2.0 / (9.0 * freedom) + z * (2.0 / (9.0 * freedom)).sqrt()).powi(3);
@@ -184,7 +185,7 @@ fn rare_residuals(squares: &Array2<f64>, noise: Noise) -> Array2<bool> {
         None => RESIDUAL * RESIDUAL,
     };
     let least = match noise.gain {
-        Some(_) => quantile(RARE) * freedom / noise.steps as f64,
+        Some(_) => quantile(RARE),
         None => BIAS * BIAS,
     };
     let [rows, columns] = window(squares.dim());

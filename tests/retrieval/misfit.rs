@@ -53,14 +53,7 @@ fn torus_obj() -> String {
 /// Objects of the scenes: a cylinder, a ball, a tilted box, a mesh, wires.
 fn objects() -> Vec<(&'static str, String)> {
     let object = |material: &str, body: &str, more: &str| {
-        format!(
-            "[[object]]\nname = \"{material}{body}\"\nmaterial = \"{material}\"\n{body}\n{more}\n"
-        )
-        .replacen(
-            &format!("name = \"{material}{body}\""),
-            &format!("name = \"{}\"", body.len() + more.len()),
-            1,
-        )
+        format!("[[object]]\nname = \"of {material}\"\nmaterial = \"{material}\"\n{body}\n{more}\n")
     };
     let rod = |radius: &str| {
         format!("shape = {{ cylinder = {{ radius = \"{radius}\", height = \"20 mm\" }} }}")

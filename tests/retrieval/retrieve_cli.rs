@@ -411,12 +411,12 @@ fn images_of_counts_scatter_as_their_uncertainties_say() {
     // From the scene's detector.
     assert_eq!((record.gain, record.read_noise), (Some(0.8), 12.0));
     let [light, counts] = ["light", "counts"].map(|name| Maps::open(folder.join(name)).unwrap());
-    // Misfits, and these at the silhouettes but for a pixel in a thousand.
+    // Misfits, and these within a pixel of the silhouettes but for a pixel in a thousand.
     let place = |column: usize| ((column as f64 + 0.5 - 64.0) * 150e-6 * 1.21 / 1.8).abs();
     let mut elsewhere = 0;
     for ((_, column), flags) in counts.map("flags", 0).unwrap().indexed_iter() {
         assert!([0, flags::MISFIT].contains(&(*flags as u32)), "{flags}");
-        elsewhere += u32::from(*flags > 0.0 && (place(column) - 4e-3).abs() > 0.1e-3);
+        elsewhere += u32::from(*flags > 0.0 && (place(column) - 4e-3).abs() > 0.15e-3);
     }
     assert!(elsewhere <= 6, "{elsewhere} of 6,144");
     for name in ["transmission", "refraction", "dark_field"] {
