@@ -13,7 +13,7 @@ use ndarray::Array2;
 use rayon::prelude::*;
 
 /// Deviation from both sides from which on a pixel is flagged.
-const LIMIT: f64 = 2.8;
+const LIMIT: f64 = 3.0;
 /// Part of the difference of two neighbours by which a line through them may miss.
 const SLACK: f64 = 0.5;
 /// The same from row to row, where only the transmission is judged.
