@@ -12,8 +12,11 @@ use crate::numbers::single;
 use ndarray::Array2;
 use rayon::prelude::*;
 
-/// Deviation from both sides from which on a pixel is flagged.
-const LIMIT: f64 = 3.0;
+/// Deviation from both sides from which on a pixel is flagged, and one from which on it is beside such
+/// a pixel.
+const LIMITS: [f64; 2] = [3.0, 2.2];
+/// The same where bias is all that there is.
+const LIMITS_WITHOUT_NOISE: [f64; 2] = [4.0, 4.0];
 /// Part of the difference of two neighbours by which a line through them may miss.
 const SLACK: f64 = 0.5;
 /// The same from row to row, where only the transmission is judged.
@@ -72,7 +75,8 @@ pub(super) fn mark(images: &mut Images, flat: &Curves, angle_per_shift: f64, noi
     let Some(transmission) = field("transmission", 1.0, BIAS) else { return };
     let Some(centre) = field("refraction", unit, BIAS_OF_CENTRE) else { return };
     let width = field("dark_field", 2.0 * unit * unit, BIAS);
-    let mut marked = edges(&transmission, &centre, width.as_ref());
+    let limits = if noise.gain.is_some() { LIMITS } else { LIMITS_WITHOUT_NOISE };
+    let mut marked = edges(&transmission, &centre, width.as_ref(), limits);
     if let Some(residuals) = residuals(images, noise) {
         let rare = rare_residuals(&residuals, noise);
         marked.zip_mut_with(&rare, |marked, rare| *marked |= rare);
@@ -87,7 +91,12 @@ pub(super) fn mark(images: &mut Images, flat: &Curves, angle_per_shift: f64, noi
 }
 
 /// Pixels to which neither side continues.
-fn edges(transmission: &Field, centre: &Field, width: Option<&Field>) -> Array2<bool> {
+fn edges(
+    transmission: &Field,
+    centre: &Field,
+    width: Option<&Field>,
+    limits: [f64; 2],
+) -> Array2<bool> {
     let shape = transmission.values.dim();
     // Structure below a pixel scatters from pixel to pixel.
     let texture = match width {
@@ -110,10 +119,33 @@ fn edges(transmission: &Field, centre: &Field, width: Option<&Field>) -> Array2<
     });
     let [rows, columns] = window(shape);
     let rough = medians(&deviations, rows, columns);
-    by_pixel(shape, |at| {
+    let shares = by_pixel(shape, |at| {
         let usual = (ROUGH * centre.share_of_noise(at)).hypot(ROUGH_BIAS);
-        deviations[at] > LIMIT * (rough[at] / usual).max(1.0)
-    })
+        deviations[at] / (rough[at] / usual).max(1.0)
+    });
+    along_silhouettes(&shares, limits)
+}
+
+/// Pixels beyond the limit, and those beyond the lower one that such a pixel above or below leads to:
+/// silhouettes go on from row to row, noise does not (thresholds with hysteresis, Canny 1986).
+fn along_silhouettes(deviations: &Array2<f64>, [limit, lower]: [f64; 2]) -> Array2<bool> {
+    let mut marked = deviations.mapv(|deviation| deviation > limit);
+    let (rows, columns) = marked.dim();
+    let mut ends: Vec<(usize, usize)> =
+        marked.indexed_iter().filter_map(|(at, marked)| marked.then_some(at)).collect();
+    while let Some((row, column)) = ends.pop() {
+        let beside = |at: usize, end: usize| at.saturating_sub(1)..(at + 2).min(end);
+        for at in beside(row, rows)
+            .filter(|near| *near != row)
+            .flat_map(|row| beside(column, columns).map(move |column| (row, column)))
+        {
+            if !marked[at] && deviations[at] > lower {
+                marked[at] = true;
+                ends.push(at);
+            }
+        }
+    }
+    marked
 }
 
 impl Field {

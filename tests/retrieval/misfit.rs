@@ -117,10 +117,18 @@ fn silhouettes(engine: &Checked, scene: &Scene) -> Array2<bool> {
         .collect();
     let mut met = vec![0; rays.len()];
     simulation.crossings(&rays, 16, |ray, found| met[ray] = found.len()).unwrap();
+    // With the penumbra of the spot, which reaches an eighth of a pixel (three standard deviations).
+    let [width, height] = [width as usize, height as usize];
     Array2::from_shape_fn((ROWS as usize, COLUMNS as usize), |(row, column)| {
-        let [row, column] = [row as u32 * FINE, column as u32 * FINE];
-        let of = |k: u32| met[((row + k / FINE) * width + column + k % FINE) as usize];
-        (1..FINE * FINE).any(|k| of(k) != of(0))
+        let reach = |at: usize, end: usize| {
+            let first = at * FINE as usize;
+            first.saturating_sub(1)..(first + FINE as usize + 1).min(end)
+        };
+        let mut of = reach(row, height)
+            .flat_map(|row| reach(column, width).map(move |column| row * width + column))
+            .map(|ray| met[ray]);
+        let first = of.next();
+        of.any(|count| Some(count) != first)
     })
 }
 
@@ -195,12 +203,20 @@ impl Score {
         }
     }
 
-    fn holds(&self, least: f64, what: &str) {
+    fn add(&mut self, other: &Self) {
+        for (sum, other) in [(&mut self.clean, other.clean), (&mut self.off, other.off)] {
+            *sum = [sum[0] + other[0], sum[1] + other[1]];
+        }
+    }
+
+    /// `most` of the clean pixels and `least` of the others are flagged.
+    fn holds(&self, most: f64, least: f64, what: &str) {
         let Self { clean, off } = self;
         println!(
             "{what}: clean pixels flagged {clean:?}, silhouettes that are off flagged {off:?}"
         );
-        assert!(clean[1] > 8_000 && clean[0] * 1000 <= clean[1], "{what}: {self:?}");
+        let few = f64::from(clean[0]) <= most * f64::from(clean[1]);
+        assert!(clean[1] > 8_000 && few, "{what}: {self:?}");
         // At few photons 5 sigma is more than these scenes are off.
         let enough = off[1] >= 40;
         assert!(!enough || f64::from(off[0]) >= least * f64::from(off[1]), "{what}: {self:?}");
@@ -215,13 +231,15 @@ fn silhouettes_with_a_wrong_transmission_are_flagged_and_clean_pixels_are_not() 
     let mut draws = Draws(17);
     for steps in STEPS {
         let all = known(&engine, folder.path(), steps);
-        // Photons of an open pixel; at a million the errors are as small as a Gaussian's own bias.
+        // Photons of an open pixel; at 20,000 5 sigma is as much as neighbours scatter, at a million it is
+        // as little as a Gaussian's own bias.
+        let mut pooled = Score::default();
         for (photons, weights, least) in [
             (5e3, Weights::Poisson, 0.9),
-            (2e4, Weights::Poisson, 0.9),
+            (2e4, Weights::Poisson, 0.75),
             (1e5, Weights::Poisson, 0.9),
-            (1e5, Weights::None, 0.85),
-            (1e6, Weights::Poisson, 0.7),
+            (1e5, Weights::None, 0.9),
+            (1e6, Weights::Poisson, 0.65),
         ] {
             let mut score = Score::default();
             for known in &all {
@@ -233,10 +251,11 @@ fn silhouettes_with_a_wrong_transmission_are_flagged_and_clean_pixels_are_not() 
                 let images = retrieved(&engine, &known.scene, &options, both.each_ref());
                 let sigma = images.get("transmission_sigma").unwrap();
                 score.take(known, &images, |error, at| error > 5.0 * sigma[at]);
-                println!("  {}: {score:?}", known.name);
             }
-            score.holds(least, &format!("{steps}, {photons} photons, {weights:?}"));
+            score.holds(2e-3, least, &format!("{steps}, {photons} photons, {weights:?}"));
+            pooled.add(&score);
         }
+        pooled.holds(1e-3, 0.75, &format!("{steps}, counts"));
         let mut score = Score::default();
         for known in &all {
             let both = [&known.flat, &known.sample];
@@ -244,6 +263,6 @@ fn silhouettes_with_a_wrong_transmission_are_flagged_and_clean_pixels_are_not() 
             assert!(images.get("transmission_sigma").is_none());
             score.take(known, &images, |error, _| error > 0.025);
         }
-        score.holds(0.9, &format!("{steps}, without noise"));
+        score.holds(1e-3, 0.98, &format!("{steps}, without noise"));
     }
 }
