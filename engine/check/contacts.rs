@@ -17,6 +17,8 @@ pub struct CheckedContact {
     pub kind: ContactKind,
     /// A place of it, m.
     pub place: [f64; 3],
+    /// How many pairs of instances meet so; 1 where neither object has any.
+    pub pairs: u64,
 }
 
 /// The contacts of a sample by name.
@@ -29,6 +31,7 @@ pub(super) fn contacts(sample: &Sample) -> Vec<CheckedContact> {
         later: name(contact.objects[1]),
         kind: contact.kind,
         place: contact.place,
+        pairs: contact.pairs,
     };
     sample.contacts.iter().map(named).collect()
 }
@@ -43,8 +46,11 @@ pub(super) fn winners(sample: &Sample, object: usize) -> impl Iterator<Item = u3
 
 impl Display for CheckedContact {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { earlier, later, kind, place } = self;
-        write!(f, "\"{earlier}\" and \"{later}\" ")?;
+        let Self { earlier, later, kind, place, pairs } = self;
+        match earlier == later {
+            true => write!(f, "instances of \"{earlier}\" ")?,
+            false => write!(f, "\"{earlier}\" and \"{later}\" ")?,
+        }
         match kind {
             ContactKind::Overlap { volume, depth } => {
                 let (volume, depth) = (number(volume * 1e9), number(depth * 1e6));
@@ -55,7 +61,11 @@ impl Display for CheckedContact {
             }
             ContactKind::Touch { .. } => write!(f, "touch in a line or a point")?,
             ContactKind::Gap { width } => {
-                write!(f, "nearly touch: {} um apart", number(width * 1e6))?;
+                let width = number(width * 1e6);
+                match pairs {
+                    1 => write!(f, "nearly touch: {width} um apart")?,
+                    _ => write!(f, "nearly touch: {pairs} pairs, {width} um apart at the least")?,
+                }
             }
         }
         let [x, y, z] = place.map(|it| number(it * 1e3));

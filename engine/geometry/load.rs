@@ -20,7 +20,7 @@ use super::search::Search;
 use super::surface::{Defect, Surface, in_mm};
 use super::topology::{self, Edge};
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
-use super::{Sample, instances, mesh_file, nesting, placement};
+use super::{Contact, Sample, instances, mesh_file, nesting, placement};
 use crate::error::{Error, Result};
 use crate::numbers;
 use crate::reserve;
@@ -208,9 +208,12 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> 
     let begin = Instant::now();
     let accepted = |note: &Note| note.defects.refused().then(|| note.defects.description());
     let defects: Vec<Option<String>> = notes.iter().map(accepted).collect();
-    let groups = Groups::settle(groups, &mut bodies, &names, watch.nesting())?;
+    let mut groups = Groups::settle(groups, &mut bodies, &names, contacts, watch.nesting())?;
+    let gaps = if contacts { groups.gaps(&mut bodies, watch.nesting())? } else { Vec::new() };
     let (cut_by, contacts) =
         nesting::nest(&mut bodies, &names, &defects, contacts, watch.nesting())?;
+    let of_places = std::mem::take(&mut groups.overlaps).into_iter().chain(gaps);
+    let contacts = Contact::joined(contacts.into_iter().chain(of_places));
     groups.surround(&mut bodies);
     log::info!("what stands in what: found in {:.1} s", begin.elapsed().as_secs_f64());
     for (note, cut_by) in notes.iter_mut().zip(cut_by) {

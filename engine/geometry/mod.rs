@@ -10,6 +10,7 @@ mod adjacency;
 mod analytic;
 mod assemble;
 mod body;
+mod convex;
 mod defects;
 mod distance;
 mod ears;

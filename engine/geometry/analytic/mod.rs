@@ -125,6 +125,14 @@ impl AnalyticShape {
         }
     }
 
+    /// A point well inside.
+    pub(crate) fn inner_point(self) -> DVec3 {
+        match self.form() {
+            Form::Torus(radius, _) => DVec3::new(radius, 0.0, 0.0),
+            Form::Frustum(_) | Form::Ellipsoid(_) => DVec3::ZERO,
+        }
+    }
+
     /// The point of the convex hull that is farthest along a direction, which is not 0.
     pub(crate) fn support(self, direction: DVec3) -> DVec3 {
         let flat = direction.truncate().normalize_or(DVec2::X);

@@ -2,7 +2,6 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
-use serde::Serialize;
 use std::collections::BTreeSet;
 
 use super::super::body::Body;
@@ -14,54 +13,18 @@ use super::super::tree::Query;
 use super::super::watch::{LoadStep, Task};
 use super::meeting::{self, Around, Meetings, tolerance};
 use super::parts::Parts;
-use super::{Operands, overlap_area};
+use super::{Contact, ContactKind, Operands, overlap_area};
 use crate::error::{Error, Result};
 use crate::{numbers, reserve};
 
 /// Gaps that are thinner are told, m.
-const THIN: f64 = 1e-6;
+pub(in crate::geometry) const THIN: f64 = 1e-6;
 /// Largest height of an arc over facets that counts, of the size of the body.
 const ARC: f64 = 0.01;
 /// Bytes per triangle while that is measured.
 const PER_ARC: u64 = 100;
 /// Points on an overlap whose depth is measured, about.
-const SOUNDINGS: usize = 4000;
-
-/// Two objects that overlap, touch or nearly do.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[non_exhaustive]
-pub struct Contact {
-    /// Indices of the objects; the later one wins.
-    pub objects: [u32; 2],
-    /// How they meet.
-    pub kind: ContactKind,
-    /// A place of it, m: the deepest of an overlap, the narrowest of a gap.
-    pub place: [f64; 3],
-}
-
-/// How two objects meet.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-#[non_exhaustive]
-pub enum ContactKind {
-    /// They overlap, and the earlier one is cut.
-    Overlap {
-        /// Of the overlap, m3.
-        volume: f64,
-        /// Farthest that the surface of one lies in the other, m.
-        depth: f64,
-    },
-    /// Their surfaces coincide within rounding, or touch in a line or a point.
-    Touch {
-        /// Where they lie on each other, m2; 0 for a line or a point.
-        area: f64,
-    },
-    /// They do not meet, but come within a micrometre or the height of the arc over a facet.
-    Gap {
-        /// Where it is narrowest, m.
-        width: f64,
-    },
-}
+pub(in crate::geometry) const SOUNDINGS: usize = 4000;
 
 /// What the contacts are found with.
 #[derive(Clone, Copy)]
@@ -107,6 +70,7 @@ impl Assembly<'_> {
                 objects: objects.map(numbers::count),
                 kind,
                 place: place.to_array(),
+                pairs: 1,
             }));
         }
         Ok(contacts)
@@ -163,35 +127,17 @@ impl Assembly<'_> {
             }
         }
         let every = soundings.len().div_ceil(SOUNDINGS).max(1);
-        let depth = |point: DVec3| self.depth_in(a, point).max(self.depth_in(b, point));
+        let depth_in = |object: usize, point: DVec3| {
+            let surface = &self.bodies[object].surface;
+            self.searches[object].as_ref().map_or(0.0, |it| distance_of(point, surface, it))
+        };
+        let depth = |point: DVec3| depth_in(a, point).max(depth_in(b, point));
         let depths: Vec<(f64, DVec3)> =
             soundings.par_iter().step_by(every).map(|point| (depth(*point), *point)).collect();
         let (depth, place) = depths
             .into_iter()
             .fold((0.0, DVec3::ZERO), |deepest, it| if it.0 > deepest.0 { it } else { deepest });
         Ok((ContactKind::Overlap { volume, depth }, place))
-    }
-
-    /// Distance of a point from the surface of an object, m.
-    fn depth_in(self, object: usize, point: DVec3) -> f64 {
-        let Some(search) = self.searches[object].as_ref() else { return 0.0 };
-        let surface = &self.bodies[object].surface;
-        let [low, high] = self.bodies[object].bounds();
-        let size = (high - low).max_element();
-        let mut limit = 1e-6 * size;
-        while limit < 16.0 * size {
-            let mut least = f64::INFINITY;
-            search.near(&Query::new([point; 3], None, limit), |triangle| {
-                let nearest = closest_on_triangle(point, surface.corners(triangle));
-                least = least.min(nearest.distance(point));
-                true
-            });
-            if least <= limit {
-                return least;
-            }
-            limit *= 8.0;
-        }
-        0.0
     }
 
     /// The one of two objects that has fewer triangles, then the other.
@@ -260,6 +206,26 @@ impl Assembly<'_> {
     }
 }
 
+/// Distance of a point from a surface, m.
+pub(in crate::geometry) fn distance_of(point: DVec3, surface: &Surface, search: &Search) -> f64 {
+    let [low, high] = surface.bounds();
+    let size = (high - low).max_element();
+    let mut limit = 1e-6 * size;
+    while limit < 16.0 * size {
+        let mut least = f64::INFINITY;
+        search.near(&Query::new([point; 3], None, limit), |triangle| {
+            let nearest = closest_on_triangle(point, surface.corners(triangle));
+            least = least.min(nearest.distance(point));
+            true
+        });
+        if least <= limit {
+            return least;
+        }
+        limit *= 8.0;
+    }
+    0.0
+}
+
 /// Corners of triangles, the middles of their sides, and their own: where an overlap of bodies with
 /// flat faces is deepest.
 fn points_on(surface: &Surface) -> impl Iterator<Item = DVec3> {
@@ -283,7 +249,7 @@ pub(in crate::geometry) struct NearPair {
 /// [`Error::Memory`].
 pub(in crate::geometry) fn pairs_to_compare(bodies: &[Body]) -> Result<Vec<NearPair>> {
     let bounds: Vec<[DVec3; 2]> = bodies.iter().map(Body::bounds).collect();
-    let most = |body: usize| ARC * (bounds[body][1] - bounds[body][0]).max_element();
+    let most = |body: usize| most_arc(bounds[body]);
     let pairs = meeting::pairs_within(&bounds, |a, b| THIN.max(most(a)).max(most(b)));
     let arcs = arcs(bodies, &pairs)?;
     let near_pair = |(a, b): (usize, usize)| {
@@ -309,11 +275,15 @@ fn arcs(bodies: &[Body], pairs: &[(usize, usize)]) -> Result<Vec<f64>> {
     Ok(arcs)
 }
 
+/// The height of an arc over facets that counts at most, of a body of these bounds, m.
+pub(in crate::geometry) fn most_arc([low, high]: [DVec3; 2]) -> f64 {
+    ARC * (high - low).max_element()
+}
+
 /// Greatest height of an arc over the facets that stand for it, m: of facets that lean against
 /// their neighbours by up to 30 degrees.
-fn arc(surface: &Surface) -> f64 {
+pub(in crate::geometry) fn arc(surface: &Surface) -> f64 {
     let edges = topology::edges(surface);
-    let [low, high] = surface.bounds();
     let height = edges
         .par_windows(2)
         .filter(|pair| pair[0].key == pair[1].key)
@@ -333,5 +303,5 @@ fn arc(surface: &Surface) -> f64 {
             if smooth && turn > 1e-6 { width * turn / 8.0 } else { 0.0 }
         })
         .reduce(|| 0.0, f64::max);
-    height.min(ARC * (high - low).max_element())
+    height.min(most_arc(surface.bounds()))
 }

@@ -5,6 +5,7 @@
 //! order. Only *parts* (`parts`: a closed outer surface with its voids) that meet are cut
 //! (`meeting`); those that lie apart or properly in one another stay as they are.
 
+mod contact;
 mod contacts;
 mod meeting;
 mod parts;
@@ -21,8 +22,10 @@ use super::surface::Surface;
 use super::watch::{LoadStep, Task};
 use crate::error::{Error, Result};
 use crate::numbers;
-pub(super) use contacts::{Assembly, pairs_to_compare};
-pub use contacts::{Contact, ContactKind};
+pub use contact::{Contact, ContactKind};
+pub(super) use contacts::{
+    Assembly, SOUNDINGS, THIN, arc, distance_of, most_arc, pairs_to_compare,
+};
 pub(super) use meeting::{Around, Meetings, pairs, tolerance};
 pub(super) use parts::Parts;
 pub(crate) use solid::PEAK_PER_CUT_TRIANGLE;

@@ -1,6 +1,9 @@
 //! Surfaces that stand in many places, and analytic ones: kept once, with the places.
 
 mod assemble;
+mod covered;
+mod distance;
+mod gaps;
 mod meeting;
 mod nesting;
 mod place;

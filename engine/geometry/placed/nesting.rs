@@ -11,6 +11,7 @@ use super::{Place, Prototype};
 use crate::error::{Error, Result};
 use crate::geometry::Component;
 use crate::geometry::body::{Body, corners_of};
+use crate::geometry::overlap::Contact;
 use crate::geometry::search::{Search, winding_by_solid_angle};
 use crate::geometry::surface::{Surface, bounds_of, in_mm, near};
 use crate::geometry::tree::Tree;
@@ -30,6 +31,7 @@ pub(in crate::geometry) struct Group {
 }
 
 /// Places of all groups, and what is around them.
+#[derive(Default)]
 pub(in crate::geometry) struct Groups {
     pub(in crate::geometry) all: Vec<Group>,
     /// Of each place of each group: the latest object around it.
@@ -39,14 +41,16 @@ pub(in crate::geometry) struct Groups {
     /// Of each group: how many have joined the mesh of their object, and how far their facets are off
     /// their surfaces at most, m.
     pub(in crate::geometry) joined: Vec<(usize, f64)>,
+    /// What places that are left out share with later objects, where that is wanted.
+    pub(in crate::geometry) overlaps: Vec<Contact>,
 }
 
 /// A place among all of all groups.
 #[derive(Clone, Copy)]
-struct Member {
-    group: u32,
-    place: u32,
-    bounds: [DVec3; 2],
+pub(super) struct Member {
+    pub(super) group: u32,
+    pub(super) place: u32,
+    pub(super) bounds: [DVec3; 2],
 }
 
 /// A body and the box around it.
@@ -57,7 +61,7 @@ pub(super) struct Boxed<'a> {
 
 /// What becomes of a place.
 #[derive(Clone, Copy, PartialEq)]
-enum Fate {
+pub(super) enum Fate {
     /// It meets a surface.
     Joins,
     /// It lies in a later object.
@@ -66,10 +70,10 @@ enum Fate {
 }
 
 /// Members and the tree over their boxes.
-struct Field<'a> {
+pub(super) struct Field<'a> {
     groups: &'a [Group],
-    members: Vec<Member>,
-    tree: Tree,
+    pub(super) members: Vec<Member>,
+    pub(super) tree: Tree,
 }
 
 impl Group {
@@ -86,7 +90,7 @@ impl Group {
     }
 
     /// A point of the surface of a place.
-    fn point(&self, place: &Place) -> DVec3 {
+    pub(super) fn point(&self, place: &Place) -> DVec3 {
         place.world_from_own(self.prototype.corners(0)[0])
     }
 
@@ -111,6 +115,7 @@ impl Group {
 
 impl Groups {
     /// Finds what is around each place; those that meet a surface join the bodies of their objects.
+    /// `wanted`: whether contacts are.
     ///
     /// # Errors
     /// Places of one object that meet each other; [`Error::Interrupted`].
@@ -118,6 +123,7 @@ impl Groups {
         groups: Vec<Group>,
         bodies: &mut [Body],
         names: &[String],
+        wanted: bool,
         task: Task<'_>,
     ) -> Result<Self> {
         task.begin(LoadStep::Nesting, 0)?;
@@ -144,13 +150,13 @@ impl Groups {
         for (member, fate) in field.members.iter().zip(fates) {
             settled[member.group as usize].push(fate?);
         }
+        let overlaps = if wanted { field.covered(&settled, &boxed) } else { Vec::new() };
         drop(field);
-        Ok(Self::of(groups, settled, bodies))
+        Ok(Self { overlaps, ..Self::of(groups, settled, bodies) })
     }
 
     fn of(groups: Vec<Group>, settled: Vec<Vec<Fate>>, bodies: &mut [Body]) -> Self {
-        let mut this =
-            Self { all: Vec::new(), outside: Vec::new(), covered: Vec::new(), joined: Vec::new() };
+        let mut this = Self::default();
         for (mut group, fates) in groups.into_iter().zip(settled) {
             let count = |fate| fates.iter().filter(|it| **it == fate).count();
             this.covered.push(count(Fate::Covered));
@@ -219,7 +225,7 @@ impl<'a> Field<'a> {
         Self { groups, members, tree }
     }
 
-    fn of(&self, member: Member) -> (&'a Group, &'a Place) {
+    pub(super) fn of(&self, member: Member) -> (&'a Group, &'a Place) {
         let group = &self.groups[member.group as usize];
         (group, &group.places[member.place as usize])
     }
@@ -314,7 +320,7 @@ impl<'a> Field<'a> {
 
 impl Body {
     /// Whether a point off its surface lies in its material; its search exists.
-    fn contains(&self, point: DVec3) -> bool {
+    pub(super) fn contains(&self, point: DVec3) -> bool {
         let Some(search) = &self.search else { return false };
         match search.crossings(&self.surface, point) {
             Some(hits) => hits.iter().map(|(_, sign)| sign).sum::<i32>() > 0,

@@ -8,6 +8,7 @@ mod experiments;
 mod export;
 mod files;
 mod formats;
+mod gaps;
 mod meshes;
 mod nesting;
 mod overlap;

@@ -3,7 +3,7 @@
 use beamlet::geometry::{Contact, ContactKind, Sample, load, load_lenient};
 use beamlet::scene::{Object, Shape};
 
-use super::set_up::{Arrays, at, close, cube, scene, shape};
+use super::set_up::{Arrays, at, block, close, cube, scene, shape};
 
 fn volumes(sample: &Sample) -> Vec<f64> {
     sample.objects.iter().map(|object| object.volume).collect()
@@ -12,10 +12,6 @@ fn volumes(sample: &Sample) -> Vec<f64> {
 fn outsides(sample: &Sample, object: u32) -> Vec<Option<u32>> {
     let of_object = sample.components.iter().filter(|part| part.object == object);
     of_object.map(|part| part.outside).collect()
-}
-
-fn block(name: &str, size: [f64; 3], position: [f64; 3]) -> Object {
-    at(shape(name, Shape::Box { size }), position)
 }
 
 /// The same rotation of everything, in an awkward direction.

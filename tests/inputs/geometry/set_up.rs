@@ -37,6 +37,11 @@ pub(crate) fn at(mut object: Object, position: [f64; 3]) -> Object {
     object
 }
 
+/// A box around a place.
+pub(crate) fn block(name: &str, size: [f64; 3], position: [f64; 3]) -> Object {
+    at(shape(name, Shape::Box { size }), position)
+}
+
 /// Vertices and triangles of some surface.
 #[derive(Clone, Default)]
 pub(crate) struct Arrays(pub(crate) Vec<[f64; 3]>, pub(crate) Vec<[u32; 3]>);

@@ -1,0 +1,261 @@
+//! Least distance of placed surfaces from each other and from triangles, in f64.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::{Place, Prototype};
+use crate::geometry::analytic::{AnalyticShape, Form};
+use crate::geometry::convex::separation;
+use crate::geometry::distance::{closest_on_triangle, distance};
+use crate::geometry::surface::{bounds_of, near};
+use crate::geometry::tree::Tree;
+
+/// Points of the circle in a torus from which the search for its nearest begins.
+const STARTS: u32 = 64;
+/// Narrowings of an interval of that circle: to 1e-10 of it.
+const NARROWINGS: usize = 48;
+
+/// A distance, m, and a point where it is least.
+pub(super) type Distance = (f64, DVec3);
+
+/// A surface in its place.
+#[derive(Clone, Copy)]
+pub(super) struct Standing<'a> {
+    pub(super) prototype: &'a Prototype,
+    pub(super) place: &'a Place,
+    /// Over the triangles of the prototype; of meshes alone.
+    pub(super) tree: Option<&'a Tree>,
+}
+
+/// An analytic shape in its place, about a point near it.
+#[derive(Clone, Copy)]
+enum Solid<'a> {
+    Convex(AnalyticShape, &'a Place, DVec3),
+    Ring(Ring),
+}
+
+/// The circle in the middle of the tube of a torus.
+#[derive(Clone, Copy)]
+struct Ring {
+    centre: DVec3,
+    axes: [DVec3; 3],
+    radius: f64,
+    tube: f64,
+}
+
+impl Standing<'_> {
+    /// Box in the world, m.
+    pub(super) fn bounds(&self) -> [DVec3; 2] {
+        self.place.bounds(self.prototype.bounds())
+    }
+
+    /// Least distance of two surfaces, neither of which lies in the other, where it is within a limit.
+    pub(super) fn distance(&self, other: &Self, limit: f64) -> Option<Distance> {
+        if !near(self.bounds(), other.bounds(), limit) || self.are_apart(other, limit) {
+            return None;
+        }
+        let about = self.place.position;
+        match (self.solid(about), other.solid(about)) {
+            (Some(a), Some(b)) => a.distance(&b, limit).map(|(least, at)| (least, at + about)),
+            (Some(_), None) => self.gap_to_triangles(&other.triangles(self.bounds(), limit), limit),
+            (None, Some(_)) => {
+                other.gap_to_triangles(&self.triangles(other.bounds(), limit), limit)
+            }
+            (None, None) => self.gap_to_triangles(&other.triangles(self.bounds(), limit), limit),
+        }
+    }
+
+    /// Least distance from some triangles, where it is within a limit.
+    pub(super) fn gap_to_triangles(&self, others: &[[DVec3; 3]], limit: f64) -> Option<Distance> {
+        let mut least: Option<Distance> = None;
+        let mut take = |found: Option<Distance>| {
+            let known = least.map_or(f64::INFINITY, |it| it.0);
+            if let Some(found) = found.filter(|it| it.0 < known) {
+                least = Some(found);
+            }
+            least.map_or(limit, |it| it.0)
+        };
+        let about = self.place.position;
+        if let Some(solid) = self.solid(about) {
+            let mut limit = limit;
+            for corners in others {
+                let found = solid.gap_to_triangle(corners.map(|it| it - about), limit);
+                limit = take(found.map(|(width, at)| (width, at + about)));
+            }
+            return least;
+        }
+        let around = bounds_of(others.iter().flatten().copied());
+        let own = self.triangles(around, limit);
+        let boxes: Vec<[DVec3; 2]> = own.iter().map(|it| bounds_of(it.iter().copied())).collect();
+        let tree = Tree::of_boxes(&boxes);
+        let mut limit = limit;
+        for corners in others {
+            let [low, high] = bounds_of(corners.iter().copied());
+            tree.within([low - limit, high + limit], |number| {
+                let found = distance(*corners, own[number as usize]);
+                limit = take((found.0 <= limit).then_some(found));
+            });
+        }
+        least
+    }
+
+    /// Whether a plane across the line between them keeps them apart, as most neighbours are.
+    fn are_apart(&self, other: &Self, limit: f64) -> bool {
+        let apart = other.place.position - self.place.position;
+        let along = apart.normalize_or_zero();
+        let reach =
+            |it: &Self, along: DVec3| it.prototype.reach(it.place.linear().transpose() * along);
+        let analytic = self.prototype.shape.is_some() && other.prototype.shape.is_some();
+        analytic
+            && along != DVec3::ZERO
+            && reach(self, along) + reach(other, -along) + limit < along.dot(apart)
+    }
+
+    /// Its exact surface; `None` for a mesh.
+    fn solid(&self, about: DVec3) -> Option<Solid<'_>> {
+        let shape = self.prototype.shape?;
+        let Form::Torus(radius, tube) = shape.form() else {
+            return Some(Solid::Convex(shape, self.place, self.place.position - about));
+        };
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|it| self.place.rotation * it);
+        let (radius, tube) = (radius * self.place.scale, tube * self.place.scale);
+        let centre = self.place.position - about;
+        Some(Solid::Ring(Ring { centre, axes, radius, tube }))
+    }
+
+    /// Triangles of a mesh that come within a margin of a box, in the world.
+    fn triangles(&self, [low, high]: [DVec3; 2], margin: f64) -> Vec<[DVec3; 3]> {
+        let wide = [low - margin, high + margin];
+        let corners = (0..8).map(|corner| {
+            let of = |bit: usize| wide[(corner >> bit) & 1];
+            self.place.own_from_world(DVec3::new(of(0).x, of(1).y, of(2).z))
+        });
+        let mut found = Vec::new();
+        let mut visit = |triangle: u32| {
+            let corners = self.prototype.corners(triangle as usize);
+            let corners = corners.map(|it| self.place.world_from_own(it));
+            if near(bounds_of(corners.into_iter()), wide, 0.0) {
+                found.push(corners);
+            }
+        };
+        if let Some(tree) = self.tree {
+            tree.within(bounds_of(corners), &mut visit);
+        }
+        found
+    }
+}
+
+impl Solid<'_> {
+    fn support(&self, direction: DVec3) -> Option<DVec3> {
+        let Self::Convex(shape, place, centre) = self else { return None };
+        let linear = place.linear();
+        Some(linear * shape.support(linear.transpose() * direction) + *centre)
+    }
+
+    fn distance(&self, other: &Self, limit: f64) -> Option<Distance> {
+        match (self, other) {
+            (Self::Ring(ring), Self::Ring(other)) => ring.distance(limit, other.tube, |point| {
+                let nearest = other.nearest(point);
+                Some((nearest.distance(point), nearest))
+            }),
+            (Self::Ring(ring), convex) | (convex, Self::Ring(ring)) => {
+                ring.distance(limit, 0.0, |point| convex.gap_to_set(|_| point, f64::INFINITY))
+            }
+            (convex, other) => {
+                convex.gap_to_set(|along| other.support(along).unwrap_or_default(), limit)
+            }
+        }
+    }
+
+    /// Distance of a convex solid from another convex set.
+    fn gap_to_set(&self, set: impl Fn(DVec3) -> DVec3, limit: f64) -> Option<Distance> {
+        separation(|along| self.support(along).unwrap_or_default(), set, limit)
+    }
+
+    fn gap_to_triangle(&self, corners: [DVec3; 3], limit: f64) -> Option<Distance> {
+        if let Self::Ring(ring) = self {
+            return ring.distance(limit, 0.0, |point| {
+                let nearest = closest_on_triangle(point, corners);
+                Some((nearest.distance(point), nearest))
+            });
+        }
+        let farthest = |along: DVec3| {
+            let [a, b, c] = corners.map(|it| it.dot(along));
+            corners[if a >= b && a >= c {
+                0
+            } else if b >= c {
+                1
+            } else {
+                2
+            }]
+        };
+        self.gap_to_set(farthest, limit)
+    }
+}
+
+impl Ring {
+    fn point(&self, angle: f64) -> DVec3 {
+        let (sin, cos) = angle.sin_cos();
+        self.centre + self.radius * (cos * self.axes[0] + sin * self.axes[1])
+    }
+
+    /// The point of the circle that is nearest to a point.
+    fn nearest(&self, point: DVec3) -> DVec3 {
+        let off = point - self.centre;
+        let [x, y, _] = self.axes.map(|axis| axis.dot(off));
+        let flat = (x * self.axes[0] + y * self.axes[1]).normalize_or(self.axes[0]);
+        self.centre + self.radius * flat
+    }
+
+    /// Distance of the torus from a set thickened by `thick`; `of`: distance of a point from the set
+    /// itself, and its nearest point there.
+    fn distance(
+        &self,
+        limit: f64,
+        thick: f64,
+        of: impl Fn(DVec3) -> Option<Distance>,
+    ) -> Option<Distance> {
+        let at = |angle: f64| of(self.point(angle)).unwrap_or((f64::INFINITY, DVec3::ZERO));
+        let step = TAU / f64::from(STARTS);
+        let starts: Vec<f64> = (0..STARTS).map(|k| at(f64::from(k) * step).0).collect();
+        // Between two starts the distance changes by half a step of the circle at most.
+        let may_be = |it: f64| it - 0.5 * step * self.radius <= limit + self.tube + thick;
+        let count = starts.len();
+        let mut least: Option<Distance> = None;
+        for k in 0..count {
+            let [before, here, after] = [k + count - 1, k, k + 1].map(|it| starts[it % count]);
+            if here > before || here > after || !may_be(here) {
+                continue;
+            }
+            let found = at(lowest(|angle| at(angle).0, [k as f64 - 1.0, k as f64 + 1.0], step));
+            if least.is_none_or(|it| found.0 < it.0) {
+                least = Some(found);
+            }
+        }
+        let (to_circle, place) = least?;
+        let width = to_circle - self.tube - thick;
+        (width > 0.0 && width <= limit).then_some((width, place))
+    }
+}
+
+/// Where a function of one minimum is least in an interval, by golden sections; the interval in
+/// steps.
+fn lowest(of: impl Fn(f64) -> f64, interval: [f64; 2], step: f64) -> f64 {
+    let golden = (5.0_f64.sqrt() - 1.0) / 2.0;
+    let [mut low, mut high] = interval.map(|it| it * step);
+    let mut inner = [high - golden * (high - low), low + golden * (high - low)];
+    let mut values = inner.map(&of);
+    for _ in 0..NARROWINGS {
+        if values[0] <= values[1] {
+            high = inner[1];
+            inner = [high - golden * (high - low), inner[0]];
+            values = [of(inner[0]), values[0]];
+        } else {
+            low = inner[0];
+            inner = [inner[1], low + golden * (high - low)];
+            values = [values[1], of(inner[1])];
+        }
+    }
+    low.midpoint(high)
+}
