@@ -3,31 +3,39 @@
 use super::light::IlluminationBuffer;
 use super::sums::PixelSums;
 use crate::Result;
-use crate::gpu::{Device, Kernel, shaders};
+use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
 use crate::numbers;
 use crate::optics::Optics;
 use crate::trace::{Tracer, push_bytes};
 use std::sync::Arc;
 
-/// Kernels of the random scheme.
+/// Kernels of the random scheme, each made when it is first wanted.
 #[derive(Debug)]
 pub(crate) struct RandomKernels {
-    rays: Kernel,
-    light: Kernel,
+    rays: LazyKernel,
+    light: LazyKernel,
 }
 
 impl RandomKernels {
-    /// Compiles them.
+    /// Kernels of a device.
+    #[must_use]
+    pub(crate) fn new(device: &Arc<Device>) -> Self {
+        let (rays, light) = (push_bytes::<RandomRaysPush>(), push_bytes::<RandomLightPush>());
+        Self {
+            rays: LazyKernel::new(device, "random_rays", shaders::RANDOM_RAYS, rays),
+            light: LazyKernel::new(device, "random_light", shaders::RANDOM_LIGHT, light),
+        }
+    }
+
+    /// Makes them.
     ///
     /// # Errors
     /// [`crate::Error::Device`].
-    pub(crate) fn new(device: &Arc<Device>) -> Result<Self> {
-        let (rays, light) = (push_bytes::<RandomRaysPush>(), push_bytes::<RandomLightPush>());
-        Ok(Self {
-            rays: device.kernel("random_rays", shaders::RANDOM_RAYS, rays)?,
-            light: device.kernel("random_light", shaders::RANDOM_LIGHT, light)?,
-        })
+    pub(crate) fn make(&self) -> Result<()> {
+        self.rays.get()?;
+        self.light.get()?;
+        Ok(())
     }
 }
 
@@ -55,6 +63,7 @@ pub(crate) fn illuminate_random(
     sums: &PixelSums,
     job: RandomBatch<'_>,
 ) -> Result<()> {
+    let (rays_kernel, light_kernel) = (kernels.rays.get()?, kernels.light.get()?);
     let rays_per_pixel = optics.sampling.rays;
     let all = rays_per_pixel[0] * rays_per_pixel[1];
     let seed = [numbers::low_word(optics.sampling.seed), numbers::high_word(optics.sampling.seed)];
@@ -82,7 +91,7 @@ pub(crate) fn illuminate_random(
                 };
                 let groups = (pixel_count * batch).div_ceil(GROUP);
                 device.run(|r| {
-                    r.dispatch(&kernels.rays, bytemuck::bytes_of(&push), [groups, 1, 1]);
+                    r.dispatch(rays_kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
                 })?;
                 tracer.trace_on_device(pixel_count * batch)?;
             }
@@ -106,7 +115,7 @@ pub(crate) fn illuminate_random(
                 };
                 device.run(|r| {
                     let groups = [pixel_count.div_ceil(GROUP), n, 1];
-                    r.dispatch(&kernels.light, bytemuck::bytes_of(&push), groups);
+                    r.dispatch(light_kernel, bytemuck::bytes_of(&push), groups);
                 })?;
                 first_step += n;
             }

@@ -3,7 +3,7 @@
 use crate::Result;
 use crate::accel::Backend;
 use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault};
-use crate::illuminate::CellKernels;
+use crate::illuminate::{CellKernels, RandomKernels};
 use crate::moments::StoredMoments;
 use crate::run::Control;
 use crate::run::simulation::{Kernels, Simulation};
@@ -102,6 +102,7 @@ impl Engine {
         let kernels = Kernels {
             trace: Arc::new(TraceKernels::new(&device)),
             illuminate: Arc::new(CellKernels::new(&device)),
+            random: RandomKernels::new(&device),
         };
         Ok(Self { options: options.clone(), device, kernels })
     }
@@ -128,6 +129,10 @@ impl Engine {
 
     pub(crate) const fn trace_kernels(&self) -> &Arc<TraceKernels> {
         &self.kernels.trace
+    }
+
+    pub(crate) const fn random_kernels(&self) -> &RandomKernels {
+        &self.kernels.random
     }
 
     pub(crate) const fn illuminate_kernels(&self) -> &Arc<CellKernels> {

@@ -226,4 +226,5 @@ impl<'e> Simulation<'e> {
 pub(crate) struct Kernels {
     pub(crate) trace: Arc<TraceKernels>,
     pub(crate) illuminate: Arc<illuminate::CellKernels>,
+    pub(crate) random: illuminate::RandomKernels,
 }

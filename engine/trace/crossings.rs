@@ -1,10 +1,10 @@
 //! Crossings of rays in order, for pictures of the sample: what is seen first, and through it.
 
 use super::ray::Ray;
-use super::tracer::push_bytes;
+use super::tracer::TraceKernels;
 use super::upload::DeviceSample;
 use crate::Result;
-use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
+use crate::gpu::{Buffer, Device, Memory, Pace};
 use crate::interface::{self, Crossing, CrossingsPush, GROUP};
 use std::sync::Arc;
 
@@ -36,7 +36,7 @@ impl From<&interface::SurfaceCrossing> for SurfaceCrossing {
 pub struct CrossingFinder {
     device: Arc<Device>,
     sample: Arc<DeviceSample>,
-    kernel: Kernel,
+    kernels: Arc<TraceKernels>,
     most: u32,
     /// Rays at once.
     room: u32,
@@ -51,26 +51,32 @@ impl CrossingFinder {
     ///
     /// # Errors
     /// [`crate::Error::Memory`], or [`crate::Error::Device`] where the driver refuses.
-    pub fn new(device: &Arc<Device>, sample: &Arc<DeviceSample>, most: u32) -> Result<Self> {
-        Self::of_rays(device, sample, most, RAYS)
+    pub fn new(
+        device: &Arc<Device>,
+        kernels: &Arc<TraceKernels>,
+        sample: &Arc<DeviceSample>,
+        most: u32,
+    ) -> Result<Self> {
+        Self::of_rays(device, kernels, sample, most, RAYS)
     }
 
     /// As [`CrossingFinder::new`], for up to `room` rays at once.
     pub(crate) fn of_rays(
         device: &Arc<Device>,
+        kernels: &Arc<TraceKernels>,
         sample: &Arc<DeviceSample>,
         most: u32,
         room: u32,
     ) -> Result<Self> {
         let room = room.clamp(1, RAYS);
-        let push = push_bytes::<CrossingsPush>();
+        kernels.crossings.get()?;
         let most = most.max(1);
         let of_all = |each: usize| u64::from(room) * u64::from(most) * each as u64;
         let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
         Ok(Self {
             device: device.clone(),
             sample: sample.clone(),
-            kernel: device.kernel("crossings", shaders::CROSSINGS, push)?,
+            kernels: kernels.clone(),
             most,
             room,
             rays: make("rays", u64::from(room) * size_of::<interface::Ray>() as u64)?,
@@ -91,6 +97,7 @@ impl CrossingFinder {
         mut visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
         let most = self.most as usize;
+        let kernel = self.kernels.crossings.get()?;
         let mut pace = Pace::new(4096, GROUP, RAYS);
         let mut done = 0;
         let mut met_by_ray = Vec::with_capacity(most);
@@ -113,7 +120,7 @@ impl CrossingFinder {
                 };
                 let groups = (push.count - first).div_ceil(GROUP);
                 let took = self.device.run(|r| {
-                    r.dispatch(&self.kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
+                    r.dispatch(kernel, bytemuck::bytes_of(&push), [groups, 1, 1]);
                 })?;
                 first = push.count;
                 pace.adapt(took);

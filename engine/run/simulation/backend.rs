@@ -74,7 +74,9 @@ impl Simulation<'_> {
     fn search_counts(&self) -> Result<SearchCounts> {
         let rays = self.counted_rays();
         let room = crate::numbers::count(rays.len());
-        let finder = CrossingFinder::of_rays(self.device(), &self.on_device, MOST_CROSSINGS, room)?;
+        let kernels = self.engine.trace_kernels();
+        let finder =
+            CrossingFinder::of_rays(self.device(), kernels, &self.on_device, MOST_CROSSINGS, room)?;
         let mut crossings = 0;
         finder.find(&rays, |_, met| crossings += met.len())?;
         let mean = crossings as f64 / rays.len().max(1) as f64;

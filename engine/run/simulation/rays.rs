@@ -68,6 +68,7 @@ impl Simulation<'_> {
         visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
         self.check_views(rays.iter().map(|ray| ray.view))?;
-        CrossingFinder::new(self.device(), &self.on_device, most)?.find(rays, visit)
+        let kernels = self.engine.trace_kernels();
+        CrossingFinder::new(self.device(), kernels, &self.on_device, most)?.find(rays, visit)
     }
 }

@@ -10,7 +10,7 @@ use crate::cancel::Cancel;
 use crate::gpu::Device;
 use crate::illuminate::{
     CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, PixelSums,
-    RandomKernels, SpectralBand,
+    SpectralBand,
 };
 use crate::numbers;
 use crate::run::{Control, Progress, ViewProgress};
@@ -45,7 +45,7 @@ pub(super) struct ViewWork<'s> {
     sums: PixelSums,
     cells: CellIlluminator,
     bars: MaskTransmissionCache,
-    random: Option<RandomKernels>,
+    random: bool,
     band: u32,
     pixel_columns: Range<i64>,
     tally: Tally,
@@ -90,6 +90,9 @@ impl<'s> ViewWork<'s> {
                 .map(|part| IlluminationBuffer::of_cells(&device, scene, optics, lattice, &part))
                 .collect::<Result<_>>()?,
         };
+        if random {
+            simulation.engine.random_kernels().make()?;
+        }
         let mut tracer = simulation.tracer(simulation.start.backend)?;
         tracer.set_cancel(cancel.clone());
         if !simulation.sample.is_empty() {
@@ -101,7 +104,7 @@ impl<'s> ViewWork<'s> {
             sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
             cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels(), cancel)?,
             bars: MaskTransmissionCache::default(),
-            random: if random { Some(RandomKernels::new(&device)?) } else { None },
+            random,
             band,
             pixel_columns,
             tally: Tally::default(),

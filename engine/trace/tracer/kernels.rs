@@ -4,8 +4,8 @@ use super::push_bytes;
 use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
-    BUNDLE_LANES, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_SMOOTH, RAYS_PER_LANE,
-    TracePush,
+    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_SMOOTH,
+    RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
 use std::ops::RangeInclusive;
@@ -21,6 +21,8 @@ pub struct TraceKernels {
     /// By what is placed in a sample: `KIND_` bits.
     bvh: [Walks; KINDS],
     ray_query: Option<[Walks; KINDS]>,
+    /// Lists of crossings.
+    pub(in crate::trace) crossings: LazyKernel,
 }
 
 /// Combinations of `KIND_` bits.
@@ -56,6 +58,12 @@ impl TraceKernels {
             ray_query: description
                 .ray_query
                 .then(|| std::array::from_fn(|kinds| Walks::ray_query(device, kind(kinds)))),
+            crossings: LazyKernel::new(
+                device,
+                "crossings",
+                shaders::CROSSINGS,
+                push_bytes::<CrossingsPush>(),
+            ),
         }
     }
 

@@ -67,7 +67,7 @@ impl Bench {
     /// What finds its crossings.
     pub(super) fn finder(&self, scene: &Scene) -> CrossingFinder {
         let sample = self.sample(Backend::Bvh, scene);
-        CrossingFinder::new(&self.device, &sample, 64).expect("a finder")
+        CrossingFinder::new(&self.device, &self.kernels, &sample, 64).expect("a finder")
     }
 
     pub(super) fn end(self) {

@@ -19,7 +19,9 @@ impl ViewWork<'_> {
         projected_bounds: &[ProjectedBounds],
         rows: &Range<i64>,
     ) -> Result<()> {
-        let Some(kernels) = &self.random else { return Ok(()) };
+        if !self.random {
+            return Ok(());
+        }
         let begin = Instant::now();
         let detector_rows = 0..i64::from(optics.detector.pixels[1]);
         let detector_columns = 0..i64::from(optics.detector.pixels[0]);
@@ -51,7 +53,7 @@ impl ViewWork<'_> {
                     self.tracer.set_node(Some(node));
                     illuminate_random(
                         &self.device,
-                        kernels,
+                        self.simulation.engine.random_kernels(),
                         optics,
                         &mut self.tracer,
                         light,
