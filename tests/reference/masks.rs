@@ -30,7 +30,7 @@ impl Mask {
     /// Open length between the mask's origin and `x` (signed).
     fn open_length(&self, x: f64) -> f64 {
         let periods = (x - self.origin) / self.period + 0.5;
-        let whole = periods.floor();
+        let whole = floor(periods);
         let within = (periods - whole) * self.period - 0.5 * (self.period - self.aperture);
         whole * self.aperture + within.clamp(0.0, self.aperture)
     }
@@ -38,31 +38,9 @@ impl Mask {
     /// Transmission of a straight ray through `x` on the centre plane with slopes dx/dy, dz/dy.
     /// The ray spends a share of its way between the faces inside bars.
     pub(crate) fn transmission(&self, x: f64, slope: [f64; 2]) -> f64 {
-        let shadow = self.shadow(slope);
-        let bar_share = if shadow > 0.0 {
-            1.0 - (self.open_length(x + 0.5 * shadow) - self.open_length(x - 0.5 * shadow)) / shadow
-        } else {
-            let periods = (x - self.origin) / self.period + 0.5;
-            let from_centre = (periods - periods.floor() - 0.5) * self.period;
-            if from_centre.abs() < 0.5 * self.aperture { 0.0 } else { 1.0 }
-        };
-        self.through(bar_share, slope)
-    }
-
-    fn through(&self, bar_share: f64, slope: [f64; 2]) -> f64 {
-        match self.bars {
-            Bars::Boxes { mu, thickness } => {
-                let way = thickness * (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
-                (-mu * way * bar_share.max(0.0)).exp()
-            }
-            Bars::Sheet { transmission } => {
-                if bar_share > 0.5 {
-                    transmission
-                } else {
-                    1.0
-                }
-            }
-        }
+        let ray = Stretch { mask: *self, low: x, high: x, slope };
+        let inside = ray.bar_share(0.0, self.shadow(slope));
+        if inside > 0.0 { (ray.ln_of_bars() * inside).exp() } else { 1.0 }
     }
 
     /// Lateral way of a ray between the faces, m.
@@ -89,17 +67,12 @@ pub(crate) struct Stretch {
 }
 
 impl Stretch {
-    fn at(&self, share: f64) -> f64 {
-        let x = self.low + share * (self.high - self.low);
-        self.mask.transmission(x, self.slope)
-    }
-
     /// Shares of the stretch where the corner of a bar begins or ceases to shade the ray.
     fn cuts(&self, out: &mut Vec<f64>) {
         let (mask, half) = (&self.mask, 0.5 * self.mask.shadow(self.slope));
         let edge = 0.5 * mask.aperture;
         for corner in [-edge - half, -edge + half, edge - half, edge + half] {
-            let first = ((self.low - mask.origin - corner) / mask.period).floor() + 1.0;
+            let first = floor((self.low - mask.origin - corner) / mask.period) + 1.0;
             let mut at = mask.origin + corner + first * mask.period;
             while at < self.high {
                 out.push((at - self.low) / (self.high - self.low));
@@ -107,30 +80,78 @@ impl Stretch {
             }
         }
     }
+
+    /// ln of the transmission of a ray that spends all of its way between the faces inside bars.
+    fn ln_of_bars(&self) -> f64 {
+        match self.mask.bars {
+            Bars::Boxes { mu, thickness } => {
+                let [x, z] = self.slope;
+                -mu * thickness * (1.0 + x * x + z * z).sqrt()
+            }
+            Bars::Sheet { transmission } => transmission.ln(),
+        }
+    }
+
+    /// The share of its way between the faces that a ray spends inside bars, where the shadow of a
+    /// bar is `shadow` wide. What has no thickness has a ray inside or beside it.
+    fn bar_share(&self, share: f64, shadow: f64) -> f64 {
+        let mask = &self.mask;
+        let x = self.low + share * (self.high - self.low);
+        if shadow > 0.0 {
+            let open = mask.open_length(x + 0.5 * shadow) - mask.open_length(x - 0.5 * shadow);
+            return (1.0 - open / shadow).max(0.0);
+        }
+        let periods = (x - mask.origin) / mask.period + 0.5;
+        let from_centre = (periods - floor(periods) - 0.5) * mask.period;
+        if from_centre.abs() < 0.5 * mask.aperture { 0.0 } else { 1.0 }
+    }
+}
+
+/// As `f64::floor`, which is a call on processors without an instruction for it.
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    reason = "periods of a mask, which are few"
+)]
+fn floor(x: f64) -> f64 {
+    let whole = x as i64 as f64;
+    if whole > x { whole - 1.0 } else { whole }
 }
 
 /// Mean of the product of transmissions over a sheaf of rays. The way inside bars is linear
 /// between the cuts of all masks, so each piece is integrated exactly.
 pub(crate) fn mean(masks: &[Stretch]) -> f64 {
-    let mut cuts = vec![0.0, 1.0];
+    let mut cuts = Vec::with_capacity(16);
+    cuts.extend([0.0, 1.0]);
     masks.iter().for_each(|m| m.cuts(&mut cuts));
     cuts.sort_by(f64::total_cmp);
-    let through = |share: f64| masks.iter().map(|m| m.at(share)).product::<f64>();
+    let of_mask = |m: &Stretch| (m.mask.shadow(m.slope), m.ln_of_bars());
+    let [first, second] = [masks.first(), masks.get(1)].map(|m| m.map(|m| (m, of_mask(m))));
+    assert!(masks.len() <= 2, "a set-up has two masks");
+    // ln of the transmission; opaque bars are infinite, and 0 of them is nothing.
+    let ln_through = |share: f64| {
+        let of = |(m, (shadow, bars)): &(&Stretch, (f64, f64))| {
+            let inside = m.bar_share(share, *shadow);
+            if inside > 0.0 { bars * inside } else { 0.0 }
+        };
+        first.iter().chain(&second).map(of).sum::<f64>()
+    };
     let piece = |pair: &[f64]| {
         let width = pair[1] - pair[0];
-        // Log-linear, from two inner points, so that hard edges at the ends do no harm.
-        let a = through(pair[0] + 0.25 * width);
-        let b = through(pair[0] + 0.75 * width);
-        if width <= 0.0 || a <= 0.0 || b <= 0.0 {
+        if width <= 0.0 {
             return 0.0;
         }
-        let fall = 2.0 * (a / b).ln();
-        let shape = if fall.abs() < 1e-4 {
-            1.0 + fall * fall / 24.0
-        } else {
-            2.0 * (0.5 * fall).sinh() / fall
-        };
-        width * (a * b).sqrt() * shape
+        // Linear, from two inner points, so that hard edges at the ends do no harm.
+        let a = ln_through(pair[0] + 0.25 * width);
+        let b = ln_through(pair[0] + 0.75 * width);
+        if a == f64::NEG_INFINITY || b == f64::NEG_INFINITY {
+            return 0.0;
+        }
+        let fall = 2.0 * (a - b);
+        if fall.abs() < 1e-4 {
+            return width * (0.5 * (a + b)).exp() * (1.0 + fall * fall / 24.0);
+        }
+        width * ((1.5 * a - 0.5 * b).exp() - (1.5 * b - 0.5 * a).exp()) / fall
     };
     cuts.windows(2).map(piece).sum()
 }
