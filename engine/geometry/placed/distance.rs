@@ -100,6 +100,24 @@ impl Standing<'_> {
         least
     }
 
+    /// Least distance of an analytic surface from triangles; `None` where it cannot tell: where it meets
+    /// one, lies in it, or is a mesh.
+    pub(super) fn clearance(&self, others: &[[DVec3; 3]]) -> Option<f64> {
+        let about = self.place.position;
+        let solid = self.solid(about)?;
+        others.iter().try_fold(f64::INFINITY, |least, corners| {
+            let found = solid.gap_to_triangle(corners.map(|it| it - about), f64::INFINITY)?;
+            Some(least.min(found.0))
+        })
+    }
+
+    /// The same from another analytic surface.
+    pub(super) fn clearance_of(&self, other: &Self) -> Option<f64> {
+        let about = self.place.position;
+        let both = self.solid(about)?.distance(&other.solid(about)?, f64::INFINITY);
+        both.map(|it| it.0)
+    }
+
     /// Whether a plane across the line between them keeps them apart, as most neighbours are.
     fn are_apart(&self, other: &Self, limit: f64) -> bool {
         let apart = other.place.position - self.place.position;

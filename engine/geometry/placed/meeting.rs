@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::distance::Standing;
 use super::nesting::{Boxed, Group};
 use super::{Place, Prototype};
 use crate::geometry::distance::meet;
@@ -22,6 +23,10 @@ impl Group {
                 inside != [inside[0]; 3]
             })
     }
+}
+
+fn standing<'a>(group: &'a Group, place: &'a Place) -> Standing<'a> {
+    Standing { prototype: &group.prototype, place, tree: None }
 }
 
 /// Whether a place meets the surface of a body.
@@ -47,6 +52,9 @@ pub(super) fn meets_body(
     }
     if group.is_crossed_by(place, &candidates) {
         return true;
+    }
+    if let Some(least) = standing(group, place).clearance(&candidates) {
+        return least <= limit;
     }
     sure(group.prototype.error(), |error| {
         let finer = error.and_then(|error| group.prototype.finer(error));
@@ -81,6 +89,10 @@ pub(super) fn meets_place(
     let reaches = reach(group, place, along) + reach(others, there, -along);
     if along != DVec3::ZERO && reaches < along.dot(apart) - limit {
         return false;
+    }
+    let least = standing(group, place).clearance_of(&standing(others, there));
+    if let Some(least) = least {
+        return least <= limit;
     }
     let shared = [bounds[0][0].max(bounds[1][0]) - limit, bounds[0][1].min(bounds[1][1]) + limit];
     let corners = |group: &Group, place: &Place| -> Vec<[DVec3; 3]> {
