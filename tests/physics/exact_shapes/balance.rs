@@ -20,6 +20,7 @@ fn delicate(kind: Kind, random: &mut Random) -> Vector {
     let end = if random.next() < 0.5 { -1.0 } else { 1.0 };
     let p = match kind {
         Kind::Box(size) => scaled(size, 0.5),
+        Kind::Prism { radius, half, .. } => [radius, 0.0, end * half],
         Kind::Cone { bottom, top, half } => {
             // An edge or the tip; or a point of the side.
             let z = if random.next() < 0.6 { end * half } else { random.between(-half, half) };

@@ -7,6 +7,7 @@
     reason = "counts are small; rays are rounded to f32 as the engine takes them"
 )]
 
+mod arrangements;
 mod balance;
 mod nested;
 mod rays;

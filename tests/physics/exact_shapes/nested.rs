@@ -15,7 +15,7 @@ use beamlet::{Backend, SurfaceCrossing, geometry};
 
 /// An interface on a ray: y, and the object before and behind it.
 #[derive(Debug)]
-struct Interface {
+pub(super) struct Interface {
     y: f64,
     media: [Option<usize>; 2],
     /// Of the surface that was crossed.
@@ -24,7 +24,7 @@ struct Interface {
 
 /// Interfaces of a ray: between any two surfaces the object that is listed last of those around the
 /// middle is there. Layers thinner than `least` are left out.
-fn interfaces(solids: &[Solid], ray: &Ray, least: f64) -> Vec<Interface> {
+pub(super) fn interfaces(solids: &[Solid], ray: &Ray, least: f64) -> Vec<Interface> {
     let [o, d] = line(ray, [0.0; 2]);
     let mut hits: Vec<_> = solids.iter().flat_map(|solid| solid.hits(o, d)).collect();
     hits.sort_by(|a, b| a.t.total_cmp(&b.t));
@@ -46,7 +46,7 @@ fn interfaces(solids: &[Solid], ray: &Ray, least: f64) -> Vec<Interface> {
 }
 
 /// Way of a ray through every solid where no later one covers it.
-fn ways(solids: &[Solid], ray: &Ray) -> Vec<f64> {
+pub(super) fn ways(solids: &[Solid], ray: &Ray) -> Vec<f64> {
     let mut ways = vec![0.0; solids.len()];
     let stretch = length(line(ray, [0.0; 2])[1]);
     for pair in interfaces(solids, ray, 0.0).windows(2) {
@@ -58,7 +58,7 @@ fn ways(solids: &[Solid], ray: &Ray) -> Vec<f64> {
 }
 
 /// Interfaces of a list of crossings.
-fn listed(met: &[SurfaceCrossing], objects: usize, least: f64) -> Vec<Interface> {
+pub(super) fn listed(met: &[SurfaceCrossing], objects: usize, least: f64) -> Vec<Interface> {
     let mut depth = vec![0; objects];
     let mut found: Vec<Interface> = Vec::new();
     let mut before = None;
@@ -85,6 +85,29 @@ fn scene_of(solids: &[Solid], transport: Transport) -> Scene {
     scene(solids.iter().enumerate().map(object).collect(), &constants, transport)
 }
 
+/// What is wrong with the ways of a ray: by more than a ray beside by twice the error `error` of
+/// surfaces, m, may make.
+pub(super) fn differs(
+    solids: &[Solid],
+    ray: &Ray,
+    got: &[f64],
+    crossings: u32,
+    error: f64,
+) -> Option<String> {
+    let near = [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(|by| {
+        let by = by.map(|it: f64| 2.0 * error * it);
+        let moved = |x: f32, by: f64| (f64::from(x) + by) as f32;
+        ways(solids, &Ray { x: moved(ray.x, by[0]), z: moved(ray.z, by[1]), ..*ray })
+    });
+    let ok = (0..solids.len()).all(|k| {
+        let of = near.iter().map(|it| it[k]);
+        let (low, high) = (of.clone().fold(f64::MAX, f64::min), of.fold(0.0, f64::max));
+        let room = (high - low) + f64::from(crossings.max(2)) * error;
+        (low - room..=high + room).contains(&got[k])
+    });
+    (!ok).then(|| format!("{ray:?}: {got:?} for {:?} in {solids:?}", near[0]))
+}
+
 /// Compares ways through objects; `error`: of surfaces, m. Gives how many rays differ by more than
 /// a ray beside by twice the error does.
 fn differing(
@@ -101,20 +124,8 @@ fn differing(
     for (i, ray) in rays.iter().enumerate() {
         assert_eq!(words[i * stride + MOMENTS_BALANCE], 0, "{ray:?}, {solids:?}");
         let got = paths_of(&words, i, solids.len());
-        let near = [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].map(|by| {
-            let by = by.map(|it: f64| 2.0 * error * it);
-            let moved = |x: f32, by: f64| (f64::from(x) + by) as f32;
-            ways(solids, &Ray { x: moved(ray.x, by[0]), z: moved(ray.z, by[1]), ..*ray })
-        });
-        let ok = (0..solids.len()).all(|k| {
-            let of = near.iter().map(|it| it[k]);
-            let (low, high) = (of.clone().fold(f64::MAX, f64::min), of.fold(0.0, f64::max));
-            let crossings = f64::from(results[i].crossings.max(2));
-            let room = (high - low) + crossings * error;
-            (low - room..=high + room).contains(&got[k])
-        });
-        if !ok {
-            wrong.push(format!("{backend}: {ray:?}: {got:?} for {:?} in {solids:?}", near[0]));
+        if let Some(found) = differs(solids, ray, &got, results[i].crossings, error) {
+            wrong.push(format!("{backend}: {found}"));
         }
     }
     wrong
@@ -241,7 +252,7 @@ fn random_solid(random: &mut Random) -> Solid {
 }
 
 /// Interfaces whose media, places or normals are not those of f64, nor of a ray a hair beside.
-fn are_listed(solids: &[Solid], ray: &Ray, met: &[SurfaceCrossing], error: f64) -> bool {
+pub(super) fn are_listed(solids: &[Solid], ray: &Ray, met: &[SurfaceCrossing], error: f64) -> bool {
     let least = 3.0 * error;
     let got = listed(met, solids.len(), least);
     [[0.0; 2], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]].into_iter().any(|by: [f64; 2]| {

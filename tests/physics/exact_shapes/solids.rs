@@ -8,6 +8,12 @@ use beamlet::scene::{Object, Shape};
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind {
     Box([f64; 3]),
+    /// A regular prism; `radius` is that of its corners. It keeps its facets.
+    Prism {
+        radius: f64,
+        half: f64,
+        sides: u32,
+    },
     /// Radii at -half and +half.
     Cone {
         bottom: f64,
@@ -71,6 +77,9 @@ impl Solid {
     pub(super) fn object(&self, name: &str, material: &str) -> Object {
         let shape = match self.kind {
             Kind::Box(size) => Shape::Box { size },
+            Kind::Prism { radius, half, sides } => {
+                Shape::Prism { radius, height: 2.0 * half, sides }
+            }
             Kind::Cone { bottom, top, half } if bottom.to_bits() == top.to_bits() => {
                 Shape::Cylinder { radius: bottom, height: 2.0 * half, sides: None }
             }
@@ -119,7 +128,7 @@ impl Solid {
     pub(super) fn roundness(&self) -> f64 {
         self.scale
             * match self.kind {
-                Kind::Box(_) => 1.0,
+                Kind::Box(_) | Kind::Prism { .. } => 1.0,
                 Kind::Cone { bottom, top, .. } if top > 0.0 => bottom.min(top),
                 Kind::Cone { bottom, .. } => 0.05 * bottom,
                 Kind::Ellipsoid(axes) => {
@@ -135,6 +144,7 @@ impl Solid {
         self.scale
             * match self.kind {
                 Kind::Box(size) => 0.5 * length(size),
+                Kind::Prism { radius, half, .. } => radius.hypot(half),
                 Kind::Cone { bottom, top, half } => bottom.max(top).hypot(half),
                 Kind::Ellipsoid(axes) => axes.into_iter().fold(0.0, f64::max),
                 Kind::Torus { ring, tube } => ring + tube,
@@ -166,6 +176,20 @@ impl Solid {
     }
 }
 
+/// Normals of the sides of a prism; its corners begin on the x axis.
+fn sides_of(sides: u32) -> impl Iterator<Item = Vector> {
+    (0..sides).map(move |side| {
+        let step = std::f64::consts::TAU / f64::from(sides);
+        let (sin, cos) = (step * (f64::from(side) + 0.5)).sin_cos();
+        [cos, sin, 0.0]
+    })
+}
+
+/// Distance of the sides of a prism from its axis.
+fn apothem(radius: f64, sides: u32) -> f64 {
+    radius * (std::f64::consts::PI / f64::from(sides)).cos()
+}
+
 /// Distance from the surface, to first order, and the outward normal of the surface that is next.
 fn off(kind: Kind, p: Vector) -> (f64, Vector) {
     let [x, y, z] = p;
@@ -177,6 +201,13 @@ fn off(kind: Kind, p: Vector) -> (f64, Vector) {
             let mut normal = [0.0; 3];
             normal[k] = p[k].signum();
             (face(k), normal)
+        }
+        Kind::Prism { radius, half, sides } => {
+            let cap = (z.abs() - half, [0.0, 0.0, z.signum()]);
+            let inner = apothem(radius, sides);
+            sides_of(sides)
+                .map(|normal| (dot(normal, p) - inner, normal))
+                .fold(cap, |most, it| if it.0 > most.0 { it } else { most })
         }
         Kind::Cone { bottom, top, half } => {
             let widening = (top - bottom) / (2.0 * half);
@@ -207,6 +238,12 @@ fn candidates(kind: Kind, o: Vector, d: Vector) -> Vec<f64> {
     match kind {
         Kind::Box(size) => {
             (0..3).flat_map(|k| [-0.5, 0.5].map(|s| (s * size[k] - o[k]) / d[k])).collect()
+        }
+        Kind::Prism { radius, half, sides } => {
+            let inner = apothem(radius, sides);
+            let of_side = |normal| (inner - dot(normal, o)) / dot(normal, d);
+            let caps = [-half, half].map(|z| (z - o[2]) / d[2]);
+            sides_of(sides).map(of_side).chain(caps).collect()
         }
         Kind::Cone { bottom, top, half } => {
             let widening = (top - bottom) / (2.0 * half);
