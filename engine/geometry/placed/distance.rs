@@ -11,6 +11,8 @@ use crate::geometry::distance::{closest_on_triangle, distance};
 use crate::geometry::surface::{bounds_of, near};
 use crate::geometry::tree::Tree;
 
+/// Triangles or vertices that are gone through one by one.
+const FEW: usize = 256;
 /// Points of the circle in a torus from which the search for its nearest begins.
 const STARTS: u32 = 64;
 /// Narrowings of an interval of that circle: to 1e-10 of it.
@@ -77,6 +79,7 @@ impl Standing<'_> {
             least.map_or(limit, |it| it.0)
         };
         let about = self.place.position;
+        let reach = limit;
         if let Some(solid) = self.solid(about) {
             let mut limit = limit;
             for corners in others {
@@ -88,14 +91,23 @@ impl Standing<'_> {
         let around = bounds_of(others.iter().flatten().copied());
         let own = self.triangles(around, limit);
         let boxes: Vec<[DVec3; 2]> = own.iter().map(|it| bounds_of(it.iter().copied())).collect();
-        let tree = Tree::of_boxes(&boxes);
+        let tree = (own.len() > FEW).then(|| Tree::of_boxes(&boxes));
         let mut limit = limit;
         for corners in others {
-            let [low, high] = bounds_of(corners.iter().copied());
-            tree.within([low - limit, high + limit], |number| {
-                let found = distance(*corners, own[number as usize]);
-                limit = take((found.0 <= limit).then_some(found));
-            });
+            let bounds = bounds_of(corners.iter().copied());
+            let mut visit = |number: usize| {
+                if near(boxes[number], bounds, limit) {
+                    let found = distance(*corners, own[number]);
+                    limit = take((found.0 <= limit).then_some(found));
+                }
+            };
+            match &tree {
+                None => (0..own.len()).for_each(visit),
+                Some(tree) => {
+                    let wide = [bounds[0] - reach, bounds[1] + reach];
+                    tree.within(wide, |number| visit(number as usize));
+                }
+            }
         }
         least
     }
@@ -124,8 +136,10 @@ impl Standing<'_> {
         let along = apart.normalize_or_zero();
         let reach =
             |it: &Self, along: DVec3| it.prototype.reach(it.place.linear().transpose() * along);
-        let analytic = self.prototype.shape.is_some() && other.prototype.shape.is_some();
-        analytic
+        let is_quick =
+            |it: &Self| it.prototype.shape.is_some() || it.prototype.vertices.len() <= FEW;
+        is_quick(self)
+            && is_quick(other)
             && along != DVec3::ZERO
             && reach(self, along) + reach(other, -along) + limit < along.dot(apart)
     }

@@ -252,7 +252,10 @@ impl<'a> Field<'a> {
         }
         let mut joins = false;
         let mut clash = None;
-        self.tree.within(member.bounds, |other| {
+        // Boxes of long parallel fibres in a direction of their own overlap by the thousands.
+        let alone = group.apart && self.groups.len() == 1;
+        let bounds = if alone { bounds_of(std::iter::empty()) } else { member.bounds };
+        self.tree.within(bounds, |other| {
             let it = self.members[other as usize];
             let same = it.group == member.group;
             let known = same && (group.apart || it.place <= member.place);
