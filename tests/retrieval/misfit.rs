@@ -51,7 +51,7 @@ fn torus_obj() -> String {
 }
 
 /// Objects of the scenes: a cylinder, a ball, a tilted box, a mesh, wires.
-fn objects() -> Vec<(&'static str, String)> {
+fn objects() -> Vec<String> {
     let object = |material: &str, body: &str, more: &str| {
         format!("[[object]]\nname = \"of {material}\"\nmaterial = \"{material}\"\n{body}\n{more}\n")
     };
@@ -65,23 +65,17 @@ fn objects() -> Vec<(&'static str, String)> {
         object(material, &rod(radius), &more)
     };
     vec![
-        ("cylinder", object("carbon", &rod("2.4 mm"), "")),
-        ("ball", object("poly", "shape = { sphere = { radius = \"1.3 mm\" } }", "")),
-        (
-            "box",
-            object(
-                "light metal",
-                "shape = { box = { size = [\"2.2 mm\", \"2 mm\", \"1.8 mm\"] } }",
-                "rotate = [{ axis = [0, 1, 0], angle = \"25 deg\" }, { axis = [0, 0, 1], angle = \"20 deg\" }]",
-            ),
+        object("carbon", &rod("2.4 mm"), ""),
+        object("poly", "shape = { sphere = { radius = \"1.3 mm\" } }", ""),
+        object(
+            "light metal",
+            "shape = { box = { size = [\"2.2 mm\", \"2 mm\", \"1.8 mm\"] } }",
+            "rotate = [{ axis = [0, 1, 0], angle = \"25 deg\" }, { axis = [0, 0, 1], angle = \"20 deg\" }]",
         ),
-        ("mesh", object("carbon", "mesh = \"torus.obj\"\nunit = \"mm\"", "")),
-        (
-            "wires",
-            wire("poly", "300 um", 3, "-1.8 mm")
-                + &wire("light metal", "150 um", -4, "0.1 mm")
-                + &wire("metal", "40 um", 11, "1.7 mm"),
-        ),
+        object("carbon", "mesh = \"torus.obj\"\nunit = \"mm\"", ""),
+        wire("poly", "300 um", 3, "-1.8 mm")
+            + &wire("light metal", "150 um", -4, "0.1 mm")
+            + &wire("metal", "40 um", 11, "1.7 mm"),
     ]
 }
 
@@ -145,7 +139,6 @@ fn retrieved(
 
 /// Noise-free stacks of a scene with what is true of it.
 struct Known {
-    name: &'static str,
     scene: Scene,
     flat: Array3<f32>,
     sample: Array3<f32>,
@@ -156,7 +149,7 @@ struct Known {
 fn known(engine: &Checked, folder: &std::path::Path, steps: &str) -> Vec<Known> {
     objects()
         .into_iter()
-        .map(|(name, objects)| {
+        .map(|objects| {
             let plain = scene(folder, &objects, steps, false);
             let stacks = engine.simulate(&plain).unwrap();
             let of = |sample: &ndarray::Array4<f32>| sample.index_axis(Axis(0), 0).to_owned();
@@ -167,7 +160,7 @@ fn known(engine: &Checked, folder: &std::path::Path, steps: &str) -> Vec<Known> 
             let scene = scene(folder, &objects, steps, true);
             let stacks = engine.simulate(&scene).unwrap();
             let sample = of(&stacks.sample);
-            Known { name, scene, flat: stacks.flat, sample, transmission, crossed }
+            Known { scene, flat: stacks.flat, sample, transmission, crossed }
         })
         .collect()
 }
