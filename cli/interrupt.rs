@@ -19,7 +19,7 @@ static CANCEL: LazyLock<Cancel> = LazyLock::new(Cancel::default);
 /// Ends the process. Libraries tidy up as it exits, and may wait for what hangs: a second later
 /// it ends without that.
 fn end() -> ! {
-    thread::spawn(|| {
+    let _ = thread::Builder::new().spawn(|| {
         thread::sleep(Duration::from_secs(1));
         std::process::abort();
     });
@@ -35,7 +35,7 @@ pub(crate) fn listen() -> Cancel {
         }
         CANCEL.cancel();
         let _ = writeln!(std::io::stderr(), "\nstopping; press Ctrl-C again to stop at once");
-        thread::spawn(|| {
+        let _ = thread::Builder::new().spawn(|| {
             thread::sleep(GRACE);
             let seconds = GRACE.as_secs();
             let _ = writeln!(std::io::stderr(), "interrupted: no answer within {seconds} s");

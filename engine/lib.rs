@@ -62,6 +62,7 @@ pub use cancel::Cancel;
 pub use error::{Error, Place, Result};
 pub use gpu::{DeviceDescription, DeviceKind};
 pub use optics::{MaskMeshOptions, MaskPlace, mask_meshes};
+pub use parallel::start_threads;
 pub use run::{
     Control, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate, Simulation,
     ViewProgress, devices, load_sample, require_memory,

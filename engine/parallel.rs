@@ -1,7 +1,39 @@
-//! Copies of large slices by all threads: one thread alone fills memory at a fraction of its speed.
+//! Threads that share work, and copies of large slices by all of them: one alone fills memory at a
+//! fraction of its speed.
 
+use crate::{Error, Result};
 use bytemuck::Pod;
 use rayon::prelude::*;
+use std::error::Error as _;
+use std::sync::OnceLock;
+
+/// Stack of a thread as Rust sets it, bytes.
+const STACK: u64 = 2 << 20;
+
+/// Starts the threads that work is shared among, where the program has not done so: as many as the
+/// machine runs at once, or as `RAYON_NUM_THREADS` says. What needs them starts them itself;
+/// whoever wants to know early that there is no room for them calls this first.
+///
+/// # Errors
+/// [`Error::Memory`] where the system has no room for them.
+pub fn start_threads() -> Result<()> {
+    /// Whether there are threads. A pool that failed once stays so: rayon tries once.
+    static STARTED: OnceLock<bool> = OnceLock::new();
+    let started = STARTED.get_or_init(|| {
+        // Without a source it says that there is a pool already, as is right.
+        rayon::ThreadPoolBuilder::new().build_global().err().is_none_or(|it| it.source().is_none())
+    });
+    if *started {
+        return Ok(());
+    }
+    let threads = std::thread::available_parallelism().map_or(1, |it| it.get() as u64);
+    Err(Error::Memory {
+        purpose: format!("{threads} threads"),
+        needed: threads * STACK,
+        available: None,
+        remedy: "lift the limits of memory or of processes that this one runs under".into(),
+    })
+}
 
 /// Bytes that a thread copies at a time.
 const PART: usize = 1 << 18;

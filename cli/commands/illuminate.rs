@@ -88,7 +88,7 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
             let sender = sender.clone();
             let (engine, kept, jobs, failed) = (&engine, &kept, &jobs, &failed);
             let cancel = cancel.clone();
-            scope.spawn(move || {
+            let begun = thread::Builder::new().spawn_scoped(scope, move || {
                 while !failed.load(Ordering::Relaxed) {
                     let next = jobs.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some((index, job)) = next else { break };
@@ -101,6 +101,12 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
                     let _ = sender.send((index, done));
                 }
             });
+            match begun {
+                Ok(_) => {}
+                // The first one does it alone.
+                Err(_) if worker > 0 => break,
+                Err(error) => return Err(error.into()),
+            }
         }
         drop(sender);
         for (index, done) in results {

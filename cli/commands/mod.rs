@@ -25,6 +25,7 @@ use std::io::Write;
 
 /// Runs the requested verb.
 pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
+    beamlet::start_threads()?;
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
         Verb::Illuminate(arguments) => illuminate::run(&arguments, out),

@@ -23,6 +23,7 @@ use super::watch::{LoadStep, Task, Watch, Watcher, watched};
 use super::{Contact, Sample, instances, mesh_file, nesting, placement};
 use crate::error::{Error, Result};
 use crate::numbers;
+use crate::parallel::start_threads;
 use crate::reserve;
 use crate::scene::{Instances, Mesh, Normals, Object, Placement, Scene, ShapeOrMesh};
 
@@ -51,6 +52,7 @@ pub fn load(scene: &Scene) -> Result<Sample> {
 
 /// As [`load`], watched.
 pub(crate) fn load_watched(scene: &Arc<Scene>, watcher: Watcher<'_>) -> Result<Sample> {
+    start_threads()?;
     let shared = scene.clone();
     watched(&names(scene), watcher, move |watch| load_all(&shared, watch))
 }

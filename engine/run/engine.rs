@@ -5,6 +5,7 @@ use crate::accel::Backend;
 use crate::gpu::{Device, DeviceDescription, DeviceOptions, Fault};
 use crate::illuminate::{CellKernels, RandomKernels};
 use crate::moments::StoredMoments;
+use crate::parallel::start_threads;
 use crate::run::Control;
 use crate::run::simulation::{Kernels, Simulation};
 use crate::scene::Scene;
@@ -93,6 +94,7 @@ impl Engine {
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn open(options: &EngineOptions) -> Result<Self> {
+        start_threads()?;
         let device = Device::open(&DeviceOptions {
             choice: options.device.clone(),
             validation: options.validation,
