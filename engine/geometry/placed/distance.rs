@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::{Place, Prototype};
 use crate::geometry::analytic::{AnalyticShape, Form};
-use crate::geometry::convex::separation;
+use crate::geometry::convex::{Separation, separation};
 use crate::geometry::distance::{closest_on_triangle, distance};
 use crate::geometry::surface::{bounds_of, near};
 use crate::geometry::tree::Tree;
@@ -28,6 +28,8 @@ pub(super) struct Standing<'a> {
     pub(super) place: &'a Place,
     /// Over the triangles of the prototype; of meshes alone.
     pub(super) tree: Option<&'a Tree>,
+    /// Whether it is the hull of its vertices, which are few.
+    pub(super) is_hull: bool,
 }
 
 /// An analytic shape in its place, about a point near it.
@@ -61,6 +63,15 @@ impl Standing<'_> {
         match (self.solid(about), other.solid(about)) {
             (Some(a), Some(b)) => a.distance(&b, limit).map(|(least, at)| (least, at + about)),
             (Some(_), None) => self.gap_to_triangles(&other.triangles(self.bounds(), limit), limit),
+            (None, None) if self.is_hull && other.is_hull => {
+                match separation(self.hull(about), other.hull(about), limit) {
+                    Separation::Apart => None,
+                    Separation::Known(least, at) => Some((least, at + about)),
+                    Separation::Unclear => {
+                        self.gap_to_triangles(&other.triangles(self.bounds(), limit), limit)
+                    }
+                }
+            }
             (None, Some(_)) => {
                 other.gap_to_triangles(&self.triangles(other.bounds(), limit), limit)
             }
@@ -128,6 +139,21 @@ impl Standing<'_> {
         let about = self.place.position;
         let both = self.solid(about)?.distance(&other.solid(about)?, f64::INFINITY);
         both.map(|it| it.0)
+    }
+
+    /// The vertex that is farthest along a direction, relative to a point.
+    fn hull(&self, about: DVec3) -> impl Fn(DVec3) -> DVec3 {
+        let (vertices, place) = (&self.prototype.vertices, self.place);
+        let (linear, off) = (place.linear(), place.position - about);
+        move |along| {
+            let own = linear.transpose() * along;
+            let farther = |best: (f64, DVec3), vertex: &DVec3| {
+                let reach = own.dot(*vertex);
+                if reach > best.0 { (reach, *vertex) } else { best }
+            };
+            let found = vertices.iter().fold((f64::NEG_INFINITY, DVec3::ZERO), farther);
+            linear * found.1 + off
+        }
     }
 
     /// Whether a plane across the line between them keeps them apart, as most neighbours are.
@@ -202,7 +228,7 @@ impl Solid<'_> {
 
     /// Distance of a convex solid from another convex set.
     fn gap_to_set(&self, set: impl Fn(DVec3) -> DVec3, limit: f64) -> Option<Distance> {
-        separation(|along| self.support(along).unwrap_or_default(), set, limit)
+        separation(|along| self.support(along).unwrap_or_default(), set, limit).known()
     }
 
     fn gap_to_triangle(&self, corners: [DVec3; 3], limit: f64) -> Option<Distance> {

@@ -32,6 +32,7 @@ struct Field<'a> {
     group: &'a Group,
     /// Over the triangles of a mesh.
     triangles: Option<Tree>,
+    is_hull: bool,
     /// From the world to the frame of its first place: in it parallel fibres have boxes that fit.
     turn: DQuat,
     /// Over the boxes of its places in that frame, which `boxes` are.
@@ -66,12 +67,14 @@ impl<'a> Field<'a> {
             .collect();
         let tree = Tree::of_boxes(&boxes);
         let bounds = group.bounds();
-        Self { group, triangles, turn, tree, boxes, bounds, limit: THIN.max(arc) }
+        let is_hull = is_mesh && prototype.is_hull();
+        Self { group, triangles, is_hull, turn, tree, boxes, bounds, limit: THIN.max(arc) }
     }
 
     fn standing(&self, place: usize) -> Standing<'_> {
         let Group { prototype, places, .. } = self.group;
-        Standing { prototype, place: &places[place], tree: self.triangles.as_ref() }
+        let (place, tree) = (&places[place], self.triangles.as_ref());
+        Standing { prototype, place, tree, is_hull: self.is_hull }
     }
 
     /// Gaps between one of its places and those of the group itself that follow it, or all of
@@ -141,6 +144,9 @@ impl Groups {
     ) -> Result<Vec<Contact>> {
         let groups = self.all.iter().filter(|group| !group.places.is_empty());
         let fields: Vec<Field<'_>> = groups.map(Field::new).collect();
+        if fields.is_empty() {
+            return Ok(Vec::new());
+        }
         let places = fields.iter().map(|it| it.boxes.len() as u64).sum();
         task.begin(LoadStep::Comparing, places)?;
         let of_bodies = limits_of(bodies, &fields);

@@ -26,7 +26,7 @@ impl Group {
 }
 
 fn standing<'a>(group: &'a Group, place: &'a Place) -> Standing<'a> {
-    Standing { prototype: &group.prototype, place, tree: None }
+    Standing { prototype: &group.prototype, place, tree: None, is_hull: false }
 }
 
 /// Whether a place meets the surface of a body.

@@ -16,6 +16,11 @@ const FINE: f64 = 5e-4;
 const COARSE: f64 = 5e-3;
 const FEW: usize = 1000;
 
+/// Vertices that a search for the farthest one goes through, at most.
+const MANY: usize = 256;
+/// Vertices of a plane may be off it by this share of the extent: by the f32 of files.
+const ROUNDING: f64 = 1e-7;
+
 /// Most facets that stand for a shape where it is cut, or nearly meets another surface.
 const MOST_FACETS: u64 = 150_000;
 
@@ -136,6 +141,21 @@ impl Prototype {
                 reaches.fold(f64::NEG_INFINITY, f64::max)
             }
         }
+    }
+
+    /// Whether a mesh is the hull of its vertices, which are few: no vertex stands in front of a
+    /// triangle, but for rounding.
+    pub(super) fn is_hull(&self) -> bool {
+        let [low, high] = self.bounds;
+        let rounding = ROUNDING * (high - low).length();
+        self.components.len() == 1
+            && self.vertices.len() <= MANY
+            && self.triangles.len() <= 2 * MANY
+            && (0..self.triangles.len()).all(|triangle| {
+                let [a, b, c] = self.corners(triangle);
+                let normal = (b - a).cross(c - a).normalize_or_zero();
+                self.vertices.iter().all(|it| normal.dot(*it - a) <= rounding)
+            })
     }
 
     /// How far facets that stand for the surface are off it, m of the own frame.

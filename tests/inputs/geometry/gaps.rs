@@ -274,14 +274,19 @@ fn gaps_of_cubes_are_those_of_all_pairs() {
             cubes.push(at);
         }
     }
-    let rows = cubes.iter().fold("x_m,y_m,z_m\n".to_owned(), |text, at| {
-        format!("{text}{:e},{:e},{:e}\n", at.x, at.y, at.z)
-    });
-    let found = gaps(&instanced(vec![(cube("cubes", 1e-5), rows)]));
     let want = all_pairs(|a, b| Some(gap(cubes[a], cubes[b])), cubes.len());
-    assert_eq!(found.len(), 1);
-    // Corners of the mesh are rounded to f32.
-    assert!((found[0].1 - want.0).abs() < 1e-11 && found[0].2 == want.1, "{found:?}: {want:?}");
+    // All together: edges and faces along the axes, and not.
+    for turn in [DQuat::IDENTITY, DQuat::from_xyzw(0.3, -0.5, 0.2, 0.8).normalize()] {
+        let header = "x_m,y_m,z_m,qw,qx,qy,qz\n".to_owned();
+        let rows = cubes.iter().fold(header, |text, at| {
+            let (at, q) = (turn * *at, turn);
+            format!("{text}{:e},{:e},{:e},{},{},{},{}\n", at.x, at.y, at.z, q.w, q.x, q.y, q.z)
+        });
+        let found = gaps(&instanced(vec![(cube("cubes", 1e-5), rows)]));
+        assert_eq!(found.len(), 1);
+        // Corners of the mesh are rounded to f32.
+        assert!((found[0].1 - want.0).abs() < 1e-11 && found[0].2 == want.1, "{found:?}: {want:?}");
+    }
 }
 
 #[test]
