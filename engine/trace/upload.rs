@@ -28,7 +28,7 @@ pub struct DeviceSample {
     /// Leaves of the tree over the sample.
     pub(crate) leaves: u32,
     _buffers: Vec<Buffer>,
-    acceleration: Option<AccelerationStructure>,
+    _acceleration: Option<AccelerationStructure>,
 }
 
 impl DeviceSample {
@@ -136,7 +136,7 @@ impl DeviceSample {
             kinds,
             leaves: sample_leaves,
             _buffers: buffers,
-            acceleration,
+            _acceleration: acceleration,
         })
     }
 
@@ -156,12 +156,6 @@ impl DeviceSample {
     /// Words of the moments of a ray, without their head.
     pub(super) const fn moment_words(&self) -> usize {
         moment_words(self.materials as usize, self.is_rough())
-    }
-
-    /// Whether the sample has acceleration structures.
-    #[must_use]
-    pub const fn has_acceleration(&self) -> bool {
-        self.acceleration.is_some()
     }
 }
 

@@ -23,8 +23,8 @@ const MANY_CROSSINGS: f64 = 32.0;
 /// The backend for a scene on a device that has both, and why. Results are the same.
 #[must_use]
 pub fn choose(kind: DeviceKind, counts: SearchCounts) -> (Backend, &'static str) {
-    if kind == DeviceKind::Cpu {
-        (Backend::Bvh, "the device is a processor, on which ray query is software, too")
+    if let Some(chosen) = by_kind(kind) {
+        chosen
     } else if counts.leaves <= FEW_LEAVES {
         (Backend::Bvh, "the sample has few leaves")
     } else if counts.crossings_per_ray > MANY_CROSSINGS {
@@ -32,6 +32,23 @@ pub fn choose(kind: DeviceKind, counts: SearchCounts) -> (Backend, &'static str)
     } else {
         (Backend::RayQuery, "the device searches many leaves for few crossings")
     }
+}
+
+/// The backend where the kind of the device tells enough: then nothing is counted, and no structure
+/// of the driver is built.
+const fn by_kind(kind: DeviceKind) -> Option<(Backend, &'static str)> {
+    match kind {
+        DeviceKind::Cpu => {
+            Some((Backend::Bvh, "the device is a processor, on which ray query is software, too"))
+        }
+        _ => None,
+    }
+}
+
+/// Whether a run may take ray query, so that the driver's structure is needed.
+pub(super) fn may_query(wanted: Option<Backend>, device: &DeviceDescription) -> bool {
+    device.ray_query
+        && wanted.map_or_else(|| by_kind(device.kind).is_none(), |it| it == Backend::RayQuery)
 }
 
 /// Refuses a backend that the device does not have.
@@ -51,13 +68,12 @@ impl Simulation<'_> {
     pub(super) fn choose_backend(&mut self, wanted: Option<Backend>) -> Result<()> {
         let (backend, reason) = if let Some(backend) = wanted {
             (backend, "requested".to_owned())
-        } else if !self.on_device.has_acceleration() {
-            let reason = if self.sample.is_empty() {
-                "nothing to trace"
-            } else {
-                "the device has no ray query"
-            };
-            (Backend::Bvh, reason.to_owned())
+        } else if self.sample.is_empty() {
+            (Backend::Bvh, "nothing to trace".to_owned())
+        } else if !self.device().description().ray_query {
+            (Backend::Bvh, "the device has no ray query".to_owned())
+        } else if let Some((backend, reason)) = by_kind(self.device().description().kind) {
+            (backend, reason.to_owned())
         } else {
             let counts = self.search_counts()?;
             let (backend, reason) = choose(self.device().description().kind, counts);
@@ -71,7 +87,11 @@ impl Simulation<'_> {
     }
 
     /// Leaves of the sample, and surfaces that rays through its shadow in the first view cross.
-    fn search_counts(&self) -> Result<SearchCounts> {
+    ///
+    /// # Errors
+    /// As [`Engine::run`](crate::Engine::run) where the device fails.
+    #[doc(hidden)]
+    pub fn search_counts(&self) -> Result<SearchCounts> {
         let rays = self.counted_rays();
         let room = crate::numbers::count(rays.len());
         let kernels = self.engine.trace_kernels();

@@ -136,7 +136,7 @@ impl<'e> Simulation<'e> {
                 parts.delta_ratio,
             )
         });
-        let ray_query = description.ray_query && wanted != Some(Backend::Bvh);
+        let ray_query = backend::may_query(wanted, description);
         let SimulationParts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
         let response = Response::new(detector.optics(), &lattice, options.keep_moments);
         let transport = scene.sampling.transport;
