@@ -1,6 +1,7 @@
 "use strict";
 // Works the page as a reader does, by events of the DOM, and writes down what came of it.
-// tests/program/report.rs puts it at the end of a copy of the page and reads the verdict.
+// tests/program/report.rs puts it at the end of a copy of the page, says in `ofCounts` whether values
+// have errors, and reads the verdict.
 (async () => {
   const verdict = { checks: {}, errors: window.pageErrors };
   const check = (name, holds, detail) => { verdict.checks[name] = holds ? "ok" : `FAILED: ${detail}`; };
@@ -64,12 +65,15 @@
     found = changed(before);
     check("cursor is linked over all images, and curves and profiles follow",
       images.concat("curve", profiles).every((id) => found.split(" ").includes(id)), found);
-    check("value under the cursor, without an error, +", text("value-refraction") === "2.0000 µrad", text("value-refraction"));
-    check("value under the linked cursor", text("value-transmission") === "0.50000", text("value-transmission"));
+    const told = (withError, alone) => ofCounts ? withError : alone;
+    check("value under the cursor with its error, if it has one, +",
+      text("value-refraction") === told("(2.000 ± 0.050) µrad", "2.0000 µrad"), text("value-refraction"));
+    check("value under the linked cursor, with its error", text("value-transmission") === told("0.500 ± 0.010", "0.50000"), text("value-transmission"));
+    check("errors are told where there are some", /\d ± \d/.test(text("pixel")) === ofCounts, text("pixel"));
     check("fit is told", text("pixel").includes("12.000 µm"), text("pixel"));
     check("residual is told", text("pixel").includes("0.00300"), text("pixel"));
     await point("pointermove", "flat", 15, 3);
-    check("value under the cursor, −", text("value-refraction") === "−2.0000 µrad", text("value-refraction"));
+    check("value under the cursor, −", text("value-refraction") === told("(−2.000 ± 0.050) µrad", "−2.0000 µrad"), text("value-refraction"));
     check("pixel is told", text("cursor-told") === "pixel 15, 3", text("cursor-told"));
 
     // The charts hold what the images hold.
@@ -78,10 +82,10 @@
     const less = residual[0].map((offset, i) => residual[2][i] - (curve[order[i]] - gauss(fit, offset)));
     check("residuals are values less the fit", residual[0].length === 5 && less.every((v) => Math.abs(v) < 1e-9), less.join());
     let data = charts["profile-transmission"].plot.data;
-    const middle = (data[2][4] + data[3][4]) / 2, half = (data[2][4] - data[3][4]) / 2;
-    check("a profile runs along the row with its band",
-      data[0].length === 16 && Math.abs(middle - valueAt("transmission", 0, 3 * 16 + 4)) < 1e-9 && Math.abs(half - .01) < 1e-4,
-      JSON.stringify([data[0].length, middle, half]));
+    const expected = valueAt("transmission", 0, 3 * 16 + 4), close = (value, to) => Math.abs(value - to) < 1e-4;
+    check("a profile runs along the row, with the band of its errors", data[0].length === 16 && close(data[1][4], expected)
+      && (ofCounts ? close(data[2]?.[4], expected + .01) && close(data[3]?.[4], expected - .01) : data.length === 2),
+      JSON.stringify([data.length, data.map((line) => line[4]), expected]));
     await put("along", "column", "change");
     data = charts["profile-transmission"].plot.data;
     check("or along the column", data[0].length === 4 && data[0][0] < data[0][3], String(data[0]));

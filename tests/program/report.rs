@@ -55,11 +55,17 @@ impl Verdict {
     }
 }
 
-/// A run with retrieved images that the test knows.
+/// A run of counts with retrieved images that the test knows.
 fn run_with_maps() -> tempfile::TempDir {
+    run_with_maps_of(true)
+}
+
+/// A run, with or without counts, with retrieved images that the test knows.
+fn run_with_maps_of(counts: bool) -> tempfile::TempDir {
     let place = tempfile::tempdir().unwrap();
     fs::write(place.path().join("scene.toml"), SCENE).unwrap();
-    done(place.path(), "simulate scene.toml -o run --format npy -q");
+    let photons = if counts { " --set detector.photons=20000" } else { "" };
+    done(place.path(), &format!("simulate scene.toml -o run --format npy -q{photons}"));
     let retrieved = place.path().join("run/retrieved");
     fs::create_dir(&retrieved).unwrap();
     let write = |name: &str, of: &dyn Fn(usize, usize, usize) -> f32| {
@@ -75,7 +81,7 @@ fn run_with_maps() -> tempfile::TempDir {
     });
     write("flags", &|_, row, column| if (row, column) == (1, 5) { 3.0 } else { 0.0 });
     write("dark_field", &|view, row, _| (row + view) as f32 * 1e-12);
-    // As earlier versions made them of noise-free values: no uncertainty, and not shown.
+    // Without counts as earlier versions made them of noise-free values: no uncertainty, not shown.
     write("transmission_sigma", &|_, _, _| 0.01);
     write("refraction_sigma", &|_, _, _| 5e-8);
     write("dark_field_sigma", &|_, _, _| 4e-13);
@@ -91,6 +97,7 @@ fn run_with_maps() -> tempfile::TempDir {
     let flags = BTreeMap::from([(1, "flat dead: on purpose".into()), (2, "flat other".into())]);
     let mut record = Record::default();
     record.method = "gaussian".into();
+    record.counts = counts;
     record.shape = [2, 4, 16];
     record.flags = flags;
     let text = serde_json::to_string(&record).unwrap();
@@ -112,9 +119,9 @@ fn chromium() -> Option<PathBuf> {
 }
 
 /// Explores a page of a width in pixels and returns what came of it, with what the browser itself
-/// complained of.
-fn explore(program: &Path, folder: &Path, page: &str, width: u32) -> Verdict {
-    let script = include_str!("explore.js");
+/// complained of. Pages of counts show errors, others do not.
+fn explore(program: &Path, folder: &Path, page: &str, width: u32, counts: bool) -> Verdict {
+    let script = format!("const ofCounts = {counts};\n{}", include_str!("explore.js"));
     let page = page.replacen("<head>", &format!("<head>{EARS}"), 1);
     let (body, end) = page.rsplit_once("</body>").unwrap();
     let page = format!("{body}<script>{script}</script></body>{end}");
@@ -160,9 +167,9 @@ fn the_page_does_what_it_offers_wide_and_narrow_and_the_console_is_silent() {
         return;
     };
     for width in [1400, 390] {
-        let verdict = explore(&program, place.path(), &page, width);
+        let verdict = explore(&program, place.path(), &page, width, true);
         assert!(verdict.failed().is_empty(), "{width}: {:#?}", verdict.failed());
-        assert_eq!(verdict.checks.len(), 53, "{width}: every check was made");
+        assert_eq!(verdict.checks.len(), 54, "{width}: every check was made");
     }
 
     // The exploration is no proof unless it fails on a page that is broken.
@@ -178,16 +185,39 @@ fn the_page_does_what_it_offers_wide_and_narrow_and_the_console_is_silent() {
             "element(\"pixel\").querySelector(\".flags\").hidden = !flagsAt(pixelOf());",
             "layout does not jump",
         ),
+        (
+            "measured(now(name), now(name + \"_sigma\")",
+            "measured(now(name), NaN",
+            "errors are told",
+        ),
         ("setTheme(); showView();", "showView();", "dark mode"),
         ("canvas.setAttribute(\"aria-label\",", "void (", "tell their pixel"),
         ("\nbegin();", "\nbegin();\nundefined_function();", "undefined_function"),
         ("\nbegin();", "\nbegin();\nconsole.error('on purpose');", "on purpose"),
     ] {
         assert!(page.contains(right), "{right}");
-        let broken = explore(&program, place.path(), &page.replacen(right, wrong, 1), 1400);
+        let broken = explore(&program, place.path(), &page.replacen(right, wrong, 1), 1400, true);
         let failed = broken.failed().join("\n");
         assert!(failed.contains(named), "{wrong} went unnoticed: {failed}");
     }
+}
+
+#[test]
+fn the_page_of_a_noise_free_run_shows_no_error_and_does_what_it_offers() {
+    let place = run_with_maps_of(false);
+    done(place.path(), "report run");
+    let page = fs::read_to_string(place.path().join("run/report.html")).unwrap();
+    assert!(!page.contains("_sigma\":"), "no image of 1 sigma");
+    let Some(program) = chromium() else {
+        println!("left out: there is no chromium");
+        return;
+    };
+    let verdict = explore(&program, place.path(), &page, 1400, false);
+    assert!(verdict.failed().is_empty(), "{:#?}", verdict.failed());
+    assert_eq!(verdict.checks.len(), 54, "every check was made");
+    // A page that shows errors does not pass as one that has none.
+    let wrong = explore(&program, place.path(), &page, 1400, true).failed().join("\n");
+    assert!(wrong.contains("with its error") && wrong.contains("band of its errors"), "{wrong}");
 }
 
 #[test]
