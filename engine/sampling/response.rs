@@ -10,6 +10,13 @@ use crate::optics::{Mask, Optics};
 const POINTS_PER_PERIOD: usize = 512;
 /// Rectangles that a patch begins with are at least as wide as this share of the period.
 const LEAST_SLAB: f32 = 1.0 / 128.0;
+/// Strips of a triangle whose light windows see.
+const STRIPS: u16 = 4;
+/// Windows are sharp where they blur less than this share of the deviation of a piece: then all of its
+/// outline counts.
+const SHARP: f32 = 0.25;
+/// Pieces that share an edge of a sharp window err alike there.
+const ALIKE: f32 = 2.0;
 /// Half width of the table, periods.
 const REACH: usize = 2;
 /// Mask steps closer to one another than this share of an aperture see the same.
@@ -23,6 +30,8 @@ pub(crate) struct Response {
     /// Integral of the light through one window over the landing point, m, at points from
     /// -REACH periods on.
     window: Vec<f32>,
+    /// Half width of the windows, m, where they are sharper than points of the table tell.
+    sharp: Option<f32>,
     /// Period of the windows on the analyser, m.
     pub(super) period: f32,
     /// Standard deviation of the blur on the analyser, m.
@@ -103,6 +112,7 @@ impl Response {
         };
         Self {
             window: window_integral(period, width, blur),
+            sharp: (blur * POINTS_PER_PERIOD as f64 <= period).then_some(single(0.5 * width)),
             period: single(period),
             blur: single(blur),
             magnification: single(analyser / lattice.plane),
@@ -218,13 +228,32 @@ impl Response {
         let deviation = half / 3.0_f32.sqrt();
         let home = at - (at / self.period).round() * self.period;
         let point = 2.0 * self.period / POINTS_PER_PERIOD as f32;
+        let is_sharp = self.blur < SHARP * deviation;
         let change = |window: f32| {
             let at = home - window * self.period;
+            if is_sharp {
+                let own = self.share(at, half);
+                let either =
+                    [-deviation, deviation].map(|it| (own - self.share_of_triangle(at, it)).abs());
+                return ALIKE * either[0].max(either[1]);
+            }
             let [near, far] = [at - 0.75 * deviation, at + 1.333 * deviation];
             let two = 0.64 * self.share(near, point) + 0.36 * self.share(far, point);
             (self.share(at, half.max(point)) - two).abs()
         };
         [-1.0, 0.0, 1.0].map(change).into_iter().fold(0.0, f32::max)
+    }
+
+    /// Share of light spread over a triangle that passes the window at 0: of strips of it. From its
+    /// side at `-sqrt(2) deviation` the density falls to nothing at twice that on the other side.
+    fn share_of_triangle(&self, at: f32, deviation: f32) -> f32 {
+        let side = std::f32::consts::SQRT_2 * deviation;
+        let half = 1.5 * side / f32::from(STRIPS);
+        let strip = |index: u16| {
+            let weight = f32::from(2 * (STRIPS - index) - 1) / f32::from(STRIPS * STRIPS);
+            weight * self.share(at - side + half * f32::from(2 * index + 1), half.abs())
+        };
+        (0..STRIPS).map(strip).sum()
     }
 
     /// Landing point of light of a beamlet displaced by `displacement`, from the centre of a
@@ -235,6 +264,9 @@ impl Response {
 
     /// Integral of the light through the window at 0 over the landing point.
     fn integral(&self, at: f32) -> f32 {
+        if let Some(half) = self.sharp {
+            return at.clamp(-half, half);
+        }
         let points = POINTS_PER_PERIOD as f32;
         let place = (at / self.period + REACH as f32) * points;
         if place <= 0.0 {
