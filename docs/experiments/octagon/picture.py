@@ -69,6 +69,8 @@ axes[2].semilogx([float(s) for s in SCAN], off, color=COLOURS["roughness"], mark
 axes[2].axhline(rms(smooth - mesh), color=COLOURS["smooth"], lw=0.8, label="smooth")
 axes[2].set_title("rms difference from the rough mesh", fontsize=9)
 axes[2].set_xlabel("roughness")
+axes[2].set_xticks([0.0003, 0.001, 0.003], ["0.0003", "0.001", "0.003"])
+axes[2].minorticks_off()
 axes[2].legend(fontsize=7)
 figure.savefig(OUT / "grazing.png", dpi=110)
 
