@@ -1,5 +1,6 @@
 //! `beamlet retrieve`: a run or measured stacks to transmission, refraction and dark field.
 
+use super::simulate::command_line;
 use crate::args::Retrieve;
 use crate::failure::Failure;
 use crate::interrupt;
@@ -63,7 +64,10 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     let engine = Engine::open(&arguments.device.options())?;
     let mut progress = |done, all| reporter.rows(done, all);
     let mut control = RowsControl::default().with_progress(&mut progress).with_cancel(cancel);
-    let to = ImagesTo::new(&path, arguments.format.into()).with_overwrite(arguments.overwrite);
+    let command = command_line();
+    let to = ImagesTo::new(&path, arguments.format.into())
+        .with_overwrite(arguments.overwrite)
+        .with_command(Some(&command));
     let done = retrieve(&engine, input, &options, to, &mut control);
     reporter.finish();
     match done {
@@ -146,6 +150,9 @@ fn summary(
     out: &mut impl Write,
 ) -> Result<(), Failure> {
     let [views, rows, columns] = record.shape;
+    if let Some(title) = &record.title {
+        writeln!(out, "title    {}", beamlet::printed::line(title))?;
+    }
     writeln!(out, "images   {}", beamlet::printed::path(path))?;
     writeln!(out, "method   {}, weights {}", record.method, record.weights)?;
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;

@@ -145,19 +145,30 @@ fn facts(run: &Subject, command: &str) -> Vec<TableRow> {
             (began, written) => add("run", began.or(written).unwrap_or_else(unknown)),
         }
         add("duration", if file.duration_s > 0.0 { words_of(file.duration_s) } else { unknown() });
-        let record = &file.record;
-        let commit = record.commit.as_ref().map(|commit| format!(", commit {commit}"));
-        add("program", format!("beamlet {}{}", record.version, commit.unwrap_or_default()));
+        add("program", program(&file.record.version, file.record.commit.as_deref()));
         for command in &file.commands {
             add("command", command.clone());
         }
-    } else if let Some(record) = run.record() {
-        add("program", format!("beamlet {}", record.version));
+    }
+    if let Some(record) = run.record() {
+        if let Some(written) = &record.written {
+            add("retrieved", format!("{} in {}", date(written), words_of(record.duration_s)));
+        }
+        add("retrieved with", program(&record.version, record.commit.as_deref()));
+        if let Some(command) = &record.command {
+            add("retrieved by", command.clone());
+        }
     }
     let now = humantime::format_rfc3339_seconds(SystemTime::now()).to_string();
     add("page written", date(&now));
     add("by", command.to_owned());
     facts
+}
+
+/// A version of beamlet with the commit that it was built from.
+fn program(version: &str, commit: Option<&str>) -> String {
+    let commit = commit.map(|commit| format!(", commit {commit}"));
+    format!("beamlet {version}{}", commit.unwrap_or_default())
 }
 
 /// What runs of earlier versions do not say.

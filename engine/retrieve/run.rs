@@ -9,11 +9,12 @@ use super::write::{ImageDirectory, ImageFormat, Record};
 use super::{Curves, Weights, flags};
 use crate::numbers;
 use crate::run::RowsControl;
-use crate::stack::refuse_overlap;
+use crate::stack::{now, refuse_overlap};
 use crate::{Engine, Error, Result};
 use ndarray::ArrayView2;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::time::Instant;
 
 /// Where images go.
 #[derive(Debug, Clone, Copy)]
@@ -25,18 +26,22 @@ pub struct ImagesTo<'a> {
     pub format: ImageFormat,
     /// Replace images that are there.
     pub overwrite: bool,
+    /// Command line, for the record.
+    pub command: Option<&'a str>,
 }
 
 impl<'a> ImagesTo<'a> {
     /// A directory that must not hold images yet.
     #[must_use]
     pub const fn new(path: &'a Path, format: ImageFormat) -> Self {
-        Self { path, format, overwrite: false }
+        Self { path, format, overwrite: false, command: None }
     }
 
     setters! {
         /// Replaces images that are there.
         with_overwrite(overwrite: bool);
+        /// Sets the command line that the record tells.
+        with_command(command: Option<&'a str>);
     }
 }
 
@@ -69,6 +74,7 @@ pub fn retrieve(
     to: ImagesTo<'_>,
     control: &mut RowsControl<'_>,
 ) -> Result<Record> {
+    let (began, since) = (now(), Instant::now());
     refuse_overlap(to.path, &input.paths())?;
     ImageDirectory::check(to.path, to.overwrite)?;
     let saturation = input.saturation().or(options.saturation);
@@ -122,6 +128,10 @@ pub fn retrieve(
     }
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.inputs = hashes.wait(&cancel, &mut || {})??;
+    record.command = to.command.map(str::to_owned);
+    record.began = Some(began);
+    record.written = Some(now());
+    record.duration_s = since.elapsed().as_secs_f64();
     images.finish(Some(&record))?;
     Ok(record)
 }
@@ -158,6 +168,12 @@ fn begun(
     meanings.insert(bit, format!("{name}: {meaning}"));
     Record {
         version: env!("CARGO_PKG_VERSION").to_owned(),
+        commit: option_env!("BEAMLET_COMMIT").map(str::to_owned),
+        began: None,
+        written: None,
+        duration_s: 0.0,
+        command: None,
+        title: scene.title.clone(),
         method: options.method.name().to_owned(),
         weights: match options.weights {
             Weights::None => "none".to_owned(),

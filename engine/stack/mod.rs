@@ -29,6 +29,7 @@ pub use read::{Maps, OpenRun, StackFile};
 pub use record::{RunRecord, SamplingSummary, SearchCounts};
 pub use run_directory::{Format, RunDirectory};
 pub(crate) use run_directory::{LOG, SCENE};
+pub(crate) use run_file::now;
 pub use run_file::{FORMAT_VERSION, RunFile, RunState};
 pub use verify::{RunCheck, check_run};
 

@@ -77,7 +77,7 @@ pub struct RunFile {
 }
 
 /// The date and time, UTC, as RFC 3339 has it.
-pub(super) fn now() -> String {
+pub(crate) fn now() -> String {
     humantime::format_rfc3339_seconds(SystemTime::now()).to_string()
 }
 

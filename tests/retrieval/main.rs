@@ -9,6 +9,8 @@ mod dark_field;
 mod expected;
 mod fits;
 mod misfit;
+#[cfg(feature = "cli")]
+mod provenance;
 mod retrieval;
 #[cfg(feature = "cli")]
 mod retrieve_cli;

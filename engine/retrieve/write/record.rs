@@ -12,6 +12,26 @@ use std::path::Path;
 pub struct Record {
     /// Version of beamlet.
     pub version: String,
+    /// Commit of its repository that it was built from; `None` in packages, incremental builds and
+    /// records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub commit: Option<String>,
+    /// When the retrieval began, and when its record was written: UTC, RFC 3339. `None` in records of
+    /// earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub began: Option<String>,
+    /// See `began`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub written: Option<String>,
+    /// Seconds that the retrieval took by the clock on the wall; 0 in records of earlier versions.
+    #[serde(default)]
+    pub duration_s: f64,
+    /// Command line; `None` where another program called the library.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<String>,
+    /// Title of the scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
     /// The method.
     pub method: String,
     /// Weights of the fit.

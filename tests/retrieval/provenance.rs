@@ -1,0 +1,77 @@
+//! What retrieved.json, the closing lines of `beamlet retrieve` and the page tell of a retrieval.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use crate::support::program::{beamlet, done};
+use beamlet::retrieve::Record;
+use std::fs;
+use std::time::SystemTime;
+
+const SCENE: &str = concat!(
+    "title = \"Rod & <air>\"\n",
+    include_str!("../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [16, 2]
+pitch = "150 um"
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 7 }
+
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.4 mm", height = "9 mm" } }
+material = "water"
+"#
+);
+
+#[test]
+fn a_retrieval_tells_its_title_dates_duration_command_and_program() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    fs::write(folder.join("scene.toml"), SCENE).unwrap();
+    done(folder, "simulate scene.toml -o run -q");
+    let before = SystemTime::now();
+    let words = ["retrieve", "run", "-o", "my images", "--format", "npy"];
+    let output = beamlet(folder).args(words).output().unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let closing = String::from_utf8(output.stdout).unwrap();
+    assert!(closing.starts_with("title    Rod & <air>\nimages   "), "{closing}");
+
+    let record = Record::read(&folder.join("my images/retrieved.json")).unwrap();
+    assert_eq!(record.title.as_deref(), Some("Rod & <air>"));
+    let command = "beamlet retrieve run -o 'my images' --format npy";
+    assert_eq!(record.command.as_deref(), Some(command));
+    // As run.json has them: the same program made both.
+    let run: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(folder.join("run/run.json")).unwrap()).unwrap();
+    assert_eq!(run["version"], record.version);
+    assert_eq!(run["commit"].as_str(), record.commit.as_deref());
+    // Whole seconds, cut off.
+    let [began, written] = [&record.began, &record.written]
+        .map(|date| humantime::parse_rfc3339(date.as_deref().unwrap()).unwrap());
+    let second = std::time::Duration::from_secs(1);
+    assert!(began + second >= before && began <= written && written <= SystemTime::now());
+    let longest = written.duration_since(began).unwrap().as_secs_f64() + 1.0;
+    assert!(record.duration_s > 0.0 && record.duration_s <= longest, "{record:?}");
+
+    let report = |page: &str| {
+        let words = ["report", "my images", "-o", page];
+        assert!(beamlet(folder).args(words).output().unwrap().status.success());
+    };
+    report("page.html");
+    let page = fs::read_to_string(folder.join("page.html")).unwrap();
+    assert!(page.contains("beamlet retrieve run -o &#x27;my images&#x27; --format npy"), "command");
+    assert!(page.contains("Rod &amp; &lt;air&gt;") && !page.contains("<air>"), "title");
+    // Records of earlier versions say nothing of these.
+    let path = folder.join("my images/retrieved.json");
+    let mut old: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
+    for key in ["title", "command", "began", "written", "duration_s", "commit"] {
+        old.as_object_mut().unwrap().remove(key);
+    }
+    fs::write(&path, old.to_string()).unwrap();
+    assert_eq!(Record::read(&path).unwrap().command, None);
+    report("old.html");
+}
