@@ -151,10 +151,12 @@ fn facts(run: &Subject, command: &str) -> Vec<TableRow> {
         }
     }
     if let Some(record) = run.record() {
-        if let Some(written) = &record.written {
-            add("retrieved", format!("{} in {}", date(written), words_of(record.duration_s)));
-        }
-        add("retrieved with", program(&record.version, record.commit.as_deref()));
+        let program = program(&record.version, record.commit.as_deref());
+        let when = match &record.written {
+            Some(written) => format!("{} in {}, ", date(written), words_of(record.duration_s)),
+            None => String::new(),
+        };
+        add("retrieved", format!("{when}by {program}"));
         if let Some(command) = &record.command {
             add("retrieved by", command.clone());
         }

@@ -2,7 +2,7 @@
 //! their light, so that a part of it is refracted out of the curve, or a value of the curve is off.
 //!
 //! Nothing in such a curve itself need be odd: half of the light turned aside leaves a Gaussian.
-//! What tells is that neither the neighbours to the left nor those to the right continue to it.
+//! What tells is that neither the neighbours on one side nor those on the other continue to it.
 //! How the limits were found, and what they catch: docs/retrieval.md.
 
 use super::curves::Curves;
@@ -14,28 +14,31 @@ use rayon::prelude::*;
 
 /// Deviation from both sides from which on a pixel is flagged, and one from which on it is beside such
 /// a pixel.
-const LIMITS: [f64; 2] = [3.0, 2.2];
+const LIMITS: [f64; 2] = [3.1, 2.6];
 /// The same where bias is all that there is.
-const LIMITS_WITHOUT_NOISE: [f64; 2] = [4.0, 4.0];
+const LIMITS_WITHOUT_NOISE: [f64; 2] = [4.4, 4.4];
+/// Deviation of the width alone, from the medians on both sides, that counts as the upper limit.
+const WIDENED: f64 = 3.6;
+/// Deviation of the width from the neighbourhood's, below which a pixel between two misfits is none.
+const OWN: f64 = 3.0;
 /// Part of the difference of two neighbours by which a line through them may miss.
-const SLACK: f64 = 0.5;
-/// The same from row to row, where only the transmission is judged.
-const SLACK_OF_ROWS: f64 = 2.0;
+const SLACK: f64 = 1.3;
 /// What a Gaussian's own bias leaves between neighbours without silhouettes: of the transmission
 /// and the relative width, and of the centre in widths of the flat's curve.
-const BIAS: f64 = 0.0047;
-const BIAS_OF_CENTRE: f64 = 0.0092;
+const BIAS: [f64; 2] = [0.002, 0.003];
+/// The same where it is compared with no noise: what is smaller harms nobody.
+const BIAS_WITHOUT_NOISE: [f64; 2] = [0.004, 0.008];
 /// Scatter of structure below a pixel, as a part of the dark field that it makes.
 const TEXTURE: f64 = 1.0;
-/// Median deviation of a field of noise, and one where bias is more than noise; where it is larger
-/// the field is rougher than these.
-const ROUGH: f64 = 0.6;
-const ROUGH_BIAS: f64 = 0.5;
+/// Median deviation in a field that is rougher than noise.
+const ROUGH: f64 = 0.8;
 /// Neighbours of a side are looked for so far, past pixels without an answer.
-const REACH: usize = 4;
+const REACH: isize = 4;
 /// Residual over the median of the neighbours' from which on a pixel is flagged, at noise without
 /// end; fewer steps scatter more.
 const RESIDUAL: f64 = 2.0;
+/// Residual over the amplitude that counts where there is no noise.
+const LEAST_RESIDUAL: f64 = 0.0047;
 /// Standard deviations at which the residual of noise stands 1 time in 20,000.
 const RARE: f64 = 3.9;
 
@@ -63,6 +66,10 @@ pub(super) fn mark(images: &mut Images, flat: &Curves, angle_per_shift: f64, noi
         return;
     };
     let unit = angle_per_shift.abs() * width;
+    let (limits, [bias, bias_of_centre]) = match noise.gain {
+        Some(_) => (LIMITS, BIAS),
+        None => (LIMITS_WITHOUT_NOISE, BIAS_WITHOUT_NOISE),
+    };
     let field = |name: &str, unit: f64, bias: f64| -> Option<Field> {
         let values = images.get(name)?.mapv(|value| f64::from(value) / unit);
         let sigma = images.get(&format!("{name}_sigma")).filter(|_| noise.gain.is_some());
@@ -72,10 +79,9 @@ pub(super) fn mark(images: &mut Images, flat: &Curves, angle_per_shift: f64, noi
         };
         Some(Field { values, sigma, bias })
     };
-    let Some(transmission) = field("transmission", 1.0, BIAS) else { return };
-    let Some(centre) = field("refraction", unit, BIAS_OF_CENTRE) else { return };
-    let width = field("dark_field", 2.0 * unit * unit, BIAS);
-    let limits = if noise.gain.is_some() { LIMITS } else { LIMITS_WITHOUT_NOISE };
+    let Some(transmission) = field("transmission", 1.0, bias) else { return };
+    let Some(centre) = field("refraction", unit, bias_of_centre) else { return };
+    let width = field("dark_field", 2.0 * unit * unit, bias);
     let mut marked = edges(&transmission, &centre, width.as_ref(), limits);
     if let Some(residuals) = residuals(images, noise) {
         let rare = rare_residuals(&residuals, noise);
@@ -98,32 +104,45 @@ fn edges(
     limits: [f64; 2],
 ) -> Array2<bool> {
     let shape = transmission.values.dim();
-    // Structure below a pixel scatters from pixel to pixel.
-    let texture = match width {
-        Some(width) => {
-            let [rows, columns] = window(shape);
-            medians(&width.values, rows, columns).mapv(|width| width.max(0.0))
-        }
-        None => Array2::zeros(shape),
-    };
-    let deviations = by_pixel(shape, |at| {
-        let texture = if texture[at].is_finite() { TEXTURE * texture[at] } else { 0.0 };
-        let of_centre = (2.0 * TEXTURE * texture).sqrt();
-        let side = |step: isize| {
-            let of = |field: &Field, texture| field.deviation(at, [0, step], SLACK, texture);
-            let width = width.map_or(0.0, |width| of(width, texture));
-            of(transmission, texture).hypot(of(centre, of_centre)).hypot(width)
-        };
-        let row = |step: isize| transmission.deviation(at, [step, 0], SLACK_OF_ROWS, texture);
-        side(-1).min(side(1)).max(row(-1).min(row(1)))
-    });
     let [rows, columns] = window(shape);
-    let rough = medians(&deviations, rows, columns);
-    let shares = by_pixel(shape, |at| {
-        let usual = (ROUGH * centre.share_of_noise(at)).hypot(ROUGH_BIAS);
-        deviations[at] / (rough[at] / usual).max(1.0)
+    let usual_width = width.map(|width| medians(&width.values, rows, columns));
+    // Structure below a pixel scatters from pixel to pixel.
+    let texture = |at| {
+        let usual = usual_width.as_ref().map_or(0.0, |usual| usual[at]);
+        if usual > 0.0 { TEXTURE * usual } else { 0.0 }
+    };
+    // Across the slits and along them.
+    let deviations = by_pixel(shape, |at| {
+        let texture = texture(at);
+        let of_centre = (2.0 * TEXTURE * texture).sqrt();
+        let side = |step: [isize; 2]| {
+            let width = width.map_or(0.0, |width| width.deviation(at, step, texture));
+            let centre = centre.deviation(at, step, of_centre);
+            transmission.deviation(at, step, texture).hypot(centre).hypot(width)
+        };
+        [side([0, -1]).min(side([0, 1])), side([-1, 0]).min(side([1, 0]))]
     });
-    along_silhouettes(&shares, limits)
+    let rough = medians(&deviations.mapv(|[across, along]| across.max(along)), rows, columns);
+    // What is rougher than noise has larger limits.
+    let share = |at: (usize, usize), deviation: f64| deviation / (rough[at] / ROUGH).max(1.0);
+    let shares = by_pixel(shape, |at| {
+        let widened = width.map_or(0.0, |width| width.beyond_both_sides(at, texture(at)));
+        let [across, along] = deviations[at];
+        share(at, across.max(along).max(widened * LIMITS[0] / WIDENED))
+    });
+    let marked = along_silhouettes(&shares, limits);
+    let (Some(width), Some(usual)) = (width, usual_width) else { return marked };
+    // Beside a misfit on either side nothing but the pixel's own curve tells.
+    by_pixel(shape, |at| {
+        let is_marked = |step| near(&marked, at, step, 1).is_some_and(|marked| *marked);
+        let between = |[a, b]: [[isize; 2]; 2], other: f64| {
+            is_marked(a) && is_marked(b) && share(at, other) <= limits[0]
+        };
+        let [across, along] = deviations[at];
+        let alone = between([[0, -1], [0, 1]], along) || between([[-1, 0], [1, 0]], across);
+        let own = (width.values[at] - usual[at]).abs() / width.sigma[at].hypot(width.bias);
+        marked[at] && !(alone && own < OWN)
+    })
 }
 
 /// Pixels beyond the limit, and those beyond the lower one that such a pixel above or below leads to:
@@ -149,38 +168,53 @@ fn along_silhouettes(deviations: &Array2<f64>, [limit, lower]: [f64; 2]) -> Arra
 }
 
 impl Field {
-    /// Noise as a part of noise and bias.
-    fn share_of_noise(&self, at: (usize, usize)) -> f64 {
-        let noise = std::f64::consts::SQRT_2 * self.sigma[at];
-        if noise.is_finite() { noise / noise.hypot(self.bias) } else { 1.0 }
-    }
-
     /// How far the value of a pixel is from those that its neighbours to one side continue to:
     /// between the next one and the line through the next two. In standard deviations; 0 where
     /// there is none to compare with.
-    fn deviation(
-        &self,
-        at: (usize, usize),
-        [down, right]: [isize; 2],
-        slack: f64,
-        texture: f64,
-    ) -> f64 {
-        let value = |k: usize| {
-            let k = k.cast_signed();
-            let row = at.0.checked_add_signed(k * down)?;
-            let column = at.1.checked_add_signed(k * right)?;
-            self.values.get((row, column)).copied()
-        };
+    fn deviation(&self, at: (usize, usize), step: [isize; 2], texture: f64) -> f64 {
+        let value = |k: isize| near(&self.values, at, step, k).copied();
         let mut known = (1..=REACH).map_while(value).filter(|value| value.is_finite());
         let (own, Some(next)) = (self.values[at], known.next()) else { return 0.0 };
         let slope = next - known.next().unwrap_or(next);
         let [low, high] = [next.min(next + slope), next.max(next + slope)];
-        let off = (low - own).max(own - high) - slack * slope.abs();
+        let off = (low - own).max(own - high) - SLACK * slope.abs();
+        self.in_deviations(at, off, 2.0, texture)
+    }
+
+    /// How far the value of a pixel is beyond the medians of the two columns on either side, in standard
+    /// deviations.
+    fn beyond_both_sides(&self, at: (usize, usize), texture: f64) -> f64 {
+        let side = |columns: [isize; 2]| {
+            let rows = [-1, 0, 1].into_iter();
+            let places = rows.flat_map(|down| columns.map(|right| [down, right]));
+            median(places.filter_map(|step| near(&self.values, at, step, 1).copied()).collect())
+        };
+        let sides = [side([-1, -2]), side([1, 2])];
+        let [low, high] = [f64::min, f64::max]
+            .map(|of| sides.into_iter().flatten().reduce(of).unwrap_or(f64::NAN));
+        let own = self.values[at];
+        // A median of six has a sixth of the variance.
+        self.in_deviations(at, (low - own).max(own - high), 7.0 / 6.0, texture)
+    }
+
+    /// A difference in standard deviations, of which noise has so many variances of a value.
+    /// What has no answer, or an uncertainty that is not known, is not judged.
+    fn in_deviations(&self, at: (usize, usize), off: f64, variances: f64, texture: f64) -> f64 {
         let sigma = self.sigma[at];
-        let noise = 2.0 * sigma * sigma + texture * texture + self.bias * self.bias;
-        // What has no answer, or an uncertainty that is not known, is not judged.
+        let noise = variances * sigma * sigma + texture * texture + self.bias * self.bias;
         if off > 0.0 && noise.is_finite() { off / noise.sqrt() } else { 0.0 }
     }
+}
+
+/// What stands `count` steps from a place.
+fn near<T>(
+    image: &Array2<T>,
+    (row, column): (usize, usize),
+    [down, right]: [isize; 2],
+    count: isize,
+) -> Option<&T> {
+    let row = row.checked_add_signed(count * down)?;
+    image.get((row, column.checked_add_signed(count * right)?))
 }
 
 /// Squares of what the fits leave, over the variance that counts have; without noise over the
@@ -218,7 +252,7 @@ fn rare_residuals(squares: &Array2<f64>, noise: Noise) -> Array2<bool> {
     };
     let least = match noise.gain {
         Some(_) => quantile(RARE),
-        None => BIAS * BIAS,
+        None => LEAST_RESIDUAL * LEAST_RESIDUAL,
     };
     let [rows, columns] = window(squares.dim());
     let usual = medians(squares, rows, columns);
@@ -227,7 +261,12 @@ fn rare_residuals(squares: &Array2<f64>, noise: Noise) -> Array2<bool> {
 
 /// Reach of a neighbourhood in rows and columns; images of few rows have wide ones.
 const fn window((rows, _): (usize, usize)) -> [usize; 2] {
-    if rows >= 7 { [3, 3] } else { [3, 9] }
+    match rows {
+        // A reach of 3 skips the row itself: there have to be others.
+        0..=3 => [rows.saturating_sub(1), 9],
+        4..=6 => [3, 9],
+        _ => [3, 3],
+    }
 }
 
 /// Medians of the finite values about each pixel: of all up to one pixel away, of every second one

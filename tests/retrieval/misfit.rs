@@ -7,10 +7,10 @@
 
 use crate::reference::draws::Draws;
 use crate::support::{Checked, engine};
-use beamlet::retrieve::{Images, RetrieveOptions, Retriever, Weights, flags};
+use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, Weights, flags};
 use beamlet::scene::Scene;
 use beamlet::{Backend, Ray};
-use ndarray::{Array2, Array3, Axis};
+use ndarray::{Array2, Array3, Axis, s};
 use std::fmt::Write;
 
 const ROWS: u32 = 32;
@@ -76,6 +76,48 @@ fn objects() -> Vec<String> {
         wire("poly", "300 um", 3, "-1.8 mm")
             + &wire("light metal", "150 um", -4, "0.1 mm")
             + &wire("metal", "40 um", 11, "1.7 mm"),
+    ]
+}
+
+/// Fibres thinner than a pixel and up to ten wide, a tilted cylinder with its ends, a ball over an
+/// ellipsoid, a box with edges along the rows.
+fn other_objects() -> Vec<String> {
+    let body = |name: &str, material: &str, shape: &str, more: &str| {
+        format!(
+            "[[object]]\nname = \"{name}\"\nmaterial = \"{material}\"\nshape = {{ {shape} }}\n{more}\n"
+        )
+    };
+    let fibre = |name: &str, material: &str, radius: &str, angle: i32, x: &str| {
+        let shape = format!("cylinder = {{ radius = \"{radius}\", height = \"20 mm\" }}");
+        let more = format!(
+            "rotate = [{{ axis = [0, 1, 0], angle = \"{angle} deg\" }}]\nposition = [\"{x}\", \"0 mm\", \"0 mm\"]"
+        );
+        body(name, material, &shape, &more)
+    };
+    vec![
+        fibre("a", "poly", "60 um", 2, "-2.1 mm")
+            + &fibre("b", "carbon", "90 um", 7, "-0.9 mm")
+            + &fibre("c", "metal", "100 um", -12, "0.4 mm")
+            + &fibre("d", "light metal", "500 um", 30, "1.9 mm"),
+        body(
+            "rod",
+            "light metal",
+            "cylinder = { radius = \"1.1 mm\", height = \"3.1 mm\" }",
+            "rotate = [{ axis = [0, 1, 0], angle = \"62 deg\" }]",
+        ),
+        body("egg", "poly", "ellipsoid = { semi_axes = [\"2.7 mm\", \"1 mm\", \"1.2 mm\"] }", "")
+            + &body(
+                "ball",
+                "carbon",
+                "sphere = { radius = \"0.45 mm\" }",
+                "position = [\"0.7 mm\", \"3 mm\", \"0.2 mm\"]",
+            ),
+        body(
+            "box",
+            "carbon",
+            "box = { size = [\"3.3 mm\", \"1.2 mm\", \"2.3 mm\"] }",
+            "rotate = [{ axis = [0, 0, 1], angle = \"31 deg\" }]",
+        ),
     ]
 }
 
@@ -146,8 +188,13 @@ struct Known {
     crossed: Array2<bool>,
 }
 
-fn known(engine: &Checked, folder: &std::path::Path, steps: &str) -> Vec<Known> {
-    objects()
+fn known(
+    engine: &Checked,
+    folder: &std::path::Path,
+    steps: &str,
+    objects: Vec<String>,
+) -> Vec<Known> {
+    objects
         .into_iter()
         .map(|objects| {
             let plain = scene(folder, &objects, steps, false);
@@ -209,11 +256,57 @@ impl Score {
             "{what}: clean pixels flagged {clean:?}, silhouettes that are off flagged {off:?}"
         );
         let few = f64::from(clean[0]) <= most * f64::from(clean[1]);
-        assert!(clean[1] > 8_000 && few, "{what}: {self:?}");
+        assert!(clean[1] > 7_000 && few, "{what}: {self:?}");
         // At few photons 5 sigma is more than these scenes are off.
         let enough = off[1] >= 40;
         assert!(!enough || f64::from(off[0]) >= least * f64::from(off[1]), "{what}: {self:?}");
     }
+}
+
+/// Images of counts drawn from the stacks of a scene.
+fn of_counts(
+    engine: &Checked,
+    known: &Known,
+    photons: f64,
+    options: &RetrieveOptions,
+    draws: &mut Draws,
+) -> Images {
+    let mut counted =
+        |clean: &Array3<f32>| clean.mapv(|light| draws.poisson(f64::from(light) * photons) as f32);
+    let both = [counted(&known.flat), counted(&known.sample)];
+    retrieved(engine, &known.scene, &options.clone().with_gain(1.0), both.each_ref())
+}
+
+/// Scores of all scenes at a number of photons of an open pixel.
+fn score(
+    engine: &Checked,
+    all: &[Known],
+    photons: f64,
+    options: &RetrieveOptions,
+    draws: &mut Draws,
+) -> Score {
+    let mut score = Score::default();
+    for known in all {
+        let images = of_counts(engine, known, photons, options, draws);
+        let sigma = images.get("transmission_sigma").unwrap();
+        score.take(known, &images, |error, at| error > 5.0 * sigma[at]);
+    }
+    score
+}
+
+fn score_without_noise(engine: &Checked, all: &[Known]) -> Score {
+    let mut score = Score::default();
+    for known in all {
+        let both = [&known.flat, &known.sample];
+        let images = retrieved(engine, &known.scene, &RetrieveOptions::default(), both);
+        assert!(images.get("transmission_sigma").is_none());
+        score.take(known, &images, |error, _| error > 0.025);
+    }
+    score
+}
+
+fn weighted() -> RetrieveOptions {
+    RetrieveOptions::default().with_weights(Weights::Poisson)
 }
 
 #[test]
@@ -223,39 +316,61 @@ fn silhouettes_with_a_wrong_transmission_are_flagged_and_clean_pixels_are_not() 
     std::fs::write(folder.path().join("torus.obj"), torus_obj()).unwrap();
     let mut draws = Draws(17);
     for steps in STEPS {
-        let all = known(&engine, folder.path(), steps);
-        // Photons of an open pixel; at 20,000 5 sigma is as much as neighbours scatter, at a million it is
-        // as little as a Gaussian's own bias.
+        let all = known(&engine, folder.path(), steps, objects());
+        // Photons of an open pixel; at 20,000 5 sigma is as much as neighbours scatter, at a million
+        // less than light that is refracted along the slits takes from the pixel.
         let mut pooled = Score::default();
         for (photons, weights, least) in [
             (5e3, Weights::Poisson, 0.9),
             (2e4, Weights::Poisson, 0.75),
             (1e5, Weights::Poisson, 0.9),
             (1e5, Weights::None, 0.9),
-            (1e6, Weights::Poisson, 0.65),
+            (1e6, Weights::Poisson, 0.78),
         ] {
-            let mut score = Score::default();
-            for known in &all {
-                let mut counted = |clean: &Array3<f32>| {
-                    clean.mapv(|light| draws.poisson(f64::from(light) * photons) as f32)
-                };
-                let both = [counted(&known.flat), counted(&known.sample)];
-                let options = RetrieveOptions::default().with_weights(weights).with_gain(1.0);
-                let images = retrieved(&engine, &known.scene, &options, both.each_ref());
-                let sigma = images.get("transmission_sigma").unwrap();
-                score.take(known, &images, |error, at| error > 5.0 * sigma[at]);
-            }
+            let options = RetrieveOptions::default().with_weights(weights);
+            let score = score(&engine, &all, photons, &options, &mut draws);
             score.holds(2e-3, least, &format!("{steps}, {photons} photons, {weights:?}"));
             pooled.add(&score);
         }
-        pooled.holds(1e-3, 0.75, &format!("{steps}, counts"));
-        let mut score = Score::default();
-        for known in &all {
-            let both = [&known.flat, &known.sample];
-            let images = retrieved(&engine, &known.scene, &RetrieveOptions::default(), both);
-            assert!(images.get("transmission_sigma").is_none());
-            score.take(known, &images, |error, _| error > 0.025);
-        }
-        score.holds(1e-3, 0.98, &format!("{steps}, without noise"));
+        pooled.holds(1e-3, 0.83, &format!("{steps}, counts"));
+        let score = score_without_noise(&engine, &all);
+        score.holds(1e-3, 0.96, &format!("{steps}, without noise"));
+    }
+}
+
+/// As of a sinogram: there is nothing above and below.
+#[test]
+fn a_single_row_has_misfits_at_its_silhouettes_alone() {
+    let engine = engine(Backend::Bvh);
+    let folder = tempfile::tempdir().unwrap();
+    let rod = objects().into_iter().take(1).collect();
+    let known = known(&engine, folder.path(), STEPS[0], rod).remove(0);
+    let row = |stack: &Array3<f32>| stack.slice(s![.., 16..17, ..]).to_owned();
+    let both = [row(&known.flat), row(&known.sample)];
+    let images = retrieved(&engine, &known.scene, &RetrieveOptions::default(), both.each_ref());
+    let flagged = images.get("flags").unwrap().row(0).mapv(|bits| bits as u32 & flags::MISFIT != 0);
+    assert_eq!(flagged, known.crossed.row(16));
+    assert_eq!(flagged.iter().filter(|flagged| **flagged).count(), 2);
+}
+
+/// Objects of few pixels in a row, and edges along the rows; and another shape of the curve.
+#[test]
+fn fibres_and_edges_along_rows_are_flagged_nearly_as_well_and_by_other_methods_too() {
+    let engine = engine(Backend::Bvh);
+    let folder = tempfile::tempdir().unwrap();
+    let mut draws = Draws(18);
+    let all = known(&engine, folder.path(), STEPS[0], other_objects());
+    let mut pooled = Score::default();
+    for (photons, least) in [(2e4, 0.4), (1e5, 0.62), (1e6, 0.74)] {
+        let score = score(&engine, &all, photons, &weighted(), &mut draws);
+        score.holds(2.5e-3, least, &format!("others, {photons} photons"));
+        pooled.add(&score);
+    }
+    pooled.holds(1.8e-3, 0.68, "others, counts");
+    score_without_noise(&engine, &all).holds(2e-3, 0.7, "others, without noise");
+    for method in [Method::ExactCurve, Method::Moments] {
+        let options = RetrieveOptions::default().with_method(method);
+        let score = score(&engine, &all, 1e5, &options, &mut draws);
+        score.holds(4e-3, 0.3, &format!("others, 100000 photons, {method}"));
     }
 }
