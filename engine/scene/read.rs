@@ -91,20 +91,25 @@ fn read_source(
     files: &mut BTreeMap<PathBuf, String>,
 ) -> Result<Source> {
     let spot = table.require("spot", pair_allowed(Length))?;
+    let read = read_spot(&spot, directory);
+    let file = if read.is_ok() { spot_file(&spot)? } else { None };
     let source = Source {
         distance: table.quantity("distance", Length)?,
-        spot: read_spot(&spot, directory)?,
+        spot: spot.or_instead(read, [f64::NAN; 2].into())?,
         beam: read_beam(table)?,
     };
-    if let Some(path) = spot_file(&spot)? {
+    if let Some(path) = file {
         let found = hash(&directory.join(&path))?;
         match files.get(&path) {
             Some(recorded) if *recorded != found => {
                 let found = format!("{}: sha256 {found}", path.display());
-                return Err(spot.error(found, format!("sha256 {recorded}, as in [files]")));
+                let error = spot.error(found, format!("sha256 {recorded}, as in [files]"));
+                spot.refuse(error, ())?;
             }
-            _ => files.insert(path, found),
-        };
+            _ => {
+                files.insert(path, found);
+            }
+        }
     }
     Ok(source)
 }
@@ -137,12 +142,14 @@ fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Result<MaskSp
     let aperture = match (table.get("aperture"), table.get("projected_aperture")) {
         (Some(aperture), None) => aperture.quantity(Length)?,
         (None, Some(aperture)) => projected(aperture.quantity(Length)?),
-        (Some(_), Some(both)) => {
-            return Err(both.error("both aperture and projected_aperture", "one of them"));
+        (Some(aperture), Some(both)) => {
+            both.refuse(both.error("both aperture and projected_aperture", "one of them"), ())?;
+            both.quantity(Length)?;
+            aperture.quantity(Length)?
         }
         (None, None) => {
             let allowed = format!("{}; or projected_aperture instead", Length.allowed());
-            return Err(table.missing("aperture", allowed));
+            table.require("aperture", allowed)?.quantity(Length)?
         }
     };
     // A mask without bars is allowed; the projection rounds.
@@ -205,10 +212,9 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
 /// The tolerance as a share of open beam. Up to version 0.1 it was a length.
 fn read_tolerance(item: &ListItem<'_>) -> Result<f64> {
     if item.as_text().is_some_and(|text| Length.parse(text).is_ok()) {
-        return Err(item.mismatch(
-            "a share of open beam from 1e-6 to 1e-2, such as 1e-4 (a length until version 0.1; \
-             `angle_tolerance` bounds displacements)",
-        ));
+        let allowed = "a share of open beam from 1e-6 to 1e-2, such as 1e-4 (a length until version \
+                       0.1; `angle_tolerance` bounds displacements)";
+        return item.refuse(item.mismatch(allowed), Sampling::default().tolerance);
     }
     item.number()
 }

@@ -15,10 +15,14 @@ pub(super) fn read_beam(source: &Table<'_>) -> Result<Beam> {
     match (source.get("energy"), source.get("spectrum")) {
         (Some(energy), None) => Ok(Beam::Energy(energy.quantity(Energy)?)),
         (None, Some(spectrum)) => Ok(Beam::Spectrum(read_spectrum(&spectrum)?)),
-        (Some(_), Some(both)) => Err(both.error("both energy and spectrum", "one of them")),
+        (Some(energy), Some(both)) => {
+            both.refuse(both.error("both energy and spectrum", "one of them"), ())?;
+            energy.quantity(Energy)?;
+            Ok(Beam::Spectrum(read_spectrum(&both)?))
+        }
         (None, None) => {
             let allowed = format!("{}; or spectrum instead", Energy.allowed());
-            Err(source.missing("energy", allowed))
+            Ok(Beam::Energy(source.require("energy", allowed)?.quantity(Energy)?))
         }
     }
 }
@@ -46,7 +50,8 @@ fn read_origin(item: &ListItem<'_>, table: &Table<'_>) -> Result<SpectrumOrigin>
         return Ok(SpectrumOrigin::File { path: PathBuf::from(file.text(FILE)?) });
     }
     if table.get("anode").is_none() && table.get("kvp").is_none() {
-        return Err(item.error("neither file nor anode", FORMS));
+        let file = SpectrumOrigin::File { path: PathBuf::new() };
+        return item.refuse(item.error("neither file nor anode", FORMS), file);
     }
     let anode = table.require("anode", "\"tungsten\" or \"molybdenum\"")?;
     Ok(SpectrumOrigin::Tube {

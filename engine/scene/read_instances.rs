@@ -49,9 +49,11 @@ fn read_region(item: &ListItem<'_>) -> Result<PackingRegion> {
     let mut kinds = ["box", "cylinder", "sphere"]
         .into_iter()
         .filter_map(|kind| table.get(kind).map(|item| (kind, item)));
-    let (kind, item) = kinds.next().ok_or_else(|| item.mismatch(allowed))?;
-    if let Some((_, second)) = kinds.next() {
-        return Err(second.error("a second region", allowed));
+    let Some((kind, item)) = kinds.next() else {
+        return item.refuse(item.mismatch(allowed), PackingRegion::Sphere { radius: f64::NAN });
+    };
+    for (_, other) in kinds {
+        other.refuse(other.error("a second region", allowed), ())?;
     }
     let region = item.table(&format!("object.instances.region.{kind}"))?;
     let radius = || region.quantity("radius", Length);

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::read_instances::read_instances;
-use super::read_shape::read_shape;
+use super::read_shape::{NO_SHAPE, read_shape};
 use super::table::{ListItem, Table};
-use super::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
+use super::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, ShapeOrMesh};
 use crate::Result;
 use crate::units::Dimension::{Angle, Attenuation, Density, Length};
 
@@ -60,7 +60,7 @@ fn read_material(item: &ListItem<'_>) -> Result<MaterialSpec> {
 pub(super) fn read_objects(top: &Table<'_>) -> Result<Vec<Object>> {
     let Some(item) = top.get("object") else { return Ok(Vec::new()) };
     let object = |item: &ListItem<'_>| {
-        let nothing = Object::new("", Shape::Sphere { radius: f64::NAN, sides: None }, "");
+        let nothing = Object::new("", NO_SHAPE, "");
         item.or_instead(read_object(item), nothing)
     };
     item.items("tables [[object]]")?.iter().map(object).collect()
@@ -97,12 +97,13 @@ fn read_geometry(table: &Table<'_>) -> Result<ShapeOrMesh> {
 /// The mesh of a table with the keys mesh, unit and group.
 pub(super) fn read_mesh(table: &Table<'_>) -> Result<ShapeOrMesh> {
     let either = "either mesh or shape";
-    let mesh = table.get("mesh").ok_or_else(|| table.missing("mesh", either))?;
+    let mesh = table.require("mesh", either)?;
     let path = PathBuf::from(mesh.text(FILE)?);
     let format = MeshFormat::of(&path);
     let group = match table.get("group") {
         Some(item) if format.is_some_and(|it| !it.has_groups()) => {
-            return Err(item.mismatch("no group: STL and PLY files name no parts, OBJ and 3MF do"));
+            let allowed = "no group: STL and PLY files name no parts, OBJ and 3MF do";
+            item.refuse(item.mismatch(allowed), None)?
         }
         Some(item) => {
             Some(item.text("name of an object, group or material of the file")?.to_owned())
@@ -129,7 +130,7 @@ pub(super) fn read_hash(item: &ListItem<'_>) -> Result<String> {
     let allowed = "the SHA-256 of the file, 64 hexadecimal digits";
     let text = item.text(allowed)?;
     if text.len() != 64 || !text.bytes().all(|byte| byte.is_ascii_hexdigit()) {
-        return Err(item.mismatch(allowed));
+        return item.refuse(item.mismatch(allowed), String::new());
     }
     Ok(text.to_ascii_lowercase())
 }

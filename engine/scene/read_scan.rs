@@ -37,7 +37,7 @@ fn read_series(
     );
     let items = item.items(&allowed)?;
     if items.is_empty() || items.len() > most as usize {
-        return Err(item.mismatch(allowed));
+        return item.refuse(item.mismatch(allowed), vec![0.0]);
     }
     items.iter().map(|item| item.quantity(dimension)).collect()
 }
@@ -45,7 +45,11 @@ fn read_series(
 /// An end of a range, by either of its names.
 fn end(table: &Table<'_>, name: &str, other: &str, dimension: Dimension) -> Result<f64> {
     match (table.get(name), table.get(other)) {
-        (Some(_), Some(both)) => Err(both.error("the key", format!("either {name} or {other}"))),
+        (Some(item), Some(both)) => {
+            both.refuse(both.error("the key", format!("either {name} or {other}")), ())?;
+            both.quantity(dimension)?;
+            item.quantity(dimension)
+        }
         (None, Some(item)) => item.quantity(dimension),
         _ => table.quantity(name, dimension),
     }
@@ -80,7 +84,7 @@ fn read_count(
     let found = dimension.format(step);
     let allowed =
         format!("a step of which a whole number, up to {most} values in all, makes {span}");
-    Err(item.error(found, allowed))
+    item.refuse(item.error(found, allowed), 1)
 }
 
 /// Whether a range has its second end.

@@ -5,14 +5,19 @@ use super::{Shape, limits};
 use crate::Result;
 use crate::units::Dimension::Length;
 
+/// Stands for a shape that was refused.
+pub(super) const NO_SHAPE: Shape = Shape::Sphere { radius: f64::NAN, sides: None };
+
 pub(super) fn read_shape(item: &ListItem<'_>) -> Result<Shape> {
     let names = super::keys::keys_of("object.shape");
     let allowed = format!("one of {}, as {{ sphere = {{ ... }} }}", names.join(", "));
     let table = item.table("object.shape")?;
     let mut kinds = names.iter().filter_map(|kind| table.get(kind).map(|item| (*kind, item)));
-    let (kind, item) = kinds.next().ok_or_else(|| item.mismatch(&*allowed))?;
-    if let Some((_, second)) = kinds.next() {
-        return Err(second.error("a second shape", allowed));
+    let Some((kind, item)) = kinds.next() else {
+        return item.refuse(item.mismatch(&*allowed), NO_SHAPE);
+    };
+    for (_, other) in kinds {
+        other.refuse(other.error("a second shape", &*allowed), ())?;
     }
     read_kind(kind, &item, "object.shape")
 }

@@ -1,7 +1,7 @@
 //! What is around the objects, from the tree.
 
 use super::read_sample::{MATERIAL, read_hash, read_mesh, read_placement};
-use super::read_shape::read_kind;
+use super::read_shape::{NO_SHAPE, read_kind};
 use super::table::{ListItem, Table};
 use super::{Scene, ShapeOrMesh};
 use crate::Result;
@@ -33,9 +33,11 @@ fn read_region(item: &ListItem<'_>, table: &Table<'_>) -> Result<ShapeOrMesh> {
     let mut kinds = ["box", "cylinder", "mesh"]
         .into_iter()
         .filter_map(|kind| table.get(kind).map(|item| (kind, item)));
-    let (kind, found) = kinds.next().ok_or_else(|| item.mismatch(allowed))?;
-    if let Some((_, second)) = kinds.next() {
-        return Err(second.error("a second region", allowed));
+    let Some((kind, found)) = kinds.next() else {
+        return item.refuse(item.mismatch(allowed), ShapeOrMesh::Shape(NO_SHAPE));
+    };
+    for (_, other) in kinds {
+        other.refuse(other.error("a second region", allowed), ())?;
     }
     if kind == "mesh" {
         return read_mesh(table);

@@ -5,6 +5,8 @@ use std::cell::RefCell;
 use std::ops::Range;
 use std::path::PathBuf;
 
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+
 use super::path::{self, Step};
 use crate::{Error, Place, Result};
 
@@ -83,7 +85,7 @@ fn below(path: &str, other: &str) -> bool {
     rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
 }
 
-/// Longest part of a line that an excerpt shows: a JSON file may be one long line.
+/// Width of an excerpt in characters: a JSON file may be one long line.
 const EXCERPT: usize = 100;
 
 impl Document {
@@ -213,25 +215,13 @@ pub(super) fn excerpt(text: &str, span: &Range<usize>) -> (usize, usize, String)
     let line_start = text[..start].rfind('\n').map_or(0, |at| at + 1);
     let line_end = text[start..].find('\n').map_or(text.len(), |at| start + at);
     let number = text[..start].matches('\n').count() + 1;
-    let before: Vec<char> = text[line_start..start].chars().collect();
-    let column = before.len() + 1;
-
-    let skipped = before.len().saturating_sub(EXCERPT / 2);
-    let line = text[line_start..line_end].trim_end_matches('\r').chars();
-    let shown: String = line.clone().skip(skipped).take(EXCERPT).collect();
-    let left = if skipped > 0 { "..." } else { "" };
-    let right = if line.count() > skipped + EXCERPT { "..." } else { "" };
-    // Tabs are kept, so that the caret stands below its character whatever their width.
-    let indent: String =
-        before[skipped..].iter().map(|c| if *c == '\t' { '\t' } else { ' ' }).collect();
-    let room = shown.chars().count().saturating_sub(before.len() - skipped);
-    let width = text[start..end.min(line_end)].chars().count().min(room).max(1);
-    let gutter = " ".repeat(number.to_string().len());
-    let shift = " ".repeat(left.len());
-    let carets = "^".repeat(width);
-    let excerpt =
-        format!("{gutter} |\n{number} | {left}{shown}{right}\n{gutter} | {shift}{indent}{carets}");
-    (number, column, excerpt)
+    let column = text[line_start..start].chars().count() + 1;
+    let line = text[line_start..line_end].trim_end_matches('\r');
+    let [from, to] = [start, end].map(|at| (at - line_start).min(line.len()));
+    let marked = AnnotationKind::Primary.span(from..to);
+    let snippet = Snippet::source(line).line_start(number).annotation(marked);
+    let group = Group::with_level(Level::ERROR).element(snippet);
+    (number, column, Renderer::plain().term_width(EXCERPT).render(&[group]))
 }
 
 #[cfg(test)]
@@ -250,6 +240,18 @@ mod tests {
         for span in [0..0, 1..2, 5..900, 900..901] {
             excerpt("\u{b5}m \u{b5}", &span);
         }
+    }
+
+    #[test]
+    fn carets_stand_below_wide_characters_and_behind_tabs_and_nothing_controls_the_terminal() {
+        let (_, column, shown) =
+            excerpt("\tb = \"\u{65e5}\u{672c}\" # \u{1b}[31m\u{202e}", &(5..13));
+        assert_eq!(column, 6);
+        let lines: Vec<&str> = shown.lines().collect();
+        // Two columns for each wide character.
+        assert_eq!(lines[2], "  |         ^^^^^^");
+        assert!(lines[1].starts_with("1 |     b = \"\u{65e5}"), "{shown}");
+        assert!(!shown.contains(['\t', '\u{1b}', '\u{202e}']), "{shown}");
     }
 
     #[test]

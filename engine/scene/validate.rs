@@ -198,8 +198,7 @@ impl Scene {
                 faults.add(Error::scene(key("normals"), "\"smooth\"", allowed));
             }
             if let Some(instances) = &object.instances {
-                let found = validate_instances(&key("instances"), instances, &object.geometry);
-                faults.note(found);
+                validate_instances(&key("instances"), instances, &object.geometry, faults);
             }
         }
     }

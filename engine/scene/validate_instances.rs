@@ -1,6 +1,6 @@
 //! Ranges of instances.
 
-use super::validate::{count, not_negative, plain, positive};
+use super::validate::{Faults, count, not_negative, plain, positive};
 use super::{
     Instances, Packing, PackingAmount, PackingKind, PackingRegion, Shape, ShapeOrMesh, limits,
 };
@@ -11,24 +11,25 @@ pub(super) fn validate_instances(
     key: &str,
     instances: &Instances,
     geometry: &ShapeOrMesh,
-) -> Result<()> {
+    faults: &mut Faults,
+) {
     match instances {
         Instances::File(path) if path.as_os_str().is_empty() => {
-            Err(Error::scene(key, "\"\"", "path of a file"))
+            faults.add(Error::scene(key, "\"\"", "path of a file"));
         }
-        Instances::File(_) => Ok(()),
+        Instances::File(_) => {}
         Instances::Packing(packing) => {
-            validate_packing(key, packing)?;
-            validate_packed_shape(key, packing, geometry)
+            validate_packing(key, packing, faults);
+            faults.note(validate_packed_shape(key, packing, geometry));
         }
     }
 }
 
-fn validate_packing(table: &str, packing: &Packing) -> Result<()> {
+fn validate_packing(table: &str, packing: &Packing, faults: &mut Faults) {
     let key = |key: &str| format!("{table}.{key}");
     let lengths: &[(&str, f64)] = match packing.region {
         PackingRegion::Box { size: [x, y, z] } => {
-            &[("box.size", x), ("box.size", y), ("box.size", z)]
+            &[("box.size[0]", x), ("box.size[1]", y), ("box.size[2]", z)]
         }
         PackingRegion::Cylinder { radius, height } => {
             &[("cylinder.radius", radius), ("cylinder.height", height)]
@@ -36,20 +37,23 @@ fn validate_packing(table: &str, packing: &Packing) -> Result<()> {
         PackingRegion::Sphere { radius } => &[("sphere.radius", radius)],
     };
     for (name, length) in lengths {
-        positive(&key(&format!("region.{name}")), *length, Length)?;
+        faults.note(positive(&key(&format!("region.{name}")), *length, Length));
     }
     match packing.amount {
         PackingAmount::Fill(fill) => {
             let most = packing.kind.most_fill();
             let allowed = format!("a number > 0, up to {most} for {}", packing.kind.word());
-            plain(&key("fill"), fill, fill > 0.0 && fill <= most, &allowed)?;
+            faults.note(plain(&key("fill"), fill, fill > 0.0 && fill <= most, &allowed));
         }
-        PackingAmount::Count(number) => count(&key("count"), number, 1, limits::INSTANCES)?,
+        PackingAmount::Count(number) => {
+            faults.note(count(&key("count"), number, 1, limits::INSTANCES));
+        }
     }
     let (spread, most) = (packing.diameter_spread, limits::DIAMETER_SPREAD);
     let allowed = format!("a number from 0 to {most}, the standard deviation of ln(diameter)");
-    plain(&key("diameter_spread"), spread, (0.0..=most).contains(&spread), &allowed)?;
-    not_negative(&key("gap"), packing.gap, Length)
+    let inside = (0.0..=most).contains(&spread);
+    faults.note(plain(&key("diameter_spread"), spread, inside, &allowed));
+    faults.note(not_negative(&key("gap"), packing.gap, Length));
 }
 
 /// Packings know how far two cylinders or spheres are apart, and of no other shape.

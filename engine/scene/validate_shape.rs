@@ -9,14 +9,16 @@ use crate::{Error, Result};
 pub(super) fn validate_shape(key: &str, shape: &Shape, faults: &mut Faults) {
     let name = |name: &str| format!("{key}.{name}");
     let above_zero = |key: &str, length: f64| positive(&name(key), length, Length);
-    let each =
-        |key: &str, lengths: &[f64]| lengths.iter().try_for_each(|length| above_zero(key, *length));
+    let each = |key: &str, lengths: &[f64]| -> Vec<Result<()>> {
+        let lengths = lengths.iter().enumerate();
+        lengths.map(|(axis, length)| above_zero(&format!("{key}[{axis}]"), *length)).collect()
+    };
     let facets = |key: &str, sides: Option<u32>, least: u32, most: u32| match sides {
         Some(sides) => count(&name(key), sides, least, most),
         None => Ok(()),
     };
     let checked = match shape {
-        Shape::Box { size } => vec![each("box.size", size)],
+        Shape::Box { size } => each("box.size", size),
         Shape::Cylinder { radius, height, sides } => vec![
             above_zero("cylinder.radius", *radius),
             above_zero("cylinder.height", *height),
@@ -33,18 +35,19 @@ pub(super) fn validate_shape(key: &str, shape: &Shape, faults: &mut Faults) {
             above_zero("prism.height", *height),
             facets("prism.sides", Some(*sides), 3, limits::SIDES),
         ],
-        Shape::Extrusion { points, height } => vec![
-            validate_polygon(&name("extrusion.points"), points),
-            above_zero("extrusion.height", *height),
-        ],
+        Shape::Extrusion { points, height } => {
+            validate_polygon(&name("extrusion.points"), points, faults);
+            vec![above_zero("extrusion.height", *height)]
+        }
         Shape::Sphere { radius, sides } => vec![
             above_zero("sphere.radius", *radius),
             facets("sphere.sides", *sides, 4, limits::SPHERE_SIDES),
         ],
-        Shape::Ellipsoid { semi_axes, sides } => vec![
-            each("ellipsoid.semi_axes", semi_axes),
-            facets("ellipsoid.sides", *sides, 4, limits::SPHERE_SIDES),
-        ],
+        Shape::Ellipsoid { semi_axes, sides } => {
+            let mut checked = each("ellipsoid.semi_axes", semi_axes);
+            checked.push(facets("ellipsoid.sides", *sides, 4, limits::SPHERE_SIDES));
+            checked
+        }
         Shape::Torus { radius, tube_radius, sides } => vec![
             above_zero("torus.radius", *radius),
             above_zero("torus.tube_radius", *tube_radius)
@@ -55,6 +58,9 @@ pub(super) fn validate_shape(key: &str, shape: &Shape, faults: &mut Faults) {
     checked.into_iter().for_each(|checked| faults.note(checked));
 }
 
+/// Pairs of edges that are told: one edge across a polygon may meet all others.
+const PAIRS: usize = 8;
+
 fn thinner(key: &str, tube_radius: f64, radius: f64) -> Result<()> {
     if tube_radius >= radius {
         let allowed = format!("less than radius, {}", Length.format(radius));
@@ -63,16 +69,21 @@ fn thinner(key: &str, tube_radius: f64, radius: f64) -> Result<()> {
     Ok(())
 }
 
-/// Refuses polygons without area, and those whose edges cross or touch one another.
-fn validate_polygon(key: &str, points: &[[f64; 2]]) -> Result<()> {
+/// Refuses polygons without area, and those whose edges cross or touch one another: each pair, up to
+/// [`PAIRS`], at the corner where its second edge begins.
+fn validate_polygon(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
     let n = points.len();
     if n < 3 || n > limits::CORNERS as usize {
         let allowed = format!("3 to {} corners", limits::CORNERS);
-        return Err(Error::scene(key, format!("{n} corners"), allowed));
+        faults.add(Error::scene(key, format!("{n} corners"), allowed));
+        return;
     }
     for (index, point) in points.iter().enumerate() {
-        point.iter().try_for_each(|it| finite(&format!("{key}[{index}]"), *it, Length))?;
+        for (axis, length) in point.iter().enumerate() {
+            faults.note(finite(&format!("{key}[{index}][{axis}]"), *length, Length));
+        }
     }
+    let mut pairs = 0;
     // Edges by the x where they begin: only those that overlap along x can meet.
     let ends = |edge: usize| [points[edge], points[(edge + 1) % n]];
     let x = |edge: usize| ends(edge).map(|end| end[0]);
@@ -87,11 +98,14 @@ fn validate_polygon(key: &str, points: &[[f64; 2]]) -> Result<()> {
                 let found = format!("edges {low} and {high} that meet (edge 0 begins at corner 0)");
                 let allowed = "a polygon that does not cross or touch itself, \
                                corners in their order around it";
-                return Err(Error::scene(key, found, allowed));
+                faults.add(Error::scene(format!("{key}[{high}]"), found, allowed));
+                pairs += 1;
+                if pairs == PAIRS {
+                    return;
+                }
             }
         }
     }
-    Ok(())
 }
 
 /// Whether two edges meet besides in the corner that they share: `after`, the first ends where the

@@ -88,7 +88,7 @@ fn impossible_shapes_name_the_key_what_was_found_and_what_is_allowed() {
         ("cone = { radius = \"1 mm\", height = \"-2 mm\" }", "cone.height", "-2 mm", "> 0"),
         (
             "ellipsoid = { semi_axes = [\"1 mm\", \"-1 mm\", \"1 mm\"] }",
-            "ellipsoid.semi_axes",
+            "ellipsoid.semi_axes[1]",
             "-1 mm",
             "> 0",
         ),

@@ -95,6 +95,76 @@ fn all_mistakes_of_a_scene_are_told_at_once_each_with_its_caret() {
     assert_eq!(carets.count(), 9, "{message}");
 }
 
+/// Keys that exclude one another, packings and polygons.
+const RIVALS: &str = r#"
+[source]
+distance = "1.21 m"
+spot = "30 um"
+energy = "30"
+spectrum = { anode = "tungsten", kvp = "40 kV" }
+
+[detector]
+distance = "1.8 m"
+pixels = [16, 8]
+pitch = "150 um"
+
+[sample_mask]
+distance = "1.2 m"
+transmission = 0.1
+aperture = "20"
+projected_aperture = "30 um"
+
+[scan]
+mask_offsets = { from = "-20 um", start = "-30", to = "20 um", count = 5 }
+
+[[object]]
+name = "plate"
+material = "PMMA"
+shape = { extrusion = { height = "0 mm", points = [
+    ["0 mm", "0 mm"], ["2 mm", "1 mm"],
+    ["2 mm", "0 mm"],
+    ["0 mm", "1 mm"], ["0 mm", "5 mm"],
+    ["1 mm", "-1 mm"],
+] } }
+
+[[object]]
+name = "fibres"
+material = "carbon"
+shape = { cylinder = { radius = "10 um", height = "1 mm" }, sphere = { radius = "1 mm" } }
+instances = { packing = "parallel-fibres", fill = 2, diameter_spread = 3, gap = "-1 um", region = {
+    box = { size = ["1 mm", "0 mm", "-1 mm"] }, sphere = { radius = "1 mm" } } }
+"#;
+
+#[test]
+fn keys_that_exclude_one_another_packings_and_polygons_hide_no_other_mistake() {
+    let place = workplace(RIVALS);
+    let message = ended(&run(place.path(), "check scene.toml --no-estimate"), 1);
+    let wanted = [
+        (5, "source.energy: found \"30\""),
+        (6, "source.spectrum: found both energy and spectrum; allowed: one of them"),
+        (16, "sample_mask.aperture: found \"20\""),
+        (17, "sample_mask.projected_aperture: found both aperture and projected_aperture"),
+        (20, "scan.mask_offsets.start: found the key; allowed: either from or start"),
+        (25, "object[0].shape.extrusion.height: found 0 m"),
+        (27, "object[0].shape.extrusion.points[2]: found edges 0 and 2 that meet"),
+        (28, "object[0].shape.extrusion.points[4]: found edges 0 and 4 that meet"),
+        (28, "object[0].shape.extrusion.points[4]: found edges 2 and 4 that meet"),
+        (35, "object[1].shape.sphere: found a second shape"),
+        (36, "object[1].instances.fill: found 2.0; allowed: a number > 0, up to"),
+        (36, "object[1].instances.diameter_spread: found 3.0; allowed: a number from 0 to"),
+        (36, "object[1].instances.gap: found -1 um; allowed: a value >= 0"),
+        (37, "object[1].instances.region.box.size[1]: found 0 m; allowed: a value > 0"),
+        (37, "object[1].instances.region.box.size[2]: found -1 mm; allowed: a value > 0"),
+        (37, "object[1].instances.region.sphere: found a second region"),
+    ];
+    for (line, words) in wanted {
+        let told = message
+            .lines()
+            .any(|it| it.starts_with(&format!("error: scene.toml:{line}:")) && it.contains(words));
+        assert!(told, "{line}: {words} in {message}");
+    }
+}
+
 #[test]
 fn a_mistake_is_told_once_and_what_follows_from_it_is_not() {
     for (from, to, line) in [

@@ -55,7 +55,7 @@ fn keys_that_cannot_be_are_refused() {
         ),
         (
             (ball.clone(), of("box = { size = [\"1 mm\", \"0 mm\", \"1 mm\"] }", "count = 1")),
-            "instances.region.box.size",
+            "instances.region.box.size[1]",
             "a value > 0",
         ),
         (
