@@ -9,6 +9,7 @@
 
 mod arrangements;
 mod balance;
+mod gaps;
 mod nested;
 mod rays;
 mod refracted;

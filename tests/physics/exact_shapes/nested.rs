@@ -28,19 +28,28 @@ pub(super) fn interfaces(solids: &[Solid], ray: &Ray, least: f64) -> Vec<Interfa
     let [o, d] = line(ray, [0.0; 2]);
     let mut hits: Vec<_> = solids.iter().flat_map(|solid| solid.hits(o, d)).collect();
     hits.sort_by(|a, b| a.t.total_cmp(&b.t));
-    let mut found: Vec<Interface> = Vec::new();
+    let mut all: Vec<Interface> = Vec::new();
     let mut before = None;
     for (k, hit) in hits.iter().enumerate() {
         let next = hits.get(k + 1).map_or(hit.t + 1.0, |next| next.t);
-        if next - hit.t < least {
-            continue;
-        }
         let middle = add(o, scaled(d, hit.t.midpoint(next)));
         let medium = solids.iter().rposition(|solid| solid.distance(middle) < 0.0);
         if medium != before {
-            found.push(Interface { y: hit.t, media: [before, medium], normal: hit.normal });
+            all.push(Interface { y: hit.t, media: [before, medium], normal: hit.normal });
         }
         before = medium;
+    }
+    // Surfaces in a later object are none of the layers that may be thin.
+    let mut found: Vec<Interface> = Vec::new();
+    let mut before = None;
+    let mut ends = all.iter().skip(1).map(|it| it.y).collect::<Vec<f64>>().into_iter();
+    for it in all {
+        let thick = ends.next().is_none_or(|end| end - it.y >= least);
+        if thick && it.media[1] != before {
+            let media = [before, it.media[1]];
+            before = it.media[1];
+            found.push(Interface { media, ..it });
+        }
     }
     found
 }
