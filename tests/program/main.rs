@@ -4,6 +4,7 @@
 mod support;
 
 mod advice;
+mod assemblies;
 mod cli;
 mod cli_beam;
 mod hostile;

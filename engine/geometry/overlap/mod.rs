@@ -260,5 +260,8 @@ fn overlap_area(a: [DVec3; 3], b: [DVec3; 3], limit: f64) -> f64 {
     }
     let twice =
         polygon.windows(2).map(|pair| (pair[0] - first).cross(pair[1] - first)).sum::<DVec3>();
-    0.5 * twice.dot(up).abs()
+    let area = 0.5 * twice.dot(up).abs();
+    let length = polygon.iter().fold(0.0_f64, |most, it| most.max(it.distance(first)));
+    // Narrower than places are told apart: an edge, not an area.
+    if area > limit * length { area } else { 0.0 }
 }

@@ -303,19 +303,34 @@ impl<'a> Field<'a> {
         })
     }
 
-    /// Places around components of earlier objects join the meshes of theirs, which cut those.
+    /// Places around components of earlier objects join the meshes of theirs, which cut those; so do
+    /// places around such that join, and around these.
     fn around_earlier(&self, bodies: &[Body], fates: &mut [Result<Fate>]) {
+        let mut joining: Vec<usize> =
+            (0..fates.len()).filter(|member| matches!(fates[*member], Ok(Fate::Joins))).collect();
+        let mut join = |object: u32, bounds: [DVec3; 2], point: DVec3, joining: &mut Vec<usize>| {
+            self.tree.around(bounds, |member| {
+                let (group, place) = self.of(self.members[member as usize]);
+                if group.object > object
+                    && let Ok(fate) = &mut fates[member as usize]
+                    && *fate != Fate::Joins
+                    && group.contains(place, point)
+                {
+                    *fate = Fate::Joins;
+                    joining.push(member as usize);
+                }
+            });
+        };
         for (object, body) in (0_u32..).zip(bodies) {
             for (component, point) in body.components.iter().zip(body.first_corners()) {
-                self.tree.around(corners_of(component), |member| {
-                    let (group, place) = self.of(self.members[member as usize]);
-                    if group.object > object
-                        && group.contains(place, point)
-                        && let Ok(fate) = &mut fates[member as usize]
-                    {
-                        *fate = Fate::Joins;
-                    }
-                });
+                join(object, corners_of(component), point, &mut joining);
+            }
+        }
+        while let Some(member) = joining.pop() {
+            let (group, place) = self.of(self.members[member]);
+            for (component, point) in group.prototype.starts() {
+                let bounds = place.bounds(corners_of(component));
+                join(group.object, bounds, place.world_from_own(point), &mut joining);
             }
         }
     }

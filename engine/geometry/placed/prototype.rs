@@ -121,6 +121,15 @@ impl Prototype {
         self.triangles[triangle].map(|vertex| self.vertices[vertex as usize])
     }
 
+    /// Its components with a point of each.
+    pub(super) fn starts(&self) -> impl Iterator<Item = (&Component, DVec3)> {
+        let mut first = vec![None; self.components.len()];
+        for (triangle, component) in self.triangle_component.iter().enumerate() {
+            first[*component as usize].get_or_insert(self.corners(triangle)[0]);
+        }
+        self.components.iter().zip(first).filter_map(|(component, point)| Some((component, point?)))
+    }
+
     /// Whether a point off the surface lies in the material, of the own frame.
     pub(crate) fn contains(&self, point: DVec3) -> bool {
         let [low, high] = self.bounds;

@@ -220,6 +220,16 @@ fn assemblies() -> Vec<(&'static str, Vec<Solid>, f64, bool)> {
             true,
         ),
         (
+            "cylinder covered by a later sphere, and a bead across its side",
+            vec![
+                tilt(Solid::new(cylinder(4e-6, 8e-6))),
+                Solid::new(sphere(8e-6)),
+                at(sphere(2e-6), [1e-6, 2.3e-6, -3.5e-6]),
+            ],
+            4e-8,
+            true,
+        ),
+        (
             "coated fibre with ends in one plane",
             vec![Solid::new(cylinder(60e-6, 1e-3)), Solid::new(cylinder(50e-6, 1e-3))],
             4e-8,
@@ -238,7 +248,9 @@ fn nested_covered_and_cut_shapes_hold_the_light_of_the_later_one() {
         assert_eq!(warned, cut || covered, "{name}: {:?}", sample.objects);
         for backend in backends() {
             let count = if backend == Backend::Bvh { 4000 } else { 400 };
-            let rays = rays_at(2e-3, count, &mut Random::new(61));
+            let reach =
+                solids.iter().map(|it| it.reach() + length(it.position)).fold(0.0, f64::max);
+            let rays = rays_at(reach.min(2e-3), count, &mut Random::new(61));
             let wrong = differing(&bench, backend, &solids, &rays, error);
             println!("measured {backend}, {name}: {} of {count} differ", wrong.len());
             assert!(wrong.is_empty(), "{name}: {} differ: {}", wrong.len(), wrong[0]);
