@@ -144,6 +144,27 @@ impl Body {
         starts
     }
 
+    /// Whether a point off its surface lies in its material; its search exists.
+    pub(super) fn contains(&self, point: DVec3) -> bool {
+        let Some(search) = &self.search else { return false };
+        match search.crossings(&self.surface, point) {
+            Some(hits) => hits.iter().map(|(_, sign)| sign).sum::<i32>() > 0,
+            None => {
+                winding_by_solid_angle(&self.surface, 0..self.surface.triangles.len(), point) > 0.5
+            }
+        }
+    }
+
+    /// Adds components: a closed surface, and the component of each of its triangles.
+    pub(super) fn add(&mut self, surface: Surface, of: &[u32], components: Vec<Component>) {
+        let vertex = numbers::count(self.surface.vertices.len());
+        let first = numbers::count(self.components.len());
+        self.surface.append(surface, vertex);
+        self.triangle_component.extend(of.iter().map(|it| it + first));
+        self.components.extend(components);
+        self.search = None;
+    }
+
     /// Bounding box of all components.
     pub(super) fn bounds(&self) -> [DVec3; 2] {
         self.surface.bounds()

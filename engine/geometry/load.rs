@@ -210,7 +210,8 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> 
     let begin = Instant::now();
     let accepted = |note: &Note| note.defects.refused().then(|| note.defects.description());
     let defects: Vec<Option<String>> = notes.iter().map(accepted).collect();
-    let mut groups = Groups::settle(groups, &mut bodies, &names, contacts, watch.nesting())?;
+    let mut groups =
+        Groups::settle(groups, &mut bodies, &names, &defects, contacts, watch.nesting())?;
     let gaps = if contacts { groups.gaps(&mut bodies, watch.nesting())? } else { Vec::new() };
     let (cut_by, contacts) =
         nesting::nest(&mut bodies, &names, &defects, contacts, watch.nesting())?;

@@ -25,7 +25,7 @@ vec3 normal_at(Bent ray, Crossing crossing, out float reach) {
 
 // Behind the last of the crossings from i on that are one interface: surfaces that pass the place of
 // the first; i + 1 where there is none. Until both an entry and an exit are among them no object
-// stands among them twice: a thin plate is entered before it is left.
+// stands among them twice, but to be left and entered again: a thin plate is entered before it is left.
 uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
     if (i + 1u == list.count || list_at(list, i + 1u).y - first.y > CONTACT_FAR) return i + 1u;
     vec3 direction = vec3(slope_of(ray.line), 1.0).xzy;
@@ -38,7 +38,10 @@ uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
         float apart = crossing.y - first.y;
         bool repeated = apart > CONTACT_FAR;
         for (uint k = i; k < j && !mixed; k++) {
-            repeated = repeated || object_of(list_at(list, k)) == object_of(crossing);
+            Crossing before = list_at(list, k);
+            // An object that is left and entered again has two bodies there, which touch.
+            bool again = ((before.facet | ~crossing.facet) & FACET_ENTERED) == 0u;
+            repeated = repeated || (!again && object_of(before) == object_of(crossing));
         }
         if (repeated) break;
         float reach;

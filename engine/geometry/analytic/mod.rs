@@ -133,6 +133,38 @@ impl AnalyticShape {
         }
     }
 
+    /// The shape that it holds at a distance from its surface, m, or at most twice that at the tip of
+    /// a cone; `None` where nothing is left.
+    pub(crate) fn inset(self, by: f64) -> Option<Self> {
+        let left = |it: f64| (it > by).then_some(it - by);
+        Some(match self {
+            Self::Cylinder { radius, half_height } => {
+                Self::Cylinder { radius: left(radius)?, half_height: left(half_height)? }
+            }
+            Self::Cone { bottom_radius, top_radius, half_height } => {
+                let widening = (top_radius - bottom_radius) / (2.0 * half_height);
+                let less = by * (widening.abs() + libm::hypot(1.0, widening));
+                let [bottom_radius, top_radius] = [bottom_radius, top_radius].map(|it| it - less);
+                let half_height = left(half_height)?;
+                if bottom_radius <= 0.0 {
+                    return None;
+                }
+                Self::Cone { bottom_radius, top_radius: top_radius.max(0.0), half_height }
+            }
+            Self::Sphere { radius } => Self::Sphere { radius: left(radius)? },
+            Self::Ellipsoid { semi_axes } => {
+                let semi_axes = semi_axes - by;
+                if semi_axes.min_element() <= 0.0 {
+                    return None;
+                }
+                Self::Ellipsoid { semi_axes }
+            }
+            Self::Torus { radius, tube_radius } => {
+                Self::Torus { radius, tube_radius: left(tube_radius)? }
+            }
+        })
+    }
+
     /// The point of the convex hull that is farthest along a direction, which is not 0.
     pub(crate) fn support(self, direction: DVec3) -> DVec3 {
         let flat = direction.truncate().normalize_or(DVec2::X);

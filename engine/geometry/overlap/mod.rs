@@ -5,6 +5,7 @@
 //! order. Only *parts* (`parts`: a closed outer surface with its voids) that meet are cut
 //! (`meeting`); those that lie apart or properly in one another stay as they are.
 
+mod closing;
 mod contact;
 mod contacts;
 mod meeting;
@@ -29,7 +30,7 @@ pub(super) use contacts::{
 pub(super) use meeting::{Around, Meetings, pairs, tolerance};
 pub(super) use parts::Parts;
 pub(crate) use solid::PEAK_PER_CUT_TRIANGLE;
-use solid::Solid;
+pub(super) use solid::Solid;
 
 /// What happens to the objects of a sample because they overlap.
 #[derive(Debug, Default)]
@@ -114,7 +115,16 @@ impl Cuts {
                 Ok((*part, surface))
             })
             .collect::<Result<_>>()?;
+        let mut holes = vec![0; bodies.len()];
+        for (part, solid) in parts.all.iter().zip(&operands.solids) {
+            holes[part.object] += solid.get().map_or(0, |it| it.holes);
+        }
         drop(operands);
+        for (body, holes) in bodies.iter_mut().zip(holes).filter(|it| it.1 > 0) {
+            body.warnings.push(format!(
+                "{holes} holes in it count as closed by flat patches, where it meets other objects"
+            ));
+        }
         let mut left_of: Vec<Vec<(usize, Surface)>> = bodies.iter().map(|_| Vec::new()).collect();
         for (part, surface) in left {
             left_of[parts.all[part].object].push((part, surface));

@@ -4,6 +4,7 @@ use glam::DVec3;
 use manifold_rust::cancel::CancelToken;
 use manifold_rust::manifold::Manifold;
 use manifold_rust::types::{self, BooleanEngine, MeshGLP, OpType};
+use rayon::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -11,6 +12,7 @@ use std::time::Duration;
 
 use super::super::surface::Surface;
 use super::super::watch::Task;
+use super::closing::closed;
 use crate::error::{Error, Result};
 use crate::{numbers, reserve};
 
@@ -23,15 +25,25 @@ const TICK: Duration = Duration::from_millis(50);
 
 /// A closed mesh as the library takes it.
 #[derive(Clone)]
-pub(super) struct Solid {
+pub(in crate::geometry) struct Solid {
     mesh: Manifold,
+    /// Holes that were closed.
+    pub(super) holes: usize,
     /// The fast engine takes it: every edge has two triangles, and none pass through others.
     clean: bool,
 }
 
 impl Solid {
-    /// Takes a surface, oriented outwards; `clean`: that passes through itself nowhere.
+    /// Takes a surface, oriented outwards; `clean`: that is closed and passes through itself nowhere.
+    /// Holes of others are closed by flat patches.
     pub(super) fn of(surface: &Surface, clean: bool) -> Self {
+        let patched;
+        let (surface, holes) = if clean {
+            (surface, 0)
+        } else {
+            patched = closed(surface);
+            (&patched.0, patched.1)
+        };
         let mesh = MeshGLP::<f64, u32> {
             num_prop: 3,
             vert_properties: surface.vertices.iter().flat_map(|it| it.to_array()).collect(),
@@ -46,10 +58,10 @@ impl Solid {
         if clean {
             let mesh = taken(Manifold::from_mesh_glp);
             if mesh.status() == types::Error::NoError {
-                return Self { mesh, clean };
+                return Self { mesh, holes, clean };
             }
         }
-        Self { mesh: taken(Manifold::from_mesh_glp_robust), clean: false }
+        Self { mesh: taken(Manifold::from_mesh_glp_robust), holes, clean: false }
     }
 
     /// What is left of it outside `other`; `failed` makes the error of what went wrong.
@@ -76,6 +88,32 @@ impl Solid {
         failed: impl Fn(String) -> Error,
     ) -> Result<Self> {
         self.combine(other, OpType::Intersect, task, failed)
+    }
+
+    /// Several surfaces as one, those that lie together in the list first; `clean`: as of
+    /// [`Solid::of`].
+    ///
+    /// # Errors
+    /// As [`Solid::less`].
+    pub(in crate::geometry) fn united(
+        surfaces: &[Surface],
+        clean: bool,
+        task: Task<'_>,
+        failed: &(impl Fn(String) -> Error + Sync),
+    ) -> Result<Surface> {
+        let mut solids: Vec<Self> =
+            surfaces.par_iter().map(|surface| Self::of(surface, clean)).collect();
+        while solids.len() > 1 {
+            if task.is_cancelled() {
+                return Err(Error::Interrupted);
+            }
+            let both = |pair: &[Self]| match pair {
+                [one, other] => one.combine(other, OpType::Add, task, failed),
+                _ => Ok(pair[0].clone()),
+            };
+            solids = solids.par_chunks(2).map(both).collect::<Result<_>>()?;
+        }
+        Ok(solids.first().map_or_else(Surface::default, Self::surface))
     }
 
     /// Volume, m3.
@@ -114,7 +152,7 @@ impl Solid {
         let made = if clean && triangles < SLOW { work() } else { watched(work, &token, task) };
         let made = made.map_err(|_| failed("the boolean failed".to_owned()))?;
         match made.status() {
-            types::Error::NoError => Ok(Self { mesh: made, clean }),
+            types::Error::NoError => Ok(Self { mesh: made, holes: self.holes, clean }),
             types::Error::Cancelled => Err(Error::Interrupted),
             status => Err(failed(status.to_str().to_lowercase())),
         }

@@ -13,8 +13,8 @@ impl Groups {
     pub(in crate::geometry) fn add_to(self, sample: &mut Sample) {
         for (number, group) in self.all.into_iter().enumerate() {
             let object = &mut sample.objects[group.object as usize];
-            let (joined, covered) = (self.joined[number], self.covered[number]);
-            describe(object, &group, &self.outside[number], joined, covered);
+            let left_out = [self.covered[number], self.inner[number]];
+            describe(object, &group, &self.outside[number], self.joined[number], left_out);
             if group.places.is_empty() {
                 continue;
             }
@@ -35,18 +35,18 @@ fn describe(
     group: &Group,
     outside: &[Option<u32>],
     (joined, off): (usize, f64),
-    covered: usize,
+    [covered, inner]: [usize; 2],
 ) {
     if joined > 0 {
         let facets = match off {
             0.0 => String::new(),
             _ => format!(", whose facets are off its surface by {:.0} nm at most", off * 1e9),
         };
-        let which = match group.places.len() + joined + covered {
+        let which = match group.places.len() + joined + covered + inner {
             1 => format!("it meets another surface: it is cut as a mesh{facets}"),
             _ => format!(
-                "{joined} of its instances meet other surfaces: they are cut as meshes of their \
-                 own{facets}"
+                "{joined} of its instances meet other surfaces or overlap: they are cut and united \
+                 as meshes{facets}"
             ),
         };
         object.warnings.push(which);
@@ -56,7 +56,10 @@ fn describe(
             "{covered} of its instances lie wholly in objects that are listed later"
         ));
     }
-    if group.places.len() + joined + covered > 1 {
+    if inner > 0 {
+        object.warnings.push(format!("{inner} of its instances lie wholly in others of it"));
+    }
+    if group.places.len() + joined + covered + inner > 1 {
         object.instances = group.places.len() + joined;
     }
     if group.places.is_empty() {

@@ -72,6 +72,22 @@ fn sure(of: f64, meet: impl Fn(Option<f64>) -> bool) -> bool {
     kinds.iter().all(|error| meet(*error))
 }
 
+/// Whether a plane across the line between two places keeps them apart, as most neighbours are.
+pub(super) fn are_apart(
+    (group, place): (&Group, &Place),
+    (others, there): (&Group, &Place),
+    limit: f64,
+) -> bool {
+    let apart = there.position - place.position;
+    let along = apart.normalize_or_zero();
+    let reach = |group: &Group, place: &Place, along: DVec3| {
+        let own = place.linear().transpose() * along;
+        group.prototype.reach(own)
+    };
+    along != DVec3::ZERO
+        && reach(group, place, along) + reach(others, there, -along) < along.dot(apart) - limit
+}
+
 /// Whether the surfaces of two places meet.
 pub(super) fn meets_place(
     (group, place): (&Group, &Place),
@@ -79,15 +95,7 @@ pub(super) fn meets_place(
     bounds: [[DVec3; 2]; 2],
 ) -> bool {
     let limit = tolerance(bounds[0], bounds[1]);
-    // Most neighbours lie on either side of a plane.
-    let apart = there.position - place.position;
-    let along = apart.normalize_or_zero();
-    let reach = |group: &Group, place: &Place, along: DVec3| {
-        let own = place.linear().transpose() * along;
-        group.prototype.reach(own)
-    };
-    let reaches = reach(group, place, along) + reach(others, there, -along);
-    if along != DVec3::ZERO && reaches < along.dot(apart) - limit {
+    if are_apart((group, place), (others, there), limit) {
         return false;
     }
     let least = standing(group, place).clearance_of(&standing(others, there));

@@ -6,6 +6,7 @@ mod distance;
 mod gaps;
 mod meeting;
 mod nesting;
+mod own;
 mod place;
 mod prototype;
 

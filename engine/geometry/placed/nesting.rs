@@ -7,13 +7,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::meeting::{meets_body, meets_place};
+use super::own::{self, Clash, clash};
 use super::{Place, Prototype};
 use crate::error::{Error, Result};
 use crate::geometry::Component;
 use crate::geometry::body::{Body, corners_of};
 use crate::geometry::overlap::Contact;
-use crate::geometry::search::{Search, winding_by_solid_angle};
-use crate::geometry::surface::{Surface, bounds_of, in_mm, near};
+use crate::geometry::search::Search;
+use crate::geometry::surface::{Surface, bounds_of, near};
 use crate::geometry::tree::Tree;
 use crate::geometry::watch::{LoadStep, Task};
 use crate::numbers;
@@ -38,6 +39,8 @@ pub(in crate::geometry) struct Groups {
     pub(in crate::geometry) outside: Vec<Vec<Option<u32>>>,
     /// Of each group: how many places lie wholly in later objects, and are left out.
     pub(in crate::geometry) covered: Vec<usize>,
+    /// Of each group: how many places lie wholly in others of it, and are left out.
+    pub(in crate::geometry) inner: Vec<usize>,
     /// Of each group: how many have joined the mesh of their object, and how far their facets are off
     /// their surfaces at most, m.
     pub(in crate::geometry) joined: Vec<(usize, f64)>,
@@ -64,6 +67,8 @@ pub(super) struct Boxed<'a> {
 pub(super) enum Fate {
     /// It meets a surface.
     Joins,
+    /// It lies in another place of its object.
+    Inside,
     /// It lies in a later object.
     Covered,
     Stands(Option<u32>),
@@ -115,14 +120,16 @@ impl Group {
 
 impl Groups {
     /// Finds what is around each place; those that meet a surface join the bodies of their objects.
-    /// `wanted`: whether contacts are.
+    /// `defects`: what is wrong with meshes that are accepted with defects; `wanted`: whether contacts
+    /// are.
     ///
     /// # Errors
-    /// Places of one object that meet each other; [`Error::Interrupted`].
+    /// Places of one object that overlap and cannot be united; [`Error::Interrupted`].
     pub(in crate::geometry) fn settle(
         groups: Vec<Group>,
         bodies: &mut [Body],
         names: &[String],
+        defects: &[Option<String>],
         wanted: bool,
         task: Task<'_>,
     ) -> Result<Self> {
@@ -141,49 +148,99 @@ impl Groups {
             bodies.iter().map(|body| Boxed { body, bounds: body.bounds() }).collect();
         let fate = |member: &Member| match task.is_cancelled() {
             true => Err(Error::Interrupted),
-            false => field.fate(*member, &boxed, names),
+            false => Ok(field.fate(*member, &boxed)),
         };
-        let mut fates: Vec<Result<Fate>> = field.members.par_iter().map(fate).collect();
+        let found: Vec<(Fate, Vec<(u32, Clash)>)> =
+            field.members.par_iter().map(fate).collect::<Result<_>>()?;
+        let clashes: Vec<([u32; 2], Clash)> = (0..)
+            .zip(&found)
+            .flat_map(|(member, (_, clashes))| {
+                clashes.iter().map(move |(other, clash)| ([member, *other], *clash))
+            })
+            .collect();
+        let mut fates: Vec<Fate> = found.into_iter().map(|it| it.0).collect();
+        let overlapping = own::settle(&clashes, &mut fates);
         field.around_earlier(bodies, &mut fates);
         let mut settled: Vec<Vec<Fate>> =
             groups.iter().map(|group| Vec::with_capacity(group.places.len())).collect();
         for (member, fate) in field.members.iter().zip(fates) {
-            settled[member.group as usize].push(fate?);
+            settled[member.group as usize].push(fate);
         }
         let overlaps = if wanted { field.covered(&settled, &boxed) } else { Vec::new() };
         drop(field);
-        Ok(Self { overlaps, ..Self::of(groups, settled, bodies) })
+        let mut this = Self { overlaps, ..Self::default() };
+        let mut first = 0;
+        for (group, fates) in groups.into_iter().zip(settled) {
+            let count = numbers::count(fates.len());
+            let pairs: Vec<[u32; 2]> = overlapping
+                .iter()
+                .filter(|pair| (first..first + count).contains(&pair[0]))
+                .map(|pair| pair.map(|it| it - first))
+                .collect();
+            first += count;
+            let clean = defects[group.object as usize].is_none();
+            let name = &names[group.object as usize];
+            let body = &mut bodies[group.object as usize];
+            this.add(group, &fates, body, &pairs, (clean, name), task)?;
+        }
+        Ok(this)
     }
 
-    fn of(groups: Vec<Group>, settled: Vec<Vec<Fate>>, bodies: &mut [Body]) -> Self {
-        let mut this = Self::default();
-        for (mut group, fates) in groups.into_iter().zip(settled) {
-            let count = |fate| fates.iter().filter(|it| **it == fate).count();
-            this.covered.push(count(Fate::Covered));
-            let mut joined = (count(Fate::Joins), 0.0_f64);
-            for (place, _) in group.places.iter().zip(&fates).filter(|it| *it.1 == Fate::Joins) {
-                let finer = group.prototype.finer(JOINED / place.largest_scale());
+    /// Adds a group whose places have these fates; `pairs` of them overlap.
+    fn add(
+        &mut self,
+        mut group: Group,
+        fates: &[Fate],
+        body: &mut Body,
+        pairs: &[[u32; 2]],
+        (clean, name): (bool, &str),
+        task: Task<'_>,
+    ) -> Result<()> {
+        let count = |fate| fates.iter().filter(|it| **it == fate).count();
+        self.covered.push(count(Fate::Covered));
+        self.inner.push(count(Fate::Inside));
+        let joins: Vec<u32> =
+            (0..).zip(fates).filter(|it| *it.1 == Fate::Joins).map(|it| it.0).collect();
+        let clusters = own::clusters(&joins, pairs);
+        let united = clusters.iter().filter(|it| it.len() > 1).map(Vec::len).sum();
+        let most = own::most_facets(&group, united, name)?;
+        let mut off = 0.0_f64;
+        for cluster in clusters {
+            let mut surfaces = Vec::with_capacity(cluster.len());
+            for place in cluster.iter().map(|it| &group.places[*it as usize]) {
+                let error = JOINED / place.largest_scale();
+                let finer = match cluster.len() {
+                    1 => group.prototype.finer(error),
+                    _ => group.prototype.finer_of(error, most),
+                };
                 let prototype = finer.as_ref().unwrap_or(&group.prototype);
-                joined.1 = joined.1.max(prototype.error() * place.largest_scale());
+                off = off.max(prototype.error() * place.largest_scale());
                 let vertices =
                     prototype.vertices.iter().map(|it| place.world_from_own(*it)).collect();
-                bodies[group.object as usize].add(
-                    Surface::new(vertices, prototype.triangles.clone()),
-                    &prototype.triangle_component,
-                    group.components(place, None).collect(),
-                );
+                let surface = Surface::new(vertices, prototype.triangles.clone());
+                if cluster.len() == 1 {
+                    let components = group.components(place, None).collect();
+                    body.add(surface, &prototype.triangle_component, components);
+                } else {
+                    surfaces.push(surface);
+                }
             }
-            this.joined.push(joined);
-            let stands = |fate: &Fate| match fate {
-                Fate::Stands(outside) => Some(*outside),
-                _ => None,
-            };
-            let mut kept = fates.iter().map(|fate| stands(fate).is_some());
-            group.places.retain(|_| kept.next().unwrap_or_default());
-            this.outside.push(fates.iter().filter_map(stands).collect());
-            this.all.push(group);
+            if !surfaces.is_empty() {
+                let whole = own::united(surfaces, clean, name, task)?;
+                let kept = vec![false; body.components.len()];
+                body.replace(&kept, std::iter::once((whole, None)), group.object);
+            }
         }
-        this
+        self.joined.push((joins.len(), off));
+        let stands = |fate: &Fate| match fate {
+            Fate::Stands(outside) => Some(*outside),
+            _ => None,
+        };
+        let mut kept = fates.iter().map(|fate| stands(fate).is_some());
+        group.places.retain(|_| kept.next().unwrap_or_default());
+        self.outside.push(fates.iter().filter_map(stands).collect());
+        self.all.push(group);
+        Ok(())
     }
 
     /// Components of bodies that stand in a place of a later object than the one around them so
@@ -242,51 +299,38 @@ impl<'a> Field<'a> {
         objects.into_iter()
     }
 
-    fn fate(&self, member: Member, bodies: &[Boxed<'_>], names: &[String]) -> Result<Fate> {
+    /// What becomes of a member, and which later ones of its group it meets.
+    fn fate(&self, member: Member, bodies: &[Boxed<'_>]) -> (Fate, Vec<(u32, Clash)>) {
         let (group, place) = self.of(member);
-        for (object, body) in (0..).zip(bodies) {
+        let mut joins = (0..).zip(bodies).any(|(object, body)| {
             let is_near = near(member.bounds, body.bounds, 0.0);
-            if object != group.object && is_near && meets_body(group, place, member.bounds, body) {
-                return Ok(Fate::Joins);
-            }
-        }
-        let mut joins = false;
-        let mut clash = None;
+            object != group.object && is_near && meets_body(group, place, member.bounds, body)
+        });
+        let mut clashes = Vec::new();
         // Boxes of long parallel fibres in a direction of their own overlap by the thousands.
         let alone = group.apart && self.groups.len() == 1;
         let bounds = if alone { bounds_of(std::iter::empty()) } else { member.bounds };
         self.tree.within(bounds, |other| {
             let it = self.members[other as usize];
             let same = it.group == member.group;
-            let known = same && (group.apart || it.place <= member.place);
-            if known || joins || clash.is_some() || !near(it.bounds, member.bounds, 0.0) {
+            let known = if same { group.apart || it.place <= member.place } else { joins };
+            if known || !near(it.bounds, member.bounds, 0.0) {
                 return;
             }
             let (others, there) = self.of(it);
-            let within = || {
-                group.contains(place, others.point(there))
-                    || others.contains(there, group.point(place))
-            };
-            let meets = meets_place((group, place), (others, there), [member.bounds, it.bounds]);
-            if same && (meets || within()) {
-                clash = Some(it);
+            let bounds = [member.bounds, it.bounds];
+            if same {
+                clashes.extend(clash(group, [place, there], bounds).map(|it| (other, it)));
+            } else {
+                joins = meets_place((group, place), (others, there), bounds);
             }
-            joins = joins || (meets && !same);
         });
-        if let Some(other) = clash {
-            return Err(Error::mesh(
-                format!("\"{}\"", names[group.object as usize]),
-                format!(
-                    "instances {} and {} touch, or one lies in the other",
-                    member.place + 1,
-                    other.place + 1
-                ),
-                format!("near {}", in_mm(member.bounds[0].midpoint(member.bounds[1]))),
-            ));
-        }
-        if joins {
-            return Ok(Fate::Joins);
-        }
+        (if joins { Fate::Joins } else { self.stands(member, bodies) }, clashes)
+    }
+
+    /// What becomes of a member that meets nothing.
+    fn stands(&self, member: Member, bodies: &[Boxed<'_>]) -> Fate {
+        let (group, place) = self.of(member);
         let point = group.point(place);
         let of_bodies = (0..).zip(bodies).filter(|(object, body)| {
             *object != group.object
@@ -297,26 +341,25 @@ impl<'a> Field<'a> {
             .map(|(object, _)| object)
             .chain(self.around(member.bounds, point, group.object))
             .max();
-        Ok(match around {
+        match around {
             Some(object) if object > group.object => Fate::Covered,
             around => Fate::Stands(around),
-        })
+        }
     }
 
     /// Places around components of earlier objects join the meshes of theirs, which cut those; so do
     /// places around such that join, and around these.
-    fn around_earlier(&self, bodies: &[Body], fates: &mut [Result<Fate>]) {
+    fn around_earlier(&self, bodies: &[Body], fates: &mut [Fate]) {
         let mut joining: Vec<usize> =
-            (0..fates.len()).filter(|member| matches!(fates[*member], Ok(Fate::Joins))).collect();
+            (0..fates.len()).filter(|member| fates[*member] == Fate::Joins).collect();
         let mut join = |object: u32, bounds: [DVec3; 2], point: DVec3, joining: &mut Vec<usize>| {
             self.tree.around(bounds, |member| {
                 let (group, place) = self.of(self.members[member as usize]);
                 if group.object > object
-                    && let Ok(fate) = &mut fates[member as usize]
-                    && *fate != Fate::Joins
+                    && !matches!(fates[member as usize], Fate::Joins | Fate::Inside)
                     && group.contains(place, point)
                 {
-                    *fate = Fate::Joins;
+                    fates[member as usize] = Fate::Joins;
                     joining.push(member as usize);
                 }
             });
@@ -333,28 +376,5 @@ impl<'a> Field<'a> {
                 join(group.object, bounds, place.world_from_own(point), &mut joining);
             }
         }
-    }
-}
-
-impl Body {
-    /// Whether a point off its surface lies in its material; its search exists.
-    pub(super) fn contains(&self, point: DVec3) -> bool {
-        let Some(search) = &self.search else { return false };
-        match search.crossings(&self.surface, point) {
-            Some(hits) => hits.iter().map(|(_, sign)| sign).sum::<i32>() > 0,
-            None => {
-                winding_by_solid_angle(&self.surface, 0..self.surface.triangles.len(), point) > 0.5
-            }
-        }
-    }
-
-    /// Adds components: a closed surface, and the component of each of its triangles.
-    fn add(&mut self, surface: Surface, of: &[u32], components: Vec<Component>) {
-        let vertex = numbers::count(self.surface.vertices.len());
-        let first = numbers::count(self.components.len());
-        self.surface.append(surface, vertex);
-        self.triangle_component.extend(of.iter().map(|it| it + first));
-        self.components.extend(components);
-        self.search = None;
     }
 }

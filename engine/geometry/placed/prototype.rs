@@ -98,8 +98,13 @@ impl Prototype {
     /// The same shape with facets that are off it by less, as near to `error` (m) as [`MOST_FACETS`]
     /// allow; nothing for a mesh, or where they cannot be finer.
     pub(crate) fn finer(&self, error: f64) -> Option<Self> {
+        self.finer_of(error, MOST_FACETS)
+    }
+
+    /// As [`Self::finer`], of at most so many facets.
+    pub(super) fn finer_of(&self, error: f64, most: u64) -> Option<Self> {
         let shape = self.shape?;
-        let allowed = |error: &f64| shape.triangles(*error) <= MOST_FACETS;
+        let allowed = |error: &f64| shape.triangles(*error) <= most.min(MOST_FACETS);
         let error = (0..30).map(|step| error * f64::from(1_u32 << step)).find(allowed)?;
         if error >= self.error {
             return None;
@@ -119,6 +124,14 @@ impl Prototype {
     /// Corners of a triangle, m.
     pub(crate) fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|vertex| self.vertices[vertex as usize])
+    }
+
+    /// A shape that lies in this one at a distance from its surface, m, without facets; nothing for a
+    /// mesh, or where nothing is left.
+    pub(super) fn inset(&self, by: f64) -> Option<Self> {
+        let shape = self.shape?.inset(by)?;
+        let none = Self::new(Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Some(Self { shape: Some(shape), bounds: shape.bounds(), ..none })
     }
 
     /// Its components with a point of each.

@@ -160,14 +160,40 @@ fn voids_and_parts_of_one_object_keep_their_meaning() {
 }
 
 #[test]
-fn a_pair_with_an_open_mesh_that_cannot_be_cut_is_refused_by_name() {
-    let mut open = Arrays::cube(2e-3);
-    open.1.truncate(open.1.len() - 1);
-    let mut open = at(open.object("open"), [1.5e-3, 0.0, 0.0]);
-    open.allow_defects = true;
-    let text = load(&scene(vec![cube("a", 2e-3), open])).unwrap_err().to_string();
-    for word in ["\"a\" and \"open\"", "cannot be cut", "not closed", "near (", "mend"] {
-        assert!(text.contains(word), "{word}: {text}");
+fn open_mesh_that_is_accepted_meets_others_with_its_holes_closed() {
+    // A triangle of a face, a whole face, and all around one corner: flat patches make the cube, or
+    // leave the corner out.
+    let whole = Arrays::cube(2e-3);
+    let corner = whole.1[0][0];
+    let side = |it: [u32; 3], y: f64| it.iter().all(|k| (whole.0[*k as usize][1] - y).abs() < 1e-9);
+    let without = |gone: &dyn Fn(usize, [u32; 3]) -> bool| {
+        let kept = (0..).zip(&whole.1).filter(|(k, it)| !gone(*k, **it)).map(|it| *it.1);
+        Arrays(whole.0.clone(), kept.collect())
+    };
+    let last = whole.1.len() - 1;
+    for (what, open, holes) in [
+        ("a triangle", without(&|k, _| k == last), 1),
+        ("two opposite faces", without(&|_, it| side(it, 1e-3) || side(it, -1e-3)), 2),
+        ("a corner", without(&|_, it| it.contains(&corner)), 1),
+    ] {
+        for (first, at_x) in [(true, 1.5e-3), (false, 1.5e-3), (false, -1.5e-3)] {
+            let mut open = at(open.clone().object("open"), [at_x, 0.0, 0.0]);
+            open.allow_defects = true;
+            let solid = cube("solid", 2e-3);
+            let objects = if first { vec![open, solid] } else { vec![solid, open] };
+            let sample = load(&scene(objects)).unwrap();
+            let cut = &sample.objects[0];
+            assert_eq!(cut.cut_by, [1], "{what}");
+            if what != "a corner" {
+                assert!(close(cut.volume, 6e-9, 1e-9), "{what}: {:e}", cut.volume);
+            }
+            let warned = &sample.objects[usize::from(!first)].warnings;
+            let words = format!("{holes} holes in it");
+            assert!(warned.iter().any(|it| it.contains(&words)), "{what}: {warned:?}");
+            if first {
+                assert!(is_closed(&sample), "{what}");
+            }
+        }
     }
 }
 

@@ -11,6 +11,7 @@
 mod files;
 mod keys;
 mod packings;
+mod touching;
 mod walls;
 
 use beamlet::Error;

@@ -1,14 +1,17 @@
 //! Gaps between exact shapes: what is thinner than X-rays tunnel through changes nothing, and a wide
 //! one of a denser medium reflects.
 
-use super::scene;
 use super::solids::{Kind, Solid, cylinder};
+use super::{rays_around, scene};
 use crate::assemblies::{Bench, exact};
+use crate::reference::surfaces::Random;
 use crate::support::{CARBON, Worst, backends};
+use beamlet::geometry;
 use beamlet::internals::interface::{FLAG_REFLECTED, RayResult};
 use beamlet::internals::trace::Ray;
-use beamlet::scene::{MaterialSpec, Scene, Transport};
+use beamlet::scene::{Instances, MaterialSpec, Scene, Transport};
 use std::f64::consts::FRAC_PI_2;
+use std::path::Path;
 
 /// Mu and delta of the bodies: less than those of the carbon between and around them, which reflects
 /// rays within 0.85 mrad.
@@ -91,6 +94,66 @@ fn gap_of_two_nanometres_between_exact_shapes_changes_nothing_and_one_of_a_hundr
         }
         slope.holds();
         depth.holds();
+    }
+    bench.end();
+}
+
+/// The scene with the places of its first object, m along its own z.
+fn with_places(mut scene: Scene, directory: &Path, places: &[f64]) -> Scene {
+    let path = directory.join(format!("{}.csv", places.len()));
+    let rows: String = places.iter().map(|z| format!("0,0,{z:e}\n")).collect();
+    std::fs::write(&path, format!("x_m,y_m,z_m\n{rows}")).expect("a file");
+    scene.objects[0].instances = Some(Instances::File(path));
+    scene
+}
+
+#[test]
+fn instances_that_touch_are_the_one_solid() {
+    let bench = Bench::new();
+    let directory = tempfile::tempdir().expect("a directory");
+    let mut random = Random::new(8);
+    for count in [2_u32, 20] {
+        let height = 2e-3 / f64::from(count);
+        let places: Vec<f64> = (0..count).map(|k| (f64::from(k) + 0.5) * height - 1e-3).collect();
+        let whole = in_carbon(&[(across(cylinder(4e-3, 2e-3)), LIGHT)]);
+        let one = in_carbon(&[(across(cylinder(4e-3, height)), LIGHT)]);
+        let many = with_places(one, directory.path(), &places);
+        let sample = geometry::load(&many).expect("a sample");
+        assert!(sample.triangles.is_empty() && sample.objects[0].warnings.is_empty());
+        let mut rays = grazing_rays();
+        rays.extend(rays_around(&across(cylinder(4e-3, 2e-3)), 400, 0.0, &mut random));
+        for backend in backends() {
+            for transport in [Transport::Exact, Transport::FirstOrder] {
+                let [solid, stack] = [&whole, &many].map(|scene| {
+                    let mut scene = scene.clone();
+                    scene.sampling.transport = transport;
+                    match transport {
+                        Transport::Exact => exact(&bench, backend, &scene, &rays),
+                        _ => bench.tracer(backend, &scene).trace(&rays).expect("results"),
+                    }
+                });
+                let mut slope = Worst::new("slope behind instances that touch, of its room", 1.0);
+                let mut depth = Worst::new("depth of instances that touch", 2e-6);
+                for (ray, (one, two)) in rays.iter().zip(solid.iter().zip(&stack)) {
+                    let place = || format!("{backend}, {count}, {transport:?}, {ray:?}, {two:?}");
+                    assert_eq!(
+                        one.flags & FLAG_REFLECTED,
+                        two.flags & FLAG_REFLECTED,
+                        "{}",
+                        place()
+                    );
+                    // f32 in another order, also near silhouettes; to first order two large changes
+                    // at the faces cancel.
+                    let cancels = if transport == Transport::Exact { 1e-12 } else { 1e-11 };
+                    let room = cancels + 1e-5 * f64::from(one.slope_x.hypot(one.slope_z));
+                    slope.take(f64::from(one.slope_x - two.slope_x) / room, place);
+                    slope.take(f64::from(one.slope_z - two.slope_z) / room, place);
+                    depth.take(f64::from(one.optical_depth - two.optical_depth), place);
+                }
+                slope.holds();
+                depth.holds();
+            }
+        }
     }
     bench.end();
 }

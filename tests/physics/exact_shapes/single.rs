@@ -142,6 +142,11 @@ impl FirstOrder {
             );
             return;
         }
+        let [o, d] = line(ray, [0.0; 2]);
+        let round = hits(solid, ray, [0.0; 2], 0.0)
+            .iter()
+            .map(|hit| solid.roundness_at(add(o, scaled(d, hit.t))))
+            .fold(f64::MAX, f64::min);
         // Steep surfaces beside the ray: what the hair changes, twice. f32: 1e-6 of the change, and
         // 1e-11/c² rad for each crossing (docs/validation.md).
         let spread = |value: &dyn Fn(&Passage) -> f64| {
@@ -161,11 +166,7 @@ impl FirstOrder {
             let worst = if k < 2 { &mut self.slope } else { &mut self.displacement };
             worst.take(off / room, || what(want));
             // Half a radius from a silhouette and more, as far as pixels are concerned.
-            if k < 2
-                && steep > 0.3
-                && solid.roundness() > 0.3e-3
-                && spread(&|it| it.slope[k]) < 1e-12
-            {
+            if k < 2 && steep > 0.3 && round > 0.15e-3 && spread(&|it| it.slope[k]) < 1e-12 {
                 self.interior_rays += 1;
                 self.interior.take(off, || what(want));
             }

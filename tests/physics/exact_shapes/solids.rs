@@ -139,6 +139,15 @@ impl Solid {
             }
     }
 
+    /// As [`Self::roundness`] next to a point of the surface; that of a cone is less at its tip.
+    pub(super) fn roundness_at(&self, p: Vector) -> f64 {
+        let [x, y, _] = self.own(p);
+        match self.kind {
+            Kind::Cone { .. } => self.scale * x.hypot(y),
+            _ => self.roundness(),
+        }
+    }
+
     /// A ball around the centre that holds it.
     pub(super) fn reach(&self) -> f64 {
         self.scale

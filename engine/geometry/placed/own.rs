@@ -1,0 +1,159 @@
+//! Instances of one object that touch or overlap: they are one solid.
+//!
+//! Exact shapes that touch stay as they are: what a ray leaves it enters at the same place. What
+//! overlaps is united as meshes, and what lies wholly in another one is left out.
+
+use glam::DVec3;
+
+use super::distance::Standing;
+use super::meeting::{are_apart, meets_place};
+use super::nesting::{Fate, Group};
+use super::{Place, Prototype};
+use crate::error::{Error, Result};
+use crate::geometry::overlap::{Solid, tolerance};
+use crate::geometry::surface::{Surface, bounds_of, in_mm};
+use crate::geometry::topology::root;
+use crate::geometry::watch::Task;
+use crate::numbers;
+
+/// Most facets of the overlapping instances of an object, where these stand for exact shapes.
+const MOST_UNITED: u64 = 4_000_000;
+/// More of them are refused.
+const TOO_MANY: u64 = 4 * MOST_UNITED;
+
+/// How two instances of one object meet.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Clash {
+    Overlap,
+    /// The first one lies in the other.
+    Inside,
+    /// The other way round.
+    Around,
+}
+
+/// How two places of a group meet; `None` where they lie apart, or touch and can stand so.
+pub(super) fn clash(
+    group: &Group,
+    [place, there]: [&Place; 2],
+    bounds: [[DVec3; 2]; 2],
+) -> Option<Clash> {
+    let limit = tolerance(bounds[0], bounds[1]);
+    if are_apart((group, place), (group, there), limit)
+        || touch_at_most(&group.prototype, [place, there], limit)
+    {
+        return None;
+    }
+    if meets_place((group, place), (group, there), bounds) {
+        return Some(Clash::Overlap);
+    }
+    let found = if group.contains(there, group.point(place)) {
+        Clash::Inside
+    } else if group.contains(place, group.point(there)) {
+        Clash::Around
+    } else {
+        return None;
+    };
+    // Parts of a mesh may lie in another instance, and others of it beside that.
+    Some(if group.prototype.components.len() == 1 { found } else { Clash::Overlap })
+}
+
+/// Whether exact shapes lie apart, or at most twice a limit deep in each other.
+fn touch_at_most(prototype: &Prototype, places: [&Place; 2], limit: f64) -> bool {
+    let inset = |place: &Place| prototype.inset(limit / (place.scale * place.stretch.min(1.0)));
+    let [Some(own), Some(other)] = places.map(inset) else { return false };
+    let [first, second] = [(&own, places[0]), (&other, places[1])]
+        .map(|(prototype, place)| Standing { prototype, place, tree: None, is_hull: false });
+    first.clearance_of(&second).is_some()
+}
+
+/// Decides about members that clash, by their numbers; gives the pairs that overlap.
+pub(super) fn settle(clashes: &[([u32; 2], Clash)], fates: &mut [Fate]) -> Vec<[u32; 2]> {
+    for ([first, second], clash) in clashes {
+        match clash {
+            Clash::Inside => fates[*first as usize] = Fate::Inside,
+            Clash::Around => fates[*second as usize] = Fate::Inside,
+            Clash::Overlap => {}
+        }
+    }
+    let gone = |it: &u32| matches!(fates[*it as usize], Fate::Inside | Fate::Covered);
+    let pairs: Vec<[u32; 2]> = clashes
+        .iter()
+        .filter(|(pair, clash)| *clash == Clash::Overlap && !pair.iter().any(gone))
+        .map(|it| it.0)
+        .collect();
+    for member in pairs.iter().flatten() {
+        fates[*member as usize] = Fate::Joins;
+    }
+    pairs
+}
+
+/// Those of some members that overlap, together; members and pairs by their numbers.
+pub(super) fn clusters(members: &[u32], pairs: &[[u32; 2]]) -> Vec<Vec<u32>> {
+    let mut parent: Vec<u32> = (0..numbers::count(members.len())).collect();
+    let at = |member: u32| members.binary_search(&member).ok().map(numbers::count);
+    for [first, second] in pairs {
+        if let (Some(first), Some(second)) = (at(*first), at(*second)) {
+            let (a, b) = (root(&mut parent, first), root(&mut parent, second));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut of = vec![Vec::new(); members.len()];
+    for (number, member) in (0..).zip(members) {
+        of[root(&mut parent, number) as usize].push(*member);
+    }
+    of.retain(|it: &Vec<u32>| !it.is_empty());
+    of
+}
+
+/// Most facets of each instance where so many are united.
+///
+/// # Errors
+/// More than fit.
+pub(super) fn most_facets(group: &Group, count: usize, name: &str) -> Result<u64> {
+    let count = count.max(1) as u64;
+    let facets = group.prototype.triangles.len() as u64 * count;
+    if facets > TOO_MANY {
+        return Err(Error::mesh(
+            format!("\"{name}\""),
+            format!(
+                "{count} of its instances overlap: united as meshes they have {} million facets, \
+                 more than {} million; leave gaps between them, or give the shape fewer `sides`",
+                facets / 1_000_000,
+                TOO_MANY / 1_000_000
+            ),
+            format!("the first near {}", in_mm(group.places[0].position)),
+        ));
+    }
+    Ok((MOST_UNITED / count).max(1))
+}
+
+/// Overlapping surfaces as one; `clean`: none passes through itself.
+///
+/// # Errors
+/// What the boolean cannot take; [`Error::Memory`]; [`Error::Interrupted`].
+pub(super) fn united(
+    mut surfaces: Vec<Surface>,
+    clean: bool,
+    name: &str,
+    task: Task<'_>,
+) -> Result<Surface> {
+    snap(&mut surfaces);
+    let first = surfaces.iter().find_map(|it| it.vertices.first().copied());
+    let failed = |problem: String| {
+        let problem = format!("instances of it overlap, and cannot be united: {problem}");
+        let near = first.map_or(String::new(), |it| format!("near {}", in_mm(it)));
+        Error::mesh(format!("\"{name}\""), problem, near)
+    };
+    Solid::united(&surfaces, clean, task, &failed)
+}
+
+/// Rounds places to 1e-11 of the size, so that faces which coincide but for rounding leave no slit
+/// between them.
+fn snap(surfaces: &mut [Surface]) {
+    let [low, high] = bounds_of(surfaces.iter().flat_map(|it| it.vertices.iter().copied()));
+    let size = low.abs().max(high.abs()).max_element();
+    let step = libm::exp2(libm::floor(libm::log2(size)) - 36.0);
+    for vertex in surfaces.iter_mut().flat_map(|it| &mut it.vertices) {
+        *vertex = (*vertex / step).round() * step;
+    }
+}
