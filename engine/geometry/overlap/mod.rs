@@ -48,7 +48,8 @@ pub(super) struct Cuts {
 impl Cuts {
     /// Decides from what meets what.
     ///
-    /// A part loses the later parts that meet it. With them go later parts that stand in it
+    /// A part loses the later parts that meet it, and those around it that have a void in it, where
+    /// something of it is left. With them go later parts that stand in it
     /// without contact but meet one of those: they would stand half in what is left of it.
     pub(super) fn of(bodies: &[Body], parts: &Parts, meetings: &Meetings, around: &Around) -> Self {
         let cutters: Vec<Vec<u32>> = (0..parts.all.len())
@@ -65,12 +66,14 @@ impl Cuts {
             for (component, containers) in (0_u32..).zip(&around[object]) {
                 let part = parts.of[object][component as usize];
                 let object_of = |container: &u32| parts.all[*container as usize].object;
-                if let Some(cover) = containers.iter().map(object_of).find(|it| *it > object) {
+                let is_cut = |it: &&u32| cutters[part as usize].binary_search(it).is_ok();
+                let containers = || containers.iter().filter(|it| !is_cut(it));
+                if let Some(cover) = containers().map(object_of).find(|it| *it > object) {
                     cuts.covered[part as usize].push(component);
                     cuts.cut_by[object].push(numbers::count(cover));
                 }
                 let whole = |it: &&u32| cutters[**it as usize].binary_search(&part).is_err();
-                let latest = containers.iter().filter(whole).map(object_of).max();
+                let latest = containers().filter(whole).map(object_of).max();
                 outside.push(latest.map(numbers::count));
             }
             cuts.outside.push(outside);
@@ -222,6 +225,10 @@ fn cutters(part: usize, parts: &Parts, meetings: &Meetings, around: &[Vec<Vec<u3
         let containers = |component: &u32| &around[known.object][*component as usize];
         known.components.iter().any(|component| containers(component).contains(&number))
     };
+    let containers = parts.all[part].components.iter().flat_map(|it| &around[object][*it as usize]);
+    found.extend(containers.filter(later).filter(|it| inside(**it)));
+    found.sort_unstable();
+    found.dedup();
     let mut known: HashSet<u32> = found.iter().copied().collect();
     let mut next = 0;
     while let Some(cutter) = found.get(next).copied() {

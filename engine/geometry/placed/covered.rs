@@ -6,11 +6,12 @@ use glam::DVec3;
 
 use super::nesting::{Boxed, Fate, Field, Group, Member};
 use super::{Place, Prototype};
+use crate::geometry::Component;
 use crate::geometry::analytic::Form;
-use crate::geometry::body::Body;
+use crate::geometry::body::{Body, corners_of};
 use crate::geometry::overlap::{Contact, ContactKind, SOUNDINGS, distance_of};
 use crate::geometry::search::Search;
-use crate::geometry::surface::{Surface, near};
+use crate::geometry::surface::{Surface, encloses, near};
 
 /// A covered place, and what covers it.
 struct Cover<'a> {
@@ -25,6 +26,33 @@ enum By<'a> {
 }
 
 impl Field<'_> {
+    /// Whether what covers a place has a void in it, where something of it is left.
+    pub(super) fn holds_void(&self, member: Member, bodies: &[Boxed<'_>]) -> bool {
+        let (group, place) = self.of(member);
+        let is_in = |bounds: [DVec3; 2], start: DVec3| {
+            encloses(member.bounds, bounds) && group.contains(place, start)
+        };
+        let point = group.point(place);
+        let later = (0..).zip(bodies).filter(|(object, _)| *object > group.object);
+        let mut found = later.map(|it| it.1).any(|Boxed { body, starts, bounds }| {
+            let has =
+                |(component, start): (&Component, &DVec3)| is_in(corners_of(component), *start);
+            near([point; 2], *bounds, 0.0)
+                && body.components.iter().zip(starts).any(has)
+                && body.contains(point)
+        });
+        self.tree.around(member.bounds, |other| {
+            let (outer, there) = self.of(self.members[other as usize]);
+            let is_later = outer.object > group.object && outer.prototype.components.len() > 1;
+            if !found && is_later && outer.contains(there, point) {
+                found = outer.prototype.starts().any(|(component, start)| {
+                    is_in(there.bounds(corners_of(component)), there.world_from_own(start))
+                });
+            }
+        });
+        found
+    }
+
     /// What covered places share with the later objects that they lie in; `settled`: of each place of
     /// each group.
     pub(super) fn covered<'b>(
@@ -42,7 +70,7 @@ impl Field<'_> {
                 let covers = found.entry([group.object, object]).or_default();
                 covers.push(Cover { group, place, by });
             };
-            for (object, Boxed { body, bounds }) in (0..).zip(bodies) {
+            for (object, Boxed { body, bounds, .. }) in (0..).zip(bodies) {
                 let later = object > group.object && near([point; 2], *bounds, 0.0);
                 if later && body.contains(point) {
                     take(object, By::Body(body));

@@ -150,8 +150,7 @@ impl Groups {
         let places = fields.iter().map(|it| it.boxes.len() as u64).sum();
         task.begin(LoadStep::Comparing, places)?;
         let of_bodies = limits_of(bodies, &fields);
-        let boxed: Vec<Boxed<'_>> =
-            bodies.iter().map(|body| Boxed { body, bounds: body.bounds() }).collect();
+        let boxed: Vec<Boxed<'_>> = bodies.iter().map(Boxed::of).collect();
         let reach = fields.iter().map(|it| it.limit).fold(THIN, f64::max);
         let boxes: Vec<_> = fields.iter().map(|it| it.bounds).collect();
         let tree = Tree::of_boxes(&boxes);

@@ -59,7 +59,15 @@ pub(super) struct Member {
 /// A body and the box around it.
 pub(super) struct Boxed<'a> {
     pub(super) body: &'a Body,
+    /// A point of each of its components.
+    pub(super) starts: Vec<DVec3>,
     pub(super) bounds: [DVec3; 2],
+}
+
+impl<'a> Boxed<'a> {
+    pub(super) fn of(body: &'a Body) -> Self {
+        Self { body, starts: body.first_corners(), bounds: body.bounds() }
+    }
 }
 
 /// What becomes of a place.
@@ -144,8 +152,7 @@ impl Groups {
                 body.search = Some(Search::new(&body.surface));
             }
         });
-        let boxed: Vec<Boxed<'_>> =
-            bodies.iter().map(|body| Boxed { body, bounds: body.bounds() }).collect();
+        let boxed: Vec<Boxed<'_>> = bodies.iter().map(Boxed::of).collect();
         let fate = |member: &Member| match task.is_cancelled() {
             true => Err(Error::Interrupted),
             false => Ok(field.fate(*member, &boxed)),
@@ -342,7 +349,10 @@ impl<'a> Field<'a> {
             .chain(self.around(member.bounds, point, group.object))
             .max();
         match around {
-            Some(object) if object > group.object => Fate::Covered,
+            Some(object) if object > group.object => match self.holds_void(member, bodies) {
+                true => Fate::Joins,
+                false => Fate::Covered,
+            },
             around => Fate::Stands(around),
         }
     }

@@ -160,6 +160,27 @@ fn voids_and_parts_of_one_object_keep_their_meaning() {
 }
 
 #[test]
+fn void_of_a_later_object_shows_the_earlier_one_in_it() {
+    let hollow = Arrays::cube(4e-3).and(Arrays::cube(0.5e-3)).object("hollow");
+    let ball = |sides| shape("ball", Shape::Sphere { radius: 1e-3, sides });
+    for inner in [cube("cube", 1e-3), ball(Some(64)), ball(None)] {
+        let sample = load(&scene(vec![inner, hollow.clone()])).unwrap();
+        let [inner, hollow] = &sample.objects[..] else { panic!("two objects") };
+        assert!(close(inner.volume, 0.125e-9, 1e-9), "{}: {:e}", inner.name, inner.volume);
+        assert_eq!(inner.cut_by, [1]);
+        assert!(close(hollow.volume, 64e-9 - 0.125e-9, 1e-9));
+        assert_eq!(outsides(&sample, 0), [None]);
+        assert_eq!(outsides(&sample, 1), [None, None]);
+        assert!(is_closed(&sample));
+    }
+    // A later object in the void is in the earlier one.
+    let core = cube("core", 0.2e-3);
+    let sample = load(&scene(vec![cube("cube", 1e-3), hollow, core])).unwrap();
+    assert_eq!(outsides(&sample, 2), [Some(0)]);
+    assert!(close(sample.objects[0].volume, 0.125e-9, 1e-9));
+}
+
+#[test]
 fn open_mesh_that_is_accepted_meets_others_with_its_holes_closed() {
     // A triangle of a face, a whole face, and all around one corner: flat patches make the cube, or
     // leave the corner out.
