@@ -215,7 +215,7 @@ impl Differing {
             (0..all.len() * RAYS).map(|i| through(i / RAYS, random)).collect();
         let only: Vec<Ray> = rays.iter().map(|it| it.1).collect();
         for backend in backends() {
-            if backend == Backend::RayQuery && number % 4 > 0 {
+            if backend == Backend::RayQuery && !number.is_multiple_of(4) {
                 continue;
             }
             let (results, words) =
