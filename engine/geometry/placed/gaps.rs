@@ -11,7 +11,7 @@ use super::distance::{Distance, Standing};
 use super::nesting::{Boxed, Group, Groups};
 use crate::error::{Error, Result};
 use crate::geometry::body::Body;
-use crate::geometry::overlap::{Contact, ContactKind, THIN, arc};
+use crate::geometry::overlap::{Contact, ContactKind, THIN, arc, tolerance};
 use crate::geometry::search::Search;
 use crate::geometry::surface::{Surface, bounds_of, near};
 use crate::geometry::tree::Tree;
@@ -93,7 +93,11 @@ impl<'a> Field<'a> {
                 return;
             }
             let there = field.standing(member);
-            let gap = own.distance(&there, limit).filter(|_| {
+            // Instances of one object that touch are one solid.
+            let is_contact = |gap: f64| {
+                objects[0] == objects[1] && gap <= tolerance(own.bounds(), there.bounds())
+            };
+            let gap = own.distance(&there, limit).filter(|gap| !is_contact(gap.0)).filter(|_| {
                 let within = |outer: &Group, place: &Place, point: DVec3| {
                     outer.prototype.shape.is_none() && outer.contains(place, point)
                 };
