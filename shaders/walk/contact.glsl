@@ -23,9 +23,23 @@ vec3 normal_at(Bent ray, Crossing crossing, out float reach) {
     return beam_from_world(ray.line, leaf.normal);
 }
 
+#ifdef PLACED
+bool is_of_shape(Crossing crossing) {
+    Placed placed;
+    return is_shape(crossing.facet & FACET_LEAF, placed);
+}
+
+// Whether one body of an object is left and another one entered: exact shapes, for others that touch
+// are one mesh. A body that is left and entered again at one place is grazed, and may reflect.
+bool touch(Crossing before, Crossing crossing) {
+    return ((before.facet | ~crossing.facet) & FACET_ENTERED) == 0u
+        && before.surface != crossing.surface && is_of_shape(before) && is_of_shape(crossing);
+}
+#endif
+
 // Behind the last of the crossings from i on that are one interface: surfaces that pass the place of
 // the first; i + 1 where there is none. Until both an entry and an exit are among them no object
-// stands among them twice, but to be left and entered again: a thin plate is entered before it is left.
+// stands among them twice, but where bodies of one touch: a thin plate is entered before it is left.
 uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
     if (i + 1u == list.count || list_at(list, i + 1u).y - first.y > CONTACT_FAR) return i + 1u;
     vec3 direction = vec3(slope_of(ray.line), 1.0).xzy;
@@ -39,9 +53,11 @@ uint contact_end(Bent ray, Gathered list, uint i, Crossing first) {
         bool repeated = apart > CONTACT_FAR;
         for (uint k = i; k < j && !mixed; k++) {
             Crossing before = list_at(list, k);
-            // An object that is left and entered again has two bodies there, which touch.
-            bool again = ((before.facet | ~crossing.facet) & FACET_ENTERED) == 0u;
-            repeated = repeated || (!again && object_of(before) == object_of(crossing));
+            bool same = object_of(before) == object_of(crossing);
+#ifdef PLACED
+            same = same && !touch(before, crossing);
+#endif
+            repeated = repeated || same;
         }
         if (repeated) break;
         float reach;
