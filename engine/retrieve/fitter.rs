@@ -94,14 +94,14 @@ impl Fitter {
     ///
     /// ```no_run
     /// use beamlet::retrieve::{FitOptions, Fitter};
-    /// use beamlet::{Engine, EngineOptions, ndarray::Array2};
+    /// use beamlet::{Cancel, Engine, EngineOptions, ndarray::Array2};
     ///
     /// let engine = Engine::open(&EngineOptions::default())?;
     /// let offsets = [-20e-6, -10e-6, 0.0, 10e-6, 20e-6];
     /// let fitter = Fitter::new(&engine, &offsets, &FitOptions::default())?;
     /// // `[step][curve]`.
     /// let curves = Array2::<f32>::zeros((5, 1000));
-    /// println!("{:?}", fitter.fit(curves.view(), None)?.centre);
+    /// println!("{:?}", fitter.fit(curves.view(), &Cancel::default())?.centre);
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn new(engine: &Engine, offsets: &[f64], options: &FitOptions) -> Result<Self> {
