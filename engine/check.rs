@@ -5,19 +5,18 @@ use crate::detector::DetectorModel;
 use crate::geometry::{self, Defects, LoadStep, ObjectSummary, Sample, Swept};
 use crate::optics::{Mask, Optics};
 use crate::run::RunEstimate;
-use crate::run::Simulation;
 use crate::run::memory::{self, MemoryEstimate};
 use crate::scene::Scene;
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
 use crate::stack::StackShape;
-use crate::{Control, Engine, Result, run};
+use crate::{Control, Result, run};
 use serde::Serialize;
 use std::sync::Arc;
-use std::time::Instant;
 
 mod contacts;
 mod display;
+mod estimate;
 mod illumination;
 mod inputs;
 mod materials;
@@ -25,6 +24,7 @@ mod materials;
 pub use crate::detector::SubpixelGrid;
 pub use contacts::CheckedContact;
 pub use display::count;
+pub use estimate::{check_on, check_on_watched, check_with_curve};
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
 pub use inputs::load_scene;
 use materials::materials;
@@ -206,70 +206,6 @@ pub fn check_watched(
 ) -> Result<CheckReport> {
     let mut report = load_lenient(scene, memory_limit, control)?.0;
     report.work.no_estimate = Some("it needs a device".into());
-    Ok(report)
-}
-
-/// As [`check_within`], with an estimate of rays and time of a run of this engine. A part of the
-/// patches is sampled for it, for about a second beyond what a run takes to its first ray.
-///
-/// # Errors
-/// As [`check_within`]. Where the device fails, [`Work::no_estimate`] says why.
-///
-/// # Example
-///
-/// ```no_run
-/// use beamlet::check::check_on;
-/// use beamlet::{Engine, EngineOptions, scene::Scene};
-///
-/// let engine = Engine::open(&EngineOptions::default())?;
-/// let scene = Scene::load("scene.toml")?;
-/// let report = check_on(&engine, &scene)?;
-/// // For people, as `beamlet check` prints it; fields hold the numbers in SI units.
-/// println!("{report}");
-/// if let Some(estimate) = &report.work.estimate {
-///     println!("{} rays, {} s", estimate.rays, estimate.seconds);
-/// }
-/// # Ok::<(), beamlet::Error>(())
-/// ```
-pub fn check_on(engine: &Engine, scene: &Scene) -> Result<CheckReport> {
-    check_on_watched(engine, scene, &mut Control::default())
-}
-
-/// As [`check_on`]; `control` is used as in [`check_watched`].
-///
-/// # Errors
-/// As [`check_on`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
-pub fn check_on_watched(
-    engine: &Engine,
-    scene: &Scene,
-    control: &mut Control<'_>,
-) -> Result<CheckReport> {
-    let begin = Instant::now();
-    let (mut report, sample) = load_lenient(scene, engine.options().memory_limit, control)?;
-    let loaded_in = begin.elapsed().as_secs_f64();
-    // Where the device fails, the estimate says why.
-    let curve = illumination::illumination(engine, scene, &report.setup.nodes);
-    report.illumination = curve.unwrap_or(None);
-    if let Some(curve) = &report.illumination {
-        report.warnings.extend(illumination::warnings(scene, curve));
-    }
-    if !report.refusals.is_empty() {
-        report.work.no_estimate = Some("a run refuses the sample".into());
-        return Ok(report);
-    }
-    let limit = engine.options().memory_limit;
-    let objects = sample.objects.clone();
-    let made = Simulation::of_loaded(engine, scene, Some(sample), control);
-    match made.and_then(|made| made.estimate_until(&control.cancel)) {
-        Ok(estimate) => {
-            let seconds = loaded_in + estimate.seconds;
-            let rays = estimate.rays_per_view;
-            report.work.memory = memory::estimate_refined(scene, &objects, limit, rays)?;
-            report.work.estimate = Some(RunEstimate { seconds, ..estimate });
-        }
-        Err(crate::Error::Interrupted) => return Err(crate::Error::Interrupted),
-        Err(error) => report.work.no_estimate = Some(error.to_string()),
-    }
     Ok(report)
 }
 

@@ -21,11 +21,11 @@ pub(crate) struct Check {
     pub(crate) scene: SceneArguments,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
-    /// Do not estimate rays and time: needs no device, and no more memory than the meshes
-    #[arg(long, conflicts_with_all = ["device", "backend"])]
+    /// Do not estimate rays and time: needs no device without --plot, and no more memory than the meshes
+    #[arg(long)]
     pub(crate) no_estimate: bool,
     /// Draw the illumination curve into this file (.svg or .png)
-    #[arg(long, value_name = "FILE", conflicts_with = "no_estimate")]
+    #[arg(long, value_name = "FILE")]
     pub(crate) plot: Option<PathBuf>,
     /// Replace the picture if it is there
     #[arg(long, requires = "plot")]

@@ -20,6 +20,11 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
     if is_run("run.json") || is_run("progress.log") {
         return run_directory(arguments, out);
     }
+    if arguments.no_estimate && arguments.plot.is_none() && chooses_device(arguments) {
+        let problem = "--device and --backend are for the estimate and for --plot: --no-estimate takes \
+                       no device";
+        return Err(Failure::Usage(problem.into()));
+    }
     let scene = arguments.scene.load()?;
     let mut reporter = Reporter::new(arguments.messages);
     let mut progress = |progress| reporter.update(progress);
@@ -45,6 +50,10 @@ pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure
     }
 }
 
+fn chooses_device(arguments: &Check) -> bool {
+    arguments.engine.backend.choice().is_some() || arguments.engine.device.device.is_some()
+}
+
 /// Draws the illumination curve.
 fn plot(
     arguments: &Check,
@@ -67,17 +76,19 @@ fn plot(
     save_plot(&drawing, path, arguments.overwrite)
 }
 
-/// The report; without an estimate where there is no device, since the rest needs none.
+/// The report; without an estimate where there is no device, since the rest needs none but for the
+/// illumination curve.
 fn report(
     arguments: &Check,
     scene: &Scene,
     control: &mut Control<'_>,
 ) -> beamlet::Result<CheckReport> {
-    if arguments.no_estimate {
+    if arguments.no_estimate && arguments.plot.is_none() {
         return check::check_watched(scene, arguments.engine.memory_limit, control);
     }
     let engine = Engine::open(&arguments.engine.options());
     match engine {
+        Ok(engine) if arguments.no_estimate => check::check_with_curve(&engine, scene, control),
         Ok(engine) => check::check_on_watched(&engine, scene, control),
         Err(error) if arguments.engine.device.device.is_some() => Err(error),
         Err(error) => {
@@ -90,9 +101,7 @@ fn report(
 
 /// Every view of a run, and its moments, against their checksums.
 fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
-    let backend =
-        arguments.engine.backend.choice().is_some() || arguments.engine.device.device.is_some();
-    let estimate = backend || arguments.no_estimate;
+    let estimate = chooses_device(arguments) || arguments.no_estimate;
     if arguments.plot.is_some()
         || !arguments.scene.sets.is_empty()
         || arguments.engine.memory_limit.is_some()

@@ -34,6 +34,63 @@ fn the_illumination_curve_is_told_and_drawn() {
     ended(&run(here, "check scene.toml --plot curve.pdf"), 2);
 }
 
+/// Masks with these offsets in um, and a detector of a few pixels.
+fn scan(offsets: &[f64]) -> String {
+    let offsets: Vec<String> = offsets.iter().map(|offset| format!("\"{offset} um\"")).collect();
+    format!(
+        "{MASKS}\n[scan]\nmask_offsets = [{}]\n[detector]\ndistance = \"1.8 m\"\npixels = [8, 4]\n\
+         pitch = \"150 um\"\n",
+        offsets.join(", ")
+    )
+}
+
+#[test]
+fn three_offsets_are_told_what_they_settle_and_more_how_far_to_reach() {
+    let directory = tempfile::tempdir().unwrap();
+    let told = |offsets: &[f64]| {
+        std::fs::write(directory.path().join("scene.toml"), scan(offsets)).unwrap();
+        done(directory.path(), "check scene.toml")
+    };
+    let settle = |told: &str| told.lines().find(|line| line.contains("settle")).map(str::to_owned);
+    // Sigma of this set-up is 9.8 um: a reach of 2.2 sigma settles no background for three.
+    for reach in [10.0, 22.5] {
+        let line = settle(&told(&[-reach, 0.0, reach])).unwrap();
+        assert!(line.starts_with("  three offsets settle  T, alpha and sigma_DF2"), "{line}");
+        assert!(line.contains("--method three-step") && line.contains("background"), "{line}");
+    }
+    let line = settle(&told(&[-10.0, -3.0, 3.0, 10.0])).unwrap();
+    assert!(line.starts_with("warning: scan.mask_offsets cover -1.0 to 1.0 sigma"), "{line}");
+    assert_eq!(settle(&told(&[-22.5, -7.5, 7.5, 22.5])), None);
+    assert_eq!(settle(&told(&[-10.0, 10.0, 10.0])), None, "no method takes two of three");
+}
+
+#[test]
+fn the_curve_is_drawn_without_an_estimate() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let ball = "[[object]]\nname = \"ball\"\nmaterial = \"water\"\n\
+                shape = { sphere = { radius = \"0.3 mm\" } }\n";
+    let scene = [&scan(&[-25.0, -8.0, 8.0, 25.0]), ball].concat();
+    std::fs::write(here.join("scene.toml"), scene).unwrap();
+    let whole = done(here, "check scene.toml --plot whole.svg");
+    let told = done(here, "check scene.toml --plot curve.svg --no-estimate");
+    let drawn = |name: &str| std::fs::read_to_string(here.join(name)).unwrap();
+    assert!(drawn("curve.svg") == drawn("whole.svg"));
+    assert!(
+        told.contains("no estimate: it was not requested") && !told.contains("about "),
+        "{told}"
+    );
+    // All else is the same, but for the memory that refinement adds.
+    let same = |told: &str| told.split_once("\nwork").unwrap().0.to_owned();
+    assert_eq!(same(&told), same(&whole));
+    done(here, "check scene.toml --plot other.svg --no-estimate --backend bvh");
+    let told = ended(&run(here, "check scene.toml --no-estimate --backend bvh"), 2);
+    assert!(told.contains("--backend are for the estimate and for --plot"), "{told}");
+    let told = ended(&run(here, "check scene.toml --plot none.svg --no-estimate --device none"), 1);
+    assert!(told.contains("none"), "{told}");
+    assert!(!here.join("none.svg").exists());
+}
+
 #[test]
 fn a_set_up_without_a_mask_has_no_curve_to_draw() {
     let directory = tempfile::tempdir().unwrap();
