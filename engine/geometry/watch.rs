@@ -14,7 +14,8 @@ use crate::error::{Error, Result};
 pub enum LoadStep {
     /// A file is read, or a shape made; counted in bytes of the file.
     Reading,
-    /// Instances of the object are packed; random fibres are counted in fibres, others not.
+    /// Instances of the object are packed; random fibres are counted in fibres, others by an estimate
+    /// of their work.
     Packing,
     /// Equal vertices are joined, and triangles sorted for search. Not counted.
     Joining,
@@ -159,6 +160,13 @@ impl Task<'_> {
     pub(super) fn reach(self, done: u64) {
         if let Some((watch, number)) = self.0 {
             watch.slots[number].done.store(done, Ordering::Relaxed);
+        }
+    }
+
+    /// At least this much work of the step is done by now.
+    pub(super) fn reach_at_least(self, done: u64) {
+        if let Some((watch, number)) = self.0 {
+            watch.slots[number].done.fetch_max(done, Ordering::Relaxed);
         }
     }
 

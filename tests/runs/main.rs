@@ -5,6 +5,7 @@
 mod support;
 
 mod big_input;
+mod big_tiff;
 mod crash;
 #[cfg(feature = "cli")]
 mod earlier_runs;

@@ -15,6 +15,7 @@ mod packing;
 mod periodic;
 mod region;
 mod relax;
+mod share;
 mod sorted;
 mod table;
 

@@ -9,6 +9,7 @@ use glam::{DQuat, DVec3};
 
 use super::periodic::{Packed, pack as pack_periodic};
 use super::region::{Region, unit_ball};
+use super::share::{self, Share};
 use super::sorted::Cells;
 use super::{InstanceTransform, fibres, refused};
 use crate::geometry::watch::{LoadStep, Task};
@@ -28,6 +29,9 @@ const FILL_ERROR: f64 = 0.01;
 const FEW: f64 = 500.0;
 /// Most bodies in a box: those of the region, and those of its corners and of the wall.
 const MOST_IN_BOX: f64 = 2.5 * limits::INSTANCES as f64;
+
+/// Share of the work that is left which a box is told to be: more than one in fifty takes another.
+const ATTEMPT: f64 = 0.98;
 
 const SIZE: u8 = 0;
 
@@ -289,11 +293,14 @@ impl<const D: usize> Filling<'_, D> {
         let half: [f64; D] = self.region.half_sides();
         let sides = half.map(|half| (2.0 * half).max(least));
         let mut best = 0.0_f64;
-        self.task.begin(LoadStep::Packing, 0)?;
+        self.task.begin(LoadStep::Packing, share::ALL)?;
+        let mut left = Share::whole(self.task);
         for attempt in 0..self.attempts(&target) {
+            let share = left.part([0.0, ATTEMPT]);
+            left = left.part([ATTEMPT, 1.0]);
             let sizes = self.sizes(&target, &sides, attempt)?;
             let radii: Vec<f64> = sizes.iter().map(|size| contact(*size)).collect();
-            let centres = match pack_periodic(sides, &radii, spec.seed, attempt, self.task)? {
+            let centres = match pack_periodic(sides, &radii, spec.seed, attempt, share)? {
                 Packed::Whole(centres) => centres,
                 Packed::Jammed { share } => {
                     let share = if best > 0.0 { best } else { share };

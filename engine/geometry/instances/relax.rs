@@ -6,8 +6,8 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::periodic::Packed;
+use super::share::Share;
 use super::sorted::{Body, Cells, PURPOSE, Sorted};
-use crate::geometry::watch::Task;
 use crate::random::Draws;
 use crate::{Result, reserve};
 
@@ -29,6 +29,9 @@ const STEPS: [f64; 2] = [1e-3, 1.0];
 /// Share of moves that should succeed.
 const ACCEPTED: f64 = 0.4;
 
+/// Share of the work that pushing is, beside sweeps: measured with a million spheres.
+const PUSHED_SHARE: f64 = 0.44;
+
 const SHIFT: u8 = 2;
 const MOVE: u8 = 3;
 
@@ -40,7 +43,23 @@ pub(super) struct Relaxation<'a, const D: usize> {
     pub(super) fill: f64,
     pub(super) seed: u64,
     pub(super) attempt: u32,
-    pub(super) task: Task<'a>,
+    pub(super) share: Share<'a>,
+}
+
+/// What a pass makes.
+struct Pushed<const D: usize> {
+    bodies: Vec<Body<D>>,
+    /// The least distance of two before it, as a share of contact.
+    nearest: f64,
+    /// Bodies that overlapped another before it.
+    overlapping: usize,
+}
+
+/// How far bodies are pushed apart, from 0 to 1: each pass leaves a smaller part of the overlaps than
+/// the one before.
+fn pushed_apart(overlapping: usize, all: usize) -> f64 {
+    let logarithm = |count: usize| libm::log1p(count as f64);
+    (1.0 - logarithm(overlapping) / logarithm(all.max(1))).max(0.0).sqrt()
 }
 
 impl<const D: usize> Relaxation<'_, D> {
@@ -58,10 +77,12 @@ impl<const D: usize> Relaxation<'_, D> {
         let room = libm::pow(JAMMED[D - 2] / self.fill, 1.0 / D as f64) - 1.0;
         let margin = 1.0 + (room / 2.0).clamp(LEAST_MARGIN, MARGIN);
         let mut best = 0.0_f64;
+        let share = self.share.part([0.0, PUSHED_SHARE]);
         for _ in 0..PASSES {
-            self.task.check()?;
+            share.reach(0.0)?;
             let sorted = Sorted::new(&bodies, &self.cells)?;
-            let (pushed, nearest) = self.push(&sorted, margin);
+            let Pushed { bodies: pushed, nearest, overlapping } = self.push(&sorted, margin);
+            share.reach(pushed_apart(overlapping, pushed.len()))?;
             if nearest >= 1.0 {
                 return Ok(Packed::Whole(self.stir(sorted.bodies)?));
             }
@@ -71,8 +92,8 @@ impl<const D: usize> Relaxation<'_, D> {
         Ok(Packed::Jammed { share: (0..D).fold(1.0, |share, _| share * best) })
     }
 
-    /// The bodies after one pass, and the least distance of two as a share of contact, before it.
-    fn push(&self, sorted: &Sorted<D>, margin: f64) -> (Vec<Body<D>>, f64) {
+    /// The bodies after one pass.
+    fn push(&self, sorted: &Sorted<D>, margin: f64) -> Pushed<D> {
         let push = |body: &Body<D>| {
             let (mut by, mut nearest) = ([0.0; D], f64::INFINITY);
             for run in sorted.near(&self.cells, self.cells.coordinates(&body.at)) {
@@ -105,7 +126,8 @@ impl<const D: usize> Relaxation<'_, D> {
         };
         let pushed: Vec<(Body<D>, f64)> = sorted.bodies.par_iter().map(push).collect();
         let nearest = pushed.iter().fold(1.0_f64, |least, (_, nearest)| least.min(*nearest));
-        (pushed.into_iter().map(|(body, _)| body).collect(), nearest)
+        let overlapping = pushed.iter().filter(|(_, nearest)| *nearest < 1.0).count();
+        Pushed { bodies: pushed.into_iter().map(|(body, _)| body).collect(), nearest, overlapping }
     }
 
     /// Centres, in the order of the radii, after sweeps of Monte Carlo moves. Each sweep moves the box
@@ -115,12 +137,14 @@ impl<const D: usize> Relaxation<'_, D> {
     fn stir(&self, mut bodies: Vec<Body<D>>) -> Result<Vec<[f64; D]>> {
         let mut step = STEP;
         for sweep in 0..SWEEPS {
-            self.task.check()?;
+            let ends = [sweep, sweep + 1].map(|done| f64::from(done) / f64::from(SWEEPS));
+            let share = self.share.part([PUSHED_SHARE, 1.0]).part(ends);
+            share.reach(0.0)?;
             let mut draws = Draws::new(self.seed, [sweep, self.attempt, 0], SHIFT);
             let shift: [f64; D] = std::array::from_fn(|k| draws.uniform() * self.cells.sides[k]);
             bodies.par_iter_mut().for_each(|body| body.at = self.cells.moved(&body.at, &shift));
             let mut sorted = Sorted::new(&bodies, &self.cells)?;
-            let moved = self.sweep(&mut sorted, sweep, step);
+            let moved = self.sweep(&mut sorted, sweep, step, share)?;
             bodies = sorted.bodies;
             let wanted = moved as f64 > ACCEPTED * bodies.len() as f64;
             step = (if wanted { step * 1.2 } else { step / 1.2 }).clamp(STEPS[0], STEPS[1]);
@@ -133,7 +157,13 @@ impl<const D: usize> Relaxation<'_, D> {
     }
 
     /// One sweep with moves of up to `step` radii along each axis; the number of moves.
-    fn sweep(&self, sorted: &mut Sorted<D>, sweep: u32, step: f64) -> usize {
+    fn sweep(
+        &self,
+        sorted: &mut Sorted<D>,
+        sweep: u32,
+        step: f64,
+        share: Share<'_>,
+    ) -> Result<usize> {
         let length = self.cells.counts[D - 1];
         let mut moved = 0;
         for colour in 0..1_usize << D {
@@ -152,8 +182,9 @@ impl<const D: usize> Relaxation<'_, D> {
                 sorted.bodies[index] = body;
                 moved += 1;
             }
+            share.reach((colour + 1) as f64 / f64::from(1 << D))?;
         }
-        moved
+        Ok(moved)
     }
 
     /// The bodies of these cells that moved, with their indices.

@@ -204,15 +204,43 @@ fn cuts_are_told_measured_by_check_alone_and_end_where_they_are_cancelled() {
 
 /// A scene whose packing takes any machine many seconds: a million spheres.
 fn with_spheres() -> Workplace {
+    packed(1_000_000, 2.4)
+}
+
+/// A scene with so many spheres in a cube of this edge, mm.
+fn packed(count: u32, edge: f64) -> Workplace {
     let place = workplace();
     let text = fs::read_to_string(place.path("scene.toml")).unwrap();
     let (setup, _) = text.split_once("[[object]]").unwrap();
-    let spheres = "[[object]]\nname = \"powder\"\nmaterial = \"water\"\n\
-                   shape = { sphere = { radius = \"10 um\" } }\n\
-                   [object.instances]\npacking = \"spheres\"\ncount = 1000000\n\
-                   region = { box = { size = [\"2.4 mm\", \"2.4 mm\", \"2.4 mm\"] } }\n";
-    fs::write(place.path("scene.toml"), [setup, spheres].concat()).unwrap();
+    let spheres = format!(
+        "[[object]]\nname = \"powder\"\nmaterial = \"water\"\n\
+         shape = {{ sphere = {{ radius = \"10 um\" }} }}\n\
+         [object.instances]\npacking = \"spheres\"\ncount = {count}\n\
+         region = {{ box = {{ size = [\"{edge} mm\", \"{edge} mm\", \"{edge} mm\"] }} }}\n"
+    );
+    fs::write(place.path("scene.toml"), [setup, &spheres].concat()).unwrap();
     place
+}
+
+#[test]
+fn packings_tell_how_far_they_are() {
+    let scene = Scene::load(packed(300_000, 1.64).path("scene.toml")).unwrap();
+    let (mut shares, cancel) = (Vec::new(), Cancel::default());
+    let mut told = |progress: Progress| {
+        let Progress::Loading(it) = progress else { panic!("{progress:?}") };
+        if it.step == LoadStep::Packing {
+            assert!(it.total > 0, "{it:?}");
+            shares.push(it.done as f64 / it.total as f64);
+        }
+        end_at(&cancel, !shares.is_empty() && it.step != LoadStep::Packing);
+    };
+    let control = &mut Control::default().with_progress(&mut told).with_cancel(cancel.clone());
+    let ended = check::check_watched(&scene, None, control);
+    assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
+    assert!(shares[0] <= 0.0 && shares.is_sorted(), "{shares:?}");
+    assert!((0.7..=1.0).contains(&shares[shares.len() - 1]), "{shares:?}");
+    let jump = shares.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
+    assert!(jump < 0.5, "{shares:?}");
 }
 
 /// The clocks that were shown beside a word, in seconds, in their order.
