@@ -3,20 +3,25 @@
 //! One estimate serves `check`, which reports it, and the run, which chooses its bands by it.
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
+mod ask;
+mod program;
 mod rays;
 
 use crate::detector::SubpixelGrid;
-use crate::geometry::{self, ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
+use crate::geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
 use crate::numbers;
 use crate::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh};
 use crate::stack::StackShape;
-use crate::{Error, Result, reserve};
+use crate::{Error, Result};
+pub use ask::require_memory;
+pub(crate) use ask::{ask_for_run, check_before_loading};
+use program::program;
 use rays::{beamlets, cell_rays};
 use serde::Serialize;
 use std::collections::BTreeSet;
 
-/// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
-const PROGRAM: u64 = 122 << 20;
+/// What a limit leaves for one patch in refinement at least.
+const ONE_PATCH: u64 = 12 << 20;
 /// Peak bytes on the host per triangle while the tree is built, all meshes read.
 const BUILD: u64 = 320;
 /// Bytes on the host per triangle that stay: vertices, indices, components.
@@ -41,6 +46,8 @@ const REFINED_USUALLY: u64 = 4;
 const CROWDED: u64 = 1400;
 /// Largest number of them: beyond it patches are refined in turn.
 const MOST_CROWDED: u64 = 2 * RAYS[0];
+/// Of these, what the ray takes that a rectangle begins with.
+const BASE: u64 = 160;
 /// Bytes on the host per ray and material under a spectrum: moments at both ends of cells.
 const KEPT_MOMENTS: u64 = 40;
 /// Bytes on the host per ray under a spectrum: cells by their way through the masks.
@@ -78,6 +85,9 @@ pub struct MemoryEstimate {
     pub device_bytes: u64,
     /// Host and device together, at their peak.
     pub peak_bytes: u64,
+    /// What a limit leaves for refinement, host and device together.
+    #[serde(skip)]
+    pub(crate) left_for_refinement: Option<u64>,
 }
 
 /// Triangles of objects that cut others or are cut.
@@ -105,6 +115,8 @@ impl HostAndDevice {
 /// What the estimate needs of a scene.
 #[derive(Debug)]
 struct Needs {
+    /// Program, driver and kernels.
+    program: u64,
     triangles: u64,
     instances: u64,
     /// Of them, those of objects that meet.
@@ -168,50 +180,6 @@ pub(crate) fn estimate_refined(
     Ok(needs.at(first.band_rows, first.rays_at_once))
 }
 
-/// Refuses meshes that cannot fit in the limit before they are read.
-///
-/// # Errors
-/// [`Error::Memory`] where they cannot.
-pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
-    let triangles = geometry::triangles_in_files(scene);
-    let needed = PROGRAM.saturating_add(BUILD.saturating_mul(triangles));
-    match limit {
-        Some(limit) if needed > limit => Err(Error::Memory {
-            purpose: format!("the tree over {triangles} triangles"),
-            needed,
-            available: Some(limit),
-            remedy: "raise the memory limit, or simplify the meshes".into(),
-        }),
-        _ => Ok(()),
-    }
-}
-
-/// Asks for the bytes that work in many pieces is about to take, so that their lack is an error
-/// before it begins. They are given back at once; `purpose` stands in the error.
-///
-/// # Errors
-/// [`Error::Memory`] where they are not to be had.
-pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
-    reserve::ask(bytes, purpose, reserve::REMEDY)
-}
-
-/// Whether what a run takes at its peak is to be had now, but for copies of frames, which not every
-/// format makes.
-///
-/// # Errors
-/// [`Error::Memory`] where it is not.
-pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()> {
-    let frames = FRAME_COPIES * StackShape::of(scene)?.frame_bytes();
-    let bytes = estimate.peak_bytes.saturating_sub(PROGRAM).saturating_sub(frames);
-    let rows = estimate.band_rows;
-    let purpose = format!("a run in bands of {rows} rows");
-    reserve::ask(
-        bytes,
-        &purpose,
-        "set a lower memory limit, for smaller bands, or lift that of the system",
-    )
-}
-
 impl Needs {
     fn of(scene: &Scene, objects: &[ObjectSummary]) -> Result<Self> {
         let extent = StackShape::of(scene)?;
@@ -252,6 +220,7 @@ impl Needs {
         };
         let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
         Ok(Self {
+            program: program(scene),
             triangles: objects.iter().map(|o| o.triangles as u64).sum(),
             instances: objects.iter().map(|o| o.instances as u64).sum(),
             cut: cut_triangles(objects),
@@ -281,12 +250,17 @@ impl Needs {
         let mut rays = RAYS[0];
         let all = self.rows;
         if let Some(rows) = band_rows {
-            return Ok(self.at(rows.clamp(1, all), rays));
+            let rows = rows.clamp(1, all);
+            let left_for_refinement = limit.map(|limit| self.left(limit, rows, rays));
+            return Ok(MemoryEstimate { left_for_refinement, ..self.at(rows, rays) });
         }
         let Some(limit) = limit else {
             let rows = (BAND / self.row_bytes().max(1)).clamp(1, all.into());
             return Ok(self.at(u32::try_from(rows).unwrap_or(all), rays));
         };
+        let patch = if self.cells && self.rays > 0 { ONE_PATCH } else { 0 };
+        let all_of_it = limit;
+        let limit = limit.saturating_sub(patch);
         // Rays get up to half of what one row leaves: small groups keep a device less busy.
         let one_row = self.run(1, 0).sum();
         let half = limit.saturating_sub(one_row) / 2;
@@ -295,11 +269,13 @@ impl Needs {
         }
         let least = self.at(1, rays);
         if least.peak_bytes > limit {
-            return Err(self.refuse(scene, &least, limit));
+            return Err(self.refuse(scene, &least, [all_of_it, patch]));
         }
         let fixed = self.run(0, rays).sum();
         let rows = ((limit - fixed) / self.row_bytes().max(1)).clamp(1, all.into());
-        Ok(self.at(u32::try_from(rows).unwrap_or(all), rays))
+        let rows = u32::try_from(rows).unwrap_or(all);
+        let left_for_refinement = Some(self.left(all_of_it, rows, rays));
+        Ok(MemoryEstimate { left_for_refinement, ..self.at(rows, rays) })
     }
 
     /// Sums on the device, intensities on the host.
@@ -311,7 +287,7 @@ impl Needs {
         let n = self.triangles;
         let instances = self.instances();
         let program = |bytes: HostAndDevice| HostAndDevice {
-            host: bytes.host.saturating_add(PROGRAM),
+            host: bytes.host.saturating_add(self.program),
             ..bytes
         };
         let phases = [
@@ -342,7 +318,25 @@ impl Needs {
             host_bytes: peak(|b| b.host),
             device_bytes: peak(|b| b.device),
             peak_bytes: peak(HostAndDevice::sum),
+            left_for_refinement: None,
         }
+    }
+
+    /// What a limit leaves for refinement in bands of `band_rows` rows.
+    fn left(&self, limit: u64, band_rows: u32, rays_at_once: u64) -> u64 {
+        let rays = self.rays_together(rays_at_once);
+        let others = self.run(band_rows, rays_at_once).sum() - self.refinement(rays);
+        limit.saturating_sub(others).saturating_sub(BASE * rays)
+    }
+
+    /// Rays of a group of rows.
+    fn rays_together(&self, rays_at_once: u64) -> u64 {
+        rays_at_once.max(self.row_rays).min(self.rays)
+    }
+
+    /// Bytes of the refinement of as many rays.
+    const fn refinement(&self, rays: u64) -> u64 {
+        if self.cells { self.ray_host * rays } else { 0 }
     }
 
     /// What stands in many places.
@@ -355,10 +349,10 @@ impl Needs {
 
     /// While views are traced and illuminated in bands of `rows` rows.
     fn run(&self, band_rows: u32, rays_at_once: u64) -> HostAndDevice {
-        let rays = rays_at_once.max(self.row_rays).min(self.rays);
+        let rays = self.rays_together(rays_at_once);
         let band = u64::from(band_rows) + self.beside;
-        let refined = if self.cells { self.ray_host * rays } else { 0 };
-        let host = PROGRAM
+        let refined = self.refinement(rays);
+        let host = self.program
             + KEPT * self.triangles
             + self.instances().host
             + BEAMLET * self.beamlets
@@ -377,7 +371,7 @@ impl Needs {
         }
     }
 
-    fn refuse(&self, scene: &Scene, least: &MemoryEstimate, limit: u64) -> Error {
+    fn refuse(&self, scene: &Scene, least: &MemoryEstimate, [limit, patch]: [u64; 2]) -> Error {
         let [columns, _] = scene.detector.pixels;
         let steps = self.steps;
         let geometry = self.at(1, least.rays_at_once).peak_bytes - least.band_bytes;
@@ -392,7 +386,7 @@ impl Needs {
                  {} triangles in memory,",
                 self.triangles
             ),
-            needed: least.peak_bytes,
+            needed: least.peak_bytes + patch,
             available: Some(limit),
             remedy: remedy.into(),
         }

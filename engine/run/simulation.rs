@@ -107,6 +107,16 @@ impl<'e> Simulation<'e> {
         &self.detector
     }
 
+    /// What refinement may hold.
+    fn room(&self) -> sampling::Room {
+        let limit = self.options().memory_limit.zip(self.memory.left_for_refinement);
+        sampling::Room {
+            rays_at_once: numbers::length(self.memory.rays_at_once),
+            limit: limit.map(<[u64; 2]>::from),
+            words: self.recording.as_ref().map_or(0, sampling::MomentRecording::words),
+        }
+    }
+
     /// Words of a ray's moments.
     pub(super) fn moment_words(&self) -> usize {
         self.media.moment_words()

@@ -1,13 +1,14 @@
 //! Cells in batches, as they go to the illumination: cell rows of cells side by side in x, each of
 //! one interval of z of a row.
 
-use super::cell_moments::CellMoments;
+use super::cell_moments::{CellMoments, ExactCell};
 use super::lattice::Lattice;
 use crate::interface::{Cell, CellRow};
 use crate::numbers::{self, single};
 use crate::parallel;
 use crate::trace::Tally;
 use bytemuck::Pod;
+use std::borrow::Cow;
 use std::ops::Range;
 
 /// Cells narrower than this may deflect light by any amount, m.
@@ -69,6 +70,48 @@ impl CellBatch {
         all.cells = join(&mut parts, |part| &mut part.cells);
         all.moments.ends = join(&mut parts, |part| &mut part.moments.ends);
         all
+    }
+
+    /// The cells in parts of whole cell rows, with about `most` cells each; without counts. What is
+    /// made of cells may take many times their memory.
+    pub(crate) fn parts(&self, most: usize) -> impl Iterator<Item = Cow<'_, Self>> {
+        let mut rest = &self.cell_rows[..];
+        std::iter::from_fn(move || {
+            let mut cells = 0;
+            let fits = |row: &&CellRow| {
+                let fits = cells < most;
+                cells += row.cell_count as usize;
+                fits
+            };
+            let (some, after) = rest.split_at(rest.iter().take_while(fits).count());
+            let is_all = some.len() == self.cell_rows.len();
+            rest = after;
+            (!some.is_empty())
+                .then(|| if is_all { Cow::Borrowed(self) } else { Cow::Owned(self.part(some)) })
+        })
+    }
+
+    /// Some of the cell rows with their cells.
+    fn part(&self, rows: &[CellRow]) -> Self {
+        let words = self.moments.ends.len() / self.cells.len().max(1);
+        let mut part = Self::default();
+        for row in rows {
+            let first = numbers::count(part.cells.len());
+            let range = row.first_cell as usize..(row.first_cell + row.cell_count) as usize;
+            let exact = &self.moments.exact;
+            let [begin, end] = [range.start, range.end]
+                .map(|at| exact.partition_point(|e| (e.cell as usize) < at));
+            part.moments.exact.extend(
+                exact[begin..end]
+                    .iter()
+                    .map(|e| ExactCell { cell: e.cell - row.first_cell + first, ..*e }),
+            );
+            let ends = words * range.start..words * range.end;
+            part.moments.ends.extend_from_slice(&self.moments.ends[ends]);
+            part.cells.extend_from_slice(&self.cells[range]);
+            part.cell_rows.push(CellRow { first_cell: first, ..*row });
+        }
+        part
     }
 
     /// Cell rows of about equal size side by side: invocations of a subgroup wait for one another.

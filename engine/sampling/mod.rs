@@ -27,9 +27,11 @@ mod ray_error;
 mod rectangle;
 mod refinement;
 mod response;
+mod room;
 mod row_spread;
 mod rows;
 mod sheets;
+mod step_shares;
 mod survey;
 mod touched;
 
@@ -43,5 +45,6 @@ pub(crate) use lattice::beamlet_geometry;
 pub(crate) use moment_recording::MomentRecording;
 pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds};
 pub(crate) use response::Response;
+pub(crate) use room::Room;
 pub(crate) use rows::{ViewContext, sample_rows};
 pub(crate) use survey::{RowsCost, survey_rows};

@@ -72,7 +72,7 @@ impl MomentRecording {
     }
 
     /// Words of the moments of a ray.
-    pub(super) const fn words(&self) -> usize {
+    pub(crate) const fn words(&self) -> usize {
         self.words
     }
 

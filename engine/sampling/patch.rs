@@ -168,23 +168,33 @@ impl Patch {
 
     /// Takes its facets; it does not slant.
     pub(super) fn set_facets(&mut self, facets: Vec<PatchFacet>) {
-        let all: Vec<u32> = (0..numbers::count(facets.len())).collect();
+        let all = numbers::count(facets.len());
+        self.list = (0..all).collect();
         self.facets = Some(facets);
         for node in 0..self.nodes.len() {
-            self.list_facets(node, &all);
+            self.list_facets(node, [0, all]);
         }
     }
 
-    /// Lists those of some facets that touch a rectangle.
-    fn list_facets(&mut self, node: usize, some: &[u32]) {
+    /// Lists those of the facets of `before`, a range of the list, that touch a rectangle.
+    fn list_facets(&mut self, node: usize, before: [u32; 2]) {
         let Some(facets) = &self.facets else { return };
         let node = &mut self.nodes[node];
-        let first = numbers::count(self.list.len());
+        let first = self.list.len();
         let [centre, half] = middle(node.x, node.z);
-        let touches =
-            |index: &&u32| facets[**index as usize].overlap(centre, half) != Overlap::None;
-        self.list.extend(some.iter().filter(touches));
-        node.facets = [first, numbers::count(self.list.len())];
+        for at in before[0]..before[1] {
+            let index = self.list[at as usize];
+            if facets[index as usize].overlap(centre, half) != Overlap::None {
+                self.list.push(index);
+            }
+        }
+        let end = self.list.len();
+        node.facets = [first, end].map(|n| numbers::count(n));
+        // Where facets are larger than rectangles, lists would be copies of one another.
+        if end - first == (before[1] - before[0]) as usize {
+            self.list.truncate(first);
+            node.facets = before;
+        }
     }
 
     /// Facets that may touch a rectangle.
@@ -198,14 +208,13 @@ impl Patch {
         let parent = self.nodes[index as usize];
         let first = numbers::count(self.nodes.len());
         self.nodes[index as usize].split = Some((axis, first));
-        let some = self.facets_of(index).to_vec();
         for i in 0..PARTS {
             let (x, z) = match axis {
                 Axis::X => (part(parent.x, i, PARTS), parent.z),
                 Axis::Z => (parent.x, part(parent.z, i, PARTS)),
             };
             self.nodes.push(Node::new(x, z, parent.result));
-            self.list_facets(self.nodes.len() - 1, &some);
+            self.list_facets(self.nodes.len() - 1, parent.facets);
         }
         self.splits += 1;
         first..first + PARTS
@@ -258,6 +267,14 @@ impl Patch {
     /// What it holds in memory, in rectangles.
     pub(super) fn size(&self) -> usize {
         self.nodes.len() + self.list.len() / FACETS_OF_A_RECTANGLE + self.pieces.len()
+    }
+
+    /// Bytes that it holds.
+    pub(super) fn bytes(&self) -> usize {
+        self.nodes.capacity() * size_of::<Node>()
+            + 4 * self.list.capacity()
+            + self.pieces.capacity() * size_of::<Piece>()
+            + self.facets.as_ref().map_or(0, |facets| facets.len() * size_of::<PatchFacet>())
     }
 
     /// Indices of the leaves.

@@ -3,6 +3,7 @@
 use super::error_estimate::{CellError, Estimator, SPREAD};
 use super::patch::{Axis, Known, Patch};
 use super::response::Opening;
+use super::step_shares::{StepRun, step_runs};
 use crate::numbers::{self, single};
 
 /// Rectangles that would hold this part of the budget, were all like them, are not split.
@@ -39,13 +40,17 @@ pub(super) struct NarrowComponent {
 #[derive(Debug, Default)]
 pub(super) struct KnownErrors {
     errors: Vec<Option<CellError>>,
-    /// Places of their shares in `shares`.
+    /// Places of their runs in `runs`.
     seen: Vec<Option<[u32; 2]>>,
-    /// Mask steps that see a rectangle, each with the share of it that is open.
-    shares: Vec<(u32, f32)>,
+    /// Mask steps that see a rectangle.
+    runs: Vec<StepRun>,
 }
 
 impl KnownErrors {
+    /// Bytes of a node, about: few runs of steps see it.
+    pub(super) const NODE: usize =
+        size_of::<Option<CellError>>() + size_of::<Option<[u32; 2]>>() + 2 * size_of::<StepRun>();
+
     /// Forgets the error of a node: a neighbour has changed.
     pub(super) fn forget(&mut self, node: u32) {
         if let Some(error) = self.errors.get_mut(node as usize) {
@@ -53,10 +58,17 @@ impl KnownErrors {
         }
     }
 
-    /// The error of a leaf, and its shares.
-    fn of(&self, node: u32) -> Option<(&CellError, &[(u32, f32)])> {
+    /// The error of a leaf, and the steps that see it.
+    fn of(&self, node: u32) -> Option<(&CellError, &[StepRun])> {
         let [first, end] = self.seen[node as usize]?;
-        Some((self.errors[node as usize].as_ref()?, &self.shares[first as usize..end as usize]))
+        Some((self.errors[node as usize].as_ref()?, &self.runs[first as usize..end as usize]))
+    }
+
+    /// Bytes that it holds.
+    pub(super) fn bytes(&self) -> usize {
+        self.errors.capacity() * size_of::<Option<CellError>>()
+            + self.seen.capacity() * size_of::<Option<[u32; 2]>>()
+            + self.runs.capacity() * size_of::<StepRun>()
     }
 }
 
@@ -137,9 +149,9 @@ impl Estimator<'_> {
                 known_errors.errors[index] = Some(self.cell_error(patch, leaf));
             }
             if known_errors.seen[index].is_none() {
-                let first = known_errors.shares.len();
-                shares(patch, leaf, openings, &mut known_errors.shares);
-                let range = [first, known_errors.shares.len()];
+                let first = known_errors.runs.len();
+                step_runs(patch, leaf, openings, &mut known_errors.runs);
+                let range = [first, known_errors.runs.len()];
                 known_errors.seen[index] = Some(range.map(|n| numbers::count(n)));
             }
         }
@@ -158,17 +170,17 @@ impl Estimator<'_> {
         self.complete(patch, openings, known_errors);
         let leaves = || {
             patch.leaves().filter_map(|leaf| {
-                let (error, shares) = known_errors.of(leaf)?;
-                Some((error, &patch.nodes[leaf as usize].known, shares))
+                let (error, runs) = known_errors.of(leaf)?;
+                Some((error, &patch.nodes[leaf as usize].known, runs))
             })
         };
         let mut steps = vec![StepError::default(); self.response.steps()];
         let (mut silhouette, mut count) = (false, 0_u32);
-        for (error, known, shares) in leaves() {
+        for (error, known, runs) in leaves() {
             silhouette |= error.silhouette;
             count += 1;
-            for (step, share) in shares {
-                steps[*step as usize].add(&StepError::of(error, known, *share));
+            for (step, share) in runs.iter().flat_map(StepRun::steps) {
+                steps[step as usize].add(&StepError::of(error, known, share));
             }
         }
         let worst = steps.iter().map(|step| step.light).fold(0.0, f64::max).sqrt();
@@ -192,31 +204,30 @@ impl Estimator<'_> {
             return result;
         }
         let mut scored = Vec::new();
-        for (error, known, shares) in leaves() {
+        for (error, known, runs) in leaves() {
             let may_move = bounded && error.moment > 0.0;
             let bound = f64::from(error.light).powi(2) / light * f64::from(count);
             if bound < NEGLIGIBLE && !may_move && narrow.is_empty() {
                 continue;
             }
-            if let Some(axis) = self.may_hide(patch, error, narrow, !shares.is_empty()) {
+            if let Some(axis) = self.may_hide(patch, error, narrow, !runs.is_empty()) {
                 result.splits.push((error.node, axis));
                 continue;
             }
-            let of =
-                |(step, share): &(u32, f32)| excess(*step, &StepError::of(error, known, *share));
-            let score = shares.iter().map(of).fold(0.0, f64::max);
+            let of = |(step, share)| excess(step, &StepError::of(error, known, share));
+            let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
-                scored.push((score, error, known, shares));
+                scored.push((score, error, known, runs));
             }
         }
         scored.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.node.cmp(&b.1.node)));
-        for (_, error, known, shares) in scored {
+        for (_, error, known, runs) in scored {
             if left.iter().all(|excess| *excess <= 1.0) {
                 break;
             }
-            for (step, share) in shares {
-                let own = excess(*step, &StepError::of(error, known, *share));
-                left[*step as usize] -= (1.0 - LEFT) * own;
+            for (step, share) in runs.iter().flat_map(StepRun::steps) {
+                let own = excess(step, &StepError::of(error, known, share));
+                left[step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
             let possible = |axis: &Axis| patch.can_split(error.node, *axis, self.least);
@@ -252,30 +263,5 @@ impl Estimator<'_> {
             let high = node.height() > n.height && patch.can_split(error.node, Axis::Z, self.least);
             if wide { Some(Axis::X) } else { high.then_some(Axis::Z) }
         })
-    }
-}
-
-/// Appends the share of a rectangle that each opening shows, of those that show any.
-fn shares(patch: &Patch, leaf: u32, openings: &[Opening], out: &mut Vec<(u32, f32)>) {
-    let node = &patch.nodes[leaf as usize];
-    let width = node.width();
-    let middle = patch.shear * (node.centre()[1] - 0.5);
-    let slant = patch.shear * node.height();
-    let heights: &[f32] =
-        if slant.abs() > 0.1 * width { &[-1.0 / 3.0, 0.0, 1.0 / 3.0] } else { &[0.0] };
-    let first = out.len();
-    for opening in openings {
-        let at = |height: &f32| {
-            let x = node.x.map(|x| x + middle + slant * height);
-            (x[1].min(opening.x[1]) - x[0].max(opening.x[0])).max(0.0)
-        };
-        let share = heights.iter().map(at).sum::<f32>() / (heights.len() as f32 * width);
-        if share > 0.0 {
-            // Both ends of an opening that leaves the period at one side belong to one step.
-            match out[first..].iter_mut().find(|(step, _)| *step == opening.step) {
-                Some((_, known)) => *known += share,
-                None => out.push((opening.step, share)),
-            }
-        }
     }
 }

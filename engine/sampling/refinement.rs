@@ -2,6 +2,7 @@
 //! every budget holds. All patches ask for their rays together, so that the device gets many.
 
 mod facets;
+mod held;
 
 use super::ViewContext;
 use super::alignment::Scanlines;
@@ -17,6 +18,8 @@ use crate::cancel::Cancel;
 use crate::interface::{Ray, RayResult};
 use crate::numbers::{self, single};
 use crate::trace::Tracer;
+use held::Held;
+pub(super) use held::{Refined, bytes_of};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -41,7 +44,6 @@ const LINES: u32 = 3;
 #[derive(Debug)]
 pub(super) struct PatchWork {
     pub(super) patch: Patch,
-    openings: Vec<Opening>,
     narrow: Vec<NarrowComponent>,
     pub(super) rays: u32,
     /// Estimated error of the recorded value that has the largest.
@@ -94,7 +96,7 @@ impl<'a> Refiner<'a> {
     }
 
     /// A patch with its base rays; nothing where no light of it can reach the recorded rows.
-    pub(super) fn begin(&self, (beamlet, row): (i64, i64)) -> Option<PatchWork> {
+    fn begin(&self, (beamlet, row): (i64, i64)) -> Option<PatchWork> {
         let base = self.estimator.base;
         let results = base.patch(beamlet, row)?;
         let period = single(self.view.lattice.period);
@@ -103,9 +105,7 @@ impl<'a> Refiner<'a> {
         if narrow.is_empty() && self.cannot_reach(&patch) {
             return None;
         }
-        let column = self.estimator.column(beamlet);
         let mut work = PatchWork {
-            openings: self.view.response.openings(column),
             narrow,
             rays: numbers::count(results.len()),
             light: 0.0,
@@ -118,6 +118,22 @@ impl<'a> Refiner<'a> {
         };
         self.take_facets(&mut work);
         Some(work)
+    }
+
+    fn openings(&self, patch: &Patch) -> Vec<Opening> {
+        self.view.response.openings(self.estimator.column(patch.beamlet))
+    }
+
+    /// Patches with their base rays, and the slants of their silhouettes.
+    pub(super) fn begin_all(
+        &self,
+        tracer: &mut Tracer,
+        patches: &[(i64, i64)],
+    ) -> Result<Vec<PatchWork>> {
+        let begun = patches.par_iter().filter_map(|at| self.begin(*at));
+        let mut work: Vec<PatchWork> = begun.collect();
+        self.align(tracer, &mut work)?;
+        Ok(work)
     }
 
     /// Number of the facets of a patch that means may be taken over.
@@ -149,7 +165,7 @@ impl<'a> Refiner<'a> {
     }
 
     /// Lets the rectangles of patches with silhouettes slant as these do.
-    pub(super) fn align(&self, tracer: &mut Tracer, work: &mut [PatchWork]) -> Result<()> {
+    fn align(&self, tracer: &mut Tracer, work: &mut [PatchWork]) -> Result<()> {
         let period = single(self.view.lattice.period);
         let base = self.estimator.base.base;
         let slants = |work: &&mut PatchWork| {
@@ -260,31 +276,33 @@ impl<'a> Refiner<'a> {
         Ok(rays.iter().map(of_patch).collect())
     }
 
-    /// Refines patches; false where several hold more than `most` rectangles before they are done.
-    /// They can be gone on with. `advance` gets how many are done.
+    /// Refines patches until several hold more than `most` rectangles together or any would hold more
+    /// than `bytes`. `advance` gets how many are done.
     pub(super) fn refine(
         &self,
         tracer: &mut Tracer,
         work: &mut [PatchWork],
-        most: usize,
+        (most, bytes): (usize, u64),
         advance: &mut dyn FnMut(&Tracer, usize),
-    ) -> Result<bool> {
+    ) -> Result<Refined> {
         let most = if work.len() > 1 { most } else { usize::MAX };
         let cancel = tracer.cancel().clone();
         let rectangles = AtomicUsize::new(work.iter().map(|work| work.patch.size()).sum());
         loop {
+            let held = Held::new(work, bytes);
             let undone = work.par_iter_mut().filter(|work| !work.done);
-            undone.for_each(|work| self.accept_or_split(work, &rectangles, most, &cancel));
+            undone.for_each(|work| self.accept_or_split(work, (&rectangles, most), &held, &cancel));
             cancel.check()?;
             let done = work.iter().filter(|work| work.done).count();
             advance(tracer, done);
             if done == work.len() {
-                return Ok(true);
+                return Ok(Refined::Done);
             }
-            if rectangles.load(Ordering::Relaxed) > most {
-                return Ok(false);
+            match held.full() {
+                0 if rectangles.load(Ordering::Relaxed) > most => return Ok(Refined::Crowded),
+                0 => self.trace_pending(tracer, work)?,
+                full => return Ok(Refined::Full(full)),
             }
-            self.trace_pending(tracer, work)?;
         }
     }
 
@@ -293,8 +311,8 @@ impl<'a> Refiner<'a> {
     fn accept_or_split(
         &self,
         work: &mut PatchWork,
-        rectangles: &AtomicUsize,
-        most: usize,
+        (rectangles, most): (&AtomicUsize, usize),
+        held: &Held,
         cancel: &Cancel,
     ) {
         while work.pending.is_empty()
@@ -303,26 +321,37 @@ impl<'a> Refiner<'a> {
             && rectangles.load(Ordering::Relaxed) <= most
             && !cancel.is_cancelled()
         {
-            let before = work.patch.size();
-            self.split_once(work);
-            rectangles.fetch_add(work.patch.size() - before, Ordering::Relaxed);
+            let before = [work.patch.size() as u64, bytes_of(std::slice::from_ref(work))];
+            if !self.split_once(work, held) {
+                return;
+            }
+            let after = [work.patch.size() as u64, bytes_of(std::slice::from_ref(work))];
+            let [size, bytes] = [0, 1].map(|i: usize| after[i].saturating_sub(before[i]));
+            rectangles.fetch_add(numbers::length(size), Ordering::Relaxed);
+            held.add(bytes);
         }
     }
 
-    fn split_once(&self, work: &mut PatchWork) {
-        let PatchWork { patch, openings, narrow, known_errors, .. } = work;
+    /// Whether there was room for it.
+    fn split_once(&self, work: &mut PatchWork, held: &Held) -> bool {
+        // Not kept: of many patches with many steps they would take more than all else.
+        let openings = self.openings(&work.patch);
+        let PatchWork { patch, narrow, known_errors, .. } = work;
         // Errors of neighbours of new rectangles are found anew.
         for node in std::mem::take(&mut work.changed) {
             let node = &patch.nodes[node as usize];
             self.estimator.leaves_beside(patch, node).for_each(|leaf| known_errors.forget(leaf));
         }
-        let error = self.estimator.patch_error(patch, openings, narrow, known_errors);
+        let error = self.estimator.patch_error(patch, &openings, narrow, known_errors);
         work.light = error.light;
         let most = self.view.budget.max_rays;
         let left = most.saturating_sub(work.rays.max(2 * work.patch.splits)) / 2;
         if error.splits.is_empty() || left == 0 {
             work.done = true;
-            return;
+            return true;
+        }
+        if !held.takes(error.splits.len().min(left as usize)) {
+            return false;
         }
         // Rays in the order of x: neighbours meet the same triangles.
         let mut splits = error.splits;
@@ -353,5 +382,6 @@ impl<'a> Refiner<'a> {
                 }
             }
         }
+        true
     }
 }

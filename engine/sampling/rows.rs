@@ -11,15 +11,15 @@ use super::moment_recording::MomentRecording;
 use super::patch::Patch;
 use super::patch_error::NarrowComponent;
 use super::projected_bounds::ProjectedBounds;
-use super::refinement::{PatchWork, Refiner};
+use super::refinement::{Refined, Refiner};
 use super::response::Response;
+use super::room::{Group, Room};
 use crate::Result;
 use crate::geometry::Sample;
 use crate::interface::Ray;
 use crate::numbers::{self, single};
 use crate::optics::Optics;
 use crate::trace::Tracer;
-use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -82,8 +82,7 @@ pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<
 pub(crate) type Advance<'a> = &'a mut dyn FnMut(&Tracer, f64);
 
 /// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
-/// which undeflected light matters; what neither stands nor lands there is left out. About
-/// `rays_at_once` rays are in memory at a time. The cells, but not their order, are the same
+/// which undeflected light matters; what neither stands nor lands there is left out. About as many rays are in memory at a time. The cells, but not their order, are the same
 /// whatever `rows` and `rays_at_once` are.
 ///
 /// # Errors
@@ -93,7 +92,7 @@ pub(crate) fn sample_rows(
     tracer: &mut Tracer,
     rows: Range<i64>,
     lit: &Range<i64>,
-    rays_at_once: usize,
+    room: &Room,
     take: Take<'_>,
     advance: Advance<'_>,
 ) -> Result<()> {
@@ -120,18 +119,16 @@ pub(crate) fn sample_rows(
     let refiner = Refiner::new(view, &base, &rows, narrow, lit);
     let mut rest = &waiting[..];
     while !rest.is_empty() {
-        let mut room = (rays_at_once / LEAVES_OF_A_PATCH).max(1);
+        let mut patches = (room.rays_at_once / LEAVES_OF_A_PATCH).max(1);
         let fits = |at: &&(i64, i64)| {
             let weight = 1 + refiner.facets_of(**at) / FACETS_OF_A_PATCH;
-            let fits = room > 0;
-            room = room.saturating_sub(weight);
+            let fits = patches > 0;
+            patches = patches.saturating_sub(weight);
             fits
         };
         let before = waiting.len() - rest.len();
         let (chunk, after) = rest.split_at(rest.iter().take_while(fits).count());
         rest = after;
-        // As many leaves as memory is reckoned for, with what they were split from.
-        let most = 2 * rays_at_once;
         let mut part = |tracer: &Tracer, done: usize| {
             advance(tracer, (before + done) as f64 / waiting.len() as f64);
         };
@@ -141,7 +138,7 @@ pub(crate) fn sample_rows(
             }));
             take(tracer, &cells)
         };
-        refined(view, &refiner, tracer, (chunk, most), lit, &mut keep, &mut part)?;
+        refined(view, &refiner, tracer, (chunk, room), lit, &mut keep, &mut part)?;
     }
     let cell = empty_cell(view.lattice);
     let words = view.recording.as_ref().map_or(0, |recording| recording.words());
@@ -159,29 +156,38 @@ pub(crate) fn sample_rows(
 pub(super) type TakeRefined<'a> =
     &'a mut dyn FnMut(&mut Tracer, CellBatch, Vec<(i64, i64)>) -> Result<()>;
 
-/// Refines patches and hands their cells over, in parts. Where the patches would hold more than
-/// `most` rectangles together, one half waits for the other. `advance` gets how many are done.
+/// Refines patches and hands their cells over, in parts. Where the patches would hold more than there
+/// is room for together, one half waits for the other. `advance` gets how many are done.
 pub(super) fn refined(
     view: &ViewContext<'_>,
     refiner: &Refiner<'_>,
     tracer: &mut Tracer,
-    (patches, most): (&[(i64, i64)], usize),
+    (patches, room): (&[(i64, i64)], &Room),
     lit: &Range<i64>,
     take: TakeRefined<'_>,
     advance: &mut dyn FnMut(&Tracer, usize),
 ) -> Result<()> {
-    let mut work: Vec<PatchWork> = patches.par_iter().filter_map(|at| refiner.begin(*at)).collect();
-    refiner.align(tracer, &mut work)?;
     let emitter = Emitter::new(view, &refiner.estimator, lit);
-    let mut groups = vec![work];
+    let mut groups = vec![Group::Begun(refiner.begin_all(tracer, patches)?)];
     let mut finished = 0;
-    while let Some(mut group) = groups.pop() {
-        let done = |group: &Vec<PatchWork>| group.iter().filter(|work| work.done).count();
-        let others = finished + groups.iter().map(done).sum::<usize>();
+    while let Some(group) = groups.pop() {
+        let mut group = match group {
+            Group::Begun(work) => work,
+            Group::Waiting(patches) => refiner.begin_all(tracer, &patches)?,
+        };
+        let others = finished + groups.iter().map(Group::done).sum::<usize>();
         let mut part = |tracer: &Tracer, done: usize| advance(tracer, others + done);
-        if !refiner.refine(tracer, &mut group, most, &mut part)? {
-            let waiting = group.split_off(group.len() / 2);
-            groups.extend([waiting, group]);
+        let waiting: u64 = groups.iter().map(Group::bytes).sum();
+        let bytes = room.bytes().saturating_sub(waiting);
+        let refined = refiner.refine(tracer, &mut group, (room.rectangles(), bytes), &mut part)?;
+        if refined != Refined::Done {
+            match (refined, &group[..]) {
+                // Their work is lost: it is done again, and comes to the same.
+                (Refined::Full(_), _) if waiting > 0 => groups.iter_mut().for_each(Group::let_go),
+                (Refined::Full(bytes), [one]) => return Err(room.too_small(&one.patch, bytes)),
+                _ => groups.push(Group::Begun(group.split_off(group.len() / 2))),
+            }
+            groups.push(Group::Begun(group));
             continue;
         }
         finished += group.len();
@@ -191,6 +197,9 @@ pub(super) fn refined(
             cells.splits += u64::from(work.patch.splits);
             cells.tally = cells.tally + tally_of(work.light, work.rays, view.budget.light);
         }
+        // Cells may take as much again.
+        drop(patches);
+        drop(group);
         cells.balance();
         take(tracer, cells, empty)?;
     }

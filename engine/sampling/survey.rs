@@ -4,6 +4,7 @@
 use super::ViewContext;
 use super::base_lattice::BaseLattice;
 use super::refinement::Refiner;
+use super::room::Room;
 use super::rows::{narrow_components, refined};
 use crate::Result;
 use crate::numbers;
@@ -12,8 +13,8 @@ use crate::trace::Tracer;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Most rectangles in memory at a time.
-const MOST_RECTANGLES: usize = 1 << 18;
+/// What is looked at takes as much memory as a run does without a limit.
+const ROOM: Room = Room { rays_at_once: 1 << 17, limit: None, words: 0 };
 
 /// Takes cells as [`super::rows::Take`] does, and returns the seconds that a run takes for them
 /// beyond those that it took itself.
@@ -121,7 +122,7 @@ pub(crate) fn survey_rows(
             view,
             &refiner,
             tracer,
-            (&chosen, MOST_RECTANGLES),
+            (&chosen, &ROOM),
             lit,
             &mut |tracer, cells, _| {
                 splits += cells.splits;

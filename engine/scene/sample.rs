@@ -191,7 +191,7 @@ pub enum Shape {
 
 impl Shape {
     /// Whether its surface is made of flat facets.
-    pub(super) const fn has_facets(&self) -> bool {
+    pub(crate) const fn has_facets(&self) -> bool {
         match self {
             Self::Box { .. } | Self::Prism { .. } | Self::Extrusion { .. } => true,
             Self::Cylinder { sides, .. }

@@ -14,9 +14,9 @@
 
 use beamlet::internals::gpu::{Device, DeviceKind, DeviceOptions};
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 /// `check` and the peak may differ by this share.
@@ -93,6 +93,13 @@ fn beamlet(place: &Path) -> Command {
 
 /// Peak resident set of a run, in bytes.
 fn peak_of(place: &Path, arguments: &[&str]) -> u64 {
+    let (peak, message, ended) = watched(place, arguments);
+    assert!(ended.success(), "{arguments:?}: {message}");
+    peak
+}
+
+/// Peak resident set of a run, in bytes, what it says, and how it ends.
+pub(super) fn watched(place: &Path, arguments: &[&str]) -> (u64, String, ExitStatus) {
     let mut command = beamlet(place);
     command.args(["simulate", "scene.toml", "-o", "run", "-q"]);
     if arguments.contains(&VIEWS) {
@@ -100,7 +107,7 @@ fn peak_of(place: &Path, arguments: &[&str]) -> u64 {
         command.args(["--format", "npy"]);
     }
     let mut child =
-        command.args(arguments).stdout(Stdio::null()).stderr(Stdio::inherit()).spawn().unwrap();
+        command.args(arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let status = format!("/proc/{}/status", child.id());
     let mut peak = 0;
     loop {
@@ -110,15 +117,16 @@ fn peak_of(place: &Path, arguments: &[&str]) -> u64 {
         let kibibytes = line.and_then(|line| line.trim().trim_end_matches(" kB").parse().ok());
         peak = kibibytes.map_or(peak, |kibibytes: u64| kibibytes << 10);
         if let Some(ended) = child.try_wait().unwrap() {
-            assert!(ended.success(), "{arguments:?}");
-            return peak;
+            let mut message = String::new();
+            child.stderr.take().unwrap().read_to_string(&mut message).unwrap();
+            return (peak, message, ended);
         }
         std::thread::sleep(Duration::from_millis(5));
     }
 }
 
 /// What `check --json` tells of the work.
-fn check(place: &Path, arguments: &[&str]) -> serde_json::Value {
+pub(super) fn check(place: &Path, arguments: &[&str]) -> serde_json::Value {
     let output = beamlet(place)
         .args(["check", "scene.toml", "--json", "--no-estimate"])
         .args(arguments)

@@ -1,6 +1,6 @@
 //! TIFF stacks beyond 4 GiB with the real program, and another reader of them.
 //!
-//! Ignored by default: minutes, 5 GiB of disk, and tifffile from PyPI.
+//! Ignored by default: minutes, 5 GiB of disk, and `tifffile` from the Python package index.
 //! `cargo test --release --test runs -- big_tiff:: --include-ignored --nocapture`
 #![cfg(all(feature = "cli", target_os = "linux"))]
 #![expect(
@@ -64,7 +64,7 @@ fn succeeded(output: &Output) {
 }
 
 #[test]
-#[ignore = "minutes, 5 GiB of disk, and tifffile from PyPI"]
+#[ignore = "minutes, 5 GiB of disk, and tifffile from the Python package index"]
 fn stacks_beyond_4_gib_are_read_back_by_beamlet_and_tifffile() {
     let place = Workplace::new(SCENE);
     let began = Instant::now();

@@ -13,6 +13,7 @@ mod endless;
 mod ends;
 mod integrity;
 mod kept;
+mod one_patch;
 mod safety;
 mod stack;
 mod stack_read;

@@ -2,7 +2,6 @@
 
 use super::Simulation;
 use crate::Result;
-use crate::numbers;
 use crate::sampling::{self, CellBatch};
 use crate::trace::Tracer;
 use std::ops::Range;
@@ -21,12 +20,12 @@ pub fn cells_of_rows(
     let mut tracer = simulation.tracer(simulation.start.backend)?;
     let view = simulation.view(view, &projected_bounds);
     let mut parts = Vec::new();
-    let at_once = numbers::length(simulation.memory.rays_at_once);
+    let room = simulation.room();
     let mut keep = |_: &mut Tracer, part: &CellBatch| {
         parts.push(part.clone());
         Ok(())
     };
     let (all, ignored) = (rows.clone(), &mut |_: &Tracer, _| {});
-    sampling::sample_rows(&view, &mut tracer, all, &rows, at_once, &mut keep, ignored)?;
+    sampling::sample_rows(&view, &mut tracer, all, &rows, &room, &mut keep, ignored)?;
     Ok(CellBatch::concat(parts))
 }

@@ -24,6 +24,9 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
+/// Cells whose energies are gathered at once: exact transport at each node takes 2 KiB and more a cell.
+const GATHERED: usize = 1 << 15;
+
 /// Seconds by stage.
 #[derive(Debug, Default)]
 pub(super) struct Seconds {
@@ -303,7 +306,9 @@ impl<'s> ViewWork<'s> {
                 keep.write(index, words, cell_rows)?;
             }
             match &simulation.spectral {
-                Some(spectral) => light(&gather(tracer, spectral, cell_rows)?),
+                Some(spectral) => cell_rows
+                    .parts(GATHERED)
+                    .try_for_each(|part| light(&gather(tracer, spectral, &part)?)),
                 None => light(std::slice::from_ref(cell_rows)),
             }
         };
@@ -314,13 +319,13 @@ impl<'s> ViewWork<'s> {
             }
             (Exposure::Sample(index), ..) if !projected_bounds.is_empty() => {
                 let view = simulation.view(index, projected_bounds);
-                let at_once = numbers::narrow::<usize>(simulation.memory.rays_at_once);
+                let room = simulation.room();
                 sampling::sample_rows(
                     &view,
                     tracer,
                     rows.clone(),
                     &lit,
-                    at_once,
+                    &room,
                     &mut add,
                     &mut advance,
                 )?;

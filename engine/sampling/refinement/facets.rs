@@ -24,7 +24,7 @@ impl Refiner<'_> {
             work.narrow.clear();
             let error = self.estimator.patch_error(
                 &work.patch,
-                &work.openings,
+                &self.openings(&work.patch),
                 &[],
                 &mut work.known_errors,
             );

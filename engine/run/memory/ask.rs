@@ -1,0 +1,51 @@
+//! Memory that is asked for before work begins.
+
+use super::program::PROGRAM;
+use super::{BUILD, FRAME_COPIES, MemoryEstimate};
+use crate::scene::Scene;
+use crate::stack::StackShape;
+use crate::{Error, Result, geometry, reserve};
+
+/// Refuses meshes that cannot fit in the limit before they are read.
+///
+/// # Errors
+/// [`Error::Memory`] where they cannot.
+pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
+    let triangles = geometry::triangles_in_files(scene);
+    let needed = PROGRAM.saturating_add(BUILD.saturating_mul(triangles));
+    match limit {
+        Some(limit) if needed > limit => Err(Error::Memory {
+            purpose: format!("the tree over {triangles} triangles"),
+            needed,
+            available: Some(limit),
+            remedy: "raise the memory limit, or simplify the meshes".into(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Asks for the bytes that work in many pieces is about to take, so that their lack is an error
+/// before it begins. They are given back at once; `purpose` stands in the error.
+///
+/// # Errors
+/// [`Error::Memory`] where they are not to be had.
+pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
+    reserve::ask(bytes, purpose, reserve::REMEDY)
+}
+
+/// Whether what a run takes at its peak is to be had now, but for copies of frames, which not every
+/// format makes.
+///
+/// # Errors
+/// [`Error::Memory`] where it is not.
+pub(crate) fn ask_for_run(scene: &Scene, estimate: &MemoryEstimate) -> Result<()> {
+    let frames = FRAME_COPIES * StackShape::of(scene)?.frame_bytes();
+    let bytes = estimate.peak_bytes.saturating_sub(PROGRAM).saturating_sub(frames);
+    let rows = estimate.band_rows;
+    let purpose = format!("a run in bands of {rows} rows");
+    reserve::ask(
+        bytes,
+        &purpose,
+        "set a lower memory limit, for smaller bands, or lift that of the system",
+    )
+}

@@ -1,0 +1,21 @@
+//! What the program itself takes.
+
+use crate::scene::{Normals, Object, Scene, ShapeOrMesh};
+
+/// Program, driver and its compiled kernels, as measured with Mesa's CPU device.
+pub(super) const PROGRAM: u64 = 122 << 20;
+/// What its kernels take beyond that where surfaces are curved, rough or in many places.
+const KERNELS: u64 = 100 << 20;
+
+/// Bytes of the program, the driver and its kernels.
+pub(super) fn program(scene: &Scene) -> u64 {
+    let is_simple = |object: &Object| {
+        let has_facets = match &object.geometry {
+            ShapeOrMesh::Shape(shape) => shape.has_facets(),
+            ShapeOrMesh::Mesh(_) => true,
+        };
+        let is_flat = has_facets && object.normals == Normals::Facets;
+        is_flat && object.instances.is_none() && object.roughness <= 0.0
+    };
+    PROGRAM + if scene.objects.iter().all(is_simple) { 0 } else { KERNELS }
+}

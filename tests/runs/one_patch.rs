@@ -1,0 +1,100 @@
+//! Memory of one beamlet and row with thousands of silhouettes, with the real program: within what
+//! `check` tells and within a limit, or an error that says so.
+#![cfg(all(feature = "cli", target_os = "linux"))]
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use super::big_input::{check, watched};
+use beamlet::internals::gpu::{Device, DeviceKind, DeviceOptions};
+use std::fs;
+use tempfile::TempDir;
+
+/// `STEPS` mask steps; 2,000 balls of gold in one pixel.
+const SCENE: &str = concat!(
+    include_str!("../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [4, 1]
+pitch = "150 um"
+
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = STEPS }
+
+[sampling]
+tolerance = 1e-6
+max_rays = RAYS
+
+[[object]]
+name = "powder"
+material = "gold"
+SHAPE
+[object.instances]
+packing = "spheres"
+count = 2000
+region = { box = { size = ["80 um", "80 um", "80 um"] } }
+"#
+);
+
+const EXACT: &str = "shape = { sphere = { radius = \"2 um\" } }";
+const FACETS: &str = "shape = { sphere = { radius = \"2 um\", sides = 8 } }";
+
+fn scene(shape: &str, steps: u32, rays: u32) -> TempDir {
+    let text = SCENE.replace("SHAPE", shape).replace("STEPS", &steps.to_string());
+    let place = tempfile::tempdir().unwrap();
+    let text = text.replace("RAYS", &rays.to_string());
+    fs::write(place.path().join("scene.toml"), text).unwrap();
+    place
+}
+
+/// Whether host and device are one process, whose resident set is all that a limit bounds.
+fn is_one_process() -> bool {
+    let device = Device::open(&DeviceOptions::default()).unwrap();
+    device.description().kind == DeviceKind::Cpu
+}
+
+const MIB: u64 = 1 << 20;
+
+#[test]
+fn a_patch_beyond_the_limit_is_an_error_and_one_within_it_has_the_same_bits() {
+    let cpu = is_one_process();
+    for shape in [EXACT, FACETS] {
+        let place = scene(shape, 5, 30_000);
+        let least = check(place.path(), &[])["peak_bytes"].as_u64().unwrap() / MIB;
+        let run = |limit: u64| {
+            let limit = format!("{limit} MiB");
+            let words = ["--format", "npy", "--overwrite", "--memory-limit", &limit];
+            let (peak, message, ended) = watched(place.path(), &words);
+            (peak, message, ended.code())
+        };
+        let bits = || fs::read(place.path().join("run/sample.npy")).unwrap();
+        let (_, message, ended) = watched(place.path(), &["--format", "npy"]);
+        assert!(ended.success(), "{message}");
+        let free = bits();
+        // Little more than what the run takes without refinement.
+        let tight = least + 14;
+        let (peak, message, code) = run(tight);
+        assert_eq!(code, Some(1), "{message}");
+        for word in ["the light of beamlet", "in row 0", "raise the memory limit or sampling.tol"] {
+            assert!(message.contains(word), "{word}: {message}");
+        }
+        assert!(!cpu || peak <= tight * MIB, "{peak}");
+        let roomy = least + 100;
+        let (peak, message, code) = run(roomy);
+        assert_eq!(code, Some(0), "{message}");
+        assert!(!cpu || peak <= roomy * MIB, "{peak}");
+        assert!(bits() == free, "a limit changes no bit");
+    }
+}
+
+#[test]
+fn a_thousand_steps_take_no_memory_by_the_rectangle() {
+    let peak = |steps| {
+        let place = scene(EXACT, steps, 20_000);
+        let (peak, message, ended) = watched(place.path(), &[]);
+        assert!(ended.success(), "{message}");
+        peak
+    };
+    // 30,000 rectangles that 400 of the steps see: 100 MiB, were each kept.
+    let (few, many) = (peak(5), peak(1000));
+    assert!(!is_one_process() || many < few + 40 * MIB, "{few} {many}");
+}
