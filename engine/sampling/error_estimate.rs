@@ -6,7 +6,8 @@
 //! that neighbour, times 1 / sqrt(12), the standard deviation of a place spread evenly over a step.
 //! By its best fit: the standard deviation of what the facets do from the fit counts, and only
 //! where windows are not straight over the rectangle, or edges of openings cut it.
-//! Errors of rectangles add up as independent ones.
+//! Errors of rectangles add up as independent ones, those of pieces as sums: along a silhouette their
+//! outlines are alike.
 
 use super::base_lattice::BaseLattice;
 use super::dissection::Piece;

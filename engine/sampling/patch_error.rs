@@ -6,7 +6,8 @@ use super::response::Opening;
 use super::step_shares::{StepRun, step_runs};
 use crate::numbers::{self, single};
 
-/// Rectangles that would hold this part of the budget, were all like them, are not split.
+/// Rectangles that would hold this part of the budget at every mask step, were all like them, are
+/// not split.
 const NEGLIGIBLE: f64 = 0.01;
 /// Part of the budget that refinement aims at for the mask step that is worst,
 const SAFETY: f64 = 0.5;
@@ -100,10 +101,14 @@ fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
     }
 }
 
-/// Squared errors of the recorded value of a mask step.
+/// Errors of the recorded value of a mask step.
 #[derive(Debug, Clone, Copy, Default)]
 struct StepError {
-    light: f64,
+    /// Of rectangles that err each in its own way, squared.
+    apart: f64,
+    /// Of pieces: along a silhouette their outlines are alike, and so are their errors.
+    together: f64,
+    /// Of the displacement, squared.
     moment: f64,
     through: f64,
 }
@@ -111,25 +116,41 @@ struct StepError {
 impl StepError {
     /// Of a rectangle that is open to a share.
     fn of(error: &CellError, known: &Known, share: f32) -> Self {
-        // The mean over all of a rectangle is exact, and so is that over nearly all of it.
-        let (light, moment) = match known {
-            Known::Ray => (share, share),
+        let through = f64::from(share * error.through);
+        let squared = |part: f32| f64::from(part * error.moment).powi(2);
+        match known {
+            Known::Ray => Self {
+                apart: f64::from(share * error.light).powi(2),
+                together: 0.0,
+                moment: squared(share),
+                through,
+            },
+            // The mean over all of a rectangle is exact, and so is that over nearly all of it.
             Known::Mean(_) | Known::Pieces(_) => {
                 let part = share.min(1.0 - share).max(0.0);
-                (part.max(share * error.whole), part)
+                let light = f64::from(part.max(share * error.whole) * error.light);
+                let is_pieces = matches!(known, Known::Pieces(_));
+                let [apart, together] = if is_pieces { [0.0, light] } else { [light * light, 0.0] };
+                Self { apart, together, moment: squared(part), through }
             }
-        };
-        Self {
-            light: f64::from(light * error.light).powi(2),
-            moment: f64::from(moment * error.moment).powi(2),
-            through: f64::from(share * error.through),
         }
     }
 
     fn add(&mut self, other: &Self) {
-        self.light += other.light;
+        self.apart += other.apart;
+        self.together += other.together;
         self.moment += other.moment;
         self.through += other.through;
+    }
+
+    /// The error of the light, squared.
+    fn light(&self) -> f64 {
+        self.part(self)
+    }
+
+    /// What it adds to the square of all of them.
+    fn part(&self, all: &Self) -> f64 {
+        self.apart + self.together * all.together
     }
 }
 
@@ -183,7 +204,7 @@ impl Estimator<'_> {
                 steps[step as usize].add(&StepError::of(error, known, share));
             }
         }
-        let worst = steps.iter().map(|step| step.light).fold(0.0, f64::max).sqrt();
+        let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
         let mut result = PatchError { splits: Vec::new(), light: worst };
         let light = (self.safety() * self.budget.light).powi(2);
         let bounded = self.budget.displacement.is_finite() && !silhouette;
@@ -191,7 +212,7 @@ impl Estimator<'_> {
         let excess = |step: u32, error: &StepError| {
             let all = &steps[step as usize];
             let moment = (self.safety() * self.budget.displacement * all.through).powi(2);
-            let of_light = if all.light > light { error.light / light } else { 0.0 };
+            let of_light = if all.light() > light { error.part(all) / light } else { 0.0 };
             if bounded && all.moment > moment {
                 of_light.max(error.moment / moment)
             } else {
@@ -206,8 +227,12 @@ impl Estimator<'_> {
         let mut scored = Vec::new();
         for (error, known, runs) in leaves() {
             let may_move = bounded && error.moment > 0.0;
-            let bound = f64::from(error.light).powi(2) / light * f64::from(count);
-            if bound < NEGLIGIBLE && !may_move && narrow.is_empty() {
+            let part = |(step, share): (u32, f32)| {
+                StepError::of(error, known, share).part(&steps[step as usize])
+            };
+            let most = runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max);
+            let negligible = most / light * f64::from(count) < NEGLIGIBLE;
+            if negligible && !may_move && narrow.is_empty() {
                 continue;
             }
             if let Some(axis) = self.may_hide(patch, error, narrow, !runs.is_empty()) {

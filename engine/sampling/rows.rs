@@ -82,8 +82,9 @@ pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<
 pub(crate) type Advance<'a> = &'a mut dyn FnMut(&Tracer, f64);
 
 /// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
-/// which undeflected light matters; what neither stands nor lands there is left out. About as many rays are in memory at a time. The cells, but not their order, are the same
-/// whatever `rows` and `rays_at_once` are.
+/// which undeflected light matters; what neither stands nor lands there is left out. `room`: what
+/// refinement may hold in memory. The cells, but not their order, are the same whatever `rows` and
+/// `room` are.
 ///
 /// # Errors
 /// As [`Tracer::trace`]; those of `take`.
