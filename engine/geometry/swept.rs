@@ -5,10 +5,20 @@ use glam::{DVec2, DVec3};
 use super::Sample;
 use super::sizes::unit_doubt;
 use crate::error::{Error, Result};
-use crate::scene::{Object, Scene, ShapeOrMesh};
+use crate::scene::{Object, Scene, Scheme, ShapeOrMesh};
+use crate::spot::deviation;
 
 /// Points of an object that are kept before their hull replaces them.
 const MOST_POINTS: usize = 1 << 20;
+
+/// Integral over one side of an edge of what a blur takes there, per standard deviation:
+/// 1 / sqrt(2 pi).
+const EDGE: f64 = 0.398_942_3;
+/// Largest change of a distribution function per relative change of its deviation: one deviation off,
+/// exp(-1/2) / sqrt(2 pi).
+const STEEPEST: f64 = 0.241_970_7;
+/// Errors of edges that are worth a warning, share of open beam.
+const LEAST_OF_EDGES: f64 = 1e-3;
 
 /// Outline of each object seen along the rotation axis, enough for its extent in any view.
 #[derive(Debug, Clone, Default)]
@@ -221,6 +231,50 @@ impl Swept {
             }
         }
         Ok(())
+    }
+
+    /// How far the blur of edges is off where it counts, in words. Without a sample mask cells are blurred by
+    /// the spot as what stands at the rotation centre is.
+    #[must_use]
+    pub fn blur_warning(&self, scene: &Scene) -> Option<String> {
+        if scene.sample_mask.is_some() || scene.sampling.scheme == Scheme::Random {
+            return None;
+        }
+        let centre = scene.source.distance;
+        let blur = |y: f64| scene.detector.distance / (centre + y) - 1.0;
+        let farthest = |outline: &Outline| {
+            let y =
+                scene.scan.angles.iter().flat_map(|angle| outline.turned(*angle)).map(|it| it.y);
+            y.max_by(|a, b| (blur(*a) - blur(0.0)).abs().total_cmp(&(blur(*b) - blur(0.0)).abs()))
+        };
+        // A bath has no edges in the field.
+        let outlines = self.outlines.iter().skip(usize::from(scene.region().is_some()));
+        let errors = [0, 1].map(|axis| {
+            let spot = deviation(scene.source.spot.fwhm()[axis]) / scene.detector.pitch[axis];
+            // An edge that takes all light: the integral over a pixel of the difference of two
+            // distribution functions, and what it is at most where pixels are smaller.
+            move |y: f64| {
+                let [own, there] = [0.0, y].map(|y| blur(y) * spot);
+                let apart = (own - there).abs();
+                (EDGE * apart).min(STEEPEST * apart / own.min(there).max(f64::MIN_POSITIVE))
+            }
+        });
+        let error = |y: f64| errors.iter().map(|error| error(y)).fold(0.0, f64::max);
+        let (y, name) = outlines
+            .filter_map(|outline| Some((farthest(outline)?, &outline.name)))
+            .max_by(|a, b| error(a.0).total_cmp(&error(b.0)))?;
+        (error(y) > LEAST_OF_EDGES).then(|| {
+            format!(
+                "without sample_mask the spot blurs edges as if they stood at the rotation centre: \
+                 those of \"{name}\" {:.1} mm {} it, by {:.1} % too {}, up to {:.0e} of open beam \
+                 where they take all light; sampling.scheme = \"random\" blurs each where it stands",
+                y.abs() * 1e3,
+                if y < 0.0 { "before" } else { "behind" },
+                100.0 * (blur(0.0) / blur(y) - 1.0).abs(),
+                if y < 0.0 { "little" } else { "much" },
+                error(y)
+            )
+        })
     }
 
     /// What of the sample may lie outside the field of view, in words; at most one sentence for

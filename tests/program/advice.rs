@@ -123,3 +123,36 @@ fn a_scan_that_settles_nothing_is_told_once_with_what_would() {
     let told = done(here, "retrieve run --counts --weights poisson -q --overwrite");
     assert!(!told.contains("has counts, too"), "{told}");
 }
+
+#[test]
+fn edges_far_from_the_rotation_centre_are_told_of_where_no_sample_mask_is() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let told = |name: &str, y: &str, more: &str| {
+        let scene = format!(
+            "[source]\ndistance = \"0.2 m\"\nspot = \"30 um\"\nenergy = \"30 keV\"\n[detector]\n\
+             distance = \"1 m\"\npixels = [40, 4]\npitch = \"50 um\"\n{more}\n[[object]]\nname = \"rod\"\n\
+             shape = \"box\"\nmaterial = \"gold\"\nsize = [\"0.1 mm\", \"1 mm\", \"0.02 mm\"]\n\
+             position = [\"0 mm\", \"{y}\", \"0 mm\"]\n"
+        );
+        std::fs::write(here.join(name), scene).unwrap();
+        done(here, &format!("check {name} --no-estimate"))
+    };
+    // From 4 to 1 / 0.1795 - 1 = 4.571 of the spot: 51.0 and 58.2 um.
+    let far = told("far.toml", "-20 mm", "");
+    assert!(
+        far.contains("\"rod\" 20.5 mm before it, by 12.5 % too little, up to 3e-2 of open beam"),
+        "{far}"
+    );
+    let behind = told("behind.toml", "20 mm", "");
+    assert!(
+        behind.contains("\"rod\" 20.5 mm behind it") && behind.contains("too much"),
+        "{behind}"
+    );
+    for quiet in [
+        told("near.toml", "0 mm", ""),
+        told("random.toml", "-20 mm", "[sampling]\nscheme = \"random\"\n"),
+    ] {
+        assert!(!quiet.contains("rotation centre"), "{quiet}");
+    }
+}
