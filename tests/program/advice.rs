@@ -132,7 +132,7 @@ fn edges_far_from_the_rotation_centre_are_told_of_where_no_sample_mask_is() {
         let scene = format!(
             "[source]\ndistance = \"0.2 m\"\nspot = \"30 um\"\nenergy = \"30 keV\"\n[detector]\n\
              distance = \"1 m\"\npixels = [40, 4]\npitch = \"50 um\"\n{more}\n[[object]]\nname = \"rod\"\n\
-             shape = \"box\"\nmaterial = \"gold\"\nsize = [\"0.1 mm\", \"1 mm\", \"0.02 mm\"]\n\
+             shape = {{ box = {{ size = [\"0.1 mm\", \"1 mm\", \"0.02 mm\"] }} }}\nmaterial = \"gold\"\n\
              position = [\"0 mm\", \"{y}\", \"0 mm\"]\n"
         );
         std::fs::write(here.join(name), scene).unwrap();
