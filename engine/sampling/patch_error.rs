@@ -114,8 +114,8 @@ struct StepError {
 }
 
 impl StepError {
-    /// Of a rectangle that is open to a share.
-    fn of(error: &CellError, known: &Known, share: f32) -> Self {
+    /// Of a rectangle that is open to a share. `alike`: pieces err together.
+    fn of(error: &CellError, known: &Known, share: f32, alike: bool) -> Self {
         let through = f64::from(share * error.through);
         let squared = |part: f32| f64::from(part * error.moment).powi(2);
         match known {
@@ -129,8 +129,9 @@ impl StepError {
             Known::Mean(_) | Known::Pieces(_) => {
                 let part = share.min(1.0 - share).max(0.0);
                 let light = f64::from(part.max(share * error.whole) * error.light);
-                let is_pieces = matches!(known, Known::Pieces(_));
-                let [apart, together] = if is_pieces { [0.0, light] } else { [light * light, 0.0] };
+                let is_together = alike && matches!(known, Known::Pieces(_));
+                let [apart, together] =
+                    if is_together { [0.0, light] } else { [light * light, 0.0] };
                 Self { apart, together, moment: squared(part), through }
             }
         }
@@ -195,13 +196,15 @@ impl Estimator<'_> {
                 Some((error, &patch.nodes[leaf as usize].known, runs))
             })
         };
+        // For any window, of which none sees all of them at its steepest, they count by themselves.
+        let alike = !self.other_energies;
         let mut steps = vec![StepError::default(); self.response.steps()];
         let (mut silhouette, mut count) = (false, 0_u32);
         for (error, known, runs) in leaves() {
             silhouette |= error.silhouette;
             count += 1;
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                steps[step as usize].add(&StepError::of(error, known, share));
+                steps[step as usize].add(&StepError::of(error, known, share, alike));
             }
         }
         let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
@@ -228,9 +231,13 @@ impl Estimator<'_> {
         for (error, known, runs) in leaves() {
             let may_move = bounded && error.moment > 0.0;
             let part = |(step, share): (u32, f32)| {
-                StepError::of(error, known, share).part(&steps[step as usize])
+                StepError::of(error, known, share, alike).part(&steps[step as usize])
             };
-            let most = runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max);
+            let most = if alike {
+                runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max)
+            } else {
+                f64::from(error.light).powi(2)
+            };
             let negligible = most / light * f64::from(count) < NEGLIGIBLE;
             if negligible && !may_move && narrow.is_empty() {
                 continue;
@@ -239,7 +246,7 @@ impl Estimator<'_> {
                 result.splits.push((error.node, axis));
                 continue;
             }
-            let of = |(step, share)| excess(step, &StepError::of(error, known, share));
+            let of = |(step, share)| excess(step, &StepError::of(error, known, share, alike));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
                 scored.push((score, error, known, runs));
@@ -251,7 +258,7 @@ impl Estimator<'_> {
                 break;
             }
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                let own = excess(step, &StepError::of(error, known, share));
+                let own = excess(step, &StepError::of(error, known, share, alike));
                 left[step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
