@@ -147,7 +147,8 @@ fn face<'a>(
 
 /// Whether a line names what follows; takes the name.
 fn is_name(word: &str, line: &str, label: &mut Label) -> bool {
-    let name = line[word.len()..].trim();
+    // Lines may begin with blanks.
+    let name = line.split_once(word).map_or("", |(_, rest)| rest).trim();
     let named = || (!name.is_empty()).then(|| name.to_owned());
     match word {
         "o" => label.objects = named().into_iter().collect(),
@@ -180,5 +181,25 @@ fn corner(word: &str, vertices: usize) -> Result<usize, String> {
         1.. if back <= vertices => Ok(back),
         ..=-1 => vertices.checked_sub(back).map(|place| place + 1).ok_or_else(bad),
         _ => Err(bad()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_found_behind_blanks_and_may_hold_any_letters() {
+        for (word, line, wanted) in [
+            ("g", "g body", "body"),
+            ("g", "  \tg body", "body"),
+            ("o", " o \u{e9}t\u{e9}", "\u{e9}t\u{e9}"),
+            ("g", "\u{2003}g x", "x"),
+        ] {
+            let mut label = Label::default();
+            is_name(word, line, &mut label);
+            let found = label.objects.iter().chain(&label.groups).next();
+            assert_eq!(found.map_or("", String::as_str), wanted, "{line:?}");
+        }
     }
 }
