@@ -233,8 +233,14 @@ impl Swept {
         Ok(())
     }
 
-    /// How far the blur of edges is off where it counts, in words. Without a sample mask cells are blurred by
-    /// the spot as what stands at the rotation centre is.
+    /// Outlines of the objects, without the region that the surroundings fill: that is as wide as it
+    /// is, and has no edges in the field.
+    fn of_objects(&self, scene: &Scene) -> impl Iterator<Item = &Outline> {
+        self.outlines.iter().skip(usize::from(scene.region().is_some()))
+    }
+
+    /// Where edges are blurred wrongly, in words. Without a sample mask cells are blurred by the spot
+    /// as an object at the rotation centre is.
     #[must_use]
     pub fn blur_warning(&self, scene: &Scene) -> Option<String> {
         if scene.sample_mask.is_some() || scene.sampling.scheme == Scheme::Random {
@@ -242,13 +248,6 @@ impl Swept {
         }
         let centre = scene.source.distance;
         let blur = |y: f64| scene.detector.distance / (centre + y) - 1.0;
-        let farthest = |outline: &Outline| {
-            let y =
-                scene.scan.angles.iter().flat_map(|angle| outline.turned(*angle)).map(|it| it.y);
-            y.max_by(|a, b| (blur(*a) - blur(0.0)).abs().total_cmp(&(blur(*b) - blur(0.0)).abs()))
-        };
-        // A bath has no edges in the field.
-        let outlines = self.outlines.iter().skip(usize::from(scene.region().is_some()));
         let errors = [0, 1].map(|axis| {
             let spot = deviation(scene.source.spot.fwhm()[axis]) / scene.detector.pitch[axis];
             // An edge that takes all light: the integral over a pixel of the difference of two
@@ -260,9 +259,11 @@ impl Swept {
             }
         });
         let error = |y: f64| errors.iter().map(|error| error(y)).fold(0.0, f64::max);
-        let (y, name) = outlines
-            .filter_map(|outline| Some((farthest(outline)?, &outline.name)))
-            .max_by(|a, b| error(a.0).total_cmp(&error(b.0)))?;
+        let points = self.of_objects(scene).flat_map(|outline| {
+            let turned = scene.scan.angles.iter().flat_map(|angle| outline.turned(*angle));
+            turned.map(|point| (point.y, &outline.name))
+        });
+        let (y, name) = points.max_by(|a, b| error(a.0).total_cmp(&error(b.0)))?;
         (error(y) > LEAST_OF_EDGES).then(|| {
             format!(
                 "without sample_mask the spot blurs edges as if they stood at the rotation centre: \
@@ -284,9 +285,7 @@ impl Swept {
         let half = scene.detector.size().map(|side| side / 2.0);
         let centre = scene.source.distance;
         let mut warnings = Vec::new();
-        // A bath is as wide as it is.
-        let region = usize::from(scene.region().is_some());
-        for outline in self.outlines.iter().skip(region) {
+        for outline in self.of_objects(scene) {
             // Greatest distance from the detector's centre over the views, and its angle.
             let mut worst = [(0.0, 0.0); 2];
             for angle in &scene.scan.angles {

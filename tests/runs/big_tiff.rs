@@ -10,6 +10,7 @@
 )]
 
 use crate::support::program::{Workplace, ended};
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::Read;
 use std::process::{Command, Output};
@@ -53,9 +54,9 @@ for name, views in [("flat", 1), ("sample", 6)]:
             assert wanted == "sha256:" + found.hexdigest(), (name, view)
 "#;
 
-fn python(place: &Workplace, words: &[&str]) {
-    let output = Command::new("python3").args(words).current_dir(place.path("")).output().unwrap();
-    succeeded(&output);
+/// Runs another program in the folder of the scene.
+fn other(place: &Workplace, program: impl AsRef<OsStr>, words: &[&str]) {
+    succeeded(&Command::new(program).args(words).current_dir(place.path("")).output().unwrap());
 }
 
 fn succeeded(output: &Output) {
@@ -80,14 +81,9 @@ fn stacks_beyond_4_gib_are_read_back_by_beamlet_and_tifffile() {
     succeeded(&place.beamlet(&["compare", "run", "run"]));
     succeeded(&place.beamlet(&["check", "run"]));
     passed("read by beamlet");
-    python(&place, &["-m", "venv", "venv"]);
-    let pip = place.path("venv/bin/pip");
+    other(&place, "python3", &["-m", "venv", "venv"]);
     let packages = ["install", "--quiet", "--disable-pip-version-check", "numpy", "tifffile"];
-    succeeded(&Command::new(pip).args(packages).output().unwrap());
-    let reader = Command::new(place.path("venv/bin/python"))
-        .args(["-c", READER, "run"])
-        .current_dir(place.path(""))
-        .output();
-    succeeded(&reader.unwrap());
+    other(&place, place.path("venv/bin/pip"), &packages);
+    other(&place, place.path("venv/bin/python"), &["-c", READER, "run"]);
     passed("read by tifffile");
 }

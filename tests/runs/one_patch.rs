@@ -3,8 +3,7 @@
 #![cfg(all(feature = "cli", target_os = "linux"))]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-use super::big_input::{check, watched};
-use beamlet::internals::gpu::{Device, DeviceKind, DeviceOptions};
+use super::big_input::{check, is_one_process, watched};
 use std::fs;
 use tempfile::TempDir;
 
@@ -44,12 +43,6 @@ fn scene(shape: &str, steps: u32, rays: u32) -> TempDir {
     let text = text.replace("RAYS", &rays.to_string());
     fs::write(place.path().join("scene.toml"), text).unwrap();
     place
-}
-
-/// Whether host and device are one process, whose resident set is all that a limit bounds.
-fn is_one_process() -> bool {
-    let device = Device::open(&DeviceOptions::default()).unwrap();
-    device.description().kind == DeviceKind::Cpu
 }
 
 const MIB: u64 = 1 << 20;

@@ -30,7 +30,8 @@ const FEW: f64 = 500.0;
 /// Most bodies in a box: those of the region, and those of its corners and of the wall.
 const MOST_IN_BOX: f64 = 2.5 * limits::INSTANCES as f64;
 
-/// Share of the work that is left which a box is told to be: more than one in fifty takes another.
+/// Share of the remaining progress that an attempt fills. About one packing in fifty needs a second
+/// attempt.
 const ATTEMPT: f64 = 0.98;
 
 const SIZE: u8 = 0;

@@ -1,4 +1,4 @@
-//! Memory that is asked for before work begins.
+//! Checks, before work begins, that its memory is available.
 
 use super::program::PROGRAM;
 use super::{BUILD, FRAME_COPIES, MemoryEstimate};

@@ -34,7 +34,7 @@ impl Held {
         self.full.into_inner()
     }
 
-    /// Whether there is room for so many splits more.
+    /// Whether this number of further splits fits in memory.
     pub(super) fn takes(&self, splits: usize) -> bool {
         let all = self.bytes.load(Ordering::Relaxed).saturating_add((SPLIT * splits) as u64);
         if all > self.most {

@@ -207,7 +207,7 @@ fn with_spheres() -> Workplace {
     packed(1_000_000, 2.4)
 }
 
-/// A scene with so many spheres in a cube of this edge, mm.
+/// A scene with `count` packed spheres in a cube whose edge is `edge` mm long.
 fn packed(count: u32, edge: f64) -> Workplace {
     let place = workplace();
     let text = fs::read_to_string(place.path("scene.toml")).unwrap();
