@@ -11,14 +11,13 @@ use rayon::prelude::*;
 use super::analytic::AnalyticShape;
 use super::assemble::{Note, assemble};
 use super::body::Body;
-use super::defects::{self, Defects};
+use super::defects::Defects;
+use super::examined::{Examined, examine};
 use super::placed::{Group, Groups, Place, Prototype};
 use super::read::{
     FileOf, PEAK_PER_TRIANGLE, ReadSurface, SIMPLIFY, failed, hash, read_file, read_surface,
 };
-use super::search::Search;
-use super::surface::{Defect, Surface, in_mm};
-use super::topology::{self, Edge};
+use super::surface::{Defect, in_mm};
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
 use super::{Contact, Sample, instances, mesh_file, nesting, placement};
 use crate::error::{Error, Result};
@@ -113,8 +112,8 @@ pub fn diagnose(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
     let mesh = mesh_file::parse(path, bytes, alone).map_err(failed)?;
     let unit = mesh.unit.unwrap_or(unit);
     let (surface, _) = mesh.into_part(None).map_err(failed)?;
-    let Prepared { surface, edges, search, defects } =
-        prepare(surface, unit, &Placement::default(), true, alone)?.map_err(failed)?;
+    let Examined { surface, edges, search, defects } =
+        examine(surface, unit, &Placement::default(), true, alone)?.map_err(failed)?;
     Body::new(surface, &edges, search, 0).map_err(failed)?;
     Ok(defects)
 }
@@ -290,8 +289,8 @@ fn read_object(
     reserve::ask(needed, &format!("checking {label}"), SIMPLIFY)?;
     let alone = Placement { center: object.placement.center, ..Placement::default() };
     let placement = if object.instances.is_some() { &alone } else { &object.placement };
-    let Prepared { surface, edges, search, defects } =
-        prepare(surface, unit, placement, is_mesh, task)?.map_err(failed(&label))?;
+    let Examined { surface, edges, search, defects } =
+        examine(surface, unit, placement, is_mesh, task)?.map_err(failed(&label))?;
     let not_finite = defects.not_finite.count;
     let refusal = if not_finite > 0 {
         let problem = format!("the vertices of {not_finite} triangles are not finite numbers");
@@ -355,48 +354,6 @@ fn group_of(
     }
     let apart = matches!(object.instances, Some(Instances::Packing(_)));
     Ok(Group { object: number, prototype, places, apart })
-}
-
-/// A surface in the world, examined.
-struct Prepared {
-    surface: Surface,
-    edges: Vec<Edge>,
-    /// Where it was examined for crossing itself.
-    search: Option<Search>,
-    defects: Defects,
-}
-
-/// Welds, places and examines a surface; `crossings`: also for crossing itself. A surface that
-/// cannot be placed is the inner error.
-///
-/// # Errors
-/// [`Error::Interrupted`].
-fn prepare(
-    mut surface: Surface,
-    unit: f64,
-    placement: &Placement,
-    crossings: bool,
-    task: Task<'_>,
-) -> Result<std::result::Result<Prepared, Defect>> {
-    task.begin(LoadStep::Joining, 0)?;
-    let mut welded = surface.weld();
-    let reach = |surface: &Surface| {
-        surface.vertices.iter().fold(0.0_f64, |most, vertex| most.max(vertex.abs().max_element()))
-    };
-    let in_file = reach(&surface) * unit * placement.scale;
-    let world = match placement::place(&mut surface, unit, placement) {
-        Ok(world) => world,
-        Err(defect) => return Ok(Err(defect)),
-    };
-    for (_, place) in &mut welded.dropped {
-        *place = world.transform_point3(*place);
-    }
-    // What f32 resolves, of the file and of the world.
-    let resolved = f64::from(f32::EPSILON) * in_file.max(reach(&surface));
-    let (edges, search) =
-        rayon::join(|| topology::edges(&surface), || crossings.then(|| Search::new(&surface)));
-    let defects = defects::find(&surface, &edges, &welded, resolved, search.as_ref(), task)?;
-    Ok(Ok(Prepared { surface, edges, search, defects }))
 }
 
 pub(super) fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {

@@ -14,6 +14,7 @@ mod convex;
 mod defects;
 mod distance;
 mod ears;
+mod examined;
 mod export;
 pub(crate) mod instances;
 mod lids;
