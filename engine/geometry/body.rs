@@ -102,9 +102,8 @@ impl Body {
             let (mut of, count) = topology::components(&surface, &edges);
             let mut components = measure(&surface, &of, count, object);
             drop_thin(&mut surface, &mut of, &mut components);
-            let vertex = numbers::count(self.surface.vertices.len());
             let first = numbers::count(self.components.len());
-            self.surface.append(surface, vertex);
+            self.surface.append(surface);
             self.triangle_component.extend(of.iter().map(|it| it + first));
             components.iter_mut().for_each(|component| component.outside = outside);
             self.components.extend(components);
@@ -157,9 +156,8 @@ impl Body {
 
     /// Adds components: a closed surface, and the component of each of its triangles.
     pub(super) fn add(&mut self, surface: Surface, of: &[u32], components: Vec<Component>) {
-        let vertex = numbers::count(self.surface.vertices.len());
         let first = numbers::count(self.components.len());
-        self.surface.append(surface, vertex);
+        self.surface.append(surface);
         self.triangle_component.extend(of.iter().map(|it| it + first));
         self.components.extend(components);
         self.search = None;
@@ -221,6 +219,14 @@ fn drop_thin(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Comp
         it.volume.abs() > 0.25 * f64::from(f32::EPSILON) * reach * it.area
     };
     keep(thick, surface, of, components);
+}
+
+/// A surface without the components that are thinner than f32 resolves.
+pub(super) fn without_thin(mut surface: Surface) -> Surface {
+    let (mut of, count) = topology::components(&surface, &topology::edges(&surface));
+    let mut components = measure(&surface, &of, count, 0);
+    drop_thin(&mut surface, &mut of, &mut components);
+    surface
 }
 
 /// Keeps the components that are wanted; gives the number of others.

@@ -1,10 +1,11 @@
 //! The surface of one object, welded, placed and looked at for defects.
 
-use super::defects::{self, Defects};
+use super::defects::{self, Defects, MOST_PAIRS};
 use super::placement;
 use super::search::Search;
 use super::surface::{Defect, Surface};
 use super::topology::{self, Edge};
+use super::united::{United, united};
 use super::watch::{LoadStep, Task};
 use crate::error::Result;
 use crate::scene::Placement;
@@ -16,10 +17,12 @@ pub(super) struct Examined {
     /// Where it was examined for crossing itself.
     pub(super) search: Option<Search>,
     pub(super) defects: Defects,
+    /// What was done to it.
+    pub(super) warnings: Vec<String>,
 }
 
-/// Welds, places and examines a surface; `crossings`: also for crossing itself. A surface that
-/// cannot be placed is the inner error.
+/// Welds, places and examines a surface; `crossings`: also for crossing itself, and where parts of it
+/// meet unites them. A surface that cannot be placed is the inner error.
 ///
 /// # Errors
 /// [`Error::Interrupted`].
@@ -47,6 +50,31 @@ pub(super) fn examine(
     let resolved = f64::from(f32::EPSILON) * in_file.max(reach(&surface));
     let (edges, search) =
         rayon::join(|| topology::edges(&surface), || crossings.then(|| Search::new(&surface)));
-    let defects = defects::find(&surface, &edges, &welded, resolved, search.as_ref(), task)?;
-    Ok(Ok(Examined { surface, edges, search, defects }))
+    let (defects, crossing) =
+        defects::find(&surface, &edges, &welded, resolved, search.as_ref(), task)?;
+    let found = Examined { surface, edges, search, defects, warnings: Vec::new() };
+    let may_unite = crossings && found.defects.refused() && found.defects.not_finite.count == 0;
+    if may_unite && crossing.len() < MOST_PAIRS {
+        let united = united(&found.surface, &found.edges, &crossing, (resolved, world), task)?;
+        if let Some(sound) = united.and_then(sound) {
+            return Ok(Ok(sound));
+        }
+    }
+    Ok(Ok(found))
+}
+
+/// A surface whose parts were united, if it is closed. Faces that nearly coincided may still lie on each
+/// other, nearer than f32 tells: that makes no difference to rays.
+fn sound(united: United) -> Option<Examined> {
+    let United { surface, parts, turned } = united;
+    let edges = topology::edges(&surface);
+    let is_sound = |group: &[Edge]| matches!(group, [a, b] if a.upwards != b.upwards);
+    if !edges.chunk_by(|a, b| a.key == b.key).all(is_sound) {
+        return None;
+    }
+    let mut warnings = vec![format!("{parts} of its parts touch or overlap: they are one solid")];
+    if turned > 0 {
+        warnings.push(format!("{turned} of these were inside out and have been turned"));
+    }
+    Some(Examined { surface, edges, search: None, defects: Defects::default(), warnings })
 }

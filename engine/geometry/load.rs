@@ -112,7 +112,7 @@ pub fn diagnose(path: &Path, bytes: &[u8], unit: f64) -> Result<Defects> {
     let mesh = mesh_file::parse(path, bytes, alone).map_err(failed)?;
     let unit = mesh.unit.unwrap_or(unit);
     let (surface, _) = mesh.into_part(None).map_err(failed)?;
-    let Examined { surface, edges, search, defects } =
+    let Examined { surface, edges, search, defects, .. } =
         examine(surface, unit, &Placement::default(), true, alone)?.map_err(failed)?;
     Body::new(surface, &edges, search, 0).map_err(failed)?;
     Ok(defects)
@@ -289,7 +289,7 @@ fn read_object(
     reserve::ask(needed, &format!("checking {label}"), SIMPLIFY)?;
     let alone = Placement { center: object.placement.center, ..Placement::default() };
     let placement = if object.instances.is_some() { &alone } else { &object.placement };
-    let Examined { surface, edges, search, defects } =
+    let Examined { surface, edges, search, defects, warnings: of_parts } =
         examine(surface, unit, placement, is_mesh, task)?.map_err(failed(&label))?;
     let not_finite = defects.not_finite.count;
     let refusal = if not_finite > 0 {
@@ -306,6 +306,7 @@ fn read_object(
         Err(defect) => return Err(refusal.unwrap_or_else(|| failed(&label)(defect))),
     };
     let mut warnings = defects.warnings();
+    warnings.extend(of_parts);
     warnings.extend(read_warnings);
     if defects.refused() && refusal.is_none() {
         warnings.insert(0, format!("{} (accepted: allow_defects)", defects.description()));

@@ -1,7 +1,8 @@
 //! Geometry of the sample: welded, closed, oriented triangle surfaces in world metres.
 //!
 //! [`load`] reads the objects of a scene (`mesh_file`, `shapes`), welds and places them,
-//! refuses what is not closed or crosses itself (`defects`), turns what is inside out (`body`),
+//! unites parts of a mesh that meet (`united`), refuses what is not closed or crosses itself
+//! (`examined`, `defects`), turns what is inside out (`body`),
 //! cuts away what later objects cover (`overlap`), and finds which object surrounds which
 //! (`nesting`). [`check_clearance`] and [`Swept::fov_warnings`] compare what
 //! the sample sweeps over the views with the set-up.
@@ -34,6 +35,7 @@ mod surface;
 mod swept;
 mod topology;
 mod tree;
+mod united;
 mod watch;
 
 pub use adjacency::across_edges;

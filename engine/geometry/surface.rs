@@ -1,7 +1,7 @@
 //! A triangle surface before it is part of a sample, and what can be wrong with it.
 
 use crate::numbers;
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 /// What is wrong with a surface, and where.
@@ -151,8 +151,27 @@ impl Surface {
         self.forget_unused();
     }
 
-    /// Adds another surface, whose vertices become those from number `first` on.
-    pub(super) fn append(&mut self, other: Self, first: u32) {
+    /// The surface of some of its triangles, by their numbers, with the vertices that they use.
+    pub(super) fn part(&self, triangles: &[u32]) -> Self {
+        let corners = triangles.iter().map(|it| self.triangles[*it as usize]);
+        let mut used: Vec<u32> = corners.clone().flatten().collect();
+        used.sort_unstable();
+        used.dedup();
+        let place = |corner: u32| numbers::count(used.binary_search(&corner).unwrap_or_default());
+        let triangles = corners.map(|it| it.map(place)).collect();
+        let vertices = used.iter().map(|corner| self.vertices[*corner as usize]).collect();
+        Self::new(vertices, triangles)
+    }
+
+    /// The surface elsewhere.
+    pub(super) fn mapped(&self, by: DAffine3) -> Self {
+        let vertices = self.vertices.par_iter().map(|it| by.transform_point3(*it)).collect();
+        Self::new(vertices, self.triangles.clone())
+    }
+
+    /// Adds another surface, with its vertices behind those that are there.
+    pub(super) fn append(&mut self, other: Self) {
+        let first = numbers::count(self.vertices.len());
         self.numbers.clear();
         self.vertices.extend(other.vertices);
         self.triangles.extend(other.triangles.iter().map(|it| it.map(|corner| corner + first)));

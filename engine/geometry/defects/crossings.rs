@@ -17,14 +17,15 @@ const CHUNK: usize = 1024;
 /// Leaves whose search begins together.
 const TOGETHER: usize = 32;
 /// Pairs after which counting ends.
-const ENOUGH: usize = 100_000;
+pub(in crate::geometry) const ENOUGH: usize = 100_000;
 /// Pairs of one leaf after which it is left alone.
 const ENOUGH_OF_ONE: usize = 1000;
 
 /// A pair of triangles, in their order, and how they meet.
 type MeetingPair = (u32, u32, TriangleContact);
 
-/// Pairs that pass through, or lie on, each other deeper than `resolved`.
+/// Pairs that pass through, or lie on, each other deeper than `resolved`: the defect, and the
+/// triangles themselves.
 ///
 /// # Errors
 /// [`Error::Interrupted`].
@@ -33,7 +34,7 @@ pub(super) fn find(
     tree: &Tree,
     resolved: f64,
     task: Task<'_>,
-) -> Result<DefectCount> {
+) -> Result<(DefectCount, Vec<[u32; 2]>)> {
     let mut met: Vec<MeetingPair> = Vec::new();
     let mut passed = 0;
     let leaves = tree.leaves();
@@ -54,7 +55,7 @@ pub(super) fn find(
     }
     met.sort_by_key(|(first, second, _)| (*first, *second));
     met.dedup_by_key(|(first, second, _)| (*first, *second));
-    let mut found = DefectCount::default();
+    let (mut found, mut pairs) = (DefectCount::default(), Vec::new());
     let mut grazes = HashMap::new();
     for (first, second, contact) in met {
         let place = match contact {
@@ -68,9 +69,10 @@ pub(super) fn find(
         };
         if let Some(place) = place {
             found.add(&[first, second].map(|it| surface.number(it)), || Some(place));
+            pairs.push([first, second]);
         }
     }
-    Ok(found)
+    Ok((found, pairs))
 }
 
 /// Pairs of triangles of leaves that stand together and others, in their order.
@@ -132,7 +134,7 @@ mod tests {
             surface.triangles.push([first, first + 1, first + 2]);
             let resolved = 1e-9;
             let tree = Tree::of_triangles(&surface);
-            let found = find(&surface, &tree, resolved, Task::unwatched()).unwrap();
+            let found = find(&surface, &tree, resolved, Task::unwatched()).unwrap().0;
             let count = u32::try_from(surface.triangles.len()).unwrap();
             let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
             let met = |&(a, b): &(u32, u32)| {
@@ -188,7 +190,7 @@ mod tests {
                     *from = from.lerp(to, 0.3);
                 }
                 let tree = Tree::of_triangles(&surface);
-                let found = find(&surface, &tree, resolved, Task::unwatched()).unwrap();
+                let found = find(&surface, &tree, resolved, Task::unwatched()).unwrap().0;
                 let count = u32::try_from(surface.triangles.len()).unwrap();
                 let all = (0..count).flat_map(|a| (a + 1..count).map(move |b| (a, b)));
                 let met = |&(a, b): &(u32, u32)| {

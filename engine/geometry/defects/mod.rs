@@ -14,6 +14,8 @@ mod words;
 use glam::DVec3;
 use serde::Serialize;
 
+pub(super) use crossings::ENOUGH as MOST_PAIRS;
+
 use super::search::Search;
 use super::surface::{Surface, Welded};
 use super::topology::Edge;
@@ -90,7 +92,8 @@ impl Defects {
 }
 
 /// Examines a welded surface in the world. `resolved` is the length that f32 resolves of it, m;
-/// with `search` also for triangles that pass through each other.
+/// with `search` also for triangles that pass through each other, whose pairs it gives, too: all of
+/// them, or [`MOST_PAIRS`] and more.
 ///
 /// # Errors
 /// [`crate::Error::Interrupted`].
@@ -101,15 +104,16 @@ pub(super) fn find(
     resolved: f64,
     search: Option<&Search>,
     task: Task<'_>,
-) -> Result<Defects> {
+) -> Result<(Defects, Vec<[u32; 2]>)> {
     let ((non_manifold_vertices, duplicate_triangles), self_intersections) = rayon::join(
         || rayon::join(|| vertices::pinched(surface, edges), || triangles::duplicate(surface)),
         || search.map(|search| crossings::find(surface, &search.tree, resolved, task)).transpose(),
     );
+    let (self_intersections, pairs) = self_intersections?.unwrap_or_default();
     let mut defects = Defects {
         non_manifold_vertices,
         duplicate_triangles,
-        self_intersections: self_intersections?.unwrap_or_default(),
+        self_intersections,
         degenerate_triangles: triangles::degenerate(surface, welded, resolved),
         ..Defects::default()
     };
@@ -117,5 +121,5 @@ pub(super) fn find(
     for number in &surface.not_finite {
         defects.not_finite.add(&[*number], || None);
     }
-    Ok(defects)
+    Ok((defects, pairs))
 }

@@ -30,7 +30,7 @@ pub(super) use contacts::{
 pub(super) use meeting::{Around, Meetings, pairs, tolerance};
 pub(super) use parts::Parts;
 pub(crate) use solid::PEAK_PER_CUT_TRIANGLE;
-pub(super) use solid::Solid;
+pub(super) use solid::{Solid, snap};
 
 /// What happens to the objects of a sample because they overlap.
 #[derive(Debug, Default)]

@@ -75,20 +75,12 @@ impl Parts {
 
     /// Triangles of several parts; `members`: of all parts.
     pub(super) fn joined(&self, parts: &[u32], members: &[Vec<u32>], bodies: &[Body]) -> Surface {
-        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+        let mut whole = Surface::default();
         for part in parts {
             let Body { surface, .. } = &bodies[self.all[*part as usize].object];
-            let members = &members[*part as usize];
-            let corners = members.iter().map(|it| surface.triangles[*it as usize]);
-            let mut used: Vec<u32> = corners.clone().flatten().collect();
-            used.sort_unstable();
-            used.dedup();
-            let first = vertices.len();
-            let place = |corner: u32| first + used.binary_search(&corner).unwrap_or_default();
-            triangles.extend(corners.map(|it| it.map(|corner| numbers::count(place(corner)))));
-            vertices.extend(used.iter().map(|corner| surface.vertices[*corner as usize]));
+            whole.append(surface.part(&members[*part as usize]));
         }
-        Surface::new(vertices, triangles)
+        whole
     }
 
     /// The error where two parts overlap and the boolean of them fails.

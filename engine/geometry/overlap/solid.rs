@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use super::super::surface::Surface;
+use super::super::surface::{Surface, bounds_of};
 use super::super::watch::Task;
 use super::closing::closed;
 use crate::error::{Error, Result};
@@ -36,7 +36,7 @@ pub(in crate::geometry) struct Solid {
 impl Solid {
     /// Takes a surface, oriented outwards; `clean`: that is closed and passes through itself nowhere.
     /// Holes of others are closed by flat patches.
-    pub(super) fn of(surface: &Surface, clean: bool) -> Self {
+    pub(in crate::geometry) fn of(surface: &Surface, clean: bool) -> Self {
         let patched;
         let (surface, holes) = if clean {
             (surface, 0)
@@ -68,7 +68,7 @@ impl Solid {
     ///
     /// # Errors
     /// Of `failed`; [`Error::Memory`]; [`Error::Interrupted`].
-    pub(super) fn less(
+    pub(in crate::geometry) fn less(
         &self,
         other: &Self,
         task: Task<'_>,
@@ -101,8 +101,19 @@ impl Solid {
         task: Task<'_>,
         failed: &(impl Fn(String) -> Error + Sync),
     ) -> Result<Surface> {
-        let mut solids: Vec<Self> =
-            surfaces.par_iter().map(|surface| Self::of(surface, clean)).collect();
+        let solids = surfaces.par_iter().map(|surface| Self::of(surface, clean)).collect();
+        Self::sum(solids, task, failed)
+    }
+
+    /// Several solids as one, those that lie together in the list first.
+    ///
+    /// # Errors
+    /// As [`Solid::less`].
+    pub(in crate::geometry) fn sum(
+        mut solids: Vec<Self>,
+        task: Task<'_>,
+        failed: &(impl Fn(String) -> Error + Sync),
+    ) -> Result<Surface> {
         while solids.len() > 1 {
             if task.is_cancelled() {
                 return Err(Error::Interrupted);
@@ -219,4 +230,15 @@ fn watched<T: Send>(work: impl FnOnce() -> T, token: &CancelToken, task: Task<'_
         }
         made
     })
+}
+
+/// Rounds places to 1e-11 of the size, so that faces which coincide but for rounding leave no slit
+/// between them.
+pub(in crate::geometry) fn snap(surfaces: &mut [Surface]) {
+    let [low, high] = bounds_of(surfaces.iter().flat_map(|it| it.vertices.iter().copied()));
+    let size = low.abs().max(high.abs()).max_element();
+    let step = libm::exp2(libm::floor(libm::log2(size)) - 36.0);
+    for vertex in surfaces.iter_mut().flat_map(|it| &mut it.vertices) {
+        *vertex = (*vertex / step).round() * step;
+    }
 }

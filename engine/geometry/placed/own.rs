@@ -10,8 +10,8 @@ use super::meeting::{are_apart, meets_place};
 use super::nesting::{Fate, Group};
 use super::{Place, Prototype};
 use crate::error::{Error, Result};
-use crate::geometry::overlap::{Solid, tolerance};
-use crate::geometry::surface::{Surface, bounds_of, in_mm};
+use crate::geometry::overlap::{Solid, snap, tolerance};
+use crate::geometry::surface::{Surface, in_mm};
 use crate::geometry::topology::root;
 use crate::geometry::watch::Task;
 use crate::numbers;
@@ -145,15 +145,4 @@ pub(super) fn united(
         Error::mesh(format!("\"{name}\""), problem, near)
     };
     Solid::united(&surfaces, clean, task, &failed)
-}
-
-/// Rounds places to 1e-11 of the size, so that faces which coincide but for rounding leave no slit
-/// between them.
-fn snap(surfaces: &mut [Surface]) {
-    let [low, high] = bounds_of(surfaces.iter().flat_map(|it| it.vertices.iter().copied()));
-    let size = low.abs().max(high.abs()).max_element();
-    let step = libm::exp2(libm::floor(libm::log2(size)) - 36.0);
-    for vertex in surfaces.iter_mut().flat_map(|it| &mut it.vertices) {
-        *vertex = (*vertex / step).round() * step;
-    }
 }

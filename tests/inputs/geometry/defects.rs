@@ -113,30 +113,13 @@ fn flipped_triangle_is_named_with_its_three_edges() {
 }
 
 #[test]
-fn overlapping_parts_of_one_file_are_refused_and_both_solid_where_allowed() {
-    for small in [
-        // In general position, and with faces in one plane and edges in edges.
-        Arrays::cube(1e-3).moved([1e-3, 0.3e-3, 0.2e-3]),
-        Arrays::cube(1e-3).moved([1e-3, 0.0, 0.0]),
-        Arrays::cube(1e-3).moved([1e-3, 0.5e-3, 0.5e-3]),
-        Arrays::of(Shape::Box { size: [0.3e-3, 0.3e-3, 8e-3] }),
-        Arrays::of(Shape::Box { size: [2e-3, 2e-3, 8e-3] }).moved([1e-3, 1e-3, 0.0]),
-    ] {
-        let (text, defects, sample) = refused(&Arrays::cube(2e-3).and(small));
-        assert!(text.contains("crosses itself"), "{text}");
-        assert!(defects.self_intersections.count > 0);
-        assert!(sample.components.iter().all(|part| part.volume > 0.0));
-    }
-}
-
-#[test]
 fn crossing_exactly_along_edges_is_found() {
     // Every face of the small box lies in a grid plane of the big one's faces: no edge passes
-    // through the inside of a triangle.
+    // through the inside of a triangle. Were the crossing not found, the parts would stay two.
     let big = subdivided_cube(4e-3, 4);
     let small = Arrays::of(Shape::Box { size: [2e-3, 2e-3, 8e-3] });
-    let (_, defects, _) = refused(&big.clone().and(small));
-    assert!(defects.self_intersections.count > 0, "{defects:?}");
+    let sample = clean(big.clone().and(small));
+    assert_eq!(sample.components.len(), 1);
     clean(big);
 }
 
@@ -205,15 +188,6 @@ fn hollow_sphere_and_solid_in_its_void_are_clean() {
     let signs: Vec<bool> = sample.components.iter().map(|part| part.volume > 0.0).collect();
     assert_eq!(signs, [true, false, true]);
     assert!(sample.objects[0].warnings.is_empty());
-}
-
-#[test]
-fn parts_that_share_an_edge_are_refused_by_their_non_manifold_edge() {
-    let pair = Arrays::cube(2e-3).and(Arrays::cube(2e-3).moved([2e-3, 2e-3, 0.0]));
-    let (text, defects, _) = refused(&pair);
-    assert!(text.contains("1 edge used by more than two triangles"), "{text}");
-    assert_eq!(defects.non_manifold_edges.places[0].triangles.len(), 4);
-    assert_eq!(defects.self_intersections.count, 0);
 }
 
 #[test]

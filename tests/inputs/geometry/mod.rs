@@ -14,3 +14,4 @@ mod nesting;
 mod overlap;
 pub(super) mod set_up;
 mod shapes;
+mod united;
