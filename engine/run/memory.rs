@@ -23,7 +23,10 @@ use std::collections::BTreeSet;
 /// What a limit leaves for one patch in refinement at least.
 const ONE_PATCH: u64 = 12 << 20;
 /// Peak bytes on the host per triangle while the tree is built, all meshes read.
-const BUILD: u64 = 390;
+const BUILD: u64 = 320;
+/// Beyond that per triangle, what allocators keep of vectors that are gone, and most of it: smaller
+/// vectors leave gaps, as threads happen to meet, and large ones go back to the system.
+const GAPS: [u64; 2] = [150, 60 << 20];
 /// Bytes on the host per triangle that stay: vertices, indices, components.
 const KEPT: u64 = 28;
 /// Bytes on the device per triangle: leaves with their neighbours, and nodes of the software tree.
@@ -88,6 +91,11 @@ pub struct MemoryEstimate {
     /// What a limit leaves for refinement, host and device together.
     #[serde(skip)]
     pub(crate) left_for_refinement: Option<u64>,
+}
+
+/// Bytes on the host while the tree over so many triangles is built.
+fn building(triangles: u64) -> u64 {
+    BUILD.saturating_mul(triangles).saturating_add(GAPS[1].min(GAPS[0].saturating_mul(triangles)))
 }
 
 /// Triangles of objects that cut others or are cut.
@@ -299,7 +307,7 @@ impl Needs {
                 host: PEAK_PER_CUT_TRIANGLE * self.cut + KEPT * (n - self.cut),
                 device: 0,
             },
-            HostAndDevice { host: BUILD * (n + self.instances) + instances.host, device: 0 },
+            HostAndDevice { host: building(n + self.instances) + instances.host, device: 0 },
             HostAndDevice {
                 host: KEPT * n + instances.host,
                 device: (TREE + STRUCTURE + SCRATCH) * n + instances.device,

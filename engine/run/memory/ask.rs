@@ -1,7 +1,7 @@
 //! Checks, before work begins, that its memory is available.
 
 use super::program::PROGRAM;
-use super::{BUILD, FRAME_COPIES, MemoryEstimate};
+use super::{FRAME_COPIES, MemoryEstimate, building};
 use crate::scene::Scene;
 use crate::stack::StackShape;
 use crate::{Error, Result, geometry, reserve};
@@ -12,7 +12,7 @@ use crate::{Error, Result, geometry, reserve};
 /// [`Error::Memory`] where they cannot.
 pub(crate) fn check_before_loading(scene: &Scene, limit: Option<u64>) -> Result<()> {
     let triangles = geometry::triangles_in_files(scene);
-    let needed = PROGRAM.saturating_add(BUILD.saturating_mul(triangles));
+    let needed = PROGRAM.saturating_add(building(triangles));
     match limit {
         Some(limit) if needed > limit => Err(Error::Memory {
             purpose: format!("the tree over {triangles} triangles"),
