@@ -203,10 +203,15 @@ pub(super) fn corners_of(component: &Component) -> [DVec3; 2] {
     component.bounds.map(DVec3::from_array)
 }
 
+/// Whether a closed surface of this volume and area encloses nothing.
+pub(super) fn is_flat(volume: f64, area: f64) -> bool {
+    volume.abs() <= 1e-10 * area.powf(1.5)
+}
+
 /// Removes components that enclose nothing, such as a sheet folded onto itself: they have no
 /// outside, and change nothing.
 fn drop_flat(surface: &mut Surface, of: &mut Vec<u32>, components: &mut Vec<Component>) -> usize {
-    let solid = |it: &Component| it.volume.abs() > 1e-10 * it.area.powf(1.5);
+    let solid = |it: &Component| !is_flat(it.volume, it.area);
     keep(solid, surface, of, components)
 }
 

@@ -72,7 +72,10 @@ fn sound(united: United) -> Option<Examined> {
     if !edges.chunk_by(|a, b| a.key == b.key).all(is_sound) {
         return None;
     }
-    let mut warnings = vec![format!("{parts} of its parts touch or overlap: they are one solid")];
+    let mut warnings = Vec::new();
+    if parts > 0 {
+        warnings.push(format!("{parts} of its parts touch or overlap: they are one solid"));
+    }
     if turned > 0 {
         warnings.push(format!("{turned} of these were inside out and have been turned"));
     }

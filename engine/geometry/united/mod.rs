@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::body::without_thin;
+use super::body::{is_flat, without_thin};
 use super::overlap::{Solid, snap};
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Surface, bounds_of, encloses, in_mm};
@@ -42,6 +42,7 @@ struct Shell {
     surface: Surface,
     bounds: [DVec3; 2],
     volume: f64,
+    is_flat: bool,
     /// Whether it touches, crosses or lies on another one.
     meets: bool,
     /// For a void: the shell that it is in.
@@ -81,6 +82,8 @@ pub(super) fn united(
     // turned.
     let in_file = surface.mapped(world.inverse());
     let mut all = taken_apart(&in_file, &of, count);
+    // A sheet that is folded onto itself has no material; bodies are made without it.
+    contacts.retain(|pair| !pair.iter().any(|shell| all[*shell as usize].is_flat));
     for shell in contacts.iter().flatten() {
         all[*shell as usize].meets = true;
     }
@@ -119,13 +122,14 @@ fn taken_apart(surface: &Surface, of: &[u32], count: u32) -> Vec<Shell> {
         let surface = surface.part(members);
         let bounds = surface.bounds();
         let middle = bounds[0].midpoint(bounds[1]);
-        let volume = (0..surface.triangles.len())
-            .map(|triangle| {
-                let [a, b, c] = surface.corners(triangle).map(|corner| corner - middle);
-                a.dot(b.cross(c)) / 6.0
-            })
-            .sum();
-        Shell { surface, bounds, volume, meets: false, head: None }
+        let (mut volume, mut area) = (0.0, 0.0);
+        for triangle in 0..surface.triangles.len() {
+            let [a, b, c] = surface.corners(triangle).map(|corner| corner - middle);
+            volume += a.dot(b.cross(c)) / 6.0;
+            area += (b - a).cross(c - a).length() / 2.0;
+        }
+        let is_flat = is_flat(volume, area);
+        Shell { surface, bounds, volume, is_flat, meets: false, head: None }
     };
     members.par_iter().map(shell).collect()
 }
