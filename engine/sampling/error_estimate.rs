@@ -89,6 +89,8 @@ pub(super) struct Estimator<'a> {
     pub(super) row_blur: f32,
     /// Moments are kept: light moves otherwise at other energies.
     pub(super) other_energies: bool,
+    /// No means over facets are taken: all rectangles are known by rays.
+    pub(super) by_rays_alone: bool,
     /// Rows whose light is recorded.
     pub(super) recorded_rows: Range<i64>,
 }

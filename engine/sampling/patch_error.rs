@@ -12,7 +12,7 @@ const NEGLIGIBLE: f64 = 0.01;
 /// Part of the budget that refinement aims at for the mask step that is worst,
 const SAFETY: f64 = 0.5;
 /// and where there is one step alone: the root mean square is to be a third of the budget.
-const SAFETY_OF_ONE: f64 = 0.3;
+const SAFETY_OF_ONE: f64 = 0.2;
 /// Part of its square that the error of a rectangle keeps when it is split.
 const LEFT: f64 = 1.0 / 9.0;
 
@@ -238,7 +238,11 @@ impl Estimator<'_> {
             } else {
                 f64::from(error.light).powi(2)
             };
-            let negligible = most / light * f64::from(count) < NEGLIGIBLE;
+            // Narrow rectangles along a rim err alike where rays alone know them, each by too little
+            // to be split: the bound is one on their sum.
+            let together = alike && self.by_rays_alone && error.draws.is_none();
+            let others = f64::from(count) * if together { f64::from(count) } else { 1.0 };
+            let negligible = most / light * others < NEGLIGIBLE;
             if negligible && !may_move && narrow.is_empty() {
                 continue;
             }

@@ -88,6 +88,7 @@ impl<'a> Refiner<'a> {
             row_blur: single(view.lattice.row_spread.blur),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
+            by_rays_alone: view.facets.is_none(),
             recorded_rows: view.recorded_rows(),
         };
         let facets = view.facets.zip(FacetLists::new(view, rows));
