@@ -16,19 +16,21 @@ const ALIKE: f64 = 4.0;
 /// there.
 pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option<(Vec<u32>, u32)> {
     let mut parent: Vec<u32> = (0..numbers::count(surface.triangles.len())).collect();
-    let mut join = |a: u32, b: u32| {
-        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        parent[a.max(b) as usize] = a.min(b);
-    };
+    let mut shared = Vec::new();
     for group in edges.chunk_by(|a, b| a.key == b.key) {
         if 2 * group.iter().filter(|edge| edge.upwards).count() != group.len() {
             return None;
         }
         match group {
-            [a, b] => join(a.triangle, b.triangle),
-            _ => wedges(surface, group, resolved).into_iter().for_each(|[a, b]| join(a, b)),
+            [a, b] => join(&mut parent, [a.triangle, b.triangle]),
+            _ => shared.push(group),
         }
     }
+    let mut pairs = Vec::new();
+    for group in shared {
+        pairs.extend(wedges(surface, group, resolved, |triangle| root(&mut parent, triangle)));
+    }
+    pairs.into_iter().for_each(|pair| join(&mut parent, pair));
     let mut label = vec![u32::MAX; parent.len()];
     let mut count = 0;
     let of = (0..numbers::count(parent.len()))
@@ -44,6 +46,11 @@ pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option
     Some((of, count))
 }
 
+fn join(parent: &mut [u32], pair: [u32; 2]) {
+    let [a, b] = pair.map(|triangle| root(parent, triangle));
+    parent[a.max(b) as usize] = a.min(b);
+}
+
 /// A triangle at an edge.
 struct Leaf {
     /// About the edge, counter-clockwise as seen against its direction, rad.
@@ -53,11 +60,45 @@ struct Leaf {
     /// Whether the triangle runs along the edge: its material lies clockwise of it.
     upwards: bool,
     triangle: u32,
+    /// What it is connected with by other edges.
+    sheet: u32,
 }
 
-/// Pairs of triangles at an edge with material between them: from each one that runs along it,
-/// clockwise, to the next that runs against it and is not taken by one in between.
-fn wedges(surface: &Surface, group: &[Edge], resolved: f64) -> Vec<[u32; 2]> {
+/// Pairs of triangles at an edge with material between them, of those that other edges connect
+/// (`sheet_of`) first: parts that pass through each other at the edge stay apart.
+fn wedges(
+    surface: &Surface,
+    group: &[Edge],
+    resolved: f64,
+    sheet_of: impl FnMut(u32) -> u32,
+) -> Vec<[u32; 2]> {
+    let leaves = leaves(surface, group, resolved, sheet_of);
+    let ways = |sheet: u32| {
+        let own = leaves.iter().filter(|leaf| leaf.sheet == sheet);
+        own.map(|leaf| if leaf.upwards { 1 } else { -1 }).sum::<i32>()
+    };
+    let whole: Vec<bool> = leaves.iter().map(|leaf| ways(leaf.sheet) == 0).collect();
+    let mut sheets: Vec<u32> =
+        leaves.iter().zip(&whole).filter(|it| *it.1).map(|it| it.0.sheet).collect();
+    sheets.sort_unstable();
+    sheets.dedup();
+    let mut pairs: Vec<[u32; 2]> = sheets
+        .into_iter()
+        .flat_map(|sheet| matched(leaves.iter().filter(|leaf| leaf.sheet == sheet)))
+        .collect();
+    let others = leaves.iter().zip(&whole).filter(|it| !*it.1).map(|it| it.0);
+    pairs.extend(matched(others));
+    pairs
+}
+
+/// Triangles at an edge, clockwise; of faces that coincide those first that end material, for it does
+/// not lie between them.
+fn leaves(
+    surface: &Surface,
+    group: &[Edge],
+    resolved: f64,
+    mut sheet_of: impl FnMut(u32) -> u32,
+) -> Vec<Leaf> {
     let [low, high] = group[0].ends();
     let [from, to] = [low, high].map(|vertex| surface.vertices[vertex as usize]);
     let along = (to - from).normalize_or_zero();
@@ -74,7 +115,8 @@ fn wedges(surface: &Surface, group: &[Edge], resolved: f64) -> Vec<[u32; 2]> {
             let out = out(edge);
             let angle = libm::atan2(out.dot(across), out.dot(first));
             let doubt = ALIKE * resolved / out.length().max(resolved);
-            Leaf { angle, doubt, upwards: edge.upwards, triangle: edge.triangle }
+            let (upwards, triangle) = (edge.upwards, edge.triangle);
+            Leaf { angle, doubt, upwards, triangle, sheet: sheet_of(triangle) }
         })
         .collect();
     leaves.sort_by(|a, b| b.angle.total_cmp(&a.angle).then(a.triangle.cmp(&b.triangle)));
@@ -85,8 +127,8 @@ fn wedges(surface: &Surface, group: &[Edge], resolved: f64) -> Vec<[u32; 2]> {
     };
     let start = (0..leaves.len()).max_by(|a, b| gap(*a).total_cmp(&gap(*b))).unwrap_or_default();
     leaves.rotate_left(start);
-    // Of faces that coincide those first that end material: it does not lie between them. Of two
-    // equal parts the triangles of each come together, for one stands behind the other in the list.
+    // Of two equal parts the triangles of each come together, for one stands behind the other in
+    // the list.
     let near = |a: &Leaf, b: &Leaf| {
         let apart = (a.angle - b.angle).rem_euclid(std::f64::consts::TAU);
         apart.min(std::f64::consts::TAU - apart) < a.doubt.max(b.doubt)
@@ -97,6 +139,13 @@ fn wedges(surface: &Surface, group: &[Edge], resolved: f64) -> Vec<[u32; 2]> {
             (leaf.upwards, turn)
         });
     }
+    leaves
+}
+
+/// Pairs of triangles that stand in this order about an edge: from each one that runs along it to the
+/// next that runs against it and is not taken by one in between.
+fn matched<'a>(leaves: impl Iterator<Item = &'a Leaf>) -> Vec<[u32; 2]> {
+    let leaves: Vec<&Leaf> = leaves.collect();
     let mut open = Vec::new();
     let mut pairs = Vec::with_capacity(leaves.len() / 2);
     let mut taken = vec![false; leaves.len()];
@@ -121,6 +170,7 @@ fn wedges(surface: &Surface, group: &[Edge], resolved: f64) -> Vec<[u32; 2]> {
 mod tests {
     use super::*;
     use crate::geometry::topology;
+    use glam::DMat3;
 
     /// Corners of boxes, equal ones joined, as triangles turned outwards.
     fn boxes(all: &[[DVec3; 2]]) -> Surface {
@@ -171,6 +221,22 @@ mod tests {
             assert_eq!(count as usize, all.len(), "{all:?}");
             assert_eq!(of, in_order(count), "{all:?}");
         }
+    }
+
+    #[test]
+    fn boxes_that_pass_through_each_other_at_a_common_edge_stay_apart() {
+        // Corners of faces meet in an edge inside both; about it their triangles stand in turn.
+        let one = boxes(&[[DVec3::ZERO, DVec3::ONE]]);
+        let turn = DMat3::from_rotation_z(0.3);
+        let mut surface = one.clone();
+        let first = u32::try_from(surface.vertices.len()).unwrap();
+        surface.vertices.extend(one.vertices.iter().map(|it| turn * *it));
+        surface.triangles.extend(one.triangles.iter().map(|it| it.map(|corner| corner + first)));
+        surface.weld();
+        let edges = topology::edges(&surface);
+        assert!(edges.chunk_by(|a, b| a.key == b.key).any(|group| group.len() == 4));
+        let (of, count) = shells(&surface, &edges, 1e-9).unwrap();
+        assert_eq!((count, of), (2, [[0; 12], [1; 12]].concat()));
     }
 
     #[test]
