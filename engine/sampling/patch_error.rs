@@ -10,7 +10,7 @@ use crate::numbers::{self, single};
 /// not split.
 const NEGLIGIBLE: f64 = 0.01;
 /// Part of the budget that refinement aims at for the mask step that is worst,
-const SAFETY: f64 = 0.5;
+const SAFETY: f64 = 0.45;
 /// and where there is one step alone: the root mean square is to be a third of the budget.
 const SAFETY_OF_ONE: f64 = 0.2;
 /// Part of its square that the error of a rectangle keeps when it is split.
