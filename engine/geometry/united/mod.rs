@@ -16,17 +16,17 @@ use super::body::{is_flat, without_thin};
 use super::overlap::{Solid, snap};
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Surface, bounds_of, encloses, in_mm};
-use super::topology::{Edge, root};
+use super::topology::{self, Edge, root};
 use super::tree::Tree;
 use super::watch::{LoadStep, Task};
 use crate::error::{Error, Result};
 use crate::numbers;
 
-/// Mean winding number, around points of it, of a surface that a void lies in: one half on the
-/// surface itself.
-const INSIDE: f64 = 0.6;
 /// Points of a shell that are asked.
 const POINTS: usize = 16;
+
+/// Most facets of a shell that is looked at for being a sheet: all pairs of them are tried.
+const MOST_OF_SHEET: usize = 5_000;
 
 /// A surface whose parts are united.
 pub(super) struct United {
@@ -49,8 +49,37 @@ struct Shell {
     head: Option<u32>,
 }
 
+impl Shell {
+    /// Whether it is a sheet that is folded onto itself: each facet lies on one that looks the other
+    /// way. One that passes through itself may have no volume, too.
+    fn is_sheet(&self) -> bool {
+        let count = self.surface.triangles.len();
+        if !self.is_flat || count > MOST_OF_SHEET {
+            return false;
+        }
+        let [low, high] = self.bounds;
+        let near = 4.0 * f64::from(f32::EPSILON) * low.abs().max(high.abs()).max_element();
+        let corners = |triangle: usize| self.surface.corners(triangle);
+        let normal = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a).normalize_or_zero();
+        (0..count).all(|triangle| {
+            let (own, up) = (corners(triangle), normal(corners(triangle)));
+            let middle = own.into_iter().sum::<DVec3>() / 3.0;
+            let covers = |other: usize| {
+                let [a, b, c] = corners(other);
+                let down = normal([a, b, c]);
+                let inside = [[a, b], [b, c], [c, a]]
+                    .iter()
+                    .all(|[from, to]| (*to - *from).cross(middle - *from).dot(down) >= 0.0);
+                up.dot(down) < -0.99 && down.dot(middle - a).abs() <= near && inside
+            };
+            (0..count).any(covers)
+        })
+    }
+}
+
 /// The surface with parts that meet united; `crossing`: the pairs of its triangles that pass through
-/// or lie on each other; `resolved`: the length that f32 resolves, m; `world`: from the file to where it stands. `None` where that does not mend it: it is not made of closed shells, one of
+/// or lie on each other; `resolved`: the length that f32 resolves, m; `world`: from the file to
+/// where it stands. `None` where that does not mend it: it is not made of closed shells, one of
 /// them passes through itself, or the boolean does not take them.
 ///
 /// # Errors
@@ -62,40 +91,68 @@ pub(super) fn united(
     (resolved, world): (f64, DAffine3),
     task: Task<'_>,
 ) -> Result<Option<United>> {
+    if volume_and_area(surface)[0] >= 0.0 {
+        return outwards(surface, edges, crossing, (resolved, world), task);
+    }
+    // All of it is inside out.
+    let mut surface = surface.clone();
+    turn(&mut surface);
+    let edges = topology::edges(&surface);
+    let united = outwards(&surface, &edges, crossing, (resolved, world), task)?;
+    Ok(united.map(|it| United { turned: it.parts - it.turned.min(it.parts), ..it }))
+}
+
+/// As [`united`], of a surface whose volume is not negative.
+fn outwards(
+    surface: &Surface,
+    edges: &[Edge],
+    crossing: &[[u32; 2]],
+    (resolved, world): (f64, DAffine3),
+    task: Task<'_>,
+) -> Result<Option<United>> {
     let Some((of, count)) = shells::shells(surface, edges, resolved) else { return Ok(None) };
+    if count < 2 {
+        return Ok(None);
+    }
+    // Numbers of the file are short: in its frame faces coincide that no longer do where they are
+    // turned.
+    let mut in_file = [surface.mapped(world.inverse())];
+    snap(&mut in_file);
+    let mut all = taken_apart(&in_file[0], &of, count);
+    // A sheet that is folded onto itself has no material; bodies are made without it.
+    let is_solid = |pair: &[u32; 2]| !pair.iter().any(|shell| all[*shell as usize].is_flat);
     let pairs = crossing.iter().map(|pair| pair.map(|it| of[it as usize]));
-    // Shells along one edge touch; one that does with itself stays refused.
+    let mut own: Vec<u32> = pairs.clone().filter(|[a, b]| a == b).map(|[a, _]| a).collect();
+    own.dedup();
+    if own.iter().any(|shell| !all[*shell as usize].is_sheet()) {
+        return Ok(None);
+    }
+    let pairs = pairs.filter(is_solid);
+    // Shells along one edge touch.
     let shared = edges.chunk_by(|a, b| a.key == b.key).filter(|group| group.len() > 2);
     let shared = shared.flat_map(|group| {
         let shell = |edge: &Edge| of[edge.triangle as usize];
         group.windows(2).map(move |pair| [shell(&pair[0]), shell(&pair[1])])
     });
-    let mut contacts: Vec<[u32; 2]> = pairs.clone().chain(shared).collect();
-    if count < 2 || pairs.clone().any(|[a, b]| a == b) {
-        return Ok(None);
-    }
-    contacts.retain(|[a, b]| a != b);
+    let mut contacts: Vec<[u32; 2]> =
+        pairs.chain(shared.filter(is_solid)).filter(|[a, b]| a != b).collect();
     contacts.iter_mut().for_each(|pair| pair.sort_unstable());
     contacts.sort_unstable();
     contacts.dedup();
-    // Numbers of the file are short: in its frame faces coincide that no longer do where they are
-    // turned.
-    let in_file = surface.mapped(world.inverse());
-    let mut all = taken_apart(&in_file, &of, count);
-    // A sheet that is folded onto itself has no material; bodies are made without it.
-    contacts.retain(|pair| !pair.iter().any(|shell| all[*shell as usize].is_flat));
     for shell in contacts.iter().flatten() {
         all[*shell as usize].meets = true;
     }
+    let parts = all.iter().filter(|shell| shell.meets).count();
     find_heads(&mut all);
     let turned = turn_inside_out(&mut all);
     let clusters = clusters(&all, &contacts);
+    let covered = covered(&all, &clusters);
     task.begin(LoadStep::Cutting, clusters.len() as u64)?;
     let mut whole = Surface::default();
     for (number, cluster) in clusters.iter().enumerate() {
         task.reach(number as u64);
         if !cluster.iter().any(|shell| all[*shell as usize].meets) {
-            for shell in cluster {
+            for shell in cluster.iter().filter(|shell| !covered[**shell as usize]) {
                 whole.append(all[*shell as usize].surface.clone());
             }
             continue;
@@ -109,8 +166,20 @@ pub(super) fn united(
             Err(error) => return Err(error),
         }
     }
-    let parts = all.iter().filter(|shell| shell.meets).count();
     Ok(Some(United { surface: whole.mapped(world), parts, turned }))
+}
+
+/// Signed volume, m3, about the middle, and area, m2.
+fn volume_and_area(surface: &Surface) -> [f64; 2] {
+    let [low, high] = surface.bounds();
+    let middle = low.midpoint(high);
+    let (mut volume, mut area) = (0.0, 0.0);
+    for triangle in 0..surface.triangles.len() {
+        let [a, b, c] = surface.corners(triangle).map(|corner| corner - middle);
+        volume += a.dot(b.cross(c)) / 6.0;
+        area += (b - a).cross(c - a).length() / 2.0;
+    }
+    [volume, area]
 }
 
 fn taken_apart(surface: &Surface, of: &[u32], count: u32) -> Vec<Shell> {
@@ -120,64 +189,140 @@ fn taken_apart(surface: &Surface, of: &[u32], count: u32) -> Vec<Shell> {
     }
     let shell = |members: &Vec<u32>| {
         let surface = surface.part(members);
-        let bounds = surface.bounds();
-        let middle = bounds[0].midpoint(bounds[1]);
-        let (mut volume, mut area) = (0.0, 0.0);
-        for triangle in 0..surface.triangles.len() {
-            let [a, b, c] = surface.corners(triangle).map(|corner| corner - middle);
-            volume += a.dot(b.cross(c)) / 6.0;
-            area += (b - a).cross(c - a).length() / 2.0;
-        }
+        let (bounds, [volume, area]) = (surface.bounds(), volume_and_area(&surface));
         let is_flat = is_flat(volume, area);
         Shell { surface, bounds, volume, is_flat, meets: false, head: None }
     };
     members.par_iter().map(shell).collect()
 }
 
-/// Finds the shells that voids are in, the smallest ones.
-fn find_heads(all: &mut [Shell]) {
-    let boxes: Vec<[DVec3; 2]> = all.iter().map(|shell| shell.bounds).collect();
-    let tree = Tree::of_boxes(&boxes);
-    let searches: Vec<OnceLock<Search>> = all.iter().map(|_| OnceLock::new()).collect();
-    let holds = |outer: u32, void: &Shell| {
-        let surface = &all[outer as usize].surface;
-        let around = |point| winding_by_solid_angle(surface, 0..surface.triangles.len(), point);
-        if !void.meets {
-            let point = void.surface.corners(0)[0];
-            let search = searches[outer as usize].get_or_init(|| Search::new(surface));
-            return match search.crossings(surface, point) {
-                Some(hits) => hits.iter().map(|(_, sign)| sign).sum::<i32>() > 0,
-                None => around(point) > INSIDE,
-            };
+/// What tells whether points lie in shells.
+struct Containment<'a> {
+    all: &'a [Shell],
+    tree: Tree,
+    searches: Vec<OnceLock<Search>>,
+}
+
+impl<'a> Containment<'a> {
+    fn new(all: &'a [Shell]) -> Self {
+        let boxes: Vec<[DVec3; 2]> = all.iter().map(|shell| shell.bounds).collect();
+        let searches = all.iter().map(|_| OnceLock::new()).collect();
+        Self { all, tree: Tree::of_boxes(&boxes), searches }
+    }
+
+    /// Winding number of a shell around a point off its surface.
+    fn winding(&self, shell: u32, point: DVec3) -> f64 {
+        let surface = &self.all[shell as usize].surface;
+        let search = self.searches[shell as usize].get_or_init(|| Search::new(surface));
+        match search.crossings(surface, point) {
+            Some(hits) => f64::from(hits.iter().map(|(_, sign)| sign).sum::<i32>()),
+            None => winding_by_solid_angle(surface, 0..surface.triangles.len(), point),
         }
-        // Some of its points may lie on the other surface.
-        let triangles = (0..void.surface.triangles.len())
-            .step_by(void.surface.triangles.len().div_ceil(POINTS));
-        let middles = triangles.map(|it| void.surface.corners(it).into_iter().sum::<DVec3>() / 3.0);
-        let (sum, count) = middles.fold((0.0, 0.0), |it, point| (it.0 + around(point), it.1 + 1.0));
-        sum > INSIDE * count
-    };
-    let head = |void: &Shell| {
-        if void.volume > 0.0 {
-            return None;
-        }
-        let mut outers = Vec::new();
-        tree.around(void.bounds, |outer| {
-            let shell = &all[outer as usize];
-            if shell.volume > -void.volume && encloses(shell.bounds, void.bounds) {
-                outers.push(outer);
+    }
+
+    /// Whether a shell lies in another, and touches it at most: its points are asked.
+    fn holds(&self, outer: u32, points: &[DVec3]) -> bool {
+        let sum: f64 = points.iter().map(|point| self.winding(outer, *point)).sum();
+        sum > 0.5 * points.len() as f64
+    }
+
+    /// Shells with material whose boxes are around that of a shell.
+    fn around(&self, inner: &Shell) -> Vec<u32> {
+        let mut around = Vec::new();
+        self.tree.around(inner.bounds, |outer| {
+            let shell = &self.all[outer as usize];
+            if shell.volume > inner.volume.abs() && encloses(shell.bounds, inner.bounds) {
+                around.push(outer);
             }
         });
+        around.sort_unstable();
+        around
+    }
+}
+
+/// Points that a shell encloses, off its surface and off others that touch it: in the middle of
+/// chords along the normals of its largest facets.
+fn points_within(shell: &Shell) -> Vec<DVec3> {
+    let surface = &shell.surface;
+    let normal = |triangle: usize| {
+        let [a, b, c] = surface.corners(triangle);
+        (b - a).cross(c - a)
+    };
+    let mut largest: Vec<usize> = (0..surface.triangles.len()).collect();
+    largest.sort_by(|a, b| {
+        let area = |it: &usize| normal(*it).length_squared();
+        area(b).total_cmp(&area(a)).then(a.cmp(b))
+    });
+    let inwards = if shell.volume > 0.0 { -1.0 } else { 1.0 };
+    let chord = |triangle: usize| {
+        let start = surface.corners(triangle).into_iter().sum::<DVec3>() / 3.0;
+        let along = inwards * normal(triangle).normalize_or_zero();
+        let length = (0..surface.triangles.len())
+            .filter(|other| *other != triangle)
+            .filter_map(|other| distance_along(start, along, surface.corners(other)))
+            .fold(f64::INFINITY, f64::min);
+        length.is_finite().then(|| start + 0.5 * length * along)
+    };
+    largest.into_iter().take(POINTS).filter_map(chord).collect()
+}
+
+/// Where a line meets a triangle ahead of its start.
+fn distance_along(start: DVec3, along: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+    let normal = (b - a).cross(c - a);
+    let slope = normal.dot(along);
+    let distance = normal.dot(a - start) / slope;
+    let place = start + distance * along;
+    let inside = [[a, b], [b, c], [c, a]]
+        .iter()
+        .all(|[from, to]| (*to - *from).cross(place - *from).dot(normal) >= 0.0);
+    (slope != 0.0 && distance > 0.0 && inside).then_some(distance)
+}
+
+/// Finds the shells that voids are in, the smallest ones.
+fn find_heads(all: &mut [Shell]) {
+    let containment = Containment::new(all);
+    let head = |void: &Shell| {
+        if void.volume > 0.0 || void.is_flat {
+            return None;
+        }
+        let mut outers = containment.around(void);
         outers.sort_by(|a, b| {
-            let volume = |it: &u32| all[*it as usize].volume;
+            let volume = |it: &u32| containment.all[*it as usize].volume;
             volume(a).total_cmp(&volume(b)).then(a.cmp(b))
         });
-        outers.into_iter().find(|outer| holds(*outer, void))
+        let points =
+            if void.meets { points_within(void) } else { vec![void.surface.corners(0)[0]] };
+        outers.into_iter().find(|outer| containment.holds(*outer, &points))
     };
     let heads: Vec<Option<u32>> = all.par_iter().map(head).collect();
     for (shell, head) in all.iter_mut().zip(heads) {
         shell.head = head;
     }
+}
+
+/// Shells that stand in two of a cluster at least, without contact: in material, and not in a void
+/// of what the cluster becomes.
+fn covered(all: &[Shell], clusters: &[Vec<u32>]) -> Vec<bool> {
+    let mut cluster_of = vec![0_u32; all.len()];
+    for (number, cluster) in (0..).zip(clusters) {
+        cluster.iter().for_each(|shell| cluster_of[*shell as usize] = number);
+    }
+    let containment = Containment::new(all);
+    let is_covered = |shell: &Shell| {
+        if shell.meets || shell.volume < 0.0 || shell.is_flat {
+            return false;
+        }
+        let point = [shell.surface.corners(0)[0]];
+        let mut around: Vec<u32> = containment
+            .around(shell)
+            .into_iter()
+            .filter(|outer| all[*outer as usize].meets && containment.holds(*outer, &point))
+            .map(|outer| cluster_of[outer as usize])
+            .collect();
+        around.sort_unstable();
+        around.chunk_by(|a, b| a == b).any(|same| same.len() > 1)
+    };
+    all.par_iter().map(is_covered).collect()
 }
 
 /// Turns the shells that meet others, are inside out and no voids; gives their number.
@@ -212,11 +357,10 @@ fn clusters(all: &[Shell], contacts: &[[u32; 2]]) -> Vec<Vec<u32>> {
 /// A cluster as one surface.
 fn one(cluster: &[u32], all: &[Shell], task: Task<'_>) -> Result<Surface> {
     let shell = |number: &u32| &all[*number as usize];
-    let mut surfaces: Vec<Surface> = cluster.iter().map(|it| shell(it).surface.clone()).collect();
-    snap(&mut surfaces);
+    let surfaces: Vec<&Surface> = cluster.iter().map(|it| &shell(it).surface).collect();
     let surface_of = |number: u32| {
         let at = cluster.binary_search(&number).unwrap_or_default();
-        &surfaces[at]
+        surfaces[at]
     };
     let failed = |problem: String| {
         let [low, high] = bounds_of(cluster.iter().flat_map(|it| shell(it).bounds));

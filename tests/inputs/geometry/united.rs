@@ -124,6 +124,84 @@ fn parts_that_are_inside_out_are_turned_and_voids_stay_voids() {
     }
 }
 
+/// A cylinder along z of so many sides about the middle, with fans as caps.
+fn drum(radius: f64, height: f64, sides: u32, middle: [f64; 3]) -> Arrays {
+    let of = Shape::Cylinder { radius, height, sides: Some(sides) };
+    Arrays::of(of).moved(middle)
+}
+
+#[test]
+fn holes_as_parts_that_are_inside_out_stay_holes_whatever_touches() {
+    let cube = || Arrays::cube(2e-3);
+    let section = |sides: u32, radius: f64| {
+        let half = std::f64::consts::PI / f64::from(sides);
+        f64::from(sides) * radius * radius * half.sin() * half.cos()
+    };
+    // Faceted shapes have the volume of the circle.
+    let area = std::f64::consts::PI * 0.36e-6;
+    assert!(section(24, 0.6e-3) < area);
+    for (name, mesh, volume) in [
+        ("through", cube().and(drum(0.6e-3, 2e-3, 24, [0.0; 3]).turned()), 8e-9 - area * 2e-3),
+        (
+            "blind",
+            cube().and(drum(0.6e-3, 1e-3, 24, [0.0, 0.0, 0.5e-3]).turned()),
+            8e-9 - area * 1e-3,
+        ),
+        ("corner", cube().and(cuboid([1e-3; 3], [0.5e-3; 3]).turned()), 7e-9),
+        // A pin that is inside out and fills the hole of a plate.
+        (
+            "pin",
+            cube().and(drum(0.6e-3, 1e-3, 24, [0.0, 0.0, 0.5e-3]).turned()).and(drum(
+                0.6e-3,
+                1e-3,
+                24,
+                [0.0, 0.0, 0.5e-3],
+            )),
+            8e-9,
+        ),
+        // Two parts that are inside out and share a face, and all of a file that is.
+        ("both", cube().and(cube().moved([2e-3, 0.0, 0.0])).turned(), 16e-9),
+        ("all", cube().and(cuboid([1e-3; 3], [0.5e-3, 0.0, 0.0]).turned()).turned(), 7e-9),
+        // Two voids that share a face, in a box that they do not touch.
+        (
+            "voids",
+            Arrays::of(Shape::Box { size: [6e-3; 3] })
+                .and(cube().moved([1e-3, 0.0, 0.0]).and(cube().moved([-1e-3, 0.0, 0.0])).turned()),
+            216e-9 - 16e-9,
+        ),
+        // A part in the overlap of two others, touching neither.
+        (
+            "covered",
+            cube().and(cube().moved([1e-3, 0.0, 0.0])).and(cuboid([0.5e-3; 3], [0.5e-3, 0.0, 0.0])),
+            12e-9,
+        ),
+    ] {
+        for turn in [0.0, 0.4, 1.1, 1.9, 2.7] {
+            let sample = sample_of(&rounded(mesh.clone()), turn);
+            let found = volume_of(&sample);
+            assert!((found / volume - 1.0).abs() < 1e-6, "{name}, {turn}: {found:e}, {volume:e}");
+            assert!(is_closed(&sample));
+        }
+    }
+}
+
+#[test]
+fn parts_that_pass_through_themselves_or_are_open_stay_refused_beside_others_that_meet() {
+    let pair = || Arrays::cube(2e-3).and(Arrays::cube(2e-3).moved([2e-3, 0.0, 0.0]));
+    // A cube whose top is turned round: it has no volume, and is no folded sheet.
+    let mut bow = Arrays::cube(2e-3);
+    for [x, _, z] in &mut bow.0 {
+        *x = if *z > 0.0 { -*x } else { *x };
+    }
+    let mut open = Arrays::cube(2e-3);
+    open.1.pop();
+    for (other, message) in [(bow, "crosses itself"), (open, "not closed")] {
+        let mesh = pair().and(other.moved([0.0, 6e-3, 0.0]));
+        let text = mesh.load().unwrap_err().to_string();
+        assert!(text.contains(message), "{text}");
+    }
+}
+
 #[test]
 fn random_boxes_on_a_lattice_have_the_volume_of_their_union() {
     // Nearly all faces coincide with others, and edges with edges.
