@@ -13,6 +13,8 @@ const NEGLIGIBLE: f64 = 0.01;
 const SAFETY: f64 = 0.45;
 /// and where there is one step alone: the root mean square is to be a third of the budget.
 const SAFETY_OF_ONE: f64 = 0.2;
+/// Crossings of a ray, on average, from which on structure may be too fine for rays.
+const MANY_CROSSINGS: u64 = 8;
 /// Part of its square that the error of a rectangle keeps when it is split.
 const LEFT: f64 = 1.0 / 9.0;
 
@@ -99,6 +101,19 @@ fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
         let variance = seen.max(least * passed * passed);
         error.light = draws.others.hypot(draws.area * variance.sqrt());
     }
+}
+
+/// Whether rays do not resolve what a patch holds: they cross many surfaces, and most not those that
+/// their neighbours cross.
+fn is_unresolved(patch: &Patch, known: &KnownErrors) -> bool {
+    let (mut count, mut apart, mut crossings) = (0_u32, 0_u32, 0_u64);
+    for leaf in patch.leaves() {
+        let Some((error, _)) = known.of(leaf) else { continue };
+        count += 1;
+        apart += u32::from(error.silhouette);
+        crossings += u64::from(patch.nodes[leaf as usize].result.crossings);
+    }
+    2 * apart > count && crossings > MANY_CROSSINGS * u64::from(count)
 }
 
 /// Errors of the recorded value of a mask step.
@@ -199,6 +214,7 @@ impl Estimator<'_> {
         // For any window, of which none sees all of them at its steepest, they count by themselves.
         let alike = !self.other_energies;
         let mut steps = vec![StepError::default(); self.response.steps()];
+        let unresolved = is_unresolved(patch, known_errors);
         let (mut silhouette, mut count) = (false, 0_u32);
         for (error, known, runs) in leaves() {
             silhouette |= error.silhouette;
@@ -243,7 +259,7 @@ impl Estimator<'_> {
             let together = alike && self.by_rays_alone && error.draws.is_none();
             let others = f64::from(count) * if together { f64::from(count) } else { 1.0 };
             let negligible = most / light * others < NEGLIGIBLE;
-            if negligible && !may_move && narrow.is_empty() {
+            if negligible && !unresolved && !may_move && narrow.is_empty() {
                 continue;
             }
             if let Some(axis) = self.may_hide(patch, error, narrow, !runs.is_empty()) {
@@ -253,6 +269,11 @@ impl Estimator<'_> {
             let of = |(step, share)| excess(step, &StepError::of(error, known, share, alike));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
+                // Structure that rays do not resolve is sampled evenly: where rays differ is chance,
+                // and if rectangles were split there, rays that are bent far would lose weight.
+                let node = &patch.nodes[error.node as usize];
+                let score =
+                    if unresolved { f64::from(node.width() * node.height()) } else { score };
                 scored.push((score, error, known, runs));
             }
         }
