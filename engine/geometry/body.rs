@@ -169,7 +169,8 @@ impl Body {
     }
 }
 
-fn measure(surface: &Surface, of: &[u32], count: u32, object: u32) -> Vec<Component> {
+/// Components of a surface, by that of each triangle, with their bounds, volume and area.
+pub(super) fn measure(surface: &Surface, of: &[u32], count: u32, object: u32) -> Vec<Component> {
     let mut bounds = vec![bounds_of(std::iter::empty()); count as usize];
     for (triangle, component) in of.iter().enumerate() {
         let [low, high] = &mut bounds[*component as usize];

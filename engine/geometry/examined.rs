@@ -21,8 +21,8 @@ pub(super) struct Examined {
     pub(super) warnings: Vec<String>,
 }
 
-/// Welds, places and examines a surface; `crossings`: also for crossing itself, and where parts of it
-/// meet unites them. A surface that cannot be placed is the inner error.
+/// Welds, places and examines a surface; `crossings`: also for crossing itself, and where parts of
+/// it meet unites them. A surface that cannot be placed is the inner error.
 ///
 /// # Errors
 /// [`Error::Interrupted`].
@@ -63,13 +63,12 @@ pub(super) fn examine(
     Ok(Ok(found))
 }
 
-/// A surface whose parts were united, if it is closed. Faces that nearly coincided may still lie on each
-/// other, nearer than f32 tells: that makes no difference to rays.
+/// A surface whose parts were united, if it is closed. Faces that nearly coincided may still lie on
+/// each other, nearer than f32 tells: that makes no difference to rays.
 fn sound(united: United) -> Option<Examined> {
     let United { surface, parts, turned } = united;
     let edges = topology::edges(&surface);
-    let is_sound = |group: &[Edge]| matches!(group, [a, b] if a.upwards != b.upwards);
-    if !edges.chunk_by(|a, b| a.key == b.key).all(is_sound) {
+    if !edges.chunk_by(|a, b| a.key == b.key).all(topology::is_manifold) {
         return None;
     }
     let mut warnings = Vec::new();

@@ -46,16 +46,31 @@ pub(super) fn edges(surface: &Surface) -> Vec<Edge> {
 pub(super) fn components(surface: &Surface, edges: &[Edge]) -> (Vec<u32>, u32) {
     let mut parent: Vec<u32> = (0_u32..).take(surface.triangles.len()).collect();
     for pair in edges.windows(2).filter(|pair| pair[0].key == pair[1].key) {
-        let (a, b) = (root(&mut parent, pair[0].triangle), root(&mut parent, pair[1].triangle));
-        // The lower number leads, so a component is known by its first triangle.
-        parent[a.max(b) as usize] = a.min(b);
+        join(&mut parent, [pair[0].triangle, pair[1].triangle]);
     }
+    labels(&mut parent)
+}
+
+/// Whether the triangles at one edge are two that run along it in opposite directions.
+pub(super) fn is_manifold(edge: &[Edge]) -> bool {
+    matches!(edge, [a, b] if a.upwards != b.upwards)
+}
+
+/// Joins the sets of two members of a forest of parents. The lower number leads, so a set is known
+/// by its first member.
+pub(super) fn join(parent: &mut [u32], pair: [u32; 2]) {
+    let [a, b] = pair.map(|member| root(parent, member));
+    parent[a.max(b) as usize] = a.min(b);
+}
+
+/// Set of each member of a forest of parents, and the number of sets; they are numbered by their
+/// first members.
+pub(super) fn labels(parent: &mut [u32]) -> (Vec<u32>, u32) {
     let mut label = vec![u32::MAX; parent.len()];
     let mut count = 0;
-    let component = (0_u32..)
-        .take(parent.len())
-        .map(|triangle| {
-            let leader = root(&mut parent, triangle) as usize;
+    let of = (0..numbers::count(parent.len()))
+        .map(|member| {
+            let leader = root(parent, member) as usize;
             if label[leader] == u32::MAX {
                 label[leader] = count;
                 count += 1;
@@ -63,7 +78,16 @@ pub(super) fn components(surface: &Surface, edges: &[Edge]) -> (Vec<u32>, u32) {
             label[leader]
         })
         .collect();
-    (component, count)
+    (of, count)
+}
+
+/// Members of each set, in ascending order, from [`labels`].
+pub(super) fn members((of, count): (&[u32], u32)) -> Vec<Vec<u32>> {
+    let mut members = vec![Vec::new(); count as usize];
+    for (member, set) in (0..).zip(of) {
+        members[*set as usize].push(member);
+    }
+    members
 }
 
 /// The leader of `at` in a forest of parents, shortening the way to it.

@@ -4,6 +4,7 @@
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
 mod ask;
+mod building;
 mod program;
 mod rays;
 
@@ -15,6 +16,7 @@ use crate::stack::StackShape;
 use crate::{Error, Result};
 pub use ask::require_memory;
 pub(crate) use ask::{ask_for_run, check_before_loading};
+use building::building;
 use program::program;
 use rays::{beamlets, cell_rays};
 use serde::Serialize;
@@ -22,11 +24,6 @@ use std::collections::BTreeSet;
 
 /// What a limit leaves for one patch in refinement at least.
 const ONE_PATCH: u64 = 12 << 20;
-/// Peak bytes on the host per triangle while the tree is built, all meshes read.
-const BUILD: u64 = 320;
-/// Beyond that per triangle, what allocators keep of vectors that are gone, and most of it: smaller
-/// vectors leave gaps, as threads happen to meet, and large ones go back to the system.
-const GAPS: [u64; 2] = [150, 60 << 20];
 /// Bytes on the host per triangle that stay: vertices, indices, components.
 const KEPT: u64 = 28;
 /// Bytes on the device per triangle: leaves with their neighbours, and nodes of the software tree.
@@ -91,11 +88,6 @@ pub struct MemoryEstimate {
     /// What a limit leaves for refinement, host and device together.
     #[serde(skip)]
     pub(crate) left_for_refinement: Option<u64>,
-}
-
-/// Bytes on the host while the tree over so many triangles is built.
-fn building(triangles: u64) -> u64 {
-    BUILD.saturating_mul(triangles).saturating_add(GAPS[1].min(GAPS[0].saturating_mul(triangles)))
 }
 
 /// Triangles of objects that cut others or are cut.

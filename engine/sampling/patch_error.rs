@@ -103,19 +103,6 @@ fn pool_draws(errors: &mut [Option<CellError>], patch: &Patch) {
     }
 }
 
-/// Whether rays do not resolve what a patch holds: they cross many surfaces, and most not those that
-/// their neighbours cross.
-fn is_unresolved(patch: &Patch, known: &KnownErrors) -> bool {
-    let (mut count, mut apart, mut crossings) = (0_u32, 0_u32, 0_u64);
-    for leaf in patch.leaves() {
-        let Some((error, _)) = known.of(leaf) else { continue };
-        count += 1;
-        apart += u32::from(error.silhouette);
-        crossings += u64::from(patch.nodes[leaf as usize].result.crossings);
-    }
-    2 * apart > count && crossings > MANY_CROSSINGS * u64::from(count)
-}
-
 /// Errors of the recorded value of a mask step.
 #[derive(Debug, Clone, Copy, Default)]
 struct StepError {
@@ -208,25 +195,27 @@ impl Estimator<'_> {
         let leaves = || {
             patch.leaves().filter_map(|leaf| {
                 let (error, runs) = known_errors.of(leaf)?;
-                Some((error, &patch.nodes[leaf as usize].known, runs))
+                Some((error, &patch.nodes[leaf as usize], runs))
             })
         };
         // For any window, of which none sees all of them at its steepest, they count by themselves.
         let alike = !self.other_energies;
         let mut steps = vec![StepError::default(); self.response.steps()];
-        let unresolved = is_unresolved(patch, known_errors);
-        let (mut silhouette, mut count) = (false, 0_u32);
-        for (error, known, runs) in leaves() {
-            silhouette |= error.silhouette;
+        let (mut count, mut silhouettes, mut crossings) = (0_u32, 0_u32, 0_u64);
+        for (error, node, runs) in leaves() {
             count += 1;
+            silhouettes += u32::from(error.silhouette);
+            crossings += u64::from(node.result.crossings);
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                steps[step as usize].add(&StepError::of(error, known, share, alike));
+                steps[step as usize].add(&StepError::of(error, &node.known, share, alike));
             }
         }
+        // Rays cross many surfaces, and most not those that their neighbours cross.
+        let unresolved = 2 * silhouettes > count && crossings > MANY_CROSSINGS * u64::from(count);
         let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
         let mut result = PatchError { splits: Vec::new(), light: worst };
         let light = (self.safety() * self.budget.light).powi(2);
-        let bounded = self.budget.displacement.is_finite() && !silhouette;
+        let bounded = self.budget.displacement.is_finite() && silhouettes == 0;
         // In shares of the budget of a step; nothing of one that holds it.
         let excess = |step: u32, error: &StepError| {
             let all = &steps[step as usize];
@@ -244,7 +233,8 @@ impl Estimator<'_> {
             return result;
         }
         let mut scored = Vec::new();
-        for (error, known, runs) in leaves() {
+        for (error, node, runs) in leaves() {
+            let known = &node.known;
             let may_move = bounded && error.moment > 0.0;
             let part = |(step, share): (u32, f32)| {
                 StepError::of(error, known, share, alike).part(&steps[step as usize])

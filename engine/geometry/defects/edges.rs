@@ -2,14 +2,12 @@
 
 use super::Defects;
 use crate::geometry::surface::Surface;
-use crate::geometry::topology::Edge;
+use crate::geometry::topology::{Edge, is_manifold};
 
 /// Sorts the edges that are not used exactly twice, once each way, into their kinds.
 pub(super) fn sort(surface: &Surface, edges: &[Edge], defects: &mut Defects) {
-    let mut faulty: Vec<&[Edge]> = edges
-        .chunk_by(|a, b| a.key == b.key)
-        .filter(|group| !matches!(group, [a, b] if a.upwards != b.upwards))
-        .collect();
+    let mut faulty: Vec<&[Edge]> =
+        edges.chunk_by(|a, b| a.key == b.key).filter(|group| !is_manifold(group)).collect();
     faulty.sort_by_key(|group| group.iter().map(|edge| edge.triangle).min());
     for group in faulty {
         let found = match group {

@@ -2,7 +2,7 @@
 
 use super::DefectCount;
 use crate::geometry::surface::Surface;
-use crate::geometry::topology::{Edge, root};
+use crate::geometry::topology::{Edge, join};
 
 /// Vertices whose triangles are not all connected through edges at that vertex.
 pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> DefectCount {
@@ -15,11 +15,7 @@ pub(super) fn pinched(surface: &Surface, edges: &[Edge]) -> DefectCount {
     for group in edges.chunk_by(|a, b| a.key == b.key) {
         for pair in group.windows(2) {
             for vertex in pair[0].ends() {
-                let [a, b] = [0, 1].map(|k| {
-                    let corner = corner(pair[k].triangle, vertex);
-                    root(&mut parent, corner)
-                });
-                parent[a.max(b) as usize] = a.min(b);
+                join(&mut parent, [0, 1].map(|k| corner(pair[k].triangle, vertex)));
             }
         }
     }

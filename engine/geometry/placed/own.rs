@@ -12,7 +12,7 @@ use super::{Place, Prototype};
 use crate::error::{Error, Result};
 use crate::geometry::overlap::{Solid, snap, tolerance};
 use crate::geometry::surface::{Surface, in_mm};
-use crate::geometry::topology::root;
+use crate::geometry::topology::{self, join, labels};
 use crate::geometry::watch::Task;
 use crate::numbers;
 
@@ -93,16 +93,13 @@ pub(super) fn clusters(members: &[u32], pairs: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let at = |member: u32| members.binary_search(&member).ok().map(numbers::count);
     for [first, second] in pairs {
         if let (Some(first), Some(second)) = (at(*first), at(*second)) {
-            let (a, b) = (root(&mut parent, first), root(&mut parent, second));
-            parent[a.max(b) as usize] = a.min(b);
+            join(&mut parent, [first, second]);
         }
     }
-    let mut of = vec![Vec::new(); members.len()];
-    for (number, member) in (0..).zip(members) {
-        of[root(&mut parent, number) as usize].push(*member);
-    }
-    of.retain(|it: &Vec<u32>| !it.is_empty());
-    of
+    let (of, count) = labels(&mut parent);
+    let sets = topology::members((&of, count));
+    let named = |set: Vec<u32>| set.into_iter().map(|it| members[it as usize]).collect();
+    sets.into_iter().map(named).collect()
 }
 
 /// Most facets of each instance where so many are united.

@@ -6,17 +6,17 @@
 
 mod shells;
 
-use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
-use super::body::{is_flat, without_thin};
+use super::Component;
+use super::body::{corners_of, is_flat, measure, without_thin};
 use super::overlap::{Solid, snap};
 use super::search::{Search, winding_by_solid_angle};
 use super::surface::{Surface, bounds_of, encloses, in_mm};
-use super::topology::{self, Edge, root};
+use super::topology::{self, Edge, join, labels};
 use super::tree::Tree;
 use super::watch::{LoadStep, Task};
 use crate::error::{Error, Result};
@@ -24,7 +24,6 @@ use crate::numbers;
 
 /// Points of a shell that are asked.
 const POINTS: usize = 16;
-
 /// Most facets of a shell that is looked at for being a sheet: all pairs of them are tried.
 const MOST_OF_SHEET: usize = 5_000;
 
@@ -67,10 +66,8 @@ impl Shell {
             let covers = |other: usize| {
                 let [a, b, c] = corners(other);
                 let down = normal([a, b, c]);
-                let inside = [[a, b], [b, c], [c, a]]
-                    .iter()
-                    .all(|[from, to]| (*to - *from).cross(middle - *from).dot(down) >= 0.0);
-                up.dot(down) < -0.99 && down.dot(middle - a).abs() <= near && inside
+                let is_near = down.dot(middle - a).abs() <= near;
+                up.dot(down) < -0.99 && is_near && is_over([a, b, c], down, middle)
             };
             (0..count).any(covers)
         })
@@ -91,25 +88,18 @@ pub(super) fn united(
     (resolved, world): (f64, DAffine3),
     task: Task<'_>,
 ) -> Result<Option<United>> {
-    if volume_and_area(surface)[0] >= 0.0 {
-        return outwards(surface, edges, crossing, (resolved, world), task);
-    }
-    // All of it is inside out.
-    let mut surface = surface.clone();
-    turn(&mut surface);
-    let edges = topology::edges(&surface);
-    let united = outwards(&surface, &edges, crossing, (resolved, world), task)?;
-    Ok(united.map(|it| United { turned: it.parts - it.turned.min(it.parts), ..it }))
-}
-
-/// As [`united`], of a surface whose volume is not negative.
-fn outwards(
-    surface: &Surface,
-    edges: &[Edge],
-    crossing: &[[u32; 2]],
-    (resolved, world): (f64, DAffine3),
-    task: Task<'_>,
-) -> Result<Option<United>> {
+    // Where all of it is inside out it is turned first.
+    let inside_out = measure(surface, &vec![0; surface.triangles.len()], 1, 0)[0].volume < 0.0;
+    let whole;
+    let (surface, edges) = if inside_out {
+        let mut surface = surface.clone();
+        turn(&mut surface);
+        let edges = topology::edges(&surface);
+        whole = (surface, edges);
+        (&whole.0, whole.1.as_slice())
+    } else {
+        (surface, edges)
+    };
     let Some((of, count)) = shells::shells(surface, edges, resolved) else { return Ok(None) };
     if count < 2 {
         return Ok(None);
@@ -144,7 +134,8 @@ fn outwards(
     }
     let parts = all.iter().filter(|shell| shell.meets).count();
     find_heads(&mut all);
-    let turned = turn_inside_out(&mut all);
+    let turned_here = turn_inside_out(&mut all);
+    let turned = if inside_out { parts - turned_here } else { turned_here };
     let clusters = clusters(&all, &contacts);
     let covered = covered(&all, &clusters);
     task.begin(LoadStep::Cutting, clusters.len() as u64)?;
@@ -169,31 +160,17 @@ fn outwards(
     Ok(Some(United { surface: whole.mapped(world), parts, turned }))
 }
 
-/// Signed volume, m3, about the middle, and area, m2.
-fn volume_and_area(surface: &Surface) -> [f64; 2] {
-    let [low, high] = surface.bounds();
-    let middle = low.midpoint(high);
-    let (mut volume, mut area) = (0.0, 0.0);
-    for triangle in 0..surface.triangles.len() {
-        let [a, b, c] = surface.corners(triangle).map(|corner| corner - middle);
-        volume += a.dot(b.cross(c)) / 6.0;
-        area += (b - a).cross(c - a).length() / 2.0;
-    }
-    [volume, area]
-}
-
 fn taken_apart(surface: &Surface, of: &[u32], count: u32) -> Vec<Shell> {
-    let mut members = vec![Vec::new(); count as usize];
-    for (triangle, shell) in (0_u32..).zip(of) {
-        members[*shell as usize].push(triangle);
-    }
-    let shell = |members: &Vec<u32>| {
-        let surface = surface.part(members);
-        let (bounds, [volume, area]) = (surface.bounds(), volume_and_area(&surface));
-        let is_flat = is_flat(volume, area);
-        Shell { surface, bounds, volume, is_flat, meets: false, head: None }
+    let measured = measure(surface, of, count, 0);
+    let shell = |(members, component): (&Vec<u32>, &Component)| Shell {
+        surface: surface.part(members),
+        bounds: corners_of(component),
+        volume: component.volume,
+        is_flat: is_flat(component.volume, component.area),
+        meets: false,
+        head: None,
     };
-    members.par_iter().map(shell).collect()
+    topology::members((of, count)).par_iter().zip(&measured).map(shell).collect()
 }
 
 /// What tells whether points lie in shells.
@@ -272,10 +249,14 @@ fn distance_along(start: DVec3, along: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f
     let slope = normal.dot(along);
     let distance = normal.dot(a - start) / slope;
     let place = start + distance * along;
-    let inside = [[a, b], [b, c], [c, a]]
-        .iter()
-        .all(|[from, to]| (*to - *from).cross(place - *from).dot(normal) >= 0.0);
+    let inside = is_over([a, b, c], normal, place);
     (slope != 0.0 && distance > 0.0 && inside).then_some(distance)
+}
+
+/// Whether a point lies in a triangle, as seen along its normal.
+fn is_over([a, b, c]: [DVec3; 3], normal: DVec3, point: DVec3) -> bool {
+    let left = |[from, to]: [DVec3; 2]| (to - from).cross(point - from).dot(normal) >= 0.0;
+    [[a, b], [b, c], [c, a]].into_iter().all(left)
 }
 
 /// Finds the shells that voids are in, the smallest ones.
@@ -343,25 +324,14 @@ fn turn(surface: &mut Surface) {
 fn clusters(all: &[Shell], contacts: &[[u32; 2]]) -> Vec<Vec<u32>> {
     let mut parent: Vec<u32> = (0..numbers::count(all.len())).collect();
     let heads = (0..).zip(all).filter_map(|(number, shell)| Some([number, shell.head?]));
-    for [a, b] in contacts.iter().copied().chain(heads) {
-        let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-        parent[a.max(b) as usize] = a.min(b);
-    }
-    let mut of: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for shell in 0..numbers::count(all.len()) {
-        of.entry(root(&mut parent, shell)).or_default().push(shell);
-    }
-    of.into_values().collect()
+    contacts.iter().copied().chain(heads).for_each(|pair| join(&mut parent, pair));
+    let (of, count) = labels(&mut parent);
+    topology::members((&of, count))
 }
 
 /// A cluster as one surface.
 fn one(cluster: &[u32], all: &[Shell], task: Task<'_>) -> Result<Surface> {
     let shell = |number: &u32| &all[*number as usize];
-    let surfaces: Vec<&Surface> = cluster.iter().map(|it| &shell(it).surface).collect();
-    let surface_of = |number: u32| {
-        let at = cluster.binary_search(&number).unwrap_or_default();
-        surfaces[at]
-    };
     let failed = |problem: String| {
         let [low, high] = bounds_of(cluster.iter().flat_map(|it| shell(it).bounds));
         Error::mesh("", problem, format!("near {}", in_mm(low.midpoint(high))))
@@ -370,10 +340,10 @@ fn one(cluster: &[u32], all: &[Shell], task: Task<'_>) -> Result<Surface> {
     let mut solids = Vec::new();
     for head in heads {
         // What lies in it without contact stays as it is; the rest is taken away.
-        let mut outer = surface_of(*head).clone();
+        let mut outer = shell(head).surface.clone();
         let mut cutters = Vec::new();
         for void in cluster.iter().filter(|it| shell(it).head == Some(*head)) {
-            let mut surface = surface_of(*void).clone();
+            let mut surface = shell(void).surface.clone();
             if shell(void).meets {
                 turn(&mut surface);
                 cutters.push(surface);

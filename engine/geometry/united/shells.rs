@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::geometry::surface::Surface;
-use crate::geometry::topology::{Edge, root};
+use crate::geometry::topology::{Edge, join, labels, root};
 use crate::numbers;
 
 /// Triangles at an edge count as faces that coincide where their third corners, as far from the edge,
@@ -12,8 +12,8 @@ const ALIKE: f64 = 4.0;
 
 /// Shell of each triangle, and the number of shells; shells are numbered by their first triangle.
 /// Where more than two triangles share an edge, those belong together that have material between
-/// them. `resolved`: the length that f32 resolves, m. `None` where an edge has not as many triangles one way as the other: no shell is closed
-/// there.
+/// them. `resolved`: the length that f32 resolves, m. `None` where an edge has not as many triangles
+/// one way as the other: no shell is closed there.
 pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option<(Vec<u32>, u32)> {
     let mut parent: Vec<u32> = (0..numbers::count(surface.triangles.len())).collect();
     let mut shared = Vec::new();
@@ -31,24 +31,7 @@ pub(super) fn shells(surface: &Surface, edges: &[Edge], resolved: f64) -> Option
         pairs.extend(wedges(surface, group, resolved, |triangle| root(&mut parent, triangle)));
     }
     pairs.into_iter().for_each(|pair| join(&mut parent, pair));
-    let mut label = vec![u32::MAX; parent.len()];
-    let mut count = 0;
-    let of = (0..numbers::count(parent.len()))
-        .map(|triangle| {
-            let leader = root(&mut parent, triangle) as usize;
-            if label[leader] == u32::MAX {
-                label[leader] = count;
-                count += 1;
-            }
-            label[leader]
-        })
-        .collect();
-    Some((of, count))
-}
-
-fn join(parent: &mut [u32], pair: [u32; 2]) {
-    let [a, b] = pair.map(|triangle| root(parent, triangle));
-    parent[a.max(b) as usize] = a.min(b);
+    Some(labels(&mut parent))
 }
 
 /// A triangle at an edge.

@@ -4,6 +4,7 @@ use beamlet::geometry::{Sample, load};
 use beamlet::scene::{
     Beam, Detector, MaskBody, MaskSpec, Mesh, Object, Scene, Shape, ShapeOrMesh, Source,
 };
+use std::collections::HashMap;
 
 pub(crate) fn mask(distance: f64) -> MaskSpec {
     let body = MaskBody::Bars { material: "gold".into(), thickness: 225e-6 };
@@ -107,4 +108,16 @@ pub(crate) fn close(a: f64, b: f64, relative: f64) -> bool {
 pub(crate) fn normal([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
     let [[u, v, w], [x, y, z]] = [b, c].map(|corner| [0, 1, 2].map(|i| corner[i] - a[i]));
     [v * z - w * y, w * x - u * z, u * y - v * x]
+}
+
+/// Every edge has as many triangles one way as the other.
+pub(crate) fn is_closed(sample: &Sample) -> bool {
+    let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
+    for [a, b, c] in &sample.triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            let way = if from < to { 1 } else { -1 };
+            *edges.entry([*from.min(to), *from.max(to)]).or_default() += way;
+        }
+    }
+    edges.values().all(|it| *it == 0)
 }

@@ -1,9 +1,9 @@
 //! Parts of one mesh that touch or overlap are one solid.
 
-use super::set_up::{Arrays, scene};
+use super::set_up::{Arrays, is_closed, scene};
 use beamlet::geometry::{Sample, load, load_lenient};
 use beamlet::scene::{Mesh, Object, Shape, ShapeOrMesh};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -22,18 +22,6 @@ fn sample_of(mesh: &Arrays, turn: f64) -> Sample {
     assert_eq!(sample.objects[0].defects, of(true).objects[0].defects);
     assert!(!sample.objects[0].defects.refused());
     sample
-}
-
-/// Whether every edge has one triangle each way, where equal places of one part are one vertex.
-fn is_closed(sample: &Sample) -> bool {
-    let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
-    for [a, b, c] in &sample.triangles {
-        for [from, to] in [[a, b], [b, c], [c, a]] {
-            let way = if from < to { 1 } else { -1 };
-            *edges.entry([*from.min(to), *from.max(to)]).or_default() += way;
-        }
-    }
-    edges.values().all(|it| *it == 0)
 }
 
 fn volume_of(sample: &Sample) -> f64 {
@@ -124,7 +112,7 @@ fn parts_that_are_inside_out_are_turned_and_voids_stay_voids() {
     }
 }
 
-/// A cylinder along z of so many sides about the middle, with fans as caps.
+/// A cylinder along z around `middle`; its caps are fans of triangles.
 fn drum(radius: f64, height: f64, sides: u32, middle: [f64; 3]) -> Arrays {
     let of = Shape::Cylinder { radius, height, sides: Some(sides) };
     Arrays::of(of).moved(middle)

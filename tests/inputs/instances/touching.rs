@@ -1,8 +1,8 @@
 //! Instances of one object that touch or overlap are one solid.
 
 use super::*;
+use crate::geometry::set_up::is_closed;
 use beamlet::geometry::{self, Sample};
-use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 
@@ -22,18 +22,6 @@ fn sample_of(shape: &str, places: &[[f64; 3]]) -> Sample {
 
 fn close(found: f64, want: f64, share: f64) {
     assert!((found - want).abs() <= share * want, "{found:e}, not {want:e}");
-}
-
-/// Every edge has as many triangles one way as the other.
-fn is_closed(sample: &Sample) -> bool {
-    let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
-    for [a, b, c] in &sample.triangles {
-        for [from, to] in [[a, b], [b, c], [c, a]] {
-            let way = if from < to { 1 } else { -1 };
-            *edges.entry([*from.min(to), *from.max(to)]).or_default() += way;
-        }
-    }
-    edges.values().all(|it| *it == 0)
 }
 
 #[test]
