@@ -11,9 +11,6 @@ use bytemuck::Pod;
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Cells narrower than this may deflect light by any amount, m.
-const NARROW: f32 = 2.5e-7;
-
 /// Cell rows and cells, ready to be illuminated.
 #[derive(Debug, Clone, Default)]
 pub struct CellBatch {
@@ -150,19 +147,10 @@ fn reach_of(cell_row: CellRow, cells: &[Cell]) -> CellRow {
         let (low, high) = (cell.displacement_low, cell.displacement_high);
         cell_row.low_landing = cell_row.low_landing.min(low.min(high) - cell.pixel_shift);
         cell_row.high_landing = cell_row.high_landing.max(low.max(high) - cell.pixel_shift);
-        // The shadow of a thick bar blurs a cell by the slope of its displacement times its width, and by no more than
-        // the light of the cell is wide (piece_of in illuminate.comp).
-        let lands = 0.5 * (high - low).abs() + 4.0 * width; // magnified eightfold at most
-        if width > NARROW {
-            cell_row.displacement_slope =
-                cell_row.displacement_slope.max((high - low).abs() / width);
-            cell_row.displacement_variance =
-                cell_row.displacement_variance.max(cell.displacement_variance);
-        } else {
-            cell_row.displacement_variance = cell_row
-                .displacement_variance
-                .max(cell.displacement_variance + lands * lands / 3.0);
-        }
+        // The shader bounds it.
+        cell_row.displacement_slope = cell_row.displacement_slope.max((high - low).abs() / width);
+        cell_row.displacement_variance =
+            cell_row.displacement_variance.max(cell.displacement_variance);
     }
     cell_row
 }

@@ -91,6 +91,11 @@ float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float
     return leak < NEGLIGIBLE ? open : leak * whole + open;
 }
 
+// Displacements that change faster than this along x go on like that no farther than their cell.
+float steepest() {
+    return 0.5 * light.magnification;
+}
+
 // The part [a, b] of a cell on the analyser. x is where the ray from the centre of the source
 // that meets the sample in the same place crosses the cell plane: what the sample does depends
 // on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
@@ -109,8 +114,9 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
         * (1.0 + depth_change * depth_change / 24.0) * light.weight * (cell_row.bottom - cell_row.top);
     piece.middle = light.magnification * middle + cell.displacement_low + displacement_slope * from_low;
     piece.half_width = 0.5 * growth * width;
-    // Soft edges of the aperture move light within the piece, not beyond it.
-    float shadow = min(growth * growth * soft.x, piece.half_width * piece.half_width / 3.0);
+    // Soft edges of the aperture move light as they would all of what it is part of.
+    float steady = abs(displacement_slope) < steepest() ? growth : light.magnification;
+    float shadow = steady * steady * soft.x;
     piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.displacement_variance);
     piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.displacement_variance);
     piece.pixel_shift = cell.pixel_shift;

@@ -63,7 +63,7 @@ void setting_begin() {
     setting.reach = 6.5 * light.mask_blur;
     setting.ends = Aperture(push.cells.at[cell_row.first_cell].x_low,
                             push.cells.at[cell_row.first_cell + cell_row.cell_count - 1u].x_high);
-    float growth = light.magnification + cell_row.displacement_slope;
+    float growth = light.magnification + min(cell_row.displacement_slope, steepest());
     float blur = max(light.spot * light.spot + setting.soft.y, light.pixel_spot * light.pixel_spot);
     blur = sqrt(blur + growth * growth * setting.soft.x + cell_row.displacement_variance);
     setting.low_landing = cell_row.low_landing + beamlet.pixel_offset - 6.5 * blur;

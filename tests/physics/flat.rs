@@ -225,3 +225,32 @@ fn open_beam_is_one() {
     }
     worst.holds();
 }
+
+#[test]
+fn fibres_that_do_nothing_leave_the_flat_however_finely_cells_are_cut() {
+    // Soft edges of thick bars move light beyond cells that are narrower than they: 18 mm off the
+    // axis they are 0.3 um deep. With light kept within its cell values were 4.6e-5 off.
+    let mut worst =
+        Worst::new("behind fibres that do nothing against the flat, of open beam", 1e-6);
+    for spot in ["30 um", "2 um"] {
+        let text = format!(
+            "{}\n[detector]\ndistance = \"1.8 m\"\npixels = [400, 1]\npitch = \"150 um\"\n\
+             [scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 5 }}\n\
+             [sampling]\ncells = 2000\ntolerance = 1e-2\n\
+             [materials.nothing]\nformula = \"C\"\ndensity = \"1e-9 g/cm3\"\n\
+             [[object]]\nname = \"fibres\"\nmaterial = \"nothing\"\nposition = [\"18 mm\", \"0 mm\", \"0 mm\"]\n\
+             shape = {{ cylinder = {{ radius = \"2.5 um\", height = \"1 mm\" }} }}\n\
+             instances = {{ packing = \"parallel-fibres\", count = 1000, seed = 1, \
+             region = {{ box = {{ size = [\"0.5 mm\", \"0.4 mm\", \"1 mm\"] }} }} }}\n",
+            include_str!("../support/masks.toml")
+                .replace("\"30 um\", \"26 um\"", &format!("\"{spot}\", \"{spot}\"")),
+        );
+        let scene = beamlet::scene::Scene::from_toml(&text, ".").expect("a scene");
+        let stacks = engine(Backend::Bvh).simulate(&scene).expect("a stack");
+        assert!(stacks.record.tally.rays > 10_000, "no fibres in the beam");
+        for ((place, flat), sample) in stacks.flat.indexed_iter().zip(&stacks.sample) {
+            worst.take(f64::from(sample - flat), || format!("spot {spot}, {place:?}"));
+        }
+    }
+    worst.holds();
+}
