@@ -7,6 +7,7 @@ use crate::reference::scenes;
 use crate::reference::stack::{Quadrature, Setup};
 use crate::support::{Checked, GOLD, Worst, engine};
 use beamlet::Backend;
+use beamlet::scene::Scene;
 
 /// Closed form against engine, where both treat the same thin masks. The fixed point of the sums
 /// holds 2e-10, the distribution function 1e-7 (Abramowitz and Stegun 7.1.26), f32 offsets of
@@ -245,7 +246,7 @@ fn fibres_that_do_nothing_leave_the_flat_however_finely_cells_are_cut() {
             include_str!("../support/masks.toml")
                 .replace("\"30 um\", \"26 um\"", &format!("\"{spot}\", \"{spot}\"")),
         );
-        let scene = beamlet::scene::Scene::from_toml(&text, ".").expect("a scene");
+        let scene = Scene::from_toml(&text, ".").expect("a scene");
         let stacks = engine(Backend::Bvh).simulate(&scene).expect("a stack");
         assert!(stacks.record.tally.rays > 10_000, "no fibres in the beam");
         for ((place, flat), sample) in stacks.flat.indexed_iter().zip(&stacks.sample) {

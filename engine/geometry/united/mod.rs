@@ -109,26 +109,12 @@ pub(super) fn united(
     let mut in_file = [surface.mapped(world.inverse())];
     snap(&mut in_file);
     let mut all = taken_apart(&in_file[0], &of, count);
-    // A sheet that is folded onto itself has no material; bodies are made without it.
-    let is_solid = |pair: &[u32; 2]| !pair.iter().any(|shell| all[*shell as usize].is_flat);
-    let pairs = crossing.iter().map(|pair| pair.map(|it| of[it as usize]));
-    let mut own: Vec<u32> = pairs.clone().filter(|[a, b]| a == b).map(|[a, _]| a).collect();
-    own.dedup();
-    if own.iter().any(|shell| !all[*shell as usize].is_sheet()) {
+    let pairs: Vec<[u32; 2]> = crossing.iter().map(|it| it.map(|at| of[at as usize])).collect();
+    let crosses_itself = |&[a, b]: &[u32; 2]| a == b && !all[a as usize].is_sheet();
+    if pairs.iter().any(crosses_itself) {
         return Ok(None);
     }
-    let pairs = pairs.filter(is_solid);
-    // Shells along one edge touch.
-    let shared = edges.chunk_by(|a, b| a.key == b.key).filter(|group| group.len() > 2);
-    let shared = shared.flat_map(|group| {
-        let shell = |edge: &Edge| of[edge.triangle as usize];
-        group.windows(2).map(move |pair| [shell(&pair[0]), shell(&pair[1])])
-    });
-    let mut contacts: Vec<[u32; 2]> =
-        pairs.chain(shared.filter(is_solid)).filter(|[a, b]| a != b).collect();
-    contacts.iter_mut().for_each(|pair| pair.sort_unstable());
-    contacts.sort_unstable();
-    contacts.dedup();
+    let contacts = contacts(&all, pairs, edges, &of);
     for shell in contacts.iter().flatten() {
         all[*shell as usize].meets = true;
     }
@@ -136,8 +122,32 @@ pub(super) fn united(
     find_heads(&mut all);
     let turned_here = turn_inside_out(&mut all);
     let turned = if inside_out { parts - turned_here } else { turned_here };
-    let clusters = clusters(&all, &contacts);
-    let covered = covered(&all, &clusters);
+    let Some(whole) = joined(&all, &clusters(&all, &contacts), task)? else { return Ok(None) };
+    Ok(Some(United { surface: whole.mapped(world), parts, turned }))
+}
+
+/// Pairs of shells with material that cross or touch, each once, the lower number first. `pairs`:
+/// those whose triangles cross. `of`: the shell of each triangle.
+fn contacts(all: &[Shell], pairs: Vec<[u32; 2]>, edges: &[Edge], of: &[u32]) -> Vec<[u32; 2]> {
+    // Shells along one edge touch.
+    let shared = edges.chunk_by(|a, b| a.key == b.key).filter(|group| group.len() > 2);
+    let shared = shared.flat_map(|group| {
+        let shell = |edge: &Edge| of[edge.triangle as usize];
+        group.windows(2).map(move |pair| [shell(&pair[0]), shell(&pair[1])])
+    });
+    // A sheet that is folded onto itself has no material; bodies are made without it.
+    let is_solid = |pair: &[u32; 2]| !pair.iter().any(|shell| all[*shell as usize].is_flat);
+    let two_solids = |pair: &[u32; 2]| pair[0] != pair[1] && is_solid(pair);
+    let mut contacts: Vec<[u32; 2]> = pairs.into_iter().chain(shared).filter(two_solids).collect();
+    contacts.iter_mut().for_each(|pair| pair.sort_unstable());
+    contacts.sort_unstable();
+    contacts.dedup();
+    contacts
+}
+
+/// Shells as one surface, those of a cluster that meet united; nothing where that cannot be.
+fn joined(all: &[Shell], clusters: &[Vec<u32>], task: Task<'_>) -> Result<Option<Surface>> {
+    let covered = covered(all, clusters);
     task.begin(LoadStep::Cutting, clusters.len() as u64)?;
     let mut whole = Surface::default();
     for (number, cluster) in clusters.iter().enumerate() {
@@ -148,7 +158,7 @@ pub(super) fn united(
             }
             continue;
         }
-        match one(cluster, &all, task) {
+        match one(cluster, all, task) {
             Ok(united) => whole.append(without_thin(united)),
             Err(Error::Mesh { problem, .. }) => {
                 log::info!("parts of a mesh that meet cannot be united: {problem}");
@@ -157,7 +167,7 @@ pub(super) fn united(
             Err(error) => return Err(error),
         }
     }
-    Ok(Some(United { surface: whole.mapped(world), parts, turned }))
+    Ok(Some(whole))
 }
 
 fn taken_apart(surface: &Surface, of: &[u32], count: u32) -> Vec<Shell> {
