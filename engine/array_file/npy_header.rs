@@ -34,15 +34,12 @@ pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<NpyHeader> {
     }
     let mut dict = Vec::new();
     file.take(length.into()).read_to_end(&mut dict)?;
-    let (mut open, mut deepest) = (0_usize, 0);
-    for byte in &dict {
-        match byte {
-            b'(' | b'[' | b'{' => open += 1,
-            b')' | b']' | b'}' => open = open.saturating_sub(1),
-            _ => {}
-        }
-        deepest = deepest.max(open);
+    // No type and no shape has them, and without them it is clear where strings end.
+    let has = |part: &[u8]| dict.windows(part.len()).any(|window| window == part);
+    if has(br"\") || has(b"'''") || has(br#"""""#) {
+        return Err(refused("it has escapes or three quotes; allowed: plain strings".into()));
     }
+    let deepest = deepest(&dict);
     if deepest > DEPTH {
         return Err(refused(format!("{deepest} brackets within one another; allowed: {DEPTH}")));
     }
@@ -52,6 +49,22 @@ pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<NpyHeader> {
     }
     file.seek(SeekFrom::Start(0))?;
     NpyHeader::from_reader(file)
+}
+
+/// Most brackets within one another, but for those in strings.
+fn deepest(dict: &[u8]) -> usize {
+    let (mut quote, mut open, mut deepest) = (None, 0_usize, 0);
+    for byte in dict {
+        match (byte, quote) {
+            (_, Some(own)) => quote = quote.filter(|_| *byte != own),
+            (b'\'' | b'"', None) => quote = Some(*byte),
+            (b'(' | b'[' | b'{', None) => open += 1,
+            (b')' | b']' | b'}', None) => open = open.saturating_sub(1),
+            _ => {}
+        }
+        deepest = deepest.max(open);
+    }
+    deepest
 }
 
 /// The product of the numbers outside of quotes, which are those of the shape.
@@ -91,6 +104,15 @@ mod tests {
         for brackets in ["{{{{{{", "((((((", "[[[[[[", "{[({[({[(", &"{".repeat(60_000)] {
             let message = read(&mut file(1, brackets)).map(drop).unwrap_err().to_string();
             assert!(message.contains("within one another"), "{message}");
+        }
+        // Found by fuzzing, too: brackets in strings closed none, and 938 bytes took half a minute.
+        for (part, problem) in [
+            ("{']]]]': (0,", "within one another"),
+            (r"{'\]]': (0,", "escapes"),
+            ("{''']]': (0,", "three quotes"),
+        ] {
+            let message = read(&mut file(1, &part.repeat(12))).map(drop).unwrap_err().to_string();
+            assert!(message.contains(problem), "{message}");
         }
         // Found by fuzzing, too: the product of the sides overflowed.
         for shape in

@@ -113,3 +113,18 @@ impl Record {
         write_file(path, text.as_bytes())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Found by fuzzing: the last bit of some numbers was lost.
+    #[test]
+    fn numbers_are_read_as_they_were_written() {
+        let lever_arm = 0.1 + 0.2;
+        let record =
+            Record { magnification: 1.522_222_222_222_222_1, lever_arm, ..Record::default() };
+        let text = serde_json::to_string(&record).unwrap();
+        assert_eq!(serde_json::from_str::<Record>(&text).unwrap(), record);
+    }
+}
