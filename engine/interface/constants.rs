@@ -73,6 +73,10 @@ shared_constants! {
     MOMENTS_VARIANCE: usize = 0;
     /// Cosine of incidence over the roughness of a surface, below which rays of cells draw its normals.
     ROUGH_GRAZING: f64 = 15.0;
+    /// Crossings of a ray from which on it is one of many bodies.
+    MANY_CROSSINGS: u32 = 16;
+    /// Share of the grazing incidence below which rays through many bodies are followed in order.
+    MANY_GRAZING: f64 = 0.1;
     /// With more materials sums of rays are kept in memory even where nobody asks for moments.
     MATERIALS_IN_REGISTERS: u32 = 4;
 

@@ -46,6 +46,17 @@ void visit(Beam beam, Facet facet, Surface surface, vec3 normal_, inout Gathered
               place_of(slope_of(beam), facet, normal_), facet.entering);
 }
 
+// Of the grazing incidence from which on rays are followed in order, below which they are. One that
+// meets a body by its rim, nanometres wide, is bent off that rim by the bodies before it, and no ray
+// that the first order takes to pass beside the rim is bent onto it: among many bodies wide angles would
+// be lost. So there only what the first order bends by a percent too much is followed.
+float least_grazing(uint crossings) {
+#ifdef PLACED
+    if ((KINDS & KIND_ROUGH) != 0u) return 1.0;
+#endif
+    return crossings > MANY_CROSSINGS ? MANY_GRAZING : 1.0;
+}
+
 bool finite(RayResult result) {
     float sum = abs(result.optical_depth) + abs(result.displacement_x) + abs(result.displacement_z);
     return sum < 1e30; // false for NaN too
@@ -55,7 +66,7 @@ bool finite(RayResult result) {
 void finish(uint index, inout Gathered all) {
     run_flush(all.sums, all.run);
     if (all.run.balance != 0u) all.run.flags |= FLAG_UNBALANCED;
-    if (all.run.grazing < 1.0) all.run.flags |= FLAG_GRAZING;
+    if (all.run.grazing < least_grazing(all.run.crossings)) all.run.flags |= FLAG_GRAZING;
     all.run.flags |= uint(255.0 * min(all.run.grazing, 1.0)) << FLAG_SHARE_SHIFT;
     RayResult result = result_of(all.sums, all.run);
     if (!finite(result)) result.flags |= FLAG_NOT_FINITE;
