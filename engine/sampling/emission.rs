@@ -6,7 +6,7 @@ use super::cell_batch::CellBatch;
 use super::error_estimate::Estimator;
 use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
-use super::patch::{Border, Known, Patch, alike};
+use super::patch::{Border, Even, Known, Patch, alike};
 use super::rectangle::Rectangle;
 use crate::Result;
 use crate::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_REFLECTED, RayResult};
@@ -125,14 +125,18 @@ impl<'a> Emitter<'a> {
                         Slopes { depth: [fit.slope_depth, 0.0], displacement: [fit.slope, 0.0] };
                     (slopes, fit.displacement.powi(2) + fit.across.powi(2), fit.ends_z, fit.borders)
                 } else {
-                    let neighbours = self.estimator.neighbours(patch, node);
-                    let slopes = self.estimator.slopes(node, &neighbours);
+                    // Rays that are spread evenly are not interpolated.
+                    let slopes = if patch.even == Even::No {
+                        self.estimator.slopes(node, &self.estimator.neighbours(patch, node))
+                    } else {
+                        Slopes::default()
+                    };
                     (slopes, 0.0, [node.result.landing_z(self.estimator.gap); 2], [None; 2])
                 };
             rectangles.push(Rectangle {
                 x: node.x,
                 z: node.z,
-                ray: node.centre(),
+                ray: patch.ray_coordinates(leaf),
                 ends: LinearModel::new(&node.result, node.width(), &slopes),
                 displacement_variance,
                 ends_z,

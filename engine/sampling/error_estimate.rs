@@ -13,7 +13,9 @@ use super::base_lattice::BaseLattice;
 use super::dissection::Piece;
 use super::error_budget::ErrorBudget;
 use super::patch::{Axis, Known, Node, Patch, Residuals};
+use super::ray_error::THROWN;
 use super::response::Response;
+use super::row_spread::RowSpread;
 use crate::interface::RayResult;
 use crate::numbers::single;
 use std::ops::Range;
@@ -36,6 +38,8 @@ const BLURRED: f32 = 0.398_942_3;
 const CANCELLED: f32 = 0.25;
 /// Rays that are off by more standard deviations are too few to count.
 const FARTHEST: f32 = 100.0;
+/// Errors of rows beside the detector add to those of its rows: they are to be as many times less.
+const BESIDE: f32 = 4.0;
 /// Standard deviation of a place spread evenly over an interval, share of the interval.
 pub(super) const SPREAD: f32 = 0.288_675_13;
 
@@ -56,6 +60,19 @@ pub(super) struct CellError {
     pub(super) axis: Axis,
     /// What neighbours show, where its ray draws normals.
     pub(super) draws: Option<Draws>,
+}
+
+impl CellError {
+    /// Errors and light as this share of them.
+    fn weigh(&mut self, share: f32) {
+        self.light *= share;
+        self.moment *= share;
+        self.through *= share;
+        if let Some(draws) = &mut self.draws {
+            draws.area *= share;
+            draws.others *= share;
+        }
+    }
 }
 
 /// A rectangle whose ray draws its normals at a rough surface.
@@ -91,8 +108,10 @@ pub(super) struct Estimator<'a> {
     pub(super) other_energies: bool,
     /// No means over facets are taken: all rectangles are known by rays.
     pub(super) by_rays_alone: bool,
-    /// Rows whose light is recorded.
+    /// Rows whose light may be recorded.
     pub(super) recorded_rows: Range<i64>,
+    /// Rows of the detector.
+    pub(super) detector_rows: Range<i64>,
 }
 
 /// The error of light whose displacement has a standard deviation and is off by `farthest` at most,
@@ -120,11 +139,30 @@ impl Estimator<'_> {
 
     pub(super) fn cell_error(&self, patch: &Patch, index: u32) -> CellError {
         let node = &patch.nodes[index as usize];
-        match (node.known, patch.pieces(node)) {
+        let mut error = match (node.known, patch.pieces(node)) {
             (Known::Mean(residuals), _) => self.mean_error(patch, index, &residuals),
             (_, Some(pieces)) => self.pieces_error(patch, index, pieces),
             _ => self.ray_error(patch, index),
+        };
+        if !self.detector_rows.contains(&patch.row) {
+            let least = if error.silhouette { THROWN } else { 0.0 };
+            error.weigh(self.weight_beside(patch, node).max(least));
         }
+        error
+    }
+
+    /// Weight of the error of a rectangle beside the detector.
+    fn weight_beside(&self, patch: &Patch, node: &Node) -> f32 {
+        let of = |result: &RayResult| self.weight(patch.row, node.z, self.down(result));
+        let neighbours = self.neighbours(patch, node);
+        let pieces = patch.pieces(node).unwrap_or_default().iter().map(|piece| of(&piece.result));
+        let beside = neighbours.iter().flatten().map(|found| of(&found.result));
+        pieces.chain(beside).fold(of(&node.result), f32::max)
+    }
+
+    /// How far light lands below its place, rows.
+    pub(super) fn down(&self, result: &RayResult) -> f32 {
+        -result.landing_z(self.gap) / self.row_pitch
     }
 
     /// Of a rectangle that is known by its pieces. Their areas, centroids, variances and results are
@@ -173,9 +211,23 @@ impl Estimator<'_> {
         }
     }
 
+    /// Weight of errors of the light of these heights of a row that lands `down` rows below its place:
+    /// from rows beside the detector [`BESIDE`] times the share that lands in it, or all where it is
+    /// not known what other energies do.
+    pub(super) fn weight(&self, row: i64, [top, bottom]: [f32; 2], down: f32) -> f32 {
+        let rows = &self.detector_rows;
+        if self.other_energies || rows.contains(&row) {
+            return 1.0;
+        }
+        let [low, high] = [top + down, bottom + down].map(f64::from);
+        let spread = RowSpread { blur: self.row_blur.into() };
+        let before = |border: i64| spread.share_below((border - row) as f64, low, high);
+        (BESIDE * single(before(rows.end) - before(rows.start))).min(1.0)
+    }
+
     /// Share of the light of a piece that its outline may move over the border of a row.
     fn beyond_border(&self, piece: &Piece) -> f32 {
-        let down = -piece.result.landing_z(self.gap) / self.row_pitch;
+        let down = self.down(&piece.result);
         let by_outline = || piece.rows.by_outline(down.into(), self.row_blur.into());
         if !self.other_energies && by_outline().is_some() {
             return 0.0;
@@ -255,7 +307,7 @@ impl Estimator<'_> {
         residual: f32,
         skewed: f32,
     ) -> f32 {
-        let down = -result.landing_z(self.gap) / self.row_pitch;
+        let down = self.down(result);
         let off = residual / self.row_pitch;
         let skewed = skewed / (self.row_pitch * self.row_pitch);
         let reach = off + self.row_blur;

@@ -11,11 +11,13 @@ use super::dissection::Piece;
 use super::facet_lists::{Overlap, PatchFacet};
 use super::facet_means::Mean;
 use crate::interface::RayResult;
-use crate::numbers;
+use crate::numbers::{self, single};
 use std::ops::Range;
 
 /// Indices of facets that take as much memory as a rectangle.
 const FACETS_OF_A_RECTANGLE: usize = 32;
+/// Golden section, the number that fractions approach worst.
+const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// Parts of a rectangle that is split.
 pub(super) const PARTS: u32 = 3;
 
@@ -24,6 +26,23 @@ pub(super) const PARTS: u32 = 3;
 pub(super) enum Axis {
     X,
     Z,
+}
+
+/// Lines of a patch whose rays are spread evenly.
+pub(super) const EVEN_LINES: u32 = 4;
+/// How far rays of these lines stand in their rectangles, parts of the width: together they are four
+/// times as many places.
+const EVEN_PLACES: [f32; EVEN_LINES as usize] = [0.125, 0.625, 0.375, 0.875];
+
+/// Rays that are spread evenly over a patch, for structure that they do not resolve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Even {
+    /// They are not: rectangles are refined.
+    No,
+    /// They tell how many are needed.
+    Trial,
+    /// As many as were found to be needed.
+    Settled,
 }
 
 /// One beamlet and detector row.
@@ -39,6 +58,8 @@ pub(super) struct Patch {
     pub(super) shear: f32,
     /// Its silhouettes are straight and slant by the shear.
     pub(super) straight: bool,
+    /// Whether its rays are spread evenly: they do not stand in the middles of rectangles.
+    pub(super) even: Even,
     /// The base rectangles, by z, then x; then the parts of those that were split.
     pub(super) nodes: Vec<Node>,
     pub(super) splits: u32,
@@ -115,12 +136,18 @@ impl Patch {
             borders,
             shear: 0.0,
             straight: false,
+            even: Even::No,
             nodes,
             splits: 0,
             facets: None,
             list: Vec::new(),
             pieces: Vec::new(),
         }
+    }
+
+    /// A patch of rectangles with these borders whose rays are spread evenly; results are to be set.
+    pub(super) fn even(beamlet: i64, row: i64, borders: Vec<f32>, even: Even) -> Self {
+        Self { even, ..Self::slabs(beamlet, row, borders, EVEN_LINES) }
     }
 
     /// Place (m from the beamlet's centre, share of the row) of coordinates of rectangles.
@@ -220,9 +247,21 @@ impl Patch {
         first..first + PARTS
     }
 
-    /// The place of the ray through the centre of a rectangle.
+    /// Coordinates of the ray of a rectangle: its centre, but where rays are spread evenly.
+    pub(super) fn ray_coordinates(&self, index: u32) -> [f32; 2] {
+        let node = &self.nodes[index as usize];
+        if self.even == Even::No {
+            return node.centre();
+        }
+        // Heights are a Kronecker sequence: any rectangles that follow one another cover the line.
+        let height = single((0.5 + f64::from(index) * GOLDEN).fract());
+        let place = EVEN_PLACES[(index / self.base[0]) as usize];
+        [node.x[0] + place * node.width(), node.z[0] + height * node.height()]
+    }
+
+    /// The place of the ray of a rectangle.
     pub(super) fn ray(&self, node: u32) -> [f32; 2] {
-        self.place(self.nodes[node as usize].centre())
+        self.place(self.ray_coordinates(node))
     }
 
     /// Sets the result of a rectangle to that of its ray.

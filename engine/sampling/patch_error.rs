@@ -1,9 +1,10 @@
 //! Error of a patch: the errors of its rectangles at every mask step, and which of them to split.
 
 use super::error_estimate::{CellError, Estimator, SPREAD};
-use super::patch::{Axis, Known, Patch};
+use super::patch::{Axis, Even, Known, Patch};
 use super::response::Opening;
 use super::step_shares::{StepRun, step_runs};
+use super::unresolved::FIRST;
 use crate::numbers::{self, single};
 
 /// Rectangles that would hold this part of the budget at every mask step, were all like them, are
@@ -13,8 +14,6 @@ const NEGLIGIBLE: f64 = 0.01;
 const SAFETY: f64 = 0.45;
 /// and where there is one step alone: the root mean square is to be a third of the budget.
 const SAFETY_OF_ONE: f64 = 0.2;
-/// Crossings of a ray, on average, from which on structure may be too fine for rays.
-const MANY_CROSSINGS: u64 = 8;
 /// Part of its square that the error of a rectangle keeps when it is split.
 const LEFT: f64 = 1.0 / 9.0;
 
@@ -23,6 +22,8 @@ const LEFT: f64 = 1.0 / 9.0;
 pub(super) struct PatchError {
     /// Leaves to split, with the axis.
     pub(super) splits: Vec<(u32, Axis)>,
+    /// Number of rays that are to be spread evenly anew, where they do not resolve what it holds.
+    pub(super) even: Option<(u32, Even)>,
     /// Estimated error of the recorded value that has the largest, share of open beam.
     pub(super) light: f64,
 }
@@ -191,6 +192,9 @@ impl Estimator<'_> {
         narrow: &[NarrowComponent],
         known_errors: &mut KnownErrors,
     ) -> PatchError {
+        if patch.even != Even::No {
+            return self.unresolved_error(patch, openings, narrow);
+        }
         self.complete(patch, openings, known_errors);
         let leaves = || {
             patch.leaves().filter_map(|leaf| {
@@ -201,19 +205,16 @@ impl Estimator<'_> {
         // For any window, of which none sees all of them at its steepest, they count by themselves.
         let alike = !self.other_energies;
         let mut steps = vec![StepError::default(); self.response.steps()];
-        let (mut count, mut silhouettes, mut crossings) = (0_u32, 0_u32, 0_u64);
+        let (mut count, mut silhouettes) = (0_u32, 0_u32);
         for (error, node, runs) in leaves() {
             count += 1;
             silhouettes += u32::from(error.silhouette);
-            crossings += u64::from(node.result.crossings);
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
                 steps[step as usize].add(&StepError::of(error, &node.known, share, alike));
             }
         }
-        // Rays cross many surfaces, and most not those that their neighbours cross.
-        let unresolved = 2 * silhouettes > count && crossings > MANY_CROSSINGS * u64::from(count);
         let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
-        let mut result = PatchError { splits: Vec::new(), light: worst };
+        let mut result = PatchError { light: worst, ..PatchError::default() };
         let light = (self.safety() * self.budget.light).powi(2);
         let bounded = self.budget.displacement.is_finite() && silhouettes == 0;
         // In shares of the budget of a step; nothing of one that holds it.
@@ -230,6 +231,10 @@ impl Estimator<'_> {
         let mut left: Vec<f64> = (0..).zip(&steps).map(|(step, all)| excess(step, all)).collect();
         let exceeded = left.iter().any(|excess| *excess > 1.0);
         if !exceeded && narrow.is_empty() {
+            return result;
+        }
+        if 2 * silhouettes > count && self.is_unresolved(patch) {
+            result.even = Some((FIRST, Even::Trial));
             return result;
         }
         let mut scored = Vec::new();
@@ -249,7 +254,7 @@ impl Estimator<'_> {
             let together = alike && self.by_rays_alone && error.draws.is_none();
             let others = f64::from(count) * if together { f64::from(count) } else { 1.0 };
             let negligible = most / light * others < NEGLIGIBLE;
-            if negligible && !unresolved && !may_move && narrow.is_empty() {
+            if negligible && !may_move && narrow.is_empty() {
                 continue;
             }
             if let Some(axis) = self.may_hide(patch, error, narrow, !runs.is_empty()) {
@@ -259,11 +264,6 @@ impl Estimator<'_> {
             let of = |(step, share)| excess(step, &StepError::of(error, known, share, alike));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
-                // Structure that rays do not resolve is sampled evenly: where rays differ is chance,
-                // and if rectangles were split there, rays that are bent far would lose weight.
-                let node = &patch.nodes[error.node as usize];
-                let score =
-                    if unresolved { f64::from(node.width() * node.height()) } else { score };
                 scored.push((score, error, known, runs));
             }
         }

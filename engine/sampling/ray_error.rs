@@ -8,7 +8,7 @@ use super::patch::{Axis, Node, Patch, alike, is_drawn};
 use crate::interface::RayResult;
 
 /// Share of the light at a silhouette that may land in recorded rows from outside.
-const THROWN: f32 = 0.05;
+pub(super) const THROWN: f32 = 0.05;
 /// A silhouette among at most as many crossings may take or give all light of a rectangle.
 const SILHOUETTE_CROSSINGS: f32 = 8.0;
 

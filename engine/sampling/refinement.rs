@@ -10,9 +10,10 @@ use super::base_lattice::BaseLattice;
 use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
-use super::patch::{Known, Patch, alike, no_silhouette_between};
+use super::patch::{EVEN_LINES, Even, Known, PARTS, Patch, alike, no_silhouette_between};
 use super::patch_error::{KnownErrors, NarrowComponent};
 use super::response::Opening;
+use super::unresolved::columns;
 use crate::Result;
 use crate::cancel::Cancel;
 use crate::interface::{Ray, RayResult};
@@ -90,6 +91,7 @@ impl<'a> Refiner<'a> {
             other_energies: view.recording.is_some(),
             by_rays_alone: view.facets.is_none(),
             recorded_rows: view.recorded_rows(),
+            detector_rows: 0..i64::from(detector.pixels[1]),
         };
         let facets = view.facets.zip(FacetLists::new(view, rows));
         let facets = facets.map(|(all, lists)| (lists, FacetMeans::new(view, &all.steps)));
@@ -347,6 +349,9 @@ impl<'a> Refiner<'a> {
         work.light = error.light;
         let most = self.view.budget.max_rays;
         let left = most.saturating_sub(work.rays.max(2 * work.patch.splits)) / 2;
+        if let Some(needed) = error.even {
+            return self.begin_even(work, needed, &openings, held);
+        }
         if error.splits.is_empty() || left == 0 {
             work.done = true;
             return true;
@@ -383,6 +388,42 @@ impl<'a> Refiner<'a> {
                 }
             }
         }
+        true
+    }
+
+    /// Begins a patch anew with about as many rays spread evenly, if so many are left; whether there was
+    /// room for it.
+    fn begin_even(
+        &self,
+        work: &mut PatchWork,
+        (count, even): (u32, Even),
+        openings: &[Opening],
+        held: &Held,
+    ) -> bool {
+        let left = self.view.budget.max_rays.saturating_sub(work.rays);
+        let half = 0.5 * single(self.view.lattice.period);
+        let most = numbers::whole::<u32>(f64::from(2.0 * half / LEAST_WIDTH));
+        let possible = count.min(left).min(most);
+        let borders = columns(openings, half, possible.div_ceil(EVEN_LINES).max(1));
+        let now = numbers::count(work.patch.leaves().count());
+        let is_no_gain = possible < count && possible <= now;
+        let count = EVEN_LINES * (numbers::count(borders.len()) - 1);
+        if is_no_gain || count > left {
+            work.done = true;
+            return true;
+        }
+        if !held.takes(count.div_ceil(PARTS) as usize) {
+            return false;
+        }
+        let Patch { beamlet, row, .. } = work.patch;
+        work.patch = Patch::even(beamlet, row, borders, even);
+        work.known_errors = KnownErrors::default();
+        work.changed.clear();
+        // Rays in the order of x: neighbours meet the same surfaces.
+        let place = |node: &u32| work.patch.ray(*node)[0];
+        let mut rays: Vec<u32> = (0..count).collect();
+        rays.sort_by(|a, b| place(a).total_cmp(&place(b)));
+        work.pending = rays;
         true
     }
 }

@@ -39,7 +39,7 @@ impl RowSpread {
     }
 
     /// Share of light spread evenly over [low, high] and blurred that lies before `e`.
-    fn share_below(self, e: f64, low: f64, high: f64) -> f64 {
+    pub(super) fn share_below(self, e: f64, low: f64, high: f64) -> f64 {
         if self.blur <= 0.0 {
             return ((e - low) / (high - low)).clamp(0.0, 1.0);
         }

@@ -1,0 +1,300 @@
+//! Structure that rays do not resolve, such as bundles of fibres: rays spread evenly over what mask
+//! steps open, and the error that they leave.
+//!
+//! Rectangles are not split where rays differ from their neighbours: that is chance there, and rays
+//! that are bent far would lose weight. Nor do the rays that count decide on their own number, for
+//! those would be left as they are that happen to be alike. Rays are tried until they tell how many
+//! are needed; then the patch gets as many, all of them anew. They stand on a few lines, each shifted
+//! against the others, so that all stand at places of their own along x, at even distances; heights
+//! in a line are a Kronecker sequence.
+//! The error follows from the mean square of the change from a ray to the next along x: 1/12 of it
+//! where few see a jump, for that may stand anywhere between two rays, and 1/2 where rays differ as
+//! much as any two, for then one is a sample of what it stands for. The change to the ray after the
+//! next tells which: twice as much where jumps are few, no more where nothing is resolved.
+
+use super::error_estimate::{Estimator, SPREAD};
+use super::patch::{self, EVEN_LINES, Even, Node, Patch};
+use super::patch_error::{NarrowComponent, PatchError};
+use super::response::{Landed, Opening};
+use super::step_shares::{StepRun, step_runs};
+use crate::interface::RayResult;
+use crate::numbers;
+
+/// Crossings of a ray, on average, from which on structure may be too fine for rays.
+const FINE_CROSSINGS: u64 = 8;
+/// What the mean of two neighbours misses, over how they differ, squared: 3/4 where light is random,
+/// 1/4 at a jump, 0 where it is smooth.
+const UNLIKE: f32 = 0.5;
+/// Part of the budget that the number of rays aims at for the mask step that is worst,
+const AIM: f64 = 0.4;
+/// and where there is one step alone: the root mean square is to be a third of the budget.
+const AIM_OF_ONE: f64 = 0.3;
+/// Part of the budget up to which rays that were settled on are left as they are.
+const ACCEPTED: f64 = 0.9;
+/// Rays of the first trial.
+pub(super) const FIRST: u32 = 48;
+/// Most times as many rays as a trial's that are settled on: the next one is of as many,
+const LONG: f64 = 100.0;
+/// and after a trial of few rays, which tells less.
+const SHORT: f64 = 8.0;
+/// Rays that are few for a trial.
+const FEW: f64 = 256.0;
+/// Rectangles are compared where their widths differ by no more than this.
+const AS_WIDE: f32 = 1.5;
+
+/// A rectangle.
+struct Sample {
+    /// Light without the sample as it counts, share of open beam.
+    area: f32,
+    width: f32,
+    /// Its ray from the centre of the beamlet, m.
+    x: f32,
+    /// What passes the sample, share of what meets it.
+    passed: f32,
+    displacement: f32,
+    landed: Landed,
+    runs: Vec<StepRun>,
+}
+
+/// Mean squares of changes of the light at one mask step.
+#[derive(Debug, Clone, Copy, Default)]
+struct Changes {
+    /// To the next ray, weighted by the squares of areas; and to the one after it.
+    near: f64,
+    far: f64,
+    /// Weights of both.
+    weights: [f64; 2],
+    /// Squares of all areas.
+    areas: f64,
+}
+
+impl Changes {
+    /// Error of the light.
+    fn error(&self) -> f64 {
+        let least = f64::from(SPREAD * SPREAD);
+        let [near, growth] = self.near_and_growth();
+        (self.areas * near * (least + (0.5 - least) * (2.0 - growth))).sqrt()
+    }
+
+    /// Mean square of the change to the next ray, and how much more that to the one after it is: 2
+    /// where jumps are few, 1 where nothing is resolved.
+    fn near_and_growth(&self) -> [f64; 2] {
+        let [near, far] = [self.near / self.weights[0], self.far / self.weights[1]];
+        if near > 0.0 && far.is_finite() {
+            [near, (far / near).clamp(1.0, 2.0)]
+        } else {
+            [if near > 0.0 { near } else { 0.0 }, 1.0]
+        }
+    }
+
+    /// How many times as many rays make the error so many times less: its square falls as their
+    /// number, and with the change between them.
+    fn times(&self, less: f64) -> f64 {
+        let [_, growth] = self.near_and_growth();
+        less.powf(2.0 / (1.0 + growth.log2()))
+    }
+}
+
+/// Borders of so many columns over the parts of a period that openings show, m, and of one column
+/// over each of the parts between them. `half`: half the period.
+pub(super) fn columns(openings: &[Opening], half: f32, count: u32) -> Vec<f32> {
+    let seen = seen(openings);
+    let all: f32 = seen.iter().map(|[low, high]| high - low).sum();
+    let width = all / count as f32;
+    let mut borders = vec![-half];
+    for [low, high] in seen {
+        let first = borders[borders.len() - 1];
+        // No sliver at the border of the period.
+        let low = if low - first > 0.5 * width { low } else { first };
+        if low > first {
+            borders.push(low);
+        }
+        let parts = numbers::whole::<u32>(f64::from(((high - low) / width).round().max(1.0)));
+        borders.extend((1..=parts).map(|i| patch::part([low, high], i - 1, parts)[1]));
+    }
+    let last = borders.len() - 1;
+    if half - borders[last] > 0.5 * width {
+        borders.push(half);
+    } else {
+        borders[last] = half;
+    }
+    borders
+}
+
+/// What openings show together, as intervals that do not touch.
+fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
+    let mut sorted: Vec<[f32; 2]> = openings.iter().map(|opening| opening.x).collect();
+    sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+    let mut seen: Vec<[f32; 2]> = Vec::new();
+    for [low, high] in sorted {
+        match seen.last_mut() {
+            Some(last) if low <= last[1] => last[1] = last[1].max(high),
+            _ => seen.push([low, high]),
+        }
+    }
+    seen
+}
+
+impl Estimator<'_> {
+    /// Whether rays of a patch do not resolve what it holds: they cross many surfaces, and their
+    /// neighbours say nothing of their light.
+    pub(super) fn is_unresolved(&self, patch: &Patch) -> bool {
+        let (mut crossings, mut count) = (0, 0);
+        for leaf in patch.leaves() {
+            crossings += u64::from(patch.nodes[leaf as usize].result.crossings);
+            count += 1;
+        }
+        if crossings <= FINE_CROSSINGS * count {
+            return false;
+        }
+        // What the mean of the two neighbours along an axis misses, and how they differ: squares.
+        let (mut missed, mut differ) = (0.0, 0.0);
+        for leaf in patch.leaves() {
+            let node = &patch.nodes[leaf as usize];
+            let neighbours = self.neighbours(patch, node);
+            for side in [1, 7] {
+                if let (Some(a), Some(b)) = (&neighbours[side], &neighbours[side + 3]) {
+                    let [a, b] = [&a.result, &b.result];
+                    missed += self.change_between(patch, node, &node.result, &mean(a, b)).powi(2);
+                    differ += self.change_between(patch, node, a, b).powi(2);
+                }
+            }
+        }
+        missed > UNLIKE * differ
+    }
+
+    /// Change of the light between two results, where the ray of a rectangle stands.
+    fn change_between(&self, patch: &Patch, node: &Node, a: &RayResult, b: &RayResult) -> f32 {
+        let column = self.column(patch.beamlet);
+        let x = patch.place(node.centre())[0];
+        let half = 0.5 * self.response.magnification.abs() * node.width();
+        let landed = |result: &RayResult| {
+            let at = self.response.landing(column, x, result.displacement_x);
+            [(-result.optical_depth).exp(), at]
+        };
+        self.response.change(landed(a), landed(b), half)
+    }
+
+    /// The error of a patch whose rays are spread evenly, and the number of rays that it needs, if it
+    /// has not enough. `openings`: of its beamlet. `narrow`: components that may hide.
+    pub(super) fn unresolved_error(
+        &self,
+        patch: &Patch,
+        openings: &[Opening],
+        narrow: &[NarrowComponent],
+    ) -> PatchError {
+        let samples = self.samples(patch, openings);
+        let steps = self.changes(patch, &samples);
+        let light = steps.iter().map(Changes::error).fold(0.0, f64::max);
+        let mut result = PatchError { light, ..PatchError::default() };
+        let seen = samples.iter().filter(|sample| !sample.runs.is_empty());
+        let hides = seen.clone().any(|sample| self.hides(sample, narrow));
+        let off = light / self.budget.light;
+        if patch.even == Even::Settled && off <= ACCEPTED && !hides {
+            return result;
+        }
+        let count = numbers::count(seen.count());
+        let aim = if steps.len() > 1 { AIM } else { AIM_OF_ONE };
+        let times = |step: &Changes| step.times(step.error() / (aim * self.budget.light));
+        let least = if hides { 3.0 } else { 1.0 };
+        let growth = steps.iter().map(times).fold(least, f64::max);
+        let count = f64::from(count);
+        let most = if count < FEW { SHORT } else { LONG };
+        let even = if growth > most { Even::Trial } else { Even::Settled };
+        let rays = (growth.min(most) * count).max(f64::from(FIRST));
+        result.even = Some((numbers::whole(rays.ceil()), even));
+        result
+    }
+
+    /// Changes of the light between rays, by mask step.
+    fn changes(&self, patch: &Patch, samples: &[Sample]) -> Vec<Changes> {
+        let lattice_column = self.column(patch.beamlet);
+        let mut steps = vec![Changes::default(); self.response.steps()];
+        for (at, sample) in samples.iter().enumerate() {
+            for (step, share) in sample.runs.iter().flat_map(StepRun::steps) {
+                steps[step as usize].areas += f64::from(share * sample.area).powi(2);
+            }
+            for apart in [1, 2] {
+                let Some(other) = samples.get(at + apart) else { continue };
+                if !is_beside(sample, other, apart) {
+                    continue;
+                }
+                let at = self.response.landing(lattice_column, sample.x, other.displacement);
+                let change = self.response.change_from(&sample.landed, [other.passed, at]);
+                let change = f64::from(change);
+                for (step, share) in sample.runs.iter().flat_map(StepRun::steps) {
+                    let weight = f64::from(share * sample.area).powi(2);
+                    let all = &mut steps[step as usize];
+                    all.weights[apart - 1] += weight;
+                    *(if apart == 1 { &mut all.near } else { &mut all.far }) +=
+                        weight * change * change;
+                }
+            }
+        }
+        steps
+    }
+
+    /// The rectangles of a patch by the places of their rays along x.
+    fn samples(&self, patch: &Patch, openings: &[Opening]) -> Vec<Sample> {
+        let lattice_column = self.column(patch.beamlet);
+        // How far light goes up and down, rows.
+        let down = |leaf: u32| self.down(&patch.nodes[leaf as usize].result);
+        let farthest = patch
+            .leaves()
+            .map(down)
+            .fold([0.0, 0.0], |[up, low]: [f32; 2], down| [up.min(down), low.max(down)]);
+        let of = |leaf: u32| {
+            let node = &patch.nodes[leaf as usize];
+            let passed = (-node.result.optical_depth).exp();
+            let [x, _] = patch.ray(leaf);
+            let at = self.response.landing(lattice_column, x, node.result.displacement_x);
+            let half = 0.5 * self.response.magnification.abs() * node.width();
+            let mut runs = Vec::new();
+            step_runs(patch, leaf, openings, &mut runs);
+            let weight = farthest
+                .map(|down| self.weight(patch.row, node.z, down))
+                .into_iter()
+                .fold(0.0, f32::max);
+            Sample {
+                area: node.width() * node.height() * self.response.weight * weight,
+                width: node.width(),
+                x,
+                passed,
+                displacement: node.result.displacement_x,
+                landed: self.response.landed([passed, at], half),
+                runs,
+            }
+        };
+        let mut samples: Vec<Sample> = patch.leaves().map(of).collect();
+        samples.sort_by(|a, b| a.x.total_cmp(&b.x));
+        samples
+    }
+
+    /// Whether a component may hide between rays.
+    fn hides(&self, sample: &Sample, narrow: &[NarrowComponent]) -> bool {
+        let worth = f64::from(SPREAD * sample.area * sample.passed);
+        let [low, high] = [-0.5, 0.5].map(|side| sample.x + side * sample.width);
+        worth > ACCEPTED * self.budget.light
+            && narrow.iter().any(|n| {
+                let overlaps = n.x[0] < high && n.x[1] > low;
+                let apart = sample.width / EVEN_LINES as f32;
+                overlaps && n.z[0] < 1.0 && n.z[1] > 0.0 && apart > n.width
+            })
+    }
+}
+
+/// The mean of two results.
+fn mean(a: &RayResult, b: &RayResult) -> RayResult {
+    RayResult {
+        optical_depth: 0.5 * (a.optical_depth + b.optical_depth),
+        displacement_x: 0.5 * (a.displacement_x + b.displacement_x),
+        ..*a
+    }
+}
+
+/// Whether rays that follow one another so far apart stand at even distances.
+fn is_beside(sample: &Sample, other: &Sample, apart: usize) -> bool {
+    let [narrow, wide] = [sample.width.min(other.width), sample.width.max(other.width)];
+    let distance = other.x - sample.x;
+    wide <= AS_WIDE * narrow && distance * EVEN_LINES as f32 <= (apart as f32 + 0.5) * wide
+}
