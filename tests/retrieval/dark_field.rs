@@ -37,9 +37,11 @@ const ARM: f64 = 0.59 / 1.5;
 /// Share of the section that fibres fill. Crossings of a ray are then all but independent, as the
 /// reference has them.
 const FILL: f64 = 0.1;
-/// Error of sampling, of open beam. The dark field at N = 10 is 1 % of a curve's variance: at 5e-3
-/// errors of sampling double the scatter of pairs, and 400 pixels were 14 % off at N = 10.
+/// Error of sampling, of open beam,
 const TOLERANCE: f64 = 1e-3;
+/// and where 5 % are asked of 10 crossings. The dark field is 1 % of a curve's variance there: at 1e-3
+/// errors of sampling scatter pairs by a quarter of it, and 400 pixels by 1.4 %.
+const FEW_TOLERANCE: f64 = 3e-4;
 /// Sides of a polygon.
 const SIDES: u32 = 16;
 /// Columns beside the bundle's walls, whose light partly misses it.
@@ -74,11 +76,11 @@ fn steps() -> [Vec<f64>; 2] {
 }
 
 /// The set-up of the paper before one row, with these offsets and objects.
-fn scene(columns: u32, offsets: &[f64], objects: &str) -> String {
+fn scene(columns: u32, tolerance: f64, offsets: &[f64], objects: &str) -> String {
     let offsets: Vec<String> = offsets.iter().map(|f| format!("\"{} um\"", f * 1e6)).collect();
     format!(
         "{}\n[detector]\ndistance = \"1.8 m\"\npixels = [{columns}, 1]\npitch = \"150 um\"\n\
-         [scan]\nmask_offsets = [{}]\n[sampling]\ntolerance = {TOLERANCE:e}\n{objects}",
+         [scan]\nmask_offsets = [{}]\n[sampling]\ntolerance = {tolerance:e}\n{objects}",
         include_str!("../support/masks.toml"),
         offsets.join(", ")
     )
@@ -232,7 +234,7 @@ fn flat() -> Vec<f64> {
     let count = 200;
     let offsets: Vec<f64> =
         (0..count).map(|i| (f64::from(i) / f64::from(count) - 0.5) * PERIOD).collect();
-    let scene = Scene::from_toml(&scene(4, &offsets, ""), ".").unwrap();
+    let scene = Scene::from_toml(&scene(4, TOLERANCE, &offsets, ""), ".").unwrap();
     let stacks = engine(Backend::Bvh).simulate(&scene).unwrap();
     (0..offsets.len()).map(|step| f64::from(stacks.flat[[step, 0, 1]])).collect()
 }
@@ -245,7 +247,7 @@ fn bend() -> f64 {
 
 /// Dark fields of the pixels of one bundle, for each set of steps.
 fn retrieved(
-    columns: u32,
+    (columns, tolerance): (u32, f64),
     crossings: f64,
     section: Section,
     seed: u64,
@@ -255,7 +257,7 @@ fn retrieved(
     let directory = tempfile::tempdir().unwrap();
     let all: Vec<f64> = sets.iter().flat_map(|set| steps()[*set].clone()).collect();
     let bodies = objects(columns + 2 * MARGIN, crossings, section, seed, materials);
-    let text = scene(columns, &all, &bodies);
+    let text = scene(columns, tolerance, &all, &bodies);
     let mut scene = Scene::from_toml(&text, directory.path()).unwrap();
     if section == Section::Polygon {
         turned(directory.path(), &scene, seed);
@@ -283,7 +285,7 @@ fn retrieved(
 /// For each set of steps the mean over the pixels of bundles of several seeds, and its standard
 /// error from the scatter of pairs.
 fn means(
-    columns: u32,
+    sampled: (u32, f64),
     seeds: u64,
     crossings: f64,
     section: Section,
@@ -292,7 +294,7 @@ fn means(
     let mut pairs = vec![Vec::new(); sets.len()];
     for seed in 1..=seeds {
         let both = [["carbon", "polyethylene"], ["polyethylene", "carbon"]]
-            .map(|materials| retrieved(columns, crossings, section, seed, materials, sets));
+            .map(|materials| retrieved(sampled, crossings, section, seed, materials, sets));
         for (set, pairs) in pairs.iter_mut().enumerate() {
             pairs.extend(both[0][set].iter().zip(&both[1][set]).map(|(a, b)| 0.5 * (a + b)));
         }
@@ -310,7 +312,7 @@ fn means(
 /// N (2 delta)2.
 #[allow(clippy::print_stdout, reason = "figures are what this is for")]
 fn compare(
-    [columns, seeds]: [u32; 2],
+    (columns, seeds, tolerance): (u32, u32, f64),
     cases: &[(f64, Section)],
     sets: &[usize],
     allowed: impl Fn(f64) -> f64,
@@ -321,7 +323,7 @@ fn compare(
     for (crossings, section) in cases {
         let reference = Reference::new(&flat, *section, bend);
         let unit = crossings * bend * bend;
-        let found = means(columns, seeds.into(), *crossings, *section, sets);
+        let found = means((columns, tolerance), seeds.into(), *crossings, *section, sets);
         for (set, [mean, error]) in sets.iter().zip(found) {
             let want = reference.dark_field(&steps()[*set], *crossings);
             let design = unit * [3.3, 3.95][*set];
@@ -341,7 +343,7 @@ fn dark_field_of_fibres_is_that_of_the_characteristic_function() {
     // Pairs of 80 pixels: four standard errors of their mean, and at most a quarter, so that a
     // fault of a sixth in the refraction angle fails.
     let cases = [(10.0, Section::Circle), (10.0, Section::Polygon)];
-    compare([80, 1], &cases, &[0], |error| (4.0 * error).min(0.25));
+    compare((80, 1, TOLERANCE), &cases, &[0], |error| (4.0 * error).min(0.25));
 }
 
 /// A row of the table of docs/validation.md; `BEAMLET_PIXELS`: pixels of it, 400.
@@ -350,7 +352,8 @@ fn row(crossings: f64) {
     let cases = [(crossings, Section::Circle), (crossings, Section::Polygon)];
     // 5 %, or three standard errors where so many pixels do not tell that.
     let allowed = |error: f64| (3.0 * error).max(0.05);
-    compare([80, pixels.div_ceil(80)], &cases, &[0, 1], allowed);
+    let tolerance = if crossings < 20.0 { FEW_TOLERANCE } else { TOLERANCE };
+    compare((80, pixels.div_ceil(80), tolerance), &cases, &[0, 1], allowed);
 }
 
 #[test]
