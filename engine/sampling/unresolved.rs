@@ -298,3 +298,50 @@ fn is_beside(sample: &Sample, other: &Sample, apart: usize) -> bool {
     let distance = other.x - sample.x;
     wide <= AS_WIDE * narrow && distance * EVEN_LINES as f32 <= (apart as f32 + 0.5) * wide
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Changes between `count` values, all of one area.
+    fn changes(count: u32, value: impl Fn(u32) -> f64) -> Changes {
+        let squares = |apart: u32| -> f64 {
+            (0..count - apart).map(|i| (value(i + apart) - value(i)).powi(2)).sum()
+        };
+        Changes {
+            near: squares(1),
+            far: squares(2),
+            weights: [f64::from(count - 1), f64::from(count - 2)],
+            areas: f64::from(count),
+        }
+    }
+
+    #[test]
+    fn error_is_that_of_a_jump_between_two_rays_and_that_of_samples() {
+        let close = |got: f64, want: f64| assert!((got / want - 1.0).abs() < 0.05, "{got} {want}");
+        // Anywhere between two of 100 rays: a share of one area, spread evenly.
+        let jump = changes(100, |i| f64::from(u8::from(i > 30)));
+        close(jump.error(), (1.0_f64 / 12.0).sqrt());
+        close(jump.times(3.0), 3.0);
+        // Values of 0 and 1 by chance have a variance of 1/4 each.
+        let random = |i: u32| f64::from(i.wrapping_mul(0x9e37_79b9).reverse_bits() >> 7 & 1);
+        let hashed = |i: u32| random(i.wrapping_mul(0x85eb_ca6b) ^ (i << 13 | i >> 3));
+        let samples = changes(40_000, hashed);
+        close(samples.error(), 0.5 * 200.0);
+        close(samples.times(3.0), 9.0);
+        assert_eq!(changes(10, |_| 1.0).error().to_bits(), 0.0_f64.to_bits());
+    }
+
+    #[test]
+    fn columns_cover_the_period_and_are_even_where_it_is_open() {
+        let opening = |low, high| Opening { step: 0, x: [low, high] };
+        let openings = [opening(-20e-6, -5e-6), opening(-10e-6, 5e-6), opening(30e-6, 40e-6)];
+        let borders = columns(&openings, 50e-6, 35);
+        let ends = [borders[0], borders[borders.len() - 1]];
+        assert_eq!(ends.map(f32::to_bits), [-50e-6_f32, 50e-6].map(f32::to_bits));
+        let widths: Vec<f32> = borders.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        // 35 of 1 um, and what stands before, between and behind them.
+        let even = widths.iter().filter(|width| (**width - 1e-6).abs() < 1e-9).count();
+        assert_eq!([even, widths.len()], [35, 38]);
+    }
+}
