@@ -39,27 +39,47 @@ pub(crate) fn read<R: Read + Seek>(file: &mut R) -> Result<NpyHeader> {
     if has(br"\") || has(b"'''") || has(br#"""""#) {
         return Err(refused("it has escapes or three quotes; allowed: plain strings".into()));
     }
-    let deepest = deepest(&dict);
+    let plain = outside_strings(&dict);
+    let deepest = deepest(&plain);
     if deepest > DEPTH {
         return Err(refused(format!("{deepest} brackets within one another; allowed: {DEPTH}")));
     }
+    // The parser adds numbers with signs between them.
+    if plain.iter().any(|byte| matches!(byte, b'+' | b'-')) {
+        return Err(refused("it has numbers with signs; allowed: whole numbers".into()));
+    }
     // The parser multiplies them unchecked.
-    if product(&dict).is_none() {
+    if product(&plain).is_none() {
         return Err(refused("it claims more values than 64 bits can count".into()));
     }
     file.seek(SeekFrom::Start(0))?;
     NpyHeader::from_reader(file)
 }
 
-/// Most brackets within one another, but for those in strings.
-fn deepest(dict: &[u8]) -> usize {
-    let (mut quote, mut open, mut deepest) = (None, 0_usize, 0);
-    for byte in dict {
-        match (byte, quote) {
-            (_, Some(own)) => quote = quote.filter(|_| *byte != own),
-            (b'\'' | b'"', None) => quote = Some(*byte),
-            (b'(' | b'[' | b'{', None) => open += 1,
-            (b')' | b']' | b'}', None) => open = open.saturating_sub(1),
+/// The bytes that are not in strings, with a blank for each of these.
+fn outside_strings(dict: &[u8]) -> Vec<u8> {
+    let mut quote = None;
+    let outside = |byte: &u8| match quote {
+        Some(own) => {
+            quote = quote.filter(|_| *byte != own);
+            b' '
+        }
+        None if matches!(byte, b'\'' | b'"') => {
+            quote = Some(*byte);
+            b' '
+        }
+        None => *byte,
+    };
+    dict.iter().map(outside).collect()
+}
+
+/// Most brackets within one another.
+fn deepest(plain: &[u8]) -> usize {
+    let (mut open, mut deepest) = (0_usize, 0);
+    for byte in plain {
+        match byte {
+            b'(' | b'[' | b'{' => open += 1,
+            b')' | b']' | b'}' => open = open.saturating_sub(1),
             _ => {}
         }
         deepest = deepest.max(open);
@@ -67,14 +87,13 @@ fn deepest(dict: &[u8]) -> usize {
     deepest
 }
 
-/// The product of the numbers outside of quotes, which are those of the shape.
-fn product(dict: &[u8]) -> Option<u64> {
-    let text = String::from_utf8_lossy(dict);
-    let plain = text.split(['\'', '"']).step_by(2);
-    let numbers = plain.flat_map(|part| part.split(|c: char| !c.is_ascii_digit()));
-    numbers
-        .filter(|number| !number.is_empty())
-        .try_fold(1_u64, |product, number| product.checked_mul(number.parse().ok()?))
+/// The product of all numbers, which are those of the shape; 0 counts as 1.
+fn product(plain: &[u8]) -> Option<u64> {
+    let text = String::from_utf8_lossy(plain);
+    let numbers = text.split(|c: char| !c.is_ascii_digit()).filter(|number| !number.is_empty());
+    let sides = numbers.map(|number| number.parse().ok());
+    let mut sides = sides.map(|side: Option<u64>| side.map(|side| side.max(1)));
+    sides.try_fold(1_u64, |product, side| product.checked_mul(side?))
 }
 
 #[cfg(test)]
@@ -123,6 +142,10 @@ mod tests {
             let message = read(&mut file(1, &dict)).map(drop).unwrap_err().to_string();
             assert!(message.contains("more values than 64 bits"), "{message}");
         }
+        let sums =
+            "{'descr': '|u1', 'fortran_order': False, 'shape': (0+9, 5084090000000000+1), }\n";
+        let message = read(&mut file(1, sums)).map(drop).unwrap_err().to_string();
+        assert!(message.contains("signs"), "{message}");
         let long = read(&mut file(2, &" ".repeat(65_536)));
         let message = long.map(drop).unwrap_err().to_string();
         assert!(message.contains("65536 bytes; allowed: up to 65535"), "{message}");
