@@ -90,10 +90,9 @@ fn deepest(plain: &[u8]) -> usize {
 /// The product of all numbers, which are those of the shape; 0 counts as 1.
 fn product(plain: &[u8]) -> Option<u64> {
     let text = String::from_utf8_lossy(plain);
-    let numbers = text.split(|c: char| !c.is_ascii_digit()).filter(|number| !number.is_empty());
-    let sides = numbers.map(|number| number.parse().ok());
-    let mut sides = sides.map(|side: Option<u64>| side.map(|side| side.max(1)));
-    sides.try_fold(1_u64, |product, side| product.checked_mul(side?))
+    let mut numbers = text.split(|c: char| !c.is_ascii_digit()).filter(|number| !number.is_empty());
+    numbers
+        .try_fold(1_u64, |product, number| product.checked_mul(number.parse::<u64>().ok()?.max(1)))
 }
 
 #[cfg(test)]

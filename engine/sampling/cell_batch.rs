@@ -147,7 +147,7 @@ fn reach_of(cell_row: CellRow, cells: &[Cell]) -> CellRow {
         let (low, high) = (cell.displacement_low, cell.displacement_high);
         cell_row.low_landing = cell_row.low_landing.min(low.min(high) - cell.pixel_shift);
         cell_row.high_landing = cell_row.high_landing.max(low.max(high) - cell.pixel_shift);
-        // The most of its cells: it tells how far light may land, and the shader caps the slope.
+        // The largest of its cells: they bound how far light may land. The shader limits the slope.
         cell_row.displacement_slope = cell_row.displacement_slope.max((high - low).abs() / width);
         cell_row.displacement_variance =
             cell_row.displacement_variance.max(cell.displacement_variance);

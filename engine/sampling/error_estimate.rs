@@ -144,7 +144,7 @@ impl Estimator<'_> {
             (_, Some(pieces)) => self.pieces_error(patch, index, pieces),
             _ => self.ray_error(patch, index),
         };
-        if !self.detector_rows.contains(&patch.row) {
+        if !self.counts_in_full(patch.row) {
             let least = if error.silhouette { THROWN } else { 0.0 };
             error.weigh(self.weight_beside(patch, node).max(least));
         }
@@ -211,14 +211,19 @@ impl Estimator<'_> {
         }
     }
 
+    /// Whether all light of a row counts: in rows of the detector, and where it is not known what other
+    /// energies do.
+    fn counts_in_full(&self, row: i64) -> bool {
+        self.other_energies || self.detector_rows.contains(&row)
+    }
+
     /// Weight of errors of the light of these heights of a row that lands `down` rows below its place:
-    /// from rows beside the detector [`BESIDE`] times the share that lands in it, or all where it is
-    /// not known what other energies do.
+    /// from rows beside the detector [`BESIDE`] times the share that lands in it.
     pub(super) fn weight(&self, row: i64, [top, bottom]: [f32; 2], down: f32) -> f32 {
-        let rows = &self.detector_rows;
-        if self.other_energies || rows.contains(&row) {
+        if self.counts_in_full(row) {
             return 1.0;
         }
+        let rows = &self.detector_rows;
         let [low, high] = [top + down, bottom + down].map(f64::from);
         let spread = RowSpread { blur: self.row_blur.into() };
         let before = |border: i64| spread.share_below((border - row) as f64, low, high);

@@ -1,6 +1,7 @@
 //! Adaptive refinement of patches: judge, split where the error is, trace or sum over facets, until
 //! every budget holds. All patches ask for their rays together, so that the device gets many.
 
+mod even;
 mod facets;
 mod held;
 
@@ -10,10 +11,9 @@ use super::base_lattice::BaseLattice;
 use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
-use super::patch::{EVEN_LINES, Even, Known, PARTS, Patch, alike, no_silhouette_between};
+use super::patch::{Known, Patch, alike, no_silhouette_between};
 use super::patch_error::{KnownErrors, NarrowComponent};
 use super::response::Opening;
-use super::unresolved::columns;
 use crate::Result;
 use crate::cancel::Cancel;
 use crate::interface::{Ray, RayResult};
@@ -388,42 +388,6 @@ impl<'a> Refiner<'a> {
                 }
             }
         }
-        true
-    }
-
-    /// Begins a patch anew with about as many rays spread evenly, if so many are left; whether there was
-    /// room for it.
-    fn begin_even(
-        &self,
-        work: &mut PatchWork,
-        (count, even): (u32, Even),
-        openings: &[Opening],
-        held: &Held,
-    ) -> bool {
-        let left = self.view.budget.max_rays.saturating_sub(work.rays);
-        let half = 0.5 * single(self.view.lattice.period);
-        let most = numbers::whole::<u32>(f64::from(2.0 * half / LEAST_WIDTH));
-        let possible = count.min(left).min(most);
-        let borders = columns(openings, half, possible.div_ceil(EVEN_LINES).max(1));
-        let now = numbers::count(work.patch.leaves().count());
-        let is_no_gain = possible < count && possible <= now;
-        let count = EVEN_LINES * (numbers::count(borders.len()) - 1);
-        if is_no_gain || count > left {
-            work.done = true;
-            return true;
-        }
-        if !held.takes(count.div_ceil(PARTS) as usize) {
-            return false;
-        }
-        let Patch { beamlet, row, .. } = work.patch;
-        work.patch = Patch::even(beamlet, row, borders, even);
-        work.known_errors = KnownErrors::default();
-        work.changed.clear();
-        // Rays in the order of x: neighbours meet the same surfaces.
-        let place = |node: &u32| work.patch.ray(*node)[0];
-        let mut rays: Vec<u32> = (0..count).collect();
-        rays.sort_by(|a, b| place(a).total_cmp(&place(b)));
-        work.pending = rays;
         true
     }
 }

@@ -33,11 +33,11 @@ const AIM_OF_ONE: f64 = 0.3;
 const ACCEPTED: f64 = 0.9;
 /// Rays of the first trial.
 pub(super) const FIRST: u32 = 48;
-/// Most times as many rays as a trial's that are settled on: the next one is of as many,
-const LONG: f64 = 100.0;
-/// and after a trial of few rays, which tells less.
-const SHORT: f64 = 8.0;
-/// Rays that are few for a trial.
+/// Largest factor by which the number of rays grows after a trial. Where more are needed, the next
+/// trial has as many,
+const MOST_GROWTH: f64 = 100.0;
+/// and after a trial of fewer than [`FEW`] rays, which is less exact.
+const MOST_GROWTH_OF_FEW: f64 = 8.0;
 const FEW: f64 = 256.0;
 /// Rectangles are compared where their widths differ by no more than this.
 const AS_WIDE: f32 = 1.5;
@@ -87,16 +87,17 @@ impl Changes {
         }
     }
 
-    /// How many times as many rays make the error so many times less: its square falls as their
-    /// number, and with the change between them.
+    /// Factor by which the number of rays has to grow for an error that is smaller by the factor
+    /// `less`. The square of the error is inverse to the number of rays, and proportional to the mean
+    /// square of the change from one to the next.
     fn times(&self, less: f64) -> f64 {
         let [_, growth] = self.near_and_growth();
         less.powf(2.0 / (1.0 + growth.log2()))
     }
 }
 
-/// Borders of so many columns over the parts of a period that openings show, m, and of one column
-/// over each of the parts between them. `half`: half the period.
+/// Borders of columns, m: of about `count` over those parts of the period that lie in an opening, all
+/// about as wide, and of one over each part that lies in none. `half`: half the period.
 pub(super) fn columns(openings: &[Opening], half: f32, count: u32) -> Vec<f32> {
     let seen = seen(openings);
     let all: f32 = seen.iter().map(|[low, high]| high - low).sum();
@@ -199,7 +200,7 @@ impl Estimator<'_> {
         let least = if hides { 3.0 } else { 1.0 };
         let growth = steps.iter().map(times).fold(least, f64::max);
         let count = f64::from(count);
-        let most = if count < FEW { SHORT } else { LONG };
+        let most = if count < FEW { MOST_GROWTH_OF_FEW } else { MOST_GROWTH };
         let even = if growth > most { Even::Trial } else { Even::Settled };
         let rays = (growth.min(most) * count).max(f64::from(FIRST));
         result.even = Some((numbers::whole(rays.ceil()), even));

@@ -46,10 +46,10 @@ void visit(Beam beam, Facet facet, Surface surface, vec3 normal_, inout Gathered
               place_of(slope_of(beam), facet, normal_), facet.entering);
 }
 
-// Of the grazing incidence from which on rays are followed in order, below which they are. One that
-// meets a body by its rim, nanometres wide, is bent off that rim by the bodies before it, and no ray
-// that the first order takes to pass beside the rim is bent onto it: among many bodies wide angles would
-// be lost. So there only what the first order bends by a percent too much is followed.
+// Share of the grazing incidence of a surface below which a ray is followed in order. Among many bodies
+// it is small: a ray that meets a rim, nanometres wide, is bent off it by the bodies before, and no ray
+// that the straight line takes past the rim is bent onto it, so that wide angles would be lost. Above
+// this share the first order is off by less than a percent of the angle.
 float least_grazing(uint crossings) {
 #ifdef PLACED
     if ((KINDS & KIND_ROUGH) != 0u) return 1.0;
