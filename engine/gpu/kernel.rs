@@ -5,8 +5,10 @@ use super::device::Device;
 use super::failure;
 use super::faults::FaultyCall;
 use super::retire::Retired;
+use crate::cancel::Cancel;
 use crate::{Error, Result};
 use ash::vk;
+use rayon::prelude::*;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
@@ -60,6 +62,19 @@ impl LazyKernel {
         let made =
             self.device.special_kernel(self.name, self.spirv, self.push_bytes, self.constant)?;
         Ok(self.made.get_or_init(|| made))
+    }
+
+    /// Makes those of these kernels that are not made yet, side by side.
+    ///
+    /// # Errors
+    /// As [`Device::kernel`]; [`Error::Interrupted`] where `cancel` was set before one began: what
+    /// a driver does in one go is waited for.
+    pub(crate) fn make_all(kernels: &[&Self], cancel: &Cancel) -> Result<()> {
+        kernels.par_iter().with_max_len(1).try_for_each(|kernel| {
+            cancel.check()?;
+            kernel.get().map(drop)
+        })?;
+        cancel.check()
     }
 }
 

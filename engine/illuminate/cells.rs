@@ -18,7 +18,7 @@ const STEPS_EACH: u32 = 16;
 /// The kernels of cells.
 #[derive(Debug)]
 pub(crate) struct CellKernels {
-    near: LazyKernel,
+    pub(crate) near: LazyKernel,
     /// For light that lands more than a row away.
     far: LazyKernel,
 }
@@ -55,17 +55,9 @@ pub(crate) struct CellIlluminator {
 }
 
 impl CellIlluminator {
-    /// An illuminator, its kernel made, which `cancel` ends between two submissions.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`], [`crate::Error::Memory`].
-    pub(crate) fn new(
-        device: &Arc<Device>,
-        kernels: &Arc<CellKernels>,
-        cancel: &Cancel,
-    ) -> Result<Self> {
-        kernels.near.get()?;
-        Ok(Self {
+    /// An illuminator, which `cancel` ends between two submissions.
+    pub(crate) fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>, cancel: &Cancel) -> Self {
+        Self {
             device: device.clone(),
             kernels: kernels.clone(),
             cell_rows: None,
@@ -74,7 +66,7 @@ impl CellIlluminator {
             planned: Vec::new(),
             planned_cost: 0,
             cancel: cancel.clone(),
-        })
+        }
     }
 
     /// Adds the light of lists of cell rows to the sums, at `steps` mask steps.

@@ -28,14 +28,9 @@ impl RandomKernels {
         }
     }
 
-    /// Makes them.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`].
-    pub(crate) fn make(&self) -> Result<()> {
-        self.rays.get()?;
-        self.light.get()?;
-        Ok(())
+    /// All of them.
+    pub(crate) const fn all(&self) -> [&LazyKernel; 2] {
+        [&self.rays, &self.light]
     }
 }
 

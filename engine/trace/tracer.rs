@@ -125,15 +125,10 @@ impl Tracer {
         &self.cancel
     }
 
-    /// Makes the kernels that results take, so that a run that cannot have them does not begin.
-    ///
-    /// # Errors
-    /// [`crate::Error::Device`], [`crate::Error::Memory`].
-    pub fn make_kernels(&self) -> Result<()> {
+    /// The kernels that results take: a run that cannot have them does not begin.
+    pub(crate) fn wanted_kernels(&self) -> [&LazyKernel; 2] {
         let walks = self.walks(self.backend);
-        self.order_free(&walks.order_free, false).get()?;
-        walks.exact.get()?;
-        Ok(())
+        [self.order_free(&walks.order_free, false), &walks.exact]
     }
 
     fn walks(&self, backend: Backend) -> &Walks {

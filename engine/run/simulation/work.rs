@@ -7,7 +7,7 @@ mod survey;
 use super::Simulation;
 use crate::Result;
 use crate::cancel::Cancel;
-use crate::gpu::Device;
+use crate::gpu::{Device, LazyKernel};
 use crate::illuminate::{
     CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, PixelSums,
     SpectralBand,
@@ -93,19 +93,22 @@ impl<'s> ViewWork<'s> {
                 .map(|part| IlluminationBuffer::of_cells(&device, scene, optics, lattice, &part))
                 .collect::<Result<_>>()?,
         };
-        if random {
-            simulation.engine.random_kernels().make()?;
-        }
         let mut tracer = simulation.tracer(simulation.start.backend)?;
         tracer.set_cancel(cancel.clone());
-        if !simulation.sample.is_empty() {
-            tracer.make_kernels()?;
+        let engine = simulation.engine;
+        let mut kernels = vec![&engine.illuminate_kernels().near];
+        if random {
+            kernels.extend(engine.random_kernels().all());
         }
+        if !simulation.sample.is_empty() {
+            kernels.extend(tracer.wanted_kernels());
+        }
+        LazyKernel::make_all(&kernels, cancel)?;
         Ok(Self {
             tracer,
             lights,
             sums: PixelSums::new(&device, steps, lit_rows().max().unwrap_or(0), columns as usize)?,
-            cells: CellIlluminator::new(&device, simulation.engine.illuminate_kernels(), cancel)?,
+            cells: CellIlluminator::new(&device, engine.illuminate_kernels(), cancel),
             bars: MaskTransmissionCache::default(),
             random,
             band,
