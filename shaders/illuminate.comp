@@ -14,6 +14,7 @@ layout(local_size_x = GROUP) in;
 #include "interface/IlluminatePush.glsl"
 
 #include "physics/gauss.glsl"
+#include "random/hash.glsl"
 #include "light/sum.glsl"
 #include "light/mask.glsl"
 #include "light/window.glsl"

@@ -95,7 +95,13 @@ impl IlluminationBuffer {
         let offsets: Vec<f32> = optics.mask_offsets.iter().map(|&f| single(f)).collect();
         let offsets = device.upload("mask offsets", &offsets)?;
         let table = device.upload("focal spot", &table(&optics.spot.placed()))?;
+        let base = parts.first().map_or(0.0, |part| part.deviation[1]);
+        let apart = |part: &PlacedPart| {
+            part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0
+        };
+        let rows_apart = parts.iter().any(apart);
         let shared = IlluminationParams {
+            rows_apart: u32::from(rows_apart),
             sample_mask,
             detector_mask,
             beamlets: beamlets.address(),
@@ -112,11 +118,6 @@ impl IlluminationBuffer {
         let buffer = device.upload("light", &lights)?;
         buffers.extend([beamlets, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
-        let base = parts.first().map_or(0.0, |part| part.deviation[1]);
-        let apart = |part: &PlacedPart| {
-            part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0
-        };
-        let rows_apart = parts.iter().any(apart);
         Ok(Self { buffer, same_at_all_steps, rows_apart, lights, _buffers: buffers })
     }
 

@@ -160,6 +160,8 @@ shared_structs! {
         pub middle_row: f32,
         /// As many rows see the bars of masks under one angle.
         pub alike_rows: f32,
+        /// Shares of rows that cells hold are not those of every part of the spot.
+        pub rows_apart: u32,
         /// Rows of the band.
         pub row_count: u32,
         /// Of the band.

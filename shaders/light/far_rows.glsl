@@ -1,4 +1,5 @@
-// Light of a cell row may land in any row: each of its terms goes to the sums at once.
+// Light of a cell row may land in any row: each of its terms goes to the sums at once. Cells of it
+// that land no farther than in the rows beside know their shares of these, as elsewhere.
 
 // Rows that light lands on which is evenly spread over as many from 0 on.
 float rows_before(float at, float blur) {
@@ -13,17 +14,30 @@ void spread_over_rows(Cell cell, int pixel, uint mask_step, float value) {
     float bottom = cell_row.bottom + shift;
     float per_row = value / (cell_row.bottom - cell_row.top);
     float reach = 6.0 * light.row_blur;
+    float threshold = rounding_thresholds(pixel).x;
     float before = 0.0;
     int last = int(floor(bottom + reach));
     for (int r = int(floor(top - reach)); r <= last; r++) {
         float end = float(r + 1);
         float through = rows_before(end - top, light.row_blur)
             - rows_before(end - bottom, light.row_blur);
-        uvec2 words = fixed_point(per_row * (through - before));
+        uvec2 words = fixed_point(per_row * (through - before), threshold);
         for (uint k = 0u; k < cell_row.rows; k++) {
             add_to_pixel(cell_row.row + r + int(k), pixel, mask_step, words);
         }
         before = through;
+    }
+}
+
+// Adds light of a cell to its row and the two beside it.
+void add_shares(Cell cell, int pixel, uint mask_step, float value) {
+    vec3 rows = value * vec3(cell.share_above, 1.0 - cell.share_above - cell.share_below, cell.share_below);
+    vec3 thresholds = rounding_thresholds(pixel);
+    for (int r = -1; r <= 1; r++) {
+        uvec2 words = fixed_point(rows[r + 1], thresholds[r + 1]);
+        for (uint k = 0u; k < cell_row.rows; k++) {
+            add_to_pixel(cell_row.row + r + int(k), pixel, mask_step, words);
+        }
     }
 }
 
@@ -43,7 +57,11 @@ Landing landing_begin(uint mask_step, float faint, ivec2 pixels) {
 
 // Light of a cell lands in a pixel, counted from the beamlet's own.
 void land(inout Landing landing, Cell cell, int pixel, float value) {
-    spread_over_rows(cell, beamlet.pixel + pixel, landing.mask_step, value);
+    if (light.rows_apart == 0u && cell.share_above >= 0.0) {
+        add_shares(cell, beamlet.pixel + pixel, landing.mask_step, value);
+    } else {
+        spread_over_rows(cell, beamlet.pixel + pixel, landing.mask_step, value);
+    }
 }
 
 void landing_end(Landing landing) {}

@@ -5,9 +5,10 @@
 // each row of the cell row, to the same sums as if each row had its own cell row.
 void flush(int pixel, uint mask_step, vec3 waiting) {
     int rows = int(cell_row.rows);
-    uvec2 above = fixed_point(waiting.x);
-    uvec2 own = fixed_point(waiting.y);
-    uvec2 below = fixed_point(waiting.z);
+    vec3 thresholds = rounding_thresholds(pixel);
+    uvec2 above = fixed_point(waiting.x, thresholds.x);
+    uvec2 own = fixed_point(waiting.y, thresholds.y);
+    uvec2 below = fixed_point(waiting.z, thresholds.z);
     int r = -1;
     do {
         uvec2 value = r < rows - 1 ? above : uvec2(0u);

@@ -21,6 +21,14 @@ struct Setting {
 
 Setting setting;
 
+// Thresholds for the rounding of light that lands in a pixel: spread evenly over [0, 1), and the same
+// for a cell row whatever is computed beside it.
+vec3 rounding_thresholds(int pixel) {
+    uvec3 place = floatBitsToUint(vec3(setting.ends.low, cell_row.top, cell_row.bottom));
+    uvec3 bits = pcg4d(uvec4(place, uint(pixel - beamlet.pixel))).xyz;
+    return vec3(below_one(bits.x), below_one(bits.y), below_one(bits.z));
+}
+
 // The beamlet of the cell row, at this offset of the source.
 void beamlet_begin() {
     beamlet = BeamletTable(light.beamlets).at[cell_row.column];

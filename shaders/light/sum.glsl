@@ -1,15 +1,8 @@
 // Sums of light in 64-bit fixed point, 2^-32 of open beam, as two words: integer sums do not
 // depend on the order of their terms, and need no 64-bit atomics.
 
-// Low and high word of a value.
-uvec2 fixed_point(float value) {
-    if (!(value > 0.0)) return uvec2(0u);
-    float whole = floor(value);
-    return uvec2(uint((value - whole) * 4294967296.0), uint(whole));
-}
-
-// The same, rounded up where what is left of it exceeds the threshold in [0, 1): thousands of small
-// terms that are all rounded down would lose a part of their sum.
+// Low and high word of a value, rounded up where what is left of it exceeds the threshold in [0, 1):
+// thousands of small terms that are all rounded down would lose a part of their sum.
 uvec2 fixed_point(float value, float threshold) {
     if (!(value > 0.0)) return uvec2(0u);
     float whole = floor(value);
@@ -27,10 +20,6 @@ void add_words(Words sums, uint index, uvec2 value) {
     uint old = atomicAdd(sums.at[2u * index], value.x);
     uint high = value.y + (old + value.x < old ? 1u : 0u);
     if (high != 0u) atomicAdd(sums.at[2u * index + 1u], high);
-}
-
-void add_light(Words sums, uint index, float value) {
-    if (value > 0.0) add_words(sums, index, fixed_point(value));
 }
 
 // Index of a pixel and step of the band; false outside it.

@@ -8,8 +8,9 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, body, cuboid, cylinder, star};
 use crate::support::{CARBON, Checked, Worst, engine};
-use beamlet::Backend;
-use beamlet::scene::{Scene, Scheme};
+use beamlet::scene::{Scene, Scheme, Transport};
+use beamlet::stack::ArraySink;
+use beamlet::{Backend, Control};
 use ndarray::Array4;
 
 const OPAQUE: Bars = Bars::Sheet { transmission: 0.0 };
@@ -267,6 +268,31 @@ fn light_is_conserved_behind_a_body_that_does_not_attenuate() {
     worst.holds();
     let moved = stacks.sample.iter().filter(|value| (**value - 1.0).abs() > 1e-3).count();
     assert!(moved > 100, "the body moves light of {moved} pixels only");
+}
+
+/// Sums have 32 binary places. Light of a hundred thousand rays of a pixel, were each rounded down,
+/// would lose 1e-5.
+#[test]
+fn many_rays_of_a_pixel_lose_no_light() {
+    let mut setup = Setup::paper([12, 10]);
+    (setup.sample_mask, setup.detector_mask) = (None, None);
+    let bodies = [body(star(0.1e-3, 0.2e-3, 3, 3).rounded(), 0.0, CARBON[1])];
+    let mut scene = scenes::scene(&setup, &bodies, &[0.0]);
+    scene.sampling.transport = Transport::Exact;
+    scene.sampling.tolerance = 3e-4;
+    scene.sampling.max_rays = 1_000_000;
+    let engine = engine(Backend::Bvh);
+    let mut sink = ArraySink::new();
+    let record = engine.run(&scene, &mut sink, Control::default()).expect("a run");
+    let stacks = sink.into_stacks().expect("stacks");
+    let sum = |values: &mut dyn Iterator<Item = &f32>| values.copied().map(f64::from).sum::<f64>();
+    let lost = sum(&mut stacks.flat.iter()) - sum(&mut stacks.sample.iter());
+    let rays = record.tally.patch_rays as f64;
+    assert!(rays > 5e5, "{rays} rays");
+    // A rounding of 2^-32 each, half of it where none is up or down more often.
+    let mut worst = Worst::new("sampling, light lost per ray, shares of a rounding down", 0.1);
+    worst.take(lost / (rays * 2.0_f64.powi(-33)), || format!("{rays} rays"));
+    worst.holds();
 }
 
 #[test]
