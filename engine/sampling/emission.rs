@@ -163,24 +163,41 @@ impl<'a> Emitter<'a> {
                 continue;
             }
             let last = group[count - 1];
-            let width = |r: &&Rectangle| r.x[1] - r.x[0];
-            let widest = group.iter().max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(first);
             let x = [first.x[0], last.x[1]];
+            let width = |r: &Rectangle| r.x[1] - r.x[0];
+            let widest = group.iter().max_by(|a, b| width(a).total_cmp(&width(b))).unwrap_or(first);
+            let mean = |of: fn(&Rectangle) -> f32| {
+                group.iter().map(|r| width(r) * of(r)).sum::<f32>() / (x[1] - x[0])
+            };
             let line = |of: fn(&LinearModel) -> [f32; 2]| {
                 let middle = |r: &Rectangle| 0.5 * (of(&r.ends)[0] + of(&r.ends)[1]);
                 let slope = (middle(&last) - middle(first)) / (last.ray[0] - first.ray[0]);
                 x.map(|x| middle(first) + slope * (x - first.ray[0]))
             };
+            let result = RayResult {
+                displacement_x: mean(|r| r.ends.result.displacement_x),
+                displacement_z: mean(|r| r.ends.result.displacement_z),
+                slope_x: mean(|r| r.ends.result.slope_x),
+                slope_z: mean(|r| r.ends.result.slope_z),
+                ..widest.ends.result
+            };
             let ends = LinearModel {
-                result: widest.ends.result,
+                result,
                 depth: line(|e| e.depth),
                 displacement: line(|e| e.displacement),
             };
             let borders = std::array::from_fn(|end| {
-                let light = |r: &Rectangle| Some((r.x[1] - r.x[0], r.borders[end]?));
+                let light = |r: &Rectangle| Some((width(r), r.borders[end]?));
                 Border::mean(group.iter().filter_map(light))
             });
-            joined.push(Rectangle { x, ends, borders, ..*widest });
+            joined.push(Rectangle {
+                x,
+                ends,
+                borders,
+                displacement_variance: mean(|r| r.displacement_variance),
+                ends_z: [mean(|r| r.ends_z[0]), mean(|r| r.ends_z[1])],
+                ..*widest
+            });
         }
         joined
     }
