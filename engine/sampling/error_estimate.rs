@@ -282,7 +282,7 @@ impl Estimator<'_> {
             moment: area * passed * residuals.displacement,
             through: area * passed,
             silhouette: false,
-            axis: if down > where_open { Axis::Z } else { Axis::X },
+            axis: if down > where_open { Axis::Z } else { residuals.narrower },
             draws: None,
         }
     }

@@ -4,9 +4,9 @@
 use super::ViewContext;
 use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
-use super::patch::{Border, Patch, Residuals, middle};
+use super::patch::{Axis, Border, Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
-use super::sheets::{RectangleSums, SheetFits, farthest, flags, widen};
+use super::sheets::{RectangleSums, SheetFits, about, farthest, flags, widen};
 use crate::interface::RayResult;
 use crate::numbers::{self, single};
 use crate::trace::FIRST_ORDER_ERROR;
@@ -258,6 +258,9 @@ impl<'a> FacetMeans<'a> {
         sheet.by_x += area * moved * (centroid[0] - centre[0]);
         sheet.by_z += area * moved * (centroid[1] - centre[1]);
         sheet.square += area * moved * moved;
+        for (spread, own) in sheet.spread.iter_mut().zip([moments[0], moments[2]]) {
+            *spread = [spread[0] + own, spread[1] + own * moved, spread[2] + own * moved * moved];
+        }
         sheet.moved_z += area * moved_z;
         sheet.z_by_x += area * moved_z * (centroid[0] - centre[0]);
         sheet.z_by_z += area * moved_z * (centroid[1] - centre[1]);
@@ -330,6 +333,10 @@ impl<'a> FacetMeans<'a> {
             fits.farthest[1] += step.delta.abs() * farthest(sheet.range_z, mean_z, layers);
             fits.variance += step.delta * step.delta * own;
             fits.variance_z += step.delta * step.delta * own_z;
+            for axis in 0..2 {
+                let apart = about(sheet.spread[axis], mean / layers) / area / squares[axis];
+                fits.spread[axis] += step.delta * step.delta * apart;
+            }
             // Depth is the integral of what moves light: a bow where that rises, kinks where it
             // jumps.
             let bow = BOW * by_x.abs() * width * width + KINKS * own.sqrt() * width;
@@ -358,6 +365,7 @@ impl<'a> FacetMeans<'a> {
             depth,
             variance,
             variance_z,
+            spread,
             farthest: farthest_by,
         } = self.fit_sheets(sums, width, [x2, z2])?;
         let error = sums.first_order / area;
@@ -388,6 +396,7 @@ impl<'a> FacetMeans<'a> {
             displacement: single(variance.sqrt()),
             across: single((across * across * z2).sqrt()),
             displacement_z: single(variance_z.sqrt()),
+            narrower: if spread[1] < spread[0] { Axis::Z } else { Axis::X },
             farthest: [
                 single(farthest_by[0] - 0.5 * (slope * width).abs()),
                 single(farthest_by[1] - 0.5 * (slope_z * height).abs()),

@@ -26,6 +26,9 @@ pub(super) struct Sheet {
     pub(super) z_by_x: f64,
     pub(super) z_by_z: f64,
     pub(super) square_z: f64,
+    /// By axis: of the variance of a facet's places about its centroid, m2 and rows2; times the
+    /// displacement along x; times its square.
+    pub(super) spread: [[f64; 3]; 2],
     /// Least and largest of both displacements, per facet.
     pub(super) range: [f64; 2],
     pub(super) range_z: [f64; 2],
@@ -41,6 +44,11 @@ impl Sheet {
 /// Widens a range to hold a value.
 pub(super) fn widen(range: &mut [f64; 2], value: f64) {
     *range = [range[0].min(value), range[1].max(value)];
+}
+
+/// Squared deviations from a mean, from integrals of 1, of the values and of their squares.
+pub(super) fn about([ones, values, squares]: [f64; 3], mean: f64) -> f64 {
+    squares - 2.0 * mean * values + mean * mean * ones
 }
 
 /// How far the sum of `layers` values in a range may be from its mean.
@@ -82,6 +90,8 @@ pub(super) struct SheetFits {
     pub(super) depth: f64,
     pub(super) variance: f64,
     pub(super) variance_z: f64,
+    /// How wide and high facets are whose displacement along x stands out, beside the rectangle: m2.
+    pub(super) spread: [f64; 2],
     /// Farthest that the displacements along x and z are off their means, m.
     pub(super) farthest: [f64; 2],
 }

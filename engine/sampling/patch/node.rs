@@ -22,6 +22,8 @@ pub(in crate::sampling) struct Residuals {
     pub(in crate::sampling) across: f32,
     /// Most that the displacement along x and z of any ray leaves the fit, m.
     pub(in crate::sampling) farthest: [f32; 2],
+    /// Along which facets are narrower whose displacement stands out, beside the rectangle.
+    pub(in crate::sampling) narrower: Axis,
 }
 
 /// Light of a rectangle near a border of the row.
