@@ -38,9 +38,9 @@ pub(crate) fn with_budget(case: &Case, tolerance: f64, angle_tolerance: f64) -> 
 }
 
 /// The scene of a case for its truth: by rays alone, each in order, from `lattice` base rays of a
-/// pixel in x and z on.
-pub(crate) fn truth_of(case: &Case, lattice: [u32; 2]) -> Scene {
-    let mut scene = with_budget(case, 2e-5, ANGLE);
+/// pixel in x and z on, refined to a tolerance.
+pub(crate) fn truth_of(case: &Case, lattice: [u32; 2], tolerance: f64) -> Scene {
+    let mut scene = with_budget(case, tolerance, ANGLE);
     scene.sampling.transport = Transport::Exact;
     scene.sampling.cells = Some(lattice[0]);
     scene.sampling.rows = lattice[1];

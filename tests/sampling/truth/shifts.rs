@@ -13,6 +13,8 @@ const SHIFTS: usize = 64;
 const MOST: [f64; 2] = [5e-6, 50e-6];
 /// Base rays of a pixel in x and z, of truth: its own error is far below the tolerance.
 const LATTICE: [u32; 2] = [100, 24];
+/// What truth is refined to, share of open beam.
+const TRUTH: f64 = 2e-5;
 /// The tolerance.
 const TOLERANCE: f64 = 1e-4;
 /// Largest mean error of a class, share of its root mean square.
@@ -25,7 +27,7 @@ fn errors(engine: &Engine, case: &Case) -> [(Class, &'static str, Errors); 2] {
     for _ in 0..SHIFTS {
         let [x, z] = MOST.map(|most| random.between(-most, most));
         let moved = case.moved([x, 0.0, z]);
-        let truth = run(engine, &truth_of(&moved, LATTICE)).values;
+        let truth = run(engine, &truth_of(&moved, LATTICE, TRUTH)).values;
         let got = run(engine, &with_budget(&moved, TOLERANCE, ANGLE)).values;
         let (classes, named) = classes_of(&moved);
         for (sum, (class, _)) in all.iter_mut().zip(named) {
