@@ -4,7 +4,7 @@ use crate::cancel::Cancel;
 use crate::detector::DetectorModel;
 use crate::numbers::single;
 use crate::optics::{MaskShape, Optics};
-use crate::retrieve::{Curves, FitOptions, Fitter, Weights};
+use crate::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
 use crate::scene::{Counts, Object, Scatter, Scene, Scheme, limits};
 use crate::spectrum::Nodes;
 use crate::{Engine, Result};
@@ -48,7 +48,7 @@ pub struct IlluminationCurve {
 }
 
 /// One standard deviation of the images of a pixel without a sample, from the Fisher information of
-/// a fit with the weights of counts.
+/// a fit with the weights of counts; of three offsets that of the method `three-step`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct ExpectedUncertainty {
@@ -213,10 +213,16 @@ fn expected(
     // Of intensities, in which an open pixel has 1.
     let per_open = counts.gain * counts.photons;
     let gain = DetectorModel::variance_per_value(scene)? / per_open;
-    let noise = [gain, counts.electronic_noise / per_open];
-    let Some(fit) = fitted(engine, &scene.scan.mask_offsets, light, Some(noise))? else {
-        return Ok(None);
+    let read_noise = counts.electronic_noise / per_open;
+    let offsets = &scene.scan.mask_offsets;
+    let fit = if offsets.len() == 3 {
+        let variance = |light: f64| gain * light + read_noise * read_noise;
+        three_step_uncertainties(offsets, light, variance)
+            .map(|(sigma, uncertainties)| CurveFit { sigma, uncertainties })
+    } else {
+        fitted(engine, offsets, light, Some([gain, read_noise]))?
     };
+    let Some(fit) = fit else { return Ok(None) };
     let both = std::f64::consts::SQRT_2;
     let angle = scene.magnification() / scene.lever_arm();
     let [area, centre, sigma] = fit.uncertainties;

@@ -8,13 +8,16 @@ use super::least_squares::{CurveScan, moments};
 /// curve, cut there, loses 0.2 % of its shift and 2.5 % of what it widens.
 const EDGE: f64 = 1e-3;
 
-/// One-sigma uncertainties of what `of` makes of counts, to first order; `NaN` without a gain.
+/// One-sigma uncertainties of what `of` makes of values with this variance, to first order; `NaN` where
+/// that is.
 fn propagate<const N: usize>(
     ys: &[f64],
-    gain: Option<f64>,
+    variance: impl Fn(f64) -> f64,
     of: impl Fn(&[f64]) -> Option<[f64; N]>,
 ) -> [f64; N] {
-    let Some(gain) = gain else { return [f64::NAN; N] };
+    if variance(0.0).is_nan() {
+        return [f64::NAN; N];
+    }
     let mut sums = [0.0; N];
     let mut changed = ys.to_vec();
     for (i, y) in ys.iter().enumerate() {
@@ -27,7 +30,7 @@ fn propagate<const N: usize>(
         changed[i] = *y;
         let (Some(above), Some(below)) = (above, below) else { return [f64::NAN; N] };
         for ((sum, a), b) in sums.iter_mut().zip(above).zip(below) {
-            *sum += ((a - b) / (2.0 * h)).powi(2) * gain * y.max(0.0);
+            *sum += ((a - b) / (2.0 * h)).powi(2) * variance(*y);
         }
     }
     sums.map(f64::sqrt)
@@ -47,6 +50,23 @@ fn through_three(x: &[f64], y: &[f64]) -> Option<[f64; 3]> {
     Some([height, centre, variance.sqrt()])
 }
 
+/// Logarithm of the area up to a constant, centre and width of the curve through three points.
+fn three_numbers(x: &[f64], y: &[f64]) -> Option<[f64; 3]> {
+    through_three(x, y).map(|[height, centre, width]| [height + width.ln(), centre, width])
+}
+
+/// Width of the curve through three points (`x` in m), and the 1 sigma of its area (relative), centre and
+/// width where a value y has this variance; nothing where they are no peak.
+pub(crate) fn three_step_uncertainties(
+    x: &[f64],
+    y: &[f64],
+    variance: impl Fn(f64) -> f64,
+) -> Option<(f64, [f64; 3])> {
+    let [_, _, width] = through_three(x, y)?;
+    let uncertainties = propagate(y, variance, |y| three_numbers(x, y));
+    uncertainties.iter().all(|sigma| sigma.is_finite()).then_some((width, uncertainties))
+}
+
 /// Three steps.
 pub(super) fn three_step(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
     let values = scan.values(curve, 3);
@@ -57,9 +77,8 @@ pub(super) fn three_step(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> 
     let Some([height, centre, width]) = through_three(&x, &y) else {
         return Curve::unknown(values.flags | flags::NO_PEAK);
     };
-    let [area_sigma, centre_sigma, width_sigma] = propagate(&y, scan.gain, |y| {
-        through_three(&x, y).map(|[height, centre, width]| [height + width.ln(), centre, width])
-    });
+    let [area_sigma, centre_sigma, width_sigma] =
+        propagate(&y, |y| scan.variance(y), |y| three_numbers(&x, y));
     let [low, high] = scan.ends();
     let outside = centre < low || centre > high;
     Curve {
@@ -92,11 +111,10 @@ pub(super) fn by_moments(scan: &CurveScan, curve: impl Iterator<Item = f32>) -> 
     let most_at_ends = at_ends.fold(0.0_f64, |most, [_, y, _]| most.max(*y));
     let noise = scan.gain.map_or(0.0, |gain| 3.0 * (gain * most_at_ends.max(gain)).sqrt());
     let sum = |of: &dyn Fn(f64) -> f64| {
-        let gain = scan.gain.unwrap_or(f64::NAN);
         let terms = values
             .points
             .iter()
-            .map(|[x, y, share]| (share * of(x - centre)).powi(2) * gain * y.max(0.0));
+            .map(|[x, y, share]| (share * of(x - centre)).powi(2) * scan.variance(*y));
         terms.sum::<f64>().sqrt() / area
     };
     Curve {
@@ -170,7 +188,8 @@ pub(super) fn two_step(
     let Some([transmission, shift]) = known.meet(x, &y) else {
         return Curve::unknown(flags | flags::TRUNCATED | flags::NO_PEAK);
     };
-    let [transmission_sigma, centre_sigma] = propagate(&y, scan.gain, |y| known.meet(x, y));
+    let [transmission_sigma, centre_sigma] =
+        propagate(&y, |y| scan.variance(y), |y| known.meet(x, y));
     let [a, mu, sigma, b] = known.0;
     Curve {
         area: transmission * a * sigma,

@@ -18,6 +18,8 @@ pub(super) struct CurveScan {
     pub(super) saturation: f64,
     /// Value of one count, where the values are counts.
     pub(super) gain: Option<f64>,
+    /// Standard deviation of a value without light.
+    pub(super) read_noise: f64,
 }
 
 /// A curve's values that count, and the flags so far.
@@ -56,6 +58,12 @@ impl CurveScan {
             values.flags |= flags::DEAD;
         }
         values
+    }
+
+    /// Variance of a value; `NaN` where values are no counts.
+    pub(super) fn variance(&self, value: f64) -> f64 {
+        let read_noise = self.read_noise;
+        self.gain.map_or(f64::NAN, |gain| gain * value.max(0.0) + read_noise * read_noise)
     }
 
     /// Least and greatest offset.

@@ -18,6 +18,7 @@ mod run;
 mod shape;
 mod write;
 
+pub(crate) use closed::three_step_uncertainties;
 pub use curves::Curves;
 pub use fitter::{FitOptions, Fitter, Weights};
 pub use images::Images;

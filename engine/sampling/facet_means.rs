@@ -333,9 +333,9 @@ impl<'a> FacetMeans<'a> {
             fits.farthest[1] += step.delta.abs() * farthest(sheet.range_z, mean_z, layers);
             fits.variance += step.delta * step.delta * own;
             fits.variance_z += step.delta * step.delta * own_z;
-            for axis in 0..2 {
-                let apart = about(sheet.spread[axis], mean / layers) / area / squares[axis];
-                fits.spread[axis] += step.delta * step.delta * apart;
+            for (fit, (own, square)) in fits.spread.iter_mut().zip(sheet.spread.iter().zip(squares))
+            {
+                *fit += step.delta * step.delta * about(*own, mean / layers) / area / square;
             }
             // Depth is the integral of what moves light: a bow where that rises, kinks where it
             // jumps.

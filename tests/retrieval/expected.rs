@@ -5,7 +5,7 @@
 use crate::support::{Worst, engine};
 use beamlet::Backend;
 use beamlet::check::{IlluminationCurve, check_on};
-use beamlet::retrieve::{RetrieveOptions, Retriever, Weights};
+use beamlet::retrieve::{Method, RetrieveOptions, Retriever, Weights};
 use beamlet::scene::{Counts, MaskBody, Scene};
 use ndarray::Axis;
 
@@ -30,9 +30,11 @@ fn curve(scene: &Scene) -> (IlluminationCurve, Vec<String>) {
 fn expected_uncertainties_are_the_scatter_of_pixels_without_a_sample() {
     // 1,040 pixels know a deviation to 2.2 %; the curve is no Gaussian, which enters by some percent.
     let mut worst = Worst::new("scatter of pixels over what check expects, less 1", 0.1);
-    for (offsets, photons, noise) in [
-        (ELEVEN, 20_000.0, 0.0),
-        ("{ from = \"-30 um\", to = \"30 um\", count = 7 }", 5_000.0, 20.0),
+    let mut told = Worst::new("uncertainty of a pixel over what check expects, less 1", 0.1);
+    for (offsets, photons, noise, method) in [
+        (ELEVEN, 20_000.0, 0.0, Method::Gaussian),
+        ("{ from = \"-30 um\", to = \"30 um\", count = 7 }", 5_000.0, 20.0, Method::Gaussian),
+        ("[\"-10 um\", \"0 um\", \"10 um\"]", 20_000.0, 30.0, Method::ThreeStep),
     ] {
         let mut scene = scene(offsets, "");
         let mut counts = Counts::of_photons(photons);
@@ -44,8 +46,10 @@ fn expected_uncertainties_are_the_scatter_of_pixels_without_a_sample() {
         let engine = engine(Backend::Bvh);
         let stacks = engine.simulate(&scene).unwrap();
         let numbers = stacks.counts.unwrap();
+        let weights = if method == Method::ThreeStep { Weights::None } else { Weights::Poisson };
         let options = RetrieveOptions::default()
-            .with_weights(Weights::Poisson)
+            .with_method(method)
+            .with_weights(weights)
             .with_gain(counts.gain)
             .with_read_noise(noise);
         let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
@@ -59,9 +63,13 @@ fn expected_uncertainties_are_the_scatter_of_pixels_without_a_sample() {
             let values = images.get(name).unwrap().mapv(f64::from);
             let scatter = values.std(1.0);
             worst.take(scatter / expected - 1.0, || format!("{name}, {photons} photons"));
+            // What each pixel says of itself is as much.
+            let sigma = images.get(&format!("{name}_sigma")).unwrap().mapv(f64::from);
+            told.take(sigma.mean().unwrap() / expected - 1.0, || format!("{name}, {offsets}"));
         }
     }
     worst.holds();
+    told.holds();
 }
 
 #[test]

@@ -257,8 +257,9 @@ impl Score {
         );
         let few = f64::from(clean[0]) <= most * f64::from(clean[1]);
         assert!(clean[1] > 7_000 && few, "{what}: {self:?}");
-        // At few photons 5 sigma is more than these scenes are off.
-        let enough = off[1] >= 40;
+        // At few photons 5 sigma is more than these scenes are off: of a few dozen pixels the share
+        // scatters by 7 %.
+        let enough = off[1] >= 100;
         assert!(!enough || f64::from(off[0]) >= least * f64::from(off[1]), "{what}: {self:?}");
     }
 }

@@ -104,6 +104,7 @@ impl Retriever {
             shares: offsets.iter().map(|offset| share(&sorted, *offset)).collect(),
             saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
             gain: self.options.gain,
+            read_noise: self.options.read_noise,
         }
     }
 }
