@@ -8,7 +8,6 @@ use super::retire::Retired;
 use crate::cancel::Cancel;
 use crate::{Error, Result};
 use ash::vk;
-use rayon::prelude::*;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
@@ -64,16 +63,17 @@ impl LazyKernel {
         Ok(self.made.get_or_init(|| made))
     }
 
-    /// Makes those of these kernels that are not made yet, side by side.
+    /// Makes those of these kernels that are not made yet. One by one: a driver takes tens of MiB for
+    /// each while it makes it.
     ///
     /// # Errors
     /// As [`Device::kernel`]; [`Error::Interrupted`] where `cancel` was set before one began: what
     /// a driver does in one go is waited for.
     pub(crate) fn make_all(kernels: &[&Self], cancel: &Cancel) -> Result<()> {
-        kernels.par_iter().with_max_len(1).try_for_each(|kernel| {
+        for kernel in kernels {
             cancel.check()?;
-            kernel.get().map(drop)
-        })?;
+            kernel.get()?;
+        }
         cancel.check()
     }
 }
