@@ -1,7 +1,7 @@
 //! Threads that share work, and copies of large slices by all of them: one alone fills memory at a
 //! fraction of its speed.
 
-use crate::{Error, Result};
+use crate::{Error, Result, reserve};
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::error::Error as _;
@@ -15,7 +15,7 @@ const STACK: u64 = 2 << 20;
 /// whoever wants to know early that there is no room for them calls this first.
 ///
 /// # Errors
-/// [`Error::Memory`] where the system has no room for them.
+/// [`Error::Memory`] where the system has no room for them, or next to none beside them.
 pub fn start_threads() -> Result<()> {
     /// Whether there are threads. A pool that failed once stays so: rayon tries once.
     static STARTED: OnceLock<bool> = OnceLock::new();
@@ -23,7 +23,7 @@ pub fn start_threads() -> Result<()> {
         // Without a source it says that there is a pool already, as is right.
         rayon::ThreadPoolBuilder::new().build_global().err().is_none_or(|it| it.source().is_none())
     });
-    if *started {
+    if *started && reserve::leaves_spare() {
         return Ok(());
     }
     let threads = std::thread::available_parallelism().map_or(1, |it| it.get() as u64);

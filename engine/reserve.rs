@@ -1,9 +1,9 @@
 //! Large memory, asked for so that its lack is an error and not the end of the program.
 //!
-//! Buffers of one piece are made by [`zeroed`], [`filled`], [`room`] and
-//! [`collected`]. Work that takes memory in many
-//! pieces is asked for as a whole before it begins ([`ask`]). What a system promises and does not
-//! have when it is used, neither shows it.
+//! Buffers of one piece are made by [`zeroed`], [`filled`], [`room`] and [`collected`], and only
+//! where [`SPARE`] is left beside them: of small pieces, which are not asked for, the lack ends the
+//! program. Work that takes memory in many pieces is asked for as a whole before it begins
+//! ([`ask`]). What a system promises and does not have when it is used, neither shows it.
 
 use crate::{Error, Result};
 
@@ -11,12 +11,21 @@ use crate::{Error, Result};
 pub(crate) const REMEDY: &str =
     "end other programs, or lift the limit of memory that this one runs under";
 
+/// Bytes that large buffers leave to small pieces.
+const SPARE: usize = 4 << 20;
+/// Bytes of a buffer that counts as large.
+const LARGE: usize = 1 << 16;
+/// Address space that a thread may take with a small piece, as glibc does: an arena of its own.
+const ARENA: usize = 64 << 20;
+
 /// Zeros; `purpose` stands in the error.
 ///
 /// # Errors
 /// [`Error::Memory`].
 pub(crate) fn zeroed<T: bytemuck::Zeroable>(len: usize, purpose: &str) -> Result<Vec<T>> {
-    bytemuck::allocation::try_zeroed_vec(len).map_err(|()| lacks::<T>(len, purpose))
+    let values =
+        bytemuck::allocation::try_zeroed_vec(len).map_err(|()| lacks::<T>(len, purpose))?;
+    beside_spare(values, purpose)
 }
 
 /// The same value over and over; `purpose` stands in the error.
@@ -36,6 +45,18 @@ pub(crate) fn filled<T: Copy>(value: T, len: usize, purpose: &str) -> Result<Vec
 pub(crate) fn room<T>(len: usize, purpose: &str) -> Result<Vec<T>> {
     let mut values = Vec::new();
     values.try_reserve_exact(len).map_err(|_| lacks::<T>(len, purpose))?;
+    beside_spare(values, purpose)
+}
+
+/// A new buffer, given back where it leaves too little beside it.
+///
+/// # Errors
+/// [`Error::Memory`].
+fn beside_spare<T>(values: Vec<T>, purpose: &str) -> Result<Vec<T>> {
+    let large = values.capacity().saturating_mul(size_of::<T>()) >= LARGE;
+    if large && !leaves_spare() {
+        return Err(lacks::<T>(values.capacity(), purpose));
+    }
     Ok(values)
 }
 
@@ -57,21 +78,26 @@ fn lacks<T>(len: usize, purpose: &str) -> Error {
     Error::Memory { purpose: purpose.into(), needed, available: None, remedy: REMEDY.into() }
 }
 
-/// Whether `bytes` can be had now. They are given back at once.
+/// Whether small pieces can be had.
+pub(crate) fn leaves_spare() -> bool {
+    can_be_had(SPARE)
+}
+
+/// Whether so many bytes can be had now. Never touched, they cost next to nothing.
+fn can_be_had(bytes: usize) -> bool {
+    Vec::<u8>::new().try_reserve_exact(bytes).is_ok()
+}
+
+/// Whether `bytes`, and small pieces beside them, can be had now. They are given back at once.
 ///
 /// # Errors
 /// [`Error::Memory`].
 pub(crate) fn ask(bytes: u64, purpose: &str, remedy: &str) -> Result<()> {
-    let room = usize::try_from(bytes).ok().filter(|bytes| {
-        // Never touched, it costs next to nothing.
-        Vec::<u8>::new().try_reserve_exact(*bytes).is_ok()
-    });
-    room.map(drop).ok_or_else(|| Error::Memory {
-        purpose: purpose.into(),
-        needed: bytes,
-        available: None,
-        remedy: remedy.into(),
-    })
+    let needed = bytes.saturating_add((ARENA + SPARE) as u64);
+    if usize::try_from(needed).is_ok_and(can_be_had) {
+        return Ok(());
+    }
+    Err(Error::Memory { purpose: purpose.into(), needed, available: None, remedy: remedy.into() })
 }
 
 #[cfg(test)]
@@ -81,7 +107,7 @@ mod tests {
     #[test]
     fn what_no_machine_has_is_an_error_with_its_size() {
         let message = ask(1 << 60, "the moon", "look elsewhere").unwrap_err().to_string();
-        assert!(message.contains("the moon needs 1099511627776 MiB; look"), "{message}");
+        assert!(message.contains("the moon needs 1099511627844 MiB; look"), "{message}");
         assert!(zeroed::<f64>(1 << 57, "a frame").is_err());
         assert!(filled(f32::NAN, 1 << 58, "a frame").is_err());
         assert_eq!(zeroed::<u32>(3, "three").unwrap(), [0; 3]);
