@@ -115,7 +115,8 @@ impl CellIlluminator {
             cell_buffer.write((first_cell * size_of::<Cell>()) as u64, &list.cells)?;
             // Light of parts of a spot that spread differently over rows has its own kernel, as
             // has that of cells which lands far off.
-            let near = |cell_row: &&CellRow| !light.rows_apart && lands_near(&list.cells, cell_row);
+            let near =
+                |cell_row: &&CellRow| !light.rows_apart() && lands_near(&list.cells, cell_row);
             let (near, far): (Vec<_>, Vec<_>) = list.cell_rows.iter().partition(near);
             for (some, far) in [(near, false), (far, true)] {
                 if !some.is_empty() {

@@ -72,8 +72,6 @@ pub(crate) struct IlluminationBuffer {
     buffer: Buffer,
     /// There is no sample mask: all mask steps are the same.
     pub(super) same_at_all_steps: bool,
-    /// Shares of rows that cells hold are not those of some part of the spot.
-    pub(super) rows_apart: bool,
     lights: Vec<IlluminationParams>,
     _buffers: Vec<Buffer>,
 }
@@ -99,9 +97,8 @@ impl IlluminationBuffer {
         let apart = |part: &PlacedPart| {
             part.offset[1].abs() > 0.0 || (part.deviation[1] - base).abs() > 0.0
         };
-        let rows_apart = parts.iter().any(apart);
         let shared = IlluminationParams {
-            rows_apart: u32::from(rows_apart),
+            rows_apart: u32::from(parts.iter().any(apart)),
             sample_mask,
             detector_mask,
             beamlets: beamlets.address(),
@@ -118,7 +115,12 @@ impl IlluminationBuffer {
         let buffer = device.upload("light", &lights)?;
         buffers.extend([beamlets, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
-        Ok(Self { buffer, same_at_all_steps, rows_apart, lights, _buffers: buffers })
+        Ok(Self { buffer, same_at_all_steps, lights, _buffers: buffers })
+    }
+
+    /// Whether shares of rows that cells hold are not those of every part of the spot.
+    pub(super) fn rows_apart(&self) -> bool {
+        self.lights.iter().any(|light| light.rows_apart != 0)
     }
 
     /// The record of random rays.

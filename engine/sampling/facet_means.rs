@@ -6,21 +6,15 @@ use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
 use super::patch::{Axis, Border, Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
-use super::sheets::{RectangleSums, SheetFits, about, farthest, flags, widen};
+use super::sheets::{RectangleSums, SheetFits, WHOLE, flags};
 use crate::interface::RayResult;
-use crate::numbers::{self, single};
+use crate::numbers::single;
 use crate::trace::FIRST_ORDER_ERROR;
 
-/// Sheets cover a rectangle a whole number of times to this.
-const WHOLE: f64 = 1e-4;
 /// Facets that cover less than this share of a rectangle are left out.
 pub(super) const EDGE_ON: f64 = 1e-9;
 /// Share of the budget that the first order may leave in a mean.
 const FIRST_ORDER_SHARE: f64 = 0.05;
-/// Standard deviation of a parabola of curvature 1 from its chord's mean, over a width of 1,
-const BOW: f64 = 0.037;
-/// and of a line with random kinks, per standard deviation of its slope.
-const KINKS: f64 = 0.2;
 /// An error of the displacement that moves light to other rows, pitches of them.
 const FAR_OFF: f64 = 0.1;
 
@@ -252,21 +246,7 @@ impl<'a> FacetMeans<'a> {
             return Some(());
         }
         let sheet = sums.sheet(facet.component, facet.front)?;
-        let [moved, moved_z] = added.moved;
-        sheet.area += area;
-        sheet.moved += area * moved;
-        sheet.by_x += area * moved * (centroid[0] - centre[0]);
-        sheet.by_z += area * moved * (centroid[1] - centre[1]);
-        sheet.square += area * moved * moved;
-        for (spread, own) in sheet.spread.iter_mut().zip([moments[0], moments[2]]) {
-            *spread = [spread[0] + own, spread[1] + own * moved, spread[2] + own * moved * moved];
-        }
-        sheet.moved_z += area * moved_z;
-        sheet.z_by_x += area * moved_z * (centroid[0] - centre[0]);
-        sheet.z_by_z += area * moved_z * (centroid[1] - centre[1]);
-        sheet.square_z += area * moved_z * moved_z;
-        widen(&mut sheet.range, moved);
-        widen(&mut sheet.range_z, moved_z);
+        sheet.add(part, centre, added.moved);
         Some(())
     }
 
@@ -300,51 +280,6 @@ impl<'a> FacetMeans<'a> {
         }
     }
 
-    /// Fits the displacements of each sheet by a plane over a rectangle of this width, whose
-    /// variances of x and z are `squares`; nothing where a sheet does not cover all of it.
-    fn fit_sheets(&self, sums: &RectangleSums, width: f64, squares: [f64; 2]) -> Option<SheetFits> {
-        let area = sums.area;
-        let [x2, z2] = squares;
-        let mut fits = SheetFits { met: sums.whole, ..SheetFits::default() };
-        for sheet in &sums.sheets {
-            let layers = (sheet.area / area).round();
-            if (sheet.area / area - layers).abs() > WHOLE || layers > f64::from(u16::MAX) {
-                return None;
-            }
-            if layers == 0.0 {
-                continue;
-            }
-            let count = numbers::whole::<u32>(layers);
-            let step = &self.steps[sheet.component as usize];
-            fits.met.add(step.hash, sheet.front, count);
-            // Least squares over the rectangle.
-            let [by_x, by_z] = [sheet.by_x / area / x2, sheet.by_z / area / z2];
-            let mean = sheet.moved / area;
-            let all = sheet.square / area - mean * mean / layers;
-            let own = (all - by_x * by_x * x2 - by_z * by_z * z2).max(0.0);
-            let mean_z = sheet.moved_z / area;
-            let [z_by_x, z_by_z] = [sheet.z_by_x / area / x2, sheet.z_by_z / area / z2];
-            let all_z = sheet.square_z / area - mean_z * mean_z / layers;
-            let own_z = (all_z - z_by_x * z_by_x * x2 - z_by_z * z_by_z * z2).max(0.0);
-            fits.slope += step.delta * by_x;
-            fits.across += step.delta * by_z;
-            fits.slope_z += step.delta * z_by_z;
-            fits.farthest[0] += step.delta.abs() * farthest(sheet.range, mean, layers);
-            fits.farthest[1] += step.delta.abs() * farthest(sheet.range_z, mean_z, layers);
-            fits.variance += step.delta * step.delta * own;
-            fits.variance_z += step.delta * step.delta * own_z;
-            for (fit, (own, square)) in fits.spread.iter_mut().zip(sheet.spread.iter().zip(squares))
-            {
-                *fit += step.delta * step.delta * about(*own, mean / layers) / area / square;
-            }
-            // Depth is the integral of what moves light: a bow where that rises, kinks where it
-            // jumps.
-            let bow = BOW * by_x.abs() * width * width + KINKS * own.sqrt() * width;
-            fits.depth += (step.mu * bow / self.analyser).powi(2);
-        }
-        Some(fits)
-    }
-
     /// The linear result that fits a rectangle best, and what it leaves; nothing where sheets do not
     /// cover all of it, or the first order is not enough.
     fn fit(
@@ -367,7 +302,7 @@ impl<'a> FacetMeans<'a> {
             variance_z,
             spread,
             farthest: farthest_by,
-        } = self.fit_sheets(sums, width, [x2, z2])?;
+        } = SheetFits::of(sums, self.steps, self.analyser, width, [x2, z2])?;
         let error = sums.first_order / area;
         if !error.is_finite() || met.balance != 0 {
             return None;

@@ -1,37 +1,44 @@
 //! Integrals of the first order over a rectangle, by sheet of surface: one side of one component.
 
-use super::polygon::Corner;
+use super::facet_lists::SurfaceStep;
+use super::polygon::{Area, Corner};
 use crate::interface::FLAG_SHARE_SHIFT;
 use crate::numbers;
 use arrayvec::ArrayVec;
 
 /// Most sheets of surface (component and side) in a rectangle.
 const MOST_SHEETS: usize = 8;
+/// Sheets cover a rectangle a whole number of times to this.
+pub(super) const WHOLE: f64 = 1e-4;
+/// Standard deviation of a parabola of curvature 1 from its chord's mean, over a width of 1,
+const BOW: f64 = 0.037;
+/// and of a line with random kinks, per standard deviation of its slope.
+const KINKS: f64 = 0.2;
 
 /// What one side of one component does over a rectangle: integrals over its area.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Sheet {
-    pub(super) component: u32,
-    pub(super) front: bool,
+    component: u32,
+    front: bool,
     /// Of 1.
-    pub(super) area: f64,
+    area: f64,
     /// Of the displacement along x per step of delta: itself, times x and z from the centre,
     /// squared.
-    pub(super) moved: f64,
-    pub(super) by_x: f64,
-    pub(super) by_z: f64,
-    pub(super) square: f64,
+    moved: f64,
+    by_x: f64,
+    by_z: f64,
+    square: f64,
     /// Of that along z: itself, times x and z, squared.
-    pub(super) moved_z: f64,
-    pub(super) z_by_x: f64,
-    pub(super) z_by_z: f64,
-    pub(super) square_z: f64,
+    moved_z: f64,
+    z_by_x: f64,
+    z_by_z: f64,
+    square_z: f64,
     /// By axis: of the variance of a facet's places about its centroid, m2 and rows2; times the
     /// displacement along x; times its square.
-    pub(super) spread: [[f64; 3]; 2],
+    spread: [[f64; 3]; 2],
     /// Least and largest of both displacements, per facet.
-    pub(super) range: [f64; 2],
-    pub(super) range_z: [f64; 2],
+    range: [f64; 2],
+    range_z: [f64; 2],
 }
 
 impl Sheet {
@@ -39,20 +46,40 @@ impl Sheet {
         let none = [f64::INFINITY, f64::NEG_INFINITY];
         Self { component, front, range: none, range_z: none, ..Self::default() }
     }
+
+    /// Adds a facet's part of a rectangle with this centre, and its displacements per step of delta.
+    pub(super) fn add(&mut self, part: &Area, centre: Corner, [moved, moved_z]: [f64; 2]) {
+        let Area { area, centroid, moments } = *part;
+        let [x, z] = [centroid[0] - centre[0], centroid[1] - centre[1]];
+        self.area += area;
+        self.moved += area * moved;
+        self.by_x += area * moved * x;
+        self.by_z += area * moved * z;
+        self.square += area * moved * moved;
+        for (spread, own) in self.spread.iter_mut().zip([moments[0], moments[2]]) {
+            *spread = [spread[0] + own, spread[1] + own * moved, spread[2] + own * moved * moved];
+        }
+        self.moved_z += area * moved_z;
+        self.z_by_x += area * moved_z * x;
+        self.z_by_z += area * moved_z * z;
+        self.square_z += area * moved_z * moved_z;
+        widen(&mut self.range, moved);
+        widen(&mut self.range_z, moved_z);
+    }
 }
 
 /// Widens a range to hold a value.
-pub(super) fn widen(range: &mut [f64; 2], value: f64) {
+fn widen(range: &mut [f64; 2], value: f64) {
     *range = [range[0].min(value), range[1].max(value)];
 }
 
 /// Squared deviations from a mean, from integrals of 1, of the values and of their squares.
-pub(super) fn about([ones, values, squares]: [f64; 3], mean: f64) -> f64 {
+fn about([ones, values, squares]: [f64; 3], mean: f64) -> f64 {
     squares - 2.0 * mean * values + mean * mean * ones
 }
 
 /// How far the sum of `layers` values in a range may be from its mean.
-pub(super) fn farthest([low, high]: [f64; 2], mean: f64, layers: f64) -> f64 {
+fn farthest([low, high]: [f64; 2], mean: f64, layers: f64) -> f64 {
     (layers * high - mean).max(mean - layers * low)
 }
 
@@ -94,6 +121,59 @@ pub(super) struct SheetFits {
     pub(super) spread: [f64; 2],
     /// Farthest that the displacements along x and z are off their means, m.
     pub(super) farthest: [f64; 2],
+}
+
+impl SheetFits {
+    /// Fits the displacements of each sheet by a plane over a rectangle of this width, whose
+    /// variances of x and z are `squares`; nothing where a sheet does not cover all of it.
+    pub(super) fn of(
+        sums: &RectangleSums,
+        surfaces: &[SurfaceStep],
+        analyser: f64,
+        width: f64,
+        squares: [f64; 2],
+    ) -> Option<Self> {
+        let area = sums.area;
+        let [x2, z2] = squares;
+        let mut fits = Self { met: sums.whole, ..Self::default() };
+        for sheet in &sums.sheets {
+            let layers = (sheet.area / area).round();
+            if (sheet.area / area - layers).abs() > WHOLE || layers > f64::from(u16::MAX) {
+                return None;
+            }
+            if layers == 0.0 {
+                continue;
+            }
+            let count = numbers::whole::<u32>(layers);
+            let step = &surfaces[sheet.component as usize];
+            fits.met.add(step.hash, sheet.front, count);
+            // Least squares over the rectangle.
+            let [by_x, by_z] = [sheet.by_x / area / x2, sheet.by_z / area / z2];
+            let mean = sheet.moved / area;
+            let all = sheet.square / area - mean * mean / layers;
+            let own = (all - by_x * by_x * x2 - by_z * by_z * z2).max(0.0);
+            let mean_z = sheet.moved_z / area;
+            let [z_by_x, z_by_z] = [sheet.z_by_x / area / x2, sheet.z_by_z / area / z2];
+            let all_z = sheet.square_z / area - mean_z * mean_z / layers;
+            let own_z = (all_z - z_by_x * z_by_x * x2 - z_by_z * z_by_z * z2).max(0.0);
+            fits.slope += step.delta * by_x;
+            fits.across += step.delta * by_z;
+            fits.slope_z += step.delta * z_by_z;
+            fits.farthest[0] += step.delta.abs() * farthest(sheet.range, mean, layers);
+            fits.farthest[1] += step.delta.abs() * farthest(sheet.range_z, mean_z, layers);
+            fits.variance += step.delta * step.delta * own;
+            fits.variance_z += step.delta * step.delta * own_z;
+            for (fit, (own, square)) in fits.spread.iter_mut().zip(sheet.spread.iter().zip(squares))
+            {
+                *fit += step.delta * step.delta * about(*own, mean / layers) / area / square;
+            }
+            // Depth is the integral of what moves light: a bow where that rises, kinks where it
+            // jumps.
+            let bow = BOW * by_x.abs() * width * width + KINKS * own.sqrt() * width;
+            fits.depth += (step.mu * bow / analyser).powi(2);
+        }
+        Some(fits)
+    }
 }
 
 /// Integrals over a rectangle.
