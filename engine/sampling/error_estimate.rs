@@ -117,7 +117,7 @@ pub(super) struct Estimator<'a> {
 /// The error of light whose displacement has a standard deviation and is off by `farthest` at most,
 /// where all of it off by the same makes the error `of`. The share of light that is off by k
 /// deviations is 1 / k^2 at most (Chebyshev): near a rim few rays are thrown far.
-fn tailed(deviation: f32, farthest: f32, of: impl Fn(f32) -> f32) -> f32 {
+pub(super) fn tailed(deviation: f32, farthest: f32, of: impl Fn(f32) -> f32) -> f32 {
     let mut error = of(deviation);
     if farthest <= deviation || of(farthest) <= error {
         return error;
@@ -304,7 +304,7 @@ impl Estimator<'_> {
     /// where that is off by `residual` along z, m. `known`: what crosses the borders of the row is
     /// known. `skewed`: variance of the displacement times its
     /// farthest over its deviation, m2, which bounds the third moment.
-    fn over_border(
+    pub(super) fn over_border(
         &self,
         node: &Node,
         known: bool,

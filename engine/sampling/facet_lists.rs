@@ -37,6 +37,8 @@ pub(super) struct SurfaceStep {
 /// Surfaces of a sample, for means over facets.
 #[derive(Debug)]
 pub(crate) struct SampleFacets {
+    /// No mean takes the place of rays: facets tell what is between them.
+    pub(super) by_rays_alone: bool,
     /// By component.
     pub(super) steps: Vec<SurfaceStep>,
     /// Number of triangles by component.
@@ -49,8 +51,7 @@ pub(crate) struct SampleFacets {
 
 impl SampleFacets {
     /// At the mean constants of the media; rays are flagged for steps of delta that are `delta_ratio`
-    /// times as large. Nothing where all rays are traced exactly. `across`:
-    /// [`crate::geometry::across_edges`] of the sample.
+    /// times as large. `across`: [`crate::geometry::across_edges`] of the sample.
     #[must_use]
     pub(crate) fn new(
         transport: Transport,
@@ -58,10 +59,7 @@ impl SampleFacets {
         media: &MaterialTable,
         delta_ratio: f64,
         across: Vec<[u32; 3]>,
-    ) -> Option<Self> {
-        if transport == Transport::Exact {
-            return None;
-        }
+    ) -> Self {
         let mean = media.mean();
         let step = |(index, component): (u32, &crate::geometry::Component)| {
             let [inside, outside] = media.sides(component.object, component.outside);
@@ -71,8 +69,9 @@ impl SampleFacets {
                 mu: a.mu - b.mu,
                 delta: a.delta - b.delta,
                 least_cosine: match transport {
-                    Transport::FirstOrder => 0.0,
-                    _ => least_cosine(delta_ratio * media.step(inside, outside)),
+                    // What rays miss is told to first order.
+                    Transport::FirstOrder | Transport::Exact => 0.0,
+                    Transport::Auto => least_cosine(delta_ratio * media.step(inside, outside)),
                 },
             }
         };
@@ -86,7 +85,8 @@ impl SampleFacets {
         }
         let numbers = FacetNumbers::new(sample);
         let steps = (0..).zip(&sample.components).map(step).collect();
-        Some(Self { steps, triangles, across, numbers })
+        let by_rays_alone = transport == Transport::Exact;
+        Self { by_rays_alone, steps, triangles, across, numbers }
     }
 }
 

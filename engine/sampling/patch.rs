@@ -5,6 +5,7 @@
 
 mod node;
 
+use node::AllRays;
 pub(super) use node::{Border, Known, Node, Residuals, alike, is_drawn, no_silhouette_between};
 
 use super::dissection::Piece;
@@ -267,7 +268,10 @@ impl Patch {
     /// Sets the result of a rectangle to that of its ray.
     pub(super) fn set_result(&mut self, node: u32, result: &RayResult) {
         let node = &mut self.nodes[node as usize];
-        (node.result, node.known) = (*result, Known::Ray);
+        node.result = *result;
+        if !matches!(node.known, Known::Ray(_)) {
+            node.known = Known::Ray(None);
+        }
     }
 
     /// The pieces of a rectangle that is known by them.
@@ -276,11 +280,15 @@ impl Patch {
         self.pieces.get(first as usize..end as usize)
     }
 
-    /// Takes what the facets say of a rectangle; whether that is all that is to be known.
-    pub(super) fn set_mean(&mut self, index: u32, mean: &Mean) -> bool {
+    /// Takes what the facets say of a rectangle; whether that is all that is to be known. By rays
+    /// alone it is what a ray does not see.
+    pub(super) fn set_mean(&mut self, index: u32, mean: &Mean, by_rays_alone: bool) -> bool {
         let node = &mut self.nodes[index as usize];
-        (node.known, node.crossings) = (Known::Ray, None);
+        (node.known, node.crossings) = (Known::Ray(None), None);
         match mean {
+            Mean::Fit(result, residuals) if by_rays_alone => {
+                node.known = Known::Ray(Some(AllRays::new(result, residuals)));
+            }
             Mean::Fit(result, residuals) => {
                 (node.result, node.known) = (*result, Known::Mean(*residuals));
                 return true;

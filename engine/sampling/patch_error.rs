@@ -122,7 +122,7 @@ impl StepError {
         let through = f64::from(share * error.through);
         let squared = |part: f32| f64::from(part * error.moment).powi(2);
         match known {
-            Known::Ray => Self {
+            Known::Ray(_) => Self {
                 apart: f64::from(share * error.light).powi(2),
                 together: 0.0,
                 moment: squared(share),

@@ -2,9 +2,9 @@
 //! like the neighbour that it predicts worst.
 
 use super::base_lattice::Found;
-use super::error_estimate::{CellError, Draws, Estimator, SPREAD};
+use super::error_estimate::{CellError, Draws, Estimator, SPREAD, tailed};
 use super::neighbours::Slopes;
-use super::patch::{Axis, Node, Patch, alike, is_drawn};
+use super::patch::{Axis, Known, Node, Patch, alike, is_drawn};
 use crate::interface::RayResult;
 
 /// Share of the light at a silhouette that may land in recorded rows from outside.
@@ -82,7 +82,7 @@ impl Estimator<'_> {
             Axis::X
         };
         let area = node.width() * node.height() * self.response.weight;
-        let light = SPREAD * area * change[0].max(change[1]);
+        let light = area * (SPREAD * change[0].max(change[1])).max(self.unseen(&by_ray));
         // Two draws differ by twice the variance of one.
         let variance = (squares.1 > 0).then_some(0.5 * squares.0 / squares.1 as f32);
         CellError {
@@ -113,6 +113,30 @@ impl Estimator<'_> {
                 .max(patch.row + 1 - self.recorded_rows.end)
                 .max(0),
         }
+    }
+
+    /// Change of the recorded light by what facets between the rays do, share of the light.
+    fn unseen(&self, by_ray: &ByRay<'_>) -> f32 {
+        let ByRay { node, ref slopes, passed, at, half, .. } = *by_ray;
+        let Known::Ray(Some(all)) = node.known else { return 0.0 };
+        let RayResult { displacement_x, displacement_z, .. } = node.result;
+        let off = displacement_z - all.mean[1];
+        let deviation = all.deviation[1].hypot(off);
+        let farthest = all.farthest[1].max(0.0) + off.abs();
+        let skewed = deviation * farthest.max(deviation);
+        let over = |off: f32| self.over_border(node, false, &node.result, off, skewed);
+        let down = passed * tailed(deviation, farthest, over);
+        // Along x the rectangle has the slope that its neighbours show.
+        let off = displacement_x - all.mean[0];
+        let bent = (all.slope - slopes.displacement[0]) * node.width();
+        let deviation = all.deviation[0].hypot(off).hypot(all.across).hypot(SPREAD * bent);
+        let farthest = all.farthest[0].max(0.0) + off.abs() + all.across / SPREAD + bent.abs();
+        let own = self.response.landed([passed, at], half);
+        let either = |off: f32| {
+            let change = |off: f32| self.response.change_from(&own, [passed, at + off]);
+            change(off).max(change(-off))
+        };
+        tailed(deviation, farthest, either) + down
     }
 
     /// What a neighbour shows of a rectangle.

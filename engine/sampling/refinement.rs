@@ -89,7 +89,7 @@ impl<'a> Refiner<'a> {
             row_blur: single(view.lattice.row_spread.blur),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
-            by_rays_alone: view.facets.is_none(),
+            by_rays_alone: view.by_rays_alone(),
             recorded_rows: view.recorded_rows(),
             detector_rows: 0..i64::from(detector.pixels[1]),
         };
@@ -136,6 +136,9 @@ impl<'a> Refiner<'a> {
         let begun = patches.par_iter().filter_map(|at| self.begin(*at));
         let mut work: Vec<PatchWork> = begun.collect();
         self.align(tracer, &mut work)?;
+        if self.estimator.by_rays_alone {
+            work.par_iter_mut().for_each(|work| self.look_at_facets(work));
+        }
         Ok(work)
     }
 
@@ -378,12 +381,12 @@ impl<'a> Refiner<'a> {
                 let dissected = matches!(parent, Known::Pieces(_)) && self.dissect(work, part);
                 let known = dissected || self.take_mean(work, part);
                 // The middle part keeps the ray.
-                let keeps = number == 1 && parent == Known::Ray;
+                let keeps = number == 1 && matches!(parent, Known::Ray(_));
                 if !known && !keeps {
                     work.pending.push(part);
                 }
                 // Parts of a mean say little that it did not.
-                if parent == Known::Ray {
+                if matches!(parent, Known::Ray(_)) {
                     work.changed.push(part);
                 }
             }

@@ -220,10 +220,8 @@ fn build(
     let bvh = Bvh::build(&sample, &across)?;
     // Means over facets know no other normals.
     let smooth = sample.components.iter().any(|component| component.smooth);
-    let facets = match media.rough || smooth {
-        true => None,
-        false => sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across),
-    };
+    let facets = (!media.rough && !smooth)
+        .then(|| sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across));
     Ok(Built { sample, media, bvh, facets })
 }
 

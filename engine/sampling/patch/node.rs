@@ -48,11 +48,36 @@ impl Border {
     }
 }
 
+/// Displacements of all rays of a rectangle to first order, along x and z, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::sampling) struct AllRays {
+    pub(in crate::sampling) mean: [f32; 2],
+    /// Slope over x of that along x, and its standard deviation by the slope over z.
+    pub(in crate::sampling) slope: f32,
+    pub(in crate::sampling) across: f32,
+    /// Standard deviations from the linear model that fits best, and the farthest.
+    pub(in crate::sampling) deviation: [f32; 2],
+    pub(in crate::sampling) farthest: [f32; 2],
+}
+
+impl AllRays {
+    /// From their mean and what that leaves.
+    pub(in crate::sampling) fn new(mean: &RayResult, left: &Residuals) -> Self {
+        Self {
+            mean: [mean.displacement_x, mean.displacement_z],
+            slope: left.slope,
+            across: left.across,
+            deviation: [left.displacement, left.displacement_z],
+            farthest: left.farthest,
+        }
+    }
+}
+
 /// How the result of a rectangle is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::sampling) enum Known {
-    /// By the ray through its centre.
-    Ray,
+    /// By the ray through its centre, with what its facets tell of all its rays.
+    Ray(Option<AllRays>),
     /// As the linear model that fits it best.
     Mean(Residuals),
     /// By the pieces that its facets cut it into: the first of them, and their end.
@@ -77,7 +102,7 @@ pub(in crate::sampling) struct Node {
 
 impl Node {
     pub(in crate::sampling) fn new(x: [f32; 2], z: [f32; 2], result: RayResult) -> Self {
-        Self { x, z, result, known: Known::Ray, crossings: None, facets: [0; 2], split: None }
+        Self { x, z, result, known: Known::Ray(None), crossings: None, facets: [0; 2], split: None }
     }
 
     /// Centre (x, z).

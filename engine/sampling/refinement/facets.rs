@@ -1,4 +1,4 @@
-//! Means over facets and dissections into pieces, in place of rays.
+//! What facets tell: means and pieces in place of rays, or what is between rays.
 
 use super::super::patch::{Known, Node, Patch};
 use super::super::patch_error::KnownErrors;
@@ -18,6 +18,9 @@ impl Refiner<'_> {
     /// its rays are enough.
     pub(super) fn take_facets(&self, work: &mut PatchWork) {
         let Some((lists, _)) = &self.facets else { return };
+        if self.estimator.by_rays_alone {
+            return;
+        }
         let Patch { beamlet, row, .. } = work.patch;
         let silhouette = lists.has_silhouette(beamlet, row);
         if !silhouette {
@@ -50,8 +53,22 @@ impl Refiner<'_> {
         }
     }
 
+    /// Lets the facets of a patch tell what is between its rays. Those of one that slants do not.
+    pub(super) fn look_at_facets(&self, work: &mut PatchWork) {
+        let Patch { beamlet, row, shear, .. } = work.patch;
+        let Some((lists, _)) = &self.facets else { return };
+        let Some(facets) = lists.facets(beamlet, row).filter(|_| shear.abs() <= 0.0) else {
+            return;
+        };
+        work.patch.set_facets(facets);
+        work.known_errors = KnownErrors::default();
+        for node in 0..numbers::count(work.patch.nodes.len()) {
+            self.take_mean(work, node);
+        }
+    }
+
     /// Sets the result of a rectangle to the mean over its facets, where there is one, or cuts it
-    /// into its pieces.
+    /// into its pieces. By rays alone it learns what a ray does not see.
     pub(super) fn take_mean(&self, work: &mut PatchWork, node: u32) -> bool {
         let Some((_, means)) = &self.facets else { return false };
         let patch = &mut work.patch;
@@ -60,7 +77,7 @@ impl Refiner<'_> {
         }
         let Node { x, z, .. } = patch.nodes[node as usize];
         let mean = means.over(patch, patch.facets_of(node), x, z);
-        patch.set_mean(node, &mean) || self.dissect(work, node)
+        patch.set_mean(node, &mean, self.estimator.by_rays_alone) || self.dissect(work, node)
     }
 
     /// Cuts a rectangle into the pieces that its facets make of it, where they are few and it is
@@ -69,7 +86,10 @@ impl Refiner<'_> {
         let Some((_, means)) = &self.facets else { return false };
         let patch = &mut work.patch;
         let Node { x, z, known, .. } = patch.nodes[node as usize];
-        if patch.facets.is_none() || matches!(known, Known::Pieces(_)) {
+        if patch.facets.is_none()
+            || self.estimator.by_rays_alone
+            || matches!(known, Known::Pieces(_))
+        {
             return false;
         }
         let Some(pieces) = means.pieces(patch, patch.facets_of(node), x, z) else { return false };
