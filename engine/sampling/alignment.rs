@@ -18,6 +18,8 @@ pub(super) struct Slant {
     pub(super) shear: f32,
     /// All slant alike, at all heights.
     pub(super) straight: bool,
+    /// Largest change of x by curvature, m per row squared, of those that stand on all scanlines.
+    pub(super) bow: f32,
 }
 
 /// Scanlines at three heights, with the rays that bracket silhouettes.
@@ -64,10 +66,13 @@ impl Scanlines {
     pub(super) fn slant(&self) -> Option<Slant> {
         let mut slants = Vec::new();
         let mut unmatched = 0;
+        // By silhouette of the middle scanline.
+        let mut above: Vec<Option<f32>> = vec![None; self.lines[1].len()];
+        let mut bow = 0.0_f32;
         for (a, b) in [(0, 1), (1, 2)] {
             let rise = HEIGHTS[b] - HEIGHTS[a];
             let mut taken = vec![false; self.lines[b].len()];
-            for (low, high) in brackets(&self.lines[a]) {
+            for (number, (low, high)) in brackets(&self.lines[a]).enumerate() {
                 let same = brackets(&self.lines[b]).enumerate().find(|(index, other)| {
                     !taken[*index]
                         && no_silhouette_between(&other.0.1, &low.1)
@@ -78,7 +83,13 @@ impl Scanlines {
                     let middle = |(low, high): (&(f32, RayResult), &(f32, RayResult))| {
                         0.5 * (low.0 + high.0)
                     };
-                    slants.push((middle(other) - middle((low, high))) / rise);
+                    let slant = (middle(other) - middle((low, high))) / rise;
+                    if a == 0 {
+                        above[index] = Some(slant);
+                    } else if let Some(above) = above[number] {
+                        bow = bow.max((slant - above).abs() / rise);
+                    }
+                    slants.push(slant);
                 } else {
                     unmatched += 1;
                 }
@@ -87,7 +98,7 @@ impl Scanlines {
         slants.sort_unstable_by(f32::total_cmp);
         let shear = *slants.get(slants.len() / 2)?;
         let straight = slants.iter().all(|slant| (slant - shear).abs() <= STRAIGHT);
-        Some(Slant { shear, straight: straight && unmatched <= 1 })
+        Some(Slant { shear, straight: straight && unmatched <= 1, bow })
     }
 }
 
@@ -122,5 +133,22 @@ mod tests {
         }
         let slant = lines.slant().unwrap();
         assert!((slant.shear - 17e-6).abs() < 0.05e-6 && slant.straight, "{slant:?}");
+        assert!(slant.bow < 0.2e-6, "{slant:?}");
+    }
+
+    #[test]
+    fn the_bow_of_an_edge_is_its_curvature() {
+        let edge = |z: f32| 7e-6 + 17e-6 * z + 0.5 * 28e-6 * (z - 0.5).powi(2);
+        let mut lines = Scanlines::new(100e-6, 5);
+        while !lines.pending().is_empty() {
+            let result = |[x, z]: &[f32; 2]| RayResult {
+                signature: u32::from(*x > edge(*z)),
+                ..bytemuck::Zeroable::zeroed()
+            };
+            let results: Vec<RayResult> = lines.pending().iter().map(result).collect();
+            lines.accept(&results);
+        }
+        let slant = lines.slant().unwrap();
+        assert!((slant.bow - 28e-6).abs() < 0.2e-6 && !slant.straight, "{slant:?}");
     }
 }

@@ -31,6 +31,15 @@ fn limited(slopes: [Option<f32>; 2]) -> f32 {
     }
 }
 
+/// Coordinates at lower and higher x, as far from a rectangle as a silhouette there may bow into it;
+/// none where none bows.
+pub(super) fn behind(patch: &Patch, node: &Node) -> impl Iterator<Item = [f32; 2]> + use<> {
+    let [x, z] = node.centre();
+    let sagitta = patch.sagitta(node);
+    let off = 0.5 * node.width() + sagitta;
+    [x - off, x + off].into_iter().filter(move |_| sagitta > 0.0).map(move |x| [x, z])
+}
+
 impl Estimator<'_> {
     /// The result of a base ray around a patch, at coordinates of the patch.
     fn around(&self, patch: &Patch, own: &RayResult, [x, z]: [f32; 2]) -> Option<Found> {
@@ -113,7 +122,7 @@ impl Estimator<'_> {
         node: &Node,
     ) -> impl Iterator<Item = u32> + 'p {
         let mut last = None;
-        self.beside(node).into_iter().filter_map(move |at| {
+        self.beside(node).into_iter().chain(behind(patch, node)).filter_map(move |at| {
             let known = last.is_some_and(|last: u32| patch.nodes[last as usize].holds(at));
             if known || !patch.holds(at) {
                 return None;

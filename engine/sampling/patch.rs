@@ -59,6 +59,8 @@ pub(super) struct Patch {
     pub(super) shear: f32,
     /// Its silhouettes are straight and slant by the shear.
     pub(super) straight: bool,
+    /// Change of x by the curvature of its silhouettes, m per row squared, where they are not.
+    pub(super) bow: f32,
     /// Whether its rays are spread evenly: they do not stand in the middles of rectangles.
     pub(super) even: Even,
     /// The base rectangles, by z, then x; then the parts of those that were split.
@@ -137,6 +139,7 @@ impl Patch {
             borders,
             shear: 0.0,
             straight: false,
+            bow: 0.0,
             even: Even::No,
             nodes,
             splits: 0,
@@ -229,6 +232,11 @@ impl Patch {
     pub(super) fn facets_of(&self, node: u32) -> &[u32] {
         let [first, end] = self.nodes[node as usize].facets;
         &self.list[first as usize..end as usize]
+    }
+
+    /// How far a silhouette may bow between the middle of a rectangle and its ends of z, m.
+    pub(super) fn sagitta(&self, node: &Node) -> f32 {
+        0.125 * self.bow * node.height() * node.height()
     }
 
     /// Splits a leaf; its parts begin with its result.

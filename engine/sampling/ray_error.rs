@@ -3,8 +3,8 @@
 
 use super::base_lattice::Found;
 use super::error_estimate::{CellError, Draws, Estimator, SPREAD, tailed};
-use super::neighbours::Slopes;
-use super::patch::{Axis, Known, Node, Patch, alike, is_drawn};
+use super::neighbours::{Slopes, behind};
+use super::patch::{Axis, Known, Node, Patch, alike, is_drawn, no_silhouette_between};
 use crate::interface::RayResult;
 
 /// Share of the light at a silhouette that may land in recorded rows from outside.
@@ -40,6 +40,18 @@ struct Change {
     silhouette: bool,
 }
 
+/// Light that a silhouette which bows into a rectangle from behind its neighbours may take or give, share
+/// of its light; nothing where none does.
+fn bowed(patch: &Patch, node: &Node) -> Option<f32> {
+    let leaf = |at: [f32; 2]| &patch.nodes[patch.leaf_at(at[0], at[1]) as usize];
+    let beyond = behind(patch, node)
+        .filter(|at| patch.holds(*at))
+        .map(|at| &leaf(at).result)
+        .find(|result| !no_silhouette_between(result, &node.result))?;
+    let passed = node.result.optical_depth.min(beyond.optical_depth);
+    Some((patch.sagitta(node) / node.width()).min(1.0) * (-passed).exp())
+}
+
 impl Estimator<'_> {
     /// Of a rectangle that is known by a ray.
     pub(super) fn ray_error(&self, patch: &Patch, index: u32) -> CellError {
@@ -70,6 +82,10 @@ impl Estimator<'_> {
             let all = hidden / SPREAD;
             silhouette = true;
             change = change.map(|change| change.max(all));
+        }
+        if !silhouette && let Some(all) = bowed(patch, node) {
+            silhouette = true;
+            change[1] = change[1].max(all);
         }
         let [width, height] = [node.width(), node.height() * self.row_height];
         // Rays that draw their normals stand in columns: rectangles one above the other err together at

@@ -38,6 +38,8 @@ const MOST_SHEAR: f32 = 2.0;
 /// silhouettes begin with this many times the columns. At a tolerance of 1e-3 the error of the rims of
 /// a coarse ball is 0.35 of it without, and 0.15 with three (`--test sampling -- truth::`).
 const COLUMNS_AT_RIMS: u32 = 3;
+/// Silhouettes may bow by as many times what three scanlines tell.
+const BOW: f32 = 1.5;
 /// Lines of rectangles that a patch with silhouettes begins with.
 const LINES: u32 = 3;
 
@@ -212,6 +214,7 @@ impl<'a> Refiner<'a> {
             work.known_errors = KnownErrors::default();
             work.patch = Patch::sheared(beamlet, row, 0.5 * width, shear, base);
             work.patch.straight = slant.is_some_and(|slant| slant.straight);
+            work.patch.bow = slant.map_or(0.0, |slant| BOW * slant.bow);
             work.pending.extend(0..numbers::count(work.patch.nodes.len()));
         }
         self.trace_pending(tracer, work)
