@@ -117,6 +117,8 @@ impl Estimator<'_> {
         let column = self.column(patch.beamlet);
         let x = patch.place(node.centre())[0];
         let growth = (self.response.magnification + slopes.displacement[0]).abs();
+        // One that slants stands at other x at its ends.
+        let slant = self.response.magnification * (patch.shear * node.height()).abs();
         ByRay {
             node,
             slopes,
@@ -124,7 +126,7 @@ impl Estimator<'_> {
             passed: (-node.result.optical_depth).exp(),
             x,
             at: self.response.landing(column, x, node.result.displacement_x),
-            half: 0.5 * growth * node.width(),
+            half: 0.5 * (growth * node.width() + slant),
             beside: (self.recorded_rows.start - patch.row)
                 .max(patch.row + 1 - self.recorded_rows.end)
                 .max(0),
