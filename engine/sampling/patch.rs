@@ -35,6 +35,14 @@ pub(super) const EVEN_LINES: u32 = 4;
 /// times as many places.
 const EVEN_PLACES: [f32; EVEN_LINES as usize] = [0.125, 0.625, 0.375, 0.875];
 
+/// A ray beside those of rectangles.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Witness {
+    /// Coordinates.
+    pub(super) at: [f32; 2],
+    pub(super) result: RayResult,
+}
+
 /// Rays that are spread evenly over a patch, for structure that they do not resolve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Even {
@@ -66,6 +74,8 @@ pub(super) struct Patch {
     /// The base rectangles, by z, then x; then the parts of those that were split.
     pub(super) nodes: Vec<Node>,
     pub(super) splits: u32,
+    /// Rays that met other surfaces than the rectangle that they stood in.
+    pub(super) witnesses: Vec<Witness>,
     /// Facets that it may meet, where they are known.
     pub(super) facets: Option<Vec<PatchFacet>>,
     /// Indices of facets, by rectangle.
@@ -143,6 +153,7 @@ impl Patch {
             even: Even::No,
             nodes,
             splits: 0,
+            witnesses: Vec::new(),
             facets: None,
             list: Vec::new(),
             pieces: Vec::new(),
@@ -232,6 +243,48 @@ impl Patch {
     pub(super) fn facets_of(&self, node: u32) -> &[u32] {
         let [first, end] = self.nodes[node as usize].facets;
         &self.list[first as usize..end as usize]
+    }
+
+    /// A witness in a rectangle that met other surfaces than its ray.
+    pub(super) fn unlike_witness(&self, node: &Node) -> Option<&Witness> {
+        self.witnesses.iter().find(|witness| {
+            node.holds(witness.at) && !no_silhouette_between(&witness.result, &node.result)
+        })
+    }
+
+    /// Leaves along the sides of a rectangle whose rays met other surfaces: the largest part of a side
+    /// that they take, and the result of one; nothing where there are none.
+    pub(super) fn unlike_beside(&self, node: &Node, out: [f32; 2]) -> Option<(f32, &RayResult)> {
+        let sides = [(Axis::X, 0), (Axis::X, 1), (Axis::Z, 0), (Axis::Z, 1)];
+        let along = |(axis, end): (Axis, usize)| {
+            // Across the axis: the range of the side.
+            let (range, step, across) = match axis {
+                Axis::X => (node.z, out[1], node.x[end]),
+                Axis::Z => (node.x, out[0], node.z[end]),
+            };
+            let off = if axis == Axis::X { out[0] } else { out[1] };
+            let across = if end == 0 { across - off } else { across + off };
+            let (mut at, mut unlike, mut found) = (range[0], 0.0, None);
+            while at < range[1] {
+                let place = match axis {
+                    Axis::X => [across, at + step],
+                    Axis::Z => [at + step, across],
+                };
+                if !self.holds(place) {
+                    break;
+                }
+                let leaf = &self.nodes[self.leaf_at(place[0], place[1]) as usize];
+                let end = if axis == Axis::X { leaf.z[1] } else { leaf.x[1] };
+                let next = end.max(at + step).min(range[1]);
+                if !no_silhouette_between(&leaf.result, &node.result) {
+                    unlike += next - at;
+                    found = Some(&leaf.result);
+                }
+                at = next;
+            }
+            Some((unlike / (range[1] - range[0]), found?))
+        };
+        sides.into_iter().filter_map(along).max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// How far a silhouette may bow between the middle of a rectangle and its ends of z, m.
@@ -328,6 +381,7 @@ impl Patch {
     pub(super) fn bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
             + 4 * self.list.capacity()
+            + self.witnesses.capacity() * size_of::<Witness>()
             + self.pieces.capacity() * size_of::<Piece>()
             + self.facets.as_ref().map_or(0, |facets| facets.len() * size_of::<PatchFacet>())
     }

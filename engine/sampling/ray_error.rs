@@ -12,6 +12,9 @@ pub(super) const THROWN: f32 = 0.05;
 /// A silhouette among at most as many crossings may take or give all light of a rectangle.
 const SILHOUETTE_CROSSINGS: f32 = 8.0;
 
+/// A body that takes a part of a side of a rectangle may take as many times that part of its area.
+const ENTERED: f32 = 1.0;
+
 /// A rectangle that is known by a ray.
 struct ByRay<'a> {
     node: &'a Node,
@@ -83,6 +86,13 @@ impl Estimator<'_> {
             silhouette = true;
             change = change.map(|change| change.max(all));
         }
+        if !silhouette
+            && !patch.straight
+            && let Some(all) = self.entered(patch, node)
+        {
+            silhouette = true;
+            change = change.map(|change| change.max(all));
+        }
         if !silhouette && let Some(all) = bowed(patch, node) {
             silhouette = true;
             change[1] = change[1].max(all);
@@ -131,6 +141,18 @@ impl Estimator<'_> {
                 .max(patch.row + 1 - self.recorded_rows.end)
                 .max(0),
         }
+    }
+
+    /// Light that a body which enters a rectangle between its ray and those in the middles of its neighbours may
+    /// take or give, share of its light; nothing where no ray shows one.
+    fn entered(&self, patch: &Patch, node: &Node) -> Option<f32> {
+        let out = self.least.map(|least| 0.25 * least);
+        let (part, result) = match patch.unlike_witness(node) {
+            Some(witness) => (1.0, &witness.result),
+            None => patch.unlike_beside(node, out)?,
+        };
+        let depth = node.result.optical_depth.min(result.optical_depth);
+        Some((ENTERED * part).min(1.0) * (-depth).exp())
     }
 
     /// Change of the recorded light by what facets between the rays do, share of the light.

@@ -1,6 +1,7 @@
 //! Adaptive refinement of patches: judge, split where the error is, trace or sum over facets, until
 //! every budget holds. All patches ask for their rays together, so that the device gets many.
 
+mod borders;
 mod even;
 mod facets;
 mod held;
@@ -141,6 +142,7 @@ impl<'a> Refiner<'a> {
         if self.estimator.by_rays_alone {
             work.par_iter_mut().for_each(|work| self.look_at_facets(work));
         }
+        self.look_along_borders(tracer, &mut work)?;
         Ok(work)
     }
 

@@ -21,7 +21,7 @@ use crate::interface::RayResult;
 use crate::numbers;
 
 /// Crossings of a ray, on average, from which on structure may be too fine for rays.
-const FINE_CROSSINGS: u64 = 8;
+pub(super) const FINE_CROSSINGS: u64 = 8;
 /// What the mean of two neighbours misses, over how they differ, squared: 3/4 where light is random,
 /// 1/4 at a jump, 0 where it is smooth.
 const UNLIKE: f32 = 0.5;
