@@ -1,9 +1,9 @@
 //! Large memory, asked for so that its lack is an error and not the end of the program.
 //!
 //! Buffers of one piece are made by [`zeroed`], [`filled`], [`room`] and [`collected`], and only
-//! where [`SPARE`] is left beside them: of small pieces, which are not asked for, the lack ends the
-//! program. Work that takes memory in many pieces is asked for as a whole before it begins
-//! ([`ask`]). What a system promises and does not have when it is used, neither shows it.
+//! where [`SPARE`] bytes are left beside them: a small allocation that fails ends the program. Work
+//! that takes many small allocations checks for their sum before it begins ([`ask`]). Memory that
+//! a system promises, and does not have when it is used, is shown by neither.
 
 use crate::{Error, Result};
 
@@ -11,11 +11,11 @@ use crate::{Error, Result};
 pub(crate) const REMEDY: &str =
     "end other programs, or lift the limit of memory that this one runs under";
 
-/// Bytes that large buffers leave to small pieces.
+/// Bytes that large buffers leave to small allocations.
 const SPARE: usize = 4 << 20;
 /// Bytes of a buffer that counts as large.
 const LARGE: usize = 1 << 16;
-/// Address space that a thread may take with a small piece, as glibc does: an arena of its own.
+/// Address space that a thread may take with its first small allocation: an arena of its own (glibc).
 const ARENA: usize = 64 << 20;
 
 /// Zeros; `purpose` stands in the error.
@@ -78,17 +78,17 @@ fn lacks<T>(len: usize, purpose: &str) -> Error {
     Error::Memory { purpose: purpose.into(), needed, available: None, remedy: REMEDY.into() }
 }
 
-/// Whether small pieces can be had.
+/// Whether there is memory for small allocations.
 pub(crate) fn leaves_spare() -> bool {
     can_be_had(SPARE)
 }
 
-/// Whether so many bytes can be had now. Never touched, they cost next to nothing.
+/// Whether so many bytes can be allocated now. They are not written to, so that this is cheap.
 fn can_be_had(bytes: usize) -> bool {
     Vec::<u8>::new().try_reserve_exact(bytes).is_ok()
 }
 
-/// Whether `bytes`, and small pieces beside them, can be had now. They are given back at once.
+/// Whether `bytes`, and small allocations beside them, can be allocated now. They are freed at once.
 ///
 /// # Errors
 /// [`Error::Memory`].

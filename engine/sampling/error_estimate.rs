@@ -264,11 +264,9 @@ impl Estimator<'_> {
         let [along, across] = self.along_x(residuals, [passed, at], half);
         let whole = self.response.curvature(node.width())
             + self.response.skew(residuals.displacement, residuals.farthest[0]);
-        let (deviation, farthest) = (residuals.displacement_z, residuals.farthest[1]);
-        let skewed = deviation * farthest.max(deviation);
+        let off = [residuals.displacement_z, residuals.farthest[1]];
         let known = residuals.borders.iter().any(Option::is_some);
-        let over = |off: f32| self.over_border(node, known, result, off, skewed);
-        let down = passed * tailed(deviation, farthest, over);
+        let down = passed * self.over_borders(node, known, result, off);
         // A Gaussian stands for the slope over z, and what crosses the border of the row lands
         // along x like all of the rectangle.
         let aside = self.leak(node) * (ALONG_Z * along + CANCELLED * across);
@@ -287,24 +285,48 @@ impl Estimator<'_> {
         }
     }
 
+    /// Change of the light in any window if it became `light` and landed so far off, either way: a window
+    /// may end at one side alone. Light that passes and its landing point are given, spread over 2 `half`.
+    pub(super) fn either_way(
+        &self,
+        [passed, at]: [f32; 2],
+        light: f32,
+        half: f32,
+    ) -> impl Fn(f32) -> f32 {
+        let own = self.response.landed([passed, at], half);
+        let change = move |off: f32| self.response.change_from(&own, [light, at + off]);
+        move |off| change(off).max(change(-off))
+    }
+
     /// Change of the light in any window by what a mean leaves along x, and by the slope over z that
     /// it has there. Light and landing point of the mean are given, spread over 2 `half`.
     fn along_x(&self, residuals: &Residuals, [passed, at]: [f32; 2], half: f32) -> [f32; 2] {
         let light = passed * (-residuals.depth).exp();
-        let own = self.response.landed([passed, at], half);
-        let change = |off: f32| self.response.change_from(&own, [light, at + off]);
-        // Either way: a window may end at one side alone.
-        let either = |off: f32| change(off).max(change(-off));
-        let along = tailed(residuals.displacement, residuals.farthest[0], either);
+        let either = self.either_way([passed, at], light, half);
+        let along = tailed(residuals.displacement, residuals.farthest[0], &either);
         let across = if residuals.across > 0.0 { either(residuals.across) } else { 0.0 };
         [along, across]
     }
 
+    /// Share of the light of a rectangle that may land in another row than its result says, where
+    /// displacements along z have this standard deviation from it and are off by as much at most, m.
+    /// `known`: what crosses the borders of the row is known.
+    pub(super) fn over_borders(
+        &self,
+        node: &Node,
+        known: bool,
+        result: &RayResult,
+        [deviation, farthest]: [f32; 2],
+    ) -> f32 {
+        let skewed = deviation * farthest.max(deviation);
+        tailed(deviation, farthest, |off| self.over_border(node, known, result, off, skewed))
+    }
+
     /// Share of the light of a rectangle that may land in another row than its mean result says,
     /// where that is off by `residual` along z, m. `known`: what crosses the borders of the row is
-    /// known. `skewed`: variance of the displacement times its
-    /// farthest over its deviation, m2, which bounds the third moment.
-    pub(super) fn over_border(
+    /// known. `skewed`: variance of the displacement times its farthest over its deviation, m2, which
+    /// bounds the third moment.
+    fn over_border(
         &self,
         node: &Node,
         known: bool,

@@ -69,7 +69,7 @@ impl SampleFacets {
                 mu: a.mu - b.mu,
                 delta: a.delta - b.delta,
                 least_cosine: match transport {
-                    // What rays miss is told to first order.
+                    // For exact transport facets estimate errors alone, to first order.
                     Transport::FirstOrder | Transport::Exact => 0.0,
                     Transport::Auto => least_cosine(delta_ratio * media.step(inside, outside)),
                 },

@@ -3,8 +3,10 @@
 //! Rectangles are split in three, so that the middle one keeps the ray. Their coordinates are
 //! (x - shear (z - 1/2), z): a silhouette that slants by `shear` stands upright in them.
 
+mod beside;
 mod node;
 
+pub(super) use beside::Witness;
 use node::AllRays;
 pub(super) use node::{Border, Known, Node, Residuals, alike, is_drawn, no_silhouette_between};
 
@@ -34,14 +36,6 @@ pub(super) const EVEN_LINES: u32 = 4;
 /// How far rays of these lines stand in their rectangles, parts of the width: together they are four
 /// times as many places.
 const EVEN_PLACES: [f32; EVEN_LINES as usize] = [0.125, 0.625, 0.375, 0.875];
-
-/// A ray beside those of rectangles.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Witness {
-    /// Coordinates.
-    pub(super) at: [f32; 2],
-    pub(super) result: RayResult,
-}
 
 /// Rays that are spread evenly over a patch, for structure that they do not resolve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -243,53 +237,6 @@ impl Patch {
     pub(super) fn facets_of(&self, node: u32) -> &[u32] {
         let [first, end] = self.nodes[node as usize].facets;
         &self.list[first as usize..end as usize]
-    }
-
-    /// A witness in a rectangle that met other surfaces than its ray.
-    pub(super) fn unlike_witness(&self, node: &Node) -> Option<&Witness> {
-        self.witnesses.iter().find(|witness| {
-            node.holds(witness.at) && !no_silhouette_between(&witness.result, &node.result)
-        })
-    }
-
-    /// Leaves along the sides of a rectangle whose rays met other surfaces: the largest part of a side
-    /// that they take, and the result of one; nothing where there are none.
-    pub(super) fn unlike_beside(&self, node: &Node, out: [f32; 2]) -> Option<(f32, &RayResult)> {
-        let sides = [(Axis::X, 0), (Axis::X, 1), (Axis::Z, 0), (Axis::Z, 1)];
-        let along = |(axis, end): (Axis, usize)| {
-            // Across the axis: the range of the side.
-            let (range, step, across) = match axis {
-                Axis::X => (node.z, out[1], node.x[end]),
-                Axis::Z => (node.x, out[0], node.z[end]),
-            };
-            let off = if axis == Axis::X { out[0] } else { out[1] };
-            let across = if end == 0 { across - off } else { across + off };
-            let (mut at, mut unlike, mut found) = (range[0], 0.0, None);
-            while at < range[1] {
-                let place = match axis {
-                    Axis::X => [across, at + step],
-                    Axis::Z => [at + step, across],
-                };
-                if !self.holds(place) {
-                    break;
-                }
-                let leaf = &self.nodes[self.leaf_at(place[0], place[1]) as usize];
-                let end = if axis == Axis::X { leaf.z[1] } else { leaf.x[1] };
-                let next = end.max(at + step).min(range[1]);
-                if !no_silhouette_between(&leaf.result, &node.result) {
-                    unlike += next - at;
-                    found = Some(&leaf.result);
-                }
-                at = next;
-            }
-            Some((unlike / (range[1] - range[0]), found?))
-        };
-        sides.into_iter().filter_map(along).max_by(|a, b| a.0.total_cmp(&b.0))
-    }
-
-    /// How far a silhouette may bow between the middle of a rectangle and its ends of z, m.
-    pub(super) fn sagitta(&self, node: &Node) -> f32 {
-        0.125 * self.bow * node.height() * node.height()
     }
 
     /// Splits a leaf; its parts begin with its result.

@@ -161,22 +161,14 @@ impl Estimator<'_> {
         let Known::Ray(Some(all)) = node.known else { return 0.0 };
         let RayResult { displacement_x, displacement_z, .. } = node.result;
         let off = displacement_z - all.mean[1];
-        let deviation = all.deviation[1].hypot(off);
-        let farthest = all.farthest[1].max(0.0) + off.abs();
-        let skewed = deviation * farthest.max(deviation);
-        let over = |off: f32| self.over_border(node, false, &node.result, off, skewed);
-        let down = passed * tailed(deviation, farthest, over);
+        let off = [all.deviation[1].hypot(off), all.farthest[1].max(0.0) + off.abs()];
+        let down = passed * self.over_borders(node, false, &node.result, off);
         // Along x the rectangle has the slope that its neighbours show.
         let off = displacement_x - all.mean[0];
         let bent = (all.slope - slopes.displacement[0]) * node.width();
         let deviation = all.deviation[0].hypot(off).hypot(all.across).hypot(SPREAD * bent);
         let farthest = all.farthest[0].max(0.0) + off.abs() + all.across / SPREAD + bent.abs();
-        let own = self.response.landed([passed, at], half);
-        let either = |off: f32| {
-            let change = |off: f32| self.response.change_from(&own, [passed, at + off]);
-            change(off).max(change(-off))
-        };
-        tailed(deviation, farthest, either) + down
+        tailed(deviation, farthest, self.either_way([passed, at], passed, half)) + down
     }
 
     /// What a neighbour shows of a rectangle.

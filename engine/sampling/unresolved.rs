@@ -21,7 +21,7 @@ use crate::interface::RayResult;
 use crate::numbers;
 
 /// Crossings of a ray, on average, from which on structure may be too fine for rays.
-pub(super) const FINE_CROSSINGS: u64 = 8;
+const FINE_CROSSINGS: u64 = 8;
 /// What the mean of two neighbours misses, over how they differ, squared: 3/4 where light is random,
 /// 1/4 at a jump, 0 where it is smooth.
 const UNLIKE: f32 = 0.5;
@@ -136,16 +136,20 @@ fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
     seen
 }
 
+/// Whether rays cross so many surfaces on average that what they meet may be too fine for them.
+pub(super) fn cross_many<'r>(results: impl Iterator<Item = &'r RayResult>) -> bool {
+    let all = |(crossings, count): (u64, u64), result: &RayResult| {
+        (crossings + u64::from(result.crossings), count + 1)
+    };
+    let (crossings, count) = results.fold((0, 0), all);
+    crossings > FINE_CROSSINGS * count
+}
+
 impl Estimator<'_> {
     /// Whether rays of a patch do not resolve what it holds: they cross many surfaces, and their
     /// neighbours say nothing of their light.
     pub(super) fn is_unresolved(&self, patch: &Patch) -> bool {
-        let (mut crossings, mut count) = (0, 0);
-        for leaf in patch.leaves() {
-            crossings += u64::from(patch.nodes[leaf as usize].result.crossings);
-            count += 1;
-        }
-        if crossings <= FINE_CROSSINGS * count {
+        if !cross_many(patch.leaves().map(|leaf| &patch.nodes[leaf as usize].result)) {
             return false;
         }
         // What the mean of the two neighbours along an axis misses, and how they differ: squares.

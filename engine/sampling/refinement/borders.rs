@@ -4,7 +4,7 @@ use super::{PatchWork, Refiner};
 use crate::Result;
 use crate::numbers::{self, single};
 use crate::sampling::patch::{Patch, Witness, no_silhouette_between};
-use crate::sampling::unresolved::FINE_CROSSINGS;
+use crate::sampling::unresolved::cross_many;
 use crate::trace::Tracer;
 use rayon::prelude::*;
 
@@ -30,16 +30,13 @@ impl Refiner<'_> {
         let base = self.estimator.base;
         let Some(own) = base.patch(patch.beamlet, patch.row) else { return false };
         let Some(first) = own.first() else { return false };
-        let crossings: u64 = own.iter().map(|result| u64::from(result.crossings)).sum();
-        if crossings > FINE_CROSSINGS * own.len() as u64 {
+        if cross_many(own.iter()) {
             return false;
         }
-        let around = (-1..=1).flat_map(|row| (-1..=1).map(move |beamlet| (beamlet, row)));
-        around.into_iter().any(|(beamlet, row)| {
-            match base.patch(patch.beamlet + beamlet, patch.row + row) {
-                Some(results) => results.iter().any(|it| !no_silhouette_between(it, first)),
-                None => first.crossings > 0,
-            }
+        let mut around = (-1..=1).flat_map(|row| (-1..=1).map(move |beamlet| (beamlet, row)));
+        around.any(|(beamlet, row)| match base.patch(patch.beamlet + beamlet, patch.row + row) {
+            Some(results) => results.iter().any(|it| !no_silhouette_between(it, first)),
+            None => first.crossings > 0,
         })
     }
 

@@ -1,6 +1,6 @@
 //! What holds of the tables of docs/validation.md, "Truth", on small scenes.
 
-use super::cases;
+use super::cases::{self, Case};
 use super::classes::Class;
 use super::errors::{ANGLE, Errors, classes_of, run, truth_of, with_budget};
 use crate::support::engine;
@@ -48,16 +48,18 @@ fn values_are_within_the_tolerance_of_much_finer_stacks() {
     assert!(compared.iter().all(|count| *count > 100), "values of each class: {compared:?}");
 }
 
+/// The cases of these names.
+fn named(cases: Vec<Case>, names: [&str; 2]) -> impl Iterator<Item = Case> {
+    cases.into_iter().filter(move |case| names.contains(&case.name.as_str()))
+}
+
 /// Runs at tolerances of 3e-6 and 1e-6 differ by 1e-5 at most, where rectangles at a rim are many and
 /// thin: cells of several of them have their mean, also along z (they had that of one: 1.9e-5).
 #[test]
 fn values_settle_as_the_tolerance_falls() {
     let engine = engine(Backend::Bvh);
     let mut compared = 0;
-    for case in cases::small() {
-        if !["ball, facets of 30 um", "ball, no masks"].contains(&case.name.as_str()) {
-            continue;
-        }
+    for case in named(cases::small(), ["ball, facets of 30 um", "ball, no masks"]) {
         let stack = |tolerance: f64| {
             let mut scene = with_budget(&case, tolerance, ANGLE);
             // Sums over facets alone, which are exact where they are fine enough.
@@ -80,10 +82,7 @@ fn values_settle_as_the_tolerance_falls() {
 fn rays_alone_miss_no_facet_between_them() {
     let engine = engine(Backend::Bvh);
     let mut compared = 0;
-    for case in cases::all() {
-        if !["detector mask alone", "point spot"].contains(&case.name.as_str()) {
-            continue;
-        }
+    for case in named(cases::all(), ["detector mask alone", "point spot"]) {
         let (classes, _) = classes_of(&case);
         let means = run(&engine, &with_budget(&case, 3e-6, ANGLE)).values;
         let rays = run(&engine, &truth_of(&case, [40, 40], 1e-4)).values;
