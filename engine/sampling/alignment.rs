@@ -3,8 +3,8 @@
 use super::patch::no_silhouette_between;
 use crate::interface::RayResult;
 
-/// Heights of the scanlines, share of the row.
-const HEIGHTS: [f32; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
+/// Heights of the scanlines to begin with, share of the row.
+const HEIGHTS: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// Times that an interval with a silhouette is halved.
 const HALVINGS: u32 = 12;
 
@@ -18,83 +18,145 @@ pub(super) struct Slant {
     pub(super) shear: f32,
     /// All slant alike, at all heights.
     pub(super) straight: bool,
-    /// Largest change of x by curvature, m per row squared, of those that stand on all scanlines.
+    /// Largest change of x by curvature, m per row squared, of those that stand on three scanlines.
     pub(super) bow: f32,
 }
 
-/// Scanlines at three heights, with the rays that bracket silhouettes.
+/// A scanline: its height, and its rays in the order of x.
+#[derive(Debug)]
+struct Scanline {
+    height: f32,
+    rays: Vec<(f32, RayResult)>,
+    halvings: u32,
+}
+
+/// A silhouette from one scanline to the next.
+struct Section {
+    /// Its numbers among the silhouettes of both.
+    numbers: [usize; 2],
+    /// Heights of both.
+    heights: [f32; 2],
+    /// Change of x over the row that this makes, m.
+    slant: f32,
+}
+
+/// Scanlines with the rays that bracket silhouettes, from above.
 #[derive(Debug)]
 pub(super) struct Scanlines {
-    lines: [Vec<(f32, RayResult)>; 3],
+    period: f32,
+    /// Intervals of each to begin with.
+    cells: u32,
+    lines: Vec<Scanline>,
+    /// Number of the line, and x.
     pending: Vec<(usize, f32)>,
-    halvings: u32,
+    /// There are lines between the two that a silhouette stands on alone.
+    doubled: bool,
 }
 
 impl Scanlines {
     /// Scanlines of `cells` intervals of a period, m.
     pub(super) fn new(period: f32, cells: u32) -> Self {
-        let place = |i: u32| period * (i as f32 / cells as f32 - 0.5);
-        let pending = (0..HEIGHTS.len())
-            .flat_map(|line| (0..=cells).map(move |i| (line, place(i))))
-            .collect();
-        Self { lines: Default::default(), pending, halvings: 0 }
+        let (lines, pending) = (Vec::new(), Vec::new());
+        let mut scanlines = Self { period, cells, lines, pending, doubled: false };
+        scanlines.add(&HEIGHTS);
+        scanlines
+    }
+
+    /// Adds lines at these heights, and asks for their rays.
+    fn add(&mut self, heights: &[f32]) {
+        let line = |height: &f32| Scanline { height: *height, rays: Vec::new(), halvings: 0 };
+        self.lines.extend(heights.iter().map(line));
+        self.lines.sort_by(|a, b| a.height.total_cmp(&b.height));
+        let new = self.lines.iter().enumerate().filter(|(_, line)| line.rays.is_empty());
+        let place = |i: u32| self.period * (i as f32 / self.cells as f32 - 0.5);
+        let places = new.flat_map(|(line, _)| (0..=self.cells).map(move |i| (line, place(i))));
+        self.pending.extend(places);
     }
 
     /// Places of the rays wanted next.
     pub(super) fn pending(&self) -> Vec<[f32; 2]> {
-        self.pending.iter().map(|(line, x)| [*x, HEIGHTS[*line]]).collect()
+        self.pending.iter().map(|(line, x)| [*x, self.lines[*line].height]).collect()
     }
 
     /// Takes the results of the rays wanted.
     pub(super) fn accept(&mut self, results: &[RayResult]) {
         for ((line, x), result) in std::mem::take(&mut self.pending).into_iter().zip(results) {
-            self.lines[line].push((x, *result));
+            self.lines[line].rays.push((x, *result));
         }
-        self.lines.iter_mut().for_each(|line| line.sort_unstable_by(|a, b| a.0.total_cmp(&b.0)));
-        if self.halvings == HALVINGS {
-            return;
-        }
-        self.halvings += 1;
-        for (number, line) in self.lines.iter().enumerate() {
-            for (low, high) in brackets(line) {
-                self.pending.push((number, 0.5 * (low.0 + high.0)));
+        for (number, line) in self.lines.iter_mut().enumerate() {
+            line.rays.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+            if line.halvings < HALVINGS {
+                line.halvings += 1;
+                let middle = |(low, high): Bracket<'_>| (number, 0.5 * (low.0 + high.0));
+                self.pending.extend(brackets(&line.rays).map(middle));
             }
+        }
+        if self.pending.is_empty() && !self.doubled {
+            self.doubled = true;
+            self.add(&self.between());
         }
     }
 
-    /// How the silhouettes slant that stand on two scanlines or more: by the median.
-    pub(super) fn slant(&self) -> Option<Slant> {
-        let mut slants = Vec::new();
+    /// Silhouettes between scanlines that follow one another, and how many end between them.
+    fn sections(&self) -> (Vec<Vec<Section>>, u32) {
         let mut unmatched = 0;
-        // By silhouette of the middle scanline.
-        let mut above: Vec<Option<f32>> = vec![None; self.lines[1].len()];
-        let mut bow = 0.0_f32;
-        for (a, b) in [(0, 1), (1, 2)] {
-            let rise = HEIGHTS[b] - HEIGHTS[a];
-            let mut taken = vec![false; self.lines[b].len()];
-            for (number, (low, high)) in brackets(&self.lines[a]).enumerate() {
-                let same = brackets(&self.lines[b]).enumerate().find(|(index, other)| {
+        let between = |pair: &[Scanline]| {
+            let [a, b] = pair else { return Vec::new() };
+            let mut taken = vec![false; b.rays.len()];
+            let mut sections = Vec::new();
+            for (number, (low, high)) in brackets(&a.rays).enumerate() {
+                let same = brackets(&b.rays).enumerate().find(|(index, other)| {
                     !taken[*index]
                         && no_silhouette_between(&other.0.1, &low.1)
                         && no_silhouette_between(&other.1.1, &high.1)
                 });
-                if let Some((index, other)) = same {
-                    taken[index] = true;
-                    let middle = |(low, high): (&(f32, RayResult), &(f32, RayResult))| {
-                        0.5 * (low.0 + high.0)
-                    };
-                    let slant = (middle(other) - middle((low, high))) / rise;
-                    if a == 0 {
-                        above[index] = Some(slant);
-                    } else if let Some(above) = above[number] {
-                        bow = bow.max((slant - above).abs() / rise);
-                    }
-                    slants.push(slant);
-                } else {
+                let Some((index, other)) = same else {
                     unmatched += 1;
+                    continue;
+                };
+                taken[index] = true;
+                let step = 0.5 * (other.0.0 + other.1.0) - 0.5 * (low.0 + high.0);
+                sections.push(Section {
+                    numbers: [number, index],
+                    heights: [a.height, b.height],
+                    slant: step / (b.height - a.height),
+                });
+            }
+            sections
+        };
+        (self.lines.windows(2).map(between).collect(), unmatched)
+    }
+
+    /// Heights between the two scanlines that a silhouette stands on alone: two do not tell how it bows.
+    fn between(&self) -> Vec<f32> {
+        let (sections, _) = self.sections();
+        let continued = |gap: usize, section: &Section| {
+            let above = gap.checked_sub(1).and_then(|gap| sections.get(gap));
+            let above = above.into_iter().flatten().any(|it| it.numbers[1] == section.numbers[0]);
+            let below = sections.get(gap + 1).into_iter().flatten();
+            above || below.into_iter().any(|it| it.numbers[0] == section.numbers[1])
+        };
+        let alone = |(gap, all): (usize, &Vec<Section>)| {
+            let found = all.iter().find(|section| !continued(gap, section))?;
+            Some(0.5 * (found.heights[0] + found.heights[1]))
+        };
+        sections.iter().enumerate().filter_map(alone).collect()
+    }
+
+    /// How the silhouettes slant that stand on two scanlines or more: by the median.
+    pub(super) fn slant(&self) -> Option<Slant> {
+        let (sections, unmatched) = self.sections();
+        let mut bow = 0.0_f32;
+        for (above, below) in sections.iter().zip(sections.iter().skip(1)) {
+            for section in below {
+                let same = above.iter().find(|it| it.numbers[1] == section.numbers[0]);
+                if let Some(same) = same {
+                    let apart = 0.5 * (section.heights[1] - same.heights[0]);
+                    bow = bow.max((section.slant - same.slant).abs() / apart);
                 }
             }
         }
+        let mut slants: Vec<f32> = sections.iter().flatten().map(|it| it.slant).collect();
         slants.sort_unstable_by(f32::total_cmp);
         let shear = *slants.get(slants.len() / 2)?;
         let straight = slants.iter().all(|slant| (slant - shear).abs() <= STRAIGHT);
@@ -102,10 +164,11 @@ impl Scanlines {
     }
 }
 
+/// The rays on both sides of a silhouette.
+type Bracket<'a> = (&'a (f32, RayResult), &'a (f32, RayResult));
+
 /// Neighbouring rays of a line that crossed different objects.
-fn brackets(
-    line: &[(f32, RayResult)],
-) -> impl Iterator<Item = (&(f32, RayResult), &(f32, RayResult))> {
+fn brackets(line: &[(f32, RayResult)]) -> impl Iterator<Item = Bracket<'_>> {
     line.windows(2)
         .filter(|pair| !no_silhouette_between(&pair[0].1, &pair[1].1))
         .map(|pair| (&pair[0], &pair[1]))

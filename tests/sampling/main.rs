@@ -7,6 +7,7 @@ mod reference;
 mod support;
 
 mod determinism;
+mod rims;
 mod sampling;
 mod traps;
 mod truth;

@@ -2,25 +2,90 @@
 
 use super::{PatchWork, Refiner};
 use crate::Result;
+use crate::interface::RayResult;
 use crate::numbers::{self, single};
 use crate::sampling::patch::{Patch, Witness, no_silhouette_between};
 use crate::sampling::unresolved::cross_many;
 use crate::trace::Tracer;
 use rayon::prelude::*;
 
-/// Rays along each border.
+/// Rays along each border,
 const ALONG: u16 = 16;
+/// and times that the interval between two that met different surfaces is halved.
+const HALVINGS: u32 = 6;
 /// Within the border, parts of the patch.
 const INSIDE: f32 = 1e-6;
+/// Axis along which each border stands, and the coordinate across, parts of the patch.
+const BORDERS: [(usize, f32); 4] = [(0, INSIDE), (0, 1.0 - INSIDE), (1, INSIDE), (1, 1.0 - INSIDE)];
 
-/// Places of the rays along the borders of a patch: m from the middle of its beamlet, share of the row.
-fn places(period: f32) -> Vec<[f32; 2]> {
-    let ends = [INSIDE, 1.0 - INSIDE];
-    let all = (0..ALONG).flat_map(|index| {
-        let along = (f32::from(index) + 0.5) / f32::from(ALONG);
-        ends.into_iter().flat_map(move |end| [[along, end], [end, along]])
-    });
-    all.map(|[x, z]| [period * (x - 0.5), z]).collect()
+/// Rays along the borders of a patch, in the order of the place along each.
+struct BorderRays {
+    period: f32,
+    /// Part of the border, and the result.
+    rays: [Vec<(f32, RayResult)>; 4],
+    /// Border, and the part of it.
+    pending: Vec<(usize, f32)>,
+    halvings: u32,
+}
+
+impl BorderRays {
+    fn new(period: f32) -> Self {
+        let along = |index: u16| (f32::from(index) + 0.5) / f32::from(ALONG);
+        let pending = (0..4).flat_map(|border| (0..ALONG).map(move |i| (border, along(i))));
+        Self { period, rays: Default::default(), pending: pending.collect(), halvings: 0 }
+    }
+
+    /// The place of a ray: m from the middle of the beamlet, share of the row.
+    fn place(&self, border: usize, part: f32) -> [f32; 2] {
+        let (axis, across) = BORDERS[border];
+        let mut place = [across; 2];
+        place[axis] = part;
+        [self.period * (place[0] - 0.5), place[1]]
+    }
+
+    /// Places of the rays wanted next.
+    fn pending(&self) -> Vec<[f32; 2]> {
+        self.pending.iter().map(|(border, part)| self.place(*border, *part)).collect()
+    }
+
+    /// Takes the results of the rays wanted, and halves the intervals where a silhouette crosses a border.
+    fn accept(&mut self, results: &[RayResult]) {
+        for ((border, part), result) in std::mem::take(&mut self.pending).into_iter().zip(results) {
+            let rays = &mut self.rays[border];
+            let at = rays.partition_point(|ray| ray.0 < part);
+            rays.insert(at, (part, *result));
+        }
+        if self.halvings == HALVINGS {
+            return;
+        }
+        self.halvings += 1;
+        for (border, rays) in self.rays.iter().enumerate() {
+            let crossed =
+                rays.windows(2).filter(|pair| !no_silhouette_between(&pair[0].1, &pair[1].1));
+            self.pending.extend(crossed.map(|pair| (border, 0.5 * (pair[0].0 + pair[1].0))));
+        }
+    }
+
+    /// Those that met other surfaces than the rectangles of a patch that they stand in, and those on both
+    /// sides of where a silhouette crosses a border: rectangles that are split there may be unlike them.
+    fn witnesses(&self, patch: &Patch) -> Vec<Witness> {
+        let mut witnesses = Vec::new();
+        for (border, rays) in self.rays.iter().enumerate() {
+            let mut before: Option<&RayResult> = None;
+            for (index, (part, result)) in rays.iter().enumerate() {
+                let after = rays.get(index + 1).map(|ray| &ray.1);
+                let at = patch.coordinates(self.place(border, *part));
+                let leaf = &patch.nodes[patch.leaf_at(at[0], at[1]) as usize];
+                let unlike = |other: &RayResult| !no_silhouette_between(other, result);
+                let near = before.is_some_and(unlike) || after.is_some_and(unlike);
+                if patch.holds(at) && (near || unlike(&leaf.result)) {
+                    witnesses.push(Witness { at, result: *result });
+                }
+                before = Some(result);
+            }
+        }
+        witnesses
+    }
 }
 
 impl Refiner<'_> {
@@ -48,26 +113,27 @@ impl Refiner<'_> {
         work: &mut [PatchWork],
     ) -> Result<()> {
         let period = single(self.view.lattice.period);
-        let mut near: Vec<&mut PatchWork> = work
+        let mut near: Vec<(&mut PatchWork, BorderRays)> = work
             .par_iter_mut()
             .filter(|work| !work.done && work.patch.facets.is_none())
             .filter(|work| self.is_near_silhouette(&work.patch))
+            .map(|work| (work, BorderRays::new(period)))
             .collect();
-        let places = vec![places(period); near.len()];
-        let patches = near.iter().map(|work| &work.patch).collect();
-        let results = self.trace(tracer, patches, &places)?;
-        near.par_iter_mut().zip(&places).zip(&results).for_each(|((work, places), results)| {
-            work.rays += numbers::count(results.len());
-            let patch = &work.patch;
-            let witness = |(place, result): (&[f32; 2], _)| {
-                let at = patch.coordinates(*place);
-                let leaf = &patch.nodes[patch.leaf_at(at[0], at[1]) as usize];
-                let unlike = patch.holds(at) && !no_silhouette_between(&leaf.result, result);
-                unlike.then_some(Witness { at, result: *result })
-            };
-            let witnesses = places.iter().zip(results).filter_map(witness).collect();
-            work.patch.witnesses = witnesses;
-        });
+        loop {
+            let places: Vec<Vec<[f32; 2]>> =
+                near.par_iter().map(|(_, borders)| borders.pending()).collect();
+            if places.iter().all(Vec::is_empty) {
+                break;
+            }
+            let patches = near.iter().map(|(work, _)| &work.patch).collect();
+            let results = self.trace(tracer, patches, &places)?;
+            for ((work, borders), own) in near.iter_mut().zip(&results) {
+                borders.accept(own);
+                work.rays += numbers::count(own.len());
+            }
+        }
+        near.par_iter_mut()
+            .for_each(|(work, borders)| work.patch.witnesses = borders.witnesses(&work.patch));
         Ok(())
     }
 }
