@@ -261,6 +261,9 @@ impl Estimator<'_> {
                 result.splits.push((error.node, axis));
                 continue;
             }
+            if negligible && !may_move {
+                continue;
+            }
             let of = |(step, share)| excess(step, &StepError::of(error, known, share, alike));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
