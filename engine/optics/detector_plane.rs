@@ -33,11 +33,6 @@ impl DetectorPlane {
         self.distance / distance / self.pitch[0]
     }
 
-    /// Area of a pixel, m2.
-    pub(crate) fn pixel_area(&self) -> f64 {
-        self.pitch[0] * self.pitch[1]
-    }
-
     /// dz/dy of a row's height as seen from the source: that of a row less that of the one below.
     pub(crate) fn row_slope(&self) -> f64 {
         self.pitch[1] / self.distance

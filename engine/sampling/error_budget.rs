@@ -9,8 +9,10 @@ const UNBOUNDED: f64 = 10e-9;
 /// What sampling may leave, by patch.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ErrorBudget {
-    /// Error of a recorded value, share of open beam.
+    /// Error of a value of the grid that takes the light, share of open beam.
     pub light: f64,
+    /// The same over the error of a recorded value: parts of a pixel are more in error than it is.
+    pub by_grid: f64,
     /// Error of the mean displacement on the analyser where no silhouette crosses, m; infinite
     /// without a sample mask.
     pub displacement: f64,
@@ -19,23 +21,28 @@ pub(crate) struct ErrorBudget {
 }
 
 impl ErrorBudget {
+    /// Error of a recorded value, share of open beam.
+    pub(crate) fn tolerance(&self) -> f64 {
+        self.light / self.by_grid
+    }
+
     /// Error of the displacement, m: light needs a bound where angles have none.
     pub(super) fn bounded_displacement(&self) -> f64 {
         self.displacement.min(UNBOUNDED)
     }
 }
 
-/// Counts of a patch that was sampled by `rays` rays and may be wrong by `error`, share of open
-/// beam.
-pub(super) fn tally_of(error: f64, rays: u32, tolerance: f64) -> Tally {
-    let parts = 1e9 * error;
+/// Counts of a patch that was sampled by `rays` rays and whose values of the grid may be wrong by
+/// `error`, share of open beam.
+pub(super) fn tally_of(error: f64, rays: u32, budget: &ErrorBudget) -> Tally {
+    let parts = 1e9 * error / budget.by_grid;
     Tally {
         patches: 1,
         patch_rays: rays.into(),
         most_patch_rays: rays.into(),
         error_squares: numbers::whole::<u64>(parts * parts),
         worst_error: numbers::whole::<u64>(parts),
-        beyond_tolerance: u64::from(error > tolerance),
+        beyond_tolerance: u64::from(error > budget.light),
         ..Tally::default()
     }
 }

@@ -255,11 +255,15 @@ fn mesh_hashes(scene: &Scene, sample: &Sample) -> BTreeMap<String, String> {
 /// detector hold the tolerance.
 fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
     let sampling = &scene.sampling;
-    let [width, height] = scene.detector.pitch;
-    let parts = width * height / optics.detector.pixel_area();
+    let [columns, rows] =
+        [0, 1].map(|axis| scene.detector.pitch[axis] / optics.detector.pitch[axis]);
     let angles = scene.sample_mask.is_some();
+    // Parts of a pixel that are lit by themselves err apart. All light of a beamlet of a sample mask
+    // may land in one of them, or beside it in another of the same pixel.
+    let by_grid = rows.sqrt() * if angles { columns } else { columns.sqrt() };
     ErrorBudget {
-        light: sampling.tolerance * parts.sqrt(),
+        light: sampling.tolerance * by_grid,
+        by_grid,
         displacement: if angles {
             sampling.angle_tolerance * scene.lever_arm()
         } else {
