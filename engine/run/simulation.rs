@@ -201,7 +201,7 @@ impl<'e> Simulation<'e> {
         let tally = Tally { defective_objects: defective as u64, ..counted };
         let record = RunRecord {
             tally,
-            sampling: SamplingSummary::of(&tally, self.budget.tolerance()),
+            sampling: SamplingSummary::of(&tally, self.budget.tolerance),
             seconds: [
                 ("prepare", self.prepared_in),
                 ("trace", work.seconds.trace),

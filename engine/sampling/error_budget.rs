@@ -11,8 +11,10 @@ const UNBOUNDED: f64 = 10e-9;
 pub(crate) struct ErrorBudget {
     /// Error of a value of the grid that takes the light, share of open beam.
     pub light: f64,
-    /// The same over the error of a recorded value: parts of a pixel are more in error than it is.
+    /// Error of such a value over that of a recorded one: parts of a pixel are more in error than it is.
     pub by_grid: f64,
+    /// Error of a recorded value, share of open beam.
+    pub tolerance: f64,
     /// Error of the mean displacement on the analyser where no silhouette crosses, m; infinite
     /// without a sample mask.
     pub displacement: f64,
@@ -21,11 +23,6 @@ pub(crate) struct ErrorBudget {
 }
 
 impl ErrorBudget {
-    /// Error of a recorded value, share of open beam.
-    pub(crate) fn tolerance(&self) -> f64 {
-        self.light / self.by_grid
-    }
-
     /// Error of the displacement, m: light needs a bound where angles have none.
     pub(super) fn bounded_displacement(&self) -> f64 {
         self.displacement.min(UNBOUNDED)
@@ -35,14 +32,15 @@ impl ErrorBudget {
 /// Counts of a patch that was sampled by `rays` rays and whose values of the grid may be wrong by
 /// `error`, share of open beam.
 pub(super) fn tally_of(error: f64, rays: u32, budget: &ErrorBudget) -> Tally {
-    let parts = 1e9 * error / budget.by_grid;
+    let error = error / budget.by_grid;
+    let parts = 1e9 * error;
     Tally {
         patches: 1,
         patch_rays: rays.into(),
         most_patch_rays: rays.into(),
         error_squares: numbers::whole::<u64>(parts * parts),
         worst_error: numbers::whole::<u64>(parts),
-        beyond_tolerance: u64::from(error > budget.light),
+        beyond_tolerance: u64::from(error > budget.tolerance),
         ..Tally::default()
     }
 }
