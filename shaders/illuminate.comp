@@ -135,16 +135,19 @@ void illuminate(uint mask_step) {
     do {
         Opening opening = leak_of();
         if (n >= 0) opening.first = cell_row.cell_count;
+        bool is_last = true;
         if (n >= 0 && n < step_.apertures) {
+            if (layer == 0u) bars.layers = layers_at(step_, place.period);
             opening = opening_of(step_, place, layer);
             layer++;
-            if (layer == bars.layers) {
+            is_last = layer == bars.layers;
+            if (is_last) {
                 place = next_place(light.sample_mask, place);
                 layer = 0u;
             }
         }
         light_through(step_, opening, landing);
-        n++;
+        if (is_last) n++;
     } while (n < step_.apertures);
     landing_end(landing);
 }

@@ -56,11 +56,17 @@ float faint_light() {
     return faint;
 }
 
+// Bars of the sample mask under this slope.
+Bars bars_before(float slope) {
+    float behind_blur = light.detector_mask.present != 0u ? light.spot : light.pixel_spot;
+    return bars_of(light.sample_mask, slope, secant(slope, slope_of_rows()),
+                   behind_blur / light.magnification);
+}
+
 void setting_begin() {
     beamlet_begin();
     float sec = secant(beamlet.slope, slope_of_rows());
-    float behind_blur = light.detector_mask.present != 0u ? light.spot : light.pixel_spot;
-    bars = bars_of(light.sample_mask, beamlet.slope, sec, behind_blur / light.magnification);
+    bars = bars_before(beamlet.slope);
     bars_behind = bars_of(light.detector_mask, beamlet.slope, sec, light.spot);
     beamlet.sample_offset -= bars.lattice_shift;
     beamlet.aperture_offset -= bars_behind.lattice_shift;
@@ -83,7 +89,7 @@ struct Exposed {
     bool at_all_steps;
     float offset;   // of the sample mask against the beamlet
     int from;       // first period with an aperture in reach
-    int apertures;  // layers of apertures in reach
+    int apertures;  // that are in reach
     ivec2 pixels;   // first and last that light may reach, from the beamlet's own
 };
 
@@ -96,7 +102,7 @@ Exposed exposed_at(uint mask_step) {
         float edge = bars.reach + setting.reach;
         step_.from = int(ceil((setting.ends.low - step_.offset - edge) / mask.period));
         int to = int(floor((setting.ends.high - step_.offset + edge) / mask.period));
-        step_.apertures = max(to - step_.from + 1, 0) * int(mask.count * bars.layers);
+        step_.apertures = max(to - step_.from + 1, 0) * int(mask.count);
         lit.x = max(lit.x, float(step_.from) * mask.period + step_.offset - edge);
         lit.y = min(lit.y, float(to) * mask.period + step_.offset + edge);
     }
@@ -146,6 +152,18 @@ uint cell_beyond(float x) {
         first = beyond ? first : middle + 1u;
     } while (first < last);
     return first;
+}
+
+// Layers of the apertures of a period. Where these reach beyond the cells, it is the number that those of
+// the neighbouring beamlet have for the rest of them: by the angle under which the period is seen.
+uint layers_at(Exposed step_, int period) {
+    float centre = float(period) * light.sample_mask.period + step_.offset;
+    float reach = bars.reach + setting.reach;
+    if (bars.depth <= 0.0
+        || (centre - reach >= setting.ends.low && centre + reach <= setting.ends.high)) {
+        return bars.layers;
+    }
+    return bars_before(beamlet.slope + centre / light.cell_plane).layers;
 }
 
 // A layer of the aperture at `place`.
