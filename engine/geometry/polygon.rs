@@ -1,12 +1,15 @@
 //! Triangles of a polygon.
 
-use super::ears;
+use super::delaunay;
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 
 /// Polygons that `earcut` does not cut whole, those that cross themselves above all, are cut ear by
-/// ear up to this many corners: that takes the square of their number.
+/// ear up to this many corners: that takes the square of their number. Larger ones are triangulated by
+/// Delaunay's rule first.
 const MOST_CORNERS: usize = 1000;
+/// Corners up to which `earcut` is asked for what a triangulation does not cut.
+const MOST_BY_EARCUT: usize = 50_000;
 /// Share of the area that rounding may change.
 const ROUNDING: f64 = 1e-9;
 
@@ -63,24 +66,25 @@ fn earcut(flat: &[DVec2]) -> Vec<[usize; 3]> {
 }
 
 /// Twice the area of a triangle, if it winds as the polygon does.
-pub(super) fn turn(flat: &[DVec2], [a, b, c]: [usize; 3]) -> f64 {
+fn turn(flat: &[DVec2], [a, b, c]: [usize; 3]) -> f64 {
     (flat[b] - flat[a]).perp_dot(flat[c] - flat[b])
 }
 
-/// Triangles where they are as many as they must be and cover what the polygon does: small ears of
-/// a large polygon, and `earcut` for what they leave.
+/// Triangles where they are as many as they must be and cover what the polygon does.
 fn cut(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
-    let (mut found, ring) = ears::small(flat);
-    let rest: Vec<DVec2> = ring.iter().map(|corner| flat[*corner]).collect();
-    found.extend(earcut(&rest).into_iter().map(|triangle| triangle.map(|corner| ring[corner])));
-    let around: f64 =
-        fan(&(0..flat.len()).collect::<Vec<_>>()).iter().map(|it| turn(flat, *it)).sum();
-    let (signed, whole) = found
-        .iter()
-        .map(|it| turn(flat, *it))
-        .fold((0.0, 0.0), |(signed, whole), area| (signed + area, whole + f64::abs(area)));
-    let covers = (signed - around).abs().max(whole - signed) <= ROUNDING * around.abs();
-    (covers && found.len() == flat.len() - 2).then_some(found)
+    let ring: Vec<usize> = (0..flat.len()).collect();
+    let around: f64 = fan(&ring).iter().map(|it| turn(flat, *it)).sum();
+    let covers = |found: &Vec<[usize; 3]>| {
+        let areas = found.iter().map(|it| turn(flat, *it));
+        let (signed, whole) =
+            areas.fold((0.0, 0.0), |(signed, whole), area| (signed + area, whole + f64::abs(area)));
+        let off = (signed - around).abs().max(whole - signed);
+        off <= ROUNDING * around.abs() && found.len() == flat.len() - 2
+    };
+    let large = || delaunay::inside(flat).filter(covers);
+    let of_large = if flat.len() > MOST_CORNERS { large() } else { None };
+    let by_earcut = || (flat.len() <= MOST_BY_EARCUT).then(|| earcut(flat)).filter(covers);
+    of_large.or_else(by_earcut)
 }
 
 /// Puts corners back that `earcut` left out for lying on the line between their neighbours: the
@@ -149,6 +153,7 @@ fn by_ears(flat: &[DVec2]) -> Vec<[usize; 3]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::numbers;
 
     fn area(corners: &[DVec3], triangles: &[[usize; 3]]) -> (f64, f64) {
         let each = triangles
@@ -200,8 +205,9 @@ mod tests {
     #[test]
     fn corners_on_straight_edges_are_kept() {
         // A square with corners on its edges, exactly and but for rounding, and a notch.
-        for tilt in [0.0, 0.1] {
+        for tilt in [[40.0, 0.0], [40.0, 0.1], [12_000.0, 0.0], [12_000.0, 0.1]] {
             let mut points = Vec::new();
+            let [each, tilt] = tilt;
             for (from, to) in [
                 ((0.0, 0.0), (9.0, 0.0)),
                 ((9.0, 0.0), (9.0, 9.0)),
@@ -209,8 +215,8 @@ mod tests {
                 ((5.0, 1.0), (0.0, 9.0)),
                 ((0.0, 9.0), (0.0, 0.0)),
             ] {
-                for k in 0..40 {
-                    let t = f64::from(k) / 40.0;
+                for k in 0..numbers::whole::<u32>(each) {
+                    let t = f64::from(k) / each;
                     let (x, y) = (from.0 + (to.0 - from.0) * t, from.1 + (to.1 - from.1) * t);
                     points.push((
                         x * f64::cos(tilt) - y * f64::sin(tilt),
@@ -234,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn many_corners_of_a_wave_and_a_spiral_are_cut_without_turning_over() {
+    fn many_corners_of_any_polygon_are_cut_without_turning_over() {
         let wave: Vec<(f64, f64)> = (0..65_000)
             .map(|k| {
                 let angle = std::f64::consts::TAU * f64::from(k) / 65_000.0;
@@ -248,12 +254,27 @@ mod tests {
         };
         let spiral: Vec<(f64, f64)> =
             (0..2000).map(|k| arm(1.3, k)).chain((0..2000).rev().map(|k| arm(1.0, k))).collect();
-        for points in [wave, spiral] {
+        // Teeth a thousand times as long as wide, and a ring that is cut open.
+        let tooth = |k: i32| {
+            let x = f64::from(k);
+            [(x, 1e3), (x + 0.5, 1e3), (x + 0.5, 0.0), (x + 1.0, 0.0)]
+        };
+        let comb: Vec<(f64, f64)> =
+            (0..2000).flat_map(tooth).chain([(2000.0, -1.0), (0.0, -1.0)]).collect();
+        let circle = |radius: f64| {
+            let angle = std::f64::consts::TAU / 3000.0;
+            (0..=3000).map(move |k| {
+                let angle = angle * f64::from(k % 3000);
+                (radius * angle.cos(), radius * angle.sin())
+            })
+        };
+        let open = circle(2.0).chain(circle(1.0).collect::<Vec<_>>().into_iter().rev());
+        for points in [wave, spiral, comb, open.collect()] {
             let corners = flat(&points);
             let cut = triangles(&corners).unwrap();
             assert_eq!(cut.len(), corners.len() - 2);
             let (signed, whole) = area(&corners, &cut);
-            assert!(signed > 0.0 && whole - signed < 1e-9 * whole, "{signed} {whole}");
+            assert!(whole - signed.abs() < 1e-9 * whole, "{signed} {whole}");
         }
     }
 
