@@ -8,7 +8,7 @@ use crate::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertaint
 use crate::scene::{Counts, Object, Scatter, Scene, Scheme, limits};
 use crate::spectrum::Nodes;
 use crate::{Engine, Result};
-use ndarray::{Array2, Axis};
+use ndarray::{Array2, ArrayView2, Axis};
 use serde::Serialize;
 
 /// Offsets over a period at which the curve is taken.
@@ -142,16 +142,20 @@ fn flat(engine: &Engine, scene: &Scene, offsets: Vec<f64>) -> Result<Vec<f64>> {
     bare.sampling.scheme = Scheme::Cells;
     let detector = &mut bare.detector;
     detector.counts = None;
-    detector.scatter.take_if(|scatter| matches!(scatter, Scatter::Image(_)));
-    let blurred = detector.blur.is_some() || detector.scatter.is_some();
-    let part = if blurred { BLURRED_PART } else { PART };
+    // In a flat all pixels around have the light of this one, and a kernel may be as large as the detector.
+    let scattered = match detector.scatter.take() {
+        Some(Scatter::Kernel { fraction, .. }) => fraction,
+        Some(Scatter::Image(_)) | None => 0.0,
+    };
+    let part = if detector.blur.is_some() { BLURRED_PART } else { PART };
     for (pixels, part) in detector.pixels.iter_mut().zip(part) {
         // Apertures stand in the middle of odd numbers of pixels and beside that of even ones.
         *pixels = (*pixels).min(part + (*pixels + part) % 2);
     }
     let [columns, rows] = detector.pixels.map(|n| (n as usize - 1) / 2);
     let stacks = engine.simulate(&bare)?;
-    Ok(stacks.flat.axis_iter(Axis(0)).map(|frame| f64::from(frame[[rows, columns]])).collect())
+    let light = |frame: ArrayView2<'_, f32>| f64::from(frame[[rows, columns]]) * (1.0 + scattered);
+    Ok(stacks.flat.axis_iter(Axis(0)).map(light).collect())
 }
 
 /// Offsets, of those of a curve over a period, at which it is above a level; parts of one between.

@@ -15,7 +15,8 @@ use std::sync::Arc;
 const WIDE: usize = 24;
 /// Bytes that the transforms of the weights may take; beyond them windows are summed directly.
 const WEIGHTS: usize = 256 << 20;
-/// Bytes of the transforms of light that are held at a time.
+/// Bytes of the transforms of light that are held at a time; more where windows are as high: each group of
+/// rows transforms all of their windows.
 const LIGHT: usize = 32 << 20;
 
 /// Weights of the light around a pixel.
@@ -80,6 +81,10 @@ fn direct(
         let (step, row) = (index / rows, index % rows);
         let mut sums = vec![0.0_f64; columns];
         for (j, weights) in weights.outer_iter().enumerate() {
+            // A row of a large kernel takes seconds.
+            if cancel.is_cancelled() {
+                return;
+            }
             let start = (step * lit_rows + row * parts[1] + j) * lit_columns;
             let light = &light[start..start + lit_columns];
             for (i, weight) in weights.iter().enumerate() {
@@ -169,7 +174,7 @@ impl Transformed {
         let Some(values) = out.as_slice_mut() else { return out };
         let window = self.weights.len() / across;
         let row_bytes = across * (self.length / 2 + 1) * size_of::<Complex<f64>>();
-        let group = ((LIGHT / row_bytes).saturating_sub(window) / down).max(1);
+        let group = ((LIGHT / row_bytes).saturating_sub(window).max(window) / down).max(1);
         for (step, frame) in values.chunks_mut((rows * columns).max(1)).enumerate() {
             for first in (0..columns).step_by(self.block) {
                 for (start, lines) in
