@@ -216,6 +216,7 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Scene { place, key, found, allowed } => {
+                let found = printed::beginning(found);
                 write!(f, "{place}: {key}: found {found}; allowed: {allowed}")?;
                 if let Some(excerpt) = &place.excerpt {
                     write!(f, "\n{excerpt}")?;
@@ -230,7 +231,7 @@ impl fmt::Display for Error {
                 Ok(())
             }
             Self::Argument { name, found, allowed } => {
-                write!(f, "{name}: found {found}; allowed: {allowed}")
+                write!(f, "{name}: found {}; allowed: {allowed}", printed::beginning(found))
             }
             Self::Mesh { object, problem, place } => {
                 write!(f, "{}: {problem}", printed::line(object))?;

@@ -1,6 +1,7 @@
 //! Text as it is printed. Names from files and from users: without control characters, which
 //! terminals obey, and without bidirectional ones, which reorder what is read. Numbers: short.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Control characters, bidirectional marks and line separators: they change how the text around
@@ -22,6 +23,21 @@ pub fn line(text: &str) -> String {
 #[must_use]
 pub fn lines(text: &str) -> String {
     escape(text, |c| c == '\n' || c == '\t' || !is_unsafe(c))
+}
+
+/// Most characters of a text that is shown as it was found,
+const MOST: usize = 500;
+/// and what is shown of a longer one.
+const BEGINNING: usize = 120;
+
+/// A text that was found, or its beginning and how long it is.
+pub(crate) fn beginning(text: &str) -> Cow<'_, str> {
+    // At most four bytes to a character.
+    if text.len() <= MOST || text.chars().count() <= MOST {
+        return text.into();
+    }
+    let shown: String = text.chars().take(BEGINNING).collect();
+    format!("{shown}… ({} characters)", text.chars().count()).into()
 }
 
 /// A path on one line.
@@ -77,6 +93,13 @@ mod tests {
         ] {
             assert_eq!(number(value), text);
         }
+    }
+
+    #[test]
+    fn long_texts_are_shown_by_their_beginning() {
+        assert_eq!(beginning("12 µm"), "12 µm");
+        let long = beginning(&"µ".repeat(300_000)).into_owned();
+        assert!(long.ends_with("µµ… (300000 characters)") && long.chars().count() < 200);
     }
 
     #[test]

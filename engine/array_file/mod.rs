@@ -9,6 +9,7 @@ mod tiff;
 pub(crate) use npy::NpyFile;
 pub(crate) use tiff::TiffPages;
 
+use crate::scene::limits;
 use crate::{Error, Result, numbers};
 use std::path::Path;
 
@@ -33,9 +34,22 @@ impl Value for f32 {
 /// Bytes of a frame that any file may claim.
 const LEAST: u64 = 1 << 30;
 
+/// Refuses frames with more pixels on a side than a detector of a scene: rows are read whole.
+pub(crate) fn refuse_wide(path: &Path, frame: [usize; 2]) -> Result<()> {
+    if frame.iter().all(|side| *side as u64 <= u64::from(limits::PIXELS)) {
+        return Ok(());
+    }
+    let [rows, columns] = frame;
+    let most = limits::PIXELS;
+    let problem =
+        format!("has frames of {rows} rows and {columns} columns; allowed: up to {most} each");
+    Err(Error::file(path, problem, None))
+}
+
 /// Refuses frames that claim more than their file holds, before memory is taken for them: more
 /// pixels than any compression makes of it, or more than 1 GiB of 64 times its length.
 pub(crate) fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
+    refuse_wide(path, [rows, columns])?;
     let found = std::fs::metadata(path)
         .map_err(|error| Error::file(path, "cannot be read", Some(error)))?
         .len();

@@ -132,11 +132,11 @@ fn brackets_within_brackets_do_not_take_for_ever() {
     }
 }
 
-/// Writes a.npy: the header of a square array and as many bytes behind it, of which none is on the
+/// Writes a.npy: the header of an array and as many bytes behind it, of which none is on the
 /// disk.
-fn sparse_frame(place: &Path, kind: &str, side: u32, bytes: u64) {
+fn sparse_frame(place: &Path, kind: &str, [rows, columns]: [u32; 2], bytes: u64) {
     let header =
-        format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({side}, {side}), }}");
+        format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
     let mut start = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
     start.extend(format!("{header:<117}\n").bytes());
     let mut file = File::create(place.join("a.npy")).unwrap();
@@ -147,16 +147,16 @@ fn sparse_frame(place: &Path, kind: &str, side: u32, bytes: u64) {
 #[test]
 fn frames_larger_than_memory_are_compared_in_bands() {
     let place = workplace();
-    sparse_frame(place.path(), "|u1", 24_000, 24_000 * 24_000);
+    sparse_frame(place.path(), "|u1", [24_000; 2], 24_000 * 24_000);
     ends(place.path(), &["compare", "a.npy", "a.npy"], &[0]);
 }
 
-/// A frame of 40 GB, of which nothing is on the disk, takes minutes; rows are counted, and an
+/// A frame of 17 GB, of which nothing is on the disk, takes minutes; rows are counted, and an
 /// interrupt ends it between two parts.
 #[test]
 fn a_comparison_shows_its_progress_and_ends_when_it_is_interrupted() {
     let place = workplace();
-    sparse_frame(place.path(), "<f4", 100_000, 40_000_000_000);
+    sparse_frame(place.path(), "<f4", [65_000; 2], 4 * 65_000 * 65_000);
     let mut compared = program::beamlet(place.path())
         .args(["compare", "a.npy", "a.npy"])
         .stderr(std::process::Stdio::piped())
@@ -164,7 +164,7 @@ fn a_comparison_shows_its_progress_and_ends_when_it_is_interrupted() {
         .unwrap();
     let mut lines = BufReader::new(compared.stderr.take().unwrap()).lines();
     let line = lines.next().expect("a line of progress before the end").unwrap();
-    assert!(line.contains("of 100000"), "{line}");
+    assert!(line.contains("of 65000"), "{line}");
     let id = compared.id().to_string();
     assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
     let rest: Vec<String> = lines.map(Result::unwrap).collect();
@@ -175,10 +175,43 @@ fn a_comparison_shows_its_progress_and_ends_when_it_is_interrupted() {
 #[test]
 fn a_frame_that_claims_40_gb_is_refused_by_the_length_of_its_file() {
     let place = workplace();
-    sparse_frame(place.path(), "<f4", 100_000, 0);
+    sparse_frame(place.path(), "<f4", [100_000; 2], 0);
     let message = ends(place.path(), &["compare", "a.npy", "a.npy"], &[2]);
     assert!(message.contains("a.npy: is cut short: 128 bytes"), "{message}");
     assert!(message.contains("40000000128"), "{message}");
+}
+
+/// Rows are read whole.
+#[test]
+fn a_row_of_a_thousand_million_values_is_refused() {
+    let place = workplace();
+    sparse_frame(place.path(), "<f4", [1, 1_000_000_000], 4_000_000_000);
+    let message = ends(place.path(), &["compare", "a.npy", "a.npy"], &[2]);
+    let problem = "has frames of 1 rows and 1000000000 columns; allowed: up to 65536 each";
+    assert!(message.contains(problem), "{message}");
+}
+
+#[test]
+fn a_face_of_millions_of_corners_is_refused() {
+    let place = workplace();
+    let mesh = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nf {}\n", "1 2 3 ".repeat(2_000_000));
+    fs::write(place.path().join("many.obj"), mesh).unwrap();
+    let text = fs::read_to_string(place.path().join("mesh.toml")).unwrap();
+    fs::write(place.path().join("mesh.toml"), text.replace("MESH", "many.obj")).unwrap();
+    let message = ends(place.path(), &["check", "mesh.toml", "--no-estimate"], &[1]);
+    assert!(message.contains("a face has more than 1000000 corners"), "{message}");
+    assert!(message.contains("line 4") && message.len() < 400, "{message}");
+}
+
+#[test]
+fn a_number_of_a_million_digits_is_shown_by_its_beginning() {
+    let place = workplace();
+    fs::write(place.path().join("long.txt"), format!("30 {}\n", "1".repeat(1_000_000))).unwrap();
+    let spectrum = ["--set", "source={distance=\"1.21 m\",spot=\"1 um\",spectrum=\"long.txt\"}"];
+    let words = ["check", "scene.toml", spectrum[0], spectrum[1]];
+    let message = ends(place.path(), &words, &[1]);
+    assert!(message.contains("long.txt:1:4: weight: found 1111"), "{message}");
+    assert!(message.contains("(1000000 characters)") && message.len() < 400, "{message}");
 }
 
 #[test]

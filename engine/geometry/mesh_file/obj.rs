@@ -14,6 +14,8 @@ use glam::DVec3;
 use std::fmt::Write as _;
 use std::path::Path;
 
+/// Most corners of a face: what it takes to cut one grows faster than its line.
+const CORNERS: usize = 1_000_000;
 /// Lines, or faces, between two reports of how far reading is.
 const REPORT: usize = 1 << 14;
 /// What the first look takes of the time to read a file; then `tobj`, then the cutting of faces.
@@ -137,6 +139,9 @@ fn face<'a>(
     for word in words {
         let _ = write!(plain, " {}", corner(word, vertices)?);
         corners += 1;
+        if corners > CORNERS {
+            return Err(format!("a face has more than {CORNERS} corners; cut it into several"));
+        }
     }
     if corners < 3 {
         return Err(format!("a face needs at least 3 corners, this one has {corners}"));

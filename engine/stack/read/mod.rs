@@ -14,7 +14,7 @@ pub use maps::Maps;
 pub use run::OpenRun;
 pub(super) use run::read_scene;
 
-use crate::array_file::{NpyFile, TiffPages, refuse_shape};
+use crate::array_file::{NpyFile, TiffPages, refuse_shape, refuse_wide};
 use crate::numbers;
 use crate::{Error, Result, reserve};
 use checksums::Checksums;
@@ -313,6 +313,7 @@ fn shape_of(path: &Path, file: &NpyFile) -> Result<[usize; 4]> {
     for (to, from) in shape[4 - sides.len()..].iter_mut().zip(&sides) {
         *to = *from as usize;
     }
+    refuse_wide(path, [shape[2], shape[3]])?;
     Ok(shape)
 }
 
