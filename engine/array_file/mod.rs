@@ -9,7 +9,6 @@ mod tiff;
 pub(crate) use npy::NpyFile;
 pub(crate) use tiff::TiffPages;
 
-use crate::scene::limits;
 use crate::{Error, Result, numbers};
 use std::path::Path;
 
@@ -34,29 +33,31 @@ impl Value for f32 {
 /// Bytes of a frame that any file may claim.
 const LEAST: u64 = 1 << 30;
 
-/// Refuses frames with more pixels on a side than a detector of a scene: rows are read whole.
+/// Pixels of a side of a frame, and so of a detector: rows are read whole.
+pub(crate) const LONGEST_SIDE: u32 = 65_536;
+
+/// Refuses frames with more pixels on a side than a detector has.
 pub(crate) fn refuse_wide(path: &Path, frame: [usize; 2]) -> Result<()> {
-    if frame.iter().all(|side| *side as u64 <= u64::from(limits::PIXELS)) {
+    if frame.iter().all(|side| *side as u64 <= u64::from(LONGEST_SIDE)) {
         return Ok(());
     }
     let [rows, columns] = frame;
-    let most = limits::PIXELS;
-    let problem =
-        format!("has frames of {rows} rows and {columns} columns; allowed: up to {most} each");
+    let problem = format!(
+        "has frames of {rows} rows and {columns} columns; allowed: up to {LONGEST_SIDE} each"
+    );
     Err(Error::file(path, problem, None))
 }
 
 /// Refuses frames that claim more than their file holds, before memory is taken for them: more
 /// pixels than any compression makes of it, or more than 1 GiB of 64 times its length.
 pub(crate) fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
-    refuse_wide(path, [rows, columns])?;
     let found = std::fs::metadata(path)
         .map_err(|error| Error::file(path, "cannot be read", Some(error)))?
         .len();
     let claimed = rows as f64 * columns as f64;
     let most = (64 * found.min(1 << 56)).max(LEAST) as f64;
     if claimed <= 4096.0 * found as f64 && 4.0 * claimed <= most {
-        return Ok(());
+        return refuse_wide(path, [rows, columns]);
     }
     let problem =
         format!("claims {rows} rows of {columns} columns in {found} bytes: cut short, or no frame");

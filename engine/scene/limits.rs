@@ -1,8 +1,10 @@
 //! Upper limits of counts: far beyond any use, and low enough that a slip of a digit is an
 //! error and not an allocation.
 
+use crate::array_file::LONGEST_SIDE;
+
 /// Pixels per side of the detector.
-pub(crate) const PIXELS: u32 = 65_536;
+pub(crate) const PIXELS: u32 = LONGEST_SIDE;
 /// Bits of a detector's numbers: f32 holds whole numbers of 24 bits.
 pub(super) const BIT_DEPTH: u32 = 24;
 /// Standard deviation of a detector's blur, pixels.

@@ -140,7 +140,7 @@ fn stacks_that_are_read() {
     assert_eq!(npy(&place.path("run/flat.npy")).len(), 5 * 600 * 600);
     // One frame of 200 MB.
     let mut wide = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-    let dict = "{'descr': '<f4', 'fortran_order': False, 'shape': (200, 250000), }";
+    let dict = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000, 50000), }";
     wide.extend(format!("{dict:<117}\n").bytes());
     fs::write(place.path("wide.npy"), wide).unwrap();
     let file = fs::File::options().write(true).open(place.path("wide.npy")).unwrap();
