@@ -1,6 +1,7 @@
 //! Scanlines of a patch, traced to find how its silhouettes slant.
 
 use super::patch::no_silhouette_between;
+use super::refinement::Rounds;
 use crate::interface::RayResult;
 
 /// Heights of the scanlines to begin with, share of the row.
@@ -73,30 +74,6 @@ impl Scanlines {
         self.pending.extend(places);
     }
 
-    /// Places of the rays wanted next.
-    pub(super) fn pending(&self) -> Vec<[f32; 2]> {
-        self.pending.iter().map(|(line, x)| [*x, self.lines[*line].height]).collect()
-    }
-
-    /// Takes the results of the rays wanted.
-    pub(super) fn accept(&mut self, results: &[RayResult]) {
-        for ((line, x), result) in std::mem::take(&mut self.pending).into_iter().zip(results) {
-            self.lines[line].rays.push((x, *result));
-        }
-        for (number, line) in self.lines.iter_mut().enumerate() {
-            line.rays.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-            if line.halvings < HALVINGS {
-                line.halvings += 1;
-                let middle = |(low, high): Bracket<'_>| (number, 0.5 * (low.0 + high.0));
-                self.pending.extend(brackets(&line.rays).map(middle));
-            }
-        }
-        if self.pending.is_empty() && !self.doubled {
-            self.doubled = true;
-            self.add(&self.between());
-        }
-    }
-
     /// Silhouettes between scanlines that follow one another, and how many end between them.
     fn sections(&self) -> (Vec<Vec<Section>>, u32) {
         let mut unmatched = 0;
@@ -164,6 +141,30 @@ impl Scanlines {
     }
 }
 
+impl Rounds for Scanlines {
+    fn pending(&self) -> Vec<[f32; 2]> {
+        self.pending.iter().map(|(line, x)| [*x, self.lines[*line].height]).collect()
+    }
+
+    fn accept(&mut self, results: &[RayResult]) {
+        for ((line, x), result) in std::mem::take(&mut self.pending).into_iter().zip(results) {
+            self.lines[line].rays.push((x, *result));
+        }
+        for (number, line) in self.lines.iter_mut().enumerate() {
+            line.rays.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+            if line.halvings < HALVINGS {
+                line.halvings += 1;
+                let middle = |(low, high): Bracket<'_>| (number, 0.5 * (low.0 + high.0));
+                self.pending.extend(brackets(&line.rays).map(middle));
+            }
+        }
+        if self.pending.is_empty() && !self.doubled {
+            self.doubled = true;
+            self.add(&self.between());
+        }
+    }
+}
+
 /// The rays on both sides of a silhouette.
 type Bracket<'a> = (&'a (f32, RayResult), &'a (f32, RayResult));
 
@@ -197,6 +198,22 @@ mod tests {
         let slant = lines.slant().unwrap();
         assert!((slant.shear - 17e-6).abs() < 0.05e-6 && slant.straight, "{slant:?}");
         assert!(slant.bow < 0.2e-6, "{slant:?}");
+    }
+
+    #[test]
+    fn an_edge_on_two_lines_alone_gets_a_third() {
+        let edge = |z: f32| 7e-6 + 17e-6 * z + 0.5 * 28e-6 * (z - 0.5).powi(2);
+        let mut lines = Scanlines::new(100e-6, 5);
+        while !lines.pending().is_empty() {
+            let result = |[x, z]: &[f32; 2]| RayResult {
+                signature: u32::from(*z < 0.65 || *x > edge(*z)),
+                ..bytemuck::Zeroable::zeroed()
+            };
+            let results: Vec<RayResult> = lines.pending().iter().map(result).collect();
+            lines.accept(&results);
+        }
+        let slant = lines.slant().unwrap();
+        assert!((slant.bow - 28e-6).abs() < 1e-6 && !slant.straight, "{slant:?}");
     }
 
     #[test]

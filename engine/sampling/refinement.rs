@@ -54,6 +54,15 @@ pub(super) struct PatchWork {
     pub(super) done: bool,
 }
 
+/// Rays of a patch that are wanted in rounds, each after the results of those before.
+pub(super) trait Rounds {
+    /// Places of the rays wanted next: m from the middle of the beamlet, share of the row.
+    fn pending(&self) -> Vec<[f32; 2]>;
+
+    /// Takes the results of the rays wanted.
+    fn accept(&mut self, results: &[RayResult]);
+}
+
 /// Refines patches.
 pub(super) struct Refiner<'a> {
     view: &'a ViewContext<'a>,
@@ -189,6 +198,27 @@ impl<'a> Refiner<'a> {
             work.rays += numbers::count(own.len());
         }
         Ok(())
+    }
+
+    /// Traces rays of patches in rounds until none want more.
+    fn trace_rounds<R: Rounds + Send + Sync>(
+        &self,
+        tracer: &mut Tracer,
+        work: &mut [(&mut PatchWork, R)],
+    ) -> Result<()> {
+        loop {
+            let places: Vec<Vec<[f32; 2]>> =
+                work.par_iter().map(|(_, rounds)| rounds.pending()).collect();
+            if places.iter().all(Vec::is_empty) {
+                return Ok(());
+            }
+            let patches = work.iter().map(|(work, _)| &work.patch).collect();
+            let results = self.trace(tracer, patches, &places)?;
+            for ((work, rounds), own) in work.iter_mut().zip(&results) {
+                rounds.accept(own);
+                work.rays += numbers::count(own.len());
+            }
+        }
     }
 
     /// Results of the rays through places of patches, by patch. All go to the device together.

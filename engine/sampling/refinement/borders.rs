@@ -1,9 +1,9 @@
 //! Rays along the borders of patches: a body that enters by a corner stands between all others.
 
-use super::{PatchWork, Refiner};
+use super::{PatchWork, Refiner, Rounds};
 use crate::Result;
 use crate::interface::RayResult;
-use crate::numbers::{self, single};
+use crate::numbers::single;
 use crate::sampling::patch::{Patch, Witness, no_silhouette_between};
 use crate::sampling::unresolved::cross_many;
 use crate::trace::Tracer;
@@ -43,29 +43,6 @@ impl BorderRays {
         [self.period * (place[0] - 0.5), place[1]]
     }
 
-    /// Places of the rays wanted next.
-    fn pending(&self) -> Vec<[f32; 2]> {
-        self.pending.iter().map(|(border, part)| self.place(*border, *part)).collect()
-    }
-
-    /// Takes the results of the rays wanted, and halves the intervals where a silhouette crosses a border.
-    fn accept(&mut self, results: &[RayResult]) {
-        for ((border, part), result) in std::mem::take(&mut self.pending).into_iter().zip(results) {
-            let rays = &mut self.rays[border];
-            let at = rays.partition_point(|ray| ray.0 < part);
-            rays.insert(at, (part, *result));
-        }
-        if self.halvings == HALVINGS {
-            return;
-        }
-        self.halvings += 1;
-        for (border, rays) in self.rays.iter().enumerate() {
-            let crossed =
-                rays.windows(2).filter(|pair| !no_silhouette_between(&pair[0].1, &pair[1].1));
-            self.pending.extend(crossed.map(|pair| (border, 0.5 * (pair[0].0 + pair[1].0))));
-        }
-    }
-
     /// Those that met other surfaces than the rectangles of a patch that they stand in, and those on both
     /// sides of where a silhouette crosses a border: rectangles that are split there may be unlike them.
     fn witnesses(&self, patch: &Patch) -> Vec<Witness> {
@@ -85,6 +62,30 @@ impl BorderRays {
             }
         }
         witnesses
+    }
+}
+
+impl Rounds for BorderRays {
+    fn pending(&self) -> Vec<[f32; 2]> {
+        self.pending.iter().map(|(border, part)| self.place(*border, *part)).collect()
+    }
+
+    /// Halves the intervals where a silhouette crosses a border, too.
+    fn accept(&mut self, results: &[RayResult]) {
+        for ((border, part), result) in std::mem::take(&mut self.pending).into_iter().zip(results) {
+            let rays = &mut self.rays[border];
+            let at = rays.partition_point(|ray| ray.0 < part);
+            rays.insert(at, (part, *result));
+        }
+        if self.halvings == HALVINGS {
+            return;
+        }
+        self.halvings += 1;
+        for (border, rays) in self.rays.iter().enumerate() {
+            let crossed =
+                rays.windows(2).filter(|pair| !no_silhouette_between(&pair[0].1, &pair[1].1));
+            self.pending.extend(crossed.map(|pair| (border, 0.5 * (pair[0].0 + pair[1].0))));
+        }
     }
 }
 
@@ -119,19 +120,7 @@ impl Refiner<'_> {
             .filter(|work| self.is_near_silhouette(&work.patch))
             .map(|work| (work, BorderRays::new(period)))
             .collect();
-        loop {
-            let places: Vec<Vec<[f32; 2]>> =
-                near.par_iter().map(|(_, borders)| borders.pending()).collect();
-            if places.iter().all(Vec::is_empty) {
-                break;
-            }
-            let patches = near.iter().map(|(work, _)| &work.patch).collect();
-            let results = self.trace(tracer, patches, &places)?;
-            for ((work, borders), own) in near.iter_mut().zip(&results) {
-                borders.accept(own);
-                work.rays += numbers::count(own.len());
-            }
-        }
+        self.trace_rounds(tracer, &mut near)?;
         near.par_iter_mut()
             .for_each(|(work, borders)| work.patch.witnesses = borders.witnesses(&work.patch));
         Ok(())

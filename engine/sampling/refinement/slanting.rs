@@ -34,19 +34,7 @@ impl Refiner<'_> {
             .filter(slants)
             .map(|work| (work, Scanlines::new(period, base[0])))
             .collect();
-        loop {
-            let places: Vec<Vec<[f32; 2]>> =
-                slanting.par_iter().map(|(_, lines)| lines.pending()).collect();
-            if places.iter().all(Vec::is_empty) {
-                break;
-            }
-            let patches = slanting.iter().map(|(work, _)| &work.patch).collect();
-            let results = self.trace(tracer, patches, &places)?;
-            for ((work, lines), own) in slanting.iter_mut().zip(&results) {
-                lines.accept(own);
-                work.rays += numbers::count(own.len());
-            }
-        }
+        self.trace_rounds(tracer, &mut slanting)?;
         // Patches with silhouettes begin on three lines whether these slant or not: narrow
         // rectangles learn nothing from the rows above and below.
         for (work, lines) in &mut slanting {
