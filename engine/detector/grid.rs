@@ -3,6 +3,7 @@
 //! beside the detector that blurs into it is taken up too.
 
 use super::kernel::{KernelOf, Measured, Spread};
+use super::spread::Window;
 use crate::Result;
 use crate::numbers;
 use crate::optics::Optics;
@@ -34,6 +35,9 @@ pub struct SubpixelGrid {
     /// Most that the parts change a pixel, in open beam: sharp edges of light at their worst
     /// place. 0 without blur.
     pub error: f64,
+    /// Bytes that the kernels of blur and scatter take beside the light.
+    #[serde(skip)]
+    pub(crate) kernel_bytes: u64,
 }
 
 impl SubpixelGrid {
@@ -79,16 +83,27 @@ impl SubpixelGrid {
             grid.error = grid.error.max(chosen_error);
         }
         if let Some(Scatter::Kernel { kernel, .. }) = &detector.scatter {
-            let spread = Measured::read(scene, kernel, KernelOf::Scatter)?.profile(1);
-            grid.scatter_rows = numbers::whole::<u32>(spread.reach().ceil());
+            let measured = Measured::read(scene, kernel, KernelOf::Scatter)?;
+            let [across, down] =
+                [0, 1].map(|axis| numbers::whole::<u32>(measured.profile(axis).reach().ceil()));
+            grid.scatter_rows = down;
+            grid.kernel_bytes += grid.bytes_of_window([across, down], [1; 2]);
         }
+        grid.kernel_bytes += grid.bytes_of_window(grid.margin, grid.parts);
         Ok(grid)
+    }
+
+    /// Bytes of a window of pixels this far on either side.
+    fn bytes_of_window(&self, margin: [u32; 2], parts: [u32; 2]) -> u64 {
+        let [columns, rows] =
+            [0, 1].map(|axis| (2 * margin[axis] as usize + 1) * parts[axis] as usize);
+        Window::bytes([rows, columns], parts.map(|n| n as usize), self.pixels[0] as usize)
     }
 
     /// Pixels whole and no margin.
     fn bare(scene: &Scene) -> Self {
         let pixels = scene.detector.pixels;
-        Self { pixels, parts: [1; 2], margin: [0; 2], scatter_rows: 0, error: 0.0 }
+        Self { pixels, parts: [1; 2], margin: [0; 2], scatter_rows: 0, error: 0.0, kernel_bytes: 0 }
     }
 
     /// Columns and rows of the grid.

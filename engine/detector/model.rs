@@ -65,6 +65,12 @@ impl DetectorModel {
         &self.optics
     }
 
+    /// Whether a pixel takes up light of others.
+    #[must_use]
+    pub(crate) const fn spreads_light(&self) -> bool {
+        self.blur.is_some() || matches!(self.scatter, Some(ScatterStage::Kernel { .. }))
+    }
+
     /// Whether there is noise, and so counts and dark frames.
     #[must_use]
     pub const fn noise(&self) -> Option<&Noise> {

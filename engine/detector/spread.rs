@@ -11,9 +11,12 @@ use rustfft::{Fft, FftPlannerScalar};
 use std::fmt;
 use std::sync::Arc;
 
-/// Windows of at least this many pixels are summed by Fourier transforms along x.
+/// Windows of at least this many pixels along x are summed by Fourier transforms along x,
 const WIDE: usize = 24;
-/// Bytes that the transforms of the weights may take; beyond them windows are summed directly.
+/// and those of as many pixels as a square of them, where they are this wide: a row of weights costs as
+/// much as four of them.
+const NARROW: usize = 4;
+/// Bytes that the transforms of the weights may take, where shorter transforms take less.
 const WEIGHTS: usize = 256 << 20;
 /// Bytes of the transforms of light that are held at a time; more where windows are as high: each group of
 /// rows transforms all of their windows.
@@ -32,9 +35,22 @@ pub(super) struct Window {
 impl Window {
     /// Weights `[sub-row][sub-column]` for rows of `columns` pixels.
     pub(super) fn new(weights: Array2<f64>, parts: [usize; 2], columns: usize) -> Self {
-        let wide = weights.ncols() / parts[0] >= WIDE && weights.nrows() > parts[1];
-        let transformed = if wide { Transformed::of(&weights, parts[0], columns) } else { None };
+        let transformed = is_wide(weights.dim(), parts)
+            .then(|| Transformed::of(&weights, Blocks::of(weights.dim(), parts[0], columns)));
         Self { weights, parts, transformed }
+    }
+
+    /// Bytes that sums over windows of `[sub-rows, sub-columns]` take at most beside the light.
+    pub(super) fn bytes([rows, columns]: [usize; 2], parts: [usize; 2], pixels: usize) -> u64 {
+        // The kernel as it was read, about as fine, and its weights.
+        let weights = 2 * rows * columns * size_of::<f64>();
+        let transforms = if is_wide((rows, columns), parts) {
+            let blocks = Blocks::of((rows, columns), parts[0], pixels);
+            blocks.weight_bytes() + (blocks.light_rows() + rows) * blocks.row_bytes()
+        } else {
+            0
+        };
+        (weights + transforms) as u64
     }
 
     /// Pixels of the detector in a row of the grid.
@@ -59,6 +75,13 @@ impl Window {
         };
         cancel.check().map(|()| sums)
     }
+}
+
+/// Whether transforms take less time than direct sums.
+fn is_wide((rows, columns): (usize, usize), parts: [usize; 2]) -> bool {
+    let taps = [columns / parts[0], rows / parts[1]];
+    let large = taps[0] >= NARROW && taps[0] * taps[1] >= WIDE * WIDE;
+    rows > parts[1] && (taps[0] >= WIDE || large)
 }
 
 /// Where it is cancelled, sums are left out.
@@ -105,15 +128,62 @@ fn store(line: &mut [f32], sums: &[f64]) {
 /// Real and imaginary parts of half a spectrum; the other half mirrors it.
 type Half = [Vec<f64>; 2];
 
+/// Blocks that a row is cut into (overlap-save).
+#[derive(Debug, Clone, Copy)]
+struct Blocks {
+    /// Points of a transform.
+    length: usize,
+    /// Pixels that one transform gives.
+    block: usize,
+    /// Parts of a pixel along x.
+    parts: usize,
+    /// Rows of the window.
+    window: usize,
+}
+
+impl Blocks {
+    /// For windows of `rows` and `columns` of the grid: the length that takes the fewest points for
+    /// a whole row, of those whose transforms of all weights are no larger than [`WEIGHTS`]; or the shortest.
+    fn of((rows, columns): (usize, usize), parts: usize, pixels: usize) -> Self {
+        let taps = columns / parts;
+        let of_length =
+            |length: usize| Self { length, block: length + 1 - taps, parts, window: rows };
+        let longest = (pixels + taps).next_power_of_two();
+        let shortest = (2 * taps).next_power_of_two().min(longest);
+        let mut best = of_length(shortest);
+        let points = |it: &Self| pixels.div_ceil(it.block) * it.length;
+        let mut length = 2 * shortest;
+        while length <= longest && of_length(length).weight_bytes() <= WEIGHTS {
+            let next = of_length(length);
+            if points(&next) < points(&best) {
+                best = next;
+            }
+            length *= 2;
+        }
+        best
+    }
+
+    /// Bytes of half a spectrum of a row of the grid.
+    const fn row_bytes(self) -> usize {
+        self.parts * (self.length / 2 + 1) * size_of::<Complex<f64>>()
+    }
+
+    const fn weight_bytes(self) -> usize {
+        self.window * self.row_bytes()
+    }
+
+    /// Rows of the grid beside those of one window whose transforms are held together.
+    fn light_rows(self) -> usize {
+        (LIGHT / self.row_bytes()).saturating_sub(self.window).max(self.window)
+    }
+}
+
 /// Rows of weights as spectra. Every row of light is transformed by itself and rows are summed in
 /// their order, so that no bit depends on what else a band holds; along x by overlap-save, in
 /// blocks from column 0 on.
 #[derive(Clone)]
 struct Transformed {
-    /// Points of a transform.
-    length: usize,
-    /// Pixels that one transform gives.
-    block: usize,
+    blocks: Blocks,
     /// `[sub-row][sub-column of a pixel]`.
     weights: Vec<Half>,
     forward: Arc<dyn Fft<f64>>,
@@ -122,26 +192,13 @@ struct Transformed {
 
 impl fmt::Debug for Transformed {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Transformed").field("length", &self.length).finish_non_exhaustive()
+        f.debug_struct("Transformed").field("blocks", &self.blocks).finish_non_exhaustive()
     }
 }
 
 impl Transformed {
-    /// `None` where they would take too much memory.
-    fn of(weights: &Array2<f64>, parts: usize, columns: usize) -> Option<Self> {
-        let taps = weights.ncols() / parts;
-        // The length that takes the fewest points for a whole row.
-        let most = (columns + taps).next_power_of_two();
-        let points = |length: usize| columns.div_ceil(length + 1 - taps) * length;
-        let length = (0..usize::BITS)
-            .map(|k| (2 * taps).next_power_of_two() << k)
-            .take_while(|length| *length <= most)
-            .min_by_key(|length| points(*length))
-            .unwrap_or(most);
-        let half_bytes = (length / 2 + 1) * size_of::<Complex<f64>>();
-        if weights.nrows() * parts * half_bytes > WEIGHTS {
-            return None;
-        }
+    fn of(weights: &Array2<f64>, blocks: Blocks) -> Self {
+        let Blocks { length, parts, .. } = blocks;
         let mut planner = FftPlannerScalar::new();
         let (forward, inverse) =
             (planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
@@ -156,7 +213,7 @@ impl Transformed {
             })
             .map(|row| half(&*forward, row.into_iter()))
             .collect();
-        Some(Self { length, block: length + 1 - taps, weights: spectra, forward, inverse })
+        Self { blocks, weights: spectra, forward, inverse }
     }
 
     /// Where it is cancelled, sums are left out.
@@ -172,11 +229,10 @@ impl Transformed {
         let lit = lit.as_standard_layout();
         let light = lit.as_slice().unwrap_or_default();
         let Some(values) = out.as_slice_mut() else { return out };
-        let window = self.weights.len() / across;
-        let row_bytes = across * (self.length / 2 + 1) * size_of::<Complex<f64>>();
-        let group = ((LIGHT / row_bytes).saturating_sub(window).max(window) / down).max(1);
+        let Blocks { block, window, .. } = self.blocks;
+        let group = (self.blocks.light_rows() / down).max(1);
         for (step, frame) in values.chunks_mut((rows * columns).max(1)).enumerate() {
-            for first in (0..columns).step_by(self.block) {
+            for first in (0..columns).step_by(block) {
                 for (start, lines) in
                     (0..rows).step_by(group).zip(frame.chunks_mut(group * columns))
                 {
@@ -199,7 +255,7 @@ impl Transformed {
                             return;
                         }
                         let light = &spectra[row * down * across..];
-                        let last = columns.min(first + self.block);
+                        let last = columns.min(first + block);
                         store(&mut line[first..last], &self.sums(light));
                     });
                 }
@@ -210,7 +266,8 @@ impl Transformed {
 
     /// Sums of one row, from the spectra of the light in its window.
     fn sums(&self, light: &[Half]) -> Vec<f64> {
-        let half = self.length / 2 + 1;
+        let length = self.blocks.length;
+        let half = length / 2 + 1;
         let mut sum = [vec![0.0; half], vec![0.0; half]];
         for ([weight, weight_i], [light, light_i]) in self.weights.iter().zip(light) {
             let [sum, sum_i] = &mut sum;
@@ -222,9 +279,8 @@ impl Transformed {
         }
         let [real, imaginary] = sum;
         let at = |k: usize| Complex::new(real[k], imaginary[k]);
-        let mut values: Vec<Complex<f64>> = (0..self.length)
-            .map(|k| if k < half { at(k) } else { at(self.length - k).conj() })
-            .collect();
+        let mut values: Vec<Complex<f64>> =
+            (0..length).map(|k| if k < half { at(k) } else { at(length - k).conj() }).collect();
         self.inverse.process(&mut values);
         // No light is less than none; rounding may say so.
         values.iter().map(|value| value.re.max(0.0)).collect()
@@ -271,6 +327,7 @@ mod tests {
             ([1, 1], [61, 61], [50, 40]),
             ([3, 2], [25, 7], [90, 11]),
             ([2, 1], [301, 3], [700, 4]),
+            ([1, 2], [5, 130], [90, 3]),
         ] {
             let (weights, lit) = case(parts, taps, size);
             let window = Window::new(weights.clone(), parts, size[0]);
@@ -308,8 +365,11 @@ mod tests {
     #[test]
     fn narrow_windows_are_summed_directly() {
         let narrow = |taps| Window::new(case([2, 1], taps, [50, 5]).0, [2, 1], 50);
-        assert!(narrow([23, 23]).transformed.is_none());
-        assert!(narrow([40, 1]).transformed.is_none());
-        assert!(narrow([24, 23]).transformed.is_some());
+        for taps in [[23, 23], [40, 1], [3, 900], [4, 143]] {
+            assert!(narrow(taps).transformed.is_none(), "{taps:?}");
+        }
+        for taps in [[24, 23], [4, 144]] {
+            assert!(narrow(taps).transformed.is_some(), "{taps:?}");
+        }
     }
 }

@@ -12,7 +12,7 @@ pub struct RunEstimate {
     pub rays: f64,
     /// Cells that refinement splits, of all views.
     pub splits: f64,
-    /// Seconds on this device: preparation, tracing and illumination, without noise and output.
+    /// Seconds on this device: preparation, tracing, illumination, blur and scatter, without noise and output.
     pub seconds: f64,
     /// Patches (beamlet and detector row) that were refined for the estimate.
     pub patches_refined: f64,

@@ -115,7 +115,7 @@ impl HostAndDevice {
 /// What the estimate needs of a scene.
 #[derive(Debug)]
 struct Needs {
-    /// Program, driver and kernels.
+    /// Program, driver and its kernels, and those of the detector.
     program: u64,
     triangles: u64,
     instances: u64,
@@ -220,7 +220,7 @@ impl Needs {
         };
         let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
         Ok(Self {
-            program: program(scene),
+            program: program(scene).saturating_add(grid.kernel_bytes),
             triangles: objects.iter().map(|o| o.triangles as u64).sum(),
             instances: objects.iter().map(|o| o.instances as u64).sum(),
             cut: cut_triangles(objects),

@@ -8,7 +8,7 @@ mod reference;
 mod support;
 
 use beamlet::check::{self, check_on};
-use beamlet::scene::{Scene, Scheme};
+use beamlet::scene::{KernelFile, Scatter, Scene, Scheme};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, Engine, RunRecord};
 use reference::scenes;
@@ -148,6 +148,28 @@ fn patches_full_of_silhouettes_are_in_the_memory_that_is_told() {
     assert!(told.peak_bytes > blind.peak_bytes + (64 << 20), "{told:?} {blind:?}");
     // Patches that wait for one another bound it.
     assert!(told.peak_bytes < 2 << 30, "{told:?}");
+}
+
+#[test]
+fn what_a_detector_spreads_is_in_the_time_and_the_memory_that_are_told() {
+    let _alone = alone();
+    let place = tempfile::tempdir().expect("a directory");
+    let path = place.path().join("veil.npy");
+    let veil = ndarray::Array2::from_elem((301, 301), 1.0_f64);
+    ndarray_npy::write_npy(&path, &veil).expect("a kernel");
+    let setup = Setup::paper([256, 256]);
+    let offsets: Vec<f64> = (0..100).map(|i| f64::from(i) * 1e-6).collect();
+    let mut scene = scenes::scene(&setup, &[], &offsets);
+    let engine = engine(Backend::Bvh);
+    let told = |scene: &Scene| check_on(&engine, scene).expect("a report").work;
+    let sharp = told(&scene);
+    let kernel = KernelFile::new(path, setup.pitch);
+    scene.detector.scatter = Some(Scatter::Kernel { kernel, fraction: 0.1 });
+    let veiled = told(&scene);
+    let seconds = |work: &check::Work| work.estimate.as_ref().expect("an estimate").seconds;
+    // Ninety times as long when this was written.
+    assert!(seconds(&veiled) > 3.0 * seconds(&sharp), "{veiled:?} {sharp:?}");
+    assert!(veiled.memory.peak_bytes > sharp.memory.peak_bytes + (32 << 20), "{veiled:?}");
 }
 
 #[test]

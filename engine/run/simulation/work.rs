@@ -1,5 +1,6 @@
 //! The run in progress: bands of rows, traced and illuminated in groups, handed to the sink.
 
+mod detection;
 mod random;
 mod share;
 mod survey;

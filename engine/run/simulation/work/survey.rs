@@ -1,6 +1,7 @@
 //! What a run costs, from a sparse look at the scene: patches spread over views, rows and columns
 //! are sampled and illuminated as in a run, and stand for the others.
 
+use super::detection::detection_seconds;
 use super::{ViewWork, bands};
 use crate::Result;
 use crate::cancel::Cancel;
@@ -71,7 +72,9 @@ impl Simulation<'_> {
         } else {
             work.cells_estimate()?
         };
-        estimate.seconds += fixed;
+        let steps = self.scene.mask_steps();
+        let of_exposure = detection_seconds(&self.detector, steps, work.band, cancel)?;
+        estimate.seconds += fixed + (work.view_count() + 1.0) * of_exposure;
         Ok(estimate)
     }
 }
