@@ -87,6 +87,8 @@ fn below(path: &str, other: &str) -> bool {
 
 /// Width of an excerpt in characters: a JSON file may be one long line.
 const EXCERPT: usize = 100;
+/// Bytes of a line that are drawn from, of a span and on either side of it: many times that width.
+const AROUND: usize = 2000;
 
 impl Document {
     /// A document without faults.
@@ -207,17 +209,27 @@ impl Document {
     }
 }
 
+/// The last place up to `at` that is between characters.
+fn floor_of(text: &str, at: usize) -> usize {
+    (0..=at.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
+}
+
 /// Line and column of the start of a span, from 1, and the line with carets below the span.
 pub(super) fn excerpt(text: &str, span: &Range<usize>) -> (usize, usize, String) {
-    let floor = |at: usize| (0..=at.min(text.len())).rev().find(|at| text.is_char_boundary(*at));
-    let start = floor(span.start).unwrap_or(0);
-    let end = floor(span.end).unwrap_or(0).max(start);
+    let start = floor_of(text, span.start);
+    let end = floor_of(text, span.end).max(start);
     let line_start = text[..start].rfind('\n').map_or(0, |at| at + 1);
     let line_end = text[start..].find('\n').map_or(text.len(), |at| start + at);
     let number = text[..start].matches('\n').count() + 1;
     let column = text[line_start..start].chars().count() + 1;
     let line = text[line_start..line_end].trim_end_matches('\r');
     let [from, to] = [start, end].map(|at| (at - line_start).min(line.len()));
+    // What is drawn of a span that is long on either side is its beginning; drawing all of it takes
+    // many times the memory of the text.
+    let first = floor_of(line, from.saturating_sub(AROUND));
+    let to = floor_of(line, to.min(from + AROUND));
+    let line = &line[first..floor_of(line, to.saturating_add(AROUND))];
+    let [from, to] = [from, to].map(|at| at - first);
     let marked = AnnotationKind::Primary.span(from..to);
     let snippet = Snippet::source(line).line_start(number).annotation(marked);
     let group = Group::with_level(Level::ERROR).element(snippet);
@@ -260,5 +272,10 @@ mod tests {
         let (_, column, shown) = excerpt(&text, &(4000..4003));
         assert_eq!(column, 4001);
         assert!(shown.len() < 350, "{shown}");
+        // The span itself is long, and so are its characters.
+        let text = format!("title = '{}' # end", "\u{e4}".repeat(100_000));
+        let (_, column, shown) = excerpt(&text, &(8..200_010));
+        assert_eq!(column, 9);
+        assert!(shown.len() < 700 && shown.contains("= '\u{e4}\u{e4}"), "{shown}");
     }
 }
