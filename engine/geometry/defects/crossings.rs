@@ -151,8 +151,8 @@ mod tests {
     }
 
     /// A prism of height 1 whose outline has `count` corners, every second of them a tooth of this
-    /// depth, round or along a line.
-    fn teeth(count: u32, depth: f64, round: bool, tilt: f64) -> Surface {
+    /// depth, round or along a line. Round ones with a hub have fans for caps.
+    fn teeth(count: u32, depth: f64, [round, hub]: [bool; 2], tilt: f64) -> Surface {
         let corner = |k: u32| {
             let out = if k.is_multiple_of(2) { 1.0 } else { 1.0 - depth };
             let (share, length) = (f64::from(k) / f64::from(count), std::f64::consts::TAU);
@@ -163,8 +163,13 @@ mod tests {
             }
         };
         let outline: Vec<DVec3> = (0..count).map(|k| corner(k).extend(0.0)).collect();
-        let cap = polygon::triangles(&outline).unwrap();
         let mut triangles = Vec::new();
+        let hubs = [2 * count, 2 * count + 1];
+        for k in (0..count).filter(|_| hub) {
+            let next = (k + 1) % count;
+            triangles.extend([[hubs[0], next, k], [hubs[1], k + count, next + count]]);
+        }
+        let cap = if hub { Vec::new() } else { polygon::triangles(&outline).unwrap() };
         for [a, b, c] in cap.into_iter().map(|it| it.map(|k| u32::try_from(k).unwrap())) {
             triangles.extend([[a, c, b], [a + count, b + count, c + count]]);
         }
@@ -174,15 +179,25 @@ mod tests {
         }
         let turn = DMat3::from_rotation_z(tilt) * DMat3::from_rotation_x(0.3 * tilt);
         let above = outline.iter().map(|it| *it + DVec3::Z);
-        let vertices = outline.iter().copied().chain(above).map(|it| turn * it).collect();
+        let hubs = [DVec3::ZERO, DVec3::Z].into_iter().filter(|_| hub);
+        let vertices =
+            outline.iter().copied().chain(above).chain(hubs).map(|it| turn * it).collect();
         Surface::new(vertices, triangles)
     }
 
     #[test]
     fn pairs_of_teeth_are_those_that_all_pairs_give() {
-        for (depth, round, tilt) in [(0.05, true, 0.0), (0.5, true, 0.6), (0.3, false, 0.6)] {
+        let (round, fan, line) = ([true, false], [true, true], [false, false]);
+        let cases = [
+            (0.05, round, 0.0),
+            (0.5, round, 0.6),
+            (0.3, line, 0.6),
+            (0.4, fan, 0.0),
+            (0.7, fan, 0.6),
+        ];
+        for (depth, form, tilt) in cases {
             for bent in [0, 3] {
-                let mut surface = teeth(150, depth, round, tilt);
+                let mut surface = teeth(150, depth, form, tilt);
                 let (resolved, length) = (1e-9, surface.vertices.len());
                 for k in 0..bent {
                     let to = surface.vertices[(41 * k + 9) % length];
@@ -199,18 +214,18 @@ mod tests {
                 };
                 let want = all.filter(met).count();
                 // Edges that graze count besides, in the order of the triangles.
-                assert!(found.count >= want, "{depth} {round} {bent}: {} {want}", found.count);
-                assert_eq!(want > 0, bent > 0, "{depth} {round} {bent}");
-                assert_eq!(found.count > 0, bent > 0, "{depth} {round} {bent}");
+                assert!(found.count >= want, "{depth} {form:?} {bent}: {} {want}", found.count);
+                assert_eq!(want > 0, bent > 0, "{depth} {form:?} {bent}");
+                assert_eq!(found.count > 0, bent > 0, "{depth} {form:?} {bent}");
             }
         }
     }
 
     #[test]
     fn pairs_that_are_looked_at_grow_with_the_teeth() {
-        // 92, 149 and 246 for each triangle; 564, 1,783 and 6,228 without plates.
-        for (depth, round) in [(0.05, true), (0.5, true), (0.3, false)] {
-            let surface = teeth(20_000, depth, round, 0.6);
+        let (round, fan, line) = ([true, false], [true, true], [false, false]);
+        for (depth, form) in [(0.05, round), (0.5, round), (0.3, line), (0.4, fan), (0.8, fan)] {
+            let surface = teeth(20_000, depth, form, 0.6);
             let tree = Tree::of_triangles(&surface);
             let mut looked_at = 0;
             for leaf in tree.leaves() {
@@ -220,7 +235,7 @@ mod tests {
                 });
             }
             let each = looked_at / surface.triangles.len();
-            assert!(each < 400, "{depth} {round}: {each}");
+            assert!(each < 400, "{depth} {form:?}: {each}");
         }
     }
 

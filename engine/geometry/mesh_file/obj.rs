@@ -11,11 +11,16 @@ use crate::geometry::surface::{Defect, Surface};
 use crate::geometry::watch::Task;
 use crate::numbers;
 use glam::DVec3;
+use rayon::prelude::*;
+use std::collections::HashMap;
 use std::fmt::Write as _;
+use std::ops::Range;
 use std::path::Path;
 
 /// Most corners of a face: what it takes to cut one grows faster than its line.
 const CORNERS: usize = 1_000_000;
+/// Corners of a face whose cutting is worth a task of its own.
+const LARGE: usize = 1000;
 /// Lines, or faces, between two reports of how far reading is.
 const REPORT: usize = 1 << 14;
 /// What the first look takes of the time to read a file; then `tobj`, then the cutting of faces.
@@ -38,27 +43,47 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
     let mut surface = Surface::default();
     let (count, mut faces) = (faces.len() as f64, faces.into_iter());
     for mesh in models.into_iter().map(|model| model.mesh) {
-        let position = |index: &u32| DVec3::from_slice(&mesh.positions[3 * *index as usize..]);
-        let mut rest = mesh.indices.as_slice();
-        // Without arities every face is a triangle.
-        let mut arities = mesh.face_arities.iter();
-        while !rest.is_empty() {
-            let arity = arities.next().map_or(3, |n| *n as usize);
-            let (face, others) = rest.split_at(arity);
-            rest = others;
+        let mut large = cut_large(&mesh);
+        for face in faces_of(&mesh) {
             if faces.len() % REPORT == 0 {
                 share(1.0 - (1.0 - PARSED) * faces.len() as f64 / count);
             }
             let Face { line, label } = faces.next().unwrap_or_default();
-            let corners: Vec<DVec3> = face.iter().map(position).collect();
+            let corners = corners_of(&mesh, face.clone());
             let failed = |problem| Defect::new(problem, format!("line {line}"));
-            for [a, b, c] in polygon::triangles(&corners).map_err(failed)? {
+            let triangles = large.remove(&face.start);
+            let triangles = triangles.unwrap_or_else(|| polygon::triangles(&corners));
+            for [a, b, c] in triangles.map_err(failed)? {
                 surface.push_triangle([corners[a], corners[b], corners[c]]).map_err(failed)?;
                 names.push(label);
             }
         }
     }
     Ok(MeshFile { surface, names, unit: None })
+}
+
+/// Where the indices of each face stand.
+fn faces_of(mesh: &tobj::Mesh) -> impl Iterator<Item = Range<usize>> {
+    let mut start = 0;
+    // Without arities every face is a triangle.
+    let mut arities = mesh.face_arities.iter();
+    std::iter::from_fn(move || {
+        let face = start..start + arities.next().map_or(3, |n| *n as usize);
+        start = face.end;
+        (face.start < mesh.indices.len()).then_some(face)
+    })
+}
+
+fn corners_of(mesh: &tobj::Mesh, face: Range<usize>) -> Vec<DVec3> {
+    let position = |index: &u32| DVec3::from_slice(&mesh.positions[3 * *index as usize..]);
+    mesh.indices[face].iter().map(position).collect()
+}
+
+/// Triangles of the large faces, by the place of their indices: both caps of a part at a time.
+fn cut_large(mesh: &tobj::Mesh) -> HashMap<usize, Result<Vec<[usize; 3]>, String>> {
+    let large: Vec<Range<usize>> = faces_of(mesh).filter(|face| face.len() >= LARGE).collect();
+    let cut = |face: &Range<usize>| polygon::triangles(&corners_of(mesh, face.clone()));
+    large.par_iter().map(|face| (face.start, cut(face))).collect()
 }
 
 /// What a first look leaves of a file.

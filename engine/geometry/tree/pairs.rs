@@ -150,6 +150,7 @@ impl Searches<'_> {
                     second == first
                         || !query.meets_box(*bounds)
                         || !(later || in_fan())
+                        || query.is_apart(&self.surface.corners(*second as usize))
                         || visit(*first, *second)
                 });
         }

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 /// A slab must be this much narrower than the box, seen along its direction.
 const WORTH: f64 = 4.0;
 /// Share of the coordinates by which slabs are wider, against rounding.
-const ROUNDING: f64 = 1e-14;
+pub(super) const ROUNDING: f64 = 1e-14;
 
 /// What lies between two planes.
 #[derive(Debug, Clone)]
