@@ -97,18 +97,24 @@ fn angles(engine: &Engine, case: &Case) {
     }
 }
 
+/// All cases, or those whose names begin with `BEAMLET_CASE`.
+fn chosen() -> Vec<Case> {
+    let chosen = std::env::var("BEAMLET_CASE").unwrap_or_default();
+    cases::all().into_iter().filter(|case| case.name.starts_with(&chosen)).collect()
+}
+
 #[test]
 #[ignore = "tens of minutes of processor time: tables of docs/validation.md"]
 fn table_of_errors_of_values() {
     let engine = engine(Backend::Bvh);
-    cases::all().iter().for_each(|case| values(&engine, case));
+    chosen().iter().for_each(|case| values(&engine, case));
 }
 
 #[test]
 #[ignore = "tens of minutes of processor time: tables of docs/validation.md"]
 fn table_of_errors_of_angles() {
     let engine = engine(Backend::Bvh);
-    cases::all().iter().for_each(|case| angles(&engine, case));
+    chosen().iter().for_each(|case| angles(&engine, case));
 }
 
 #[test]
