@@ -106,6 +106,8 @@ pub(super) struct Estimator<'a> {
     pub(super) row_blur: f32,
     /// Moments are kept: light moves otherwise at other energies.
     pub(super) other_energies: bool,
+    /// By how much more than told pieces err together.
+    pub(super) pieces: f64,
     /// No means over facets are taken: all rectangles are known by rays.
     pub(super) by_rays_alone: bool,
     /// Rows whose light may be recorded.

@@ -13,7 +13,7 @@ use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
 use super::patch::{Known, Patch, alike};
-use super::patch_error::{KnownErrors, NarrowComponent};
+use super::patch_error::{KnownErrors, NarrowComponent, error_of_pieces};
 use super::response::Opening;
 use crate::Result;
 use crate::cancel::Cancel;
@@ -93,6 +93,7 @@ impl<'a> Refiner<'a> {
             row_blur: single(view.lattice.row_spread.blur),
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
+            pieces: error_of_pieces(optics, view.budget.tolerance),
             by_rays_alone: view.by_rays_alone(),
             recorded_rows: view.recorded_rows(),
             detector_rows: 0..i64::from(detector.pixels[1]),
