@@ -94,6 +94,38 @@ fn rays_alone_miss_no_facet_between_them() {
     assert!(compared > 100, "{compared} values");
 }
 
+/// Rims hold tolerances below the default, and what is told is within a factor of two of it, where nothing
+/// but the detector's pixels or its mask cuts the light of a rim (0.6 and 0.75 of a tolerance rms, and
+/// a third of it told, before pieces erred by more than told).
+#[test]
+fn tight_tolerances_hold_without_a_sample_mask() {
+    let engine = engine(Backend::Bvh);
+    let tolerance = 3e-5;
+    for case in named(cases::all(), ["no masks", "detector mask alone"]) {
+        let (classes, _) = classes_of(&case);
+        // Sums over facets, which rays alone confirm to 5e-6.
+        let fine = run(&engine, &with_budget(&case, 1e-6, ANGLE)).values;
+        let got = run(&engine, &with_budget(&case, tolerance, ANGLE));
+        for class in [Class::Interior, Class::Silhouette] {
+            let errors = Errors::of(Some(class), &classes, tolerance, [&got.values, &fine]);
+            println!(
+                "measured truth, {}, {class:?} at 3e-5: {:.1} % of {} within, rms {:.2}, worst {:.2}",
+                case.name,
+                100.0 * errors.share(),
+                errors.count,
+                errors.rms / tolerance,
+                errors.worst / tolerance,
+            );
+            let failures = errors.failures(class, tolerance);
+            assert!(failures.is_empty(), "{}, {class:?}: {failures:?}: {errors:?}", case.name);
+        }
+        let errors = Errors::of(None, &classes, tolerance, [&got.values, &fine]);
+        let ratio = got.sampling.expect("cells").rms_error / errors.of_pixels;
+        println!("measured truth, {}: told {ratio:.2} of the error", case.name);
+        assert!((0.5..2.0).contains(&ratio), "{}: {ratio}", case.name);
+    }
+}
+
 /// What is told is the error of pixels, not of the parts of them that take the light where the detector
 /// blurs (16 times as much was told, and refined for): within a factor of two.
 #[test]

@@ -127,7 +127,7 @@ fn one_pixel_by_the_reference() {
         std::env::var(name).map_or(default, |text| text.parse().expect("a number"))
     };
     let engine = engine(Backend::Bvh);
-    for case in cases::all() {
+    for case in chosen() {
         let offsets = &case.scene.scan.mask_offsets;
         let sample = Sample::new(&case.bodies, case.scene.source.distance, 0.0);
         let how = Quadrature {
