@@ -97,24 +97,18 @@ fn angles(engine: &Engine, case: &Case) {
     }
 }
 
-/// All cases, or those whose names begin with `BEAMLET_CASE`.
-fn chosen() -> Vec<Case> {
-    let chosen = std::env::var("BEAMLET_CASE").unwrap_or_default();
-    cases::all().into_iter().filter(|case| case.name.starts_with(&chosen)).collect()
-}
-
 #[test]
 #[ignore = "tens of minutes of processor time: tables of docs/validation.md"]
 fn table_of_errors_of_values() {
     let engine = engine(Backend::Bvh);
-    chosen().iter().for_each(|case| values(&engine, case));
+    cases::all().iter().for_each(|case| values(&engine, case));
 }
 
 #[test]
 #[ignore = "tens of minutes of processor time: tables of docs/validation.md"]
 fn table_of_errors_of_angles() {
     let engine = engine(Backend::Bvh);
-    chosen().iter().for_each(|case| angles(&engine, case));
+    cases::all().iter().for_each(|case| angles(&engine, case));
 }
 
 #[test]
@@ -127,7 +121,7 @@ fn one_pixel_by_the_reference() {
         std::env::var(name).map_or(default, |text| text.parse().expect("a number"))
     };
     let engine = engine(Backend::Bvh);
-    for case in chosen() {
+    for case in cases::all() {
         let offsets = &case.scene.scan.mask_offsets;
         let sample = Sample::new(&case.bodies, case.scene.source.distance, 0.0);
         let how = Quadrature {
