@@ -36,9 +36,6 @@ const MOST: f64 = 1e6;
 const PERIOD: f64 = 100e-6;
 /// Shift of a curve for each rad of refraction, m: 0.59 m behind the sample, over M = 1.5.
 const ARM: f64 = 0.59 / 1.5;
-/// Share of the section that fibres fill. Crossings of a ray are then all but independent, as the
-/// reference has them.
-const FILL: f64 = 0.1;
 /// Error of sampling, of open beam,
 const TOLERANCE: f64 = 1e-3;
 /// and where 5 % are asked of 10 crossings. The dark field is 1 % of a curve's variance there: at 1e-3
@@ -66,6 +63,15 @@ impl Section {
         match self {
             Self::Circle | Self::Sphere => 0.1,
             Self::Polygon => 0.15,
+        }
+    }
+
+    /// Share of the space that they fill. Crossings of a ray are then all but independent, as the
+    /// reference has them.
+    const fn fill(self) -> f64 {
+        match self {
+            Self::Circle | Self::Polygon => 0.1,
+            Self::Sphere => 0.03,
         }
     }
 
@@ -112,10 +118,10 @@ fn bundle(columns: u32, crossings: f64, section: Section) -> (f64, f64, f64) {
     let area = std::f64::consts::PI * radius * radius;
     if section == Section::Sphere {
         let number = crossings * (width - 2.0 * radius) * (HEIGHT - 2.0 * radius) / area;
-        return (width, number * area * radius / (0.75 * FILL * width * HEIGHT), number);
+        return (width, number * area * radius / (0.75 * section.fill() * width * HEIGHT), number);
     }
     let number = crossings * (width - 2.0 * radius) / (2.0 * radius);
-    (width, number * area / (FILL * width), number)
+    (width, number * area / (section.fill() * width), number)
 }
 
 /// A bundle in a block, of two materials. Fibres have 16 sides only in the file that is made of them.
