@@ -38,7 +38,7 @@ struct Passed {
 Piece piece_through(Opening opening, Cell cell) {
     float from_x = cell.x_low;
     float to_x = cell.x_high;
-    Edges edges = Edges(from_x, to_x, 0.0, 0.0);
+    Edges edges = Edges(from_x, to_x, 0.0, 0.0, 0.0, 0.0);
     bool cut = false;
     if (opening.cuts) {
         edges = edges_in(opening, cell.sample_narrowing);
@@ -53,7 +53,7 @@ Piece piece_through(Opening opening, Cell cell) {
         && edges.low - setting.reach < cell.x_high && to_x > from_x;
     float share = passes ? opening.layer.share : 0.0;
     vec2 soft = vec2(opening.layer.variance, setting.soft.y);
-    Piece piece = piece_of(cell_row, cell, from_x, to_x, share, soft);
+    Piece piece = piece_of(cell_row, cell, from_x, to_x, share, opening.tilt, soft);
     if (cut) {
         cut_by(piece, from_x, to_x, edges, light.mask_blur);
         float shadow = light.sample_mask.thickness * bars.slope;
@@ -118,7 +118,7 @@ void light_through(Exposed step_, Opening opening, inout Landing landing) {
             float value = passed.piece.amount
                 * response(beamlet, bars_behind, passed.piece, edge, edge + light.pixel_pitch,
                            pixel == passed.home);
-            if (!(value > 0.0)) value = 0.0;
+            if (!(abs(value) < 1e30)) value = 0.0;
             land(landing, cell, pixel, value);
             passed.first++;
         }
@@ -137,7 +137,7 @@ void illuminate(uint mask_step) {
         if (n >= 0) opening.first = cell_row.cell_count;
         bool is_last = true;
         if (n >= 0 && n < step_.apertures) {
-            if (layer == 0u) bars.layers = layers_at(step_, place.period);
+            if (layer == 0u) bars.layers = layers_at(centre_of(step_, place.period));
             opening = opening_of(step_, place, layer);
             layer++;
             is_last = layer == bars.layers;

@@ -75,7 +75,9 @@ impl PixelSums {
             let words = &mut words[..part.len()];
             self.buffer.read_into(8 * first as u64, words)?;
             part.par_iter_mut().zip(words).enumerate().for_each(|(index, (value, words))| {
-                let sum = whole(*words) + every_step(first + index);
+                // Terms may be negative, in two's complement; a sum is so by rounding alone.
+                let sum = whole(*words).wrapping_add(every_step(first + index));
+                let sum = sum.cast_signed().max(0);
                 let (high, low) = (sum >> 32, sum & 0xffff_ffff);
                 *value = single(high as f64 + low as f64 / 4_294_967_296.0);
             });

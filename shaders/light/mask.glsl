@@ -44,12 +44,19 @@ struct Bars {
     float middle;    // the same of the mean place of a soft edge, m
     float decay;     // m
     float depth;     // in units of `decay`
+    float leak_tilt; // change of `leak` with the angle, share of it per unit of dx/dy
+    float open_tilt; // of `open`
     float narrowing; // of an aperture, m per unit of |dx/dy| at each edge
     float stretch;   // of the depth of soft edges, share of it per unit of |dx/dy|
+    float rise;      // from the greatest inset of a soft edge to the least, m
+    float cast_outside; // the greatest is cast by one face of the mask (1) or by the other (-1),
+    float cast_inside;  // and so is the least
     float variance;  // of a soft edge, m2
     float reach;     // of the widest layer from the middle of the period, m
     float lattice_shift; // half a period where light is brightest behind bars, m
+    float face;      // from the middle plane to the faces, m
     uint layers;
+    uint cut_layers; // of the detector mask, where the edge of a pixel cuts a soft edge
 };
 
 // A layer of the soft edges: its share of `open`, and where its hard edges stand.
@@ -58,10 +65,11 @@ struct Layer {
     float inset;     // from the edges of the aperture, m
     float narrowing; // as that of bars
     float variance;  // m2
+    float bow;       // m2: what an edge moves by per unit of dx/dy, times the distance from the source
 };
 
 // Most layers,
-const uint MOST_LAYERS = 12u;
+const uint MOST_LAYERS = 24u;
 // and only as many as leave this error, as a share of the open beam.
 const float LAYER_ERROR = 1e-6;
 
@@ -70,6 +78,13 @@ float edge_mean(float depth) {
     if (depth < 0.3) return depth * (0.5 - depth * (1.0 / 12.0 - depth * depth / 720.0));
     float e = exp(-depth);
     return 1.0 - depth * e / (1.0 - e);
+}
+
+// Its change with the depth.
+float edge_mean_rise(float depth) {
+    if (depth < 0.3) return 0.5 - depth * (1.0 / 6.0 - depth * depth / 180.0);
+    float e = exp(-depth);
+    return (depth / (1.0 - e) - 1.0) * e / (1.0 - e);
 }
 
 // Its variance.
@@ -121,7 +136,8 @@ Bars thick_bars(Mask mask, float slope, float sec) {
     float depth = attenuation * rise / shadow;
     float deep = exp(-depth);
     Bars bars;
-    bars.slope = slope;
+    // Not 0, of which nothing can grow.
+    bars.slope = shadow / mask.thickness;
     bars.leak = least * deep;
     bars.open = least - bars.leak;
     bars.inset = beyond_aperture ? aperture - 0.5 * rest : 0.5 * rest;
@@ -129,30 +145,35 @@ Bars thick_bars(Mask mask, float slope, float sec) {
     bars.depth = depth;
     bars.middle = bars.inset - bars.decay * edge_mean(depth);
     bars.lattice_shift = (int(periods) & 1) == 0 ? 0.0 : 0.5 * mask.period;
-    // Half a period passes `passed`, which changes with the shadow.
+    // Along x the angle changes, and with it what is cast.
     float per = 1.0 / shadow;
     float d_least = -attenuation * least * per * per
         * (beyond_aperture ? (periods + 1.0) * aperture : -periods * bar);
     float d_leak = -attenuation * bars.leak * per * per
         * (beyond_bar ? -(periods + 1.0) * bar : periods * aperture);
+    bars.leak_tilt = bars.leak > 1e-7 ? mask.thickness * d_leak / bars.leak : 0.0;
+    bars.open_tilt = bars.open > 1e-7 ? mask.thickness * (d_least - d_leak) / bars.open : 0.0;
     float d_start = beyond_aperture ? 0.5 : -0.5;
-    float d_end = beyond_bar ? -0.5 : 0.5;
-    float passed = d_least * start + least * d_start - bars.leak * d_end
-        + (d_least - d_leak) * bars.decay + bars.open / attenuation
-        + d_leak * (0.5 * mask.period - start - rise);
-    bars.narrowing = bars.open > 1e-7 ? -passed * mask.thickness / bars.open : 0.0;
+    float d_rise = beyond_bar ? (beyond_aperture ? -1.0 : 0.0) : (beyond_aperture ? 0.0 : 1.0);
+    float d_depth = attenuation * per * (d_rise - rise * per);
+    bars.narrowing = -mask.thickness
+        * (d_start + edge_mean(depth) / attenuation + bars.decay * edge_mean_rise(depth) * d_depth);
+    bars.cast_outside = beyond_aperture ? -1.0 : 1.0;
+    bars.cast_inside = beyond_bar ? 1.0 : -1.0;
+    bars.rise = rise;
     float spread = edge_variance(depth);
     bars.variance = bars.decay * bars.decay * spread;
     // Soft edges grow with the shadow. Where bar or aperture bound them, `depth` falls instead, and
     // with it their deviation in units of `decay`.
-    bars.stretch = 1.0 / slope;
+    bars.stretch = 1.0 / bars.slope;
     if (beyond_bar || beyond_aperture) {
         float more = 0.02;
         float rise_of_variance = edge_variance((1.0 + more) * depth) / spread - 1.0;
         bars.stretch *= 1.0 - 0.5 * rise_of_variance / more;
     }
     bars.reach = max(mask.last, start + rise);
-    bars.layers = 1u;
+    bars.face = 0.5 * mask.thickness;
+    bars.layers = bars.cut_layers = 1u;
     return bars;
 }
 
@@ -162,26 +183,50 @@ Bars bars_of(Mask mask, float slope_x, float sec, float blur) {
     if (mask.present != 0u && mask.averaged == 0u && mask.attenuation > 0.0) {
         Bars bars = thick_bars(mask, slope, sec);
         bars.layers = layers_of(bars, mask.period, blur);
+        if (slope_x < 0.0) {
+            bars.leak_tilt = -bars.leak_tilt;
+            bars.open_tilt = -bars.open_tilt;
+        }
         return bars;
     }
     float shadow = mask.thickness * slope;
     float leak = mask.present == 0u ? 1.0 : (mask.averaged != 0u ? 0.0 : mask.transmission);
     float variance = mask.averaged != 0u ? shadow * shadow * mask.edge_variance : 0.0;
-    return Bars(leak, 1.0 - leak, slope, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, variance, mask.last, 0.0, 1u);
+    return Bars(leak, 1.0 - leak, slope, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1.0,
+                variance, mask.last, 0.0, 0.0, 1u, 1u);
+}
+
+// What the edges of an aperture move by besides, where they stand `inset` inside of it (m2: per unit of
+// dx/dy, times the distance from the source). A corner of a bar is seen in the middle plane displaced by
+// its angle times its distance from there, and by the square of that. The faces of the mask cast the ends
+// of soft edges, what is between them the rest.
+float bow_of(Bars bars, float inset) {
+    if (!(bars.rise > 0.0)) return 0.0;
+    float outside = (inset - bars.inset) / bars.rise + 1.0;
+    return bars.face * mix(bars.cast_inside, bars.cast_outside, outside) * inset / bars.slope;
+}
+
+// Whether x lies in a soft edge of an aperture whose middle stands at `centre`.
+bool in_soft_edge(Bars bars, Aperture aperture, float centre, float x) {
+    float from_low = x - (centre + aperture.low) - bars.inset;
+    float from_high = (centre + aperture.high) - x - bars.inset;
+    return (from_low < 0.0 && from_low > -bars.rise) || (from_high < 0.0 && from_high > -bars.rise);
 }
 
 // Layers are cut at equal steps of the third root of the density.
-Layer layer_of(Bars bars, uint index) {
-    if (bars.layers == 1u) return Layer(bars.open, bars.middle, bars.narrowing, bars.variance);
-    float fall = (1.0 - exp(-bars.depth / 3.0)) / float(bars.layers);
-    bool last = index + 1u == bars.layers;
+Layer layer_of(Bars bars, uint index, uint layers) {
+    if (layers == 1u) {
+        return Layer(bars.open, bars.middle, bars.narrowing, bars.variance, bow_of(bars, bars.middle));
+    }
+    float fall = (1.0 - exp(-bars.depth / 3.0)) / float(layers);
+    bool last = index + 1u == layers;
     float from = -3.0 * log(1.0 - fall * float(index));
     float to = last ? bars.depth : -3.0 * log(1.0 - fall * float(index + 1u));
     float depth = to - from;
     float share = exp(-from) * (1.0 - exp(-depth)) / (1.0 - exp(-bars.depth));
     float inset = bars.inset - bars.decay * (from + edge_mean(depth));
     return Layer(bars.open * share, inset, bars.narrowing + (inset - bars.middle) * bars.stretch,
-                 bars.decay * bars.decay * edge_variance(depth));
+                 bars.decay * bars.decay * edge_variance(depth), bow_of(bars, inset));
 }
 
 // Hard edges of an aperture. Per standard deviation of the source offset the low one moves by
@@ -191,17 +236,22 @@ struct Edges {
     float high;
     float low_turn;
     float high_turn;
+    // Second order in the offset t of the source (standard deviations), near the axis alone: each edge moves
+    // inwards by this length times t^2 - 1.
+    float low_bend;
+    float high_bend;
 };
 
-// Means of |slope| and of its sign, where it is spread normally.
-vec2 mean_size(float slope, float spread) {
+// |slope| where it is spread normally: its mean, its change per standard deviation, and in units of the
+// spread what it changes by with the square of the deviation less 1.
+vec3 mean_size(float slope, float spread) {
     float size = abs(slope);
     float way = slope < 0.0 ? -1.0 : 1.0;
-    if (!(size < 6.0 * spread)) return vec2(size, way);
+    if (!(size < 6.0 * spread)) return vec3(size, way, 0.0);
     float density, below;
     normal(size / spread, density, below);
     float sure = 2.0 * below - 1.0;
-    return vec2(sure * size + 2.0 * spread * density, way * sure);
+    return vec3(sure * size + 2.0 * spread * density, way * sure, density);
 }
 
 // Edges of an aperture whose middle stands at `centre`, each seen under its own angle, which is
@@ -216,9 +266,13 @@ Edges edges_of(Mask mask, Bars bars, Layer layer, Aperture aperture, float centr
     float per = averaged ? 0.5 * mask.thickness * narrowing : layer.narrowing;
     float from = averaged ? 0.0 : bars.slope;
     float spread = spot / plane;
-    vec2 at_low = mean_size(slope + low / plane, spread);
-    vec2 at_high = mean_size(slope + high / plane, spread);
-    return Edges(low + layer.inset + per * (at_low.x - from),
-                 high - layer.inset - per * (at_high.x - from),
-                 per * spread * at_low.y, per * spread * at_high.y);
+    float low_slope = slope + low / plane;
+    float high_slope = slope + high / plane;
+    vec3 at_low = mean_size(low_slope, spread);
+    vec3 at_high = mean_size(high_slope, spread);
+    float bow = (averaged ? per * per : layer.bow) / plane;
+    return Edges(low + layer.inset + per * (at_low.x - from) + bow * low_slope,
+                 high - layer.inset - per * (at_high.x - from) + bow * high_slope,
+                 per * spread * at_low.y, per * spread * at_high.y,
+                 per * spread * at_low.z, per * spread * at_high.z);
 }

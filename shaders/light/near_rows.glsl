@@ -51,10 +51,10 @@ void land(inout Landing landing, Cell cell, int pixel, float value) {
     landing.left += pixel == base ? rows : vec3(0.0);
     landing.middle += pixel == base + 1 ? rows : vec3(0.0);
     landing.right += pixel == base + 2 ? rows : vec3(0.0);
-    bool waits = value > 0.0 && pixel >= base && pixel <= base + 2;
+    bool waits = value != 0.0 && pixel >= base && pixel <= base + 2;
     landing.first_lit = waits ? min(landing.first_lit, pixel) : landing.first_lit;
     landing.last_lit = waits ? max(landing.last_lit, pixel) : landing.last_lit;
-    if (value > 0.0 && !waits) {
+    if (value != 0.0 && !waits) {
         flush(beamlet.pixel + pixel, landing.mask_step, rows);
     }
 }

@@ -25,11 +25,29 @@ vec2 between_edges(Piece piece) {
     return vec2(max(piece.low / piece.steep_low, -1.0), min(piece.high / piece.steep_high, 1.0));
 }
 
+// As `window`, where what passes changes by this share per m of the ray's place, as bars do with the angle.
+// What passes may fall below zero: where a shadow is as wide as a period, what is open gets darker
+// than what bars leak.
+float through_bars(Piece piece, Edge low, Edge high, float tilt) {
+    float level = 1.0 + tilt * piece.middle;
+    float turn = tilt * (light.spot + source_spot()) * piece.by_spot;
+    Profile before = piece.profile;
+    piece.profile = Profile(level * before.level,
+                            level * before.depth_change - before.level * tilt * piece.half_width,
+                            level * before.turn - before.level * turn);
+    return window(piece, low, high);
+}
+
+// Light below zero is rounding, unless the bars before the piece change its sign.
+float rounded_off(Piece piece, float light_of_piece) {
+    return piece.changes_sign ? light_of_piece : max(light_of_piece, 0.0);
+}
+
 // Light of the piece that passes the detector mask and lands in the pixel [low, high], as a share of
 // the piece; `home`: the pixel that faint light of the piece is put into.
 float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float high, bool home) {
-    Edge pixel_low = Edge(low, piece.pixel_blur);
-    Edge pixel_high = Edge(high, piece.pixel_blur);
+    Edge pixel_low = Edge(low, piece.pixel_blur, 0.0);
+    Edge pixel_high = Edge(high, piece.pixel_blur, 0.0);
     Mask mask = light.detector_mask;
     bool masked = mask.present != 0u;
     float leak = bars.leak;
@@ -42,31 +60,42 @@ float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float
         float to = high + beamlet.aperture_offset + bars.reach;
         place.period = max(reached.x, int(ceil(from / mask.period)));
         int last = min(reached.y, int(floor(to / mask.period)));
-        apertures = max(last - place.period + 1, 0) * int(mask.count * bars.layers);
+        apertures = max(last - place.period + 1, 0) * int(mask.count);
     }
     float open = 0.0;
     // First the whole pixel, behind the bars too; then each layer of each aperture. The window
     // stands in the loop once: drivers inline it, and it is long.
     float whole = 0.0;
     uint index = 0u;
+    uint layers = 1u;
     int n = leak >= FAINT ? -1 : 0;
     do {
         Edge lower = pixel_low;
         Edge upper = pixel_high;
         bool met = n < 0;
+        bool is_last = true;
         float part = 0.0;
+        float tilt = bars.leak_tilt;
         if (n >= 0 && n < apertures) {
-            Layer layer = layer_of(bars, index);
+            Aperture aperture = aperture_of(mask, place);
             float centre = float(place.period) * mask.period - beamlet.aperture_offset;
-            Edges edges = edges_of(mask, bars, layer, aperture_of(mask, place), centre, beamlet.slope,
-                                   light.analyser, source_spot(), piece.detector_narrowing);
+            if (index == 0u) {
+                bool cut = in_soft_edge(bars, aperture, centre, low)
+                    || in_soft_edge(bars, aperture, centre, high);
+                layers = cut ? bars.cut_layers : bars.layers;
+            }
+            Layer layer = layer_of(bars, index, layers);
+            Edges edges = edges_of(mask, bars, layer, aperture, centre, beamlet.slope, light.analyser,
+                                   source_spot(), piece.detector_narrowing);
             index++;
-            if (index == bars.layers) {
+            is_last = index == layers;
+            if (is_last) {
                 place = next_place(mask, place);
                 index = 0u;
             }
             met = edges.high > low && edges.low < high && edges.high > edges.low;
             part = layer.share;
+            tilt = bars.open_tilt;
             // Energies for which bars shade more may be displaced more: such light lands farther
             // from one edge, and closer to the other. So does light of an offset of the source
             // for which bars shade more.
@@ -74,21 +103,22 @@ float response(BeamletGeometry beamlet, Bars bars, Piece piece, float low, float
             float variance = piece.blur * piece.blur + (layer.variance - bars.variance);
             float above = variance + covariance + 2.0 * light.spot * edges.high_turn;
             float below = variance - covariance - 2.0 * light.spot * edges.low_turn;
-            if (edges.high < high) upper = Edge(edges.high, sqrt(max(above, 0.0)));
-            if (edges.low > low) lower = Edge(edges.low, sqrt(max(below, 0.0)));
+            float by_spot = light.spot * light.spot / max(variance, 1e-24);
+            if (edges.high < high) upper = Edge(edges.high, sqrt(max(above, 0.0)), by_spot * edges.high_bend);
+            if (edges.low > low) lower = Edge(edges.low, sqrt(max(below, 0.0)), by_spot * edges.low_bend);
         }
-        float share = window(piece, lower, upper);
+        float share = through_bars(piece, lower, upper, tilt / light.analyser);
         if (n < 0) whole = share;
         else if (met) open += part * share;
-        n++;
+        if (is_last) n++;
     } while (n < apertures);
-    if (!masked) return whole;
+    if (!masked) return rounded_off(piece, whole);
     if (leak < FAINT) {
         // So little that it does not matter where about it lands.
         vec2 passing = between_edges(piece);
-        whole = home ? 0.5 * max(passing.y - passing.x, 0.0) : 0.0;
+        whole = home ? 0.5 * piece.profile.level * max(passing.y - passing.x, 0.0) : 0.0;
     }
-    return leak < NEGLIGIBLE ? open : leak * whole + open;
+    return rounded_off(piece, leak < NEGLIGIBLE ? open : leak * whole + open);
 }
 
 // Displacements that change faster than this along x go on like that no farther than their cell.
@@ -99,8 +129,8 @@ float steepest() {
 // The part [a, b] of a cell on the analyser. x is where the ray from the centre of the source
 // that meets the sample in the same place crosses the cell plane: what the sample does depends
 // on it alone. `soft`: variance that the shadows of thick bars add, of the sample mask in the
-// cell plane and of the detector mask on the analyser.
-Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission, vec2 soft) {
+// cell plane and of the detector mask on the analyser. `tilt`: of the transmission, share of it per m.
+Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission, float tilt, vec2 soft) {
     float span = cell.x_high - cell.x_low;
     float depth_slope = (cell.depth_high - cell.depth_low) / span;
     float displacement_slope = (cell.displacement_high - cell.displacement_low) / span;
@@ -109,6 +139,7 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
     float from_low = middle - cell.x_low;
     float growth = light.magnification + displacement_slope;
     float depth_change = depth_slope * width;
+    float level = 1.0 + tilt * middle;
     Piece piece;
     piece.amount = transmission * exp(-(cell.depth_low + depth_slope * from_low)) * width
         * (1.0 + depth_change * depth_change / 24.0) * light.weight * (cell_row.bottom - cell_row.top);
@@ -120,13 +151,17 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
     piece.blur = sqrt(light.spot * light.spot + shadow + soft.y + cell.displacement_variance);
     piece.pixel_blur = sqrt(light.pixel_spot * light.pixel_spot + shadow + cell.displacement_variance);
     piece.pixel_shift = cell.pixel_shift;
-    piece.depth_change = 0.5 * depth_change;
+    piece.by_spot = light.spot / max(piece.blur, 1e-12);
+    float turn = tilt * source_spot() * (light.cell_plane / light.rotation_distance) * piece.by_spot;
+    piece.profile = Profile(level, 0.5 * (level * depth_change - tilt * width), -turn);
+    piece.changes_sign = abs(level - 1.0) + 0.5 * abs(tilt) * width + 6.0 * abs(turn) > 1.0;
     piece.detector_narrowing = cell.detector_narrowing;
     piece.sample_covariance = 0.0;
     piece.detector_covariance = cell.detector_covariance;
     piece.steep_low = piece.steep_high = STEEP;
     piece.low = -STEEP - BEYOND;
     piece.high = STEEP + BEYOND;
+    piece.low_bend = piece.high_bend = 0.0;
     return piece;
 }
 
@@ -143,4 +178,6 @@ void cut_by(inout Piece piece, float a, float b, Edges edges, float shift) {
     float most_high = piece.steep_high + BEYOND;
     piece.low = clamp((edges.low - middle) * per_low, -most_low, most_low);
     piece.high = clamp((edges.high - middle) * per_high, -most_high, most_high);
+    piece.low_bend = edges.low_bend * per_low;
+    piece.high_bend = edges.high_bend * per_high;
 }

@@ -68,6 +68,10 @@ void setting_begin() {
     float sec = secant(beamlet.slope, slope_of_rows());
     bars = bars_before(beamlet.slope);
     bars_behind = bars_of(light.detector_mask, beamlet.slope, sec, light.spot);
+    if (bars_behind.depth > 0.0) {
+        // The spot does not blur the edges of pixels against those of the mask.
+        bars_behind.cut_layers = layers_of(bars_behind, light.detector_mask.period, 0.0);
+    }
     beamlet.sample_offset -= bars.lattice_shift;
     beamlet.aperture_offset -= bars_behind.lattice_shift;
     setting.soft = vec2(bars.variance, bars_behind.variance);
@@ -125,6 +129,7 @@ Exposed exposed_at(uint mask_step) {
 // What light of cells passes: a layer of an aperture of the sample mask, or all that bars leak.
 struct Opening {
     bool cuts; // not of what bars leak
+    float tilt; // of its light, share of it per m in the cell plane
     Layer layer;
     Aperture aperture;
     float centre;
@@ -133,7 +138,8 @@ struct Opening {
 };
 
 Opening leak_of() {
-    return Opening(false, Layer(bars.leak, 0.0, 0.0, 0.0), Aperture(0.0, 0.0), 0.0, 0u, 1e30);
+    return Opening(false, bars.leak_tilt / light.cell_plane, Layer(bars.leak, 0.0, 0.0, 0.0, 0.0),
+                   Aperture(0.0, 0.0), 0.0, 0u, 1e30);
 }
 
 Edges edges_in(Opening opening, float narrowing) {
@@ -154,23 +160,37 @@ uint cell_beyond(float x) {
     return first;
 }
 
-// Layers of the apertures of a period. Where these reach beyond the cells, it is the number that those of
-// the neighbouring beamlet have for the rest of them: by the angle under which the period is seen.
-uint layers_at(Exposed step_, int period) {
-    float centre = float(period) * light.sample_mask.period + step_.offset;
+// Middle of a period, m in the cell plane from that of the beamlet.
+float centre_of(Exposed step_, int period) {
+    return float(period) * light.sample_mask.period + step_.offset;
+}
+
+// Whether apertures of the period about `centre` reach beyond the cells, into those of a neighbouring
+// beamlet. It and this one have to see the period alike: under the angle of its middle.
+bool is_shared(float centre) {
     float reach = bars.reach + setting.reach;
-    if (bars.depth <= 0.0
-        || (centre - reach >= setting.ends.low && centre + reach <= setting.ends.high)) {
-        return bars.layers;
-    }
-    return bars_before(beamlet.slope + centre / light.cell_plane).layers;
+    return bars.depth > 0.0 && (centre - reach < setting.ends.low || centre + reach > setting.ends.high);
+}
+
+// Slope of a ray through the middle of a period.
+float slope_at(float centre) {
+    return beamlet.slope + centre / light.cell_plane;
+}
+
+// Layers of the apertures of a period.
+uint layers_at(float centre) {
+    return is_shared(centre) ? bars_before(slope_at(centre)).layers : bars.layers;
 }
 
 // A layer of the aperture at `place`.
 Opening opening_of(Exposed step_, Place place, uint layer) {
-    Mask mask = light.sample_mask;
-    Opening opening = Opening(true, layer_of(bars, layer), aperture_of(mask, place),
-                              float(place.period) * mask.period + step_.offset, 0u, 0.0);
+    float centre = centre_of(step_, place.period);
+    Opening opening = Opening(true, bars.open_tilt / light.cell_plane, layer_of(bars, layer, bars.layers),
+                              aperture_of(light.sample_mask, place), centre, 0u, 0.0);
+    if (is_shared(centre)) {
+        float grown = max(1.0 + bars.stretch * (abs(slope_at(centre)) - bars.slope), 0.0);
+        opening.layer.variance *= grown * grown;
+    }
     // Of the cells of averaged masks it is narrower.
     Edges widest = edges_in(opening, 0.0);
     opening.first = cell_beyond(widest.low - setting.reach);

@@ -6,6 +6,14 @@ const float STEEP = 2e4;
 // Standard deviations from an edge to where it cuts nothing.
 const float BEYOND = 8.0;
 
+// Light of a piece over xi and t, as a share of that in its middle:
+// level - depth_change * xi + turn * t.
+struct Profile {
+    float level;
+    float depth_change; // half the change of optical depth over the piece
+    float turn;         // bars are seen under other angles from elsewhere in the spot
+};
+
 // Light of a cell, or of what a hard edge leaves of it, on the analyser: evenly spread over
 // middle + half_width * xi, xi in [-1, 1], moved by -blur * t.
 struct Piece {
@@ -16,7 +24,9 @@ struct Piece {
     float blur;       // at edges of the detector mask
     float pixel_blur; // at edges of pixels
     float pixel_shift;
-    float depth_change;       // half the change of optical depth over the piece
+    float by_spot;            // share of the spot in `blur`
+    Profile profile;
+    bool changes_sign;        // of its light, somewhere
     float detector_narrowing;
     float sample_covariance; // over the half width of the piece in the cell plane
     float detector_covariance;
@@ -26,36 +36,45 @@ struct Piece {
     float high;
     float steep_low;
     float steep_high;
+    // Second order in t: each edge moves inwards by this times t^2 - 1.
+    float low_bend;
+    float high_bend;
 };
 
 // An edge on the analyser, and the blur of light there.
 struct Edge {
     float at;
     float blur;
+    float bend; // second order in t: it moves inwards by this length times t^2 - 1
 };
 
-// Integral of (1 - depth_change * xi) Phi over xi in [p, q], where the argument of Phi goes from a to b.
-float below_between(float a, float b, float p, float q, float depth_change) {
+// Integral of the profile over xi in [p, q] and over all t below a bound that goes from a to b. The bound
+// is higher by bend * (t^2 - 1).
+float below_between(float a, float b, float p, float q, Profile profile, float bend) {
+    float depth_change = profile.depth_change;
     float density_a, below_a, density_b, below_b;
     normal(a, density_a, below_a);
     normal(b, density_b, below_b);
     float h = q - p;
     float w = b - a;
-    float at_a = 1.0 - depth_change * p;
-    float at_b = 1.0 - depth_change * q;
+    float at_a = profile.level - depth_change * p;
+    float at_b = profile.level - depth_change * q;
     if (abs(w) < 0.5) {
         // The closed form would lose its digits: Euler and Maclaurin's sum.
         float first = w * (at_b * density_b - at_a * density_a) - depth_change * h * (below_b - below_a);
         float third = w * w
             * (w * (at_b * (b * b - 1.0) * density_b - at_a * (a * a - 1.0) * density_a)
                + 3.0 * depth_change * h * (b * density_b - a * density_a));
-        return h * (0.5 * (at_a * below_a + at_b * below_b) - first / 12.0 + third / 720.0);
+        float bent = (bend * (a * a - 1.0) - profile.turn) * density_a
+            + (bend * (b * b - 1.0) - profile.turn) * density_b;
+        return h * (0.5 * (at_a * below_a + at_b * below_b + bent) - first / 12.0 + third / 720.0);
     }
     float per = h / w;
     float once = at_b * (b * below_b + density_b) - at_a * (a * below_a + density_a);
     float twice = 0.5 * ((b * b + 1.0) * below_b + b * density_b - (a * a + 1.0) * below_a
                          - a * density_a);
-    return per * (once + depth_change * per * twice);
+    float bent = bend * (a * density_a - b * density_b) - profile.turn * (below_b - below_a);
+    return per * (once + depth_change * per * twice + bent);
 }
 
 // Where two lines meet, cut to [-1, 1].
@@ -98,23 +117,24 @@ float window(Piece piece, Edge low, Edge high) {
     float high_upper = meeting(piece.high - upper, upper_slope + steep_high);
     float low_lower = meeting(piece.low - lower, lower_slope + steep_low);
     float low_upper = meeting(piece.low - upper, upper_slope + steep_low);
-    float depth_change = piece.depth_change;
+    Profile profile = piece.profile;
     // Edges of the aperture that do not cut the piece stand at its ends.
     bool cut_high = piece.high < steep_high + BEYOND;
     bool cut_low = piece.low > -steep_low - BEYOND;
     if (!cut_high) high_lower = high_upper = 2.0 * turned;
     if (!cut_low) low_lower = low_upper = -2.0 * turned;
     float share = below_between(upper + upper_slope * low_upper, upper + upper_slope * high_upper,
-                                low_upper, high_upper, depth_change)
+                                low_upper, high_upper, profile, -low.bend / low_blur)
         - below_between(lower + lower_slope * low_lower, lower + lower_slope * high_lower,
-                        low_lower, high_lower, depth_change);
+                        low_lower, high_lower, profile, high.bend / high_blur);
     if (cut_high) {
         share += below_between(piece.high - steep_high * high_upper,
-                               piece.high - steep_high * high_lower, high_upper, high_lower, depth_change);
+                               piece.high - steep_high * high_lower, high_upper, high_lower, profile,
+                               -piece.high_bend);
     }
     if (cut_low) {
         share -= below_between(piece.low - steep_low * low_upper, piece.low - steep_low * low_lower,
-                               low_upper, low_lower, depth_change);
+                               low_upper, low_lower, profile, piece.low_bend);
     }
     share *= turned;
     if (piece.sample_covariance != 0.0) {
@@ -122,5 +142,5 @@ float window(Piece piece, Edge low, Edge high) {
         if (cut_high) share -= leaning(piece, piece.high / steep_high, low.at, low_blur, high.at, high_blur);
         if (cut_low) share -= leaning(piece, piece.low / steep_low, low.at, low_blur, high.at, high_blur);
     }
-    return max(share, 0.0);
+    return share;
 }

@@ -19,10 +19,12 @@ const WIDE: f64 = 2e-5;
 const COLUMNS: u32 = 1200;
 /// 0, 0.5, 4, 17, 33 and 50 mrad.
 const PLACES: [u32; 6] = [600, 606, 650, 800, 1000, 1199];
+/// Where edges of pixels stand elsewhere in periods of 6 to 12 um of the detector mask.
+const BETWEEN: [u32; 4] = [790, 797, 803, 999];
 /// Opaque at 225 um, leaking 0.011, 0.39 and 0.91.
 const ATTENUATIONS: [f64; 4] = [GOLD, 20_000.0, 4_185.0, 400.0];
 /// Of the sample mask and the detector mask, m.
-const THICKNESSES: [[f64; 2]; 3] = [[10e-6; 2], [100e-6, 300e-6], [225e-6; 2]];
+const THICKNESSES: [[f64; 2]; 4] = [[10e-6; 2], [100e-6, 300e-6], [225e-6; 2], [1e-3, 500e-6]];
 /// FWHM of the focal spot, m.
 const SPOTS: [f64; 3] = [0.0, 30e-6, 90e-6];
 
@@ -64,6 +66,28 @@ fn is_narrow(setup: &Setup, column: u32) -> bool {
     })
 }
 
+/// Worst deviations of columns where bars are narrower than half of their shadow, and of others.
+struct WorstOf {
+    narrow: Worst,
+    wide: Worst,
+}
+
+impl WorstOf {
+    fn new(narrow: &'static str, wide: &'static str) -> Self {
+        Self { narrow: Worst::new(narrow, NARROW), wide: Worst::new(wide, WIDE) }
+    }
+
+    /// That of the kind of a column.
+    fn at(&mut self, setup: &Setup, column: u32) -> &mut Worst {
+        if is_narrow(setup, column) { &mut self.narrow } else { &mut self.wide }
+    }
+
+    fn holds(self) {
+        self.narrow.holds();
+        self.wide.holds();
+    }
+}
+
 /// What a scene whose detector mask lies on the detector is about: the mask counts as there,
 /// as large as it is seen from the source, its shadows too.
 fn on_the_detector(mut setup: Setup) -> Setup {
@@ -88,12 +112,13 @@ fn quadrature() -> Quadrature {
 fn compare_columns(
     engine: &Checked,
     setup: &Setup,
+    columns: impl IntoIterator<Item = u32>,
     offsets: &[f64],
     mut take: impl FnMut(u32, f64, &dyn Fn() -> String),
 ) {
     let stack = engine.simulate(&scenes::scene(setup, &[], offsets)).expect("a flat").flat;
     let reference = on_the_detector(setup.clone());
-    for column in PLACES {
+    for column in columns {
         let want = reference.pixel(None, Order::Exact, &quadrature(), column, 0, offsets);
         for (step, want) in want.iter().enumerate() {
             let got = f64::from(stack[[step, 0, column as usize]]);
@@ -118,8 +143,7 @@ fn cases(bars: &[[f64; 2]]) -> Vec<Case> {
 
 #[test]
 fn bars_of_every_width_are_boxes() {
-    let mut narrow = Worst::new("bars, some narrower than half of their shadow", NARROW);
-    let mut wide = Worst::new("bars, others", WIDE);
+    let mut worst = WorstOf::new("bars, some narrower than half of their shadow", "bars, others");
     let bars = [
         [0.0, 120e-6],
         [80e-6, 0.0],
@@ -140,13 +164,11 @@ fn bars_of_every_width_are_boxes() {
     let engine = engine(Backend::Bvh);
     for case in cases(&bars) {
         let setup = case.setup();
-        compare_columns(&engine, &setup, &steps(47e-6, 5), |column, deviation, place| {
-            let worst = if is_narrow(&setup, column) { &mut narrow } else { &mut wide };
-            worst.take(deviation, || format!("{case:?}, {}", place()));
+        compare_columns(&engine, &setup, PLACES, &steps(47e-6, 5), |column, off, place| {
+            worst.at(&setup, column).take(off, || format!("{case:?}, {}", place()));
         });
     }
-    narrow.holds();
-    wide.holds();
+    worst.holds();
 }
 
 /// Most that a column of a flat may differ from the mean of those beside it, away from the axis, where
@@ -207,8 +229,11 @@ fn apertures_as_wide_as_their_period_are_no_mask() {
 fn shadows_of_more_than_a_period_are_boxes() {
     // 300 um at 50 mrad: a shadow of 15 um, of one period and of more, where what was dark at a
     // smaller angle is bright and the other way round.
-    let mut narrow = Worst::new("bars, shadows of more than a period", NARROW);
-    let mut wide = Worst::new("bars of small periods, wider than half of their shadow", WIDE);
+    let mut worst = WorstOf::new(
+        "bars, shadows of more than a period",
+        "bars of small periods, wider than half of their shadow",
+    );
+    let columns = || PLACES.into_iter().chain(BETWEEN);
     let engine = engine(Backend::Bvh);
     for mu in ATTENUATIONS {
         for spot in SPOTS {
@@ -221,17 +246,65 @@ fn shadows_of_more_than_a_period_are_boxes() {
                         unreachable!("there are two masks")
                     };
                     (mask.period, mask.aperture, mask.origin) = (period, aperture, 0.5 * period);
-                    compare_columns(&engine, &setup, &steps(47e-6, 5), |column, off, place| {
-                        let what = || format!("{mu}, {spot:e}, {fine}, {period:e}, {}", place());
-                        let worst = if is_narrow(&setup, column) { &mut narrow } else { &mut wide };
-                        worst.take(off, what);
-                    });
+                    let place_of = |place: &dyn Fn() -> String| {
+                        format!("{mu}, {spot:e}, {fine}, {period:e}, {}", place())
+                    };
+                    compare_columns(
+                        &engine,
+                        &setup,
+                        columns(),
+                        &steps(47e-6, 5),
+                        |column, off, place| {
+                            worst.at(&setup, column).take(off, || place_of(place));
+                        },
+                    );
                 }
             }
         }
     }
-    narrow.holds();
-    wide.holds();
+    worst.holds();
+}
+
+#[test]
+fn bars_before_a_column_on_the_axis_are_boxes() {
+    // The middle of its beamlet is seen under no angle, what stands across its borders under some.
+    let mut worst = Worst::new("bars, a column on the axis", WIDE);
+    let engine = engine(Backend::Bvh);
+    for bars in [[80e-6, 120e-6], [80e-6, 0.0], [3e-6, 40e-6]] {
+        for case in cases(&[bars]) {
+            let mut setup = case.setup();
+            setup.pixels[0] = 5;
+            for mask in setup.sample_mask.iter_mut().chain(&mut setup.detector_mask) {
+                mask.origin = 0.0;
+            }
+            compare_columns(&engine, &setup, 0..5, &steps(50e-6, 11), |_, off, place| {
+                worst.take(off, || format!("{case:?}, {}", place()));
+            });
+        }
+    }
+    worst.holds();
+}
+
+#[test]
+fn bars_of_two_apertures_in_a_pixel_are_boxes() {
+    // Edges of the detector mask's apertures cut the light of either aperture on one side.
+    let mut worst = WorstOf::new(
+        "bars, two apertures in a pixel, narrow",
+        "bars, two apertures in a pixel, others",
+    );
+    let engine = engine(Backend::Bvh);
+    for bars in [[2e-6, 30e-6], [2e-6, 2e-6], [15e-6, 25e-6]] {
+        for case in cases(&[bars]) {
+            let mut setup = case.setup();
+            let mask = setup.sample_mask.as_mut().expect("a sample mask");
+            (mask.period, mask.origin) = (50e-6, 25e-6);
+            mask.aperture = 50e-6 - bars[0];
+            compare_columns(&engine, &setup, PLACES, &steps(47e-6, 5), |column, off, place| {
+                worst.at(&setup, column).take(off, || format!("{case:?}, {}", place()));
+            });
+        }
+    }
+    worst.holds();
 }
 
 /// Photons of several energies.
@@ -283,7 +356,7 @@ fn compare_energies(
     engine: &Checked,
     case: &Case,
     (light, bars_of): (Light, &str),
-    worst: &mut [Worst; 2],
+    worst: &mut WorstOf,
 ) {
     let (setup, offsets) = (case.setup(), steps(47e-6, 5));
     let folder = tempfile::tempdir().expect("a folder");
@@ -299,7 +372,7 @@ fn compare_energies(
             let of = setup.pixel(None, Order::Exact, &quadrature(), column, 0, &offsets);
             want.iter_mut().zip(of).for_each(|(want, of)| *want += weight * of);
         }
-        let worst = &mut worst[usize::from(!is_narrow(&setup, column))];
+        let worst = worst.at(&setup, column);
         for (step, want) in want.iter().enumerate() {
             let got = f64::from(stack[[step, 0, column as usize]]);
             let place = || {
@@ -312,8 +385,10 @@ fn compare_energies(
 
 #[test]
 fn bars_under_a_spectrum_are_boxes() {
-    let narrow = Worst::new("bars, some narrower than half of their shadow, spectra", NARROW);
-    let mut worst = [narrow, Worst::new("bars, others, spectra", WIDE)];
+    let mut worst = WorstOf::new(
+        "bars, some narrower than half of their shadow, spectra",
+        "bars, others, spectra",
+    );
     let engine = engine(Backend::Bvh);
     let narrow = [[0.0, 120e-6], [1e-6, 120e-6], [80e-6, 1e-6], [3e-6, 3e-6]];
     for bars in narrow {
@@ -330,15 +405,17 @@ fn bars_under_a_spectrum_are_boxes() {
             compare_energies(&engine, &case, (Light::Tube(4), "gold"), &mut worst);
         }
     }
-    worst.into_iter().for_each(Worst::holds);
+    worst.holds();
 }
 
 #[test]
 fn bars_of_light_materials_under_a_spectrum_are_boxes() {
     // Bars that pass most of the light, at every energy another share of it: aluminium of 225 um
     // passes 0.92 at 28 keV and 0.98 at 58 keV, copper 0.11 and 0.74.
-    let narrow = Worst::new("bars of light materials, narrow, spectra", NARROW);
-    let mut worst = [narrow, Worst::new("bars of light materials, others, spectra", WIDE)];
+    let mut worst = WorstOf::new(
+        "bars of light materials, narrow, spectra",
+        "bars of light materials, others, spectra",
+    );
     let engine = engine(Backend::Bvh);
     for bars_of in ["Al", "Cu"] {
         for bars in [[1e-6, 120e-6], [3e-6, 3e-6], [80e-6, 120e-6], [40e-6, 40e-6]] {
@@ -352,5 +429,5 @@ fn bars_of_light_materials_under_a_spectrum_are_boxes() {
             compare_energies(&engine, &case, (Light::Two, bars_of), &mut worst);
         }
     }
-    worst.into_iter().for_each(Worst::holds);
+    worst.holds();
 }
