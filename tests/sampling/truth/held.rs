@@ -94,9 +94,9 @@ fn rays_alone_miss_no_facet_between_them() {
     assert!(compared > 100, "{compared} values");
 }
 
-/// Rims hold tolerances below the default, and what is told is within a factor of two of it, where nothing
-/// but the detector's pixels or its mask cuts the light of a rim (0.6 and 0.75 of a tolerance rms, and
-/// a third of it told, before pieces erred by more than told).
+/// A tolerance of 3e-5 holds at rims where no sample mask is there, and the estimated error is within a
+/// factor of two of the true one. Before errors of pieces were raised, errors were 0.6 and 0.75 of the
+/// tolerance (root mean square), and the estimate was a third of them.
 #[test]
 fn tight_tolerances_hold_without_a_sample_mask() {
     let engine = engine(Backend::Bvh);
