@@ -35,6 +35,7 @@ mod interface;
 #[doc(hidden)]
 pub mod internals;
 mod interpolation;
+mod locked_file;
 pub mod material;
 pub mod moments;
 mod numbers;

@@ -17,6 +17,7 @@ pub use file::MomentWriter;
 
 use crate::detector::DetectorModel;
 use crate::illuminate::EnergyBinning;
+use crate::locked_file::LockedFile;
 use crate::numbers;
 use crate::optics::Optics;
 use crate::sampling::{CellBatch, Lattice};
@@ -27,7 +28,6 @@ use cell_cache::{CellCache, Part};
 use content::Bounds;
 use file::MomentFile;
 use resample::{Covered, Resampled};
-use std::fs::{File, TryLockError};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -43,7 +43,7 @@ pub struct StoredMoments {
     views: Vec<MomentFile>,
     shared: CellCache,
     /// Shared lock of the run: nobody replaces it while its moments are read.
-    _lock: Option<File>,
+    _lock: Option<LockedFile>,
 }
 
 impl StoredMoments {
@@ -168,14 +168,12 @@ impl StoredMoments {
 }
 
 /// Locks a run for readers, where it has a log to lock.
-fn lock(run: &Path) -> Result<Option<File>> {
+fn lock(run: &Path) -> Result<Option<LockedFile>> {
     let path = run.join("progress.log");
     let Ok(file) = input_file::open(&path) else { return Ok(None) };
-    match file.try_lock_shared() {
-        Err(TryLockError::WouldBlock) => {
-            Err(Error::file(path, "another beamlet is writing this run", None))
-        }
-        _ => Ok(Some(file)),
+    match LockedFile::shared(file) {
+        None => Err(Error::file(path, "another beamlet is writing this run", None)),
+        locked => Ok(locked),
     }
 }
 

@@ -9,6 +9,7 @@
 //! A fourth word, `tally:` and JSON, has the counts of the view's rays that are not zero.
 
 use super::Exposure;
+use crate::locked_file::LockedFile;
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, Tally, input_file};
 use std::collections::BTreeMap;
@@ -39,7 +40,7 @@ pub(super) struct Entry {
 /// The open log. It is locked while it is open: one writer per run directory.
 #[derive(Debug)]
 pub(super) struct ProgressLog {
-    file: File,
+    file: LockedFile,
     path: PathBuf,
 }
 
@@ -78,11 +79,10 @@ impl ProgressLog {
             .write(true)
             .open(path)
             .map_err(|error| Error::file(path, "cannot be opened", Some(error)))?;
-        let held = matches!(file.try_lock(), Err(std::fs::TryLockError::WouldBlock));
-        if held || !is_at(&file, path) {
-            return Err(Error::file(path, "another beamlet is using this run", None));
+        match LockedFile::exclusive(file) {
+            Some(file) if is_at(&file, path) => Ok(Self { file, path: path.to_path_buf() }),
+            _ => Err(Error::file(path, "another beamlet is using this run", None)),
         }
-        Ok(Self { file, path: path.to_path_buf() })
     }
 
     /// Cuts off what a crash left of a last line, and goes on behind the lines that are whole.

@@ -6,13 +6,14 @@ mod sheet;
 
 pub use record::Record;
 
+use crate::locked_file::LockedFile;
 use crate::whole_file::{refuse_link, sibling, sync_directory};
 use crate::{Error, Result};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use sheet::Sheet;
 use std::collections::BTreeMap;
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 /// The file that describes the images.
@@ -51,7 +52,7 @@ pub(crate) struct ImageDirectory {
     overwrite: bool,
     finished: bool,
     /// Holds the lock of the folder in the making.
-    _mark: File,
+    _mark: LockedFile,
 }
 
 impl ImageDirectory {
@@ -179,7 +180,7 @@ impl Drop for ImageDirectory {
 
 /// Makes the folder of images in the making ours: marks and locks it, and removes what a crash
 /// left in it.
-fn claim(partial: &Path) -> Result<File> {
+fn claim(partial: &Path) -> Result<LockedFile> {
     refuse_link(partial)?;
     fs::create_dir_all(partial).map_err(failed(partial, "cannot be created"))?;
     let mark = partial.join(MARK);
@@ -191,9 +192,8 @@ fn claim(partial: &Path) -> Result<File> {
     }
     refuse_link(&mark)?;
     let file = File::create(&mark).map_err(failed(&mark, "cannot be created"))?;
-    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
-        return Err(Error::file(partial, "another beamlet is making images here", None));
-    }
+    let file = LockedFile::exclusive(file)
+        .ok_or_else(|| Error::file(partial, "another beamlet is making images here", None))?;
     sweep(partial)?;
     Ok(file)
 }
