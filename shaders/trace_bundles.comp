@@ -110,13 +110,31 @@ struct ShapeLeaf {
     Chord chords[RAYS_PER_LANE];
 };
 
+// A place and its shape, loaded by all lanes together.
+Placed placed_at(uint index, out AnalyticShape shape) {
+    Record place = record_at(Words(uvec2(sample_.placed)), index, PLACED_WORDS);
+    uint at = word_of(place, PLACED_PROTOTYPE);
+    Record prototype = record_at(Words(uvec2(sample_.prototypes)), at, PROTOTYPE_WORDS);
+    at = word_of(prototype, PROTOTYPE_ROOT);
+    Record own = record_at(Words(uvec2(sample_.shapes)), at, ANALYTIC_SHAPE_WORDS);
+    shape = AnalyticShape(word_of(own, ANALYTIC_SHAPE_KIND), numbers_of(own, ANALYTIC_SHAPE_HIGH),
+                          numbers_of(own, ANALYTIC_SHAPE_LOW));
+    vec4 rotation = vec4(numbers_of(place, PLACED_ROTATION),
+                         number_of(place, PLACED_ROTATION + 3u));
+    return Placed(numbers_of(place, PLACED_POSITION), numbers_of(place, PLACED_REST), rotation,
+                  number_of(place, PLACED_SCALE), number_of(place, PLACED_SCALE_Z),
+                  word_of(place, PLACED_PROTOTYPE), word_of(place, PLACED_PRIMITIVE),
+                  word_of(place, PLACED_SURFACE));
+}
+
 // Fills in the shape of a leaf, if it is one; whether a ray of this lane crosses it.
 bool shape_leaf(Beam frame, uint word, out ShapeLeaf shape) {
     shape.is = (word & ~SURFACE_INDEX) != 0u;
     // Of another leaf the first is as good as any.
-    Placed placed = sample_.placed.at[shape.is ? word & SURFACE_INDEX : 0u];
+    AnalyticShape analytic;
+    Placed placed = placed_at(shape.is ? word & SURFACE_INDEX : 0u, analytic);
     shape.surface = placed.surface;
-    Convex convex = convex_of(frame, placed);
+    Convex convex = convex_of(frame, placed, analytic);
     bool crossed = false;
     EACH_RAY {
         shape.chords[k] = chord_of(convex, rays[k].beam, vec2(0.0), vec2(0.0));

@@ -41,7 +41,8 @@ pub(crate) struct Bvh {
     /// Normals of the corners of each leaf, zero where those of facets refract; none where they do
     /// everywhere.
     pub corner_normals: Vec<CornerNormals>,
-    /// As in the sample.
+    /// Those of the sample, by prototype, then in the order of the leaves: what rays meet one after
+    /// another stands together in memory.
     pub placed: Vec<interface::Placed>,
     pub prototypes: Vec<interface::Prototype>,
     pub shapes: Vec<interface::AnalyticShape>,
@@ -75,10 +76,11 @@ impl Bvh {
         let boxes = || boxes_of(&sample.triangles, vertex).chain(boxes_of_placed.clone()).collect();
         let mut bvh = Self::default();
         let order = bvh.append(boxes, reach * PADDING, true)?;
-        let triangles = sample.triangles.len();
+        let triangles = numbers::count(sample.triangles.len());
+        let places = places_of(sample, order.iter().filter_map(|i| i.checked_sub(triangles)));
         bvh.leaves = order
             .par_iter()
-            .map(|&i| match i.checked_sub(numbers::count(triangles)) {
+            .map(|&i| match i.checked_sub(triangles) {
                 None => {
                     let corners = sample.triangles[i as usize].map(vertex);
                     leaf(corners, sample.triangle_component[i as usize])
@@ -87,7 +89,7 @@ impl Bvh {
                     let prototype = sample.placed[placed as usize].prototype as usize;
                     let is_shape = sample.prototypes[prototype].shape.is_some();
                     let kind = if is_shape { LEAF_SHAPE } else { LEAF_MESH };
-                    Leaf { surface: kind | placed, ..Leaf::zeroed() }
+                    Leaf { surface: kind | places[placed as usize], ..Leaf::zeroed() }
                 }
             })
             .collect();
@@ -100,19 +102,23 @@ impl Bvh {
             bvh.append_normals(&order, &corner_normals(&vertices, &sample.triangles, of));
             bvh.kinds |= KIND_SMOOTH;
         }
-        bvh.append_prototypes(sample, reach)?;
+        bvh.append_prototypes(sample, &places, reach)?;
         Ok(bvh)
     }
 
-    /// Trees of prototypes, and where they stand.
-    fn append_prototypes(&mut self, sample: &Sample, reach: f64) -> Result<()> {
+    /// Trees of prototypes, and where they stand. `places`: [`places_of`] the sample.
+    fn append_prototypes(&mut self, sample: &Sample, places: &[u32], reach: f64) -> Result<()> {
         let mut primitive = self.leaves.len() as u64;
-        let mut first = 0;
+        let mut first = 0_u32;
+        self.placed = vec![interface::Placed::zeroed(); places.len()];
         for same in sample.placed.chunk_by(|a, b| a.prototype == b.prototype) {
             let prototype = &sample.prototypes[same[0].prototype as usize];
             let mut last = None;
+            let of_same = places[first as usize..].iter().zip(same);
             if let Some(shape) = prototype.shape {
-                self.placed.extend(same.iter().map(|it| placed_record(it, 0, &mut last)));
+                for (&place, it) in of_same {
+                    self.placed[place as usize] = placed_record(it, 0, &mut last);
+                }
                 self.prototypes.push(interface::Prototype {
                     root: numbers::count(self.shapes.len()),
                     leaf_base: 0,
@@ -150,20 +156,20 @@ impl Bvh {
                 self.append_normals(&order, &normals);
             }
             let each = order.len() as u64;
-            let number = |k: u64| u32::try_from(primitive + k * each).ok();
-            let placed =
-                (0..).zip(same).map(|(k, it)| Some(placed_record(it, number(k)?, &mut last)));
-            let all: Option<Vec<interface::Placed>> = placed.collect();
             let end = primitive + each * same.len() as u64;
-            let (Some(all), true) = (all, end <= u64::from(FACET_LEAF)) else {
+            if end > u64::from(FACET_LEAF) {
                 let problem = format!("{end} facets of instances are more than {FACET_LEAF}");
                 return Err(Error::mesh(
                     "sample",
                     problem,
                     "use a coarser mesh, or fewer instances",
                 ));
-            };
-            self.placed.extend(all);
+            }
+            for (&place, it) in of_same {
+                let number = primitive + each * u64::from(place - first);
+                let record = placed_record(it, numbers::low_word(number), &mut last);
+                self.placed[place as usize] = record;
+            }
             self.prototypes.push(interface::Prototype {
                 root,
                 leaf_base,
@@ -235,6 +241,23 @@ impl Bvh {
         let in_order = order.iter().map(|i| of.get(*i as usize).copied().unwrap_or(none));
         self.corner_normals.extend(in_order);
     }
+}
+
+/// Where the placed surfaces of a sample stand on the device: by prototype, as in the sample, and among
+/// those of one in the order of their leaves.
+fn places_of(sample: &Sample, leaves: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut next = vec![u32::MAX; sample.prototypes.len()];
+    for (place, placed) in (0..).zip(&sample.placed) {
+        let first = &mut next[placed.prototype as usize];
+        *first = place.min(*first);
+    }
+    let mut places = vec![0; sample.placed.len()];
+    for placed in leaves {
+        let next = &mut next[sample.placed[placed as usize].prototype as usize];
+        places[placed as usize] = *next;
+        *next += 1;
+    }
+    places
 }
 
 fn boxes_of(triangles: &[[u32; 3]], vertex: impl Fn(u32) -> DVec3) -> impl Iterator<Item = Aabb> {

@@ -23,8 +23,7 @@ const float FAR_AWAY = 1e6;       // m
 const float LEAST_SLOPE = 1e-9;   // to a cap; f32 holds a rotation to 4e-8
 const float LEAST_SQUARE = 1e-12; // least coefficient of t², of that of a line across
 
-Convex convex_of(Beam frame, Placed placed) {
-    AnalyticShape shape = shape_of(placed);
+Convex convex_of(Beam frame, Placed placed, AnalyticShape shape) {
     Convex convex;
     bool both = (KINDS & KIND_FRUSTUM) != 0u && (KINDS & KIND_ELLIPSOID) != 0u;
     convex.capped = both ? shape.kind == SHAPE_FRUSTUM : (KINDS & KIND_FRUSTUM) != 0u;

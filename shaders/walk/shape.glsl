@@ -1,10 +1,15 @@
 // Where a line crosses a shape with curved surfaces. Which KINDS there are is known when the kernel is
-// made: CPU devices execute what they need not.
+// made: CPU devices execute what they need not. Code for tori is in kernels of samples with tori alone
+// (TORUS): drivers take as long as for all the rest to leave it out.
 
 #include "walk/convex.glsl"
+#ifdef TORUS
 #include "walk/torus.glsl"
-
 const bool TORI = (KINDS & KIND_TORUS) != 0u;
+#else
+const bool TORI = false;
+#endif
+
 const bool CONVEX = (KINDS & (KIND_FRUSTUM | KIND_ELLIPSOID)) != 0u;
 
 struct ShapeCrossings {
@@ -17,6 +22,7 @@ struct ShapeCrossings {
 ShapeCrossings shape_crossings(Beam beam, vec2 moved, vec2 bent, Placed placed) {
     ShapeCrossings all;
     all.count = 0u;
+#ifdef TORUS
     if (TORI && (!CONVEX || shape_of(placed).kind == SHAPE_TORUS)) {
         ShapeLine line = shape_line(beam, moved, bent, placed);
         TorusCrossings found = torus_crossings(line);
@@ -24,8 +30,11 @@ ShapeCrossings shape_crossings(Beam beam, vec2 moved, vec2 bent, Placed placed) 
         for (uint i = 0u; i < found.count; i++) {
             all.y[i] = torus_crossing(beam, line, found, i, all.normal_[i]);
         }
-    } else if (CONVEX) {
-        Chord chord = chord_of(convex_of(beam, placed), beam, moved, bent);
+        return all;
+    }
+#endif
+    if (CONVEX) {
+        Chord chord = chord_of(convex_of(beam, placed, shape_of(placed)), beam, moved, bent);
         all.count = chord.crossed ? 2u : 0u;
         all.y[0] = chord.enter;
         all.y[1] = chord.leave;

@@ -5,7 +5,7 @@ use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_SMOOTH,
-    RAYS_PER_LANE, TracePush,
+    KIND_TORUS, RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
 use std::ops::RangeInclusive;
@@ -94,8 +94,10 @@ impl Walks {
     }
 
     fn bvh(device: &Arc<Device>, kinds: u32, bundles: bool) -> Self {
+        let torus = kinds & KIND_TORUS != 0;
         let exact = match kinds {
             0 => ("exact_bvh", shaders::EXACT_BVH),
+            _ if torus => ("exact_bvh_torus", shaders::EXACT_BVH_TORUS),
             _ => ("exact_bvh_placed", shaders::EXACT_BVH_PLACED),
         };
         let convex = kinds & !(KIND_FRUSTUM | KIND_ELLIPSOID) == 0;
@@ -110,6 +112,10 @@ impl Walks {
             (_, true) => [
                 ("trace_bundles_placed", shaders::TRACE_BUNDLES_PLACED),
                 ("trace_bundles_placed_many", shaders::TRACE_BUNDLES_PLACED_MANY),
+            ],
+            (_, false) if torus => [
+                ("trace_bvh_torus", shaders::TRACE_BVH_TORUS),
+                ("trace_bvh_torus_many", shaders::TRACE_BVH_TORUS_MANY),
             ],
             (_, false) => [
                 ("trace_bvh_placed", shaders::TRACE_BVH_PLACED),
@@ -126,6 +132,11 @@ impl Walks {
                 ("trace_ray_query", shaders::TRACE_RAY_QUERY),
                 ("trace_ray_query_many", shaders::TRACE_RAY_QUERY_MANY),
                 ("exact_ray_query", shaders::EXACT_RAY_QUERY),
+            ],
+            _ if kinds & KIND_TORUS != 0 => [
+                ("trace_ray_query_torus", shaders::TRACE_RAY_QUERY_TORUS),
+                ("trace_ray_query_torus_many", shaders::TRACE_RAY_QUERY_TORUS_MANY),
+                ("exact_ray_query_torus", shaders::EXACT_RAY_QUERY_TORUS),
             ],
             _ => [
                 ("trace_ray_query_placed", shaders::TRACE_RAY_QUERY_PLACED),
