@@ -310,7 +310,8 @@ impl<'a> Refiner<'a> {
             let node = &patch.nodes[node as usize];
             self.estimator.leaves_beside(patch, node).for_each(|leaf| known_errors.forget(leaf));
         }
-        let error = self.estimator.patch_error(patch, &openings, narrow, known_errors);
+        let crossed = self.has_silhouette((patch.beamlet, patch.row));
+        let error = self.estimator.patch_error(patch, crossed, &openings, narrow, known_errors);
         work.light = error.light;
         let most = self.view.budget.max_rays;
         let left = most.saturating_sub(work.rays.max(2 * work.patch.splits)) / 2;

@@ -27,6 +27,7 @@ impl Refiner<'_> {
             work.narrow.clear();
             let error = self.estimator.patch_error(
                 &work.patch,
+                silhouette,
                 &self.openings(&work.patch),
                 &[],
                 &mut work.known_errors,

@@ -2,10 +2,10 @@
 
 use super::cases::{self, Case};
 use super::classes::Class;
-use super::errors::{ANGLE, Errors, classes_of, run, truth_of, with_budget};
+use super::errors::{ANGLE, Errors, classes_of, displacements, run, truth_of, with_budget};
 use crate::support::engine;
 use beamlet::Backend;
-use beamlet::scene::Transport;
+use beamlet::scene::{Scene, Transport};
 
 /// Base rays of a pixel in x and z, of truth: it differs from finer ones by less than 2e-5.
 const LATTICE: [u32; 2] = [100, 24];
@@ -46,6 +46,38 @@ fn values_are_within_the_tolerance_of_much_finer_stacks() {
         }
     }
     assert!(compared.iter().all(|count| *count > 100), "values of each class: {compared:?}");
+}
+
+/// Interior pixels hold angle tolerances, those beside a silhouette too, whose rays at their borders
+/// differ from the next ones outside, and those whose facets are wider than rays stand apart.
+#[test]
+fn angles_hold_in_interior_pixels_beside_silhouettes_too() {
+    let engine = engine(Backend::Bvh);
+    let mut compared = 0;
+    let scenes = ["ball, facets of 30 um", "prism slanting by 10 degrees"];
+    for case in named(cases::small(), scenes) {
+        let (classes, _) = classes_of(&case);
+        let angles = |scene: &Scene| displacements(&engine, scene) / case.scene.lever_arm();
+        let truth = angles(&truth_of(&case, LATTICE, TRUTH));
+        for tolerance in [30e-9, 10e-9, 3e-9] {
+            let got = angles(&with_budget(&case, 1e-2, tolerance));
+            let class = Class::Interior;
+            let errors = Errors::of(Some(class), &classes, tolerance, [&got, &truth]);
+            compared += errors.count;
+            println!(
+                "measured angles, {} at {:.0} nrad: {:.1} % of {} within, rms {:.2}, worst {:.2}",
+                case.name,
+                tolerance * 1e9,
+                100.0 * errors.share(),
+                errors.count,
+                errors.rms / tolerance,
+                errors.worst / tolerance,
+            );
+            let failures = errors.failures(class, tolerance);
+            assert!(failures.is_empty(), "{}: {failures:?}: {errors:?}", case.name);
+        }
+    }
+    assert!(compared > 100, "angles compared: {compared}");
 }
 
 /// The cases of these names.
