@@ -12,26 +12,54 @@ use crate::numbers::single;
 use ndarray::Array2;
 use rayon::prelude::*;
 
-/// Deviation from both sides from which on a pixel is flagged, and one from which on it is beside such
-/// a pixel.
-const LIMITS: [f64; 2] = [3.1, 2.6];
-/// The same where bias is all that there is.
-const LIMITS_WITHOUT_NOISE: [f64; 2] = [4.4, 4.4];
-/// Deviation of the width alone, from the medians on both sides, that counts as the upper limit.
-const WIDENED: f64 = 3.6;
-/// Deviation of the width from the neighbourhood's, below which a pixel between two misfits is none.
-const OWN: f64 = 3.0;
-/// Part of the difference of two neighbours by which a line through them may miss.
-const SLACK: f64 = 1.3;
-/// What a Gaussian's own bias leaves between neighbours without silhouettes: of the transmission
-/// and the relative width, and of the centre in widths of the flat's curve.
-const BIAS: [f64; 2] = [0.002, 0.003];
-/// The same where it is compared with no noise: what is smaller harms nobody.
-const BIAS_WITHOUT_NOISE: [f64; 2] = [0.004, 0.008];
+/// What decides between noise, bias and misfits.
+struct Limits {
+    /// Deviation from both sides from which on a pixel is flagged, and one from which on it is beside
+    /// such a pixel.
+    deviations: [f64; 2],
+    /// Deviation that suffices at a step of the transmission along the slits, and the bend that is
+    /// such a step: light is refracted along the slits there, which no curve shows.
+    step: [f64; 2],
+    /// The same for pixels with values between their neighbours'.
+    smooth_step: [f64; 2],
+    /// Deviation of the width from the neighbourhood's, below which a pixel between two misfits, or
+    /// with values between its neighbours', is none.
+    own: f64,
+    /// Standard deviations by which a value may lie beyond those of its neighbours and is still one
+    /// between them.
+    between: f64,
+    /// What a Gaussian's own bias leaves between neighbours without silhouettes: of the transmission
+    /// and the relative width, and of the centre in widths of the flat's curve.
+    bias: [f64; 2],
+}
+
+const OF_COUNTS: Limits = Limits {
+    deviations: [3.4, 2.8],
+    step: [1.0, 6.0],
+    smooth_step: [2.0, 20.0],
+    own: 2.0,
+    between: 3.0,
+    bias: [0.0025, 0.0025],
+};
+/// Where bias is all that there is: what is smaller harms nobody.
+const WITHOUT_NOISE: Limits = Limits {
+    deviations: [4.4, 4.4],
+    step: [f64::INFINITY; 2],
+    smooth_step: [f64::INFINITY; 2],
+    own: 3.0,
+    between: 1.0,
+    bias: [0.004, 0.008],
+};
+/// Part of the difference of two neighbours by which a line through them may miss: of the
+/// transmission, which has steps, and of centre and width.
+const SLACK: [f64; 2] = [1.3, 1.0];
+/// Deviation from lines through medians, as a part of one from lines through pixels, and their bias:
+/// medians follow bent silhouettes less.
+const OF_MEDIANS: [f64; 2] = [0.7, 2.0];
 /// Scatter of structure below a pixel, as a part of the dark field that it makes.
 const TEXTURE: f64 = 1.0;
 /// Median deviation in a field that is rougher than noise.
-const ROUGH: f64 = 0.8;
+const ROUGH: f64 = 0.9;
 /// Neighbours of a side are looked for so far, past pixels without an answer.
 const REACH: isize = 4;
 /// Residual over the median of the neighbours' from which on a pixel is flagged, at noise without
@@ -47,6 +75,9 @@ struct Field {
     values: Array2<f64>,
     sigma: Array2<f64>,
     bias: f64,
+    slack: f64,
+    /// Medians of three values of a column, and of a row: along a silhouette, for what is across it.
+    medians: [Array2<f64>; 2],
 }
 
 /// What decides about misfits beside the images.
@@ -66,23 +97,22 @@ pub(super) fn mark(images: &mut Images, flat: &Curves, angle_per_shift: f64, noi
         return;
     };
     let unit = angle_per_shift.abs() * width;
-    let (limits, [bias, bias_of_centre]) = match noise.gain {
-        Some(_) => (LIMITS, BIAS),
-        None => (LIMITS_WITHOUT_NOISE, BIAS_WITHOUT_NOISE),
-    };
-    let field = |name: &str, unit: f64, bias: f64| -> Option<Field> {
+    let limits = if noise.gain.is_some() { OF_COUNTS } else { WITHOUT_NOISE };
+    let [bias, bias_of_centre] = limits.bias;
+    let field = |name: &str, unit: f64, bias: f64, slack: f64| -> Option<Field> {
         let values = images.get(name)?.mapv(|value| f64::from(value) / unit);
         let sigma = images.get(&format!("{name}_sigma")).filter(|_| noise.gain.is_some());
         let sigma = match sigma {
             Some(sigma) => medians(&sigma.mapv(|value| f64::from(value) / unit), 1, 1),
             None => Array2::zeros(values.dim()),
         };
-        Some(Field { values, sigma, bias })
+        let medians = [medians(&values, 1, 0), medians(&values, 0, 1)];
+        Some(Field { values, sigma, bias, slack, medians })
     };
-    let Some(transmission) = field("transmission", 1.0, bias) else { return };
-    let Some(centre) = field("refraction", unit, bias_of_centre) else { return };
-    let width = field("dark_field", 2.0 * unit * unit, bias);
-    let mut marked = edges(&transmission, &centre, width.as_ref(), limits);
+    let Some(transmission) = field("transmission", 1.0, bias, SLACK[0]) else { return };
+    let Some(centre) = field("refraction", unit, bias_of_centre, SLACK[1]) else { return };
+    let width = field("dark_field", 2.0 * unit * unit, bias, SLACK[1]);
+    let mut marked = edges(&transmission, &centre, width.as_ref(), &limits);
     if let Some(residuals) = residuals(images, noise) {
         let rare = rare_residuals(&residuals, noise);
         marked.zip_mut_with(&rare, |marked, rare| *marked |= rare);
@@ -101,47 +131,66 @@ fn edges(
     transmission: &Field,
     centre: &Field,
     width: Option<&Field>,
-    limits: [f64; 2],
+    limits: &Limits,
 ) -> Array2<bool> {
     let shape = transmission.values.dim();
     let [rows, columns] = window(shape);
-    let usual_width = width.map(|width| medians(&width.values, rows, columns));
-    // Structure below a pixel scatters from pixel to pixel.
+    let width = width.map(|width| (width, medians(&width.values, rows, columns)));
+    // Structure below a pixel scatters from pixel to pixel. Half a standard deviation is the noise of a
+    // median.
     let texture = |at| {
-        let usual = usual_width.as_ref().map_or(0.0, |usual| usual[at]);
-        if usual > 0.0 { TEXTURE * usual } else { 0.0 }
+        let of = |(width, usual): &(&Field, Array2<f64>)| usual[at] - 0.5 * width.sigma[at];
+        (TEXTURE * width.as_ref().map_or(0.0, of)).max(0.0)
     };
     // Across the slits and along them.
     let deviations = by_pixel(shape, |at| {
         let texture = texture(at);
         let of_centre = (2.0 * TEXTURE * texture).sqrt();
         let side = |step: [isize; 2]| {
-            let width = width.map_or(0.0, |width| width.deviation(at, step, texture));
-            let centre = centre.deviation(at, step, of_centre);
-            transmission.deviation(at, step, texture).hypot(centre).hypot(width)
+            let transmission = transmission.deviations(at, step, texture);
+            let centre = centre.deviations(at, step, of_centre);
+            let width = width.as_ref().map(|(width, _)| width.deviations(at, step, texture));
+            let width = width.unwrap_or_default();
+            [0, 1].map(|kind| transmission[kind].hypot(centre[kind]).hypot(width[kind]))
         };
-        [side([0, -1]).min(side([0, 1])), side([-1, 0]).min(side([1, 0]))]
+        let lesser = |[a, b]: [[f64; 2]; 2]| a[0].min(b[0]).max(OF_MEDIANS[0] * a[1].min(b[1]));
+        [lesser([[0, -1], [0, 1]].map(side)), lesser([[-1, 0], [1, 0]].map(side))]
     });
     let rough = medians(&deviations.mapv(|[across, along]| across.max(along)), rows, columns);
     // What is rougher than noise has larger limits.
     let share = |at: (usize, usize), deviation: f64| deviation / (rough[at] / ROUGH).max(1.0);
+    // Deviation of the width from the neighbourhood's.
+    let widened = |at| {
+        let of = |(width, usual): &(&Field, Array2<f64>)| {
+            (width.values[at] - usual[at]).abs() / width.sigma[at].hypot(width.bias)
+        };
+        width.as_ref().map_or(f64::INFINITY, of)
+    };
     let shares = by_pixel(shape, |at| {
-        let widened = width.map_or(0.0, |width| width.beyond_both_sides(at, texture(at)));
         let [across, along] = deviations[at];
-        share(at, across.max(along).max(widened * LIMITS[0] / WIDENED))
+        let share = share(at, across.max(along));
+        // One smooth piece, though neither side alone continues to it: faces that begin beside it.
+        let is_smooth = widened(at) < limits.own
+            && [transmission, centre].iter().all(|field| field.is_between(at, limits.between));
+        let [deviation, bend] = if is_smooth { limits.smooth_step } else { limits.step };
+        if share > deviation && transmission.bend_along_slits(at) > bend {
+            f64::INFINITY
+        } else if is_smooth {
+            0.0
+        } else {
+            share
+        }
     });
-    let marked = along_silhouettes(&shares, limits);
-    let (Some(width), Some(usual)) = (width, usual_width) else { return marked };
+    let marked = along_silhouettes(&shares, limits.deviations);
     // Beside a misfit on either side nothing but the pixel's own curve tells.
     by_pixel(shape, |at| {
         let is_marked = |step| near(&marked, at, step, 1).is_some_and(|marked| *marked);
         let between = |[a, b]: [[isize; 2]; 2], other: f64| {
-            is_marked(a) && is_marked(b) && share(at, other) <= limits[0]
+            is_marked(a) && is_marked(b) && share(at, other) <= limits.deviations[0]
         };
         let [across, along] = deviations[at];
         let alone = between([[0, -1], [0, 1]], along) || between([[-1, 0], [1, 0]], across);
-        let own = (width.values[at] - usual[at]).abs() / width.sigma[at].hypot(width.bias);
-        marked[at] && !(alone && own < OWN)
+        marked[at] && !(alone && widened(at) < limits.own)
     })
 }
 
@@ -168,40 +217,58 @@ fn along_silhouettes(deviations: &Array2<f64>, [limit, lower]: [f64; 2]) -> Arra
 }
 
 impl Field {
-    /// How far the value of a pixel is from those that its neighbours to one side continue to:
-    /// between the next one and the line through the next two. In standard deviations; 0 where
+    /// How far the value of a pixel is from what continues to it from one side: through pixels, and
+    /// through medians along a silhouette, which have less noise. In standard deviations; 0 where
     /// there is none to compare with.
-    fn deviation(&self, at: (usize, usize), step: [isize; 2], texture: f64) -> f64 {
-        let value = |k: isize| near(&self.values, at, step, k).copied();
+    fn deviations(&self, at: (usize, usize), step: [isize; 2], texture: f64) -> [f64; 2] {
+        let medians = &self.medians[usize::from(step[0] != 0)];
+        // Variances of a pixel and its neighbour, or of a pixel and a median of three.
+        let of_pixels = self.in_deviations(at, self.off(at, step, &self.values), 2.0, texture, 1.0);
+        let off = self.off(at, step, medians);
+        [of_pixels, self.in_deviations(at, off, 1.5, texture, OF_MEDIANS[1])]
+    }
+
+    /// How far the value of a pixel is beyond the next one and the line through the next two.
+    fn off(&self, at: (usize, usize), step: [isize; 2], side: &Array2<f64>) -> f64 {
+        let value = |k: isize| near(side, at, step, k).copied();
         let mut known = (1..=REACH).map_while(value).filter(|value| value.is_finite());
         let (own, Some(next)) = (self.values[at], known.next()) else { return 0.0 };
         let slope = next - known.next().unwrap_or(next);
         let [low, high] = [next.min(next + slope), next.max(next + slope)];
-        let off = (low - own).max(own - high) - SLACK * slope.abs();
-        self.in_deviations(at, off, 2.0, texture)
+        (low - own).max(own - high) - self.slack * slope.abs()
     }
 
-    /// How far the value of a pixel is beyond the medians of the two columns on either side, in standard
-    /// deviations.
-    fn beyond_both_sides(&self, at: (usize, usize), texture: f64) -> f64 {
-        let side = |columns: [isize; 2]| {
-            let rows = [-1, 0, 1].into_iter();
-            let places = rows.flat_map(|down| columns.map(|right| [down, right]));
-            median(places.filter_map(|step| near(&self.values, at, step, 1).copied()).collect())
-        };
-        let sides = [side([-1, -2]), side([1, 2])];
-        let [low, high] = [f64::min, f64::max]
-            .map(|of| sides.into_iter().flatten().reduce(of).unwrap_or(f64::NAN));
+    /// The value is one between those to the left and right, and between those above and below.
+    fn is_between(&self, at: (usize, usize), within: f64) -> bool {
         let own = self.values[at];
-        // A median of six has a sixth of the variance.
-        self.in_deviations(at, (low - own).max(own - high), 7.0 / 6.0, texture)
+        let miss = within * self.sigma[at].hypot(self.bias);
+        [[0, 1], [1, 0]].into_iter().all(|step| {
+            let [a, b] = [-1, 1].map(|k| near(&self.values, at, step, k).copied());
+            let (Some(a), Some(b)) = (a, b) else { return true };
+            a.min(b) - miss <= own && own <= a.max(b) + miss
+        })
+    }
+
+    /// Second difference of the values above, at and below a pixel, in standard deviations.
+    fn bend_along_slits(&self, at: (usize, usize)) -> f64 {
+        let value = |k: isize| near(&self.values, at, [1, 0], k).copied();
+        let (Some(above), Some(below)) = (value(-1), value(1)) else { return 0.0 };
+        let bend = (above - 2.0 * self.values[at] + below).abs();
+        self.in_deviations(at, bend, 6.0, 0.0, 1.0)
     }
 
     /// A difference in standard deviations, of which noise has so many variances of a value.
     /// What has no answer, or an uncertainty that is not known, is not judged.
-    fn in_deviations(&self, at: (usize, usize), off: f64, variances: f64, texture: f64) -> f64 {
-        let sigma = self.sigma[at];
-        let noise = variances * sigma * sigma + texture * texture + self.bias * self.bias;
+    fn in_deviations(
+        &self,
+        at: (usize, usize),
+        off: f64,
+        variances: f64,
+        texture: f64,
+        biases: f64,
+    ) -> f64 {
+        let (sigma, bias) = (self.sigma[at], biases * self.bias);
+        let noise = variances * sigma * sigma + texture * texture + bias * bias;
         if off > 0.0 && noise.is_finite() { off / noise.sqrt() } else { 0.0 }
     }
 }
