@@ -15,8 +15,9 @@ const NEGLIGIBLE: f64 = 0.01;
 const SAFETY: f64 = 0.45;
 /// and where there is one step alone: the root mean square is to be a third of the budget.
 const SAFETY_OF_ONE: f64 = 0.2;
-/// The same of angles: with 0.45 prisms and fine balls were off by 0.46 of 3 nrad, with 0.23 by 0.34.
-const SAFETY_OF_ANGLES: f64 = 0.2;
+/// The same of angles where rays tell them: facets about as wide as rays stand apart hide between them.
+/// With 0.45 prisms and fine balls were off by 0.46 of 3 nrad, with 0.23 by 0.34.
+const SAFETY_OF_RAYS: f64 = 0.2;
 /// Tolerance from which on pieces err as told, share of open beam,
 const FINE: f64 = 1e-4;
 /// the power of the tolerance by which they err by more below it,
@@ -181,7 +182,7 @@ pub(super) fn error_of_pieces(optics: &Optics, tolerance: f64) -> f64 {
 }
 
 impl Estimator<'_> {
-    /// Part of the budget of light that refinement aims at.
+    /// Part of the budget that refinement aims at.
     fn safety(&self) -> f64 {
         if self.response.steps() > 1 { SAFETY } else { SAFETY_OF_ONE }
     }
@@ -231,9 +232,10 @@ impl Estimator<'_> {
         let together = alike.then_some(self.pieces);
         let mut steps = vec![StepError::default(); self.response.steps()];
         let (mut count, mut silhouettes) = (0_u32, 0_u32);
-        let mut seen = false;
+        let (mut seen, mut by_rays) = (false, false);
         for (error, node, runs) in leaves() {
             count += 1;
+            by_rays |= matches!(node.known, Known::Ray(_));
             seen |= error.silhouette && !runs.is_empty();
             silhouettes += u32::from(error.silhouette);
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
@@ -245,10 +247,12 @@ impl Estimator<'_> {
         let light = (self.safety() * self.budget.light).powi(2);
         // A rectangle beside a silhouette of the next patch is not crossed itself.
         let bounded = self.budget.displacement.is_finite() && !(crossed && seen);
+        let aim = if by_rays { SAFETY_OF_RAYS } else { self.safety() };
+        let displacement = aim * self.budget.displacement;
         // In shares of the budget of a step; nothing of one that holds it.
         let excess = |step: u32, error: &StepError| {
             let all = &steps[step as usize];
-            let moment = (SAFETY_OF_ANGLES * self.budget.displacement * all.through).powi(2);
+            let moment = (displacement * all.through).powi(2);
             let of_light = if all.light() > light { error.part(all) / light } else { 0.0 };
             if bounded && all.moment > moment {
                 of_light.max(error.moment / moment)
