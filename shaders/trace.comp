@@ -20,8 +20,7 @@ layout(local_size_x = GROUP) in;
 #endif
 
 // A candidate of the search.
-void visit(Beam beam, uint primitive, inout Gathered all) {
-    Leaf leaf = leaf_at(primitive);
+void visit(Beam beam, uint primitive, Leaf leaf, inout Gathered all) {
     Facet facet = facet_of(beam, leaf);
     if (!facet.crossed) return;
     Surface surface = sample_.surfaces.at[leaf.surface & SURFACE_INDEX];

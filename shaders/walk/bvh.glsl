@@ -32,22 +32,34 @@ vec3 line_direction(Beam beam) {
 }
 
 #ifdef PLACED
+// A placed mesh. Its place goes with the search of its tree: to find it by the number of a facet takes
+// divisions, which CPU devices do one lane at a time.
+struct PlacedMesh {
+    Placed placed;
+    uint first; // number of a facet, less that of its leaf
+};
+
 // Hands every facet of a placed mesh that the line may meet from `near`, y, on to visit().
 #define TREE traverse_own
-#define TREE_VISIT(beam, near, primitive, all) visit(beam, primitive, all)
+#define TREE_OF PlacedMesh
+#define TREE_VISIT(beam, near, mesh, leaf, all) \
+    visit(beam, mesh.first + leaf, leaf_of_place(mesh.placed, leaf), all)
 #include "walk/tree.glsl"
 #undef TREE
+#undef TREE_OF
 #undef TREE_VISIT
 #include "walk/candidate.glsl"
 #else
-#define candidate(beam, near, leaf, all) visit(beam, leaf, all)
+#define candidate(beam, near, leaf, all) visit(beam, leaf, sample_.leaves.at[leaf], all)
 #endif
 
 #ifndef BACKEND_RAY_QUERY
 #define TREE traverse_sample
-#define TREE_VISIT candidate
+#define TREE_OF uint // unused: there is one sample
+#define TREE_VISIT(beam, near, sample__, leaf, all) candidate(beam, near, leaf, all)
 #include "walk/tree.glsl"
 #undef TREE
+#undef TREE_OF
 #undef TREE_VISIT
 
 // Hands every candidate of the line from `near`, y, on to visit().

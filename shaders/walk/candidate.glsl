@@ -4,7 +4,7 @@ void candidate(Beam beam, float near, uint leaf, inout Gathered all) {
     uint word = sample_.leaves.at[leaf].surface;
     uint kind = word & ~SURFACE_INDEX;
     if (kind == 0u) {
-        visit(beam, leaf, all);
+        visit(beam, leaf, sample_.leaves.at[leaf], all);
         return;
     }
     Placed placed = sample_.placed.at[word & SURFACE_INDEX];
@@ -16,5 +16,5 @@ void candidate(Beam beam, float near, uint leaf, inout Gathered all) {
     vec3 origin = world_from_beam(beam, vec3(beam.x, 0.0, beam.z));
     traverse_own(beam, near, own_from_world(placed, origin),
                  own_from_world_direction(placed, line_direction(beam)), prototype.root,
-                 placed.primitive - prototype.leaf_base, all);
+                 PlacedMesh(placed, placed.primitive - prototype.leaf_base), all);
 }

@@ -35,12 +35,11 @@ bool later(Crossing a, Crossing b) {
     return (a.facet & FACET_LEAF) > (b.facet & FACET_LEAF);
 }
 
-// The crossing of a leaf, where the ray crosses it behind `after`.
-bool crosses(Beam beam, uint leaf_index, Gathered list, out Crossing crossing) {
-    Leaf leaf = leaf_at(leaf_index);
-    crossing = Crossing(0.0, leaf_index, leaf.surface & SURFACE_INDEX);
+// The crossing of a primitive, where the ray crosses it behind `after`.
+bool crosses(Beam beam, uint primitive, Leaf leaf, Gathered list, out Crossing crossing) {
+    crossing = Crossing(0.0, primitive, leaf.surface & SURFACE_INDEX);
     Facet facet = facet_of(beam, leaf);
-    if (!facet.crossed || leaf_index == list.except) return false;
+    if (!facet.crossed || primitive == list.except) return false;
     crossing.y = place_of(slope_of(beam), facet, beam_from_world(beam, leaf.normal));
     if (facet.entering) crossing.facet |= FACET_ENTERED;
     return crossing.y >= list.after;
@@ -50,9 +49,9 @@ bool crosses(Beam beam, uint leaf_index, Gathered list, out Crossing crossing) {
 void list_add(inout Gathered list, Crossing crossing);
 
 // A candidate of the search.
-void visit(Beam beam, uint primitive, inout Gathered list) {
+void visit(Beam beam, uint primitive, Leaf leaf, inout Gathered list) {
     Crossing crossing;
-    if (crosses(beam, primitive, list, crossing)) list_add(list, crossing);
+    if (crosses(beam, primitive, leaf, list, crossing)) list_add(list, crossing);
 }
 
 #ifdef PLACED

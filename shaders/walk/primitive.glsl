@@ -51,6 +51,14 @@ Placed placed_of(uint primitive, out uint leaf) {
     leaf = prototype.leaf_base + number % prototype.leaves;
     return sample_.placed.at[prototype.placed + number / prototype.leaves];
 }
+
+// A leaf of a placed mesh where it stands.
+Leaf leaf_of_place(Placed placed, uint leaf) {
+    Leaf own = sample_.leaves.at[leaf];
+    return Leaf(world_from_own(placed, own.a), world_from_own(placed, own.b),
+                world_from_own(placed, own.c), world_from_own_normal(placed, own.normal),
+                placed.surface + own.surface);
+}
 #endif
 
 // A primitive as a triangle of the world.
@@ -59,10 +67,7 @@ Leaf leaf_at(uint primitive) {
     if (is_placed(primitive)) {
         uint index;
         Placed placed = placed_of(primitive, index);
-        Leaf own = sample_.leaves.at[index];
-        return Leaf(world_from_own(placed, own.a), world_from_own(placed, own.b),
-                    world_from_own(placed, own.c), world_from_own_normal(placed, own.normal),
-                    placed.surface + own.surface);
+        return leaf_of_place(placed, index);
     }
 #endif
     return sample_.leaves.at[primitive];

@@ -1,7 +1,7 @@
 // A search of a tree: TREE hands every leaf that a line may meet from `near`, in lengths of
-// `direction`, on to TREE_VISIT, `first` added to its number.
+// `direction`, on to TREE_VISIT, with what the tree is `of`.
 // Loops test at their end: CPU devices run a body once more, idle, for a test at its beginning.
-void TREE(Beam beam, float near, vec3 origin, vec3 direction, uint root, uint first,
+void TREE(Beam beam, float near, vec3 origin, vec3 direction, uint root, TREE_OF of,
           inout Gathered all) {
     // A zero component would give 0 * infinity in the slab test.
     vec3 inverse = 1.0 / mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
@@ -26,7 +26,7 @@ void TREE(Beam beam, float near, vec3 origin, vec3 direction, uint root, uint fi
             do {
                 uint bit = uint(findLSB(leaves));
                 leaves &= leaves - 1u;
-                TREE_VISIT(beam, near, first + node.leaf_base + bit, all);
+                TREE_VISIT(beam, near, of, node.leaf_base + bit, all);
             } while (leaves != 0u);
         }
     } while (group.y >= 0x01000000u || height > 0u);
