@@ -102,14 +102,85 @@ void next_node(inout Search search) {
     } while (search.more && search.leaves == 0u);
 }
 
-#ifdef PLACED
-// A leaf that is a convex shape, as the rays cross it.
-struct ShapeLeaf {
-    bool is; // and not a triangle
-    uint surface;
-    Chord chords[RAYS_PER_LANE];
-};
+// A surface; its object is left out, and it has the normals of its facets: bundles meet no others.
+Surface surface_of(uint index) {
+    Words surfaces = Words(uvec2(sample_.surfaces));
+    Record sides = record_at(surfaces, index, SURFACE_WORDS);
+    return Surface(0u, word_of(sides, SURFACE_INSIDE), word_of(sides, SURFACE_OUTSIDE),
+                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING), 0.0, 0u);
+}
 
+// Index of the first of the leaves that are left.
+uint leaf_of(Search search) {
+    return search.leaf_base + uint(findLSB(search.leaves));
+}
+
+// Whether a surface ends the runs of some of the rays that cross it: `ending`.
+bool ends_runs(Surface surface, bool crossed[RAYS_PER_LANE], out bool ending[RAYS_PER_LANE]) {
+    bool ends = false;
+    EACH_RAY {
+        ending[k] = crossed[k] && run_ends_at(rays[k].all.run, surface);
+        ends = ends || ending[k];
+    }
+    return any_lane(uint(ends)) != 0u;
+}
+
+// Takes leaves of a node until some ray crosses a triangle, a shape comes, which is left, or no leaf
+// is left. `frame`: the beam's view, which is the same for all rays; `before`: leaves that were left
+// before the last one was taken.
+void next_triangle(inout Search search, Beam frame, out Record leaf,
+                   out Facet facets[RAYS_PER_LANE], out bool shape, out uint before) {
+    bool some;
+    do {
+        before = search.leaves;
+        leaf = record_at(Words(uvec2(sample_.leaves)), leaf_of(search), LEAF_WORDS);
+        search.leaves &= search.leaves - 1u;
+        shape = false;
+#ifdef PLACED
+        shape = (word_of(leaf, LEAF_SURFACE) & ~SURFACE_INDEX) != 0u;
+#endif
+        vec3 a = beam_from_world(frame, numbers_of(leaf, LEAF_A));
+        vec3 b = beam_from_world(frame, numbers_of(leaf, LEAF_B));
+        vec3 c = beam_from_world(frame, numbers_of(leaf, LEAF_C));
+        some = false;
+        EACH_RAY {
+            facets[k] = facet_of(rays[k].beam, a, b, c);
+            facets[k].crossed = facets[k].crossed && rays[k].walks && !shape;
+            some = some || facets[k].crossed;
+        }
+        some = any_lane(uint(some)) != 0u;
+    } while (!some && !shape && search.leaves != 0u);
+    if (shape) search.leaves = before;
+}
+
+// Hands the triangles of a node to the rays, up to a shape. True where runs of some rays have to end
+// first: those of `ending`; the leaf at which they do is left.
+bool visit_triangles(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE]) {
+    bool ends;
+    bool shape;
+    do {
+        Record leaf;
+        Facet facets[RAYS_PER_LANE];
+        uint before;
+        next_triangle(search, frame, leaf, facets, shape, before);
+        Surface surface = surface_of(word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX);
+        bool crossed[RAYS_PER_LANE];
+        EACH_RAY crossed[k] = facets[k].crossed;
+        ends = ends_runs(surface, crossed, ending);
+        if (ends) {
+            search.leaves = before;
+            break;
+        }
+        vec3 normal_ = beam_from_world(frame, numbers_of(leaf, LEAF_NORMAL));
+        search.triangles += 1u;
+        EACH_RAY {
+            if (crossed[k]) visit(rays[k].beam, facets[k], surface, normal_, rays[k].all);
+        }
+    } while (search.leaves != 0u && !shape);
+    return ends;
+}
+
+#ifdef PLACED
 // A place and its shape, loaded by all lanes together.
 Placed placed_at(uint index, out AnalyticShape shape) {
     Record place = record_at(Words(uvec2(sample_.placed)), index, PLACED_WORDS);
@@ -127,111 +198,75 @@ Placed placed_at(uint index, out AnalyticShape shape) {
                   word_of(place, PLACED_SURFACE));
 }
 
-// Fills in the shape of a leaf, if it is one; whether a ray of this lane crosses it.
-bool shape_leaf(Beam frame, uint word, out ShapeLeaf shape) {
-    shape.is = (word & ~SURFACE_INDEX) != 0u;
-    // Of another leaf the first is as good as any.
-    AnalyticShape analytic;
-    Placed placed = placed_at(shape.is ? word & SURFACE_INDEX : 0u, analytic);
-    shape.surface = placed.surface;
-    Convex convex = convex_of(frame, placed, analytic);
-    bool crossed = false;
-    EACH_RAY {
-        shape.chords[k] = chord_of(convex, rays[k].beam, vec2(0.0), vec2(0.0));
-        shape.chords[k].crossed = shape.chords[k].crossed && rays[k].walks && shape.is;
-        crossed = crossed || shape.chords[k].crossed;
-    }
-    return crossed;
-}
-#endif
-
-// Takes leaves of a node until some ray crosses one, or none is left. `frame`: the beam's view,
-// which is the same for all rays; `before`: leaves that were left before the last one was taken.
-void next_leaf(inout Search search, Beam frame, out Record leaf, out Facet facets[RAYS_PER_LANE],
-#ifdef PLACED
-               out ShapeLeaf shape,
-#endif
-               out uint before) {
+// Takes leaves of a node until some ray crosses a convex shape, a triangle comes, which is left, or no
+// leaf is left. `surface`: index of the shape's.
+void next_shape(inout Search search, Beam frame, out uint surface,
+                out Chord chords[RAYS_PER_LANE], out bool triangle, out uint before) {
     Words leaves = Words(uvec2(sample_.leaves));
-    bool crossed;
+    bool some;
     do {
         before = search.leaves;
-        leaf = record_at(leaves, search.leaf_base + uint(findLSB(search.leaves)), LEAF_WORDS);
+        uint word = leaves.at[leaf_of(search) * LEAF_WORDS + LEAF_SURFACE];
         search.leaves &= search.leaves - 1u;
-        vec3 a = beam_from_world(frame, numbers_of(leaf, LEAF_A));
-        vec3 b = beam_from_world(frame, numbers_of(leaf, LEAF_B));
-        vec3 c = beam_from_world(frame, numbers_of(leaf, LEAF_C));
-        crossed = false;
+        triangle = (word & ~SURFACE_INDEX) == 0u;
+        // In place of a triangle the first shape is as good as any.
+        AnalyticShape analytic;
+        Placed placed = placed_at(triangle ? 0u : word & SURFACE_INDEX, analytic);
+        surface = placed.surface;
+        Convex convex = convex_of(frame, placed, analytic);
+        some = false;
         EACH_RAY {
-            facets[k] = facet_of(rays[k].beam, a, b, c);
-            facets[k].crossed = facets[k].crossed && rays[k].walks;
-            crossed = crossed || facets[k].crossed;
+            chords[k] = chord_of(convex, rays[k].beam, vec2(0.0), vec2(0.0));
+            chords[k].crossed = chords[k].crossed && rays[k].walks && !triangle;
+            some = some || chords[k].crossed;
         }
-#ifdef PLACED
-        bool shaped = shape_leaf(frame, word_of(leaf, LEAF_SURFACE), shape);
-        crossed = shape.is ? shaped : crossed;
-#endif
-        crossed = any_lane(uint(crossed)) != 0u;
-    } while (!crossed && search.leaves != 0u);
+        some = any_lane(uint(some)) != 0u;
+    } while (!some && !triangle && search.leaves != 0u);
+    if (triangle) search.leaves = before;
 }
 
-// A surface; its object is left out, and it has the normals of its facets: bundles meet no others.
-Surface surface_of(uint index) {
-    Words surfaces = Words(uvec2(sample_.surfaces));
-    Record sides = record_at(surfaces, index, SURFACE_WORDS);
-    return Surface(0u, word_of(sides, SURFACE_INSIDE), word_of(sides, SURFACE_OUTSIDE),
-                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING), 0.0, 0u);
-}
-
-#ifdef PLACED
 // Adds the crossings of a convex shape.
 void cross_chord(Beam beam, Chord chord, Surface surface, inout Gathered all) {
     run_cross(all.run, beam, all.stretch, surface, chord.entry_normal, chord.enter, true);
     run_cross(all.run, beam, all.stretch, surface, chord.exit_normal, chord.leave, false);
 }
-#endif
 
-// Hands the leaves of a node to the rays. True where runs of some rays have to end first: those
-// of `ending`; the leaf at which they do is left.
-bool visit_leaves(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE]) {
-    bool ends = false;
+// As visit_triangles(), of shapes, up to a triangle.
+bool visit_shapes(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE]) {
+    bool ends;
+    bool triangle;
     do {
-        Record leaf;
-        Facet facets[RAYS_PER_LANE];
+        uint index;
+        Chord chords[RAYS_PER_LANE];
         uint before;
-#ifdef PLACED
-        ShapeLeaf shape;
-        next_leaf(search, frame, leaf, facets, shape, before);
-        EACH_RAY facets[k].crossed = shape.is ? shape.chords[k].crossed : facets[k].crossed;
-        uint index = shape.is ? shape.surface : word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX;
-#else
-        next_leaf(search, frame, leaf, facets, before);
-        uint index = word_of(leaf, LEAF_SURFACE) & SURFACE_INDEX;
-#endif
+        next_shape(search, frame, index, chords, triangle, before);
         Surface surface = surface_of(index);
-        EACH_RAY {
-            ending[k] = facets[k].crossed && run_ends_at(rays[k].all.run, surface);
-            ends = ends || ending[k];
-        }
-        ends = any_lane(uint(ends)) != 0u;
+        bool crossed[RAYS_PER_LANE];
+        EACH_RAY crossed[k] = chords[k].crossed;
+        ends = ends_runs(surface, crossed, ending);
         if (ends) {
             search.leaves = before;
             break;
         }
-        vec3 normal_ = beam_from_world(frame, numbers_of(leaf, LEAF_NORMAL));
         search.triangles += 1u;
         EACH_RAY {
-#ifdef PLACED
-            if (facets[k].crossed && shape.is) {
-                cross_chord(rays[k].beam, shape.chords[k], surface, rays[k].all);
-                facets[k].crossed = false;
-            }
-#endif
-            if (facets[k].crossed) visit(rays[k].beam, facets[k], surface, normal_, rays[k].all);
+            if (crossed[k]) cross_chord(rays[k].beam, chords[k], surface, rays[k].all);
         }
-    } while (search.leaves != 0u);
+    } while (search.leaves != 0u && !triangle);
     return ends;
 }
+
+// Goes on over shapes until a triangle comes, runs have to end, or no node is left.
+bool visit_to_triangle(inout Search search, Beam frame, inout bool ending[RAYS_PER_LANE]) {
+    bool ends;
+    do {
+        if (search.leaves == 0u && search.more) next_node(search);
+        ends = false;
+        if (search.leaves != 0u) ends = visit_shapes(search, frame, ending);
+    } while (search.more && search.leaves == 0u);
+    return ends;
+}
+#endif
 
 // Hands all crossings of the rays that walk to their runs.
 void walk_together(ViewTransform view) {
@@ -240,15 +275,20 @@ void walk_together(ViewTransform view) {
     frame.cos_angle = view.cos_angle;
     frame.sin_angle = view.sin_angle;
     bool ends; // runs of some rays
-    // CPU devices skip no code but by leaving a loop at its end: what is rare stands outside.
+    // CPU devices skip no code but by leaving a loop at its end: what is rare stands outside, and
+    // triangles and shapes have loops of their own.
     do {
         bool ending[RAYS_PER_LANE];
         EACH_RAY ending[k] = false;
         do {
+#ifdef PLACED
+            ends = visit_to_triangle(search, frame, ending);
+#else
             if (search.leaves == 0u) next_node(search);
             ends = false;
-            if (search.leaves != 0u) ends = visit_leaves(search, frame, ending);
-        } while (search.more && !ends);
+#endif
+            if (search.leaves != 0u && !ends) ends = visit_triangles(search, frame, ending);
+        } while ((search.more || search.leaves != 0u) && !ends);
         EACH_RAY {
             if (ending[k]) run_flush(rays[k].all.sums, rays[k].all.run);
         }
