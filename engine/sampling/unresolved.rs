@@ -4,7 +4,7 @@
 //! Rectangles are not split where rays differ from their neighbours: that is chance there, and rays
 //! that are bent far would lose weight. Nor do the rays that count decide on their own number, for
 //! those would be left as they are that happen to be alike. Rays are tried until they tell how many
-//! are needed; then the patch gets as many, all of them anew. They stand on a few lines, each shifted
+//! are needed; where these are more, the patch gets as many, all of them anew. They stand on a few lines, each shifted
 //! against the others, so that all stand at places of their own along x, at even distances; heights
 //! in a line are a Kronecker sequence.
 //! The error follows from the mean square of the change from a ray to the next along x: 1/12 of it
@@ -203,6 +203,10 @@ impl Estimator<'_> {
         let times = |step: &Changes| step.times(step.error() / (aim * self.budget.light));
         let least = if hides { 3.0 } else { 1.0 };
         let growth = steps.iter().map(times).fold(least, f64::max);
+        // As many anew would be the same.
+        if patch.even == Even::Trial && growth <= 1.0 {
+            return result;
+        }
         let count = f64::from(count);
         let most = if count < FEW { MOST_GROWTH_OF_FEW } else { MOST_GROWTH };
         let even = if growth > most { Even::Trial } else { Even::Settled };
