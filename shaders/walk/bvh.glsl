@@ -42,8 +42,8 @@ struct PlacedMesh {
 // Hands every facet of a placed mesh that the line may meet from `near`, y, on to visit().
 #define TREE traverse_own
 #define TREE_OF PlacedMesh
-#define TREE_VISIT(beam, near, mesh, leaf, all) \
-    visit(beam, mesh.first + leaf, leaf_of_place(mesh.placed, leaf), all)
+#define TREE_VISIT(beam, near, of, leaf, all) \
+    visit(beam, of.first + leaf, leaf_of_place(of.placed, leaf), all)
 #include "walk/tree.glsl"
 #undef TREE
 #undef TREE_OF
@@ -56,7 +56,7 @@ struct PlacedMesh {
 #ifndef BACKEND_RAY_QUERY
 #define TREE traverse_sample
 #define TREE_OF uint // unused: there is one sample
-#define TREE_VISIT(beam, near, sample__, leaf, all) candidate(beam, near, leaf, all)
+#define TREE_VISIT(beam, near, of, leaf, all) candidate(beam, near, leaf, all)
 #include "walk/tree.glsl"
 #undef TREE
 #undef TREE_OF
