@@ -17,20 +17,27 @@ pub(crate) enum Failure {
     Usage(String),
     /// Two things that were compared differ: by what.
     Differs(String),
-    /// Two things cannot be compared.
-    Trouble(beamlet::Error),
+    /// Two things cannot be compared, or the answer cannot be given: why.
+    Trouble(Box<Self>),
     /// The user stopped the run; what to enter to go on.
     Interrupted { advice: String },
-    /// The reader of stdout went away.
-    ClosedPipe,
     /// Stdout cannot be written.
     Stdout(std::io::Error),
 }
 
 impl Failure {
+    /// The failure of a command whose exit code 1 is an answer.
+    pub(crate) fn of_comparison(self) -> Self {
+        match self {
+            Self::Engine(_) | Self::File { .. } | Self::Refused(_) | Self::Stdout(_) => {
+                Self::Trouble(Box::new(self))
+            }
+            Self::Differs(_) | Self::Usage(_) | Self::Trouble(_) | Self::Interrupted { .. } => self,
+        }
+    }
+
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
-            Self::ClosedPipe => 0,
             Self::Engine(_) | Self::File { .. } | Self::Refused(_) | Self::Stdout(_) => 1,
             // As cmp and diff have it: 1 is an answer, 2 is trouble.
             Self::Differs(_) => 1,
@@ -43,7 +50,8 @@ impl Failure {
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Engine(error) | Self::Trouble(error) => {
+            Self::Trouble(failure) => failure.fmt(f),
+            Self::Engine(error) => {
                 for (index, error) in error.each().iter().enumerate() {
                     write!(f, "{}error: {error}", if index == 0 { "" } else { "\n" })?;
                 }
@@ -57,7 +65,6 @@ impl fmt::Display for Failure {
             Self::Usage(problem) => write!(f, "error: {problem}\n\nFor more, try '--help'."),
             Self::Interrupted { advice } if advice.is_empty() => write!(f, "interrupted"),
             Self::Interrupted { advice } => write!(f, "interrupted\n{advice}"),
-            Self::ClosedPipe => Ok(()),
             Self::Stdout(error) => write!(f, "error: stdout cannot be written: {error}"),
         }
     }
@@ -72,9 +79,6 @@ impl From<beamlet::Error> for Failure {
 /// Only writes to stdout reach this one; other files carry their path.
 impl From<std::io::Error> for Failure {
     fn from(error: std::io::Error) -> Self {
-        match error.kind() {
-            std::io::ErrorKind::BrokenPipe => Self::ClosedPipe,
-            _ => Self::Stdout(error),
-        }
+        Self::Stdout(error)
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Arguments are parsed, resolved into options and handed to one function per verb. Results go
 //! to stdout and everything else to stderr, so that a pipe gets results only. The process ends
-//! with 0 (done), 1 (failed), 2 (usage) or 130 (interrupted).
+//! with 0 (done), 1 (failed), 2 (usage) or 130 (interrupted), whether or not anybody reads stdout.
 
 mod args;
 mod commands;
@@ -18,8 +18,7 @@ mod report;
 mod subject;
 
 use clap::Parser;
-use failure::Failure;
-use printed::Printed;
+use printed::{Printed, Results};
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -33,12 +32,9 @@ fn main() -> ExitCode {
         }
     };
     log_to_stderr(arguments.messages());
-    let stdout = std::io::stdout();
-    let mut out = Printed::new(stdout.lock());
-    let done = commands::run(arguments, &mut out).and_then(|()| out.flush().map_err(Failure::from));
-    match done {
-        // Whoever read our results has read enough.
-        Ok(()) | Err(Failure::ClosedPipe) => ExitCode::SUCCESS,
+    let mut out = Printed::new(Results::new(std::io::stdout().lock()));
+    match commands::run(arguments, &mut out) {
+        Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             let _ = writeln!(Printed::new(std::io::stderr()), "{failure}");
             ExitCode::from(failure.exit_code())

@@ -1,5 +1,5 @@
 //! What goes to terminals and pipes: text whose control and bidirectional characters, which come
-//! from names of files and scenes, are escaped.
+//! from names of files and scenes, are escaped; and a stdout whose reader may leave.
 
 use beamlet::printed;
 use std::io::{self, Write};
@@ -33,6 +33,49 @@ impl<W: Write> Write for Printed<W> {
 
     fn flush(&mut self) -> io::Result<()> {
         self.inner.flush()
+    }
+}
+
+/// Results on stdout. After the reader of a pipe has left, results are dropped without an error:
+/// the command still finds its answer, which is its exit code.
+#[derive(Debug)]
+pub(crate) struct Results<W> {
+    inner: W,
+    /// The reader has left.
+    closed: bool,
+}
+
+impl<W: Write> Results<W> {
+    pub(crate) const fn new(inner: W) -> Self {
+        Self { inner, closed: false }
+    }
+
+    /// `done` while there is a reader; `nothing` once there is none.
+    fn unless_closed<T>(
+        &mut self,
+        nothing: T,
+        done: impl FnOnce(&mut W) -> io::Result<T>,
+    ) -> io::Result<T> {
+        if self.closed {
+            return Ok(nothing);
+        }
+        match done(&mut self.inner) {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => {
+                self.closed = true;
+                Ok(nothing)
+            }
+            done => done,
+        }
+    }
+}
+
+impl<W: Write> Write for Results<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.unless_closed(bytes.len(), |inner| inner.write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.unless_closed((), Write::flush)
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failu
     reporter.finish();
     let found = found.map_err(|error| match error {
         Error::Interrupted => Failure::Interrupted { advice: "nothing was written".into() },
-        error => Failure::Trouble(error),
+        error => error.into(),
     })?;
     let unlike: Vec<&str> = found
         .iter()

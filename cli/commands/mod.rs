@@ -23,8 +23,14 @@ use crate::args::{Arguments, Verb};
 use crate::failure::Failure;
 use std::io::Write;
 
-/// Runs the requested verb.
+/// Runs the requested verb and flushes its results.
 pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
+    let is_comparison = matches!(arguments.verb, Verb::Compare(_));
+    let done = verb(arguments, out).and_then(|()| Ok(out.flush()?));
+    if is_comparison { done.map_err(Failure::of_comparison) } else { done }
+}
+
+fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
     beamlet::start_threads()?;
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),

@@ -4,6 +4,7 @@
 mod support;
 
 mod advice;
+mod answers;
 mod assemblies;
 mod cli;
 mod cli_beam;
