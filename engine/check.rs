@@ -1,7 +1,7 @@
 //! What a scene amounts to, before hours are spent on it: geometry of the set-up,
 //! materials at the energy, objects, clearance, and an estimate of the work.
 
-use crate::detector::DetectorModel;
+use crate::detector::{self, DetectorModel};
 use crate::geometry::{self, Defects, LoadStep, ObjectSummary, Sample, Swept};
 use crate::optics::{Mask, Optics};
 use crate::run::RunEstimate;
@@ -236,6 +236,7 @@ fn load_lenient(
     }
     warnings.extend(scene.source.spot.warnings());
     warnings.extend(swept.blur_warning(scene));
+    warnings.extend(detector::offset_warning(scene));
     for object in &sample.objects {
         warnings.extend(object.warnings.iter().map(|text| format!("{}: {text}", object.name)));
     }

@@ -179,7 +179,7 @@ fn print_tally(tally: &Tally, out: &mut impl Write) -> Result<(), Failure> {
 }
 
 /// Counts of a tally that are worth a line where they are not zero.
-fn counts(tally: &Tally) -> [(u64, &'static str); 11] {
+fn counts(tally: &Tally) -> [(u64, &'static str); 12] {
     [
         (tally.exact, "rays traced exactly"),
         (tally.split, "cells split by refinement"),
@@ -191,7 +191,8 @@ fn counts(tally: &Tally) -> [(u64, &'static str); 11] {
         (tally.not_finite, "rays not finite, their light left out"),
         (tally.landed_off, "cells landed off the detector"),
         (tally.defective_objects, "objects with defects, let through by allow_defects"),
-        (tally.saturated, "detector numbers clipped by the bit depth"),
+        (tally.saturated, "detector numbers clipped at the upper end of the bit depth"),
+        (tally.clipped_at_zero, "detector numbers clipped at 0"),
     ]
 }
 

@@ -117,7 +117,7 @@ pub(super) fn words() -> Vec<TableRow> {
 }
 
 /// What the counts of a tally mean.
-const MEANINGS: [(&str, &str); 12] = [
+const MEANINGS: [(&str, &str); 13] = [
     ("rays", "traced as straight lines, with refraction to first order"),
     ("exact", "traced again with refraction at every surface in turn, for they graze one"),
     ("split", "rectangles of rays that refinement has cut"),
@@ -133,6 +133,7 @@ const MEANINGS: [(&str, &str); 12] = [
     ("landed_off", "rectangles whose light lands outside the detector or too far off to follow"),
     ("defective_objects", "objects with open or crossing surfaces that allow_defects let through"),
     ("saturated", "detector numbers clipped at the upper end of the bit depth"),
+    ("clipped_at_zero", "detector numbers clipped at 0; should be 0"),
 ];
 
 /// Counts that belong to any run.

@@ -2,6 +2,7 @@
 //! mask, scatter, and the noise of the numbers that are read out (docs/detector.md).
 
 mod blur;
+mod clipping;
 mod excess;
 mod grid;
 mod kernel;
@@ -10,7 +11,9 @@ mod noise;
 mod scatter;
 mod spread;
 
+pub(crate) use clipping::offset_warning;
 pub use excess::excess_noise;
 pub use grid::SubpixelGrid;
 pub use model::DetectorModel;
+pub(crate) use noise::Clipped;
 pub use noise::Noise;

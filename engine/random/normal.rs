@@ -93,7 +93,18 @@ const TAIL: Ratio = [
 
 #[cfg(test)]
 mod tests {
+    use super::super::REACH;
+    use super::super::philox::unit;
     use super::*;
+
+    #[test]
+    fn no_draw_is_beyond_the_reach_of_noise() {
+        let [least, most] = [[0; 2], [u32::MAX; 2]].map(|bits| normal_quantile(unit(bits)));
+        assert!(
+            (-REACH..-8.29).contains(&least) && (8.2..REACH).contains(&most),
+            "{least}, {most}"
+        );
+    }
 
     #[test]
     fn quantile_undoes_the_distribution_function() {

@@ -20,6 +20,13 @@ fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     counter
 }
 
+/// The number in (0, 1) of 64 random bits, of which the high 53 count.
+pub(super) fn unit([high, low]: [u32; 2]) -> f64 {
+    let whole = (u64::from(high) << 32 | u64::from(low)) >> 11;
+    // The largest one rounds to 2^53.
+    ((whole as f64 + 0.5) * (1.0 / 9_007_199_254_740_992.0)).min(1.0 - 0.5 * f64::EPSILON)
+}
+
 /// A sequence of random numbers that belongs to one place.
 #[derive(Debug, Clone)]
 pub(crate) struct Draws {
@@ -41,11 +48,7 @@ impl Draws {
         let bits = philox(self.counter, self.key);
         // 2^24 pairs, of which a place needs a handful.
         self.counter[3] += 1;
-        let unit = |high: u32, low: u32| {
-            let whole = (u64::from(high) << 32 | u64::from(low)) >> 11;
-            (whole as f64 + 0.5) * (1.0 / 9_007_199_254_740_992.0)
-        };
-        [unit(bits[0], bits[1]), unit(bits[2], bits[3])]
+        [unit([bits[0], bits[1]]), unit([bits[2], bits[3]])]
     }
 
     /// One number in (0, 1).

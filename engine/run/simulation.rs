@@ -7,7 +7,7 @@ mod rays;
 mod work;
 
 use crate::accel::Backend;
-use crate::detector::DetectorModel;
+use crate::detector::{self, DetectorModel};
 use crate::geometry::Sample;
 use crate::gpu::Device;
 use crate::illuminate::{self, EnergyBinning};
@@ -177,6 +177,9 @@ impl<'e> Simulation<'e> {
         if self.stored.is_some() && control.keep.is_some() {
             let found = "moments to be kept of a scene that is itself made from kept moments";
             return Err(Error::argument("control.keep", found, "a simulation that traces"));
+        }
+        if let Some(warning) = detector::offset_warning(&self.scene) {
+            log::warn!("{warning}");
         }
         let begin = Instant::now();
         let views: Vec<Exposure> =

@@ -1,5 +1,6 @@
 //! The detector of a scene: what it counts, how it blurs, and the noise of its numbers.
 
+use crate::random;
 use std::path::PathBuf;
 
 /// Flat detector across the optical axis.
@@ -139,8 +140,8 @@ pub struct Counts {
     pub swank: f64,
     /// Detector numbers per photon. > 0.
     pub gain: f64,
-    /// Detector number of no light.
-    pub offset: f64,
+    /// Detector number of no light; `None` takes [`Counts::number_without_light`].
+    pub offset: Option<f64>,
     /// Bits of a number: it is rounded and clipped to 0..=2^bits - 1; `None` does neither.
     pub bit_depth: Option<u32>,
 }
@@ -149,7 +150,25 @@ impl Counts {
     /// Photons alone: no electronic noise, gain 1, offset 0, no rounding.
     #[must_use]
     pub const fn of_photons(photons: f64) -> Self {
-        Self { photons, electronic_noise: 0.0, swank: 1.0, gain: 1.0, offset: 0.0, bit_depth: None }
+        Self {
+            photons,
+            electronic_noise: 0.0,
+            swank: 1.0,
+            gain: 1.0,
+            offset: None,
+            bit_depth: None,
+        }
+    }
+
+    /// Detector number of no light: the offset. Where there is none, 0, or with a bit depth the
+    /// least whole number whose electronic noise is never clipped at 0.
+    #[must_use]
+    pub fn number_without_light(&self) -> f64 {
+        let default = || match self.bit_depth {
+            Some(_) => (random::REACH * self.electronic_noise).ceil(),
+            None => 0.0,
+        };
+        self.offset.unwrap_or_else(default)
     }
 
     setters! {
@@ -160,7 +179,7 @@ impl Counts {
         /// Sets the detector numbers per photon.
         with_gain(gain: f64);
         /// Sets the detector number of no light.
-        with_offset(offset: f64);
+        with_offset(offset: impl Into<Option<f64>>);
         /// Rounds and clips to this many bits.
         with_bit_depth(bit_depth: impl Into<Option<u32>>);
     }

@@ -106,15 +106,16 @@ fn read_counts(table: &Table<'_>) -> Result<Option<Counts>> {
     };
     let default = Counts::of_photons(photons.number()?);
     let number = |key: &str, default: f64| table.get(key).map_or(Ok(default), |item| item.number());
-    Ok(Some(Counts {
+    let counts = Counts {
         electronic_noise: number("electronic_noise", default.electronic_noise)?,
         swank: number("swank", default.swank)?,
         gain: number("gain", default.gain)?,
-        offset: number("offset", default.offset)?,
+        offset: table.get("offset").map(|item| item.number()).transpose()?,
         bit_depth: table
             .get("bit_depth")
             .map(|item| item.integer(1..=limits::BIT_DEPTH))
             .transpose()?,
         ..default
-    }))
+    };
+    Ok(Some(counts.with_offset(counts.number_without_light())))
 }

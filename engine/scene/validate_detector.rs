@@ -126,6 +126,7 @@ fn validate_counts(detector: &Detector, counts: &Counts, faults: &mut Faults) {
         faults.add(Error::scene(key("swank"), found, allowed));
     }
     faults.note(plain(&key("gain"), gain, gain > 0.0, "a number > 0"));
+    let offset = offset.unwrap_or(0.0);
     faults.note(plain(&key("offset"), offset, true, "a finite number"));
     if let Some(bits) = bit_depth {
         faults.note(count(&key("bit_depth"), bits, 1, limits::BIT_DEPTH));

@@ -55,7 +55,7 @@ pub(super) fn write_detector(out: &mut Text, scene: &Scene, directory: &Path) ->
         out.raw("electronic_noise", number(counts.electronic_noise));
         out.raw("swank", number(counts.swank));
         out.raw("gain", number(counts.gain));
-        out.raw("offset", number(counts.offset));
+        out.raw("offset", number(counts.number_without_light()));
         if let Some(bits) = counts.bit_depth {
             out.raw("bit_depth", bits);
         }

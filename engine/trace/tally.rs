@@ -33,6 +33,8 @@ pub struct Tally {
     pub defective_objects: u64,
     /// Detector numbers that the bit depth clipped at its upper end.
     pub saturated: u64,
+    /// Detector numbers that the bit depth clipped at 0.
+    pub clipped_at_zero: u64,
     /// Patches (beamlet and detector row) that the sample touches.
     pub patches: u64,
     /// Their rays.
@@ -64,6 +66,7 @@ impl Tally {
             not_finite: f(self.not_finite, other.not_finite),
             landed_off: f(self.landed_off, other.landed_off),
             saturated: f(self.saturated, other.saturated),
+            clipped_at_zero: f(self.clipped_at_zero, other.clipped_at_zero),
             patches: f(self.patches, other.patches),
             patch_rays: f(self.patch_rays, other.patch_rays),
             error_squares: f(self.error_squares, other.error_squares),

@@ -8,6 +8,7 @@ mod answers;
 mod assemblies;
 mod cli;
 mod cli_beam;
+mod clipping;
 mod hostile;
 mod mesh;
 mod mistakes;

@@ -11,7 +11,7 @@ use crate::scene::{Counts, Scene};
 use ndarray::{Array3, ArrayView3};
 use poisson::{gamma, poisson};
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops::{Add as _, Range};
 
 /// Excess noise below this is none.
 const NO_EXCESS: f64 = 1e-9;
@@ -27,6 +27,8 @@ pub struct Noise {
     steps: usize,
     columns: usize,
     most: f64,
+    /// Detector number of no light.
+    offset: f64,
 }
 
 /// Detector numbers of a band.
@@ -34,8 +36,25 @@ pub struct Noise {
 pub struct Frame {
     /// `[step][row][column]`.
     pub numbers: Array3<f32>,
-    /// Numbers that the bit depth clipped at its upper end.
-    pub saturated: u64,
+    /// Numbers that the bit depth clipped.
+    pub clipped: Clipped,
+}
+
+/// Detector numbers that a bit depth clipped.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Clipped {
+    /// At 0.
+    pub low: u64,
+    /// At the largest number.
+    pub high: u64,
+}
+
+impl std::ops::Add for Clipped {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { low: self.low + other.low, high: self.high + other.high }
+    }
 }
 
 impl Noise {
@@ -51,6 +70,7 @@ impl Noise {
             seed: scene.sampling.seed,
             steps: scene.scan.mask_offsets.len(),
             columns: scene.detector.pixels[0] as usize,
+            offset: counts.number_without_light(),
             most: counts.bit_depth.map_or(f64::INFINITY, |bits| libm::exp2(f64::from(bits)) - 1.0),
         })
     }
@@ -101,32 +121,44 @@ impl Noise {
             Exposure::Dark => (3, 0),
         };
         let line = |(index, line): (usize, &mut [f32])| {
+            let mut clipped = Clipped::default();
             if cancel.is_cancelled() {
-                return 0;
+                return clipped;
             }
             let (step, row) = (index / rows, first_row + numbers::count(index % rows));
-            let mut saturated = 0;
             for (column, number) in line.iter_mut().enumerate() {
                 // Columns and rows have 16 bits each.
                 let place = [row << 16 | numbers::count(column), view, numbers::count(step)];
                 let light = f64::from(intensity(index * self.columns + column));
                 let value = self.number(light, Draws::new(self.seed, place, kind));
-                saturated += u64::from(value > self.most);
-                *number = single(value.min(self.most));
+                *number = single(self.recorded(value, &mut clipped));
             }
-            saturated
+            clipped
         };
-        let saturated = match numbers.as_slice_mut() {
-            Some(all) if self.columns > 0 => {
-                all.par_chunks_mut(self.columns).enumerate().map(line).sum()
-            }
-            _ => 0,
+        let clipped = match numbers.as_slice_mut() {
+            Some(all) if self.columns > 0 => all
+                .par_chunks_mut(self.columns)
+                .enumerate()
+                .map(line)
+                .reduce(Clipped::default, Clipped::add),
+            _ => Clipped::default(),
         };
         cancel.check()?;
-        Ok(Frame { numbers, saturated })
+        Ok(Frame { numbers, clipped })
     }
 
-    /// One number, not yet clipped at its upper end.
+    /// A number as the bit depth leaves it.
+    fn recorded(&self, value: f64, clipped: &mut Clipped) -> f64 {
+        if self.most.is_infinite() {
+            return value;
+        }
+        let whole = value.round();
+        clipped.low += u64::from(whole < 0.0);
+        clipped.high += u64::from(whole > self.most);
+        whole.max(0.0).min(self.most)
+    }
+
+    /// One number, neither rounded nor clipped.
     fn number(&self, intensity: f64, mut draws: Draws) -> f64 {
         let counts = &self.counts;
         let photons = poisson(counts.photons * intensity, &mut draws);
@@ -136,10 +168,10 @@ impl Noise {
         } else {
             photons
         };
-        let mut value = counts.offset + counts.gain * signal;
+        let mut value = self.offset + counts.gain * signal;
         if counts.electronic_noise > 0.0 {
             value += counts.electronic_noise * draws.normal();
         }
-        if self.most.is_finite() { value.round().max(0.0) } else { value }
+        value
     }
 }

@@ -8,6 +8,7 @@ mod survey;
 use super::Simulation;
 use crate::Result;
 use crate::cancel::Cancel;
+use crate::detector::Clipped;
 use crate::gpu::{Device, LazyKernel};
 use crate::illuminate::{
     CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache, PixelSums,
@@ -171,12 +172,17 @@ impl<'s> ViewWork<'s> {
             let begin = Instant::now();
             sink.write(view, band.clone(), intensities.view())?;
             if let Some(frame) = counts {
-                self.tally.saturated += frame.saturated;
+                self.count_clipped(frame.clipped);
                 sink.write_counts(view, band, frame.numbers.view())?;
             }
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
         Ok(())
+    }
+
+    fn count_clipped(&mut self, clipped: Clipped) {
+        self.tally.saturated += clipped.high;
+        self.tally.clipped_at_zero += clipped.low;
     }
 
     /// Dark frames need no light.
@@ -186,7 +192,7 @@ impl<'s> ViewWork<'s> {
             let begin = Instant::now();
             let frame = noise.dark(band.clone(), &self.cancel)?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
-            self.tally.saturated += frame.saturated;
+            self.count_clipped(frame.clipped);
             let begin = Instant::now();
             sink.write_counts(Exposure::Dark, band, frame.numbers.view())?;
             self.seconds.write += begin.elapsed().as_secs_f64();

@@ -207,7 +207,8 @@ fn integrating_detector_has_the_excess_noise_of_its_swank_factor() {
 
 #[test]
 fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
-    let free = Counts::of_photons(240.0).with_electronic_noise(20.0).with_gain(2.0);
+    let free =
+        Counts::of_photons(240.0).with_electronic_noise(20.0).with_gain(2.0).with_offset(0.0);
     let clipped = free.with_bit_depth(8);
     let scenes = [free, clipped].map(|counts| scene([64, 32], STEPS, counts));
     let [free, numbers] = scenes.each_ref().map(|scene| frames(scene, 1.0, Exposure::Flat));
@@ -218,14 +219,52 @@ fn bit_depth_rounds_and_clips_and_saturation_is_counted() {
     }
     let noise = Noise::of(&scenes[1], 1.0).unwrap();
     let even = Array3::from_elem((STEPS, 32, 64), 0.5_f32);
-    let saturated =
-        noise.counts(Exposure::Flat, 0, even.view(), &Cancel::default()).unwrap().saturated;
-    assert_eq!(saturated, free.iter().filter(|number| number.round() > 255.0).count() as u64);
-    assert!(saturated > 1000);
+    let clipped = noise.counts(Exposure::Flat, 0, even.view(), &Cancel::default()).unwrap().clipped;
+    assert_eq!(clipped.high, free.iter().filter(|number| number.round() > 255.0).count() as u64);
+    assert!(clipped.high > 1000);
     // Without light and offset half of the electronic noise is below zero.
-    let dark = noise.dark(0..32, &Cancel::default()).unwrap().numbers;
-    let zeros = dark.iter().filter(|number| **number == 0.0).count();
-    assert!((0.45..0.57).contains(&(zeros as f64 / dark.len() as f64)), "{zeros}");
+    let dark = noise.dark(0..32, &Cancel::default()).unwrap();
+    let lows = frames_without_light(&scenes[0]);
+    assert_eq!(dark.clipped.low, lows.iter().filter(|number| number.round() < 0.0).count() as u64);
+    let share = dark.clipped.low as f64 / dark.numbers.len() as f64;
+    assert!((0.45..0.53).contains(&share), "{share}");
+}
+
+/// Numbers of the dark frames.
+fn frames_without_light(scene: &Scene) -> Array3<f32> {
+    let rows = 0..scene.detector.pixels[1];
+    Noise::of(scene, 1.0).unwrap().dark(rows, &Cancel::default()).unwrap().numbers
+}
+
+/// An offset that the scene does not have is one that no electronic noise reaches below: the mean of
+/// the light is that of its frames less the mean of the dark frames.
+#[test]
+fn default_offset_clips_no_number_and_keeps_the_mean_of_faint_light() {
+    for (photons, noise, gain) in [(4.0, 20.0, 1.0), (40.0, 2.5, 0.5), (1.0, 300.0, 7.0)] {
+        let counts = Counts::of_photons(photons).with_electronic_noise(noise).with_gain(gain);
+        let scene = scene([160, 128], STEPS, counts.with_bit_depth(16));
+        let made = Noise::of(&scene, 1.0).unwrap();
+        let even = Array3::from_elem((STEPS, 128, 160), 0.5_f32);
+        let flat = made.counts(Exposure::Flat, 0, even.view(), &Cancel::default()).unwrap();
+        let dark = made.dark(0..128, &Cancel::default()).unwrap();
+        for (name, frame) in [("flat", &flat), ("dark", &dark)] {
+            assert_eq!([frame.clipped.low, frame.clipped.high], [0, 0], "{name}, noise {noise}");
+        }
+        let mean = |numbers: &Array3<f32>| {
+            numbers.iter().map(|number| f64::from(*number)).sum::<f64>() / numbers.len() as f64
+        };
+        let got = mean(&flat.numbers) - mean(&dark.numbers);
+        // Rounding adds 1/12 to the variance of either.
+        let variance = gain * gain * 0.5 * photons + 2.0 * (noise * noise + 1.0 / 12.0);
+        let score = (got - 0.5 * photons * gain) / (variance / flat.numbers.len() as f64).sqrt();
+        assert!(score.abs() < 4.0, "photons {photons}, noise {noise}: {got}, score {score}");
+    }
+    // Without a bit depth nothing is clipped.
+    let counts = Counts::of_photons(1.0).with_electronic_noise(10.0);
+    assert_eq!(counts.number_without_light().to_bits(), 0.0_f64.to_bits());
+    assert_eq!(counts.with_bit_depth(12).number_without_light().to_bits(), 83.0_f64.to_bits());
+    let given = counts.with_bit_depth(12).with_offset(5.0);
+    assert_eq!(given.number_without_light().to_bits(), 5.0_f64.to_bits());
 }
 
 /// A whole run: counts scatter about the intensities that lie beside them.
