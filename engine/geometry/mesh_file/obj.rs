@@ -1,5 +1,5 @@
 //! Wavefront OBJ files: positions, faces, and the names of objects, groups and materials.
-//! Everything else is ignored, material libraries included.
+//! Everything else is ignored, material libraries and colours of vertices included.
 //!
 //! `tobj` reads them, after a first look that names the line of whatever is wrong and leaves
 //! texture and normal indices out: `tobj` reports no lines, and overflows on some indices.
@@ -132,10 +132,7 @@ fn vetted(text: &str, progress: impl Fn(f64)) -> Result<Vetted, Defect> {
         let mut words = line.split_ascii_whitespace();
         match words.next() {
             Some("v") => {
-                let mut number = || words.next().and_then(|word| word.parse::<f64>().ok());
-                let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
-                    return Err(failed("a vertex needs three numbers: v x y z".into()));
-                };
+                let [x, y, z] = position(words).map_err(failed)?;
                 vertices += 1;
                 // Writing to a string cannot fail; f64 texts read back to the same bits.
                 let _ = writeln!(vetted.plain, "v {x:?} {y:?} {z:?}");
@@ -151,6 +148,24 @@ fn vetted(text: &str, progress: impl Fn(f64)) -> Result<Vetted, Defect> {
         }
     }
     Ok(vetted)
+}
+
+/// Position of a vertex: `x y z`, and behind it a weight of 1 or a colour.
+fn position<'a>(mut words: impl Iterator<Item = &'a str>) -> Result<[f64; 3], String> {
+    let mut number = || words.next().and_then(|word| word.parse::<f64>().ok());
+    let (Some(x), Some(y), Some(z)) = (number(), number(), number()) else {
+        return Err("a vertex needs three numbers: v x y z".into());
+    };
+    // A colour has three numbers or more (r g b, r g b a), a weight is one.
+    if let (Some(weight), None) = (words.next(), words.next())
+        && weight.parse() != Ok(1.0)
+    {
+        return Err(format!(
+            "a vertex has the weight w = {}; allowed: v x y z, or v x y z 1.0",
+            shown(weight)
+        ));
+    }
+    Ok([x, y, z])
 }
 
 /// Adds a face of these corners to the text.

@@ -171,6 +171,31 @@ fn broken_lines_of_a_text_mesh_are_named() {
 }
 
 #[test]
+fn weights_of_obj_vertices_other_than_1_are_refused_and_colours_are_not() {
+    let directory = tempfile::tempdir().unwrap();
+    let plain = obj(&part());
+    let volume = |behind: &str| {
+        let text = plain.replace("v ", "V ").lines().fold(String::new(), |mut text, line| {
+            match line.strip_prefix("V ") {
+                Some(vertex) => writeln!(text, "v {vertex}{behind}").unwrap(),
+                None => writeln!(text, "{line}").unwrap(),
+            }
+            text
+        });
+        read(directory.path(), "a.obj", text.as_bytes()).unwrap().objects[0].volume
+    };
+    for behind in [" 1", " 1.0 # a comment", " 0.5 0.25 1", " 0.5 0.25 1 0.5"] {
+        assert_eq!(volume(behind).to_bits(), volume("").to_bits(), "{behind}");
+    }
+    for weight in ["2", "0", "0.5", "nan", "red"] {
+        let text = format!("v 0 0 0\nv 1 0 0 {weight}\nv 0 1 0\nf 1 2 3\n");
+        let message = refused("a.obj", text.as_bytes());
+        let wanted = format!("w = {weight}; allowed: v x y z, or v x y z 1.0");
+        assert!(message.contains("line 2") && message.contains(&wanted), "{message}");
+    }
+}
+
+#[test]
 fn vertices_that_are_not_finite_are_refused() {
     let mut bytes = binary(&part(), b"");
     bytes[84 + 50 + 12..84 + 50 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
