@@ -141,7 +141,7 @@ pub(super) fn collect(run: &Subject, most: u64) -> Result<Data, Failure> {
     let meta = json!({
         "views": contents.kept,
         "angles": contents.kept.iter().filter_map(angle).collect::<Vec<_>>(),
-        "offsets": run.offsets().iter().map(|f| 1e6 * f).collect::<Vec<_>>(),
+        "offsets": run.curve_offsets().iter().map(|f| 1e6 * f).collect::<Vec<_>>(),
         "rows": rows.div_ceil(bin),
         "columns": columns.div_ceil(bin),
         "detector": [columns, rows],

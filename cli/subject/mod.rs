@@ -115,6 +115,13 @@ impl Subject {
         }
     }
 
+    /// Mask offsets as the centres of curves count them, m: without whole periods of the sample
+    /// mask.
+    pub(crate) fn curve_offsets(&self) -> Vec<f64> {
+        let periods = self.record.as_ref().map_or(0.0, |record| record.whole_periods);
+        self.offsets().iter().map(|offset| offset - periods).collect()
+    }
+
     /// Angles of the views, rad; none where the geometry does not say which they are.
     pub(crate) fn angles(&self) -> &[f64] {
         let Some(scene) = &self.scene else { return &[] };

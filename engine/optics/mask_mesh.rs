@@ -103,7 +103,7 @@ pub fn mask_meshes(
     }
     let size = match options.size {
         Some(size) => size,
-        None => lit(scene, &optics, mask),
+        None => lit(scene, mask),
     };
     size.into_iter().try_for_each(|side| above_zero("size", Some(side)))?;
     let bars = bars(mask, size[0])?;
@@ -138,9 +138,9 @@ fn above_zero(name: &'static str, length: Option<f64>) -> Result<()> {
 }
 
 /// What light on its way to the detector may pass in the plane of a mask, x and z, m.
-fn lit(scene: &Scene, optics: &Optics, mask: &Mask) -> [f64; 2] {
+fn lit(scene: &Scene, mask: &Mask) -> [f64; 2] {
     let near = mask.distance() / scene.detector.distance;
-    let moved = optics.mask_offsets.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
+    let moved = scene.scan.mask_offsets.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
     let spot = scene.source.spot.fwhm();
     let side = |axis: usize| {
         // Three widths of the spot are seven deviations.

@@ -38,7 +38,8 @@ pub struct Optics {
     pub(crate) detector_mask: Option<Mask>,
     /// The focal spot, with the blur of the detector along z.
     pub(crate) spot: Spot,
-    /// Displacements of the sample mask, m.
+    /// Displacements of the sample mask less whole periods, m: within half a period, so that f32
+    /// holds them as precisely as positions in a period.
     pub(crate) mask_offsets: Vec<f64>,
     /// How rays are chosen, by the pixels of `detector`.
     pub(crate) sampling: Sampling,
@@ -81,7 +82,7 @@ impl Optics {
             sample_mask: mask("sample_mask", &scene.sample_mask),
             detector_mask: mask("detector_mask", &scene.detector_mask),
             spot: spot(scene),
-            mask_offsets: scene.scan.mask_offsets.clone(),
+            mask_offsets: within_period(scene),
             sampling,
         }
     }
@@ -153,6 +154,15 @@ impl Optics {
         let across = [libm::cos(angle), libm::sin(angle)].map(|part| self.detector.pitch[0] * part);
         let length = libm::hypot(across[0], across[1]);
         across.map(|part| part / length)
+    }
+}
+
+/// Mask offsets of a scan less whole periods of the sample mask, m. The rest is exact.
+fn within_period(scene: &Scene) -> Vec<f64> {
+    let offsets = &scene.scan.mask_offsets;
+    match &scene.sample_mask {
+        Some(mask) => offsets.iter().map(|offset| libm::remainder(*offset, mask.period)).collect(),
+        None => offsets.clone(),
     }
 }
 

@@ -13,6 +13,7 @@ mod least_squares;
 mod method;
 mod misfit;
 mod options;
+mod periods;
 mod retriever;
 mod run;
 mod shape;

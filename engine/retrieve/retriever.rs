@@ -9,6 +9,7 @@ use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::method::Method;
 use super::misfit::{self, Noise};
 use super::options::{ReadRows, RetrieveOptions};
+use super::periods::WholePeriods;
 use super::shape::CurveGeometry;
 use crate::numbers;
 use crate::run::RowsControl;
@@ -25,7 +26,10 @@ const BAND: usize = 48 << 20;
 #[derive(Debug)]
 pub struct Retriever {
     options: RetrieveOptions,
+    periods: WholePeriods,
+    /// Offsets without these periods, m.
     offsets: Vec<f64>,
+    /// As `offsets`, of the sample.
     sample_offsets: Vec<f64>,
     fitter: Option<Fitter>,
     beamlets: Option<Beamlets>,
@@ -69,8 +73,9 @@ impl Retriever {
     /// ```
     pub fn new(engine: &Engine, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let method = options.method;
-        let offsets = scene.scan.mask_offsets.clone();
-        method.check(scene, &offsets)?;
+        method.check(scene, &scene.scan.mask_offsets)?;
+        let periods = WholePeriods::of(scene);
+        let offsets = periods.without(&scene.scan.mask_offsets);
         let fits = matches!(method, Method::Gaussian | Method::TwoStep | Method::Beamlet);
         if options.weights == Weights::Poisson && !fits {
             let allowed = "weights of counts serve the methods gaussian, two-step and beamlet";
@@ -100,7 +105,7 @@ impl Retriever {
         }
         let sample_offsets = match (&options.sample_offsets, method) {
             (None, _) => offsets.clone(),
-            (Some(other), Method::TwoStep) if other.len() >= 2 => other.clone(),
+            (Some(other), Method::TwoStep) if other.len() >= 2 => periods.without(other),
             (Some(other), _) => {
                 return Err(Error::argument(
                     "sample_offsets",
@@ -134,6 +139,7 @@ impl Retriever {
             },
             beamlets,
             shape: CurveGeometry::of(scene),
+            periods,
             offsets,
             sample_offsets,
             flat: None,
@@ -151,6 +157,13 @@ impl Retriever {
     #[must_use]
     pub const fn angle_per_shift(&self) -> f64 {
         self.angle_per_shift
+    }
+
+    /// Whole periods of the sample mask, m, that offsets of the scan have more than the centres of
+    /// curves: 0 where the middle of the scan is within half a period of 0.
+    #[must_use]
+    pub fn whole_periods(&self) -> f64 {
+        self.periods.length()
     }
 
     /// Curves of the flat, counted over rows; `None` before it was taken.

@@ -193,6 +193,7 @@ fn begun(
             .map(|(path, hash)| (path.display().to_string(), hash.clone()))
             .collect(),
         offsets: scene.scan.mask_offsets.clone(),
+        whole_periods: retriever.whole_periods(),
         flat_width: retriever
             .flat_curves()
             .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),

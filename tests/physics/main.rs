@@ -16,6 +16,7 @@ mod flat;
 mod instances;
 mod leaks;
 mod mask_mesh;
+mod offsets;
 mod ordered;
 mod polychromatic;
 mod reference_against_closed_forms;

@@ -178,6 +178,26 @@ fn moments_of_curves_that_end_within_the_scan_are_free_of_bias() {
 }
 
 #[test]
+fn offsets_of_ten_thousand_periods_lose_no_digit_of_the_contrasts() {
+    let offsets = even(11, 25.0);
+    // A period is 100 um. f32 holds a centre of 1 m to 6e-8 m, which are 1.5e-7 rad.
+    let far: Vec<f64> = offsets.iter().map(|offset| offset + 1e6).collect();
+    let engine = engine();
+    let [flat, sample] = gaussians(&offsets, 0.004);
+    let images = retrieve(&engine, &scene(&far, &[]), Method::Gaussian, &flat, &sample);
+    hold(&images, [1e-6, 1e-10, 2e-15], "gaussian, far");
+    assert!((value(&images, "sample_centre", 4) - 0.7 * UM).abs() < 1e-12, "without periods");
+    let [flat, sample] = curves(&offsets, 30.0 * UM, true);
+    let images = retrieve(&engine, &scene(&far, &[]), Method::ExactCurve, &flat, &sample);
+    hold(&images, [1e-5, 1e-10, 1e-14], "exact-curve, far");
+    let few = [-8.0, 1.0, 11.0];
+    let far: Vec<f64> = few.iter().map(|offset| offset - 1e6).collect();
+    let [flat, sample] = gaussians(&few, 0.0);
+    let images = retrieve(&engine, &scene(&far, &[]), Method::ThreeStep, &flat, &sample);
+    hold(&images, [1e-5, 1e-10, 2e-15], "three-step, far");
+}
+
+#[test]
 fn exact_curves_are_free_of_the_gaussians_bias() {
     let offsets = even(11, 25.0);
     let engine = engine();

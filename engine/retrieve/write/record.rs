@@ -62,6 +62,11 @@ pub struct Record {
     pub files: BTreeMap<String, String>,
     /// Offsets of the sample mask, m.
     pub offsets: Vec<f64>,
+    /// Whole periods of the sample mask, m, that the offsets have more than the images
+    /// `flat_centre` and `sample_centre`: 0 where the middle of the scan is within half a period of
+    /// 0, and in records of earlier versions.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub whole_periods: f64,
     /// Median standard deviation of the flat's curves, m of offset (of beamlets m on the detector);
     /// `None` in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -112,6 +117,11 @@ impl Record {
         text.push('\n');
         write_file(path, text.as_bytes())
     }
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
+const fn is_zero(length: &f64) -> bool {
+    *length == 0.0
 }
 
 #[cfg(test)]

@@ -86,7 +86,7 @@ impl Chosen<'_> {
     pub(super) fn draw_curve(&self, pictures: &mut Pictures) -> Result<(), Failure> {
         let [column, row] = self.pixel;
         let at = row_number(row)?;
-        let offsets = self.run.offsets();
+        let offsets = self.run.curve_offsets();
         let values = |view: Option<usize>| -> Result<Vec<f64>, Failure> {
             let rows = self.run.fitted_rows(view, at..at + 1)?;
             // Steps of their own (two-step) stand at offsets that nothing recorded.
@@ -116,7 +116,7 @@ impl Chosen<'_> {
         let title = format!("Illumination curves of column {column}, row {row}");
         let title = joined(&[title, self.at_view()]);
         let label = self.run.fitted_quantity().label;
-        let drawing = curve::draw([&title, &label], offsets, &curves, &notes);
+        let drawing = curve::draw([&title, &label], &offsets, &curves, &notes);
         let view = self.view;
         pictures.add(format!("curve_view_{view:04}_column_{column:04}_row_{row:04}"), &drawing)
     }

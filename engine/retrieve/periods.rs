@@ -1,0 +1,38 @@
+//! Whole periods of the sample mask that a scan is away from 0: curves repeat with them, and
+//! centres in f32 lose digits to them.
+
+use crate::scene::Scene;
+
+/// The number of periods, and their length.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct WholePeriods {
+    count: f64,
+    /// m.
+    period: f64,
+}
+
+impl WholePeriods {
+    /// Periods nearest to the middle of a scene's mask offsets; none without a sample mask.
+    pub(super) fn of(scene: &Scene) -> Self {
+        let ends = |[low, high]: [f64; 2], at: &f64| [low.min(*at), high.max(*at)];
+        let [low, high] =
+            scene.scan.mask_offsets.iter().fold([f64::INFINITY, f64::NEG_INFINITY], ends);
+        let period = scene.sample_mask.as_ref().map_or(f64::INFINITY, |mask| mask.period);
+        let count = (f64::midpoint(low, high) / period).round();
+        if count.is_finite() && period.is_finite() {
+            Self { count, period }
+        } else {
+            Self { count: 0.0, period: 0.0 }
+        }
+    }
+
+    /// Their length, m.
+    pub(super) fn length(self) -> f64 {
+        self.count * self.period
+    }
+
+    /// Offsets without them, m.
+    pub(super) fn without(self, offsets: &[f64]) -> Vec<f64> {
+        offsets.iter().map(|offset| libm::fma(-self.count, self.period, *offset)).collect()
+    }
+}
