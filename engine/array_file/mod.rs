@@ -5,6 +5,7 @@
 mod npy;
 mod npy_header;
 mod tiff;
+mod tiff_stored;
 
 pub(crate) use npy::NpyFile;
 pub(crate) use tiff::TiffPages;

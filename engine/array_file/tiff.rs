@@ -1,5 +1,8 @@
-//! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`.
+//! TIFF pages: one sample per pixel, strips or tiles, classic or `BigTIFF`. Samples are the numbers
+//! that are stored, whether black or white is zero. Pages that are reduced copies of others are no
+//! frames.
 
+use super::tiff_stored::{self, Replaced};
 use super::{LEAST, Value, refuse_hollow, refuse_shape};
 use crate::numbers;
 use crate::{Error, Result, input_file, reserve};
@@ -10,16 +13,20 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use tiff::decoder::{Decoder, DecodingResult, Limits};
-use tiff::{ColorType, TiffError};
+use tiff::tags::Tag;
+use tiff::{ColorType, TiffError, TiffResult};
 
-type Pages = Decoder<BufReader<File>>;
+type Pages = Decoder<Replaced<BufReader<File>>>;
 
 /// A file of pages, each a frame of the same shape.
 pub(crate) struct TiffPages {
     path: PathBuf,
     /// Rows and columns.
     frame: [usize; 2],
-    count: usize,
+    /// Places of the frames among all pages.
+    frames: Vec<usize>,
+    /// Pages that are reduced copies of others.
+    reduced: usize,
     /// Knows where every page begins, so that seeking does not walk the file again.
     pages: Mutex<Pages>,
 }
@@ -29,54 +36,82 @@ impl fmt::Debug for TiffPages {
         f.debug_struct("TiffPages")
             .field("path", &self.path)
             .field("frame", &self.frame)
-            .field("count", &self.count)
+            .field("count", &self.frames.len())
             .finish_non_exhaustive()
     }
 }
 
 impl TiffPages {
-    /// All pages of a file, which have one shape.
+    /// All frames of a file, which have one shape.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let unread = |error| failed(path, error);
-        let (mut pages, frame) = first_page(path)?;
-        let mut count = 1;
+        let mut all = Self::first(path)?;
+        let pages = all.pages.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let mut page = all.frames[0];
         while pages.more_images() {
             pages.next_image().map_err(unread)?;
-            let found = frame_of(path, &mut pages)?;
-            if found != frame {
+            page += 1;
+            if is_reduced(pages).map_err(unread)? {
+                all.reduced += 1;
+                continue;
+            }
+            let found = frame_of(path, pages)?;
+            if found != all.frame {
                 let problem = format!(
-                    "has {} rows of {} columns in page {count}, counted from 0; its first page \
+                    "has {} rows of {} columns in page {page}, counted from 0; its first frame \
                      has {} rows of {}",
-                    found[0], found[1], frame[0], frame[1]
+                    found[0], found[1], all.frame[0], all.frame[1]
                 );
                 return Err(Error::file(path, problem, None));
             }
-            count += 1;
+            all.frames.push(page);
         }
-        Ok(Self { path: path.to_path_buf(), frame, count, pages: Mutex::new(pages) })
+        Ok(all)
     }
 
-    /// The first page alone; others may have any shape.
+    /// The first frame alone; others may have any shape.
     pub(crate) fn first(path: &Path) -> Result<Self> {
-        let (pages, frame) = first_page(path)?;
-        Ok(Self { path: path.to_path_buf(), frame, count: 1, pages: Mutex::new(pages) })
+        let unread = |error| failed(path, error);
+        let mut pages = decoder(path)?;
+        let mut reduced = 0;
+        while is_reduced(&mut pages).map_err(unread)? {
+            reduced += 1;
+            if !pages.more_images() {
+                let problem = format!(
+                    "holds {reduced} reduced copies of pages (NewSubfileType 1, thumbnails) and no \
+                     frame"
+                );
+                return Err(Error::file(path, problem, None));
+            }
+            pages.next_image().map_err(unread)?;
+        }
+        let frame = frame_of(path, &mut pages)?;
+        refuse_hollow(path, frame)?;
+        let frames = vec![reduced];
+        Ok(Self { path: path.to_path_buf(), frame, frames, reduced, pages: Mutex::new(pages) })
     }
 
-    /// Rows and columns of a page.
+    /// Rows and columns of a frame.
     pub(crate) const fn frame_shape(&self) -> [usize; 2] {
         self.frame
     }
 
-    /// Pages.
+    /// Frames.
     pub(crate) const fn count(&self) -> usize {
-        self.count
+        self.frames.len()
     }
 
-    /// Some rows of a page.
-    pub(crate) fn read<T: Value>(&self, page: usize, rows: Range<usize>) -> Result<Vec<T>> {
+    /// Pages that are reduced copies of others, and no frames.
+    pub(crate) const fn reduced(&self) -> usize {
+        self.reduced
+    }
+
+    /// Some rows of a frame.
+    pub(crate) fn read<T: Value>(&self, frame: usize, rows: Range<usize>) -> Result<Vec<T>> {
         let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
         let unread = |error| failed(&self.path, error);
-        pages.seek_to_image(page).map_err(unread)?;
+        let page = self.frames.get(frame).copied().unwrap_or(usize::MAX);
+        tiff_stored::seek(&mut pages, page).map_err(unread)?;
         refuse_shape(&self.path, frame_of(&self.path, &mut pages)?, self.frame)?;
         let columns = self.frame[1];
         let (width, height) = pages.chunk_dimensions();
@@ -102,19 +137,24 @@ impl TiffPages {
     }
 }
 
-/// A decoder at the first page, and its rows and columns.
-fn first_page(path: &Path) -> Result<(Pages, [usize; 2])> {
+/// A decoder at the first page.
+fn decoder(path: &Path) -> Result<Pages> {
     let file =
         input_file::open(path).map_err(|error| Error::file(path, "cannot be read", Some(error)))?;
     let mut limits = Limits::default();
     // Frames of 4 GiB in one strip do exist; a small file that claims one does not hold it.
     let most = 64 * file.metadata().map_or(0, |found| found.len()).max(LEAST >> 6);
     limits.decoding_buffer_size = numbers::length(most.min(1 << 32));
-    let decoder = Decoder::new(BufReader::new(file)).map_err(|error| failed(path, error))?;
-    let mut pages = decoder.with_limits(limits);
-    let frame = frame_of(path, &mut pages)?;
-    refuse_hollow(path, frame)?;
-    Ok((pages, frame))
+    let file = Replaced::new(BufReader::new(file));
+    let decoder = Decoder::new(file).map_err(|error| failed(path, error))?;
+    Ok(decoder.with_limits(limits))
+}
+
+/// Whether the page in turn is a reduced copy of another: a thumbnail, or a level of a pyramid.
+fn is_reduced(pages: &mut Pages) -> TiffResult<bool> {
+    let kind = pages.find_tag_unsigned::<u32>(Tag::NewSubfileType)?;
+    let old_kind = pages.find_tag_unsigned::<u32>(Tag::SubfileType)?;
+    Ok(kind.is_some_and(|kind| kind & 1 != 0) || old_kind == Some(2))
 }
 
 /// Rows and columns of the page in turn; refuses what is not one number per pixel.

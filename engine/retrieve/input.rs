@@ -34,6 +34,8 @@ pub struct Input {
     counts: bool,
     /// Everything that was read, files and folders.
     read: Vec<PathBuf>,
+    /// Files of each folder of measured frames, in their order.
+    frames: BTreeMap<String, Vec<String>>,
 }
 
 impl Input {
@@ -65,6 +67,7 @@ impl Input {
                 noise: None,
                 counts,
                 read,
+                frames: BTreeMap::new(),
             });
         }
         let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
@@ -83,7 +86,8 @@ impl Input {
             Some(n) => Some([DetectorModel::variance_per_value(&scene)?, n.electronic_noise]),
             None => None,
         };
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read })
+        let frames = BTreeMap::new();
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read, frames })
     }
 
     /// Measured stacks. `scene` gives the geometry; its mask offsets are those of the frames.
@@ -119,10 +123,12 @@ impl Input {
             }
         }
         let read = [&flat, &sample].into_iter().chain(dark).map(|s| s.path().to_owned()).collect();
+        let names = |s: &StackFile| Some((s.path().display().to_string(), s.frame_names()?));
+        let frames = [&flat, &sample].into_iter().chain(dark).filter_map(names).collect();
         let dark_path = dark.map(|dark| dark.path().to_path_buf());
         let dark = dark.map(mean).transpose()?;
         let (saturation, noise, counts) = (None, None, true);
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read })
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read, frames })
     }
 
     /// Names other files that were read for it, such as that of the geometry, for the record.
@@ -183,6 +189,12 @@ impl Input {
         self.dark_path.as_ref().map(|path| path.display().to_string())
     }
 
+    /// Files of each folder of measured frames, in their order, by the folder's path.
+    #[must_use]
+    pub const fn frames(&self) -> &BTreeMap<String, Vec<String>> {
+        &self.frames
+    }
+
     /// Files and folders of the stacks.
     pub(super) fn paths(&self) -> Vec<PathBuf> {
         [&self.flat, &self.sample].map(|stack| stack.path().to_path_buf()).to_vec()
@@ -226,7 +238,11 @@ impl Input {
         }
         let path = self.sample.path().to_path_buf();
         let [views, frames, ..] = self.sample.shape();
-        self.sample = self.sample.with_steps(sample).map_err(|_| {
+        self.sample = self.sample.with_steps(sample).map_err(|error| {
+            if views == 1 && frames % sample == 0 {
+                // Their names say something else.
+                return error;
+            }
             let problem =
                 format!("has {frames} frames in each of {views} views for {sample} mask offsets");
             Error::file(path, problem, None)

@@ -183,6 +183,7 @@ fn begun(
         gain: options.gain,
         read_noise: options.read_noise,
         sources: input.sources(),
+        frames: input.frames().clone(),
         dark: input.dark_source(),
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),

@@ -27,6 +27,36 @@ material = "water"
 );
 
 #[test]
+fn the_order_of_measured_frames_is_shown_and_recorded() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    fs::write(folder.join("scene.toml"), SCENE).unwrap();
+    done(folder, "simulate scene.toml -o run -q");
+    // Names with the offsets, as a scan may have them: by letters "0um" comes before "-25um".
+    let offsets = ["-25", "-16.67", "-8.33", "0", "8.33", "16.67", "25"];
+    for (from, to) in [("flat", "white"), ("sample/view_0000", "rod")] {
+        fs::create_dir(folder.join(to)).unwrap();
+        for (step, offset) in offsets.iter().enumerate() {
+            let from = folder.join("run").join(from).join(format!("step_{step:03}.exr"));
+            fs::copy(from, folder.join(to).join(format!("scan_{offset}um.exr"))).unwrap();
+        }
+    }
+    let line = "retrieve --flat white --sample rod --geometry scene.toml -o images --format npy -v";
+    let output = beamlet(folder).args(line.split(' ')).output().unwrap();
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{log}");
+    let names = offsets.map(|offset| format!("scan_{offset}um.exr"));
+    let order = format!("white: 7 frames in the order {}", names.join(", "));
+    assert!(log.contains(&order), "{log}");
+    let record = Record::read(&folder.join("images/retrieved.json")).unwrap();
+    assert_eq!(record.frames.keys().collect::<Vec<_>>(), ["rod", "white"]);
+    assert_eq!(record.frames["rod"], names);
+    done(folder, "retrieve run -o same --format npy");
+    let image = |of: &str| fs::read(folder.join(of).join("refraction.npy")).unwrap();
+    assert!(image("images") == image("same"), "another order of frames");
+}
+
+#[test]
 fn a_retrieval_tells_its_title_dates_duration_command_and_program() {
     let place = tempfile::tempdir().unwrap();
     let folder = place.path();

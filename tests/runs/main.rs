@@ -11,11 +11,13 @@ mod crash;
 mod earlier_runs;
 mod endless;
 mod ends;
+mod frame_order;
 mod integrity;
 mod kept;
 mod one_patch;
 mod safety;
 mod stack;
 mod stack_read;
+mod tiff_pages;
 #[cfg(feature = "cli")]
 mod tiff_stacks;

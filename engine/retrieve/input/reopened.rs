@@ -50,7 +50,8 @@ impl Input {
         let read = [&flat, &sample].into_iter().chain(&dark).map(|s| s.path().to_owned()).collect();
         let dark = dark.as_ref().map(mean).transpose()?;
         let (saturation, noise, counts) = (None, None, record.counts);
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read })
+        let frames = record.frames.clone();
+        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read, frames })
     }
 }
 

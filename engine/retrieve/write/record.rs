@@ -45,6 +45,10 @@ pub struct Record {
     pub read_noise: f64,
     /// What was read: flat and sample.
     pub sources: Vec<String>,
+    /// Files that were read as frames, in their order, of each folder of `sources` and `dark`; empty
+    /// in records of earlier versions.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub frames: BTreeMap<String, Vec<String>>,
     /// Frames without beam that were subtracted; `None` where there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<String>,

@@ -18,6 +18,7 @@ use crate::array_file::{NpyFile, TiffPages, refuse_shape, refuse_wide};
 use crate::numbers;
 use crate::{Error, Result, reserve};
 use checksums::Checksums;
+use folder::FolderFrames;
 use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -31,7 +32,7 @@ use std::sync::Arc;
 /// | `.npy` | 2, 3 or 4 dimensions: (row, column), (step, row, column), (view, step, row, column) |
 /// | `.tif`, `.tiff` | one page per frame, strips or tiles, `BigTIFF` too; see [`StackFile::with_steps`] |
 /// | `.exr` | one frame |
-/// | folder of `.exr` or `.tif` files | one frame per file, in the order of the numbers in their names |
+/// | folder of `.exr` or `.tif` files | one frame per file, in the order of the numbers in their names ([`StackFile::frame_names`]) |
 /// | folder of such folders | one view per folder |
 ///
 /// Samples are f32, f64, or whole numbers of 8, 16 or 32 bits (EXR: f16, f32, u32), one per pixel.
@@ -48,8 +49,9 @@ pub struct StackFile {
 enum StackSource {
     Npy(NpyFile),
     Pages(Box<TiffPages>),
-    /// One file per frame, the views one after another.
-    Frames(Vec<PathBuf>),
+    /// One file per frame, the views one after another; of a folder, frames by the numbers in the
+    /// names of its files, the last changing fastest.
+    Frames(Vec<PathBuf>, Vec<usize>),
 }
 
 impl StackFile {
@@ -85,12 +87,19 @@ impl StackFile {
             }
             "tif" | "tiff" => {
                 let pages = TiffPages::open(path)?;
+                if pages.reduced() > 0 {
+                    let (all, skipped) = (pages.count() + pages.reduced(), pages.reduced());
+                    log::info!(
+                        "{}: {skipped} of {all} pages are reduced copies (thumbnails) and are skipped",
+                        path.display()
+                    );
+                }
                 let [rows, columns] = pages.frame_shape();
                 ([1, pages.count(), rows, columns], StackSource::Pages(Box::new(pages)))
             }
             "exr" => {
                 let [rows, columns] = exr::frame_shape(path)?;
-                ([1, 1, rows, columns], StackSource::Frames(vec![path.to_path_buf()]))
+                ([1, 1, rows, columns], StackSource::Frames(vec![path.to_path_buf()], Vec::new()))
             }
             _ => {
                 let problem = "is no stack: allowed are .npy, .tif, .tiff, .exr, and folders of \
@@ -103,15 +112,21 @@ impl StackFile {
     }
 
     fn open_folder(path: &Path) -> Result<Self> {
-        let (views, frames) = folder::frames(path)?;
+        let FolderFrames { views, files: frames, sides } = folder::frames(path)?;
         let [rows, columns] = match frames.first() {
             Some(frame) if extension(frame) == "exr" => exr::frame_shape(frame)?,
             Some(frame) => TiffPages::open(frame)?.frame_shape(),
             None => [0, 0],
         };
         let shape = [views, frames.len() / views.max(1), rows, columns];
-        let source = StackSource::Frames(frames);
-        Self { path: path.to_path_buf(), shape, source, checksums: None }.refuse_empty()
+        let source = StackSource::Frames(frames, sides);
+        let stack = Self { path: path.to_path_buf(), shape, source, checksums: None };
+        if log::log_enabled!(log::Level::Info) {
+            let names = stack.frame_names().unwrap_or_default();
+            let (count, all) = (names.len(), names.join(", "));
+            log::info!("{}: {count} frames in the order {all}", path.display());
+        }
+        stack.refuse_empty()
     }
 
     fn refuse_empty(self) -> Result<Self> {
@@ -135,6 +150,25 @@ impl StackFile {
         if found == steps {
             return Ok(self);
         }
+        if let StackSource::Frames(_, sides) = &self.source
+            && sides.len() > 1
+            && views == 1
+        {
+            // Frames of a view are those of the last numbers.
+            let within = sides.iter().rev().scan(1, |all, side| {
+                *all *= side;
+                Some(*all)
+            });
+            if within.into_iter().all(|frames| frames != steps) {
+                let sides: Vec<String> = sides.iter().map(usize::to_string).collect();
+                let problem = format!(
+                    "has names with {} different numbers, the last of which counts steps; expected \
+                     {steps} steps",
+                    sides.join(" x ")
+                );
+                return Err(Error::file(self.path, problem, None));
+            }
+        }
         if views > 1 || steps == 0 || found % steps != 0 {
             let problem = format!("has {views} views of {found} steps; expected {steps} steps");
             return Err(Error::file(self.path, problem, None));
@@ -154,6 +188,15 @@ impl StackFile {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Names of the files that a folder has as frames, in their order, the views one after another;
+    /// `None` where the stack is a file.
+    #[must_use]
+    pub fn frame_names(&self) -> Option<Vec<String>> {
+        let StackSource::Frames(files, _) = &self.source else { return None };
+        let name = |file: &PathBuf| Some(file.strip_prefix(&self.path).ok()?.display().to_string());
+        self.path.is_dir().then(|| files.iter().filter_map(name).collect())
     }
 
     /// Views, steps, rows and columns, none of them zero.
@@ -191,7 +234,7 @@ impl StackFile {
         let read = |step| self.frame(view, step, rows.clone());
         let frames: Vec<Array2<f32>> = match &self.source {
             // Frames are compressed one by one: worth a thread each.
-            StackSource::Frames(_) => {
+            StackSource::Frames(..) => {
                 (0..steps).into_par_iter().map(read).collect::<Result<_>>()?
             }
             _ => (0..steps).map(read).collect::<Result<_>>()?,
@@ -253,14 +296,21 @@ impl StackFile {
                 file.read(first, rows.len() * columns)
             }
             StackSource::Pages(pages) => pages.read(index, rows),
-            StackSource::Frames(files) => {
+            StackSource::Frames(files, _) => {
                 let path = &files[index];
                 match extension(path).as_str() {
                     "exr" => exr::read(path, frame, rows),
                     _ => {
-                        let page = TiffPages::open(path)?;
-                        refuse_shape(path, page.frame_shape(), frame)?;
-                        page.read(0, rows)
+                        let pages = TiffPages::open(path)?;
+                        if pages.count() != 1 {
+                            let problem = format!(
+                                "has {} frames; allowed in a folder of frames: one per file",
+                                pages.count()
+                            );
+                            return Err(Error::file(path, problem, None));
+                        }
+                        refuse_shape(path, pages.frame_shape(), frame)?;
+                        pages.read(0, rows)
                     }
                 }
             }

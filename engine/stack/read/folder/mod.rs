@@ -1,0 +1,82 @@
+//! Folders of frames: which files are frames, and the views they make.
+
+mod name;
+mod order;
+
+use super::extension;
+use crate::{Error, Result};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The frames of a folder.
+#[derive(Debug)]
+pub(super) struct FolderFrames {
+    pub(super) views: usize,
+    /// Files of all frames, the views one after another.
+    pub(super) files: Vec<PathBuf>,
+    /// Frames by the numbers in the names of the files, as [`order::Order::sides`]; of folders of
+    /// folders nothing.
+    pub(super) sides: Vec<usize>,
+}
+
+/// Finds the frames of a folder, or of its folders.
+pub(super) fn frames(path: &Path) -> Result<FolderFrames> {
+    let (files, folders) = listing(path)?;
+    if !files.is_empty() {
+        let order::Order { paths: files, sides } = order::in_order(path, files)?;
+        return Ok(FolderFrames { views: 1, files, sides });
+    }
+    let mut views: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
+    for folder in folders {
+        let (files, _) = listing(&folder)?;
+        if !files.is_empty() {
+            let files = order::in_order(&folder, files)?.paths;
+            views.insert(folder, files);
+        }
+    }
+    let folders = order::in_order(path, views.keys().cloned().collect())?.paths;
+    let (mut all, count) = (Vec::new(), folders.len());
+    let mut first: Option<(PathBuf, usize)> = None;
+    for folder in folders {
+        let files = views.remove(&folder).unwrap_or_default();
+        match &first {
+            Some((before, count)) if *count != files.len() => {
+                let problem =
+                    format!("holds {} frames; {} holds {count}", files.len(), before.display());
+                return Err(Error::file(folder, problem, None));
+            }
+            Some(_) => {}
+            None => first = Some((folder, files.len())),
+        }
+        all.extend(files);
+    }
+    if all.is_empty() {
+        let problem = "holds no frames: .exr or .tif files, or folders of them";
+        return Err(Error::file(path, problem, None));
+    }
+    Ok(FolderFrames { views: count, files: all, sides: Vec::new() })
+}
+
+/// Frames and folders of a folder, in no order.
+fn listing(path: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
+    let unread = |error| Error::file(path, "cannot be read", Some(error));
+    let (mut frames, mut folders) = (Vec::new(), Vec::new());
+    for entry in fs::read_dir(path).map_err(unread)? {
+        let entry = entry.map_err(unread)?.path();
+        let hidden = entry.file_name().is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
+        if hidden {
+            continue;
+        }
+        if entry.is_dir() {
+            folders.push(entry);
+        } else if matches!(extension(&entry).as_str(), "exr" | "tif" | "tiff") {
+            frames.push(entry);
+        }
+    }
+    let exr = frames.iter().filter(|frame| extension(frame) == "exr").count();
+    if exr != 0 && exr != frames.len() {
+        return Err(Error::file(path, "holds EXR and TIFF frames; allowed is one format", None));
+    }
+    Ok((frames, folders))
+}

@@ -1,0 +1,164 @@
+//! TIFF pages of other programs: samples whose white is zero, and pages that are no frames.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use beamlet::stack::StackFile;
+use ndarray::{Array3, s};
+use std::fs::{self, File};
+use std::path::Path;
+use tiff::encoder::colortype::{ColorType, Gray8, Gray16, Gray32, Gray32Float, Gray64Float, RGB8};
+use tiff::encoder::{TiffEncoder, TiffKind, TiffValue};
+use tiff::tags::Tag;
+
+const SIDES: [usize; 3] = [3, 5, 7];
+
+fn values() -> Array3<f32> {
+    Array3::from_shape_fn(SIDES, |(page, row, column)| {
+        f32::from(u8::try_from(page * 40 + row * 7 + column).unwrap())
+    })
+}
+
+/// A page with this NewSubfileType.
+fn page<C: ColorType, K: TiffKind>(
+    encoder: &mut TiffEncoder<File, K>,
+    [rows, columns]: [u32; 2],
+    samples: &[C::Inner],
+    kind: u32,
+) where
+    [C::Inner]: TiffValue,
+{
+    let mut image = encoder.new_image::<C>(columns, rows).unwrap();
+    if kind != 0 {
+        image.encoder().write_tag(Tag::NewSubfileType, kind).unwrap();
+    }
+    image.rows_per_strip(2).unwrap();
+    image.write_data(samples).unwrap();
+}
+
+fn pages<C: ColorType, K: TiffKind>(
+    mut encoder: TiffEncoder<File, K>,
+    value: impl Fn(f32) -> C::Inner,
+) where
+    [C::Inner]: TiffValue,
+{
+    for frame in values().outer_iter() {
+        let samples: Vec<C::Inner> = frame.iter().map(|v| value(*v)).collect();
+        page::<C, K>(&mut encoder, [5, 7], &samples, 0);
+    }
+}
+
+/// Makes white zero in every page: PhotometricInterpretation 0, SHORT, of one value.
+fn invert(path: &Path, big: bool) {
+    let mut bytes = fs::read(path).unwrap();
+    let entry: &[u8] = match big {
+        true => &[6, 1, 3, 0, 1, 0, 0, 0, 0, 0, 0, 0, 1, 0],
+        false => &[6, 1, 3, 0, 1, 0, 0, 0, 1, 0],
+    };
+    let places: Vec<usize> =
+        (0..bytes.len() - entry.len()).filter(|at| bytes[*at..].starts_with(entry)).collect();
+    assert_eq!(places.len(), SIDES[0], "an entry for each page");
+    places.into_iter().for_each(|at| bytes[at + entry.len() - 2] = 0);
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn samples_whose_white_is_zero_are_the_stored_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let check = |what: &str, big: bool| {
+        invert(&path, big);
+        let stack = StackFile::open(&path).unwrap();
+        assert_eq!(stack.view(0).unwrap(), values(), "{what}");
+        // Out of order, as bands of rows are read.
+        for (index, rows) in [(2, 3..5), (0, 0..1), (1, 2..5), (0, 1..3)] {
+            let frame = stack.frame(0, index, rows.clone()).unwrap();
+            let rows = rows.start as usize..rows.end as usize;
+            assert_eq!(frame, values().slice_move(s![index, rows, ..]), "{what}, page {index}");
+        }
+    };
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers")]
+    for big in [false, true] {
+        macro_rules! written {
+            ($color:ty, $value:expr) => {
+                let file = File::create(&path).unwrap();
+                match big {
+                    true => pages::<$color, _>(TiffEncoder::new_big(file).unwrap(), $value),
+                    false => pages::<$color, _>(TiffEncoder::new(file).unwrap(), $value),
+                }
+                check(stringify!($color), big);
+            };
+        }
+        written!(Gray8, |v| v as u8);
+        written!(Gray16, |v| v as u16);
+        written!(Gray32, |v| v as u32);
+        written!(Gray32Float, |v| v);
+        written!(Gray64Float, f64::from);
+    }
+}
+
+#[test]
+fn samples_of_big_endian_files_whose_white_is_zero_are_the_stored_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let entries: [(u16, u16, u32); 8] = [
+        (256, 3, 2),
+        (257, 3, 1),
+        (258, 3, 16),
+        (259, 3, 1),
+        (262, 3, 0),
+        (273, 4, 8),
+        (278, 3, 1),
+        (279, 4, 4),
+    ];
+    let mut bytes = b"MM\0*\0\0\0\x0c\0\x07\x01\0\0\x08".to_vec();
+    for (tag, kind, value) in entries {
+        bytes.extend(tag.to_be_bytes());
+        bytes.extend(kind.to_be_bytes());
+        bytes.extend(1_u32.to_be_bytes());
+        // A SHORT is at the beginning of its four bytes.
+        bytes.extend(if kind == 3 { value << 16 } else { value }.to_be_bytes());
+    }
+    bytes.extend([0; 4]);
+    fs::write(&path, bytes).unwrap();
+    let frame = StackFile::open(&path).unwrap().frame(0, 0, 0..1).unwrap();
+    assert_eq!(frame, ndarray::arr2(&[[7.0, 256.0]]));
+}
+
+#[test]
+fn reduced_copies_of_pages_are_no_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.tif");
+    let mut encoder = TiffEncoder::new(File::create(&path).unwrap()).unwrap();
+    page::<RGB8, _>(&mut encoder, [2, 2], &[0; 12], 1);
+    for frame in values().outer_iter() {
+        let samples: Vec<f32> = frame.iter().copied().collect();
+        page::<Gray32Float, _>(&mut encoder, [5, 7], &samples, 0);
+        page::<Gray32Float, _>(&mut encoder, [1, 1], &[9.0], 1);
+        // A reduced copy of the same size.
+        page::<Gray32Float, _>(&mut encoder, [5, 7], &[9.0; 35], 3);
+    }
+    drop(encoder);
+    let stack = StackFile::open(&path).unwrap();
+    assert_eq!(stack.shape(), [1, 3, 5, 7]);
+    assert_eq!(stack.view(0).unwrap(), values());
+
+    let mut encoder = TiffEncoder::new(File::create(&path).unwrap()).unwrap();
+    page::<Gray8, _>(&mut encoder, [2, 2], &[0; 4], 1);
+    drop(encoder);
+    let message = StackFile::open(&path).unwrap_err().to_string();
+    assert!(message.contains("1 reduced copies") && message.contains("no frame"), "{message}");
+}
+
+#[test]
+fn a_file_of_several_frames_in_a_folder_of_frames_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, count) in [("f_0.tif", 1), ("f_1.tif", 2)] {
+        let file = File::create(folder.path().join(name)).unwrap();
+        let mut encoder = TiffEncoder::new(file).unwrap();
+        (0..count).for_each(|_| page::<Gray8, _>(&mut encoder, [1, 2], &[3, 4], 0));
+    }
+    let stack = StackFile::open(folder.path()).unwrap();
+    assert!(stack.frame(0, 0, 0..1).is_ok());
+    let message = stack.frame(0, 1, 0..1).unwrap_err().to_string();
+    assert!(message.contains("f_1.tif") && message.contains("2 frames"), "{message}");
+}
