@@ -1,0 +1,146 @@
+//! Random scenes compared with themselves, changed in ways whose effect on the stacks is known:
+//! mirrored, turned, sampled finer, traced in order, made of facets, on the other backend.
+//!
+//! A failure prints its seed and its scene. `BEAMLET_SEED=17` repeats it and looks for the smallest
+//! scene that fails; `BEAMLET_SEED=1-300` takes these seeds in place of those of CI.
+
+#![allow(clippy::expect_used, clippy::print_stdout, reason = "tests, which print their figures")]
+
+mod case;
+mod compare;
+mod draws;
+mod relations;
+mod runs;
+mod samples;
+mod set_ups;
+mod shrink;
+#[path = "../support/mod.rs"]
+mod support;
+
+use beamlet::Backend;
+use case::Case;
+use compare::{Limits, largest};
+use ndarray::Array4;
+use relations::{RELATIONS, Relation};
+use runs::{difference, folder, run};
+use std::time::Instant;
+
+/// Seeds of CI: every shape but the torus, whose kernels take long to make on a CPU, 0 to 2 masks that
+/// do and do not leak, instances, nested bodies, one energy and a tube.
+const SEEDS: [u64; 12] = [5, 8, 12, 15, 23, 37, 44, 47, 53, 68, 78, 79];
+/// A sample that changes no pixel by this share of open beam is not seen.
+const SEEN: f32 = 0.01;
+
+/// The seeds of `BEAMLET_SEED`, or those of CI.
+fn seeds() -> Vec<u64> {
+    let Ok(text) = std::env::var("BEAMLET_SEED") else { return SEEDS.to_vec() };
+    let (first, last) = text.split_once('-').unwrap_or((&text, &text));
+    let number = |it: &str| it.parse().expect("BEAMLET_SEED is a number or a range such as 1-300");
+    (number(first)..=number(last)).collect()
+}
+
+/// Whether a seed takes this relation. Each takes a half of them: more scenes find more than more
+/// relations of one scene. Random rays are slow, and few scenes suffice.
+fn is_taken(relation: Relation, seed: u64) -> bool {
+    match relation {
+        Relation::MirroredInX | Relation::Finer | Relation::Facets => seed.is_multiple_of(2),
+        Relation::MirroredInZ | Relation::Turned | Relation::Exact | Relation::Backend => {
+            !seed.is_multiple_of(2)
+        }
+        Relation::Random => seed.is_multiple_of(12),
+    }
+}
+
+/// What a seed showed.
+#[derive(Default)]
+struct Outcome {
+    failed: Vec<String>,
+    seen: bool,
+}
+
+/// Holds a seed to its relations. `worst`: the largest difference of each so far, in limits.
+fn hold(seed: u64, worst: &mut [f64]) -> Outcome {
+    let start = Instant::now();
+    let case = samples::case(seed);
+    let mut outcome = Outcome::default();
+    let first = match run(&case, Backend::Bvh) {
+        Ok(first) => first,
+        Err(error) => {
+            println!("FAILED seed {seed}: {error}\n{}", case.text(&folder(), &format!("{seed}")));
+            outcome.failed.push(format!("seed {seed}: {error}"));
+            return outcome;
+        }
+    };
+    outcome.seen = first.contrast() > SEEN;
+    let mut figures = format!("contrast {:.2}", first.contrast());
+    for (relation, worst) in RELATIONS.into_iter().zip(worst) {
+        if !is_taken(relation, seed) {
+            continue;
+        }
+        let what = match difference(relation, &case, &first) {
+            Ok(None) => continue,
+            Ok(Some(found)) => {
+                *worst = worst.max(found.ratio());
+                figures += &format!(", {relation} {:.1e}", found.amount());
+                if found.ratio() <= 1.0 {
+                    continue;
+                }
+                found.to_string()
+            }
+            Err(error) => error,
+        };
+        report(seed, relation, &case, &what);
+        outcome.failed.push(format!("seed {seed}, {relation}: {what}"));
+    }
+    println!("seed {seed}, {:.1} s: {figures}", start.elapsed().as_secs_f64());
+    outcome
+}
+
+/// Prints what failed and how to repeat it; of a single seed the smallest scene that fails, too.
+fn report(seed: u64, relation: Relation, case: &Case, what: &str) {
+    println!("FAILED seed {seed}, {relation}: {what}");
+    println!("repeat: BEAMLET_SEED={seed} cargo test --release --test metamorphic -- --nocapture");
+    let name = format!("seed {seed} {relation}");
+    println!("--- scene\n{}---", case.text(&folder(), &name));
+    if seeds().len() > 1 {
+        return;
+    }
+    let found = |it: &Case| {
+        let found = run(it, Backend::Bvh).and_then(|first| difference(relation, it, &first));
+        found.ok().flatten().filter(|found| found.ratio() > 1.0)
+    };
+    let smallest = shrink::shrunk(case, &|it| found(it).is_some());
+    if let Some(found) = found(&smallest) {
+        println!("--- smallest scene: {found}\n{}---", smallest.text(&folder(), &name));
+    }
+}
+
+#[test]
+fn random_scenes_keep_their_relations() {
+    let mut worst = [0.0; RELATIONS.len()];
+    let outcomes: Vec<Outcome> = seeds().into_iter().map(|seed| hold(seed, &mut worst)).collect();
+    for (relation, worst) in RELATIONS.iter().zip(worst) {
+        println!("measured {relation}: {worst:.2} of the limit");
+    }
+    let failed: Vec<&str> = outcomes.iter().flat_map(|it| &it.failed).map(String::as_str).collect();
+    let seen = outcomes.iter().filter(|it| it.seen).count();
+    println!("{} seeds, {seen} samples seen, {} failed", outcomes.len(), failed.len());
+    assert!(failed.is_empty(), "{}", failed.join("\n"));
+    assert!(outcomes.len() == 1 || 2 * seen > outcomes.len(), "most samples are not seen");
+}
+
+#[test]
+fn a_changed_pixel_is_a_difference() {
+    let limits = Limits { sample: 5e-4, flat: 1e-6, rays: None };
+    let stack = Array4::from_elem((1, 2, 3, 4), 0.25_f32);
+    let found = |changed: &Array4<f32>, of| largest(of, [&stack, changed], &limits).ratio();
+    assert!(found(&stack, "sample") <= 0.0);
+    let mut changed = stack.clone();
+    changed[[0, 1, 2, 3]] += 6e-4;
+    assert!(found(&changed, "sample") > 1.0);
+    changed[[0, 1, 2, 3]] = 0.25 + 2e-6;
+    assert!(found(&changed, "sample") < 1.0);
+    assert!(found(&changed, "flat") > 1.0);
+    changed[[0, 1, 2, 3]] = f32::NAN;
+    assert!(found(&changed, "sample") > 1.0);
+}

@@ -1,0 +1,66 @@
+//! Runs of cases, on one engine for each backend.
+
+use super::case::Case;
+use super::compare::{Difference, flat_of, largest};
+use super::relations::Relation;
+use super::support::{Checked, engine};
+use beamlet::{Backend, RunRecord};
+use ndarray::Array4;
+use std::path::PathBuf;
+use std::sync::OnceLock;
+
+/// Stacks and record of a case.
+pub(crate) struct Run {
+    flat: Array4<f32>,
+    sample: Array4<f32>,
+    record: RunRecord,
+}
+
+impl Run {
+    /// Largest change that the sample makes, share of open beam.
+    pub(crate) fn contrast(&self) -> f32 {
+        (&self.sample - &self.flat).iter().fold(0.0, |most, it| it.abs().max(most))
+    }
+}
+
+/// The engine of a backend, one for the whole program: kernels are made once.
+fn shared(backend: Backend) -> &'static Checked {
+    static ENGINES: [OnceLock<Checked>; 2] = [const { OnceLock::new() }; 2];
+    let place = usize::from(backend == Backend::RayQuery);
+    ENGINES[place].get_or_init(|| engine(backend))
+}
+
+/// Folder of the places of instances.
+pub(crate) fn folder() -> PathBuf {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("metamorphic");
+    std::fs::create_dir_all(&folder).expect("a folder for the places of instances");
+    folder
+}
+
+/// Runs a case. An error, and rays that were lost, are texts.
+pub(crate) fn run(case: &Case, backend: Backend) -> Result<Run, String> {
+    let scene = case.written(&folder(), "places");
+    let stacks = shared(backend).simulate(&scene).map_err(|error| error.to_string())?;
+    assert_eq!(stacks.record.backend, backend);
+    let tally = stacks.record.tally;
+    if (tally.unbalanced, tally.dropped, tally.not_finite) != (0, 0, 0) {
+        return Err(format!("rays were lost: {tally:?}"));
+    }
+    Ok(Run { flat: flat_of(&stacks), sample: stacks.sample, record: stacks.record })
+}
+
+/// The largest difference, by its limit, between a case whose run is given and the changed case;
+/// nothing where the relation does not change it.
+pub(crate) fn difference(
+    relation: Relation,
+    case: &Case,
+    first: &Run,
+) -> Result<Option<Difference>, String> {
+    let Some(changed) = relation.changed(case) else { return Ok(None) };
+    let other = run(&changed, relation.backend())?;
+    let limits = relation.limits(case, [&first.record, &other.record]);
+    let (flat, sample) = (relation.restored(other.flat), relation.restored(other.sample));
+    let flat = largest("flat", [&first.flat, &flat], &limits);
+    let sample = largest("sample", [&first.sample, &sample], &limits);
+    Ok(Some(if flat.ratio() > sample.ratio() { flat } else { sample }))
+}

@@ -1,0 +1,134 @@
+//! Set-ups drawn from a seed: source, masks, detector and scan.
+
+use super::draws::Draws;
+use beamlet::scene::{
+    Anode, Beam, Blur, Detector, DetectorMode, Filter, MaskBody, MaskSpec, Scene, Source,
+    SpectrumOrigin, SpectrumSpec,
+};
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::path::Path;
+
+/// A file of a spectrum with few rows.
+const SPECTRUM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/metamorphic/spectrum.csv");
+
+/// Space for the sample about the rotation centre, m.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Room {
+    /// Width and height of the field of view at the rotation centre.
+    pub(crate) view: [f64; 2],
+    /// Half of the depth that the masks leave.
+    pub(crate) depth: f64,
+}
+
+/// A scene without objects, and the space that it has for them.
+pub(crate) fn set_up(draws: &mut Draws) -> (Scene, Room) {
+    let magnification = draws.log_between(1.05, 20.0);
+    let length = draws.log_between(0.3, 4.0);
+    let source_distance = length / magnification;
+    let lever = length - source_distance;
+    let pixels = draws.pick([[6, 2], [4, 3], [5, 2], [8, 1], [3, 3]]);
+    let pitch = draws.log_between(10e-6, 150e-6);
+    let pitch = [pitch, if draws.chance(0.3) { pitch * draws.between(0.5, 2.0) } else { pitch }];
+    let view = [0, 1].map(|it| f64::from(pixels[it]) * pitch[it] / magnification);
+    let spot = [spot_width(draws), spot_width(draws)];
+    // Wider spots leave nothing of a sample to be seen.
+    let widest = draws.log_between(0.1, 1.5) * pitch[0] / (magnification - 1.0);
+    let spot = spot.map(|it| it.min(widest));
+    let source = Source::new(source_distance, spot, beam(draws));
+    let mut scene = Scene::new(source, Detector::new(length, pixels, pitch));
+    let depth = (2.0 * view[0]).min(0.4 * lever).min(0.4 * source_distance);
+    let room = Room { view, depth };
+    masks(draws, &mut scene, room);
+    if draws.chance(0.06) {
+        let sigma = [0, 1].map(|it| pitch[it] * draws.between(0.1, 0.6));
+        scene.detector.blur = Some(Blur::Gaussian { sigma });
+    }
+    if draws.chance(0.2) {
+        scene.detector.mode = DetectorMode::Integrating;
+    }
+    let angle = match draws.below(5) {
+        0 => FRAC_PI_2,
+        1 => draws.between(-0.02, 0.02),
+        _ => draws.between(-PI, PI),
+    };
+    scene.scan.angles = vec![angle];
+    scene.sampling.max_rays = 20_000;
+    (scene, room)
+}
+
+fn spot_width(draws: &mut Draws) -> f64 {
+    if draws.chance(0.15) { 0.0 } else { draws.between(2e-6, 90e-6) }
+}
+
+fn beam(draws: &mut Draws) -> Beam {
+    if draws.chance(0.75) {
+        return Beam::Energy(draws.between(20.0, 100.0));
+    }
+    let file = SpectrumOrigin::File { path: Path::new(SPECTRUM).to_owned() };
+    if draws.chance(0.4) {
+        return Beam::Spectrum(SpectrumSpec::new(file));
+    }
+    let tube = SpectrumOrigin::Tube {
+        anode: Anode::Tungsten,
+        kvp: draws.between(40.0, 110.0),
+        anode_angle: draws.between(0.15, 0.4),
+        inherent_filters: Vec::new(),
+    };
+    let filters = vec![Filter::new("aluminium", draws.between(0.5e-3, 3e-3))];
+    Beam::Spectrum(SpectrumSpec::new(tube).with_filters(filters).with_nodes(4))
+}
+
+fn masks(draws: &mut Draws, scene: &mut Scene, room: Room) {
+    let [with_sample_mask, with_detector_mask] =
+        draws.pick([[false; 2], [true, false], [false, true], [true; 2], [true; 2], [true; 2]]);
+    if with_sample_mask {
+        let body = bars(draws, 0.3 * scene.source.distance);
+        let nearest = room.depth + 0.5 * body.thickness() + 1e-4;
+        let farthest = (0.5 * scene.source.distance).max(1.01 * nearest);
+        let gap = draws.log_between(nearest, farthest);
+        let mask = mask(draws, scene, scene.source.distance - gap, body);
+        let steps = 3 + draws.below(3);
+        let half = 0.5 * mask.period;
+        scene.scan.mask_offsets = if draws.chance(0.5) {
+            let step = mask.period / steps as f64;
+            (0..steps).map(|it| (it as f64 + 0.5) * step - half).collect()
+        } else {
+            (0..steps).map(|_| draws.between(-half, half)).collect()
+        };
+        scene.sample_mask = Some(mask);
+    }
+    if with_detector_mask {
+        let lever = scene.detector.distance - scene.source.distance;
+        let body = bars(draws, 0.3 * lever);
+        let before = if draws.chance(0.7) { 0.0 } else { draws.between(0.0, 0.2 * lever) };
+        let distance = scene.detector.distance - 0.5 * body.thickness() - before;
+        scene.detector_mask = Some(mask(draws, scene, distance, body));
+    }
+}
+
+fn bars(draws: &mut Draws, thickest: f64) -> MaskBody {
+    match draws.below(4) {
+        0 => MaskBody::Sheet { transmission: 0.0 },
+        1 => MaskBody::Sheet { transmission: draws.between(0.02, 0.97) },
+        _ => MaskBody::Bars {
+            material: draws.pick(["gold", "tungsten", "lead"]).into(),
+            thickness: draws.log_between(20e-6, 400e-6).min(thickest),
+        },
+    }
+}
+
+fn mask(draws: &mut Draws, scene: &Scene, distance: f64, body: MaskBody) -> MaskSpec {
+    let one_in_a_pixel = scene.detector.pitch[0] * distance / scene.detector.distance;
+    let factor = match draws.below(8) {
+        0 => 2.0,
+        1 => 0.5,
+        2 => draws.between(0.6, 1.7),
+        _ => 1.0,
+    };
+    let period = factor * one_in_a_pixel;
+    let mut mask = MaskSpec::new(distance, period, period * draws.between(0.15, 0.8), body);
+    if draws.chance(0.5) {
+        mask.offset = draws.between(-0.5, 0.5) * period;
+    }
+    mask
+}
