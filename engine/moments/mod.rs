@@ -21,7 +21,7 @@ use crate::locked_file::LockedFile;
 use crate::numbers;
 use crate::optics::Optics;
 use crate::sampling::{CellBatch, Lattice};
-use crate::scene::Scene;
+use crate::scene::{Scene, Transport};
 use crate::trace::MaterialTable;
 use crate::{Error, Result, input_file};
 use cell_cache::{CellCache, Part};
@@ -156,13 +156,14 @@ impl StoredMoments {
         let old = Lattice::of(traced, base.strongest());
         let resample = Resampled::new([traced, optics], [&old, lattice], media.names.len())?;
         let wide = self.views.iter().any(MomentFile::has_wide);
+        let exact = scene.sampling.transport == Transport::Exact;
         Ok(StoredSource {
             kept: self,
             resample,
             media,
             reference,
             flagged: DELTA_HEADROOM * base.strongest(),
-            retrace: wide && !(same_constants && base.energies.len() == 1),
+            retrace: (wide || exact) && !(same_constants && base.energies.len() == 1),
         })
     }
 }

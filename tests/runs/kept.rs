@@ -67,10 +67,14 @@ fn keeping(band_rows: Option<u32>) -> Checked {
 
 /// A run of the base scene with its moments.
 fn run(directory: &Path, band_rows: Option<u32>) {
+    run_of(&scene(&[]), directory, band_rows);
+}
+
+fn run_of(scene: &Scene, directory: &Path, band_rows: Option<u32>) {
     let mut sink = RunDirectory::create(directory, Format::Npy, false).unwrap();
     let mut keep = MomentWriter::new(directory);
     let control = Control::default().with_keep(&mut keep);
-    keeping(band_rows).run(&scene(&[]), &mut sink, control).unwrap();
+    keeping(band_rows).run(scene, &mut sink, control).unwrap();
 }
 
 fn again(engine: &Checked, kept: &StoredMoments, scene: &Scene) -> beamlet::Result<Stacks> {
@@ -97,6 +101,23 @@ fn same_scene_gives_the_same_bits_without_a_ray() {
     let fresh = keeping(None).simulate(&scene(&[])).unwrap();
     assert_eq!(stacks.flat, fresh.flat);
     assert_eq!(stacks.sample, fresh.sample);
+}
+
+/// Rays that are all followed in order are not traced anew where the constants are those of the run: they
+/// were, without the sample, and stacks were flats.
+#[test]
+fn exact_transport_is_illuminated_with_its_sample() {
+    let exact = ["sampling.transport=exact", "sampling.tolerance=3e-3", "detector.pixels=[12, 2]"];
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("run");
+    run_of(&scene(&exact), &path, None);
+    let kept = StoredMoments::open(&path).unwrap();
+    let stacks = again(&engine(Backend::Bvh), &kept, kept.scene()).unwrap();
+    assert_eq!(stacks.record.tally.rays, 0, "nothing is traced");
+    let fresh = keeping(None).simulate(&scene(&exact)).unwrap();
+    assert_eq!(stacks.sample, fresh.sample);
+    let taken = fresh.flat[[0, 0, 0]] - fresh.sample[[0, 0, 0, 0]];
+    assert!(taken > 0.01, "the sample takes {taken} of open beam");
 }
 
 #[test]

@@ -180,7 +180,9 @@ pub(super) fn exact_retrace_threshold(
     flagged: f64,
 ) -> Vec<f64> {
     if transport == Transport::Exact {
-        return vec![f64::INFINITY; media.constants.len()];
+        // A node that was traced is known: another walk of it finds the same.
+        let walks = |node: &Vec<Constants>| if node == reference { 0.0 } else { f64::INFINITY };
+        return media.constants.iter().map(walks).collect();
     }
     let strongest = |node: &[Constants]| node.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
     let exact_result = strongest(reference);
