@@ -1,9 +1,30 @@
 //! What the bars of a mask do to light, by its energy and angle.
 
-use super::Mask;
+use super::{Mask, Optics};
 use crate::numbers::single;
 use crate::scene::{MaskBody, Scene};
 use crate::{Result, material};
+
+/// Shares of the light of all energies (keV, each with its weight) that the bars of the sample mask and
+/// of the detector mask let through along the axis; 0 without the mask.
+///
+/// # Errors
+/// As [`material::constants_at_for`].
+pub(crate) fn mean_leaks(
+    scene: &Scene,
+    optics: &Optics,
+    (energies, weights): (&[f64], &[f64]),
+) -> Result<[f64; 2]> {
+    let mean = |mask: &Option<Mask>| -> Result<f64> {
+        let Some(mask) = mask else { return Ok(0.0) };
+        let leak = |(energy, weight): (&f64, &f64)| {
+            let shape = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
+            Ok(weight * shape.leak(1.0))
+        };
+        energies.iter().zip(weights).map(leak).sum()
+    };
+    Ok([mean(&optics.sample_mask)?, mean(&optics.detector_mask)?])
+}
 
 /// A mask as the light stages see it: apertures of one period, and its bars.
 #[derive(Debug, Clone)]

@@ -10,7 +10,7 @@ mod detector_plane;
 mod mask;
 mod mask_mesh;
 
-pub(crate) use bars::MaskShape;
+pub(crate) use bars::{MaskShape, mean_leaks};
 pub(crate) use detector_plane::DetectorPlane;
 pub(crate) use mask::Mask;
 pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};

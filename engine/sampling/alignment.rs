@@ -9,8 +9,10 @@ const HEIGHTS: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// Times that an interval with a silhouette is halved.
 const HALVINGS: u32 = 12;
 
-/// Silhouettes that slant by the same over a row to this, m, are straight.
+/// Silhouettes that slant by the same over a row to this, m, are straight,
 const STRAIGHT: f32 = 0.1e-6;
+/// where it is no more than this share of the period.
+const STRAIGHT_SHARE: f32 = 0.002;
 
 /// How silhouettes slant.
 #[derive(Debug, Clone, Copy)]
@@ -136,7 +138,8 @@ impl Scanlines {
         let mut slants: Vec<f32> = sections.iter().flatten().map(|it| it.slant).collect();
         slants.sort_unstable_by(f32::total_cmp);
         let shear = *slants.get(slants.len() / 2)?;
-        let straight = slants.iter().all(|slant| (slant - shear).abs() <= STRAIGHT);
+        let most = STRAIGHT.min(STRAIGHT_SHARE * self.period);
+        let straight = slants.iter().all(|slant| (slant - shear).abs() <= most);
         Some(Slant { shear, straight: straight && unmatched <= 1, bow })
     }
 }

@@ -13,6 +13,8 @@ use std::ops::Range;
 
 /// Slanting rectangles become rows of cells that x moves over by this at most, m,
 const SLANT_OF_A_ROW: f32 = 0.7e-6;
+/// by this share of the period,
+const SLANT_SHARE: f32 = 0.01;
 /// and as many at most.
 const MOST_HEIGHTS: f32 = 64.0;
 /// Light of both ends of a rectangle that lands farther apart than this, relative to its height, is
@@ -62,9 +64,9 @@ impl Emitter<'_> {
             let run = begin..begin + more + 1;
             let z = first.z;
             let slant = (patch.shear * (z[1] - z[0])).abs();
-            let heights = numbers::whole::<u32>(f64::from(
-                (slant / SLANT_OF_A_ROW).ceil().clamp(1.0, MOST_HEIGHTS),
-            ));
+            let most = SLANT_OF_A_ROW.min(SLANT_SHARE * single(self.view.lattice.period));
+            let heights =
+                numbers::whole::<u32>(f64::from((slant / most).ceil().clamp(1.0, MOST_HEIGHTS)));
             for height in 0..heights {
                 let z = part(z, height, heights);
                 let shift = patch.shear * (0.5 * (z[0] + z[1]) - 0.5);

@@ -186,10 +186,11 @@ impl Estimator<'_> {
                 .abs()
                 .min(1.0);
             let unlike = piece.outline[0].max(wider);
-            let mut along = unlike * self.response.outline(at, half);
+            let mut along = unlike * self.response.outline(column, at, half);
             if self.response.any_masks {
                 // It stays where it stands.
                 along += self.response.change(
+                    column,
                     [1.0, 0.0],
                     [1.0, self.response.magnification * apart],
                     half,
@@ -263,7 +264,7 @@ impl Estimator<'_> {
             self.response.landing(column, patch.place(node.centre())[0], result.displacement_x);
         let growth = (self.response.magnification + residuals.slope).abs();
         let half = 0.5 * growth * node.width();
-        let [along, across] = self.along_x(residuals, [passed, at], half);
+        let [along, across] = self.along_x(residuals, column, [passed, at], half);
         let whole = self.response.curvature(node.width())
             + self.response.skew(residuals.displacement, residuals.farthest[0]);
         let off = [residuals.displacement_z, residuals.farthest[1]];
@@ -287,24 +288,32 @@ impl Estimator<'_> {
         }
     }
 
-    /// Change of the light in any window if it became `light` and landed so far off, either way: a window
-    /// may end at one side alone. Light that passes and its landing point are given, spread over 2 `half`.
+    /// Change of the light in any pixel if it became `light` and landed so far off, either way: a window
+    /// may end at one side alone. Light of the beamlet at `column` that passes and its landing point are
+    /// given, spread over 2 `half`.
     pub(super) fn either_way(
         &self,
+        column: usize,
         [passed, at]: [f32; 2],
         light: f32,
         half: f32,
     ) -> impl Fn(f32) -> f32 {
-        let own = self.response.landed([passed, at], half);
+        let own = self.response.landed(column, [passed, at], half);
         let change = move |off: f32| self.response.change_from(&own, [light, at + off]);
         move |off| change(off).max(change(-off))
     }
 
     /// Change of the light in any window by what a mean leaves along x, and by the slope over z that
     /// it has there. Light and landing point of the mean are given, spread over 2 `half`.
-    fn along_x(&self, residuals: &Residuals, [passed, at]: [f32; 2], half: f32) -> [f32; 2] {
+    fn along_x(
+        &self,
+        residuals: &Residuals,
+        column: usize,
+        [passed, at]: [f32; 2],
+        half: f32,
+    ) -> [f32; 2] {
         let light = passed * (-residuals.depth).exp();
-        let either = self.either_way([passed, at], light, half);
+        let either = self.either_way(column, [passed, at], light, half);
         let along = tailed(residuals.displacement, residuals.farthest[0], &either);
         let across = if residuals.across > 0.0 { either(residuals.across) } else { 0.0 };
         [along, across]

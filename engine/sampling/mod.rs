@@ -35,6 +35,7 @@ mod step_shares;
 mod survey;
 mod touched;
 mod unresolved;
+mod windows;
 
 pub(crate) use cell_batch::{CellBatch, empty_cell_rows};
 pub(crate) use cell_batch::{blank_cell_rows, empty_cell, empty_cell_row};

@@ -2,8 +2,8 @@
 
 use super::error_estimate::{CellError, Estimator, SPREAD};
 use super::patch::{Axis, Even, Known, Patch};
-use super::response::Opening;
-use super::step_shares::{StepRun, step_runs};
+use super::response::{Opening, Response};
+use super::step_shares::{StepRun, is_open, step_runs};
 use super::unresolved::FIRST;
 use crate::numbers::{self, single};
 use crate::optics::Optics;
@@ -58,7 +58,7 @@ pub(super) struct KnownErrors {
     errors: Vec<Option<CellError>>,
     /// Places of their runs in `runs`.
     seen: Vec<Option<[u32; 2]>>,
-    /// Mask steps that see a rectangle.
+    /// Mask steps that light a rectangle.
     runs: Vec<StepRun>,
 }
 
@@ -74,7 +74,7 @@ impl KnownErrors {
         }
     }
 
-    /// The error of a leaf, and the steps that see it.
+    /// The error of a leaf, and the steps that light it.
     fn of(&self, node: u32) -> Option<(&CellError, &[StepRun])> {
         let [first, end] = self.seen[node as usize]?;
         Some((self.errors[node as usize].as_ref()?, &self.runs[first as usize..end as usize]))
@@ -128,32 +128,43 @@ struct StepError {
     through: f64,
 }
 
-impl StepError {
-    /// Of a rectangle that is open to a share. `together`: by how much more pieces err than told, where
-    /// they err together.
-    fn of(error: &CellError, known: &Known, share: f32, together: Option<f64>) -> Self {
-        let through = f64::from(share * error.through);
+/// How errors of rectangles count at a mask step.
+#[derive(Clone, Copy)]
+struct Weighing<'a> {
+    response: &'a Response,
+    /// By how much more than told pieces err, where they err together.
+    together: Option<f64>,
+}
+
+impl Weighing<'_> {
+    /// The error of a rectangle that is open to a share.
+    fn of(&self, error: &CellError, known: &Known, open: f32) -> StepError {
+        // Light that leaks through bars is the same at every step, and moves no angle.
+        let through = f64::from(open * error.through);
         let squared = |part: f32| f64::from(part * error.moment).powi(2);
+        let lit = self.response.lit(open);
         match known {
-            Known::Ray(_) => Self {
-                apart: f64::from(share * error.light).powi(2),
+            Known::Ray(_) => StepError {
+                apart: f64::from(lit * error.light).powi(2),
                 together: 0.0,
-                moment: squared(share),
+                moment: squared(open),
                 through,
             },
             // The mean over all of a rectangle is exact, and so is that over nearly all of it.
             Known::Mean(_) | Known::Pieces(_) => {
-                let part = share.min(1.0 - share).max(0.0);
-                let light = f64::from(part.max(share * error.whole) * error.light);
-                let [apart, together] = match (known, together) {
+                let cut = self.response.cut(open);
+                let light = f64::from(cut.max(lit * error.whole) * error.light);
+                let [apart, together] = match (known, self.together) {
                     (Known::Pieces(_), Some(factor)) => [0.0, factor * light],
                     _ => [light * light, 0.0],
                 };
-                Self { apart, together, moment: squared(part), through }
+                StepError { apart, together, moment: squared(cut), through }
             }
         }
     }
+}
 
+impl StepError {
     fn add(&mut self, other: &Self) {
         self.apart += other.apart;
         self.together += other.together;
@@ -198,7 +209,7 @@ impl Estimator<'_> {
             }
             if known_errors.seen[index].is_none() {
                 let first = known_errors.runs.len();
-                step_runs(patch, leaf, openings, &mut known_errors.runs);
+                step_runs(patch, leaf, openings, self.response.leaking(), &mut known_errors.runs);
                 let range = [first, known_errors.runs.len()];
                 known_errors.seen[index] = Some(range.map(|n| numbers::count(n)));
             }
@@ -229,17 +240,18 @@ impl Estimator<'_> {
         };
         // For any window, of which none sees all of them at its steepest, they count by themselves.
         let alike = !self.other_energies;
-        let together = alike.then_some(self.pieces);
+        let response = self.response;
+        let weighing = Weighing { response, together: alike.then_some(self.pieces) };
         let mut steps = vec![StepError::default(); self.response.steps()];
         let (mut count, mut silhouettes) = (0_u32, 0_u32);
         let (mut seen, mut by_rays) = (false, false);
         for (error, node, runs) in leaves() {
             count += 1;
             by_rays |= matches!(node.known, Known::Ray(_));
-            seen |= error.silhouette && !runs.is_empty();
+            seen |= error.silhouette && is_open(runs);
             silhouettes += u32::from(error.silhouette);
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                steps[step as usize].add(&StepError::of(error, &node.known, share, together));
+                steps[step as usize].add(&weighing.of(error, &node.known, share));
             }
         }
         let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
@@ -274,7 +286,7 @@ impl Estimator<'_> {
             let known = &node.known;
             let may_move = bounded && error.moment > 0.0;
             let part = |(step, share): (u32, f32)| {
-                StepError::of(error, known, share, together).part(&steps[step as usize])
+                weighing.of(error, known, share).part(&steps[step as usize])
             };
             let most = if alike {
                 runs.iter().flat_map(StepRun::steps).map(part).fold(0.0, f64::max)
@@ -289,14 +301,14 @@ impl Estimator<'_> {
             if negligible && !may_move && narrow.is_empty() {
                 continue;
             }
-            if let Some(axis) = self.may_hide(patch, error, narrow, !runs.is_empty()) {
+            if let Some(axis) = self.may_hide(patch, error, narrow, is_open(runs)) {
                 result.splits.push((error.node, axis));
                 continue;
             }
             if negligible && !may_move {
                 continue;
             }
-            let of = |(step, share)| excess(step, &StepError::of(error, known, share, together));
+            let of = |(step, share)| excess(step, &weighing.of(error, known, share));
             let score = runs.iter().flat_map(StepRun::steps).map(of).fold(0.0, f64::max);
             if score > 0.0 {
                 scored.push((score, error, known, runs));
@@ -308,7 +320,7 @@ impl Estimator<'_> {
                 break;
             }
             for (step, share) in runs.iter().flat_map(StepRun::steps) {
-                let own = excess(step, &StepError::of(error, known, share, together));
+                let own = excess(step, &weighing.of(error, known, share));
                 left[step as usize] -= (1.0 - LEFT) * own;
             }
             let other = if error.axis == Axis::X { Axis::Z } else { Axis::X };
@@ -320,17 +332,18 @@ impl Estimator<'_> {
         result
     }
 
-    /// The axis along which a component may hide in a rectangle that some step sees.
+    /// The axis along which a component may hide in a rectangle. `open`: to some step.
     fn may_hide(
         &self,
         patch: &Patch,
         error: &CellError,
         narrow: &[NarrowComponent],
-        seen: bool,
+        open: bool,
     ) -> Option<Axis> {
         let node = &patch.nodes[error.node as usize];
-        let worth = f64::from(SPREAD * error.through) > self.safety() * self.budget.light;
-        if !seen || !worth {
+        let lit = if open { 1.0 } else { self.response.lit(0.0) };
+        let worth = f64::from(SPREAD * lit * error.through) > self.safety() * self.budget.light;
+        if !worth {
             return None;
         }
         let slant = patch.shear.abs();

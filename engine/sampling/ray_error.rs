@@ -157,7 +157,7 @@ impl Estimator<'_> {
 
     /// Change of the recorded light by what facets between the rays do, share of the light.
     fn unseen(&self, by_ray: &ByRay<'_>) -> f32 {
-        let ByRay { node, ref slopes, passed, at, half, .. } = *by_ray;
+        let ByRay { node, ref slopes, column, passed, at, half, .. } = *by_ray;
         let Known::Ray(Some(all)) = node.known else { return 0.0 };
         let RayResult { displacement_x, displacement_z, .. } = node.result;
         let off = displacement_z - all.mean[1];
@@ -168,7 +168,7 @@ impl Estimator<'_> {
         let bent = (all.slope - slopes.displacement[0]) * node.width();
         let deviation = all.deviation[0].hypot(off).hypot(all.across).hypot(SPREAD * bent);
         let farthest = all.farthest[0].max(0.0) + off.abs() + all.across / SPREAD + bent.abs();
-        tailed(deviation, farthest, self.either_way([passed, at], passed, half)) + down
+        tailed(deviation, farthest, self.either_way(column, [passed, at], passed, half)) + down
     }
 
     /// What a neighbour shows of a rectangle.
@@ -197,18 +197,18 @@ impl Estimator<'_> {
     /// Change of the recorded light if a rectangle whose ray draws its normals had the draw of a
     /// neighbour.
     fn change_by_draw(&self, by_ray: &ByRay<'_>, result: &RayResult) -> f32 {
-        let ByRay { node, passed, at, half, .. } = by_ray;
+        let ByRay { node, column, passed, at, half, .. } = by_ray;
         let own = &node.result;
         let there = (-result.optical_depth).exp();
         let moved = at + result.displacement_x - own.displacement_x;
-        let light = self.response.change([*passed, *at], [there, moved], *half);
+        let light = self.response.change(*column, [*passed, *at], [there, moved], *half);
         let fall = (result.landing_z(self.gap) - own.landing_z(self.gap)).abs();
         light.hypot(passed * (fall / self.row_pitch).min(1.0))
     }
 
     /// What a neighbour on the same surfaces shows: how far the linear result is off there.
     fn change_on_surface(&self, by_ray: &ByRay<'_>, found: &Found) -> Change {
-        let ByRay { node, slopes, passed, at, half, .. } = by_ray;
+        let ByRay { node, slopes, column, passed, at, half, .. } = by_ray;
         let (own, result, centre) = (&node.result, &found.result, node.centre());
         let apart = [found.x - centre[0], found.z - centre[1]];
         let off = |of: fn(&RayResult) -> f32, slopes: [f32; 2]| {
@@ -219,7 +219,7 @@ impl Estimator<'_> {
         // A slope between rays that stand close may predict any depth.
         let there = (-result.optical_depth).exp();
         let other = [(passed * (-depth).exp()).min(2.0 * passed.max(there)), at + displacement];
-        let mut light = self.response.change([*passed, *at], other, *half);
+        let mut light = self.response.change(*column, [*passed, *at], other, *half);
         if node.z[0] <= 0.0 || node.z[1] >= 1.0 {
             // Light that moves over the border of the row.
             let fall = (result.landing_z(self.gap) - own.landing_z(self.gap)).abs();
@@ -235,6 +235,6 @@ impl Estimator<'_> {
         let moved = self.response.landing(column, x, result.displacement_x);
         let crossings = node.result.crossings.max(result.crossings).max(1);
         let all = (SILHOUETTE_CROSSINGS / crossings as f32).min(1.0) * passed.max(there);
-        self.response.change([passed, at], [there, moved], half).max(all)
+        self.response.change(column, [passed, at], [there, moved], half).max(all)
     }
 }

@@ -12,6 +12,7 @@ use super::base_lattice::BaseLattice;
 use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
 use super::facet_means::FacetMeans;
+use super::lattice::Lattice;
 use super::patch::{Known, Patch, alike};
 use super::patch_error::{KnownErrors, NarrowComponent, error_of_pieces};
 use super::response::Opening;
@@ -27,8 +28,12 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Least width of a rectangle, m: coordinates in f32 are as coarse.
-const LEAST_WIDTH: f32 = 2e-9;
+/// Least width of a rectangle, m: coordinates in f32 are as coarse across a detector.
+const LEAST_WIDTH: f64 = 2e-9;
+/// Least width where pixels are small, share of the period: light at a silhouette is known no better,
+const LEAST_SHARE: f64 = 2e-5;
+/// and share of the width that is sampled: two steps of coordinates in f32.
+const COARSENESS: f64 = 2.4e-7;
 /// Least height of a rectangle, rows.
 const LEAST_HEIGHT: f32 = 1.0 / 8192.0;
 /// Without a sample mask no opening bounds rectangles, and light of a rim goes far: patches with
@@ -63,6 +68,13 @@ pub(super) trait Rounds {
     fn accept(&mut self, results: &[RayResult]);
 }
 
+/// Least width of a rectangle of a lattice, m.
+fn least_width(lattice: &Lattice) -> f32 {
+    let middle = 0.5 * (lattice.beamlets.end - lattice.beamlets.start) as f64;
+    let coarse = COARSENESS * middle * lattice.period;
+    single((LEAST_SHARE * lattice.period).max(coarse).min(LEAST_WIDTH))
+}
+
 /// Refines patches.
 pub(super) struct Refiner<'a> {
     view: &'a ViewContext<'a>,
@@ -87,7 +99,7 @@ impl<'a> Refiner<'a> {
             budget: view.budget,
             base,
             first_beamlet: view.lattice.beamlets.start,
-            least: [LEAST_WIDTH, LEAST_HEIGHT],
+            least: [least_width(view.lattice), LEAST_HEIGHT],
             row_height: single(detector.pitch_at(1, view.lattice.plane)),
             row_pitch: single(detector.pitch[1]),
             row_blur: single(view.lattice.row_spread.blur),

@@ -3,37 +3,26 @@
 
 use super::lattice::Lattice;
 use super::patch::part;
+use super::windows::{Seen, Windows};
+use crate::interface::BeamletGeometry;
 use crate::numbers::{self, single};
 use crate::optics::{Mask, Optics};
 
-/// Points of the table of a window per period of the windows.
-const POINTS_PER_PERIOD: usize = 512;
 /// Rectangles that a patch begins with are at least as wide as this share of the period.
 const LEAST_SLAB: f32 = 1.0 / 128.0;
-/// Strips of a triangle whose light windows see.
-const STRIPS: u16 = 4;
-/// Windows are sharp where they blur less than this share of the deviation of a piece: then all of its
-/// outline counts.
-const SHARP: f32 = 0.25;
-/// Pieces that share an edge of a sharp window err alike there.
-const ALIKE: f32 = 2.0;
-/// Half width of the table, periods.
-const REACH: usize = 2;
 /// Mask steps closer to one another than this share of an aperture see the same.
 const STEPS_APART: f64 = 1.0 / 16.0;
+/// Bars that let less light through than this share of the tolerance are opaque.
+const NEGLIGIBLE_LEAK: f64 = 0.5;
 /// An opening is seen this many standard deviations beyond its edges.
 const SOFT_EDGE: f64 = 2.0;
 
 /// Light that a cell sends through the masks, per mask step and window.
 #[derive(Debug, Clone)]
 pub(crate) struct Response {
-    /// Integral of the light through one window over the landing point, m, at points from
-    /// -REACH periods on.
-    window: Vec<f32>,
-    /// Half width of the windows, m, where they are sharper than points of the table tell.
-    sharp: Option<f32>,
-    /// Period of the windows on the analyser, m.
-    pub(super) period: f32,
+    /// Windows that light passes: apertures of the detector mask or pixels; behind a detector mask
+    /// whose bars leak those, and pixels.
+    windows: Vec<Windows>,
     /// Standard deviation of the blur on the analyser, m.
     blur: f32,
     /// From the cell plane to the analyser.
@@ -52,6 +41,9 @@ pub(crate) struct Response {
     shadow: Vec<f32>,
     /// How far an opening is seen beyond its edges, m.
     soft: f32,
+    /// Share of the light that the bars of the sample mask let through; 0 where that is too little
+    /// to count.
+    leak: f32,
     /// Half a period of the lattice, m.
     half_period: f32,
     /// Recorded value per metre of open cell plane.
@@ -68,17 +60,20 @@ pub(super) struct Opening {
 }
 
 impl Response {
-    /// For the scene that is traced; `any_masks`: for moments that are stored, whose masks and
-    /// steps are not known yet.
+    /// For the scene that is traced. `leaks`: shares of the light of all energies that the bars of the
+    /// sample mask and of the detector mask let through. `any_masks`: for moments that are stored,
+    /// whose masks and steps are not known yet.
     #[must_use]
-    pub(crate) fn new(optics: &Optics, lattice: &Lattice, any_masks: bool) -> Self {
+    pub(crate) fn new(
+        optics: &Optics,
+        lattice: &Lattice,
+        leaks: [f64; 2],
+        any_masks: bool,
+    ) -> Self {
         let Optics { rotation, analyser, detector, .. } = optics;
-        let [period, width] = optics.windows();
         let beamlets = lattice.beamlet_geometry(optics);
-        let masked = optics.detector_mask.is_some();
-        let landing = |c: &crate::interface::BeamletGeometry| {
-            if masked { c.aperture_offset } else { c.pixel_offset }
-        };
+        let least = NEGLIGIBLE_LEAK * optics.sampling.tolerance;
+        let [leak, window_leak] = leaks.map(|leak| if leak < least { 0.0 } else { single(leak) });
         // Of the whole spot: recorded values are sums over its parts.
         let spot = |part: &crate::spot::PlacedPart| {
             part.share * (part.offset[0].powi(2) + part.deviation[0].powi(2))
@@ -86,7 +81,7 @@ impl Response {
         let spot = optics.spot.placed().iter().map(spot).sum::<f64>().sqrt();
         let edge = optics.cutting_plane();
         let magnified = spot * (edge / rotation - 1.0) * analyser / edge;
-        let blur = magnified.max(1e-4 * period);
+        let blur = magnified.max(1e-4 * optics.windows()[0]);
         let soft =
             SOFT_EDGE * optics.spot.narrowest(0) * (rotation - lattice.plane).abs() / rotation;
         let hard = any_masks || optics.sample_mask.is_none();
@@ -110,10 +105,11 @@ impl Response {
             }
             None => (Vec::new(), lattice.period),
         };
+        let landing = |c: &BeamletGeometry| {
+            if optics.detector_mask.is_some() { c.aperture_offset } else { c.pixel_offset }
+        };
         Self {
-            window: window_integral(period, width, blur),
-            sharp: (blur * POINTS_PER_PERIOD as f64 <= period).then_some(single(0.5 * width)),
-            period: single(period),
+            windows: windows_of(optics, &beamlets, window_leak, blur),
             blur: single(blur),
             magnification: single(analyser / lattice.plane),
             landing: beamlets.iter().map(landing).collect(),
@@ -124,10 +120,12 @@ impl Response {
             } else {
                 beamlets.iter().map(|c| c.sample_offset).collect()
             },
+            // The shadow of bars that leak is no darker than they are.
             shadow: beamlets
                 .iter()
-                .map(|c| if hard { 0.0 } else { shadow(optics, c.slope) })
+                .map(|c| if hard || leak > 0.0 { 0.0 } else { shadow(optics, c.slope) })
                 .collect(),
+            leak,
             soft: if hard { 0.0 } else { single(soft) },
             half_period: single(0.5 * lattice.period),
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
@@ -162,6 +160,23 @@ impl Response {
     /// Mask steps that differ enough to count.
     pub(super) fn steps(&self) -> usize {
         self.openings.len().max(1)
+    }
+
+    /// Share of the light behind the sample mask of a rectangle that a step opens to a share.
+    pub(super) fn lit(&self, open: f32) -> f32 {
+        self.leak + (1.0 - self.leak) * open
+    }
+
+    /// Share of the light of a rectangle that an edge of an opening may put on its wrong side, where a
+    /// step opens it to a share.
+    pub(super) fn cut(&self, open: f32) -> f32 {
+        (1.0 - self.leak) * open.min(1.0 - open).max(0.0)
+    }
+
+    /// Number of the mask steps where the bars of the sample mask leak: all steps light all of the
+    /// sample then.
+    pub(super) fn leaking(&self) -> Option<u32> {
+        (self.leak > 0.0).then(|| numbers::count(self.steps()))
     }
 
     /// Openings of the beamlet at `column` of the lattice, inside its period.
@@ -219,41 +234,13 @@ impl Response {
         borders.windows(2).flat_map(parts).chain([half]).collect()
     }
 
-    /// What of light spread evenly over [at - half, at + half] may pass a window more or less if
-    /// it is spread otherwise, with the same mean and variance: as over a triangle.
-    pub(super) fn outline(&self, at: f32, half: f32) -> f32 {
+    /// Share of light spread evenly over [at - half, at + half] that pixels may record more or less if
+    /// it is spread otherwise, with the same mean and variance.
+    pub(super) fn outline(&self, column: usize, at: f32, half: f32) -> f32 {
         if self.any_masks {
             return 0.1;
         }
-        let deviation = half / 3.0_f32.sqrt();
-        let home = at - (at / self.period).round() * self.period;
-        let point = 2.0 * self.period / POINTS_PER_PERIOD as f32;
-        let is_sharp = self.blur < SHARP * deviation;
-        let change = |window: f32| {
-            let at = home - window * self.period;
-            if is_sharp {
-                let own = self.share(at, half);
-                let either =
-                    [-deviation, deviation].map(|it| (own - self.share_of_triangle(at, it)).abs());
-                return ALIKE * either[0].max(either[1]);
-            }
-            let [near, far] = [at - 0.75 * deviation, at + 1.333 * deviation];
-            let two = 0.64 * self.share(near, point) + 0.36 * self.share(far, point);
-            (self.share(at, half.max(point)) - two).abs()
-        };
-        [-1.0, 0.0, 1.0].map(change).into_iter().fold(0.0, f32::max)
-    }
-
-    /// Share of light spread over a triangle that passes the window at 0: of strips of it. From its
-    /// side at `-sqrt(2) deviation` the density falls to nothing at twice that on the other side.
-    fn share_of_triangle(&self, at: f32, deviation: f32) -> f32 {
-        let side = std::f32::consts::SQRT_2 * deviation;
-        let half = 1.5 * side / f32::from(STRIPS);
-        let strip = |index: u16| {
-            let weight = f32::from(2 * (STRIPS - index) - 1) / f32::from(STRIPS * STRIPS);
-            weight * self.share(at - side + half * f32::from(2 * index + 1), half.abs())
-        };
-        (0..STRIPS).map(strip).sum()
+        self.windows.iter().map(|it| it.share * it.outline(column, at, half)).sum()
     }
 
     /// Landing point of light of a beamlet displaced by `displacement`, from the centre of a
@@ -262,80 +249,60 @@ impl Response {
         self.magnification * x + displacement + self.landing[column]
     }
 
-    /// Integral of the light through the window at 0 over the landing point.
-    fn integral(&self, at: f32) -> f32 {
-        if let Some(half) = self.sharp {
-            return at.clamp(-half, half);
+    /// Largest change of the light in any pixel between two results of the beamlet at `column`: light
+    /// that passes the sample and landing point of each, spread over 2 `half`.
+    pub(super) fn change(&self, column: usize, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
+        self.change_from(&self.landed(column, a, half), b)
+    }
+
+    /// Light of the beamlet at `column` that passes the sample and its landing point, spread over
+    /// 2 `half`, as windows see it.
+    pub(super) fn landed(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Landed {
+        let mut landed = Landed { column, light, at, seen: [Seen::default(); 2] };
+        if !self.any_masks {
+            for (seen, windows) in landed.seen.iter_mut().zip(&self.windows) {
+                *seen = windows.seen(column, [light, at], half);
+            }
         }
-        let points = POINTS_PER_PERIOD as f32;
-        let place = (at / self.period + REACH as f32) * points;
-        if place <= 0.0 {
-            self.window[0]
-        } else if place >= (self.window.len() - 1) as f32 {
-            self.window[self.window.len() - 1]
-        } else {
-            let index = numbers::whole::<usize>(f64::from(place));
-            let (a, b) = (self.window[index], self.window[index + 1]);
-            a + (b - a) * (place - index as f32)
-        }
+        landed
     }
 
-    /// Share of light spread evenly over [at - half, at + half] that passes the window at 0.
-    fn share(&self, at: f32, half: f32) -> f32 {
-        (self.integral(at + half) - self.integral(at - half)) / (2.0 * half)
-    }
-
-    /// Largest change of the light in any window between two results: light that passes the sample
-    /// and landing point of each, spread over 2 `half`.
-    pub(super) fn change(&self, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
-        self.change_from(&self.landed(a, half), b)
-    }
-
-    /// Light that passes the sample and its landing point, spread over 2 `half`, as windows see it.
-    pub(super) fn landed(&self, [light, at]: [f32; 2], half: f32) -> Landed {
-        // The table has no points within less; and the quotient below keeps its digits.
-        let half = half.max(2.0 * self.period / POINTS_PER_PERIOD as f32);
-        let home = (at / self.period).round();
-        let windows = if self.any_masks { [0.0; 3] } else { self.windows(light, at, home, half) };
-        Landed { light, at, half, home, windows }
-    }
-
-    /// What passes the window at `home` and those beside it.
-    fn windows(&self, light: f32, at: f32, home: f32, half: f32) -> [f32; 3] {
-        [-1.0, 0.0, 1.0].map(|k| light * self.share(at - (home + k) * self.period, half))
-    }
-
-    /// Largest change of the light in any window if it had this light and landing point.
+    /// Largest change of the light in any pixel if it had this light and landing point.
     pub(super) fn change_from(&self, own: &Landed, [light, at]: [f32; 2]) -> f32 {
         if self.any_masks {
             let slope = 0.4 / self.blur;
             let moved = ((own.at - at).abs() * slope).min(1.0);
             return (own.light - light).abs() + own.light.max(light) * moved;
         }
-        let most = |a: [f32; 3], b: [f32; 3]| {
-            a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+        let change = |(windows, seen): (&Windows, &Seen)| {
+            windows.share * windows.change(own.column, (seen, own.light), [light, at])
         };
-        let near = most(own.windows, self.windows(light, at, own.home, own.half));
-        let home = (at / self.period).round();
-        if (home - own.home).abs() < 0.5 {
-            return near;
-        }
-        let there = self.windows(own.light, own.at, home, own.half);
-        near.max(most(there, self.windows(light, at, home, own.half)))
+        self.windows.iter().zip(&own.seen).map(change).sum()
     }
 }
 
 /// Light as windows see it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Landed {
-    /// That passes the sample, share of what meets it.
+    /// Column of its beamlet in the lattice.
+    column: usize,
+    /// Share of the light on the sample that passes it.
     light: f32,
-    /// Where it lands, and half of what it is spread over, m.
+    /// Landing point, m.
     at: f32,
-    half: f32,
-    /// The nearest window, and what passes that and the two beside it.
-    home: f32,
-    windows: [f32; 3],
+    seen: [Seen; 2],
+}
+
+/// Windows of the optics by the share of the light that they pass, blurred by `blur`, m. Light that leaks
+/// through the bars of the detector mask is recorded in all of a pixel.
+fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f64) -> Vec<Windows> {
+    let leak = if optics.detector_mask.is_some() { leak } else { 0.0 };
+    let mut windows = vec![Windows::new(optics.windows(), blur, 1.0 - leak, Vec::new())];
+    if leak > 0.0 {
+        let aside = beamlets.iter().map(|c| c.pixel_offset - c.aperture_offset).collect();
+        windows.push(Windows::new([optics.analyser_pixel(); 2], blur, leak, aside));
+    }
+    windows
 }
 
 /// What the shadow of thick bars of the sample mask takes of each side of an aperture, m, seen
@@ -357,36 +324,4 @@ fn told_apart(offsets: &[f64], least: f64) -> Vec<f64> {
         }
     }
     kept
-}
-
-/// Integral of a box of this width blurred by a Gaussian, at the points of the table.
-fn window_integral(period: f64, width: f64, blur: f64) -> Vec<f32> {
-    let last = 2 * REACH * POINTS_PER_PERIOD;
-    // Second antiderivative of the Gaussian.
-    let ramp = |x: f64| {
-        let t = x / blur;
-        if t.abs() > 8.0 {
-            return x.max(0.0);
-        }
-        let density = libm::exp(-0.5 * t * t) / (2.0 * std::f64::consts::PI).sqrt();
-        x * 0.5 * libm::erfc(-t * std::f64::consts::FRAC_1_SQRT_2) + blur * density
-    };
-    let at = |point: usize| {
-        let x = (point as f64 / POINTS_PER_PERIOD as f64 - REACH as f64) * period;
-        single(ramp(x + 0.5 * width) - ramp(x - 0.5 * width))
-    };
-    (0..=last).map(at).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_integral_of_a_window_rises_by_its_width() {
-        let table = window_integral(150e-6, 30e-6, 6e-6);
-        let rise = f64::from(table[table.len() - 1] - table[0]);
-        assert!((rise - 30e-6).abs() < 1e-10, "{rise}");
-        assert!(table.is_sorted());
-    }
 }

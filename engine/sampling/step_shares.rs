@@ -3,6 +3,7 @@
 use super::patch::Patch;
 use super::response::Opening;
 use crate::numbers::single;
+use std::ops::Range;
 
 /// Mask steps that follow one another and see the same share of a rectangle. Narrow rectangles are
 /// seen whole by nearly all steps that see them, of which there may be thousands.
@@ -21,13 +22,21 @@ impl StepRun {
     }
 }
 
-/// Appends a step, to the last run from `begin` on where it continues that.
-fn push(out: &mut Vec<StepRun>, begin: usize, step: u32, share: f32) {
+/// Whether some step opens a part of the rectangle whose runs these are.
+pub(super) fn is_open(runs: &[StepRun]) -> bool {
+    runs.iter().any(|run| run.share > 0.0)
+}
+
+/// Appends steps of the same share, to the last run from `begin` on where they continue that.
+fn push(out: &mut Vec<StepRun>, begin: usize, steps: Range<u32>, share: f32) {
+    let count = steps.end - steps.start;
     match out[begin..].last_mut() {
-        Some(run) if run.first + run.count == step && run.share.to_bits() == share.to_bits() => {
-            run.count += 1;
+        Some(run)
+            if run.first + run.count == steps.start && run.share.to_bits() == share.to_bits() =>
+        {
+            run.count += count;
         }
-        _ => out.push(StepRun { first: step, count: 1, share }),
+        _ => out.push(StepRun { first: steps.start, count, share }),
     }
 }
 
@@ -58,12 +67,28 @@ fn open_share(x: [f32; 2], slant: f32, opening: [f32; 2]) -> f32 {
     single((end - begin) / f64::from(width))
 }
 
-/// Appends the steps whose openings show a part of a rectangle. `openings`: of its beamlet, by step.
-pub(super) fn step_runs(patch: &Patch, leaf: u32, openings: &[Opening], out: &mut Vec<StepRun>) {
+/// Appends the steps that light a rectangle: those whose openings show a part of it, and the others with
+/// a share of 0 where bars leak. `openings`: of its beamlet, by step. `leaking`: number of all steps where
+/// bars leak.
+pub(super) fn step_runs(
+    patch: &Patch,
+    leaf: u32,
+    openings: &[Opening],
+    leaking: Option<u32>,
+    out: &mut Vec<StepRun>,
+) {
     let node = &patch.nodes[leaf as usize];
     let middle = patch.shear * (node.centre()[1] - 0.5);
     let slant = patch.shear * node.height();
     let begin = out.len();
+    let mut next = 0;
+    let mut append = |step: u32, share: f32| {
+        if leaking.is_some() && step > next {
+            push(out, begin, next..step, 0.0);
+        }
+        push(out, begin, step..step + 1, share);
+        next = step + 1;
+    };
     let mut seen: Option<(u32, f32)> = None;
     for opening in openings {
         let share = open_share(node.x.map(|x| x + middle), slant, opening.x);
@@ -73,14 +98,17 @@ pub(super) fn step_runs(patch: &Patch, leaf: u32, openings: &[Opening], out: &mu
                 Some((step, known)) if *step == opening.step => *known += share,
                 _ => {
                     if let Some((step, share)) = seen.replace((opening.step, share)) {
-                        push(out, begin, step, share);
+                        append(step, share);
                     }
                 }
             }
         }
     }
     if let Some((step, share)) = seen {
-        push(out, begin, step, share);
+        append(step, share);
+    }
+    if let Some(steps) = leaking.filter(|steps| *steps > next) {
+        push(out, begin, next..steps, 0.0);
     }
 }
 
@@ -132,17 +160,24 @@ mod tests {
         let (mut all, mut steps) = (0, 0);
         for leaf in patch.leaves() {
             let begin = runs.len();
-            step_runs(&patch, leaf, &openings, &mut runs);
+            step_runs(&patch, leaf, &openings, None, &mut runs);
             let found: Vec<(u32, f32)> = runs[begin..].iter().flat_map(StepRun::steps).collect();
             let mut one_by_one: Vec<(u32, f32)> = Vec::new();
             for step in 0..300 {
                 let own: Vec<Opening> =
                     openings.iter().filter(|it| it.step == step).copied().collect();
                 let mut one = Vec::new();
-                step_runs(&patch, leaf, &own, &mut one);
+                step_runs(&patch, leaf, &own, None, &mut one);
                 one_by_one.extend(one.iter().flat_map(StepRun::steps));
             }
             assert_eq!(found, one_by_one);
+            // Where bars leak the other steps follow with a share of 0.
+            let mut leaking = Vec::new();
+            step_runs(&patch, leaf, &openings, Some(300), &mut leaking);
+            let (open, dark): (Vec<_>, Vec<_>) =
+                leaking.iter().flat_map(StepRun::steps).partition(|(_, share)| *share > 0.0);
+            assert_eq!((&open, open.len() + dark.len()), (&found, 300));
+            assert!(leaking.iter().flat_map(StepRun::steps).map(|it| it.0).eq(0..300));
             (all, steps) = (all + runs.len() - begin, steps + found.len());
         }
         assert!(steps > 3000 && all * 3 < steps, "{all} runs of {steps} steps");

@@ -16,7 +16,7 @@ use super::error_estimate::{Estimator, SPREAD};
 use super::patch::{self, EVEN_LINES, Even, Node, Patch};
 use super::patch_error::{NarrowComponent, PatchError};
 use super::response::{Landed, Opening};
-use super::step_shares::{StepRun, step_runs};
+use super::step_shares::{StepRun, is_open, step_runs};
 use crate::interface::RayResult;
 use crate::numbers;
 
@@ -96,26 +96,35 @@ impl Changes {
     }
 }
 
-/// Borders of columns, m: of about `count` over those parts of the period that lie in an opening, all
-/// about as wide, and of one over each part that lies in none. `half`: half the period.
-pub(super) fn columns(openings: &[Opening], half: f32, count: u32) -> Vec<f32> {
+/// Borders of columns, m: of about `count`, as wide as one another over those parts of the period that
+/// lie in an opening, and wider where bars let a share `leak` of the light through. A part that gets no
+/// light is one column. `half`: half the period.
+pub(super) fn columns(openings: &[Opening], half: f32, leak: f32, count: u32) -> Vec<f32> {
     let seen = seen(openings);
-    let all: f32 = seen.iter().map(|[low, high]| high - low).sum();
-    let width = all / count as f32;
+    let open: f32 = seen.iter().map(|[low, high]| high - low).sum();
+    let width = (open + leak * (2.0 * half - open).max(0.0)) / count as f32;
+    let parts = |[low, high]: [f32; 2], width: f32| {
+        numbers::whole::<u32>(f64::from(((high - low) / width).round().max(1.0)))
+    };
     let mut borders = vec![-half];
+    let dark = |borders: &mut Vec<f32>, high: f32| {
+        let low = borders[borders.len() - 1];
+        let count = if leak > 0.0 { parts([low, high], width / leak) } else { 1 };
+        borders.extend((1..=count).map(|i| patch::part([low, high], i - 1, count)[1]));
+    };
     for [low, high] in seen {
         let first = borders[borders.len() - 1];
         // No sliver at the border of the period.
         let low = if low - first > 0.5 * width { low } else { first };
         if low > first {
-            borders.push(low);
+            dark(&mut borders, low);
         }
-        let parts = numbers::whole::<u32>(f64::from(((high - low) / width).round().max(1.0)));
+        let parts = parts([low, high], width);
         borders.extend((1..=parts).map(|i| patch::part([low, high], i - 1, parts)[1]));
     }
     let last = borders.len() - 1;
     if half - borders[last] > 0.5 * width {
-        borders.push(half);
+        dark(&mut borders, half);
     } else {
         borders[last] = half;
     }
@@ -177,7 +186,7 @@ impl Estimator<'_> {
             let at = self.response.landing(column, x, result.displacement_x);
             [(-result.optical_depth).exp(), at]
         };
-        self.response.change(landed(a), landed(b), half)
+        self.response.change(column, landed(a), landed(b), half)
     }
 
     /// The error of a patch whose rays are spread evenly, and the number of rays that it needs, if it
@@ -221,7 +230,8 @@ impl Estimator<'_> {
         let mut steps = vec![Changes::default(); self.response.steps()];
         for (at, sample) in samples.iter().enumerate() {
             for (step, share) in sample.runs.iter().flat_map(StepRun::steps) {
-                steps[step as usize].areas += f64::from(share * sample.area).powi(2);
+                let area = self.response.lit(share) * sample.area;
+                steps[step as usize].areas += f64::from(area).powi(2);
             }
             for apart in [1, 2] {
                 let Some(other) = samples.get(at + apart) else { continue };
@@ -232,7 +242,8 @@ impl Estimator<'_> {
                 let change = self.response.change_from(&sample.landed, [other.passed, at]);
                 let change = f64::from(change);
                 for (step, share) in sample.runs.iter().flat_map(StepRun::steps) {
-                    let weight = f64::from(share * sample.area).powi(2);
+                    let area = self.response.lit(share) * sample.area;
+                    let weight = f64::from(area).powi(2);
                     let all = &mut steps[step as usize];
                     all.weights[apart - 1] += weight;
                     *(if apart == 1 { &mut all.near } else { &mut all.far }) +=
@@ -259,7 +270,7 @@ impl Estimator<'_> {
             let at = self.response.landing(lattice_column, x, node.result.displacement_x);
             let half = 0.5 * self.response.magnification.abs() * node.width();
             let mut runs = Vec::new();
-            step_runs(patch, leaf, openings, &mut runs);
+            step_runs(patch, leaf, openings, self.response.leaking(), &mut runs);
             let weight = farthest
                 .map(|down| self.weight(patch.row, node.z, down))
                 .into_iter()
@@ -270,7 +281,7 @@ impl Estimator<'_> {
                 x,
                 passed,
                 displacement: node.result.displacement_x,
-                landed: self.response.landed([passed, at], half),
+                landed: self.response.landed(lattice_column, [passed, at], half),
                 runs,
             }
         };
@@ -281,7 +292,8 @@ impl Estimator<'_> {
 
     /// Whether a component may hide between rays.
     fn hides(&self, sample: &Sample, narrow: &[NarrowComponent]) -> bool {
-        let worth = f64::from(SPREAD * sample.area * sample.passed);
+        let lit = if is_open(&sample.runs) { 1.0 } else { self.response.lit(0.0) };
+        let worth = f64::from(SPREAD * lit * sample.area * sample.passed);
         let [low, high] = [-0.5, 0.5].map(|side| sample.x + side * sample.width);
         worth > ACCEPTED * self.budget.light
             && narrow.iter().any(|n| {
@@ -345,12 +357,20 @@ mod tests {
     fn columns_cover_the_period_and_are_even_where_it_is_open() {
         let opening = |low, high| Opening { step: 0, x: [low, high] };
         let openings = [opening(-20e-6, -5e-6), opening(-10e-6, 5e-6), opening(30e-6, 40e-6)];
-        let borders = columns(&openings, 50e-6, 35);
+        let borders = columns(&openings, 50e-6, 0.0, 35);
         let ends = [borders[0], borders[borders.len() - 1]];
         assert_eq!(ends.map(f32::to_bits), [-50e-6_f32, 50e-6].map(f32::to_bits));
         let widths: Vec<f32> = borders.windows(2).map(|pair| pair[1] - pair[0]).collect();
         // 35 of 1 um, and what stands before, between and behind them.
         let even = widths.iter().filter(|width| (**width - 1e-6).abs() < 1e-9).count();
         assert_eq!([even, widths.len()], [35, 38]);
+        // Where bars let a quarter of the light through columns are four times as wide.
+        let borders = columns(&openings, 50e-6, 0.25, 205);
+        let widths: Vec<f32> = borders.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let count = |low: f32, high: f32| {
+            widths.iter().filter(|width| (low..high).contains(*width)).count()
+        };
+        assert_eq!([count(0.24e-6, 0.26e-6), count(0.9e-6, 1.1e-6)], [140, 65]);
+        assert_eq!(widths.len(), 205);
     }
 }

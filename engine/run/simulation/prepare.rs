@@ -6,7 +6,7 @@ use crate::detector::DetectorModel;
 use crate::geometry::{self, LoadStep, Sample};
 use crate::illuminate::{self, EnergyBinning};
 use crate::moments::{self, StoredMoments, StoredSource};
-use crate::optics::Optics;
+use crate::optics::{self, Optics};
 use crate::run::engine::Engine;
 use crate::run::memory;
 use crate::run::{self, Control};
@@ -138,7 +138,9 @@ impl<'e> Simulation<'e> {
         });
         let ray_query = backend::may_query(wanted, description);
         let SimulationParts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
-        let response = Response::new(detector.optics(), &lattice, options.keep_moments);
+        let optics = detector.optics();
+        let leaks = optics::mean_leaks(&scene, optics, (&media.energies, &media.weights))?;
+        let response = Response::new(optics, &lattice, leaks, options.keep_moments);
         let transport = scene.sampling.transport;
         let budget = error_budget(&scene, detector.optics());
         let Built { sample, media, bvh, facets } = control

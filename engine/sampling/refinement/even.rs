@@ -5,7 +5,7 @@ use super::super::patch_error::KnownErrors;
 use super::super::response::Opening;
 use super::super::unresolved::columns;
 use super::held::Held;
-use super::{LEAST_WIDTH, PatchWork, Refiner};
+use super::{PatchWork, Refiner};
 use crate::numbers::{self, single};
 
 impl Refiner<'_> {
@@ -20,9 +20,10 @@ impl Refiner<'_> {
     ) -> bool {
         let left = self.view.budget.max_rays.saturating_sub(work.rays);
         let half = 0.5 * single(self.view.lattice.period);
-        let most = numbers::whole::<u32>(f64::from(2.0 * half / LEAST_WIDTH));
+        let most = numbers::whole::<u32>(f64::from(2.0 * half / self.estimator.least[0]));
         let possible = count.min(left).min(most);
-        let borders = columns(openings, half, possible.div_ceil(EVEN_LINES).max(1));
+        let leak = self.view.response.lit(0.0);
+        let borders = columns(openings, half, leak, possible.div_ceil(EVEN_LINES).max(1));
         let now = numbers::count(work.patch.leaves().count());
         let is_no_gain = possible < count && possible <= now;
         let count = EVEN_LINES * (numbers::count(borders.len()) - 1);

@@ -7,7 +7,9 @@ use crate::reference::surfaces::{
 };
 use crate::reference::{masks::Bars, scenes};
 use crate::support::{CARBON, WATER};
-use beamlet::scene::{Anode, Beam, Blur, Filter, MaskBody, Scene, SpectrumOrigin, SpectrumSpec};
+use beamlet::scene::{
+    Anode, Beam, Blur, Filter, MaskBody, Normals, Scene, SpectrumOrigin, SpectrumSpec, Transport,
+};
 
 /// Copper at 30 keV: mu in 1/m, delta.
 const COPPER: [f64; 2] = [9.7e3, 1.98e-6];
@@ -197,6 +199,73 @@ fn spectrum(bodies: Vec<Body>) -> Case {
     case
 }
 
+/// Masks whose bars leak, with their transmission.
+fn leaking_bars() -> [(&'static str, Bars); 4] {
+    [
+        ("gold of 100 um at 60 keV", Bars::Boxes { mu: 8.74e3, thickness: 100e-6 }),
+        ("gold of 225 um at 80 keV", Bars::Boxes { mu: 4.3e3, thickness: 225e-6 }),
+        ("sheets of 0.3", Bars::Sheet { transmission: 0.3 }),
+        ("sheets of 0.96", Bars::Sheet { transmission: 0.96 }),
+    ]
+}
+
+/// Mask offsets that leave gaps between openings, m.
+const GAPS: [f64; 3] = [-33e-6, 0.0, 33e-6];
+
+/// The same case sampled by rays alone: by exact transport, and by smooth normals.
+fn by_rays_alone(case: &Case) -> [Case; 2] {
+    let [mut exact, mut smooth] = [case.clone(), case.clone()];
+    exact.name += ", exact";
+    exact.scene.sampling.transport = Transport::Exact;
+    smooth.name += ", smooth";
+    smooth.scene.objects.iter_mut().for_each(|object| object.normals = Normals::Smooth);
+    [exact, smooth]
+}
+
+/// A box along the beam whose wall of 5 um lies in no opening of a mask that leaks. Nothing changes along
+/// the rows.
+pub(crate) fn walls_behind_bars() -> Vec<Case> {
+    let wall = cuboid([20e-6, 300e-6, 8e-3]).turned([0.0, 0.0, 1.0], 1_f64.to_radians());
+    let bodies = vec![of(COPPER, wall.moved([14e-6, 0.0, 0.0]))];
+    let case = |(name, bars): (&str, Bars)| {
+        let setup = Setup::paper([8, 1]).with_bars(bars);
+        Case::new(format!("wall, {name}"), &setup, bodies.clone(), &GAPS)
+    };
+    leaking_bars().into_iter().map(case).flat_map(|case| by_rays_alone(&case)).collect()
+}
+
+/// A prism of 0.9 um, upright, seen 20 times larger without masks by pixels of 0.5 um at the sample.
+pub(crate) fn magnified_prism() -> Case {
+    let setup = Setup {
+        source_distance: 0.05,
+        spot: [0.2e-6; 2],
+        source_offset: [0.0; 2],
+        detector_distance: 1.0,
+        pixels: [12, 1],
+        pitch: [10e-6; 2],
+        sample_mask: None,
+        detector_mask: None,
+    };
+    let prism = cylinder(0.45e-6, 20e-6, 16, 0.0).moved([0.13e-6, 0.0, 0.0]);
+    let mut case = Case::new("prism of 0.9 um", &setup, vec![of([88.4, 1.037e-6], prism)], &[0.0]);
+    case.scene.sampling.transport = Transport::Exact;
+    case
+}
+
+/// Meshes, smooth and exact surfaces and bundles of fibres behind masks that leak.
+fn leaks() -> impl Iterator<Item = Case> {
+    let place = |mesh: Mesh| mesh.moved([0.017e-3, 0.2e-3, 0.011e-3]);
+    leaking_bars().into_iter().flat_map(move |(name, bars)| {
+        let setup = Setup::paper([12, 4]).with_bars(bars);
+        let of_mesh = |what: &str, mesh: Mesh| {
+            Case::new(format!("{what}, {name}"), &setup, vec![of(CARBON, mesh)], &GAPS)
+        };
+        let ball = of_mesh("ball", place(sphere(0.2e-3, 4)));
+        let fibres = of_mesh("300 fibres", bundle(300, 0.12e-3, 27.0).moved([0.03e-3, 0.0, 0.0]));
+        by_rays_alone(&ball).into_iter().chain([ball, fibres])
+    })
+}
+
 /// Small ones, which are moved by parts of a cell.
 pub(crate) fn small() -> Vec<Case> {
     let setup = Setup::paper([10, 6]);
@@ -220,6 +289,9 @@ pub(crate) fn all() -> Vec<Case> {
         .chain(narrow())
         .chain(fibre_patches())
         .chain(set_ups())
+        .chain(walls_behind_bars())
+        .chain(leaks())
+        .chain([magnified_prism()])
         .filter(|case| case.name.contains(&wanted))
         .collect()
 }

@@ -12,5 +12,6 @@ mod cases;
 mod classes;
 mod errors;
 mod held;
+mod leaks;
 mod shifts;
 mod tables;
