@@ -116,7 +116,7 @@ fn exact_transport_is_illuminated_with_its_sample() {
     assert_eq!(stacks.record.tally.rays, 0, "nothing is traced");
     let fresh = keeping(None).simulate(&scene(&exact)).unwrap();
     assert_eq!(stacks.sample, fresh.sample);
-    let taken = fresh.flat[[0, 0, 0]] - fresh.sample[[0, 0, 0, 0]];
+    let taken = fresh.flat[[2, 0, 0]] - fresh.sample[[0, 2, 0, 0]];
     assert!(taken > 0.01, "the sample takes {taken} of open beam");
 }
 
