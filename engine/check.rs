@@ -235,6 +235,7 @@ fn load_lenient(
         warnings.push(format!("materials.{} hides the built-in material", material.name));
     }
     warnings.extend(scene.source.spot.warnings());
+    warnings.extend(scene.middle_line_warning());
     warnings.extend(swept.blur_warning(scene));
     warnings.extend(detector::offset_warning(scene));
     for object in &sample.objects {

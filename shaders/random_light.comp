@@ -54,7 +54,7 @@ void main() {
     IlluminationParams light = push.light_ref.at[0];
     Pixel pixel = push.pixels.at[p];
     BeamletGeometry beamlet = BeamletTable(light.beamlets).at[pixel.table];
-    float one = light.spectral_weight / (float(push.rays_per_pixel.x) * float(push.rays_per_pixel.y));
+    float one = light.spectral_weight / (float(push.rays_per_pixel.x) * float(max(push.rays_per_pixel.y, 1u)));
     float row_z = (float(pixel.row) + 0.5 - light.middle_row) * light.row_slope;
     float plane = light.cell_plane / light.detector;
     float gap = light.detector - light.analyser;

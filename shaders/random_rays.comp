@@ -1,5 +1,5 @@
 #version 460
-// Rays of the random scheme: evenly spaced targets in each pixel, Gaussian source offsets.
+// Rays of the random scheme: targets spread over each pixel, Gaussian source offsets.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require

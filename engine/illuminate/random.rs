@@ -7,6 +7,7 @@ use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{GROUP, Pixel, RandomLightPush, RandomRaysPush};
 use crate::numbers;
 use crate::optics::Optics;
+use crate::scene::RandomRays;
 use crate::trace::{Tracer, push_bytes};
 use std::sync::Arc;
 
@@ -59,8 +60,11 @@ pub(crate) fn illuminate_random(
     job: RandomBatch<'_>,
 ) -> Result<()> {
     let (rays_kernel, light_kernel) = (kernels.rays.get()?, kernels.light.get()?);
-    let rays_per_pixel = optics.sampling.rays;
-    let all = rays_per_pixel[0] * rays_per_pixel[1];
+    let all = optics.sampling.rays.count();
+    let rays_per_pixel = match optics.sampling.rays {
+        RandomRays::Count(count) => [count, 0],
+        RandomRays::Grid(grid) => grid,
+    };
     let seed = [numbers::low_word(optics.sampling.seed), numbers::high_word(optics.sampling.seed)];
     let steps = numbers::count(optics.mask_steps());
     let capacity = tracer.capacity();

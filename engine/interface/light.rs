@@ -212,7 +212,7 @@ shared_structs! {
         /// `[pixel][ray of the batch]`.
         pub rays: u64 => RaysOut,
         pub seed: [u32; 2] => uvec2,
-        /// In x and z.
+        /// In x and z; 0 in z: as many in all as in x, spread along z.
         pub rays_per_pixel: [u32; 2] => uvec2,
         pub first_ray: u32,
         /// Rays per pixel in this batch.

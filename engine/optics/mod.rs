@@ -73,7 +73,7 @@ impl Optics {
             sampling.cells = Some(cells.div_ceil(parts[0]));
         }
         sampling.rows = sampling.rows.div_ceil(parts[1]);
-        sampling.rays = [0, 1].map(|axis| sampling.rays[axis].div_ceil(parts[axis]));
+        sampling.rays = sampling.rays.of_part(parts);
         Self {
             rotation: scene.source.distance,
             cell_plane: scene.cell_plane_distance(),

@@ -195,9 +195,9 @@ impl Needs {
         let [rays, row_rays] = if cells {
             cell_rays(&optics, objects)
         } else {
-            let [x, z] = optics.sampling.rays.map(u64::from);
+            let of_pixel = u64::from(optics.sampling.rays.count());
             // Parts of a row are traced by themselves.
-            [columns.saturating_mul(rows).saturating_mul(x).saturating_mul(z), 0]
+            [columns.saturating_mul(rows).saturating_mul(of_pixel), 0]
         };
         let of_mesh = |(object, summary): (&crate::scene::Object, &ObjectSummary)| {
             let is_mesh = matches!(object.geometry, ShapeOrMesh::Mesh(_));

@@ -31,6 +31,7 @@ mod read_surroundings;
 mod sample;
 mod set;
 mod table;
+mod targets;
 mod tree;
 mod validate;
 mod validate_beam;
@@ -58,6 +59,7 @@ pub use instances::{
 pub use keys::known_keys;
 pub use model::{MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
+pub use targets::RandomRays;
 pub(crate) use validate_detector::validate_thresholds;
 pub use view::{Pose, View};
 

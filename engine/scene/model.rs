@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{Beam, Detector, MaterialSpec, Object, ShapeOrMesh};
+use super::{Beam, Detector, MaterialSpec, Object, RandomRays, ShapeOrMesh};
 use crate::spot::Spot;
 
 /// Name of the region of the surroundings among the objects.
@@ -238,8 +238,8 @@ pub struct Sampling {
     pub angle_tolerance: f64,
     /// Cells: most rays of a pixel in a view. >= 1.
     pub max_rays: u32,
-    /// Random: rays per pixel in x and z. >= 1 each.
-    pub rays: [u32; 2],
+    /// Random: rays of a pixel and their targets.
+    pub rays: RandomRays,
     /// Order of the transport.
     pub transport: Transport,
     /// Seed of every random number.
@@ -255,7 +255,7 @@ impl Default for Sampling {
             tolerance: 1e-4,
             angle_tolerance: 2e-9,
             max_rays: 200_000,
-            rays: [5000, 1],
+            rays: RandomRays::Count(5000),
             transport: Transport::Auto,
             seed: 1,
         }
@@ -268,7 +268,7 @@ impl Default for Sampling {
 pub enum Scheme {
     /// One ray per cell boundary, cells integrated analytically.
     Cells,
-    /// The paper's: evenly spaced targets in the pixel, random source offsets.
+    /// The paper's: targets spread over the pixel, random source offsets.
     Random,
 }
 

@@ -14,7 +14,7 @@ use super::read_spot::{read_spot, spot_file};
 use super::read_surroundings::read_surroundings;
 use super::table::{ListItem, Table};
 use super::tree::Document;
-use super::{Detector, MaskBody, MaskSpec, Sampling, Scene, Scheme, Source, Transport};
+use super::{Detector, MaskBody, MaskSpec, RandomRays, Sampling, Scene, Scheme, Source, Transport};
 use crate::units::Dimension::{self, Angle, Length};
 use crate::{Result, printed};
 
@@ -188,7 +188,7 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
         ("exact", Transport::Exact),
     ];
     let count = 1..=limits::RAYS;
-    let rays = "rays per pixel in x and z, such as [5000, 1]";
+    let grid = "a number of rays, such as 5000, or a grid of them in x and z, such as [5000, 4]";
     let get = |key| table.get(key);
     Ok(Sampling {
         scheme: get("scheme").map_or(Ok(default.scheme), |item| item.choice(&schemes))?,
@@ -201,7 +201,12 @@ fn read_sampling(top: &Table<'_>) -> Result<Sampling> {
         max_rays: get("max_rays")
             .map_or(Ok(default.max_rays), |item| item.integer(count.clone()))?,
         rays: get("rays").map_or(Ok(default.rays), |item| {
-            item.array(rays, |item| item.integer(count.clone()))
+            let rays = |item: &ListItem<'_>| item.integer(count.clone());
+            if item.is_list() {
+                item.array(grid, rays).map(RandomRays::Grid)
+            } else {
+                rays(&item).map(RandomRays::Count)
+            }
         })?,
         transport: get("transport")
             .map_or(Ok(default.transport), |item| item.choice(&transports))?,

@@ -8,7 +8,10 @@ use super::validate_detector::validate_detector;
 use super::validate_instances::validate_instances;
 use super::validate_material::validate_material;
 use super::validate_shape::validate_shape;
-use super::{MaskBody, MaskSpec, Mesh, MeshFormat, Normals, Placement, Scene, ShapeOrMesh, limits};
+use super::{
+    MaskBody, MaskSpec, Mesh, MeshFormat, Normals, Placement, RandomRays, Scene, ShapeOrMesh,
+    limits,
+};
 use crate::spot::Spot;
 use crate::units::Dimension::{self, Angle, Length};
 use crate::{Error, Result, printed};
@@ -146,12 +149,16 @@ impl Scene {
         }
         faults.note(positive("sampling.angle_tolerance", sampling.angle_tolerance, Angle));
         faults.note(count("sampling.max_rays", sampling.max_rays, 1, limits::RAYS));
-        let mut rays = sampling.rays.iter();
-        faults.note(rays.try_for_each(|rays| count("sampling.rays", *rays, 1, limits::RAYS)));
-        let [x, z] = sampling.rays.map(u64::from);
-        if x * z > limits::RAYS_OF_PIXEL {
+        let [x, z] = match sampling.rays {
+            RandomRays::Count(count) => [count, 1],
+            RandomRays::Grid(grid) => grid,
+        };
+        let mut rays = [x, z].into_iter();
+        faults.note(rays.try_for_each(|rays| count("sampling.rays", rays, 1, limits::RAYS)));
+        let all = u64::from(x) * u64::from(z);
+        if all > limits::RAYS_OF_PIXEL {
             let allowed = format!("up to {} in a pixel", limits::RAYS_OF_PIXEL);
-            let found = format!("{} in a pixel", x * z);
+            let found = format!("{all} in a pixel");
             faults.add(Error::scene("sampling.rays", found, allowed));
         }
     }

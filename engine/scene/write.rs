@@ -8,8 +8,9 @@ use super::read_scan::{angle_range, offset_range};
 use super::write_detector::write_detector;
 use super::write_shape::shape_table;
 use super::{
-    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Normals, Object, Placement, Scene,
-    Scheme, ShapeOrMesh, SpectrumOrigin, Transport, path, write_beam, write_instances,
+    Beam, Instances, MaskBody, MaskSpec, MaterialSpec, Mesh, Normals, Object, Placement,
+    RandomRays, Scene, Scheme, ShapeOrMesh, SpectrumOrigin, Transport, path, write_beam,
+    write_instances,
 };
 use crate::spot::{Spot, SpotPart};
 use crate::units::Dimension::{self, Angle, Attenuation, Density, Energy, Length};
@@ -195,7 +196,10 @@ fn write_sampling(out: &mut Text, scene: &Scene) {
     out.raw("tolerance", format!("{:?}", sampling.tolerance));
     out.quantity("angle_tolerance", sampling.angle_tolerance, Angle);
     out.raw("max_rays", sampling.max_rays);
-    out.raw("rays", format!("{:?}", sampling.rays));
+    match sampling.rays {
+        RandomRays::Count(count) => out.raw("rays", count),
+        RandomRays::Grid(grid) => out.raw("rays", format!("{grid:?}")),
+    }
     out.text("transport", transport);
     out.raw("seed", sampling.seed);
 }

@@ -8,7 +8,7 @@ mod reference;
 mod support;
 
 use beamlet::check::{self, check_on};
-use beamlet::scene::{KernelFile, Scatter, Scene, Scheme};
+use beamlet::scene::{KernelFile, RandomRays, Scatter, Scene, Scheme};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, Engine, RunRecord};
 use reference::scenes;
@@ -91,7 +91,7 @@ fn rays_of_a_radiograph_are_estimated_within_a_factor_of_two() {
 fn random_rays_are_counted_as_they_are() {
     let ball = carbon(bumpy(1.0e-3, 3));
     let mut scene = scenes::scene(&Setup::paper([32, 16]), &[ball], &OFFSETS);
-    (scene.sampling.scheme, scene.sampling.rays) = (Scheme::Random, [20, 2]);
+    (scene.sampling.scheme, scene.sampling.rays) = (Scheme::Random, RandomRays::Grid([20, 2]));
     let report = check_on(&engine(Backend::Bvh), &scene).expect("a report");
     let estimate = report.work.estimate.expect("an estimate");
     assert!((estimate.rays - 32.0 * 16.0 * 40.0).abs() < 0.5, "{estimate:?}");

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::paper::{PAPER, load, parts, with_sets};
 use beamlet::Error;
-use beamlet::scene::{MaskBody, MaterialSpec, Mesh, Scene, Shape, ShapeOrMesh};
+use beamlet::scene::{MaskBody, MaterialSpec, Mesh, RandomRays, Scene, Shape, ShapeOrMesh};
 
 /// The paper's scene with one piece of text exchanged.
 fn changed(from: &str, to: &str) -> Result<Scene, Error> {
@@ -33,7 +33,7 @@ fn paper_scene_resolves_with_its_defaults() {
     assert_eq!(scene.scan.mask_offsets[5], 0.0);
     assert!(close(scene.scan.angles[359], 359_f64.to_radians()));
     assert_eq!(scene.surroundings, "vacuum");
-    assert_eq!(scene.sampling.rays, [5000, 1]);
+    assert_eq!(scene.sampling.rays, RandomRays::Count(5000));
     assert_eq!(scene.materials["my plastic"], MaterialSpec::Constants { mu: 25.0, delta: 2.4e-7 });
     let ShapeOrMesh::Mesh(Mesh::File { path, unit, .. }) = &scene.objects[0].geometry else {
         panic!("not a mesh");

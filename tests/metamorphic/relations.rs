@@ -3,7 +3,7 @@
 use super::case::{Axis, Case};
 use super::compare::Limits;
 use beamlet::material::constants_over;
-use beamlet::scene::{Normals, Object, Scene, Scheme, Shape, ShapeOrMesh, Transport};
+use beamlet::scene::{Normals, Object, RandomRays, Scene, Scheme, Shape, ShapeOrMesh, Transport};
 use beamlet::{Backend, RunRecord};
 use ndarray::{Array4, Axis as Dimension};
 use std::f64::consts::PI;
@@ -94,7 +94,7 @@ impl Relation {
             Self::Backend => {}
             Self::Random => {
                 changed.scene.sampling.scheme = Scheme::Random;
-                changed.scene.sampling.rays = RAYS;
+                changed.scene.sampling.rays = RandomRays::Grid(RAYS);
             }
         }
         Some(changed)

@@ -9,7 +9,9 @@ use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body, cuboid};
 use crate::support::{CARBON, WATER, Worst, backends, engine, engine_with};
 use beamlet::internals::trace::{Ray, RayResult, trace};
-use beamlet::scene::{self, Instances, Object, Scene, Scheme, Shape, ShapeOrMesh, Transport};
+use beamlet::scene::{
+    self, Instances, Object, RandomRays, Scene, Scheme, Shape, ShapeOrMesh, Transport,
+};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions, geometry};
 use std::fmt::Write;
@@ -205,7 +207,7 @@ fn light_through_instances_is_that_of_the_flat_mesh() {
                 let engine = engine(backend);
                 let [flat, many] = scenes.each_mut().map(|scene| {
                     scene.sampling.scheme = scheme;
-                    scene.sampling.rays = [90, 4];
+                    scene.sampling.rays = RandomRays::Grid([90, 4]);
                     engine.simulate(scene).unwrap()
                 });
                 let worst = if scheme == Scheme::Cells { &mut cells } else { &mut random };
@@ -231,7 +233,7 @@ fn bands_and_threads_change_no_bit_of_instances() {
     let [(_, [_, mut scene]), _] = cases(directory.path());
     for scheme in [Scheme::Cells, Scheme::Random] {
         scene.sampling.scheme = scheme;
-        scene.sampling.rays = [30, 4];
+        scene.sampling.rays = RandomRays::Grid([30, 4]);
         let bits = |of: &Stacks| of.sample.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         let whole = bits(&simulated(EngineOptions::default(), &scene));
         let banded = EngineOptions::default().with_band_rows(Some(1)).with_batch_rays(Some(997));

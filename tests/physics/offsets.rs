@@ -5,7 +5,7 @@ use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cylinder};
 use crate::support::{CARBON, Worst, engine};
 use beamlet::Backend;
-use beamlet::scene::Scheme;
+use beamlet::scene::{RandomRays, Scheme};
 
 /// f64 holds 1 m to 1e-16 m and f32 the rest in a period to 4e-12 m: 4e-7 of open beam, as between
 /// the flat and its closed form, and 2e-6 where rays of a sample add up several such terms.
@@ -22,7 +22,7 @@ fn offsets_of_ten_thousand_periods_give_the_light_of_those_within_one() {
     for scheme in [Scheme::Cells, Scheme::Random] {
         let mut near = scenes::scene(&Setup::paper([16, 2]), &[rod.clone()], &offsets);
         near.sampling.scheme = scheme;
-        near.sampling.rays = [200, 1];
+        near.sampling.rays = RandomRays::Grid([200, 1]);
         let period = near.sample_mask.as_ref().expect("a sample mask").period;
         let engine = engine(Backend::Bvh);
         let wanted = engine.simulate(&near).expect("stacks");

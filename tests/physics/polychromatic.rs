@@ -10,7 +10,7 @@ use crate::support::{Worst, backends, engine, engine_with};
 use beamlet::Backend;
 use beamlet::material::constants_at;
 use beamlet::retrieve::{RetrieveOptions, Retriever};
-use beamlet::scene::{Beam, Mesh, Scene, ShapeOrMesh, Transport};
+use beamlet::scene::{Beam, Mesh, RandomRays, Scene, ShapeOrMesh, Transport};
 use beamlet::spectrum::Spectrum;
 use ndarray::{Array3, Array4};
 use std::fmt::Write as _;
@@ -270,7 +270,7 @@ fn random_rays_under_a_spectrum_agree_with_cells() {
     scene.detector.pixels = [48, 1];
     let cells = engine(Backend::Bvh).simulate(&scene).unwrap();
     scene.sampling.scheme = beamlet::scene::Scheme::Random;
-    scene.sampling.rays = [4000, 1];
+    scene.sampling.rays = RandomRays::Grid([4000, 1]);
     let random = engine(Backend::Bvh).simulate(&scene).unwrap();
     // 4,000 rays over a pixel of which a fifth is lit: about 0.01 in a pixel of one step, and
     // its mean over 40 pixels and 11 steps a twentieth of that.

@@ -14,7 +14,7 @@ use crate::reference::surfaces::{Body, body, cuboid, cylinder};
 use crate::support::{CARBON, Worst, engine};
 use beamlet::Backend;
 use beamlet::retrieve::Method;
-use beamlet::scene::{Scene, Scheme};
+use beamlet::scene::{RandomRays, Scene, Scheme};
 use beamlet::scene::{Spot, SpotPart};
 use ndarray::{Array2, array};
 use std::collections::BTreeMap;
@@ -375,7 +375,7 @@ fn random_rays_draw_the_parts_of_the_spot() {
         cells.take(f64::from(*got) - mean, || "a pixel".into());
     }
     (scene.sampling.scheme, scene.sampling.rays, scene.sampling.seed) =
-        (Scheme::Random, [rays, 1], 11);
+        (Scheme::Random, RandomRays::Count(rays), 11);
     let random = engine.simulate(&scene).expect("a flat").flat;
     let scores: Vec<f64> = random.iter().map(|got| (f64::from(*got) - mean) / deviation).collect();
     let count = scores.len() as f64;

@@ -156,3 +156,27 @@ fn edges_far_from_the_rotation_centre_are_told_of_where_no_sample_mask_is() {
         assert!(!quiet.contains("rotation centre"), "{quiet}");
     }
 }
+
+#[test]
+fn random_rays_on_one_line_before_a_sample_are_warned_of() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let ball = "[sampling]\nscheme = \"random\"\nrays = [4, 1]\n[[object]]\nname = \"ball\"\n\
+                material = \"water\"\nshape = { sphere = { radius = \"0.3 mm\" } }\n";
+    std::fs::write(here.join("scene.toml"), [&scan(&[0.0]), ball].concat()).unwrap();
+    let warned = |command: &str| {
+        let output = run(here, command);
+        ended(&output, 0);
+        let all = [output.stdout, output.stderr].concat();
+        String::from_utf8(all).unwrap().contains("sampling.rays = [4, 1]: all targets of a pixel")
+    };
+    for (set, told) in [("[4, 1]", true), ("4", false), ("[4, 2]", false)] {
+        let set = format!("--set sampling.rays={}", set.replace(' ', ""));
+        assert_eq!(warned(&format!("check scene.toml --no-estimate {set}")), told, "{set}");
+        let simulate = format!("simulate scene.toml -o run --format npy --overwrite {set}");
+        assert_eq!(warned(&simulate), told, "{set}");
+    }
+    assert!(!warned("check scene.toml --no-estimate --set sampling.scheme=cells"));
+    let resolved = std::fs::read_to_string(here.join("run/scene.toml")).unwrap();
+    assert!(resolved.contains("\nrays = [4, 2]\n"), "{resolved}");
+}

@@ -5,7 +5,7 @@ use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, star};
 use crate::support::{CARBON, WATER, backends, engine, engine_with};
 use beamlet::internals::trace::{Ray, RayResult, moments, trace};
-use beamlet::scene::{Scene, Scheme, Transport};
+use beamlet::scene::{RandomRays, Scene, Scheme, Transport};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, EngineOptions};
 
@@ -22,7 +22,7 @@ fn scene(scheme: Scheme) -> Scene {
     let mut scene = scenes::scene(&setup, &bodies, &[-20e-6, 0.0, 9e-6]);
     scene.scan.angles = vec![0.0, 1.5];
     scene.sampling.scheme = scheme;
-    scene.sampling.rays = [90, 4];
+    scene.sampling.rays = RandomRays::Count(360);
     // Enough refinement for every branch, few enough rays for many runs.
     scene.sampling.tolerance = 3e-4;
     scene

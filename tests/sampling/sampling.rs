@@ -8,7 +8,7 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, body, cuboid, cylinder, star};
 use crate::support::{CARBON, Checked, Worst, engine};
-use beamlet::scene::{Scene, Scheme, Transport};
+use beamlet::scene::{Blur, RandomRays, Scene, Scheme, Transport};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control};
 use ndarray::Array4;
@@ -46,7 +46,7 @@ impl Scores {
 
 fn random(mut scene: Scene, rays: [u32; 2], seed: u64) -> Scene {
     scene.sampling.scheme = Scheme::Random;
-    scene.sampling.rays = rays;
+    scene.sampling.rays = RandomRays::Grid(rays);
     scene.sampling.seed = seed;
     scene
 }
@@ -166,6 +166,35 @@ fn horizontal_edge_is_blurred_by_the_height_of_the_spot() {
     }
     scores
         .judge(["sampling, horizontal edge, mean score", "sampling, horizontal edge, spread"], 0.0);
+    worst.holds();
+}
+
+/// With all targets on the middle line of its row a pixel sees all or nothing of the edge.
+#[test]
+fn random_rays_by_number_see_the_share_of_a_row_above_an_edge() {
+    let mut setup = Setup::paper([4, 3]);
+    (setup.sample_mask, setup.detector_mask) = (None, None);
+    setup.spot = [0.0; 2];
+    let engine = engine(Backend::Bvh);
+    // Multiples of the square root of 2 leave some 3 of 5000 targets on the wrong side; parts of a
+    // pixel, each with a shift of its own, as many of a few hundred, by chance.
+    let mut worst = Worst::new("sampling, random rays, share of a row above an edge", 2e-3);
+    for covered in [1.0 / 3.0, 0.5, 0.8] {
+        // The middle row is lit above this height on the detector.
+        let shadow = (covered - 0.5) * 150e-6;
+        let mut scene = scenes::scene(&setup, &[ledge(shadow * 1.21 / 1.8)], &[0.0]);
+        scene.sampling.scheme = Scheme::Random;
+        let blurred = Blur::Gaussian { sigma: [40e-6, 0.0] };
+        for blur in [None, Some(blurred)] {
+            let parts = blur.is_some();
+            scene.detector.blur = blur;
+            for ((_, _, row, column), got) in sample(&engine, &scene).indexed_iter() {
+                let want = [1.0, 1.0 - covered, 0.0][row];
+                let place = || format!("{covered} of row {row}, column {column}, parts: {parts}");
+                worst.take(f64::from(*got) - want, place);
+            }
+        }
+    }
     worst.holds();
 }
 

@@ -124,6 +124,7 @@ impl<'e> Simulation<'e> {
             memory::estimate(&scene, &sample.objects, options.memory_limit, options.band_rows)?;
         memory::ask_for_run(&scene, &memory)?;
         log_spot(&scene);
+        scene.middle_line_warning().iter().for_each(|text| log::warn!("{text}"));
         let device = engine.device();
         let wanted = options.backend;
         let description = device.description();

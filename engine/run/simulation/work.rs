@@ -245,8 +245,7 @@ impl<'s> ViewWork<'s> {
         let optics = self.simulation.detector.optics();
         let lattice = &self.simulation.lattice;
         let per_row = if optics.sampling.scheme == Scheme::Random {
-            let [x, z] = optics.sampling.rays.map(u64::from);
-            u64::from(optics.detector.pixels[0]) * x * z
+            u64::from(optics.detector.pixels[0]) * u64::from(optics.sampling.rays.count())
         } else if self.simulation.stored.is_some() || !traced {
             // Nothing is traced; the blocks of a file are read once each, or nearly. Invocations
             // side by side that see one aperture from several rows do the same work: four times as

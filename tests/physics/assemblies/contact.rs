@@ -8,7 +8,7 @@ use crate::support::{CARBON, WATER, Worst, backends};
 use beamlet::Backend;
 use beamlet::internals::interface::FLAG_REFLECTED;
 use beamlet::internals::trace::Ray;
-use beamlet::scene::{MaterialSpec, Scheme, Transport};
+use beamlet::scene::{MaterialSpec, RandomRays, Scheme, Transport};
 
 /// Mu and delta of the block below: less than those of the carbon around it, which reflects rays
 /// within 0.85 mrad.
@@ -83,7 +83,7 @@ fn random_rays_see_touching_plates_as_the_one_block() {
         let stack = |bodies: &[Body]| {
             let mut scene = scenes::scene(&Setup::paper([16, 8]), bodies, &[0.0, 1e-5]);
             scene.sampling.scheme = Scheme::Random;
-            scene.sampling.rays = [200, 1];
+            scene.sampling.rays = RandomRays::Grid([200, 1]);
             scene.sampling.transport = transport;
             let stacks = engine.simulate(&scene).expect("a stack");
             let tally = &stacks.record.tally;

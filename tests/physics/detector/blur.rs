@@ -9,7 +9,7 @@ use crate::reference::surfaces::{body, cuboid, cylinder};
 use crate::reference::{closed_form::blurred_overlap, scenes};
 use crate::support::{CARBON, Worst, engine};
 use beamlet::Backend;
-use beamlet::scene::{Blur, Scene};
+use beamlet::scene::{Blur, RandomRays, Scene};
 
 const PITCH: f64 = 150e-6;
 
@@ -210,7 +210,7 @@ fn random_rays_agree_with_cells_where_the_detector_blurs() {
     let cells = engine.simulate(&scene).unwrap().sample;
     let mut random = scene;
     random.sampling.scheme = beamlet::scene::Scheme::Random;
-    random.sampling.rays = [20_000, 2];
+    random.sampling.rays = RandomRays::Grid([20_000, 2]);
     let random = engine.simulate(&random).unwrap().sample;
     // 40,000 rays of transmission 0.16: sqrt(0.16 * 0.84 / 40,000) = 0.0018, five times that.
     let mut worst = Worst::new("detector, random rays with blur", 9e-3);

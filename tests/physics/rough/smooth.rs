@@ -9,7 +9,8 @@ use crate::support::{CARBON, Checked, Worst, backends, engine};
 use beamlet::Backend;
 use beamlet::internals::trace::{Ray, RayResult, trace};
 use beamlet::scene::{
-    Beam, Detector, MaterialSpec, Normals, Object, Scene, Scheme, Shape, Source, Transport,
+    Beam, Detector, MaterialSpec, Normals, Object, RandomRays, Scene, Scheme, Shape, Source,
+    Transport,
 };
 
 const RADIUS: f64 = 4e-3;
@@ -107,7 +108,7 @@ fn silhouettes_of_smooth_normals_are_followed() {
         for scheme in [Scheme::Cells, Scheme::Random] {
             let mut scene = scene(sphere(Some(64)), Normals::Smooth, Transport::Auto);
             scene.sampling.scheme = scheme;
-            scene.sampling.rays = [64, 4];
+            scene.sampling.rays = RandomRays::Grid([64, 4]);
             scene.detector = Detector::new(1.8, [48, 8], [300e-6; 2]);
             let engine = engine(backend);
             let stacks = engine.simulate(&scene).expect("a run");

@@ -270,19 +270,16 @@ impl ViewWork<'_> {
         // Fewer rays of each pixel where these are many.
         let optics = self.simulation.detector.optics();
         let mut sparse = optics.clone();
-        let of_pixel =
-            |optics: &Optics| optics.sampling.rays.map(f64::from).iter().product::<f64>();
+        let of_pixel = |optics: &Optics| f64::from(optics.sampling.rays.count());
         let most = TIMED_RAYS / (timed * f64::from(optics.detector.pixels[0]));
         while of_pixel(&sparse) > most.max(1.0) {
-            let [x, z] = sparse.sampling.rays;
-            sparse.sampling.rays = if x >= z { [x.div_ceil(2), z] } else { [x, z.div_ceil(2)] };
+            sparse.sampling.rays = sparse.sampling.rays.halved();
         }
         self.random_rows(&sparse, Exposure::Sample(0), &projected_bounds, &rows)?;
         let share = timed / all as f64 * of_pixel(&sparse) / of_pixel(optics);
         let seconds = begin.elapsed().as_secs_f64() / share;
-        let [x, z] = self.simulation.scene.sampling.rays.map(f64::from);
         let pixels = optics.detector.pixels.map(f64::from);
-        let rays = pixels[0] * pixels[1] * x * z;
+        let rays = pixels[0] * pixels[1] * f64::from(self.simulation.scene.sampling.rays.count());
         let views = self.view_count();
         Ok(RunEstimate {
             rays_per_view: rays,
