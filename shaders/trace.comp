@@ -77,7 +77,11 @@ void main() {
     Beam beam = beam_of(ray, sample_.views.at[ray.view]);
     Gathered all = gathered_begin(beam, index, true);
 #ifdef PLACED
-    all.key = ray.key;
+    if ((KINDS & KIND_ROUGH) != 0u) {
+        Ray own = push.rays.at[index];
+        all.key = own.key != 0u ? own.key : key_of(own);
+        all.draws = own.key != 0u;
+    }
 #endif
     traverse(beam, -1e30, all);
     finish(index, all);

@@ -125,11 +125,6 @@ impl EnergyBinning {
         self.weights.len()
     }
 
-    /// Whether the sample has rough surfaces.
-    const fn is_rough(&self) -> bool {
-        self.words > self.materials * MOMENTS_PER_MATERIAL
-    }
-
     /// Share of the light of a node along the axis that takes a way through the masks.
     fn passes(&self, node: usize, group: [bool; 2]) -> f64 {
         passing([0, 1].map(|i| self.masks[i].as_ref().map(|mask| mask[node].leak(1.0))), group)

@@ -1,6 +1,6 @@
 //! Moments kept with cells, for other energies, masks or steps than those they were traced for.
 
-use crate::interface::{Ray, RayResult};
+use crate::interface::{FLAG_DRAWN, Ray, RayResult};
 use crate::trace::grazing;
 
 /// Moments of the rays that bound cells.
@@ -32,6 +32,12 @@ impl ExactCell {
     #[must_use]
     pub fn grazing(&self) -> f64 {
         grazing(&self.results[0]).min(grazing(&self.results[1]))
+    }
+
+    /// Whether its rays drew normals of rough surfaces.
+    #[must_use]
+    pub(crate) fn is_drawn(&self) -> bool {
+        self.results.iter().any(|result| result.flags & FLAG_DRAWN != 0)
     }
 }
 

@@ -1,11 +1,5 @@
 // The order-free walk at surfaces that may be rough.
 
-// Whether rays of cells draw the normals of a surface at this incidence: what draws do to the slope is
-// then far from a Gaussian.
-bool draws(Surface surface, vec2 slope, vec3 normal_, float inverse_stretch) {
-    return incidence(slope, normal_, inverse_stretch) < ROUGH_GRAZING * surface.roughness;
-}
-
 #ifndef SUMS_IN_REGISTERS
 // Adds to the moments of the pair of materials what a rough surface spreads slopes along x, to first
 // order: a change u of the normal n across it changes (n_x - n_y slope_x) / (n d) by v u.
@@ -28,22 +22,20 @@ void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, Gathered a
 }
 #endif
 
-// A ray crosses a surface that may be rough, at y; `normal_`: of the surface, beam frame. Rays with a
-// key draw another; for those without the variance is a moment, and those near grazing are put on the
-// list of rays to trace exactly, where they draw.
+// A ray crosses a surface that may be rough, at y; `normal_`: of the surface, beam frame. Random rays
+// draw another normal. Rays of cells draw one near grazing, where a draw changes the slope by far from a
+// Gaussian; elsewhere the variance is a moment.
 void cross_rough(Beam beam, Surface surface, uint primitive, vec3 normal_, float y, bool entering,
                  inout Gathered all) {
     vec3 met = normal_;
     if (surface.roughness > 0.0 && surface.inside != surface.outside) {
-        float inverse_stretch = all.stretch.inverse;
-        if (all.key != 0u) {
+        float cosine = incidence(slope_of(beam), normal_, all.stretch.inverse);
+        bool near = cosine < ROUGH_GRAZING * surface.roughness;
+        if (all.draws || near) {
             vec3 direction = vec3(beam.slope_x, 1.0, beam.slope_z);
             met = drawn_normal(normal_, direction, surface, all.key, primitive, 0u);
-            float share = incidence(slope_of(beam), normal_, inverse_stretch);
-            all.run.grazing = min(all.run.grazing, share / max(surface.grazing, 1e-30));
-        } else if (draws(surface, slope_of(beam), normal_, inverse_stretch)) {
-            all.run.grazing = 0.0;
-            all.run.flags |= FLAG_DRAWN;
+            all.run.grazing = min(all.run.grazing, cosine / max(surface.grazing, 1e-30));
+            if (!all.draws) all.run.flags |= FLAG_DRAWN;
 #ifndef SUMS_IN_REGISTERS
         } else {
             spread_slopes(beam, surface, normal_, y, all);

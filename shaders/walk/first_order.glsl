@@ -27,13 +27,14 @@ struct Gathered {
     Run run;
     Sums sums;
 #ifdef PLACED
-    uint key; // of its ray
+    uint key;   // of the normals that its ray draws
+    bool draws; // at any incidence
 #endif
 };
 
 Gathered gathered_begin(Beam beam, uint index, bool live) {
 #ifdef PLACED
-    return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live), 0u);
+    return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live), 0u, false);
 #else
     return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live));
 #endif
@@ -46,15 +47,14 @@ void visit(Beam beam, Facet facet, Surface surface, vec3 normal_, inout Gathered
               place_of(slope_of(beam), facet, normal_), facet.entering);
 }
 
-// Share of the grazing incidence of a surface below which a ray is followed in order. Among many bodies
-// it is small: a ray that meets a rim, nanometres wide, is bent off it by the bodies before, and no ray
-// that the straight line takes past the rim is bent onto it, so that wide angles would be lost. Above
-// this share the first order is off by less than a percent of the angle.
-float least_grazing(uint crossings) {
-#ifdef PLACED
-    if ((KINDS & KIND_ROUGH) != 0u) return 1.0;
-#endif
-    return crossings > MANY_CROSSINGS ? MANY_GRAZING : 1.0;
+// Whether a ray is followed in order: where it meets a surface below a share of the surface's grazing
+// incidence. Among many bodies the share is small: a ray that meets a rim, nanometres wide, is bent off
+// it by the bodies before, and no ray that the straight line takes past the rim is bent onto it, so that
+// wide angles would be lost. Above this share the first order is off by less than a percent of the angle.
+// A ray of a cell that draws normals is followed in order among few bodies.
+bool is_in_order(Run run) {
+    if (run.crossings > MANY_CROSSINGS) return run.grazing < MANY_GRAZING;
+    return run.grazing < 1.0 || (run.flags & FLAG_DRAWN) != 0u;
 }
 
 bool finite(RayResult result) {
@@ -66,7 +66,7 @@ bool finite(RayResult result) {
 void finish(uint index, inout Gathered all) {
     run_flush(all.sums, all.run);
     if (all.run.balance != 0u) all.run.flags |= FLAG_UNBALANCED;
-    if (all.run.grazing < least_grazing(all.run.crossings)) all.run.flags |= FLAG_GRAZING;
+    if (is_in_order(all.run)) all.run.flags |= FLAG_GRAZING;
     all.run.flags |= uint(255.0 * min(all.run.grazing, 1.0)) << FLAG_SHARE_SHIFT;
     RayResult result = result_of(all.sums, all.run);
     if (!finite(result)) result.flags |= FLAG_NOT_FINITE;

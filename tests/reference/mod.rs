@@ -14,12 +14,14 @@
 )]
 #![allow(clippy::float_cmp, reason = "media of the very same constants do not deflect")]
 
+pub(crate) mod bundle;
 pub(crate) mod closed_form;
 pub(crate) mod draws;
 pub(crate) mod fit;
 pub(crate) mod masks;
 pub(crate) mod normal;
 pub(crate) mod rays;
+pub(crate) mod rough;
 pub(crate) mod scenes;
 pub(crate) mod silhouettes;
 pub(crate) mod stack;

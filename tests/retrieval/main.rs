@@ -15,3 +15,4 @@ mod retrieval;
 #[cfg(feature = "cli")]
 mod retrieve_cli;
 mod retrieved;
+mod rough_fibres;

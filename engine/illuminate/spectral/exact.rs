@@ -111,9 +111,11 @@ impl EnergyBinning {
                     result.depth += (exact_result.depth - first.depth) * delta_ratio * result.depth
                         / first.depth;
                 }
-                if self.is_rough() && exact.grazing() <= 0.0 {
-                    // Of drawn normals, which bend in proportion.
+                if exact.is_drawn() {
+                    // Drawn normals bend in proportion.
                     result.x = exact_result.x * delta_ratio;
+                    result.z = exact_result.z * delta_ratio;
+                    result.slope_x = exact_result.slope_x * delta_ratio;
                 } else if exact.grazing() < self.exact_retrace_threshold[node] {
                     // Narrow, or not repeated: total reflection turns light by as much anywhere.
                     result.x = exact_result.x;

@@ -6,8 +6,8 @@
 use super::face;
 use crate::detector::z_test::Scores;
 use crate::reference::normal::{cumulative, quantile};
+use crate::reference::rough::{Gauss, passed};
 use crate::reference::surfaces::Random;
-use crate::reference::vector::{Vector, add, dot, scaled, sub, unit};
 use crate::support::{CARBON, backends, engine};
 use beamlet::Backend;
 use beamlet::internals::trace::{Ray, trace};
@@ -70,17 +70,6 @@ fn score_of(statistic: f64) -> f64 {
     -quantile(0.5 * chance.clamp(1e-300, 1.0))
 }
 
-/// Normal numbers, two at a time.
-struct Gauss(Random);
-
-impl Gauss {
-    fn pair(&mut self, sigma: f64) -> [f64; 2] {
-        let radius = sigma * (-2.0 * (1.0 - self.0.next()).ln()).sqrt();
-        let (sin, cos) = (std::f64::consts::TAU * self.0.next()).sin_cos();
-        [radius * cos, radius * sin]
-    }
-}
-
 /// Slopes over delta to first order: in the plane of incidence (tan - s1) / (1 + s1 tan), across it
 /// s2 / (cos + s1 sin), and those of the face behind, the other way.
 fn first_order(sigma: f64, incidence: f64, draws: u32) -> [Vec<f64>; 2] {
@@ -95,47 +84,16 @@ fn first_order(sigma: f64, incidence: f64, draws: u32) -> [Vec<f64>; 2] {
     slopes
 }
 
-/// A ray beyond a face by Snell's law in f64, on normals that face it, drawn anew where the face says
-/// that the ray has not left it; the indices before and behind it.
-fn passed(gauss: &mut Gauss, sigma: f64, face: Vector, mut ray: Vector, index: [f64; 2]) -> Vector {
-    let u1: Vector = unit([face[1], -face[0], 0.0]);
-    let u2: Vector = [0.0, 0.0, 1.0];
-    let mut behind = false;
-    loop {
-        let ahead = if dot(face, ray) > 0.0 { face } else { scaled(face, -1.0) };
-        let normal = loop {
-            let [s1, s2] = gauss.pair(sigma);
-            let normal = unit(add(ahead, add(scaled(u1, s1), scaled(u2, s2))));
-            if dot(normal, ray) > 0.0 {
-                break normal;
-            }
-        };
-        let ratio = if behind { index[1] / index[0] } else { index[0] / index[1] };
-        let along = dot(normal, ray);
-        let across = sub(ray, scaled(normal, along));
-        let sine2 = ratio * ratio * dot(across, across);
-        if sine2 > 1.0 {
-            ray = sub(ray, scaled(normal, 2.0 * along));
-        } else {
-            ray = add(scaled(across, ratio), scaled(normal, (1.0 - sine2).sqrt()));
-            behind = !behind;
-        }
-        if (dot(face, ray) > 0.0) == behind {
-            assert!(behind, "reflected off the face");
-            return ray;
-        }
-    }
-}
-
 /// Slopes over delta by Snell's law.
 fn drawn(sigma: f64, incidence: f64, delta: f64, draws: u32) -> [Vec<f64>; 2] {
     let mut gauss = Gauss(Random::new(7));
     let (sin, cos) = incidence.sin_cos();
     let mut slopes = [Vec::new(), Vec::new()];
     for _ in 0..draws {
-        let within =
+        let (within, entered) =
             passed(&mut gauss, sigma, [-sin, cos, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0 - delta]);
-        let ray = passed(&mut gauss, sigma, [0.0, 1.0, 0.0], within, [1.0 - delta, 1.0]);
+        let (ray, left) = passed(&mut gauss, sigma, [0.0, 1.0, 0.0], within, [1.0 - delta, 1.0]);
+        assert!(entered && left, "reflected off the face");
         slopes[0].push(ray[0] / ray[1] / delta);
         slopes[1].push(ray[2] / ray[1] / delta);
     }
