@@ -129,7 +129,7 @@ impl Relation {
         let sampled = SAMPLED + records.into_iter().map(beyond).sum::<f64>();
         let (sample, flat) = match self {
             Self::Backend => (1e-6, 0.0),
-            Self::MirroredInX => (sampled, 1e-5),
+            Self::MirroredInX => (sampled, 2e-5),
             Self::MirroredInZ | Self::Turned | Self::Finer => (sampled, 1e-6),
             Self::Exact => (sampled + SURFACES * FIRST_ORDER * per_angle, 1e-6),
             Self::Facets => {
