@@ -5,14 +5,33 @@ use crate::{Error, Result, reserve};
 use bytemuck::Pod;
 use rayon::prelude::*;
 use std::error::Error as _;
+use std::num::NonZero;
 use std::sync::OnceLock;
 
 /// Stack of a thread as Rust sets it, bytes.
 const STACK: u64 = 2 << 20;
 
-/// Starts the threads that work is shared among, where the program has not done so: as many as the
-/// machine runs at once, or as `RAYON_NUM_THREADS` says. What needs them starts them itself;
-/// whoever wants to know early that there is no room for them calls this first.
+/// Most threads that `RAYON_NUM_THREADS` can ask for.
+const MOST: usize = 1024;
+
+/// Number of threads that the environment asks for, as `rayon` reads it; `None` where it leaves the
+/// number to the machine.
+fn asked() -> Option<usize> {
+    let number = |name| std::env::var(name).ok()?.parse().ok();
+    let names = ["RAYON_NUM_THREADS", "RAYON_RS_NUM_CPUS"];
+    names.into_iter().find_map(number).filter(|number| *number > 0)
+}
+
+/// Whether libraries may start threads of their own: they read the same environment and start any
+/// number.
+pub(crate) fn is_bounded() -> bool {
+    asked().is_none_or(|asked| asked <= MOST)
+}
+
+/// Starts the threads that work is shared among, where the program has not done so: one for each
+/// that the machine runs at once, or the number in `RAYON_NUM_THREADS`, 1024 at most. Work that
+/// needs threads starts them; a program that has to know early whether there is room for them
+/// calls this first.
 ///
 /// # Errors
 /// [`Error::Memory`] where the system has no room for them, or next to none beside them.
@@ -20,18 +39,26 @@ pub fn start_threads() -> Result<()> {
     /// Whether there are threads. A pool that failed once stays so: rayon tries once.
     static STARTED: OnceLock<bool> = OnceLock::new();
     let started = STARTED.get_or_init(|| {
+        let mut threads = rayon::ThreadPoolBuilder::new();
+        if let Some(asked) = asked().filter(|asked| *asked > MOST) {
+            log::warn!("RAYON_NUM_THREADS asks for {asked} threads; {MOST} are started");
+            threads = threads.num_threads(MOST);
+        }
         // Without a source it says that there is a pool already, as is right.
-        rayon::ThreadPoolBuilder::new().build_global().err().is_none_or(|it| it.source().is_none())
+        threads.build_global().err().is_none_or(|it| it.source().is_none())
     });
     if *started && reserve::leaves_spare() {
         return Ok(());
     }
-    let threads = std::thread::available_parallelism().map_or(1, |it| it.get() as u64);
+    let of_machine = || std::thread::available_parallelism().map_or(1, NonZero::get);
+    let threads = asked().unwrap_or_else(of_machine).min(MOST) as u64;
     Err(Error::Memory {
         purpose: format!("{threads} threads"),
         needed: threads * STACK,
         available: None,
-        remedy: "lift the limits of memory or of processes that this one runs under".into(),
+        remedy: "lift the limits of memory or of processes that this one runs under, or lower \
+                 RAYON_NUM_THREADS"
+            .into(),
     })
 }
 

@@ -69,7 +69,7 @@ impl Device {
         };
         let mut allocator = lock(&self.allocator);
         let allocator = allocator.as_mut().expect("the device is open");
-        allocator.allocate(&description).map_err(|e| match e {
+        let allocated = allocator.allocate(&description).map_err(|e| match e {
             AllocationError::OutOfMemory => {
                 let device = vk::Result::ERROR_OUT_OF_DEVICE_MEMORY;
                 failure::out_of_memory(name, requirements.size, device)
@@ -80,7 +80,13 @@ impl Device {
                 failure::out_of_memory(name, requirements.size, host)
             }
             e => Error::device(format!("memory for {name}"), e.to_string(), ""),
-        })
+        })?;
+        if self.physical.description.kind == DeviceKind::Cpu && !is_backed(&allocated) {
+            // Nothing was done with it yet.
+            let _ = allocator.free(allocated);
+            return Err(failure::not_backed(name, requirements.size));
+        }
+        Ok(allocated)
     }
 
     /// Gives memory back.
@@ -104,4 +110,27 @@ impl Device {
         let types = self.memory_types.memory_types_as_slice().iter().zip(0u32..);
         types.filter(|(t, _)| t.property_flags.contains(wanted)).map(|(_, bit)| 1 << bit).sum()
     }
+}
+
+/// "Input/output error" of Linux.
+#[cfg(target_os = "linux")]
+const EIO: i32 = 5;
+
+/// Whether mapped memory is there. llvmpipe keeps memory in a file and overlooks that a limit of file
+/// sizes keeps it short: the first access beyond its end would end the process. A read through the
+/// system fails instead.
+#[cfg(target_os = "linux")]
+fn is_backed(memory: &Allocation) -> bool {
+    use std::os::unix::fs::FileExt;
+    let Some(start) = memory.mapped_ptr() else { return true };
+    let last = start.addr().get() as u64 + memory.size().max(1) - 1;
+    let read =
+        std::fs::File::open("/proc/self/mem").and_then(|file| file.read_exact_at(&mut [0], last));
+    // Without /proc it stays unknown.
+    !read.is_err_and(|error| error.raw_os_error() == Some(EIO))
+}
+
+#[cfg(not(target_os = "linux"))]
+const fn is_backed(_: &Allocation) -> bool {
+    true
 }

@@ -51,6 +51,18 @@ pub(super) fn out_of_memory(purpose: &str, needed: u64, result: vk::Result) -> E
     }
 }
 
+/// An error for memory that the driver gave and that is not there.
+pub(super) fn not_backed(purpose: &str, needed: u64) -> Error {
+    Error::Memory {
+        purpose: purpose.to_owned(),
+        needed,
+        available: None,
+        remedy: "the device keeps its memory in a file, which may not grow this large: lift the \
+                 limit of file sizes (ulimit -f)"
+            .to_owned(),
+    }
+}
+
 /// An error for a buffer larger than the device gives at once.
 pub(super) fn too_large(purpose: &str, needed: u64, limit: u64) -> Error {
     Error::Memory {

@@ -13,7 +13,7 @@ use crate::interface::{CellRow, MOMENTS_PER_MATERIAL};
 use crate::numbers;
 use crate::sampling::{CellBatch, ExactCell};
 use crate::whole_file::refuse_link;
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, folder, input_file, open_file};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
 use std::io::{BufWriter, ErrorKind, Read, Write};
@@ -51,7 +51,29 @@ pub(crate) fn path_of(directory: &Path, view: u32) -> PathBuf {
 #[derive(Debug)]
 pub struct MomentWriter {
     run: PathBuf,
+    scene: Option<RunScene>,
     open: Option<ViewInWork>,
+}
+
+/// The scene.toml of the run, which stays open: it shows whether the run is still at its path.
+#[derive(Debug)]
+struct RunScene {
+    file: File,
+    path: PathBuf,
+    digest: [u8; 32],
+}
+
+impl RunScene {
+    fn open(run: &Path) -> Result<Self> {
+        let path = run.join("scene.toml");
+        let file = input_file::open(&path)
+            .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
+        Ok(Self { file, path, digest: scene_digest(run)? })
+    }
+
+    fn refuse_moved(&self) -> Result<()> {
+        open_file::refuse_moved(&self.file, &self.path, open_file::RESUME)
+    }
 }
 
 #[derive(Debug)]
@@ -81,7 +103,16 @@ impl MomentWriter {
     /// ```
     #[must_use]
     pub fn new(run: impl Into<PathBuf>) -> Self {
-        Self { run: run.into(), open: None }
+        Self { run: run.into(), scene: None, open: None }
+    }
+
+    /// A run has begun in the directory: its views follow.
+    ///
+    /// # Errors
+    /// [`Error::File`] where there is none.
+    pub(crate) fn begin_run(&mut self) -> Result<()> {
+        self.scene = Some(RunScene::open(&self.run)?);
+        Ok(())
     }
 
     /// Appends the cell rows of some rows of a view, but for whole rows of a beamlet that nothing
@@ -142,7 +173,10 @@ impl MomentWriter {
     fn begin(&mut self, view: u32, words: usize) -> Result<()> {
         self.open = None;
         let directory = self.run.join(DIRECTORY);
-        let scene_digest = scene_digest(&self.run)?;
+        let Some(scene) = &self.scene else {
+            return Err(Error::file(&self.run, "no run has begun here", None));
+        };
+        scene.refuse_moved()?;
         let path = path_of(&directory, view);
         let partial = path.with_extension("partial");
         [&directory, &path, &partial].into_iter().try_for_each(|path| refuse_link(path))?;
@@ -152,14 +186,14 @@ impl MomentWriter {
                 return Err(Error::file(path, problem, None));
             }
         }
-        let file = fs::create_dir_all(&directory)
+        let file = folder::make(&directory)
             .and_then(|()| File::create(&partial))
             .map_err(|error| Error::file(&partial, "cannot be written", Some(error)))?;
         let mut open =
             ViewInWork { view, file: BufWriter::new(file), partial, hash: Sha256::new() };
         open.put(&MAGIC)?;
         open.put(bytemuck::cast_slice(&[VERSION, numbers::count(words)]))?;
-        open.put(&scene_digest)?;
+        open.put(&scene.digest)?;
         self.open = Some(open);
         Ok(())
     }
@@ -172,7 +206,9 @@ impl MomentWriter {
         if self.open.as_ref().is_none_or(|open| open.view != view) {
             self.begin(view, words)?;
         }
+        self.scene.as_ref().map_or(Ok(()), RunScene::refuse_moved)?;
         let Some(mut open) = self.open.take() else { return Ok(()) };
+        open_file::refuse_moved(open.file.get_ref(), &open.partial, open_file::RESUME)?;
         let hash = open.hash.clone().finalize();
         let directory = self.run.join(DIRECTORY);
         let path = path_of(&directory, open.view);
@@ -195,6 +231,20 @@ pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
     MomentFile::open(&run.join(DIRECTORY), view, &scene_digest(run)?).map(|_| ())
 }
 
+/// Refuses a run that keeps moments and lacks those of a view.
+///
+/// # Errors
+/// [`Error::File`].
+pub(crate) fn refuse_missing(run: &Path, views: u32) -> Result<()> {
+    let directory = run.join(DIRECTORY);
+    let found = open_file::names_of_run(&directory)?;
+    let is_there = |path: &PathBuf| {
+        path.file_name().is_some_and(|name| found.binary_search(&name.to_owned()).is_ok())
+    };
+    let mut paths = (0..views).map(|view| path_of(&directory, view));
+    paths.find(|path| !is_there(path)).map_or(Ok(()), |path| Err(open_file::lost(&path)))
+}
+
 /// Whether the run has a folder for moments.
 pub(crate) fn is_there(run: &Path) -> bool {
     run.join(DIRECTORY).is_dir()
@@ -204,7 +254,10 @@ impl Drop for MomentWriter {
     /// A view that was not committed leaves nothing behind.
     fn drop(&mut self) {
         if let Some(open) = self.open.take() {
-            let _ = fs::remove_file(&open.partial);
+            // A run that was moved keeps it there: at the path may be another run.
+            if open_file::is_at(open.file.get_ref(), &open.partial) {
+                let _ = fs::remove_file(&open.partial);
+            }
         }
     }
 }
@@ -225,9 +278,13 @@ impl ViewInWork {
 /// [`Error::File`].
 pub(crate) fn remove(run: &Path, views: u32) -> Result<()> {
     let directory = run.join(DIRECTORY);
-    let Ok(entries) = fs::read_dir(&directory) else { return Ok(()) };
-    for entry in entries.flatten() {
-        let name = entry.file_name();
+    let names = match folder::names(&directory) {
+        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(());
+        }
+        names => names.map_err(|error| Error::file(&directory, "cannot be read", Some(error)))?,
+    };
+    for name in names {
         let view = name.to_str().and_then(|name| {
             let (stem, ending) = name.strip_prefix("view_")?.rsplit_once('.')?;
             let view = stem.parse().ok().filter(|view| *view < views)?;
@@ -236,7 +293,7 @@ pub(crate) fn remove(run: &Path, views: u32) -> Result<()> {
                 "bin" => whole,
                 _ => whole.with_extension("partial"),
             };
-            (ours == entry.path()).then_some(ours)
+            (ours == directory.join(name)).then_some(ours)
         });
         if let Some(path) = view {
             refuse_link(&path)?;

@@ -8,10 +8,9 @@ use crate::detector::DetectorModel;
 use crate::numbers;
 use crate::scene::{Scene, hash_until, text_hash};
 use crate::stack::{LOG, OpenRun, SCENE, StackFile};
-use crate::{Error, Result, input_file, reserve};
+use crate::{Error, Result, folder, input_file, reserve};
 use ndarray::{Array2, Array3, Zip};
 use std::collections::BTreeMap;
-use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -294,11 +293,7 @@ fn hash_of(path: &Path, cancel: &Cancel) -> Result<String> {
         return hash_until(path, cancel);
     }
     let unread = |error| Error::file(path, "cannot be read", Some(error));
-    let mut paths = Vec::new();
-    for entry in fs::read_dir(path).map_err(unread)? {
-        paths.push(entry.map_err(unread)?.path());
-    }
-    paths.sort();
+    let paths = folder::paths(path).map_err(unread)?;
     let line = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().display().to_string();
         Ok(format!("{}  {name}\n", hash_of(path, cancel)?))

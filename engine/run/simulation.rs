@@ -187,6 +187,7 @@ impl<'e> Simulation<'e> {
         let mut work = ViewWork::new(self, &views, &control.cancel)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
+        control.keep.as_mut().map_or(Ok(()), |keep| keep.begin_run())?;
         let (mut before, mut counted) = (Tally::default(), control.counted);
         for view in views {
             work.view(view, sink, &mut control)?;

@@ -8,7 +8,7 @@ use super::npy::{self, hex, le_bytes};
 use super::tiff_header::{self, Sample};
 use super::{Exposure, Format, StackShape};
 use crate::scene::Scene;
-use crate::{Error, Result, input_file, numbers, reserve};
+use crate::{Error, Result, input_file, numbers, open_file, reserve};
 use ndarray::ArrayView3;
 use sha2::{Digest, Sha256};
 use std::fs::{File, OpenOptions};
@@ -179,9 +179,16 @@ impl ArrayFrames {
     /// Syncs the view; its checksum.
     pub(super) fn commit(&mut self, view: Exposure) -> Result<String> {
         let (array, _) = self.locate(view)?;
+        array.refuse_moved()?;
         let synced = array.file.sync_data();
         synced.map_err(|error| Error::file(&array.path, "cannot be synced", Some(error)))?;
         checksum(&self.root, self.layout, self.values, view)
+    }
+
+    /// Refuses files that are not where they were opened.
+    pub(super) fn refuse_moved(&self) -> Result<()> {
+        let all = [Some(&self.flat), Some(&self.sample), self.dark.as_ref()];
+        all.into_iter().flatten().try_for_each(Array::refuse_moved)
     }
 
     /// The file of a view and the offset of its first value.
@@ -216,6 +223,10 @@ impl Array {
         let file =
             create().map_err(|error| Error::file(&path, "cannot be created", Some(error)))?;
         Ok(Self { file, path, header: header.len() as u64 })
+    }
+
+    fn refuse_moved(&self) -> Result<()> {
+        open_file::refuse_moved(&self.file, &self.path, open_file::RESUME)
     }
 }
 

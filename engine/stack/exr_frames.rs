@@ -9,7 +9,7 @@ use super::read::read_exr;
 use super::{Exposure, StackShape};
 use crate::optics::{Mask, Optics};
 use crate::scene::Scene;
-use crate::{Error, Result, reserve};
+use crate::{Error, Result, folder, open_file, parallel, reserve};
 use exr::prelude::*;
 use ndarray::{ArrayView2, ArrayView3};
 use rayon::prelude::*;
@@ -28,6 +28,8 @@ pub(super) const PARTIAL: &str = "partial";
 pub(super) struct ExrFrames {
     root: PathBuf,
     extent: StackShape,
+    /// Whether there are dark frames.
+    dark: bool,
     about: About,
     /// Raw values `[step][row][column]` of the view in work, when it comes in several bands.
     spool: Option<File>,
@@ -36,10 +38,17 @@ pub(super) struct ExrFrames {
 }
 
 impl ExrFrames {
-    /// Frames under `root` with these values: intensities, or detector numbers.
-    pub(super) fn begin(root: &Path, extent: StackShape, scene: &Scene, values: Values) -> Self {
+    /// Frames under `root` with these values: intensities, or detector numbers; with dark frames
+    /// or without.
+    pub(super) fn begin(
+        root: &Path,
+        extent: StackShape,
+        scene: &Scene,
+        values: Values,
+        dark: bool,
+    ) -> Self {
         let about = About::of(scene, values);
-        Self { root: root.to_path_buf(), extent, about, spool: None, converted: None }
+        Self { root: root.to_path_buf(), extent, dark, about, spool: None, converted: None }
     }
 
     pub(super) fn write(
@@ -149,7 +158,8 @@ impl ExrFrames {
         let written = File::create(&path).map_err(exr::error::Error::Io).and_then(|file| {
             // The crate starts threads for every file.
             let write = image.write();
-            let write = if self.is_small() { write.non_parallel() } else { write };
+            let alone = self.is_small() || !parallel::is_bounded();
+            let write = if alone { write.non_parallel() } else { write };
             write.to_buffered(BufWriter::new(file))
         });
         written.map_err(|error| match error {
@@ -162,7 +172,7 @@ impl ExrFrames {
     fn put_in_place(&self, view: Exposure, partial: &Path) -> Result<()> {
         let target = self.root.join(view_directory(self.extent, view));
         let parent = target.parent().unwrap_or(&self.root).to_path_buf();
-        fs::create_dir_all(&parent).map_err(failed(&parent, "cannot be created"))?;
+        folder::make(&parent).map_err(failed(&parent, "cannot be created"))?;
         if target.exists() {
             // A directory that also holds files of others: they stay.
             for step in 0..self.extent.steps {
@@ -183,7 +193,22 @@ impl ExrFrames {
 
     fn make_partial(&self) -> Result<()> {
         let path = self.root.join(PARTIAL);
-        fs::create_dir_all(&path).map_err(failed(&path, "cannot be created"))
+        folder::make(&path).map_err(failed(&path, "cannot be created"))
+    }
+
+    /// Refuses a run whose views are committed and whose frames are not all in place.
+    pub(super) fn refuse_missing(&self) -> Result<()> {
+        let dark = self.dark.then_some(Exposure::Dark);
+        for view in self.extent.all_views().chain(dark) {
+            let directory = self.root.join(view_directory(self.extent, view));
+            let found = open_file::names_of_run(&directory)?;
+            // Names are sorted; files of others may be among them.
+            let is_there = |step: &u32| found.binary_search(&self.step_name(*step).into()).is_ok();
+            if let Some(step) = (0..self.extent.steps).find(|step| !is_there(step)) {
+                return Err(open_file::lost(&directory.join(self.step_name(step))));
+            }
+        }
+        Ok(())
     }
 
     fn spool_path(&self) -> PathBuf {

@@ -4,7 +4,8 @@
 use super::run_directory::{COUNTS, LOG, RUN, SCENE};
 use super::{Exposure, RunFile, StackShape, array_frames, exr_frames};
 use crate::whole_file::refuse_link;
-use crate::{Error, Result};
+use crate::{Error, Result, folder};
+use std::ffi::OsString;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::Path;
@@ -27,12 +28,12 @@ pub(super) fn owned_names() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// As [`super::RunDirectory::create`].
 pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
-    let entries = match fs::read_dir(path) {
-        Ok(entries) => entries,
+    let names = match folder::names(path) {
+        Ok(names) => names,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(Error::file(path, "cannot hold a run", Some(error))),
     };
-    let empty = entries.count() == 0 || has_only_begun(path);
+    let empty = names.is_empty() || has_only_begun(path);
     let is_run = RunFile::read(&path.join(RUN)).is_ok();
     if !empty && !overwrite {
         let problem = if is_run {
@@ -56,13 +57,8 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
 /// Whether a run was ended here before its run.json stood: its log is there and empty, and
 /// beside it at most what a run begins with.
 pub(super) fn has_only_begun(path: &Path) -> bool {
-    let is_first = |entry: std::io::Result<fs::DirEntry>| {
-        entry.is_ok_and(|entry| {
-            let name = entry.file_name();
-            [LOG, SCENE].iter().chain(&NEW).any(|first| name == *first)
-        })
-    };
-    is_empty_log(path) && fs::read_dir(path).is_ok_and(|mut entries| entries.all(is_first))
+    let is_first = |name: &OsString| [LOG, SCENE].iter().chain(&NEW).any(|first| name == *first);
+    is_empty_log(path) && folder::names(path).is_ok_and(|names| names.iter().all(is_first))
 }
 
 /// Whether the log is there and commits nothing.
@@ -86,16 +82,12 @@ pub(super) fn refuse_links(path: &Path) -> Result<()> {
 }
 
 fn refuse_links_in(folder: &Path) -> Result<()> {
-    each_entry(folder, |name, entry| {
+    each_entry(folder, |name, path| {
         if !is_of_folder(name) {
             return Ok(());
         }
-        let kind = entry.file_type().map_err(unread(folder))?;
-        match () {
-            () if kind.is_dir() => refuse_links_in(&entry.path()),
-            () if kind.is_file() => Ok(()),
-            () => refuse_link(&entry.path()),
-        }
+        refuse_link(path)?;
+        if path.is_dir() { refuse_links_in(path) } else { Ok(()) }
     })
 }
 
@@ -123,13 +115,13 @@ pub(super) fn remove_stacks(root: &Path, extent: StackShape, keep: &[Exposure]) 
         }
     }
     let sample = root.join("sample");
-    each_entry(&sample, |name, entry| {
+    each_entry(&sample, |name, path| {
         let Some(index) = number(name, ("view_", "")).filter(|index| *index < extent.views) else {
             return Ok(());
         };
         let view = Exposure::Sample(index);
         let directory = root.join(exr_frames::view_directory(extent, view));
-        match directory == entry.path() && !keep.contains(&view) {
+        match directory == path && !keep.contains(&view) {
             true => remove_frames(&directory, extent),
             false => Ok(()),
         }
@@ -142,10 +134,10 @@ pub(super) fn remove_stacks(root: &Path, extent: StackShape, keep: &[Exposure]) 
 /// Removes the frames (and the spool) in a directory, and the directory if nothing else is in it.
 pub(super) fn remove_frames(directory: &Path, extent: StackShape) -> Result<()> {
     refuse_link(directory)?;
-    each_entry(directory, |name, entry| {
+    each_entry(directory, |name, path| {
         let step = number(name, ("step_", ".exr")).filter(|step| *step < extent.steps);
         let is_frame = step.is_some_and(|step| exr_frames::step_file(extent, step) == name);
-        if is_frame || name == SPOOL { remove_file(&entry.path()) } else { Ok(()) }
+        if is_frame || name == SPOOL { remove_file(path) } else { Ok(()) }
     })?;
     let _ = fs::remove_dir(directory);
     Ok(())
@@ -163,26 +155,14 @@ pub(super) fn remove_file(path: &Path) -> Result<()> {
 }
 
 /// Visits what stands in a folder under a name in Unicode; a folder that is not there is empty.
-fn each_entry(
-    folder: &Path,
-    mut visit: impl FnMut(&str, &fs::DirEntry) -> Result<()>,
-) -> Result<()> {
-    let entries = match fs::read_dir(folder) {
-        Ok(entries) => entries,
+fn each_entry(folder: &Path, mut visit: impl FnMut(&str, &Path) -> Result<()>) -> Result<()> {
+    let names = match folder::names(folder) {
+        Ok(names) => names,
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             return Ok(());
         }
-        Err(error) => return Err(unread(folder)(error)),
+        Err(error) => return Err(Error::file(folder, "cannot be read", Some(error))),
     };
-    for entry in entries {
-        let entry = entry.map_err(unread(folder))?;
-        if let Some(name) = entry.file_name().to_str() {
-            visit(name, &entry)?;
-        }
-    }
-    Ok(())
-}
-
-fn unread(folder: &Path) -> impl Fn(std::io::Error) -> Error + '_ {
-    move |error| Error::file(folder, "cannot be read", Some(error))
+    let mut names = names.iter().filter_map(|name| name.to_str());
+    names.try_for_each(|name| visit(name, &folder.join(name)))
 }

@@ -11,9 +11,9 @@
 use super::Exposure;
 use crate::locked_file::LockedFile;
 use crate::whole_file::refuse_link;
-use crate::{Error, Result, Tally, input_file};
+use crate::{Error, Result, Tally, input_file, open_file};
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::{ErrorKind, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,9 @@ impl ProgressLog {
             .open(path)
             .map_err(|error| Error::file(path, "cannot be opened", Some(error)))?;
         match LockedFile::exclusive(file) {
-            Some(file) if is_at(&file, path) => Ok(Self { file, path: path.to_path_buf() }),
+            Some(file) if open_file::is_at(&file, path) => {
+                Ok(Self { file, path: path.to_path_buf() })
+            }
             _ => Err(Error::file(path, "another beamlet is using this run", None)),
         }
     }
@@ -112,6 +114,12 @@ impl ProgressLog {
             .map_err(|error| Error::file(&self.path, "cannot be cleared", Some(error)))
     }
 
+    /// Refuses to go on with a run whose log is no longer at its path: frames that are written by
+    /// their paths would be in another folder than those before.
+    pub(super) fn refuse_moved(&self) -> Result<()> {
+        open_file::refuse_moved(&self.file, &self.path, open_file::RESUME)
+    }
+
     /// Appends a line and syncs it.
     pub(super) fn append(&mut self, view: Exposure, entry: &Entry) -> Result<()> {
         let (name, bytes) = (name(view), entry.bytes);
@@ -126,21 +134,6 @@ impl ProgressLog {
             .and_then(|()| self.file.sync_data())
             .map_err(|error| Error::file(&self.path, "cannot be written", Some(error)))
     }
-}
-
-/// Whether the open file is still the one at `path`: it may have been replaced before its lock
-/// was taken.
-#[cfg(unix)]
-fn is_at(file: &File, path: &Path) -> bool {
-    use std::fs::Metadata;
-    use std::os::unix::fs::MetadataExt;
-    let same = |a: &Metadata, b: &Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
-    matches!((file.metadata(), std::fs::symlink_metadata(path)), (Ok(a), Ok(b)) if same(&a, &b))
-}
-
-#[cfg(not(unix))]
-const fn is_at(_: &File, _: &Path) -> bool {
-    true
 }
 
 /// Reads a log; the last line of a view counts. A missing log is an empty one.

@@ -4,19 +4,21 @@
 //! all its steps or it is not, and progress.log says which. Nothing is written before the run
 //! begins, and nothing that beamlet did not write is ever removed.
 
+mod begun;
 mod frames;
 mod resume;
 
 use super::array_frames;
 use super::exr_frames::{PARTIAL, Values};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
-use super::progress_log::{Entry, ProgressLog};
+use super::progress_log::ProgressLog;
 use super::run_file::{RunFile, RunState};
 use super::{Exposure, RunStart, Sink, StackShape, scene_file};
 use crate::numbers;
 use crate::scene::Scene;
 use crate::whole_file::{sync_directory, write_whole};
-use crate::{Error, Result, RunRecord, Tally, moments};
+use crate::{Error, Result, RunRecord, Tally, folder, moments};
+use begun::Begun;
 use frames::Frames;
 use ndarray::ArrayView3;
 use resume::{Resumed, refuse_other_scene};
@@ -74,32 +76,6 @@ pub struct RunDirectory {
     /// Lock of the run that stands here: from the first look at it to the end.
     log: Option<ProgressLog>,
     open: Option<Begun>,
-}
-
-/// State between `begin` and `finish`.
-#[derive(Debug)]
-struct Begun {
-    file: RunFile,
-    since: Instant,
-    /// Seconds of the parts before this one.
-    before: f64,
-    log: ProgressLog,
-    frames: Frames,
-    /// Detector numbers, where the scene asks for noise.
-    counts: Option<Frames>,
-    /// Counts of the view in work.
-    tally: Option<Tally>,
-    /// First row that the view in work still lacks, and of its counts.
-    next: [u32; 2],
-}
-
-impl Begun {
-    /// Writes run.json with the state that the run ends in.
-    fn end(&mut self, path: &Path, state: RunState) -> Result<()> {
-        self.file.state = state;
-        self.file.duration_s = self.before + self.since.elapsed().as_secs_f64();
-        self.file.write(&path.join(RUN))
-    }
 }
 
 impl RunDirectory {
@@ -284,7 +260,7 @@ impl Sink for RunDirectory {
         let counts = match noisy {
             true => {
                 let root = self.path.join(COUNTS);
-                fs::create_dir_all(&root)
+                folder::make(&root)
                     .map_err(|error| Error::file(&root, "cannot be created", Some(error)))?;
                 Some(frames(&root, Values::Numbers, false)?)
             }
@@ -299,10 +275,8 @@ impl Sink for RunDirectory {
     }
 
     fn write(&mut self, view: Exposure, rows: Range<u32>, data: ArrayView3<'_, f32>) -> Result<()> {
-        let open = opened(&mut self.open, &self.path)?;
-        follows(&self.path, open.file.extent, view, open.next[0], &rows, data.dim())?;
-        open.next[0] = rows.end;
-        open.frames.write(view, &rows, data)
+        let (path, open) = (&self.path, opened(&mut self.open, &self.path)?);
+        open.in_place(|open| open.write(path, view, &rows, data, Values::Intensities))
     }
 
     fn write_counts(
@@ -311,16 +285,8 @@ impl Sink for RunDirectory {
         rows: Range<u32>,
         numbers: ArrayView3<'_, f32>,
     ) -> Result<()> {
-        let open = opened(&mut self.open, &self.path)?;
-        follows(&self.path, open.file.extent, view, open.next[1], &rows, numbers.dim())?;
-        let frames = match view {
-            // Dark frames stand beside the intensities: no light is no light.
-            Exposure::Dark => Some(&mut open.frames),
-            _ => open.counts.as_mut(),
-        };
-        let missing = || Error::file(&self.path, "the scene asks for no counts", None);
-        open.next[1] = rows.end;
-        frames.ok_or_else(missing)?.write(view, &rows, numbers)
+        let (path, open) = (&self.path, opened(&mut self.open, &self.path)?);
+        open.in_place(|open| open.write(path, view, &rows, numbers, Values::Numbers))
     }
 
     fn tally(&mut self, _view: Exposure, tally: &Tally) -> Result<()> {
@@ -341,19 +307,17 @@ impl Sink for RunDirectory {
             return Err(Error::file(&self.path, problem, None));
         }
         open.next = [0; 2];
-        let counts = match &mut open.counts {
-            Some(frames) if view != Exposure::Dark => Some(frames.commit(view)?),
-            _ => None,
-        };
-        let sha256 = open.frames.commit(view)?;
-        let tally = open.tally.take();
-        open.log.append(view, &Entry { bytes: extent.view_bytes(), sha256, counts, tally })
+        open.in_place(|open| open.commit(view))
     }
 
     fn finish(&mut self, record: &RunRecord) -> Result<()> {
-        let open = opened(&mut self.open, &self.path)?;
+        let (path, open) = (&self.path, opened(&mut self.open, &self.path)?);
         open.file.record = record.clone();
-        open.end(&self.path, RunState::Done)?;
+        open.in_place(|open| {
+            open.refuse_missing(path)?;
+            open.end(path, RunState::Done)
+        })?;
+        open.log.refuse_moved()?;
         for root in [self.path.join(COUNTS), self.path.clone()] {
             let _ = fs::remove_dir(root.join(PARTIAL));
         }
@@ -365,7 +329,8 @@ impl Sink for RunDirectory {
 impl Drop for RunDirectory {
     /// A view that was not committed leaves nothing behind.
     fn drop(&mut self) {
-        if let Some(mut open) = self.open.take() {
+        // At the path of a run that was moved may be one of others.
+        if let Some(mut open) = self.open.take().filter(|open| open.log.refuse_moved().is_ok()) {
             // Where it cannot be written the run is still known for one that is not done.
             let _ = open.end(&self.path, RunState::Interrupted);
             for root in [self.path.join(COUNTS), self.path.clone()] {
@@ -377,22 +342,4 @@ impl Drop for RunDirectory {
 
 fn opened<'a>(open: &'a mut Option<Begun>, path: &Path) -> Result<&'a mut Begun> {
     open.as_mut().ok_or_else(|| Error::file(path, "no run has begun here", None))
-}
-
-/// Whether a band of a view comes where it should, in its shape.
-fn follows(
-    path: &Path,
-    extent: StackShape,
-    view: Exposure,
-    next: u32,
-    rows: &Range<u32>,
-    found: (usize, usize, usize),
-) -> Result<()> {
-    let shape = (extent.steps as usize, rows.len(), extent.columns as usize);
-    if rows.start == next && found == shape {
-        return Ok(());
-    }
-    let problem =
-        format!("rows {rows:?} of {view:?} as {found:?} do not follow row {next} as {shape:?}");
-    Err(Error::file(path, problem, None))
 }

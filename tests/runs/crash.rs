@@ -222,13 +222,11 @@ const FULL: u32 = 56 << 10;
 /// Detector of a scene with 60 MiB of stacks.
 const LARGE: &str = "pixels = [256, 512]";
 
-/// Runs as on a disk that is full once a file has [`FULL`] KiB: further writes fail.
-fn with_full_disk(place: &Path, more: &str) -> Output {
+/// Runs as on a disk that is full once a file has so many KiB: further writes fail.
+fn with_full_disk(place: &Path, kib: u32, more: &str) -> Output {
     let program = env!("CARGO_BIN_EXE_beamlet");
-    // Without the trap the system ends the program instead of letting the write fail.
     let script = format!(
-        "trap '' XFSZ; ulimit -f {FULL}; \
-         exec '{program}' simulate scene.toml -q --backend bvh -o run {more}"
+        "ulimit -f {kib}; exec '{program}' simulate scene.toml -q --backend bvh -o run {more}"
     );
     Command::new("bash").args(["-c", &script]).current_dir(place).output().unwrap()
 }
@@ -248,7 +246,7 @@ fn a_disk_that_fills_up_is_named_and_leaves_committed_views() {
     let output = end(child, &run, 2, 0, "-INT");
     ended(&output, 130);
     let before = assert_whole(place.path(), "run").len();
-    let output = with_full_disk(place.path(), "--resume");
+    let output = with_full_disk(place.path(), FULL, "--resume");
     ended(&output, 1);
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(message.contains("run/sample.npy: cannot be written: "), "{message}");
@@ -262,9 +260,22 @@ fn a_disk_that_fills_up_is_named_and_leaves_committed_views() {
 #[test]
 fn a_disk_without_room_for_the_arrays_is_named_and_nothing_counts() {
     let place = large_workplace();
-    let output = with_full_disk(place.path(), "--format npy");
+    let output = with_full_disk(place.path(), FULL, "--format npy");
     ended(&output, 1);
     let message = String::from_utf8_lossy(&output.stderr);
     assert!(message.contains("run/sample.npy: cannot be created: "), "{message}");
     assert_eq!(committed_lines(&place.path().join("run")), 0);
+}
+
+/// A CPU device (llvmpipe) keeps its memory in a file and overlooks that it does not grow.
+#[test]
+fn a_limit_of_file_sizes_that_keeps_memory_of_the_device_short_is_an_error() {
+    let place = workplace(SCENE);
+    for kib in [0, 1 << 10, 20 << 10] {
+        let output = with_full_disk(place.path(), kib, "");
+        let message = ended(&output, 1);
+        let named = ["limit of file sizes (ulimit -f)", "File too large"];
+        assert!(message.starts_with("error: "), "{kib} KiB: {message}");
+        assert!(named.iter().any(|words| message.contains(words)), "{kib} KiB: {message}");
+    }
 }

@@ -8,12 +8,13 @@ pub use record::Record;
 
 use crate::locked_file::LockedFile;
 use crate::whole_file::{refuse_link, sibling, sync_directory};
-use crate::{Error, Result};
+use crate::{Error, Result, folder, open_file};
 use ndarray::ArrayView2;
 use serde::{Deserialize, Serialize};
 use sheet::Sheet;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// The file that describes the images.
@@ -52,19 +53,21 @@ pub(crate) struct ImageDirectory {
     overwrite: bool,
     finished: bool,
     /// Holds the lock of the folder in the making.
-    _mark: LockedFile,
+    mark: LockedFile,
 }
 
 impl ImageDirectory {
     /// Refuses a place that is taken, before any work is done.
     pub(super) fn check(path: &Path, overwrite: bool) -> Result<()> {
-        let Ok(mut entries) = fs::read_dir(path) else {
-            return match fs::symlink_metadata(path).is_ok() {
-                true => Err(Error::file(path, "is not a directory", None)),
-                false => Ok(()),
-            };
+        let names = match folder::names(path) {
+            Ok(names) => names,
+            Err(error) if error.kind() == ErrorKind::NotADirectory => {
+                return Err(Error::file(path, "is not a directory", None));
+            }
+            Err(_) if fs::symlink_metadata(path).is_err() => return Ok(()),
+            Err(error) => return Err(Error::file(path, "cannot be read", Some(error))),
         };
-        if entries.next().is_none() {
+        if names.is_empty() {
             return Ok(());
         }
         if !path.join(RECORD).exists() {
@@ -112,8 +115,14 @@ impl ImageDirectory {
             about,
             sheets: BTreeMap::new(),
             finished: false,
-            _mark: mark,
+            mark,
         })
+    }
+
+    /// Refuses to go on with a folder in the making that was moved or removed.
+    fn refuse_moved(&self) -> Result<()> {
+        let remedy = "begin again; images that are not finished are of no use";
+        open_file::refuse_moved(&self.mark, &self.partial.join(MARK), remedy)
     }
 
     /// Adds the image of the next view to those of `name`, of which there will be `views`.
@@ -124,6 +133,7 @@ impl ImageDirectory {
         views: usize,
         image: ArrayView2<'_, f32>,
     ) -> Result<()> {
+        self.refuse_moved()?;
         if !self.sheets.contains_key(name) {
             let mut about = self.about.clone();
             if let Some(about) = about.as_object_mut() {
@@ -142,6 +152,7 @@ impl ImageDirectory {
 
     /// Writes the record and puts everything in its place.
     pub(crate) fn finish(mut self, record: Option<&Record>) -> Result<()> {
+        self.refuse_moved()?;
         for sheet in std::mem::take(&mut self.sheets).into_values() {
             sheet.finish()?;
         }
@@ -149,6 +160,7 @@ impl ImageDirectory {
             record.write(&self.partial.join(RECORD))?;
         }
         sync_directory(&self.partial)?;
+        self.refuse_moved()?;
         // Somebody may have put files there since the beginning.
         Self::check(&self.path, self.overwrite)?;
         let replaced = sibling(&self.path, REPLACED);
@@ -169,7 +181,8 @@ impl ImageDirectory {
 
 impl Drop for ImageDirectory {
     fn drop(&mut self) {
-        if !self.finished {
+        // At the path of a folder that was moved may be one of others.
+        if !self.finished && self.refuse_moved().is_ok() {
             self.sheets.clear();
             let _ = sweep(&self.partial);
             let _ = fs::remove_file(self.partial.join(MARK));
@@ -184,7 +197,7 @@ fn claim(partial: &Path) -> Result<LockedFile> {
     refuse_link(partial)?;
     fs::create_dir_all(partial).map_err(failed(partial, "cannot be created"))?;
     let mark = partial.join(MARK);
-    let empty = fs::read_dir(partial).is_ok_and(|mut entries| entries.next().is_none());
+    let empty = folder::names(partial).is_ok_and(|names| names.is_empty());
     if !empty && !mark.is_file() {
         let problem = "is not of beamlet, and its name is needed for images in the making; move \
                        it, or choose another directory for the images";
@@ -202,11 +215,10 @@ fn claim(partial: &Path) -> Result<LockedFile> {
 /// in it.
 fn sweep(partial: &Path) -> Result<()> {
     refuse_others(partial, &|_| true)?;
-    for entry in fs::read_dir(partial).map_err(failed(partial, "cannot be read"))?.flatten() {
-        let path = entry.path();
+    for path in folder::paths(partial).map_err(failed(partial, "cannot be read"))? {
         let done = match path.is_dir() {
-            true => fs::remove_dir_all(&path),
-            false if entry.file_name() == MARK => Ok(()),
+            true => folder::remove(&path),
+            false if path.file_name().is_some_and(|name| name == MARK) => Ok(()),
             false => fs::remove_file(&path),
         };
         done.map_err(failed(&path, "cannot be removed"))?;
@@ -220,16 +232,15 @@ fn remove_images(path: &Path) -> Result<()> {
         return Ok(());
     }
     ImageDirectory::check(path, true)?;
-    fs::remove_dir_all(path).map_err(failed(path, "cannot be removed"))
+    folder::remove(path).map_err(failed(path, "cannot be removed"))
 }
 
 /// Refuses what is not an image with one of these names, the record or the mark.
 fn refuse_others(path: &Path, is_name: &dyn Fn(&str) -> bool) -> Result<()> {
     let unread = failed(path, "cannot be read");
-    for entry in fs::read_dir(path).map_err(&unread)? {
-        let entry = entry.map_err(&unread)?;
-        let (place, kind) = (entry.path(), entry.file_type().map_err(&unread)?);
-        let name = entry.file_name();
+    for name in folder::names(path).map_err(&unread)? {
+        let place = path.join(&name);
+        let kind = fs::symlink_metadata(&place).map_err(&unread)?;
         let name = name.to_str().unwrap_or_default();
         let ours = match name.rsplit_once('.') {
             _ if kind.is_dir() && is_name(name) => {
@@ -251,15 +262,14 @@ fn refuse_others(path: &Path, is_name: &dyn Fn(&str) -> bool) -> Result<()> {
 /// Refuses what is not the EXR image of a view.
 fn refuse_beside_views(folder: &Path) -> Result<()> {
     let unread = failed(folder, "cannot be read");
-    for entry in fs::read_dir(folder).map_err(&unread)? {
-        let entry = entry.map_err(&unread)?;
-        let name = entry.file_name();
+    for name in folder::names(folder).map_err(&unread)? {
+        let place = folder.join(&name);
         let is_view = name
             .to_str()
             .and_then(|name| name.strip_prefix("view_")?.strip_suffix(".exr"))
             .is_some_and(|digits| digits.bytes().all(|digit| digit.is_ascii_digit()));
-        if !is_view || !entry.file_type().map_err(&unread)?.is_file() {
-            return Err(Error::file(entry.path(), OF_OTHERS, None));
+        if !is_view || !fs::symlink_metadata(&place).map_err(&unread)?.is_file() {
+            return Err(Error::file(place, OF_OTHERS, None));
         }
     }
     Ok(())
@@ -267,4 +277,49 @@ fn refuse_beside_views(folder: &Path) -> Result<()> {
 
 fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Error + 'a {
     move |error| Error::file(path, problem, Some(error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::Array2;
+
+    fn begin(path: &Path) -> ImageDirectory {
+        let about = serde_json::json!({});
+        ImageDirectory::begin(path, ImageFormat::Exr, true, about).unwrap()
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn images_whose_folder_is_moved_are_not_split_over_two_folders() {
+        let place = tempfile::tempdir().unwrap();
+        let (run, moved) = (place.path().join("run"), place.path().join("moved"));
+        fs::create_dir(&run).unwrap();
+        let image = Array2::<f32>::zeros((2, 3));
+        for in_its_place in [false, true] {
+            let mut images = begin(&run.join("retrieved"));
+            images.put("transmission", "1", 2, image.view()).unwrap();
+            fs::rename(&run, &moved).unwrap();
+            if in_its_place {
+                fs::create_dir_all(run.join("retrieved.partial/transmission")).unwrap();
+            }
+            let error = images.put("transmission", "1", 2, image.view()).unwrap_err().to_string();
+            assert!(error.contains("run/retrieved.partial/.beamlet-partial: was "), "{error}");
+            assert!(error.contains("moved"), "{error}");
+            let error = images.finish(None).unwrap_err().to_string();
+            assert!(error.contains("run/retrieved.partial/.beamlet-partial: was "), "{error}");
+            if in_its_place {
+                let folder = run.join("retrieved.partial/transmission");
+                assert!(folder::names(&folder).unwrap().is_empty());
+                fs::remove_dir_all(&run).unwrap();
+            }
+            assert!(!run.exists());
+            fs::rename(&moved, &run).unwrap();
+        }
+        let mut images = begin(&run.join("retrieved"));
+        images.put("transmission", "1", 1, image.view()).unwrap();
+        images.finish(None).unwrap();
+        assert_eq!(folder::names(&run).unwrap(), ["retrieved"]);
+        assert_eq!(folder::names(&run.join("retrieved")).unwrap(), ["transmission"]);
+    }
 }

@@ -3,7 +3,7 @@
 use super::ImageFormat;
 use crate::numbers;
 use crate::whole_file::{sync_directory, sync_path};
-use crate::{Error, Result, reserve};
+use crate::{Error, Result, folder, parallel, reserve};
 use exr::prelude::*;
 use ndarray::{ArrayBase, ArrayView2, Data, Ix2};
 use rayon::prelude::*;
@@ -99,7 +99,7 @@ impl Sheet {
         };
         let bytes = 4 * (views * rows * columns) as u64;
         if format == ImageFormat::Exr {
-            std::fs::create_dir_all(&path).map_err(|error| written(&path, error))?;
+            folder::make(&path).map_err(|error| written(&path, error))?;
             return Ok(Self { path, about, views, next: 0, file: SheetKind::Exr, out: None });
         }
         let out = Out::create(&path)?;
@@ -198,8 +198,13 @@ fn write_exr(path: &Path, image: ArrayView2<'_, f32>, about: &serde_json::Value)
     };
     let channels = AnyChannels::sort([channel].into_iter().collect());
     let layer = Layer::new((image.ncols(), image.nrows()), attributes, encoding, channels);
-    let done = Image::from_layer(layer).write().to_buffered(Out::create(path)?);
-    done.map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))
+    let image = Image::from_layer(layer);
+    // The crate starts threads for every file.
+    let write = image.write();
+    let write = if parallel::is_bounded() { write } else { write.non_parallel() };
+    write
+        .to_buffered(Out::create(path)?)
+        .map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))
 }
 
 fn written(path: &Path, error: std::io::Error) -> Error {

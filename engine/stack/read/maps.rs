@@ -1,7 +1,7 @@
 //! Retrieved images of a run.
 
 use super::{StackFile, extension};
-use crate::{Error, Result};
+use crate::{Error, Result, folder};
 use ndarray::Array2;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,8 +24,7 @@ impl Maps {
         let path = path.as_ref();
         let unread = |error| Error::file(path, "cannot be read", Some(error));
         let mut maps = BTreeMap::new();
-        for entry in std::fs::read_dir(path).map_err(unread)? {
-            let entry = entry.map_err(unread)?.path();
+        for entry in folder::paths(path).map_err(unread)? {
             let is_map = entry.is_dir() || matches!(extension(&entry).as_str(), "npy" | "tif");
             let name = entry.file_stem().map(|name| name.to_string_lossy().into_owned());
             if let (true, Some(name)) = (is_map, name.filter(|name| !name.starts_with('.'))) {

@@ -27,7 +27,7 @@ impl Frames {
         dark: bool,
     ) -> Result<Self> {
         Ok(match ArrayLayout::of(format, extent, scene) {
-            None => Self::Exr(ExrFrames::begin(root, extent, scene, values)),
+            None => Self::Exr(ExrFrames::begin(root, extent, scene, values, dark)),
             Some(layout) => Self::Arrays(ArrayFrames::begin(root, layout, values, dark)?),
         })
     }
@@ -48,6 +48,14 @@ impl Frames {
         match self {
             Self::Exr(frames) => frames.commit(view),
             Self::Arrays(frames) => frames.commit(view),
+        }
+    }
+
+    /// Refuses stacks of a run, all of whose views are committed, that are not all there.
+    pub(super) fn refuse_missing(&self) -> Result<()> {
+        match self {
+            Self::Exr(frames) => frames.refuse_missing(),
+            Self::Arrays(frames) => frames.refuse_moved(),
         }
     }
 }

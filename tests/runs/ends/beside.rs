@@ -1,8 +1,10 @@
-//! What happens beside a run: clocks that jump, and readers.
+//! What happens beside a run: clocks that jump, folders that cannot be closed,
+//! numbers of threads, and readers.
 
 use super::{beamlet, code_and_stderr, workplace};
+use crate::support::program::{Workplace, ended};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 const VIEWS: &str = "scan.angles={ from = \"0 deg\", to = \"90 deg\", count = 24 }";
@@ -43,6 +45,41 @@ time_t time(time_t *to) {
 }
 "#;
 
+/// Closes folders and reports that it failed.
+const FOLDERS: &str = r#"
+#define _GNU_SOURCE
+#include <dirent.h>
+#include <dlfcn.h>
+#include <errno.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+int close(int file) {
+    struct stat found;
+    int folder = !fstat(file, &found) && S_ISDIR(found.st_mode);
+    int failed = syscall(SYS_close, file);
+    if (!folder) return failed;
+    errno = EIO;
+    return -1;
+}
+int closedir(DIR *folder) {
+    int (*real)(DIR *) = (int (*)(DIR *))dlsym(RTLD_NEXT, "closedir");
+    real(folder);
+    errno = EIO;
+    return -1;
+}
+"#;
+
+/// A library, made of this source, for `LD_PRELOAD`.
+fn preloaded(place: &Workplace, name: &str, source: &str) -> PathBuf {
+    let [code, library] = ["c", "so"].map(|ending| place.path(&format!("{name}.{ending}")));
+    fs::write(&code, source).unwrap();
+    let mut compiler = Command::new("cc");
+    compiler.args(["-shared", "-fPIC", "-O1", "-o"]).args([&library, &code]).arg("-ldl");
+    assert!(compiler.status().unwrap().success());
+    library
+}
+
 /// Files of a run that are the same whenever it is made, with their bytes.
 fn contents(run: &Path) -> Vec<(String, Vec<u8>)> {
     let names = ["scene.toml", "progress.log", "flat.npy", "sample.npy", "moments/view_0007.bin"];
@@ -57,14 +94,11 @@ fn words(to: &str) -> Vec<&str> {
 #[test]
 fn clocks_that_jump_change_nothing() {
     let place = workplace();
-    fs::write(place.path("clocks.c"), CLOCKS).unwrap();
-    let mut compiler = Command::new("cc");
-    compiler.args(["-shared", "-fPIC", "-O1", "-o", "clocks.so", "clocks.c"]);
-    assert!(compiler.current_dir(place.path("")).status().unwrap().success());
+    let clocks = preloaded(&place, "clocks", CLOCKS);
     let left_alone = place.beamlet(&words("alone"));
     assert_eq!(left_alone.status.code(), Some(0), "{left_alone:?}");
     let mut jumped = beamlet(&place.path(""), &words("jumped"));
-    let jumped = jumped.env("LD_PRELOAD", place.path("clocks.so")).output().unwrap();
+    let jumped = jumped.env("LD_PRELOAD", &clocks).output().unwrap();
     let (code, message) = code_and_stderr(&jumped);
     assert_eq!(code, Some(0), "{message}");
     assert!(!message.contains("panicked"), "{message}");
@@ -73,8 +107,39 @@ fn clocks_that_jump_change_nothing() {
     let record = super::json(&place.path("jumped/run.json"));
     assert!(record["seconds"]["total"].as_f64().unwrap() > 3600.0, "{record}");
     let mut checked = beamlet(&place.path(""), &["check", "jumped"]);
-    let checked = checked.env("LD_PRELOAD", place.path("clocks.so")).output().unwrap();
+    let checked = checked.env("LD_PRELOAD", &clocks).output().unwrap();
     assert_eq!(checked.status.code(), Some(0), "{checked:?}");
+}
+
+#[test]
+fn folders_whose_closing_fails_are_read_all_the_same() {
+    let place = workplace();
+    let folders = preloaded(&place, "folders", FOLDERS);
+    let simulate = ["simulate", "scene.toml", "-o", "run", "-q", "--keep-moments"];
+    let commands: [&[&str]; 9] = [
+        &simulate,
+        &[&simulate[..], &["--overwrite"]].concat(),
+        &["simulate", "scene.toml", "-o", "run", "-q", "--resume"],
+        &["check", "run"],
+        &["retrieve", "run", "-q"],
+        &["retrieve", "run", "-q", "--overwrite"],
+        &["view", "run", "-o", "pictures"],
+        &["report", "run"],
+        &["compare", "run/sample", "run/sample"],
+    ];
+    for command in commands {
+        let mut beamlet = beamlet(&place.path(""), command);
+        ended(&beamlet.env("LD_PRELOAD", &folders).output().unwrap(), 0);
+    }
+}
+
+#[test]
+fn more_threads_than_are_allowed_are_a_warning() {
+    let place = workplace();
+    ended(&place.beamlet(&["simulate", "scene.toml", "-o", "run", "-q", "--backend", "bvh"]), 0);
+    let mut command = beamlet(&place.path(""), &["retrieve", "run"]);
+    let message = ended(&command.env("RAYON_NUM_THREADS", "999999").output().unwrap(), 0);
+    assert!(message.contains("asks for 999999 threads; 1024 are started"), "{message}");
 }
 
 #[test]

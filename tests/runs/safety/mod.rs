@@ -5,6 +5,7 @@
 
 mod directory;
 mod full_disk;
+mod moved;
 mod replace;
 mod words;
 

@@ -4,9 +4,8 @@ mod name;
 mod order;
 
 use super::extension;
-use crate::{Error, Result};
+use crate::{Error, Result, folder};
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The frames of a folder.
@@ -58,12 +57,11 @@ pub(super) fn frames(path: &Path) -> Result<FolderFrames> {
     Ok(FolderFrames { views: count, files: all, sides: Vec::new() })
 }
 
-/// Frames and folders of a folder, in no order.
+/// Frames and folders of a folder, by their names.
 fn listing(path: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
     let unread = |error| Error::file(path, "cannot be read", Some(error));
     let (mut frames, mut folders) = (Vec::new(), Vec::new());
-    for entry in fs::read_dir(path).map_err(unread)? {
-        let entry = entry.map_err(unread)?.path();
+    for entry in folder::paths(path).map_err(unread)? {
         let hidden = entry.file_name().is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
         if hidden {
             continue;

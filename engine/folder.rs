@@ -1,0 +1,106 @@
+//! Folders, listed and removed.
+//!
+//! [`std::fs::read_dir`] panics where the system reports an error when it closes a folder; by then
+//! the folder is read, and the error concerns nobody.
+
+use std::ffi::OsString;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Names in a folder, sorted.
+pub(crate) fn names(folder: &Path) -> io::Result<Vec<OsString>> {
+    let mut names = read(folder)?;
+    names.sort();
+    Ok(names)
+}
+
+/// Paths in a folder, sorted by name.
+pub(crate) fn paths(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    Ok(names(folder)?.into_iter().map(|name| folder.join(name)).collect())
+}
+
+/// Removes a folder with everything in it; links are removed and not followed.
+pub(crate) fn remove(folder: &Path) -> io::Result<()> {
+    for path in paths(folder)? {
+        match fs::symlink_metadata(&path)?.is_dir() {
+            true => remove(&path)?,
+            false => fs::remove_file(&path)?,
+        }
+    }
+    fs::remove_dir(folder)
+}
+
+/// Makes a folder in one that is there already; it may be there, too.
+pub(crate) fn make(folder: &Path) -> io::Result<()> {
+    match fs::create_dir(folder) {
+        Err(_) if folder.is_dir() => Ok(()),
+        made => made,
+    }
+}
+
+#[cfg(unix)]
+fn read(folder: &Path) -> io::Result<Vec<OsString>> {
+    use rustix::fs::{Dir, Mode, OFlags, open};
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
+    let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC;
+    let entries = Dir::new(open(folder, flags, Mode::empty())?)?;
+    let name = |entry: rustix::io::Result<rustix::fs::DirEntry>| match entry {
+        Ok(entry) => match entry.file_name().to_bytes() {
+            b"." | b".." => None,
+            name => Some(Ok(OsStr::from_bytes(name).to_owned())),
+        },
+        Err(error) => Some(Err(error.into())),
+    };
+    entries.filter_map(name).collect()
+}
+
+#[cfg(not(unix))]
+fn read(folder: &Path) -> io::Result<Vec<OsString>> {
+    fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_lists_what_the_standard_library_lists() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        // More than one read of the system returns.
+        for index in 0..3000 {
+            fs::write(at(&format!("a file with a name of some length {index}")), "").unwrap();
+        }
+        make(&at("folder")).unwrap();
+        make(&at("folder")).unwrap();
+        let mut expected: Vec<_> =
+            fs::read_dir(place.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+        expected.sort();
+        assert_eq!(expected.len(), 3001);
+        assert_eq!(paths(place.path()).unwrap(), expected);
+        for folder in ["none", "folder/none"] {
+            assert_eq!(names(&at(folder)).unwrap_err().kind(), io::ErrorKind::NotFound);
+            assert!(make(&at("none/folder")).is_err());
+        }
+        let file = at("a file with a name of some length 7");
+        assert_eq!(names(&file).unwrap_err().kind(), io::ErrorKind::NotADirectory);
+        assert!(make(&file).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_links_lead_to_stays_when_a_folder_is_removed() {
+        let place = tempfile::tempdir().unwrap();
+        let at = |name: &str| place.path().join(name);
+        fs::create_dir_all(at("folder/inner")).unwrap();
+        fs::create_dir(at("others")).unwrap();
+        fs::write(at("others/file"), "theirs").unwrap();
+        std::os::unix::fs::symlink(at("others"), at("folder/inner/link")).unwrap();
+        fs::write(at("folder/inner/file"), "ours").unwrap();
+        remove(&at("folder")).unwrap();
+        assert!(!at("folder").exists() && at("others/file").exists());
+    }
+}
