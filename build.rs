@@ -77,6 +77,7 @@ const TEST_PERMUTATIONS: &[Permutation] = &[
     ("fill", "fill.comp", &[]),
     ("fill_twice", "fill.comp", &[("FACTOR", "2")]),
     ("crossings", "crossings.comp", &[]),
+    ("cast", "cast.comp", &[]),
 ];
 
 /// Every `#include` is found from this folder, whichever file asks.

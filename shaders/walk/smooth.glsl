@@ -9,7 +9,7 @@ vec3 smooth_normal(Beam beam, uint primitive, Facet facet, vec3 normal_, vec3 di
     bool placed_ = primitive >= sample_.sample_leaves;
     Placed placed;
     if (placed_) placed = placed_of(primitive, leaf);
-    CornerNormals normals = CornerNormals(sample_.normals);
+    CornerNormals normals = sample_.normals;
     vec3 mean = vec3(0.0);
     vec3 weights = clamp(facet.edges / facet.area, 0.0, 1.0);
     for (uint corner = 0u; corner < 3u; corner++) {

@@ -208,6 +208,71 @@ fn second_driver_gives_the_same_stacks_under_a_spectrum_and_of_kept_moments() {
     assert_same(folder, "second illuminated", "first illuminated");
 }
 
+/// Masks and a detector of few pixels; a test adds objects.
+const FEW_PIXELS: &str = concat!(
+    include_str!("../support/masks.toml"),
+    r#"
+[detector]
+distance = "1.8 m"
+pixels = [6, 1]
+pitch = "150 um"
+
+[scan]
+mask_offsets = { from = "-20 um", to = "20 um", count = 3 }
+"#
+);
+
+/// Kernels of what is placed and of tori are other ones than those of meshes; smooth normals and
+/// rough surfaces are parts of each.
+#[test]
+fn second_driver_gives_the_same_stacks_of_placed_exact_rough_and_smooth_shapes() {
+    let Some(icd) = icd(SECOND_DRIVER) else { return };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let folder = folder.path();
+    let placed = r#"
+[[object]]
+name = "fibres"
+shape = { cylinder = { radius = "20 um", height = "1 mm" } }
+instances = { packing = "parallel-fibres", region = { cylinder = { radius = "70 um", height = "1 mm" } }, count = 3 }
+position = ["-0.2 mm", "0 mm", "0 mm"]
+material = "nylon 6"
+
+[[object]]
+name = "smooth"
+shape = { cylinder = { radius = "80 um", height = "1 mm", sides = 24 } }
+normals = "smooth"
+material = "water"
+
+[[object]]
+name = "rough"
+shape = { cylinder = { radius = "80 um", height = "1 mm" } }
+roughness = 0.001
+position = ["0.2 mm", "0 mm", "0 mm"]
+material = "water"
+"#;
+    let torus = r#"
+[[object]]
+name = "ring"
+shape = { torus = { radius = "0.15 mm", tube_radius = "60 um" } }
+rotate = [{ axis = [1, 0, 0], angle = "70 deg" }]
+material = "nylon 6"
+"#;
+    for (name, objects) in [("placed", placed), ("torus", torus)] {
+        let scene = [FEW_PIXELS, objects].concat();
+        let [second, first] = ["second", "first"].map(|driver| format!("{name} {driver}"));
+        let options = ["--backend", "bvh", "--set", "sampling.tolerance=1e-3", "-v"];
+        let output = simulate_scene(folder, &second, Some(&icd), &scene, &options);
+        succeeded(&output);
+        // A driver that ends the process on a kernel leaves its name behind.
+        let messages = String::from_utf8_lossy(&output.stderr);
+        for kernel in [format!("trace_bvh_{name}"), format!("exact_bvh_{name}")] {
+            assert!(messages.contains(&format!("making the kernel {kernel}")), "{messages}");
+        }
+        succeeded(&simulate_scene(folder, &first, None, &scene, &options));
+        assert_same(folder, &second, &first);
+    }
+}
+
 /// Draws go through the logarithm, sine and cosine of the driver, which may err: a few
 /// rays land on the other side of an edge of a mask. No pixel may change by more than one of them.
 #[test]

@@ -1,10 +1,11 @@
-//! Compares the structs that kernels and host share: names, offsets and sizes, as compiled.
+//! Compares the structs that kernels and host share: names, offsets and sizes, as compiled. And looks
+//! for casts between references.
 #![allow(clippy::unwrap_used, reason = "tests panic")]
 
 use beamlet::internals::gpu::shaders;
 use beamlet::internals::interface;
 use beamlet::shared_structs;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 mod test_shaders {
     #![allow(missing_docs, dead_code, unreachable_pub, reason = "generated")]
@@ -170,6 +171,53 @@ fn every_shared_struct_has_the_same_layout_on_both_sides() {
         })
         .collect();
     assert!(problems.is_empty(), "{}", problems.join("\n"));
+}
+
+/// Casts of references to references in a SPIR-V module.
+fn reference_casts(spirv: &[u32]) -> usize {
+    const TYPES: std::ops::RangeInclusive<u32> = 19..=39;
+    const POINTER: u32 = 32;
+    const DECORATIONS: std::ops::RangeInclusive<u32> = 71..=75;
+    const CAST: u32 = 124;
+    /// Storage class of memory that is reached by its address.
+    const BY_ADDRESS: u32 = 5349;
+    let mut types = HashSet::new();
+    let mut references = HashSet::new();
+    // Values and their types.
+    let mut values = HashMap::new();
+    let mut casts = 0;
+    let mut rest = &spirv[5..];
+    while let Some(&first) = rest.first() {
+        let (instruction, after) = rest.split_at((first >> 16) as usize);
+        match (first & 0xffff, &instruction[1..]) {
+            (code, [id, of @ ..]) if TYPES.contains(&code) => {
+                types.insert(*id);
+                if code == POINTER && of[0] == BY_ADDRESS {
+                    references.insert(*id);
+                }
+            }
+            (code, [kind, id, of @ ..]) if types.contains(kind) && !DECORATIONS.contains(&code) => {
+                let is_reference =
+                    |value| values.get(value).is_some_and(|kind| references.contains(kind));
+                let is_cast = code == CAST && references.contains(kind) && is_reference(&of[0]);
+                casts += usize::from(is_cast);
+                values.insert(*id, *kind);
+            }
+            _ => {}
+        }
+        rest = after;
+    }
+    casts
+}
+
+/// `SwiftShader` ends the process where a kernel has one.
+#[test]
+fn no_kernel_casts_a_reference_to_a_reference() {
+    assert_eq!(reference_casts(test_shaders::CAST), 1, "the cast of the test is not found");
+    assert!(shaders::ALL.len() > 20);
+    let casts = |(name, spirv): &(&'static str, &[u32])| (*name, reference_casts(spirv));
+    let with: Vec<_> = shaders::ALL.iter().map(casts).filter(|(_, casts)| *casts > 0).collect();
+    assert!(with.is_empty(), "{with:?}");
 }
 
 /// Shaders that read records word by word count from where the fields begin.
