@@ -64,7 +64,7 @@ pub(crate) enum MethodName {
     Trapezoid,
     /// The masks' own curve, blurred: free of the Gaussian's bias
     ExactCurve,
-    /// Gaussian per beamlet over neighbouring pixels: single mask
+    /// Blurred box per beamlet, integrated over neighbouring pixels: single mask
     Beamlet,
 }
 

@@ -1,10 +1,12 @@
 //! Beam tracking: the light of each aperture of a sample mask over the pixels it falls on.
 
+use super::beamlet_fit::Beamlet;
 use super::method::BEAMLET_PIXELS;
-use crate::numbers;
-use crate::optics::Optics;
-use crate::scene::Scene;
-use crate::{Error, Result};
+use super::shape::CurveGeometry;
+use crate::optics::{Mask, MaskShape, Optics};
+use crate::scene::{Blur, Scene};
+use crate::spectrum;
+use crate::{Error, Result, numbers};
 use ndarray::{Array3, ArrayView3};
 
 /// Where beamlets land on the detector.
@@ -12,6 +14,8 @@ use ndarray::{Array3, ArrayView3};
 pub(super) struct Beamlets {
     /// First pixel of each beamlet's window.
     starts: Vec<usize>,
+    /// The light of each aperture.
+    beamlets: Vec<Beamlet>,
     /// Pixels of a window.
     pixels: usize,
     /// Columns of the detector.
@@ -35,11 +39,12 @@ impl Beamlets {
         let centre = |k: f64| (k + 0.5 - columns / 2.0) * period + shift + columns / 2.0 - 0.5;
         let around = (columns / 2.0 - shift / period).floor();
         let reach = numbers::whole::<i64>((columns / period).ceil()) + 1;
-        let starts: Vec<usize> = (-reach..=reach)
-            .map(|k| (centre(around + k as f64) - (pixels - 1.0) / 2.0).round())
-            .filter(|start| *start >= 0.0 && start + pixels <= columns)
-            .map(numbers::whole::<usize>)
-            .collect();
+        let (starts, centres): (Vec<usize>, Vec<f64>) = (-reach..=reach)
+            .map(|k| centre(around + k as f64))
+            .map(|centre| ((centre - (pixels - 1.0) / 2.0).round(), centre))
+            .filter(|(start, _)| *start >= 0.0 && start + pixels <= columns)
+            .map(|(start, centre)| (numbers::whole::<usize>(start), centre))
+            .unzip();
         if starts.is_empty() {
             return Err(Error::scene(
                 "detector.pixels",
@@ -47,8 +52,14 @@ impl Beamlets {
                 format!("at least one beamlet of {pixels} pixels on the detector"),
             ));
         }
+        let from_axis = |centre: f64| centre + 0.5 - columns / 2.0;
+        let slopes: Vec<f64> = centres
+            .iter()
+            .map(|centre| from_axis(*centre) / optics.detector.columns_per_metre(1.0))
+            .collect();
         Ok(Self {
             starts,
+            beamlets: lights(scene, &optics, mask, &slopes)?,
             pixels: numbers::whole::<usize>(pixels),
             columns: numbers::whole::<usize>(columns),
             pitch: optics.detector.pitch[0],
@@ -58,6 +69,11 @@ impl Beamlets {
     /// Number of beamlets along a row.
     pub(super) fn count(&self) -> usize {
         self.starts.len()
+    }
+
+    /// The light of the apertures, in the order of the beamlets.
+    pub(super) fn lights(&self) -> &[Beamlet] {
+        &self.beamlets
     }
 
     /// Columns of the detector.
@@ -78,4 +94,47 @@ impl Beamlets {
             frame[[0, row, self.starts[beamlet] + pixel]]
         })
     }
+}
+
+/// The light of apertures seen at these dx/dy. Thick bars narrow them and blur their edges: by the
+/// mean over the energies, each as far as its bars are dark.
+fn lights(scene: &Scene, optics: &Optics, mask: &Mask, slopes: &[f64]) -> Result<Vec<Beamlet>> {
+    let detector = &optics.detector;
+    let plane = detector.distance;
+    let of_detector = match &scene.detector.blur {
+        Some(Blur::Gaussian { sigma }) => sigma[0],
+        Some(Blur::Kernel(_)) | None => 0.0,
+    };
+    let blur = CurveGeometry::of(scene).blur.powi(2) + of_detector * of_detector;
+    let mut shapes = Vec::new();
+    if mask.side_shadow().is_some() {
+        let nodes = spectrum::nodes(scene)?;
+        for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
+            shapes.push((MaskShape::of(scene, mask, plane, Some(*energy))?, *weight));
+        }
+    }
+    let aperture = mask.aperture_at(plane);
+    Ok(slopes
+        .iter()
+        .map(|slope| {
+            let secant = slope.mul_add(*slope, 1.0).sqrt();
+            let [dark, narrowing, variance] =
+                shapes.iter().fold([0.0; 3], |sum, (shape, weight)| {
+                    let shadow = shape.thickness * slope.abs();
+                    let leak = shape.leak(secant);
+                    let dark = weight * (1.0 - leak);
+                    let narrowing = shadow * shape.narrowing(secant, leak);
+                    let variance = shadow * shadow * shape.edge_variance();
+                    [sum[0] + dark, sum[1] + dark * narrowing, sum[2] + dark * variance]
+                });
+            let mean = |sum: f64| if dark > 0.0 { sum / dark } else { 0.0 };
+            Beamlet {
+                // Beyond the angle at which bars hide their apertures no box is the shape.
+                aperture: (aperture - mean(narrowing)).max(0.05 * aperture),
+                blur: blur + mean(variance),
+                period: mask.period_at(plane),
+                pitch: detector.pitch[0],
+            }
+        })
+        .collect())
 }

@@ -1,5 +1,5 @@
 //! What the bits of a flag image mean. A curve has ten bits; in the image the flat's come first
-//! and the sample's follow, then that of the pixel, so that every value is an integer that f32 holds
+//! and the sample's follow, then those of the pixel, so that every value is an integer that f32 holds
 //! exactly.
 
 use crate::interface;
@@ -29,6 +29,10 @@ pub const TRUNCATED: u32 = 512;
 /// The values are not those of one piece of sample: a silhouette crosses the pixel, or a value of its
 /// curve is off. A bit of a pixel, and not of one of its curves.
 pub const MISFIT: u32 = 1 << 20;
+/// The pixels do not determine the width of a beamlet of the flat, which is that of the geometry
+/// then, or of the sample, whose dark field is NaN (`beamlet`). The refraction is NaN where they do
+/// not determine its centre. A bit of a pixel.
+pub const UNRESOLVED: u32 = 1 << 21;
 
 /// Bits of a curve: the sample's bits in an image are those of the flat, shifted by this.
 pub const BITS: u32 = 10;
@@ -36,12 +40,19 @@ pub const BITS: u32 = 10;
 /// With one of these a pixel has no answer, and its images hold NaN.
 pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_PEAK;
 
-/// Name and meaning of [`MISFIT`].
-pub const OF_PIXEL: (u32, &str, &str) = (
-    MISFIT,
-    "misfit",
-    "values are not those of the neighbours on either side, or the fit leaves more",
-);
+/// Each bit of a pixel with its name and meaning.
+pub const OF_PIXEL: [(u32, &str, &str); 2] = [
+    (
+        MISFIT,
+        "misfit",
+        "values are not those of the neighbours on either side, or the fit leaves more",
+    ),
+    (
+        UNRESOLVED,
+        "unresolved",
+        "pixels too wide, or counts too few, to determine the width of the beamlet",
+    ),
+];
 
 /// Each bit of a curve with its name and meaning, for files and tables.
 pub const MEANINGS: [(u32, &str, &str); 10] = [
@@ -60,5 +71,6 @@ pub const MEANINGS: [(u32, &str, &str); 10] = [
 /// Bits of an image's pixel, from those of its two curves.
 #[must_use]
 pub const fn of_pixel(flat: u32, sample: u32) -> u32 {
-    flat | sample << BITS
+    let of_curve = (1 << BITS) - 1;
+    (flat & of_curve) | (sample & of_curve) << BITS | ((flat | sample) & UNRESOLVED)
 }

@@ -124,14 +124,15 @@ fn contrasts(flat: &Curves, f: usize, sample: &Curves, s: usize, angle_per_shift
     let [centre_sigma_f, centre_sigma_s] = pair(|c| &c.centre_sigma);
     let [width_sigma_f, width_sigma_s] = pair(|c| &c.width_sigma);
     let transmission = area_s / area_f;
+    // An unresolved flat has the width of the geometry.
+    let resolved = sample.flags[s] & flags::UNRESOLVED == 0;
+    let by_width = if resolved { angle_per_shift * angle_per_shift } else { f64::NAN };
     [
         transmission,
         angle_per_shift * (centre_s - centre_f),
-        angle_per_shift * angle_per_shift * (width_s - width_f) * (width_s + width_f),
+        by_width * (width_s - width_f) * (width_s + width_f),
         transmission * area_sigma_f.hypot(area_sigma_s),
         angle_per_shift.abs() * centre_sigma_f.hypot(centre_sigma_s),
-        2.0 * angle_per_shift
-            * angle_per_shift
-            * (width_f * width_sigma_f).hypot(width_s * width_sigma_s),
+        2.0 * by_width * (width_f * width_sigma_f).hypot(width_s * width_sigma_s),
     ]
 }

@@ -1,11 +1,18 @@
 //! Least squares in f64 on the host: Levenberg-Marquardt for shapes with four unknowns.
 
 use super::curves::Curve;
+use super::equations::{Equations, add, condition, covariance, inverse, solve};
+use super::fitter::Weights;
 use super::flags;
 use super::shape::CurveShape;
 
 /// Steps below this, in half widths of the scan and ranges of the curve, end a fit.
 const SETTLED: f64 = 1e-7;
+
+/// Number of times that weights follow the fit, at most.
+const WEIGHINGS: usize = 40;
+/// Change of the unknowns, in the units of a step, below which weights have settled.
+const WEIGHED: f64 = 1e-6;
 
 /// What all curves share.
 #[derive(Debug, Clone)]
@@ -20,9 +27,12 @@ pub(super) struct CurveScan {
     pub(super) gain: Option<f64>,
     /// Standard deviation of a value without light.
     pub(super) read_noise: f64,
+    /// Weights of the values.
+    pub(super) weights: Weights,
 }
 
 /// A curve's values that count, and the flags so far.
+#[derive(Debug)]
 pub(super) struct CurveValues {
     /// Offset, value, share.
     pub(super) points: Vec<[f64; 3]>,
@@ -66,6 +76,12 @@ impl CurveScan {
         self.gain.map_or(f64::NAN, |gain| gain * value.max(0.0) + read_noise * read_noise)
     }
 
+    /// Half the distance of these.
+    pub(super) fn half(&self) -> f64 {
+        let [low, high] = self.ends();
+        (high - low) / 2.0
+    }
+
     /// Least and greatest offset.
     pub(super) fn ends(&self) -> [f64; 2] {
         self.offsets
@@ -85,60 +101,206 @@ pub(super) fn moments(points: &[[f64; 3]], floor: f64) -> [f64; 3] {
     [area, centre, variance.max(0.0).sqrt()]
 }
 
+/// A shape that is fitted to the values of a curve, with what limits its unknowns.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fitting<'a> {
+    pub(super) shape: CurveShape,
+    pub(super) scan: &'a CurveScan,
+    pub(super) values: &'a CurveValues,
+    /// Least spread.
+    pub(super) least_spread: f64,
+    /// The spread keeps its first value.
+    pub(super) held: bool,
+}
+
+/// Where a fit ended.
+#[derive(Debug, Clone)]
+pub(super) struct Fit {
+    /// Scale, centre, spread, background.
+    pub(super) p: [f64; 4],
+    pub(super) settled: bool,
+    /// Inverse of the equations in which all values weigh the same.
+    pub(super) inverse: Option<[[f64; 4]; 4]>,
+    /// Covariance of the unknowns; NaN where the noise is not known.
+    pub(super) covariance: Option<[[f64; 4]; 4]>,
+    condition: f64,
+    /// Root mean square of what is left.
+    pub(super) residual: f64,
+}
+
 /// Fits a shape to a curve.
 pub(super) fn fit(shape: CurveShape, scan: &CurveScan, curve: impl Iterator<Item = f32>) -> Curve {
     let values = scan.values(curve, 5);
     if values.flags & flags::NO_ANSWER != 0 {
         return Curve::unknown(values.flags);
     }
-    let [low, high] = scan.ends();
-    let unit = (high - low) / 2.0;
-    let points = &values.points;
-    let [area, centre, deviation] = moments(points, values.least);
+    let [area, centre, deviation] = moments(&values.points, values.least);
     let [scale, spread] = shape.guess(area, deviation);
-    let p = [scale, centre, spread, values.least];
-    // Steps are judged in these.
-    let [least_spread, spread_unit] = shape.limits(unit);
-    let units = [values.most - values.least, unit, spread_unit, values.most - values.least];
-    let Descent { p, equations, squares, settled } = descend(shape, points, p, least_spread, units);
-    let mut flags = values.flags | if settled { 0 } else { flags::NOT_CONVERGED };
-    let freedom = points.len() as f64 - 4.0;
-    let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
-    let covariance = inverse(&equations);
-    let condition = covariance.as_ref().map_or(f64::INFINITY, |c| condition(&equations, c));
-    if condition > 100.0 {
-        flags |= flags::ILL_CONDITIONED;
-    }
-    if p[1] < low || p[1] > high {
-        flags |= flags::OUTSIDE;
+    let least_spread = shape.limits(scan.half())[0];
+    let fitting = Fitting { shape, scan, values: &values, least_spread, held: false };
+    fitting.curve(&fitting.from([scale, centre, spread, values.least]))
+}
+
+impl Fitting<'_> {
+    /// Fits from these unknowns on.
+    pub(super) fn from(&self, p: [f64; 4]) -> Fit {
+        let points = &self.values.points;
+        let mut weights = vec![1.0; points.len()];
+        let mut last = self.descend(p, &weights);
+        if self.scan.weights == Weights::Poisson {
+            for _ in 0..WEIGHINGS {
+                for (weight, [x, ..]) in weights.iter_mut().zip(points) {
+                    *weight = self.weight(&last.p, *x);
+                }
+                let next = self.descend(last.p, &weights);
+                let moved = self.length(&last.p, &next.p);
+                last = next;
+                if moved < WEIGHED {
+                    break;
+                }
+                last.settled &= moved < 100.0 * WEIGHED;
+            }
+        }
+        let Descent { p, equations, settled } = last;
+        let (even, squares) = self.normal(&p, &vec![1.0; points.len()]);
+        let weighted = inverse(&equations);
+        let condition = weighted.as_ref().map_or(f64::INFINITY, |c| condition(&equations, c));
+        let covariance = weighted.map(|inverse| match (self.scan.weights, self.scan.gain) {
+            (Weights::None, None) => {
+                let freedom = points.len() as f64 - 4.0;
+                let variance = if freedom > 0.0 { squares / freedom } else { f64::NAN };
+                inverse.map(|row| row.map(|c| variance * c))
+            }
+            _ => {
+                // Weights are the inverse of variances at most: far from the peak they are less.
+                for (weight, [x, ..]) in weights.iter_mut().zip(points) {
+                    *weight *= *weight * self.variance(&p, *x);
+                }
+                covariance(&inverse, &self.normal(&p, &weights).0)
+            }
+        });
+        let residual = (squares / points.len() as f64).sqrt();
+        Fit { p, settled, inverse: inverse(&even), covariance, condition, residual }
     }
 
-    let of = |i: usize, j: usize| covariance.as_ref().map_or(f64::NAN, |c| variance * c[i][j]);
-    if p[0] <= 0.0 || p[0] <= 3.0 * of(0, 0).sqrt() {
-        flags |= flags::NO_PEAK;
+    /// Curve of a fit, with its uncertainties and flags.
+    pub(super) fn curve(&self, fit: &Fit) -> Curve {
+        let Fit { p, .. } = fit;
+        let [low, high] = self.scan.ends();
+        let mut flags = self.values.flags | if fit.settled { 0 } else { flags::NOT_CONVERGED };
+        if fit.condition > 100.0 {
+            flags |= flags::ILL_CONDITIONED;
+        }
+        if p[1] < low || p[1] > high {
+            flags |= flags::OUTSIDE;
+        }
+        let of = |i: usize, j: usize| match &fit.covariance {
+            Some(_) if self.held && (i == 2 || j == 2) => 0.0,
+            Some(covariance) => covariance[i][j],
+            None => f64::NAN,
+        };
+        if p[0] <= 0.0 || p[0] <= 3.0 * of(0, 0).sqrt() {
+            flags |= flags::NO_PEAK;
+        }
+        let [area, width] = self.shape.area_and_width(p);
+        let resolved = self.held || p[2] > 1.01 * self.least_spread;
+        if !(resolved && width[0] < 2.0 * self.scan.half()) {
+            flags |= flags::WIDTH;
+        }
+        let sigma = |[_, by_scale, by_spread]: [f64; 3]| {
+            let v = by_scale * by_scale * of(0, 0)
+                + 2.0 * by_scale * by_spread * of(0, 2)
+                + by_spread * by_spread * of(2, 2);
+            v.max(0.0).sqrt()
+        };
+        Curve {
+            area: area[0],
+            amplitude: self.shape.at(p, p[1]).0 - p[3],
+            centre: p[1],
+            width: width[0],
+            background: p[3],
+            residual: fit.residual,
+            area_sigma: sigma(area) / area[0],
+            centre_sigma: of(1, 1).sqrt(),
+            width_sigma: sigma(width),
+            condition: fit.condition,
+            flags,
+        }
     }
-    let [area, width] = shape.area_and_width(&p);
-    if !(p[2] > 1.01 * least_spread && width[0] < 2.0 * unit) {
-        flags |= flags::WIDTH;
+
+    /// Variance of a value at `x`, from the fit: of one count at least.
+    fn variance(&self, p: &[f64; 4], x: f64) -> f64 {
+        let (gain, read_noise) = (self.scan.gain.unwrap_or(1.0), self.scan.read_noise);
+        let least = self.scan.gain.unwrap_or(0.0);
+        gain * self.shape.at(p, x).0.max(least) + read_noise * read_noise
     }
-    let sigma = |[_, by_scale, by_spread]: [f64; 3]| {
-        let v = by_scale * by_scale * of(0, 0)
-            + 2.0 * by_scale * by_spread * of(0, 2)
-            + by_spread * by_spread * of(2, 2);
-        v.max(0.0).sqrt()
-    };
-    Curve {
-        area: area[0],
-        amplitude: shape.at(&p, p[1]).0 - p[3],
-        centre: p[1],
-        width: width[0],
-        background: p[3],
-        residual: (squares / points.len() as f64).sqrt(),
-        area_sigma: sigma(area) / area[0],
-        centre_sigma: of(1, 1).sqrt(),
-        width_sigma: sigma(width),
-        condition,
-        flags,
+
+    /// One over this variance; far from the peak over that of a thousandth of it at least.
+    fn weight(&self, p: &[f64; 4], x: f64) -> f64 {
+        let peak = self.shape.at(p, p[1]).0 - p[3];
+        let least = 1e-3 * self.scan.gain.unwrap_or(1.0) * peak.abs();
+        1.0 / self.variance(p, x).max(least).max(f64::MIN_POSITIVE)
+    }
+
+    /// Largest difference of two sets of unknowns, in half widths of the scan and ranges of the
+    /// curve.
+    fn length(&self, p: &[f64; 4], q: &[f64; 4]) -> f64 {
+        let half = self.scan.half();
+        let range = self.values.most - self.values.least;
+        let units = [self.shape.scale_of(range), half, self.shape.limits(half)[1], range];
+        (0..4).map(|i| (q[i] - p[i]).abs() / units[i]).fold(0.0, f64::max)
+    }
+
+    /// Levenberg-Marquardt from `p`.
+    fn descend(&self, mut p: [f64; 4], weights: &[f64]) -> Descent {
+        let (mut equations, mut squares) = self.normal(&p, weights);
+        let (mut damping, mut settled) = (1e-3, false);
+        for _ in 0..200 {
+            let Some(step) = solve(&equations, damping) else { break };
+            let mut next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
+            next[2] = next[2].clamp(0.1 * p[2], 10.0 * p[2]).max(self.least_spread);
+            let (next_equations, next_squares) = self.normal(&next, weights);
+            let length = self.length(&p, &next);
+            if next_squares <= squares {
+                // Nielsen's rule: by how well the step was foretold.
+                let foretold: f64 = (0..4)
+                    .map(|i| step[i] * (damping * equations[i][i] * step[i] + equations[i][4]))
+                    .sum();
+                let ratio = (squares - next_squares) / foretold.max(f64::MIN_POSITIVE);
+                let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
+                (p, equations, squares) = (next, next_equations, next_squares);
+                damping = (damping * factor).clamp(1e-12, 1e12);
+                // What is left is a part of this step.
+                settled = length < SETTLED;
+            } else {
+                damping *= 8.0;
+                // No better place near: at the bottom, to the last digits.
+                settled = length < 10.0 * SETTLED;
+            }
+            if settled || damping > 1e12 {
+                break;
+            }
+        }
+        Descent { p, equations, settled }
+    }
+
+    /// Normal equations with their right side, and the weighted sum of squares.
+    fn normal(&self, p: &[f64; 4], weights: &[f64]) -> (Equations, f64) {
+        let (mut n, mut squares) = ([[0.0; 5]; 4], 0.0);
+        for ([x, y, _], weight) in self.values.points.iter().zip(weights) {
+            let (value, mut slope) = self.shape.at(p, *x);
+            if self.held {
+                slope[2] = 0.0;
+            }
+            let rest = y - value;
+            squares += weight * rest * rest;
+            add(&mut n, slope, *weight, rest);
+        }
+        if self.held {
+            // An equation of its own: no step.
+            n[2][2] = 1.0;
+        }
+        (n, squares)
     }
 }
 
@@ -146,129 +308,5 @@ pub(super) fn fit(shape: CurveShape, scan: &CurveScan, curve: impl Iterator<Item
 struct Descent {
     p: [f64; 4],
     equations: Equations,
-    squares: f64,
     settled: bool,
-}
-
-/// Levenberg-Marquardt from `p`; steps are judged in `units`.
-fn descend(
-    shape: CurveShape,
-    points: &[[f64; 3]],
-    mut p: [f64; 4],
-    least_spread: f64,
-    units: [f64; 4],
-) -> Descent {
-    let (mut equations, mut squares) = normal(shape, points, &p);
-    let (mut damping, mut settled) = (1e-3, false);
-    for _ in 0..200 {
-        let Some(step) = solve(&equations, damping) else { break };
-        let mut next: [f64; 4] = std::array::from_fn(|i| p[i] + step[i]);
-        next[2] = next[2].clamp(0.1 * p[2], 10.0 * p[2]).max(least_spread);
-        let (next_equations, next_squares) = normal(shape, points, &next);
-        let length = (0..4).map(|i| (next[i] - p[i]).abs() / units[i]).fold(0.0, f64::max);
-        if next_squares <= squares {
-            // Nielsen's rule: by how well the step was foretold.
-            let foretold: f64 = (0..4)
-                .map(|i| step[i] * (damping * equations[i][i] * step[i] + equations[i][4]))
-                .sum();
-            let ratio = (squares - next_squares) / foretold.max(f64::MIN_POSITIVE);
-            let factor = (1.0 - (2.0 * ratio - 1.0).powi(3)).max(0.1);
-            (p, equations, squares) = (next, next_equations, next_squares);
-            damping = (damping * factor).clamp(1e-12, 1e12);
-            // What is left is a part of this step.
-            settled = length < SETTLED;
-        } else {
-            damping *= 8.0;
-            // No better place near: at the bottom, to the last digits.
-            settled = length < 10.0 * SETTLED;
-        }
-        if settled || damping > 1e12 {
-            break;
-        }
-    }
-    Descent { p, equations, squares, settled }
-}
-
-type Equations = [[f64; 5]; 4];
-
-/// Normal equations with their right side, and the sum of squares.
-fn normal(shape: CurveShape, points: &[[f64; 3]], p: &[f64; 4]) -> (Equations, f64) {
-    let (mut n, mut squares) = ([[0.0; 5]; 4], 0.0);
-    for [x, y, _] in points {
-        let (value, slope) = shape.at(p, *x);
-        let rest = y - value;
-        squares += rest * rest;
-        for (row, s) in n.iter_mut().zip(slope) {
-            for (sum, other) in row.iter_mut().zip(slope) {
-                *sum += s * other;
-            }
-            row[4] += s * rest;
-        }
-    }
-    (n, squares)
-}
-
-/// Scales that give the matrix a unit diagonal.
-fn scales(n: &Equations) -> [f64; 4] {
-    std::array::from_fn(|i| 1.0 / n[i][i].max(f64::MIN_POSITIVE).sqrt())
-}
-
-/// Solves the equations, scaled and damped; `None` where they are singular.
-fn solve(n: &Equations, damping: f64) -> Option<[f64; 4]> {
-    let scale = scales(n);
-    let mut a = *n;
-    for i in 0..4 {
-        for j in 0..4 {
-            a[i][j] *= scale[i] * scale[j];
-        }
-        a[i][i] += damping;
-        a[i][4] *= scale[i];
-    }
-    for i in 0..4 {
-        let above = a[i];
-        if above[i].abs() < 1e-14 {
-            return None;
-        }
-        for row in &mut a[i + 1..] {
-            let factor = row[i] / above[i];
-            for (value, from) in row.iter_mut().zip(above) {
-                *value -= factor * from;
-            }
-        }
-    }
-    let mut x = [0.0; 4];
-    for i in (0..4).rev() {
-        let known: f64 = (i + 1..4).map(|k| a[i][k] * x[k]).sum();
-        x[i] = (a[i][4] - known) / a[i][i];
-    }
-    Some(std::array::from_fn(|i| x[i] * scale[i]))
-}
-
-/// Inverse of the matrix.
-fn inverse(n: &Equations) -> Option<[[f64; 4]; 4]> {
-    let mut columns = [[0.0; 4]; 4];
-    for (k, column) in columns.iter_mut().enumerate() {
-        let mut unit = *n;
-        for (i, row) in unit.iter_mut().enumerate() {
-            row[4] = if i == k { 1.0 } else { 0.0 };
-        }
-        *column = solve(&unit, 0.0)?;
-    }
-    Some(columns)
-}
-
-/// Largest over smallest eigenvalue of the matrix scaled to a unit diagonal, by the power method.
-fn condition(n: &Equations, inverse: &[[f64; 4]; 4]) -> f64 {
-    let scale = scales(n);
-    let largest = |of: &dyn Fn(usize, usize) -> f64| {
-        let (mut v, mut value) = ([0.5, 0.3, -0.6, 0.7], 0.0);
-        for _ in 0..30 {
-            let w: [f64; 4] = std::array::from_fn(|i| (0..4).map(|j| of(i, j) * v[j]).sum());
-            value = w.iter().map(|w| w * w).sum::<f64>().sqrt();
-            v = w.map(|w| w / value);
-        }
-        value
-    };
-    largest(&|i, j| n[i][j] * scale[i] * scale[j])
-        * largest(&|i, j| inverse[i][j] / (scale[i] * scale[j]))
 }

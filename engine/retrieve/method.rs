@@ -27,7 +27,7 @@ pub enum Method {
     Trapezoid,
     /// The masks' own curve, blurred: no bias of a Gaussian. Needs a finite spot.
     ExactCurve,
-    /// Single mask: a Gaussian per beamlet over neighbouring pixels (beam tracking).
+    /// Single mask: a blurred box per beamlet, integrated over neighbouring pixels (beam tracking).
     Beamlet,
 }
 

@@ -2,9 +2,11 @@
 //!
 //! Formulas, validity and bias of each method: docs/retrieval.md.
 
+mod beamlet_fit;
 mod beamlets;
 mod closed;
 mod curves;
+mod equations;
 mod fitter;
 pub mod flags;
 mod images;

@@ -76,8 +76,8 @@ impl Retriever {
         method.check(scene, &scene.scan.mask_offsets)?;
         let periods = WholePeriods::of(scene);
         let offsets = periods.without(&scene.scan.mask_offsets);
-        let fits = matches!(method, Method::Gaussian | Method::TwoStep | Method::Beamlet);
-        if options.weights == Weights::Poisson && !fits {
+        let fits = matches!(method, Method::Gaussian | Method::TwoStep);
+        if options.weights == Weights::Poisson && !fits && method != Method::Beamlet {
             let allowed = "weights of counts serve the methods gaussian, two-step and beamlet";
             return Err(Error::argument("weights", format!("poisson with {method}"), allowed));
         }
@@ -127,11 +127,10 @@ impl Retriever {
             read_noise: options.read_noise,
             saturation: options.saturation,
         };
-        let along = beamlets.as_ref().map_or_else(|| offsets.clone(), Beamlets::offsets);
         let lever = scene.lever_arm();
         Ok(Self {
             options: options.clone(),
-            fitter: if fits { Some(Fitter::new(engine, &along, &fit_options)?) } else { None },
+            fitter: if fits { Some(Fitter::new(engine, &offsets, &fit_options)?) } else { None },
             angle_per_shift: if beamlets.is_some() {
                 1.0 / lever
             } else {
@@ -265,7 +264,7 @@ impl Retriever {
                 offsets = vec![offsets[i], offsets[j]];
             }
             let pixels = band.start as usize * across..band.end as usize * across;
-            let known = chosen.map(|_| (&flat.curves, pixels.start));
+            let known = Some((&flat.curves, pixels.start));
             let curves = self.curves(data, &offsets, known, &control.cancel)?;
             images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
             Ok(())

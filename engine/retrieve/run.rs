@@ -164,8 +164,9 @@ fn begun(
         meanings.insert(flags::of_pixel(bit, 0), format!("flat {name}: {meaning}"));
         meanings.insert(flags::of_pixel(0, bit), format!("sample {name}: {meaning}"));
     }
-    let (bit, name, meaning) = flags::OF_PIXEL;
-    meanings.insert(bit, format!("{name}: {meaning}"));
+    for (bit, name, meaning) in flags::OF_PIXEL {
+        meanings.insert(bit, format!("{name}: {meaning}"));
+    }
     Record {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         commit: option_env!("BEAMLET_COMMIT").map(str::to_owned),

@@ -17,6 +17,8 @@ pub(super) struct CurveGeometry {
     pub(super) blur: f64,
     /// Analyser over sample mask distance.
     pub(super) magnification: f64,
+    /// Period of the sample mask in its plane, m; infinite without.
+    pub(super) period: f64,
 }
 
 impl CurveGeometry {
@@ -27,6 +29,7 @@ impl CurveGeometry {
             projected: Optics::of(scene).overlapping_apertures(),
             blur: (magnification - 1.0) * SIGMA_PER_FWHM * scene.source.spot.fwhm()[0],
             magnification,
+            period: scene.sample_mask.as_ref().map_or(f64::INFINITY, |mask| mask.period),
         }
     }
 
@@ -51,14 +54,20 @@ pub(super) enum CurveShape {
         /// Half the top.
         top: f64,
     },
-    /// The masks' curve of unit area, blurred by the spread.
+    /// The overlap of two boxes, of unit area, blurred by the spread: the masks' curve, or the
+    /// light of an aperture over pixels. The curves of the periods on either side add to it.
     Blurred {
-        /// Half base and half top.
+        /// Half the sum of the boxes' widths.
         base: f64,
-        /// Half the top.
+        /// Half their difference.
         top: f64,
+        /// From curve to curve.
+        period: f64,
     },
 }
+
+/// Standard deviations beyond which a Gaussian is nothing in f64.
+const NOTHING: f64 = 8.5;
 
 impl CurveShape {
     /// Value and slopes at `x` by scale, centre, spread and background.
@@ -82,29 +91,22 @@ impl CurveShape {
                     (left / fall, -x.signum() / fall, (fall - left) / (fall * fall))
                 }
             }
-            Self::Blurred { base, top } => {
-                let spread = spread.sqrt();
-                // Second differences of the ramp's blurred form Q; the area is base^2 - top^2.
-                let area = base * base - top * top;
-                let corners = [(x + base, 1.0), (x - base, 1.0), (x + top, -1.0), (x - top, -1.0)];
-                // Apertures of one width: the inner corners are one.
-                let middle = [(x + base, 1.0), (x - base, 1.0), (x, -2.0)];
-                let corners = if top > 1e-9 * base { &corners[..] } else { &middle[..] };
-                let sum = corners.iter().fold([0.0; 3], |sum, (v, sign)| {
-                    let t = v / spread;
-                    let density = (-0.5 * t * t).exp() / (2.0 * PI).sqrt();
-                    let below = 0.5 * libm::erfc(-t * FRAC_1_SQRT_2);
-                    let q = v * below + spread * density;
-                    [sum[0] + sign * q, sum[1] + sign * below, sum[2] + sign * density]
+            Self::Blurred { base, top, period } => {
+                let blur = spread.sqrt();
+                let reach = base + NOTHING * blur;
+                let curves = [x, x + period, x - period];
+                let near = curves.into_iter().filter(|x| x.abs() < reach);
+                let [value, by_x, by_spread] = near.fold([0.0; 3], |sum, x| {
+                    let [value, by_x, by_spread] = blurred(x, base, top, blur);
+                    [sum[0] + value, sum[1] + by_x, sum[2] + by_spread]
                 });
-                (sum[0] / area, sum[1] / area, sum[2] / (2.0 * spread * area))
+                (value, by_x, by_spread)
             }
         }
     }
 
     /// Area and standard deviation of a fitted curve, and the slopes of both by scale and
-    /// spread: `[[value, by scale, by spread]; 2]`. The blurred form's own width is that of its
-    /// blur: the masks' part is the same for flat and sample.
+    /// spread: `[[value, by scale, by spread]; 2]`.
     pub(super) fn area_and_width(self, p: &[f64; 4]) -> [[f64; 3]; 2] {
         let [scale, _, spread, _] = *p;
         match self {
@@ -115,8 +117,8 @@ impl CurveShape {
                     [width, 0.0, spread / (6.0 * width)],
                 ]
             }
-            Self::Blurred { .. } => {
-                let width = spread.sqrt();
+            Self::Blurred { base, top, .. } => {
+                let width = (spread + (base * base + top * top) / 6.0).sqrt();
                 [[scale, 1.0, 0.0], [width, 0.0, 1.0 / (2.0 * width)]]
             }
         }
@@ -131,6 +133,14 @@ impl CurveShape {
         }
     }
 
+    /// Scale of a curve with values in this range, roughly.
+    pub(super) fn scale_of(self, range: f64) -> f64 {
+        match self {
+            Self::Trapezoid { .. } => range,
+            Self::Blurred { base, .. } => range * base,
+        }
+    }
+
     /// Scale and spread of a curve of this area and standard deviation, roughly.
     pub(super) fn guess(self, area: f64, deviation: f64) -> [f64; 2] {
         let variance = deviation * deviation;
@@ -139,10 +149,29 @@ impl CurveShape {
                 let spread = (6.0 * variance - top * top).max(1.1 * top * top).sqrt();
                 [area / (spread + top), spread]
             }
-            Self::Blurred { base, top } => {
+            Self::Blurred { base, top, .. } => {
                 let own = (base * base + top * top) / 6.0;
                 [area, (variance - own).max(0.05 * own)]
             }
         }
     }
+}
+
+/// Two boxes of unit overlap behind a blur of standard deviation `blur`: value, slope by `x` and
+/// by the variance of the blur.
+fn blurred(x: f64, base: f64, top: f64, blur: f64) -> [f64; 3] {
+    // Second differences of the ramp's blurred form Q; the area is base^2 - top^2.
+    let area = base * base - top * top;
+    let corners = [(x + base, 1.0), (x - base, 1.0), (x + top, -1.0), (x - top, -1.0)];
+    // Boxes of one width: the inner corners are one.
+    let middle = [(x + base, 1.0), (x - base, 1.0), (x, -2.0)];
+    let corners = if top > 1e-9 * base { &corners[..] } else { &middle[..] };
+    let sum = corners.iter().fold([0.0; 3], |sum, (v, sign)| {
+        let t = v / blur;
+        let density = (-0.5 * t * t).exp() / (2.0 * PI).sqrt();
+        let below = 0.5 * libm::erfc(-t * FRAC_1_SQRT_2);
+        let q = v * below + blur * density;
+        [sum[0] + sign * q, sum[1] + sign * below, sum[2] + sign * density]
+    });
+    [sum[0] / area, sum[1] / area, sum[2] / (2.0 * blur * area)]
 }

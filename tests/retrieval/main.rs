@@ -16,3 +16,4 @@ mod retrieval;
 mod retrieve_cli;
 mod retrieved;
 mod rough_fibres;
+mod tracking;

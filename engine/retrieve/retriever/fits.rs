@@ -1,5 +1,6 @@
 //! The fits of a band of curves, by method.
 
+use super::super::beamlets::Beamlets;
 use super::super::curves::{Curve, Curves};
 use super::super::fitter::share;
 use super::super::least_squares::{self, CurveScan};
@@ -35,8 +36,7 @@ impl Retriever {
         Some(if left == right { [0, self.sample_offsets.len() - 1] } else { [left, right] })
     }
 
-    /// The curves of a band. `known`: the flat's curves and the first of this band, for methods
-    /// that build on them.
+    /// The curves of a band. `known`: of a sample, the flat's curves and the first of this band.
     pub(super) fn curves(
         &self,
         data: Array3<f32>,
@@ -44,7 +44,7 @@ impl Retriever {
         known: Option<(&Curves, usize)>,
         cancel: &Cancel,
     ) -> Result<Curves> {
-        let (steps, rows, columns) = data.dim();
+        let steps = data.dim().0;
         if steps != offsets.len() {
             return Err(Error::scene(
                 "scan.mask_offsets",
@@ -56,18 +56,27 @@ impl Retriever {
             Some(beamlets) => beamlets.gather(data.view()),
             None => data,
         };
-        if let (Some(fitter), None) = (&self.fitter, known) {
-            let (steps, rows, across) = data.dim();
-            let flat = data.into_shape_with_order((steps, rows * across)).map_err(|error| {
+        let (steps, rows, columns) = data.dim();
+        let on_flat = self.options.method == Method::TwoStep && known.is_some();
+        if let Some(fitter) = self.fitter.as_ref().filter(|_| !on_flat) {
+            let flat = data.into_shape_with_order((steps, rows * columns)).map_err(|error| {
                 Error::argument("frames", error.to_string(), "frames in C order")
             })?;
             return fitter.fit(flat.view(), cancel);
         }
-        let scan = self.scan(offsets);
+        let scan = match &self.beamlets {
+            Some(beamlets) => self.scan(&beamlets.offsets()),
+            None => self.scan(offsets),
+        };
+        let lights = self.beamlets.as_ref().map(Beamlets::lights);
         let entry = |pixel: usize| -> Result<Curve> {
             cancel.check()?;
             let (row, column) = (pixel / columns, pixel % columns);
             let curve = (0..steps).map(|step| data[[step, row, column]]);
+            if let Some(lights) = lights {
+                let flat = known.map(|(flat, first)| flat.flags[first + pixel]);
+                return Ok(lights[column].fit(&scan, curve, flat));
+            }
             Ok(match (self.options.method, known) {
                 (Method::ThreeStep, _) => closed::three_step(&scan, curve),
                 (Method::Moments, _) => closed::by_moments(&scan, curve),
@@ -88,10 +97,11 @@ impl Retriever {
     pub(super) fn shape(&self) -> Option<CurveShape> {
         let m = self.shape.magnification;
         let [base, top] = [self.shape.half_base() / m, self.shape.half_top() / m];
+        let period = self.shape.period;
         match self.options.method {
             Method::Triangle => Some(CurveShape::Trapezoid { top: 0.0 }),
             Method::Trapezoid => Some(CurveShape::Trapezoid { top }),
-            Method::ExactCurve => Some(CurveShape::Blurred { base, top }),
+            Method::ExactCurve => Some(CurveShape::Blurred { base, top, period }),
             _ => None,
         }
     }
@@ -105,6 +115,7 @@ impl Retriever {
             saturation: self.options.saturation.map_or(f64::INFINITY, f64::from),
             gain: self.options.gain,
             read_noise: self.options.read_noise,
+            weights: self.options.weights,
         }
     }
 }
