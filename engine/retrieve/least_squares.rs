@@ -174,7 +174,7 @@ impl Fitting<'_> {
             _ => {
                 // Weights are the inverse of variances at most: far from the peak they are less.
                 for (weight, [x, ..]) in weights.iter_mut().zip(points) {
-                    *weight *= *weight * self.variance(&p, *x);
+                    *weight = weight.powi(2) * self.variance(&p, *x);
                 }
                 covariance(&inverse, &self.normal(&p, &weights).0)
             }
