@@ -59,6 +59,7 @@ impl Arguments {
             Verb::Mask(mask) => mask.messages,
             Verb::Devices(devices) => devices.messages,
             Verb::Example(example) => example.messages,
+            Verb::Schema(schema) => schema.messages,
             Verb::Completions(completions) => completions.messages,
             Verb::Man(man) => man.messages,
         }
@@ -93,6 +94,8 @@ pub(crate) enum Verb {
     Devices(Devices),
     /// List the scenes that come with beamlet, or write one with its meshes
     Example(Example),
+    /// Print the JSON Schema of scene files, for editors
+    Schema(Schema),
     /// Print what completes words in a shell
     Completions(Completions),
     /// Write manual pages, one for each verb
@@ -128,6 +131,16 @@ pub(crate) struct Devices {
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Example:\n  \
+    beamlet schema > scene.schema.json\n\n\
+    Editors with Taplo check and complete a scene whose first line is\n  \
+    #:schema ./scene.schema.json")]
+pub(crate) struct Schema {
     #[command(flatten)]
     pub(crate) messages: Messages,
 }

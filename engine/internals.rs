@@ -26,6 +26,10 @@ pub mod gpu {
 pub mod image {
     pub use crate::image::read;
 }
+/// The tables of docs/scene.md.
+pub mod scene {
+    pub use crate::scene::docs::{tables, title};
+}
 /// Structs and constants shared with shaders.
 pub mod interface {
     pub use crate::interface::*;

@@ -125,6 +125,11 @@ impl Dimension {
         }
     }
 
+    /// Spellings of its units.
+    pub(crate) fn units(self) -> impl Iterator<Item = &'static str> {
+        self.table().iter().map(|unit| unit.0)
+    }
+
     /// What is allowed, in words, with an example and the list of units.
     pub fn allowed(self) -> String {
         let (noun, example) = match self {

@@ -15,6 +15,7 @@ mod mesh;
 mod pictures;
 mod report;
 mod retrieve;
+mod schema;
 mod simulate;
 mod spectrum;
 mod view;
@@ -46,6 +47,7 @@ fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
         Verb::Mask(arguments) => mask::run(&arguments, out),
         Verb::Devices(arguments) => devices::run(&arguments, out),
         Verb::Example(arguments) => example::run(&arguments, out),
+        Verb::Schema(_) => schema::run(out),
         Verb::Completions(arguments) => completions::run(&arguments, out),
         Verb::Man(arguments) => man::run(&arguments, out),
     }

@@ -19,32 +19,17 @@ pub(crate) mod limits;
 mod model;
 mod parse;
 pub(crate) mod path;
+mod polygon;
 mod read;
-mod read_beam;
-mod read_detector;
-mod read_instances;
-mod read_sample;
-mod read_scan;
-mod read_shape;
-mod read_spot;
-mod read_surroundings;
 mod sample;
 mod set;
 mod table;
 mod targets;
+mod text;
 mod tree;
 mod validate;
-mod validate_beam;
-mod validate_detector;
-mod validate_instances;
-mod validate_material;
-mod validate_shape;
 mod view;
 mod write;
-mod write_beam;
-mod write_detector;
-mod write_instances;
-mod write_shape;
 
 pub use crate::spot::{Spot, SpotFit, SpotPart};
 pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
@@ -56,11 +41,12 @@ pub use instances::{
     Instances, PARALLEL_FIBRE_FILL, Packing, PackingAmount, PackingKind, PackingRegion,
     RANDOM_FIBRE_FILL, SPHERE_FILL,
 };
-pub use keys::known_keys;
+pub(crate) use keys::detector::validate_thresholds;
+pub(crate) use keys::docs;
+pub use keys::schema::json_schema;
 pub use model::{MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub use targets::RandomRays;
-pub(crate) use validate_detector::validate_thresholds;
 pub use view::{Pose, View};
 
 use crate::{Error, Result, input_file};
@@ -94,8 +80,7 @@ impl Scene {
     /// As [`Self::load`]; also where an override leads nowhere.
     pub fn load_with(path: impl AsRef<Path>, sets: &[String]) -> Result<Self> {
         let path = path.as_ref();
-        let document = Self::document(path, sets)?;
-        Self::from_document(&document, directory_of(path))
+        Self::from_document(Self::document(path, sets)?, directory_of(path))
     }
 
     /// Gives an error that came up after loading its place in the scene file: the line of its
@@ -143,7 +128,7 @@ impl Scene {
     ///
     /// [`Error::Scene`] with place, key, what was found and what is allowed.
     pub fn from_toml(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
-        Self::from_document(&parse::toml(text, None)?, directory.as_ref())
+        Self::from_document(parse::toml(text, None)?, directory.as_ref())
     }
 
     /// Reads and validates JSON text; relative paths in it start from `directory`.
@@ -152,10 +137,10 @@ impl Scene {
     ///
     /// [`Error::Scene`] with place, key, what was found and what is allowed.
     pub fn from_json(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
-        Self::from_document(&parse::json(text, None)?, directory.as_ref())
+        Self::from_document(parse::json(text, None)?, directory.as_ref())
     }
 
-    fn from_document(document: &Document, directory: &Path) -> Result<Self> {
+    fn from_document(document: Document, directory: &Path) -> Result<Self> {
         Self::from_document_and(document, directory, |_| Vec::new())
     }
 
@@ -170,15 +155,16 @@ impl Scene {
         sets: &[String],
         more: impl FnOnce(&Self) -> Vec<Error>,
     ) -> Result<Self> {
-        Self::from_document_and(&Self::document(path, sets)?, directory_of(path), more)
+        Self::from_document_and(Self::document(path, sets)?, directory_of(path), more)
     }
 
     fn from_document_and(
-        document: &Document,
+        mut document: Document,
         directory: &Path,
         more: impl FnOnce(&Self) -> Vec<Error>,
     ) -> Result<Self> {
-        let scene = read::read_scene(document, directory);
+        directory.clone_into(&mut document.directory);
+        let scene = read::read_scene(&document);
         let mut of_values = scene.as_ref().map(Self::faults).unwrap_or_default();
         let more = scene.as_ref().map(more).unwrap_or_default();
         if more.len() > 1 || !of_values.is_empty() || document.has_errors() {

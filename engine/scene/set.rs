@@ -1,34 +1,13 @@
 //! Overrides: `key.path=value`, as the command line's `--set` takes them.
 
+use super::keys::record::values_of;
+use super::keys::row::{Kind, Spec};
+use super::keys::top::TOP;
 use super::parse::toml_value;
 use super::path::{self, Step};
 use super::table::with_suggestion;
 use super::tree::{Document, Origin, TreeEntry, TreeNode, TreeValue};
 use crate::{Error, Result};
-
-/// Keys that exclude each other: an override of one side drops what the file says on the other.
-const RIVALS: &[(&[&str], &[&str])] = &[
-    (&["energy"], &["spectrum"]),
-    (&["file"], &["anode", "kvp", "anode_angle", "inherent_filters"]),
-    (&["aperture"], &["projected_aperture"]),
-    (&["material", "thickness"], &["transmission"]),
-    (&["mesh", "unit", "sha256"], &["shape"]),
-    (&["formula"], &["mixture"]),
-    (&["formula", "mixture", "density"], &["mu", "delta"]),
-    (&["formula", "mixture", "density"], &["table"]),
-    (&["mu", "delta"], &["table"]),
-    (&["count"], &["step"]),
-    (&["from"], &["start"]),
-    (&["to"], &["stop"]),
-    (&["sigma"], &["fwhm"]),
-    (&["sigma"], &["kernel", "pixel"]),
-    (&["fwhm"], &["kernel", "pixel"]),
-    (&["image"], &["kernel", "pixel", "fraction"]),
-];
-
-/// The same within the focal spot, whose image has a pixel.
-const SPOT_RIVALS: [&[&str]; 4] =
-    [&["image", "pixel", "background"], &["profile"], &["gaussians"], &["fwhm", "points"]];
 
 /// Most steps of a path. A scene has five; trees without a limit would overflow the stack.
 const DEPTH: usize = 32;
@@ -77,15 +56,18 @@ fn target<'a>(
     steps: &[Step],
     origin: &Origin,
 ) -> std::result::Result<&'a mut TreeNode, Astray> {
-    for (depth, step) in steps.iter().enumerate() {
-        // The keys of [materials] and of a mixture are names that the scene chose.
-        let names = matches!(&steps[..depth], [Step::Key(table)] if table == "materials")
-            || matches!(&steps[..depth], [Step::Key(table), _, Step::Key(mixture)]
-                if table == "materials" && mixture == "mixture");
+    let mut here = Keys::Of(&TOP);
+    for step in steps {
+        let keys = here;
+        if let Step::Key(key) = step
+            && !matches!(node.value, TreeValue::List(_))
+        {
+            here = keys.below(key);
+        }
         node = match (&mut node.value, step) {
             (TreeValue::Table(entries), Step::Key(key)) => {
-                if !names {
-                    drop_rivals(entries, key, &steps[..depth]);
+                if let Keys::Of(spec) = keys {
+                    drop_rivals(entries, key, spec);
                 }
                 let at = match entries.iter().position(|entry| entry.key == *key) {
                     Some(at) => at,
@@ -127,31 +109,40 @@ fn target<'a>(
     Ok(node)
 }
 
-fn drop_rivals(entries: &mut Vec<TreeEntry>, key: &str, table: &[Step]) {
-    if matches!(table, [.., Step::Key(spot)] if spot == "spot") {
-        let Some(own) = SPOT_RIVALS.iter().find(|keys| keys.contains(&key)) else { return };
-        entries.retain(|entry| {
-            !matches!(entry.origin, Origin::Text(_)) || own.contains(&entry.key.as_str())
-        });
-        return;
-    }
-    for (one, other) in RIVALS {
-        let rivals = match (one.contains(&key), other.contains(&key)) {
-            (true, _) => other,
-            (_, true) => one,
-            _ => continue,
+/// The keys of a table that steps lead to.
+#[derive(Debug, Clone, Copy)]
+enum Keys {
+    Of(&'static Spec),
+    /// Names that the scene chooses, of values of a kind.
+    Names(&'static Kind),
+    Unknown,
+}
+
+impl Keys {
+    /// The keys of the table at a key.
+    fn below(self, key: &str) -> Self {
+        let kind = match self {
+            Self::Of(spec) => spec.row(key).map(|row| &row.kind),
+            Self::Names(kind) => Some(kind),
+            Self::Unknown => None,
         };
-        // An object has a material beside its shape or mesh; only a mask has rivals to it.
-        // Rivals that an earlier override set stay, and the reader reports the conflict.
-        entries.retain(|entry| {
-            let from_file = matches!(entry.origin, Origin::Text(_));
-            !(from_file && rivals.contains(&entry.key.as_str()))
-        });
+        let table = |kind: &'static Kind| kind.table().map(Self::Of);
+        kind.and_then(|kind| values_of(kind).map(Self::Names).or_else(|| table(kind)))
+            .unwrap_or(Self::Unknown)
     }
-    // The recorded hash is that of the mesh which the file names.
+}
+
+/// Drops what the file says of keys that a key excludes. What an earlier override set stays, and the
+/// reader reports the conflict.
+fn drop_rivals(entries: &mut Vec<TreeEntry>, key: &str, spec: &Spec) {
+    let mut rivals = spec.rivals(key);
     if key == "mesh" {
-        entries.retain(|entry| entry.key != "sha256" || matches!(entry.origin, Origin::Set(_)));
+        // The recorded hash is that of the mesh which the file names.
+        rivals.push("sha256");
     }
+    entries.retain(|entry| {
+        !(matches!(entry.origin, Origin::Text(_)) && rivals.contains(&entry.key.as_str()))
+    });
 }
 
 fn name_of(item: &TreeNode) -> &str {

@@ -6,8 +6,9 @@
 use std::collections::HashSet;
 use std::fmt::Write;
 use std::ops::RangeInclusive;
+use std::path::Path;
 
-use super::keys::{keys_of, other_name};
+use super::keys::row::{Row, Spec};
 use super::path;
 use super::tree::{Document, MISSING, Origin, TreeEntry, TreeNode, TreeValue};
 use crate::units::{Dimension, QuantityError};
@@ -21,12 +22,14 @@ pub(super) struct ListItem<'a> {
     node: &'a TreeNode,
 }
 
-/// A table that has known keys only.
+/// A table whose keys are those of a spec, without keys that others exclude.
 #[derive(Debug)]
 pub(super) struct Table<'a> {
     item: ListItem<'a>,
     entries: &'a [TreeEntry],
-    known: &'static [&'static str],
+    spec: &'static Spec,
+    /// Whether keys that exclude one another were found.
+    clash: bool,
 }
 
 impl<'a> ListItem<'a> {
@@ -59,6 +62,11 @@ impl<'a> ListItem<'a> {
             self.document.forget(self.path.clone());
             instead
         }))
+    }
+
+    /// Directory that paths of the scene start from.
+    pub(super) fn directory(&self) -> &'a Path {
+        &self.document.directory
     }
 
     pub(super) fn is_list(&self) -> bool {
@@ -118,17 +126,19 @@ impl<'a> ListItem<'a> {
     }
 
     /// A whole number within bounds; the least one where it is wrong.
-    pub(super) fn integer<T: TryFrom<i128> + Copy + Into<i128>>(
-        &self,
-        range: RangeInclusive<T>,
-    ) -> Result<T> {
-        let (low, high): (i128, i128) = ((*range.start()).into(), (*range.end()).into());
+    pub(super) fn integer(&self, range: RangeInclusive<u64>) -> Result<u64> {
         let value = match self.node.value {
-            TreeValue::Integer(value) if (low..=high).contains(&value) => T::try_from(value).ok(),
+            TreeValue::Integer(value) => u64::try_from(value).ok(),
             _ => None,
         };
-        let error = || self.mismatch(format!("a whole number from {low} to {high}"));
-        value.map_or_else(|| self.refuse(error(), *range.start()), Ok)
+        let (low, high) = (*range.start(), *range.end());
+        match value.filter(|value| range.contains(value)) {
+            Some(value) => Ok(value),
+            None => {
+                let allowed = format!("a whole number from {low} to {high}");
+                self.refuse(self.mismatch(allowed), low)
+            }
+        }
     }
 
     /// One of a few words; the first where it is none of them.
@@ -169,42 +179,38 @@ impl<'a> ListItem<'a> {
         values.try_into().map_err(|_| self.mismatch(allowed))
     }
 
-    /// A table with the keys known for `kind`; others are reported.
-    pub(super) fn table(&self, kind: &str) -> Result<Table<'a>> {
-        let table = self.any_table(keys_of(kind))?;
-        for entry in table.entries.iter().filter(|e| !table.known.contains(&e.key.as_str())) {
-            let known = table.known.iter().copied();
-            let meant = other_name(kind, &entry.key)
-                .or_else(|| suggestion::nearest(&entry.key, known, str::to_lowercase));
-            let mut allowed = table.known.join(", ");
-            if let Some(meant) = meant {
-                let _ = write!(allowed, " (did you mean `{meant}`?)");
-            }
-            let key = path::join(&self.path, &entry.key);
-            let error = error(self.document, &entry.origin, key, "an unknown key", allowed);
-            self.document.report(error);
-            // The key that was meant is not missing as well.
-            if let Some(meant) = meant.filter(|meant| table.get(meant).is_none()) {
-                self.document.forget(path::join(&self.path, meant));
-            }
+    /// A table with the keys of a spec. Others are reported, and keys that exclude one another.
+    pub(super) fn table(&self, spec: &'static Spec) -> Result<Table<'a>> {
+        let names: Vec<&str> = spec.rows.iter().map(|row| row.name).collect();
+        let allowed = format!("a table with the keys {}", names.join(", "));
+        let Some(entries) = self.entries(&allowed) else {
+            let item = self.child(self.path.clone(), &MISSING);
+            return Ok(Table { item, entries: &[], spec, clash: false });
+        };
+        let mut table = Table { item: self.clone(), entries, spec, clash: false };
+        for entry in entries.iter().filter(|entry| !names.contains(&entry.key.as_str())) {
+            table.refuse_unknown(entry, &names);
         }
+        table.refuse_rivals();
         Ok(table)
     }
 
     /// The values of a table whose keys are names that the scene chooses.
     pub(super) fn named(&self) -> Result<Vec<(&'a str, Self)>> {
-        let table = self.any_table(&[])?;
-        Ok(table.entries.iter().map(|entry| (entry.key.as_str(), table.child(entry))).collect())
+        let entries = self.entries("a table").unwrap_or_default();
+        let item = |entry: &'a TreeEntry| {
+            (entry.key.as_str(), self.child(path::join(&self.path, &entry.key), &entry.node))
+        };
+        Ok(entries.iter().map(item).collect())
     }
 
-    fn any_table(&self, known: &'static [&'static str]) -> Result<Table<'a>> {
+    /// The entries of a table; `None` where it is no table, which is reported.
+    fn entries(&self, allowed: &str) -> Option<&'a [TreeEntry]> {
         let TreeValue::Table(entries) = &self.node.value else {
-            let allowed = match known {
-                [] => "a table".to_owned(),
-                _ => format!("a table with the keys {}", known.join(", ")),
-            };
-            let item = self.child(self.path.clone(), &MISSING);
-            return self.refuse(self.mismatch(allowed), Table { item, entries: &[], known });
+            if !matches!(self.node.value, TreeValue::Missing) {
+                self.document.report(self.mismatch(allowed));
+            }
+            return None;
         };
         // TOML refuses a key that stands twice; JSON does not.
         let mut seen = HashSet::new();
@@ -216,7 +222,7 @@ impl<'a> ListItem<'a> {
                 self.document.report(error);
             }
         }
-        Ok(Table { item: self.clone(), entries, known })
+        Some(entries)
     }
 
     fn child(&self, path: String, node: &'a TreeNode) -> Self {
@@ -229,47 +235,110 @@ impl<'a> Table<'a> {
         self.item.child(path::join(&self.item.path, &entry.key), &entry.node)
     }
 
-    /// The value of a key, if it is there.
+    fn has(&self, key: &str) -> bool {
+        self.entries.iter().any(|entry| entry.key == key)
+    }
+
+    fn refuse_unknown(&self, entry: &TreeEntry, known: &[&'static str]) {
+        let document = self.item.document;
+        let other = self.spec.other_names.iter().find(|it| it.0.eq_ignore_ascii_case(&entry.key));
+        let meant = other
+            .map(|it| it.1)
+            .or_else(|| suggestion::nearest(&entry.key, known.iter().copied(), str::to_lowercase));
+        let mut allowed = known.join(", ");
+        if let Some(meant) = meant {
+            let _ = write!(allowed, " (did you mean `{meant}`?)");
+        }
+        let key = path::join(&self.item.path, &entry.key);
+        document.report(error(document, &entry.origin, key, "an unknown key", allowed));
+        // The key that was meant is not missing as well.
+        if let Some(meant) = meant.filter(|meant| !self.has(meant)) {
+            document.forget(path::join(&self.item.path, meant));
+        }
+    }
+
+    /// Reports the first key of each form besides the one that counts.
+    fn refuse_rivals(&mut self) {
+        for (forms, _) in self.spec.all_forms() {
+            let Some(own) = Spec::own(forms, |key| self.has(key)) else { continue };
+            for other in forms.iter().filter(|form| **form != own) {
+                let mut rivals = other.iter().filter(|key| !own.contains(key));
+                let Some(entry) = rivals.find_map(|key| self.entry(key)) else { continue };
+                let head = own.iter().find(|key| self.has(key)).unwrap_or(&own[0]);
+                let (found, item) = (format!("both {head} and {}", entry.key), self.child(entry));
+                let error = item.error(found, self.spec.choice(forms));
+                self.item.document.report(error);
+                self.clash = true;
+            }
+        }
+    }
+
+    /// Whether a key belongs to a form that the table has not.
+    fn is_excluded(&self, key: &str) -> bool {
+        self.spec.forms(key).is_some_and(|(forms, missing)| {
+            let own = Spec::own(forms, |key| self.has(key)).unwrap_or(forms[missing]);
+            !own.contains(&key)
+        })
+    }
+
+    fn entry(&self, key: &str) -> Option<&'a TreeEntry> {
+        self.entries.iter().find(|entry| entry.key == key)
+    }
+
+    /// The row of a key.
+    pub(super) fn row(&self, key: &str) -> Result<&'static Row> {
+        let row = self.spec.row(key);
+        row.ok_or_else(|| {
+            self.item.error(format!("`{key}`, which is read and in no table"), "no such key")
+        })
+    }
+
+    /// First key of the form that the table has, or that it lacks: of the forms with this key.
+    pub(super) fn form(&self, key: &str) -> &'static str {
+        self.spec.forms(key).map_or("", |(forms, missing)| {
+            Spec::own(forms, |key| self.has(key)).unwrap_or(forms[missing])[0]
+        })
+    }
+
+    /// The value of a key, if it is there and no other key excludes it.
     pub(super) fn get(&self, key: &str) -> Option<ListItem<'a>> {
-        debug_assert!(self.known.contains(&key), "{key} is read but not listed in keys.rs");
-        self.entries.iter().find(|entry| entry.key == key).map(|entry| self.child(entry))
+        debug_assert!(self.spec.row(key).is_some(), "{}.{key} is in no table", self.spec.path);
+        self.entry(key).filter(|_| !self.is_excluded(key)).map(|entry| self.child(entry))
     }
 
     /// The value of a key that must be there.
-    pub(super) fn require(&self, key: &str, allowed: impl Into<String>) -> Result<ListItem<'a>> {
+    pub(super) fn require(&self, key: &str) -> Result<ListItem<'a>> {
+        let mut allowed = self.row(key)?.allowed();
+        if let Some((forms, _)) = self.spec.forms(key) {
+            let choice = self.spec.choice(forms);
+            allowed = format!("{allowed}; {choice}");
+        }
+        self.require_as(key, allowed)
+    }
+
+    /// The value of a key that must be there; `allowed` says what is missing otherwise.
+    pub(super) fn require_as(&self, key: &str, allowed: impl Into<String>) -> Result<ListItem<'a>> {
         if let Some(item) = self.get(key) {
             return Ok(item);
         }
-        let path = path::join(&self.item.path, key);
-        if !self.item.document.is_forgotten(&path) {
-            self.item.refuse(self.missing(key, allowed), ())?;
+        let (path, document) = (path::join(&self.item.path, key), self.item.document);
+        let forms = self.spec.forms(key);
+        // Of a form of which nothing is there its first key stands for all, and of keys that exclude
+        // one another it is not known which are missing.
+        let follows = forms.is_some_and(|(forms, missing)| {
+            let none = Spec::own(forms, |key| self.has(key)).is_none();
+            self.clash || (none && forms[missing][0] != key)
+        });
+        if self.is_excluded(key) {
+            // Another key stands for it.
+        } else if follows {
+            document.forget(path.clone());
+        } else if !document.is_forgotten(&path) {
+            let origin = &self.item.node.origin;
+            let missing = "nothing: the key is missing";
+            self.item.refuse(error(document, origin, path.clone(), missing, allowed), ())?;
         }
         Ok(self.item.child(path, &MISSING))
-    }
-
-    /// The error for a key that is not there.
-    pub(super) fn missing(&self, key: &str, allowed: impl Into<String>) -> Error {
-        let origin = &self.item.node.origin;
-        let key = path::join(&self.item.path, key);
-        error(self.item.document, origin, key, "nothing: the key is missing", allowed)
-    }
-
-    /// A quantity that must be there.
-    pub(super) fn quantity(&self, key: &str, dimension: Dimension) -> Result<f64> {
-        self.require(key, dimension.allowed())?.quantity(dimension)
-    }
-
-    /// A quantity that may be left out.
-    pub(super) fn optional_quantity(&self, key: &str, dimension: Dimension) -> Result<Option<f64>> {
-        self.get(key).map(|item| item.quantity(dimension)).transpose()
-    }
-
-    /// Refuses `key` where it has no meaning.
-    pub(super) fn forbid(&self, key: &str, why: &str) -> Result<()> {
-        match self.get(key) {
-            Some(item) => item.refuse(item.error("the key", why), ()),
-            None => Ok(()),
-        }
     }
 }
 

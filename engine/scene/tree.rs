@@ -60,6 +60,8 @@ pub(super) struct Document {
     pub(super) file: Option<PathBuf>,
     pub(super) text: String,
     pub(super) sets: Vec<String>,
+    /// Directory that paths of the scene start from.
+    pub(super) directory: PathBuf,
     pub(super) root: TreeNode,
     pub(super) faults: RefCell<Faults>,
 }
@@ -93,7 +95,8 @@ const AROUND: usize = 2000;
 impl Document {
     /// A document without faults.
     pub(super) fn new(file: Option<PathBuf>, text: String, root: TreeNode) -> Self {
-        Self { file, text, sets: Vec::new(), root, faults: RefCell::default() }
+        let directory = PathBuf::from(".");
+        Self { file, text, sets: Vec::new(), directory, root, faults: RefCell::default() }
     }
 
     /// Keeps an error, unless it follows from one before it.

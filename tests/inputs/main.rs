@@ -4,6 +4,7 @@
 mod garbage;
 mod geometry;
 mod instances;
+mod kept;
 mod layers;
 mod material;
 mod names;

@@ -1,12 +1,13 @@
 //! The paper's scene as text, and what the tests of scene files do with it.
 
+use crate::kept::kept;
 use beamlet::scene::Scene;
 use beamlet::{Error, Place};
 
 pub(crate) const PAPER: &str = include_str!("scene_paper.toml");
 
 pub(crate) fn load(text: &str) -> Result<Scene, Error> {
-    Scene::from_toml(text, "somewhere")
+    kept(text, Scene::from_toml(text, "somewhere"))
 }
 
 /// Place, key, what was found and what is allowed of the first error in a scene.
@@ -27,5 +28,5 @@ pub(crate) fn with_sets(sets: &[&str]) -> Result<Scene, Error> {
     let path = directory.path().join("paper.toml");
     std::fs::write(&path, PAPER).expect("the scene is written");
     let sets: Vec<_> = sets.iter().map(|set| (*set).to_owned()).collect();
-    Scene::load_with(&path, &sets)
+    kept(PAPER, Scene::load_with(&path, &sets))
 }

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::kept::kept;
 use beamlet::Error;
 use beamlet::scene::{Anode, Beam, Filter, Scene, SpectrumOrigin, SpectrumSpec};
 
@@ -13,7 +14,7 @@ fn scene(lines: &str) -> Result<Scene, Error> {
         "[source]\ndistance = \"1 m\"\nspot = \"0 um\"\n{lines}\n[detector]\ndistance = \"2 m\"\n\
          pixels = [4, 2]\npitch = \"100 um\"\n"
     );
-    Scene::from_toml(&text, ".")
+    kept(&text, Scene::from_toml(&text, "."))
 }
 
 fn spectrum(lines: &str) -> SpectrumSpec {
@@ -86,11 +87,11 @@ fn what_is_no_beam_is_refused_with_its_key() {
         |rest: &str| format!("spectrum = {{ anode = \"tungsten\", kvp = \"60 kV\", {rest} }}");
     let filter = |rest: &str| tube(&format!("filters = [{{ {rest} }}]"));
     let cases = [
-        (String::new(), "source.energy", "or spectrum instead"),
-        ("energy = \"1 keV\"\nspectrum = \"a.csv\"".into(), "source.spectrum", "one of them"),
+        (String::new(), "source.energy", "either energy or spectrum"),
+        ("energy = \"1 keV\"\nspectrum = \"a.csv\"".into(), "source.spectrum", "either energy"),
         ("spectrum = 3".into(), "source.spectrum", "path of a file"),
         ("spectrum = \"\"".into(), "source.spectrum", "path of a file"),
-        ("spectrum = {}".into(), "source.spectrum", "{ anode = ..., kvp = ... }"),
+        ("spectrum = {}".into(), "source.spectrum.anode", "either file, or anode and kvp"),
         ("spectrum = { kvp = \"60 kV\" }".into(), "source.spectrum.anode", "molybdenum"),
         ("spectrum = { anode = \"tungsten\" }".into(), "source.spectrum.kvp", "60 kV"),
         (

@@ -1,62 +1,74 @@
-//! docs/scene.md documents every key that the reader takes, and no other.
+//! Tables of docs/scene.md are those of the table of keys. `BEAMLET_WRITE_DOCS=1` writes them.
 
-use beamlet::scene::{Scene, known_keys};
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
-const DOCS: &str = include_str!("../../docs/scene.md");
+use beamlet::internals::scene::{tables, title};
+use beamlet::scene::Scene;
 
-/// The section about a table, which has its name in the heading.
-fn section(table: &str) -> &'static str {
-    let names = [format!("[{table}]"), format!("[[{table}]]")];
-    DOCS.split("\n## ")
-        .find(|section| {
-            let heading = section.lines().next().unwrap_or_default();
-            heading.split(' ').any(|word| names.iter().any(|name| name == word))
-        })
-        .unwrap_or_else(|| panic!("docs/scene.md has no section for [{table}]"))
+const DOCS: &str = "docs/scene.md";
+
+/// The page with the table of keys of each section as the engine has it.
+fn made(page: &str) -> String {
+    let mut left = tables();
+    left.push(("title", title()));
+    let mut out = Vec::new();
+    for section in page.split("\n## ") {
+        let heading = section.lines().next().unwrap();
+        let names = |path: &str| [path.to_owned(), format!("[{path}]"), format!("[[{path}]]")];
+        let is_of =
+            |path: &str| heading.split(' ').any(|word| names(path).iter().any(|it| it == word));
+        match left.iter().position(|(path, _)| is_of(path)) {
+            Some(at) => out.push(with_table(section, &left.remove(at).1)),
+            None => out.push(section.to_owned()),
+        }
+    }
+    let missing: Vec<_> = left.iter().map(|(path, _)| path).collect();
+    assert!(missing.is_empty(), "{DOCS} has no section for {missing:?}");
+    out.join("\n## ")
 }
 
-/// Keys of the rows of a section, with the cells after the key.
-fn rows(section: &'static str) -> Vec<(&'static str, Vec<&'static str>)> {
-    let row = |line: &'static str| {
-        let (key, rest) = line.strip_prefix("| `")?.split_once("` |")?;
-        let rest = rest.strip_suffix('|').unwrap_or(rest);
-        Some((key, rest.split('|').map(str::trim).collect()))
-    };
-    section.lines().filter_map(row).collect()
+/// A section with this table in place of its table of keys.
+fn with_table(section: &str, table: &str) -> String {
+    let start = section.find("| key |").unwrap_or_else(|| panic!("no table of keys in {section}"));
+    let rest = &section[start..];
+    let end = rest.find("\n\n").map_or(rest.len(), |at| at + 1);
+    format!(
+        "{}{}{}",
+        &section[..start],
+        table.trim_end_matches('\n').to_owned() + "\n",
+        &rest[end..]
+    )
 }
 
 #[test]
-fn every_key_has_unit_default_range_and_example() {
-    for (table, keys) in known_keys() {
-        if table.is_empty() {
-            keys.iter().for_each(|key| {
-                // It is no table, but has a row as the keys of tables have.
-                if *key == "title" {
-                    let documented = DOCS.split("\n## title\n").nth(1).map(rows);
-                    let cells = documented.and_then(|rows| Some(rows.first()?.1.len()));
-                    assert_eq!(cells, Some(4), "title: unit, default, range, example");
-                    return;
-                }
-                section(if *key == "materials" { "materials.NAME" } else { key });
-            });
-            continue;
-        }
-        let documented = rows(section(table));
-        for key in *keys {
-            let row = documented.iter().find(|row| row.0 == *key);
-            let (_, cells) = row.unwrap_or_else(|| panic!("{table}.{key} is not documented"));
-            assert_eq!(cells.len(), 4, "{table}.{key}: unit, default, range, example");
-            assert!(!cells[0].is_empty() && !cells[3].is_empty(), "{table}.{key}");
-        }
-        for (key, _) in documented {
-            assert!(keys.contains(&key), "{table}.{key} is documented but not read");
-        }
+fn tables_of_the_page_are_those_of_the_keys() {
+    let page = std::fs::read_to_string(DOCS).unwrap();
+    let made = made(&page);
+    if std::env::var_os("BEAMLET_WRITE_DOCS").is_some() {
+        std::fs::write(DOCS, &made).unwrap();
+        return;
+    }
+    let differing = page.lines().zip(made.lines()).find(|(page, made)| page != made);
+    assert!(
+        page == made,
+        "{DOCS} differs from the table of keys; write it with BEAMLET_WRITE_DOCS=1\n{differing:#?}"
+    );
+}
+
+#[test]
+fn a_row_that_differs_or_lacks_is_found() {
+    let page = std::fs::read_to_string(DOCS).unwrap();
+    for (from, to) in [("| `pitch` |", "| `pitsch` |"), ("`\"150 um\"` |\n", "`\"151 um\"` |\n")] {
+        assert!(page.contains(from), "{from}");
+        let changed = page.replacen(from, to, 1);
+        assert_ne!(made(&changed), changed);
     }
 }
 
 #[test]
 fn example_of_a_whole_scene_loads() {
-    let mut blocks = DOCS.split("```toml\n").skip(1);
+    let page = std::fs::read_to_string(DOCS).unwrap();
+    let mut blocks = page.split("```toml\n").skip(1);
     let text = blocks.next().unwrap().split("```").next().unwrap();
     Scene::from_toml(text, ".").unwrap();
 }

@@ -61,7 +61,7 @@ fn overrides_that_lead_nowhere_are_refused() {
         ("source.enregy=\"40 keV\"", "source.enregy", "an unknown key"),
         ("source.energy=40", "source.energy", "the number 40, without a unit"),
         ("scan.mask_offsets.count=0", "scan.mask_offsets.count", "the number 0"),
-        ("object.rod.shape.prism.radius=1 mm", "object[0].shape.prism.sides", "nothing"),
+        ("object.rod.shape.prism.radius=1 mm", "object[0].shape.prism.height", "nothing"),
     ];
     for (set, expected, problem) in cases {
         let error = with_sets(&[set]).unwrap_err();

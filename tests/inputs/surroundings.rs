@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::kept::kept;
 use beamlet::geometry::{check_clearance, load, swept};
 use beamlet::scene::{Beam, Filter, Scene};
 use beamlet::spectrum::nodes;
@@ -31,7 +32,8 @@ material = "carbon"
 "#;
 
 fn scene(keys: &str) -> beamlet::Result<Scene> {
-    Scene::from_toml(&format!("{BASE}\n[surroundings]\n{keys}\n"), "tests/files")
+    let text = format!("{BASE}\n[surroundings]\n{keys}\n");
+    kept(&text, Scene::from_toml(&text, "tests/files"))
 }
 
 fn refused(keys: &str) -> String {
@@ -107,11 +109,11 @@ fn regions_that_cannot_be_are_refused_at_their_key() {
             format!(
                 "material = \"water\"\nregion = {{ box = {{ {size} }}, cylinder = {{ radius = \"1 mm\", height = \"1 mm\" }} }}"
             ),
-            ["a second region", "one of box"],
+            ["both box and cylinder", "one of: box"],
         ),
         (
             format!("material = \"water\"\nregion = {{ box = {{ {size} }}, unit = \"mm\" }}"),
-            ["surroundings.region.unit", "of a mesh"],
+            ["surroundings.region.unit", "both box and unit"],
         ),
         (
             "material = \"water\"\nregion = { box = { size = [\"0 mm\", \"1 mm\", \"1 mm\"] } }"

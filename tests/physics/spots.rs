@@ -534,7 +534,7 @@ fn what_is_no_spot_is_refused_with_file_and_key() {
         ("{ image = \"good.npy\", pixel = \"0 um\" }".into(), vec!["source.spot.pixel"]),
         ("{ image = \"good.npy\", pixel = 2 }".into(), vec!["source.spot.pixel", "unit"]),
         ("{ image = \"good.npy\", pixel = \"2 um\", background = 3 }".into(), vec!["sum to 0"]),
-        ("{ image = \"good.npy\", profile = \"x.csv\" }".into(), vec!["profile", "the key"]),
+        ("{ image = \"good.npy\", profile = \"x.csv\" }".into(), vec!["both image and profile"]),
         (profile("none.csv"), vec!["source.spot.profile", "none.csv"]),
         (profile("columns.csv"), vec!["columns.csv", "radius_um,value", "distance"]),
         (profile("order.csv"), vec!["order.csv", "4", "ascending"]),

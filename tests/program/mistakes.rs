@@ -141,21 +141,27 @@ fn keys_that_exclude_one_another_packings_and_polygons_hide_no_other_mistake() {
     let message = ended(&run(place.path(), "check scene.toml --no-estimate"), 1);
     let wanted = [
         (5, "source.energy: found \"30\""),
-        (6, "source.spectrum: found both energy and spectrum; allowed: one of them"),
+        (6, "source.spectrum: found both energy and spectrum; allowed: either energy or spectrum"),
         (16, "sample_mask.aperture: found \"20\""),
         (17, "sample_mask.projected_aperture: found both aperture and projected_aperture"),
-        (20, "scan.mask_offsets.start: found the key; allowed: either from or start"),
+        (20, "scan.mask_offsets.start: found both from and start; allowed: either from or start"),
         (25, "object[0].shape.extrusion.height: found 0 m"),
         (27, "object[0].shape.extrusion.points[2]: found edges 0 and 2 that meet"),
         (28, "object[0].shape.extrusion.points[4]: found edges 0 and 4 that meet"),
         (28, "object[0].shape.extrusion.points[4]: found edges 2 and 4 that meet"),
-        (35, "object[1].shape.sphere: found a second shape"),
+        (
+            35,
+            "object[1].shape.sphere: found both cylinder and sphere; allowed: one of: box; cylinder",
+        ),
         (36, "object[1].instances.fill: found 2.0; allowed: a number > 0, up to"),
-        (36, "object[1].instances.diameter_spread: found 3.0; allowed: a number from 0 to"),
+        (
+            36,
+            "object[1].instances.diameter_spread: found 3.0; allowed: a standard deviation of ln(diameter) from 0 to",
+        ),
         (36, "object[1].instances.gap: found -1 um; allowed: a value >= 0"),
         (37, "object[1].instances.region.box.size[1]: found 0 m; allowed: a value > 0"),
         (37, "object[1].instances.region.box.size[2]: found -1 mm; allowed: a value > 0"),
-        (37, "object[1].instances.region.sphere: found a second region"),
+        (37, "object[1].instances.region.sphere: found both box and sphere"),
     ];
     for (line, words) in wanted {
         let told = message
@@ -213,7 +219,7 @@ fn what_is_missing_is_named() {
     }
 }
 
-const VERBS: [&str; 15] = [
+const VERBS: [&str; 16] = [
     "simulate",
     "illuminate",
     "retrieve",
@@ -227,6 +233,7 @@ const VERBS: [&str; 15] = [
     "mask",
     "devices",
     "example",
+    "schema",
     "completions",
     "man",
 ];

@@ -42,11 +42,11 @@ fn keys_that_cannot_be_are_refused() {
             "0 to 0.5",
         ),
         ((ball.clone(), of(cube, "count = 1, shape = 1")), "instances.shape", "an unknown key"),
-        ((ball.clone(), of("", "count = 1")), "instances.region", "one of box, cylinder, sphere"),
+        ((ball.clone(), of("", "count = 1")), "instances.region", "one of: box; cylinder; sphere"),
         (
             (ball.clone(), of(&format!("{cube}, sphere = {{ radius = \"1 mm\" }}"), "count = 1")),
             "instances.region.sphere",
-            "a second region",
+            "both box and sphere",
         ),
         (
             (ball.clone(), of("sphere = { radius = \"-1 mm\" }", "count = 1")),

@@ -26,7 +26,7 @@ fn scene_in(directory: &Path, shape: &str, instances: &str) -> Result<Scene, Err
          distance = \"2 m\"\npixels = [1, 1]\npitch = \"100 um\"\n[[object]]\nname = \"many\"\n\
          material = \"gold\"\nshape = {shape}\ninstances = {instances}\n"
     );
-    Scene::from_toml(&text, directory)
+    crate::kept::kept(&text, Scene::from_toml(&text, directory))
 }
 
 /// The instances of a packing or file.

@@ -1,77 +1,16 @@
-//! Ranges of built-in shapes.
+//! Polygons that do not cross or touch themselves.
 
-use super::validate::{Faults, count, finite, not_negative, positive};
-use super::{Shape, limits};
+use super::keys::faults::Faults;
+use super::limits;
+use crate::Error;
 use crate::units::Dimension::Length;
-use crate::{Error, Result};
 
-/// `key`: of the shape, such as `object[0].shape`.
-pub(super) fn validate_shape(key: &str, shape: &Shape, faults: &mut Faults) {
-    let name = |name: &str| format!("{key}.{name}");
-    let above_zero = |key: &str, length: f64| positive(&name(key), length, Length);
-    let each = |key: &str, lengths: &[f64]| -> Vec<Result<()>> {
-        let lengths = lengths.iter().enumerate();
-        lengths.map(|(axis, length)| above_zero(&format!("{key}[{axis}]"), *length)).collect()
-    };
-    let facets = |key: &str, sides: Option<u32>, least: u32, most: u32| match sides {
-        Some(sides) => count(&name(key), sides, least, most),
-        None => Ok(()),
-    };
-    let checked = match shape {
-        Shape::Box { size } => each("box.size", size),
-        Shape::Cylinder { radius, height, sides } => vec![
-            above_zero("cylinder.radius", *radius),
-            above_zero("cylinder.height", *height),
-            facets("cylinder.sides", *sides, 3, limits::SIDES),
-        ],
-        Shape::Cone { radius, top_radius, height, sides } => vec![
-            above_zero("cone.radius", *radius),
-            not_negative(&name("cone.top_radius"), *top_radius, Length),
-            above_zero("cone.height", *height),
-            facets("cone.sides", *sides, 3, limits::SIDES),
-        ],
-        Shape::Prism { radius, height, sides } => vec![
-            above_zero("prism.radius", *radius),
-            above_zero("prism.height", *height),
-            facets("prism.sides", Some(*sides), 3, limits::SIDES),
-        ],
-        Shape::Extrusion { points, height } => {
-            validate_polygon(&name("extrusion.points"), points, faults);
-            vec![above_zero("extrusion.height", *height)]
-        }
-        Shape::Sphere { radius, sides } => vec![
-            above_zero("sphere.radius", *radius),
-            facets("sphere.sides", *sides, 4, limits::SPHERE_SIDES),
-        ],
-        Shape::Ellipsoid { semi_axes, sides } => {
-            let mut checked = each("ellipsoid.semi_axes", semi_axes);
-            checked.push(facets("ellipsoid.sides", *sides, 4, limits::SPHERE_SIDES));
-            checked
-        }
-        Shape::Torus { radius, tube_radius, sides } => vec![
-            above_zero("torus.radius", *radius),
-            above_zero("torus.tube_radius", *tube_radius)
-                .and_then(|()| thinner(&name("torus.tube_radius"), *tube_radius, *radius)),
-            facets("torus.sides", *sides, 4, limits::SPHERE_SIDES),
-        ],
-    };
-    checked.into_iter().for_each(|checked| faults.note(checked));
-}
-
-/// Pairs of edges that are told: one edge across a polygon may meet all others.
+/// Pairs of edges that are reported: one edge across a polygon may meet all others.
 const PAIRS: usize = 8;
-
-fn thinner(key: &str, tube_radius: f64, radius: f64) -> Result<()> {
-    if tube_radius >= radius {
-        let allowed = format!("less than radius, {}", Length.format(radius));
-        return Err(Error::scene(key, Length.format(tube_radius), allowed));
-    }
-    Ok(())
-}
 
 /// Refuses polygons without area, and those whose edges cross or touch one another: each pair, up to
 /// [`PAIRS`], at the corner where its second edge begins.
-fn validate_polygon(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
+pub(super) fn validate(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
     let n = points.len();
     if n < 3 || n > limits::CORNERS as usize {
         let allowed = format!("3 to {} corners", limits::CORNERS);
@@ -80,7 +19,10 @@ fn validate_polygon(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
     }
     for (index, point) in points.iter().enumerate() {
         for (axis, length) in point.iter().enumerate() {
-            faults.note(finite(&format!("{key}[{index}][{axis}]"), *length, Length));
+            if !length.is_finite() {
+                let key = format!("{key}[{index}][{axis}]");
+                faults.add(Error::scene(key, Length.format(*length), "a finite value"));
+            }
         }
     }
     let mut pairs = 0;

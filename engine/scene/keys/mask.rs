@@ -1,0 +1,85 @@
+//! Keys of the masks.
+
+use super::faults::Faults;
+use super::record::{Keys, Record, keys};
+use super::row::Group::Forms;
+use super::row::Kind::{Number, Quantity};
+use super::row::Need::{Default, Required, Without};
+use super::row::{ANY, MATERIAL, POSITIVE, within};
+use super::value::optional;
+use crate::scene::table::Table;
+use crate::scene::{Detector, MaskBody, MaskSpec};
+use crate::units::Dimension::Length;
+use crate::{Error, Result};
+
+keys! { MASK: MaskSpec, "sample_mask",
+    [Forms(&[&["transmission"], &["material", "thickness"]], 1),
+     Forms(&[&["aperture"], &["projected_aperture"]], 0)],
+    ["pitch" => "period", "slit" => "aperture", "slit_width" => "aperture", "opening" => "aperture",
+     "height" => "thickness"];
+    distance => Quantity(Length, POSITIVE),
+        Without("sample mask: required; detector mask: back face on the detector"), r#""1.2 m""#,
+        "Distance from the source to the centre plane of the bars.";
+    material at MaskSpec { body: MaskBody::Bars { material, .. }, .. } =>
+        MATERIAL, Required, r#""gold""#, "Material of the bars.";
+    thickness at MaskSpec { body: MaskBody::Bars { thickness, .. }, .. } =>
+        Quantity(Length, POSITIVE), Required, r#""225 um""#, "Thickness of the bars along the beam.";
+    transmission at MaskSpec { body: MaskBody::Sheet { transmission }, .. } =>
+        Number("a number", within(0.0, 1.0)), Required, "0.0",
+        "Transmission of the bars of a sheet without thickness.";
+    aperture => Quantity(Length, POSITIVE), Required, r#""20 um""#,
+        "Width of the slits in the plane of the mask, up to the period.";
+    projected_aperture by hand => Quantity(Length, POSITIVE), Required, r#""30 um""#,
+        "Width of the slits in the plane of the detector.";
+    period => Quantity(Length, POSITIVE), Without("pitch × mask distance / detector distance"), r#""100 um""#,
+        "Distance from slit to slit in the plane of the mask; up to 1000 apertures in a pixel, and 16777216 in all whose light reaches the detector.";
+    offset => Quantity(Length, ANY), Default(r#""0 m""#), r#""2 um""#,
+        "Displacement of the slits along +x in the plane of the mask.";
+}
+
+impl Record for MaskSpec {
+    const KEYS: &'static Keys<Self> = &MASK;
+
+    fn begin(has: &dyn Fn(&str) -> bool) -> Self {
+        let body = match has("transmission") {
+            true => MaskBody::Sheet { transmission: f64::NAN },
+            false => MaskBody::Bars { material: String::new(), thickness: f64::NAN },
+        };
+        Self::new(f64::NAN, f64::NAN, f64::NAN, body)
+    }
+
+    fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
+        if self.aperture > self.period {
+            let found = format!("{} in the mask plane", Length.format(self.aperture));
+            let allowed = format!("no more than the period, {}", Length.format(self.period));
+            faults.add(Error::scene(key("aperture"), found, allowed));
+        }
+    }
+}
+
+/// Reads a mask, with what follows from the detector.
+pub(crate) fn read_mask(table: &Table<'_>, key: &str, detector: &Detector) -> Result<MaskSpec> {
+    let mut mask: MaskSpec = super::record::read(table)?;
+    if table.get("distance").is_none() {
+        mask.distance = match key {
+            "detector_mask" => detector.distance - mask.body.thickness() / 2.0,
+            _ => {
+                table.require("distance")?;
+                f64::NAN
+            }
+        };
+    }
+    // Lengths on the detector shrink towards the source.
+    let projected = |length: f64| length * mask.distance / detector.distance;
+    if table.get("period").is_none() {
+        mask.period = projected(detector.pitch[0]);
+    }
+    if let Some(aperture) = optional(table, "projected_aperture")? {
+        mask.aperture = projected(aperture);
+    }
+    // A mask without bars is allowed; the projection rounds.
+    if mask.aperture > mask.period && mask.aperture <= mask.period * (1.0 + 1e-12) {
+        mask.aperture = mask.period;
+    }
+    Ok(mask)
+}

@@ -1,0 +1,146 @@
+//! Keys of built-in shapes.
+
+use super::faults::Faults;
+use super::record::{OneOf, keys};
+use super::row::Group::Forms;
+use super::row::Kind::{Corners, Count, Lengths, Quantity, Table as Inner};
+use super::row::Need::{Default, Required, Without};
+use super::row::{NOT_NEGATIVE, POSITIVE, Row};
+use super::value::{Base, Value};
+use crate::scene::table::ListItem;
+use crate::scene::text::list;
+use crate::scene::{Shape, limits, polygon};
+use crate::units::Dimension::Length;
+use crate::{Error, Result};
+
+/// Stands for a shape that was refused.
+pub(crate) const NO_SHAPE: Shape = Shape::Sphere { radius: f64::NAN, sides: None };
+const EXACT: super::row::Need = Without("none: exact");
+
+keys! { SHAPE, "object.shape",
+    [Forms(&[&["box"], &["cylinder"], &["cone"], &["prism"], &["extrusion"], &["sphere"],
+             &["ellipsoid"], &["torus"]], 0)], [];
+    box => Inner(&BOX.spec), Required, r#"{ size = ["1 mm", "2 mm", "3 mm"] }"#, "Box.";
+    cylinder => Inner(&CYLINDER.spec), Required, r#"{ radius = "4 mm", height = "16 mm" }"#,
+        "Cylinder along z.";
+    cone => Inner(&CONE.spec), Required,
+        r#"{ radius = "4 mm", height = "16 mm", top_radius = "1 mm" }"#, "Cone along z, or truncated cone.";
+    prism => Inner(&PRISM.spec), Required, r#"{ radius = "4 mm", height = "16 mm", sides = 8 }"#,
+        "Regular prism along z.";
+    extrusion => Inner(&EXTRUSION.spec), Required,
+        r#"{ points = [["0 mm", "0 mm"], ["3 mm", "0 mm"], ["0 mm", "1 mm"]], height = "5 mm" }"#,
+        "Polygon drawn out along z.";
+    sphere => Inner(&SPHERE.spec), Required, r#"{ radius = "1 mm" }"#, "Sphere.";
+    ellipsoid => Inner(&ELLIPSOID.spec), Required, r#"{ semi_axes = ["1 mm", "2 mm", "3 mm"] }"#,
+        "Ellipsoid.";
+    torus => Inner(&TORUS.spec), Required, r#"{ radius = "4 mm", tube_radius = "1 mm" }"#,
+        "Torus around z.";
+}
+
+keys! { BOX: Shape, "object.shape.box", [], [];
+    size at Shape::Box { size } => Lengths("edge lengths along x, y and z", POSITIVE), Required,
+        r#"["1 mm", "2 mm", "3 mm"]"#, "Edge lengths along x, y and z.";
+}
+keys! { CYLINDER: Shape, "object.shape.cylinder", [], [];
+    radius at Shape::Cylinder { radius, .. } => Quantity(Length, POSITIVE), Required, r#""4 mm""#, "Radius.";
+    height at Shape::Cylinder { height, .. } => Quantity(Length, POSITIVE), Required, r#""16 mm""#, "Height.";
+    sides at Shape::Cylinder { sides, .. } => Count(3, limits::SIDES as u64), EXACT, "2048", "Facets around.";
+}
+keys! { CONE: Shape, "object.shape.cone", [], [];
+    radius at Shape::Cone { radius, .. } => Quantity(Length, POSITIVE), Required, r#""4 mm""#,
+        "Radius of the lower end, at −height/2.";
+    height at Shape::Cone { height, .. } => Quantity(Length, POSITIVE), Required, r#""16 mm""#, "Height.";
+    top_radius at Shape::Cone { top_radius, .. } => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#),
+        r#""1 mm""#, "Radius of the upper end; above 0 it makes a truncated cone.";
+    sides at Shape::Cone { sides, .. } => Count(3, limits::SIDES as u64), EXACT, "2048", "Facets around.";
+}
+keys! { PRISM: Shape, "object.shape.prism", [], [];
+    radius at Shape::Prism { radius, .. } => Quantity(Length, POSITIVE), Required, r#""4 mm""#,
+        "Radius of the circle through the corners of the base.";
+    height at Shape::Prism { height, .. } => Quantity(Length, POSITIVE), Required, r#""16 mm""#, "Height.";
+    sides at Shape::Prism { sides, .. } => Count(3, limits::SIDES as u64), Required, "8", "Faces around.";
+}
+keys! { EXTRUSION: Shape, "object.shape.extrusion", [], [];
+    points at Shape::Extrusion { points, .. } => Corners(limits::CORNERS), Required,
+        r#"[["0 mm", "0 mm"], ["3 mm", "0 mm"], ["0 mm", "1 mm"]]"#,
+        "Corners (x, y) in their order, either way round.";
+    height at Shape::Extrusion { height, .. } => Quantity(Length, POSITIVE), Required, r#""5 mm""#, "Height.";
+}
+keys! { SPHERE: Shape, "object.shape.sphere", [], [];
+    radius at Shape::Sphere { radius, .. } => Quantity(Length, POSITIVE), Required, r#""1 mm""#, "Radius.";
+    sides at Shape::Sphere { sides, .. } => Count(4, limits::SPHERE_SIDES as u64), EXACT, "256",
+        "Facets around the equator.";
+}
+keys! { ELLIPSOID: Shape, "object.shape.ellipsoid", [], [];
+    semi_axes at Shape::Ellipsoid { semi_axes, .. } =>
+        Lengths("half the extent along x, y and z", POSITIVE), Required, r#"["1 mm", "2 mm", "3 mm"]"#,
+        "Half the extent along x, y and z.";
+    sides at Shape::Ellipsoid { sides, .. } => Count(4, limits::SPHERE_SIDES as u64), EXACT, "256",
+        "Facets around the equator.";
+}
+keys! { TORUS: Shape, "object.shape.torus", [], [];
+    radius at Shape::Torus { radius, .. } => Quantity(Length, POSITIVE), Required, r#""4 mm""#,
+        "Radius of the circle in the middle of the tube.";
+    tube_radius at Shape::Torus { tube_radius, .. } => Quantity(Length, POSITIVE), Required, r#""1 mm""#,
+        "Radius of the tube, less than `radius`.";
+    sides at Shape::Torus { sides, .. } => Count(4, limits::SPHERE_SIDES as u64), EXACT, "256",
+        "Facets around the ring, and as many around the tube.";
+}
+
+const NAN: f64 = f64::NAN;
+
+pub(crate) static SHAPES: OneOf<Shape> = OneOf {
+    spec: &SHAPE,
+    kinds: &[
+        (&BOX, || Shape::Box { size: [NAN; 3] }),
+        (&CYLINDER, || Shape::Cylinder { radius: NAN, height: NAN, sides: None }),
+        (&CONE, || Shape::Cone { radius: NAN, top_radius: 0.0, height: NAN, sides: None }),
+        (&PRISM, || Shape::Prism { radius: NAN, height: NAN, sides: 3 }),
+        (&EXTRUSION, || Shape::Extrusion { points: Vec::new(), height: NAN }),
+        (&SPHERE, || NO_SHAPE),
+        (&ELLIPSOID, || Shape::Ellipsoid { semi_axes: [NAN; 3], sides: None }),
+        (&TORUS, || Shape::Torus { radius: NAN, tube_radius: NAN, sides: None }),
+    ],
+    none: || NO_SHAPE,
+};
+
+impl Value for Shape {
+    fn read(item: &ListItem<'_>, _: &'static Row) -> Result<Self> {
+        SHAPES.read(item)
+    }
+
+    fn write(&self, _: &Row, base: &Base<'_>) -> Result<Option<String>> {
+        let (word, keys) = SHAPES.write(self, base)?;
+        Ok(Some(format!("{{ {word} = {keys} }}")))
+    }
+
+    fn check(&self, key: &str, _: &Row, faults: &mut Faults) {
+        SHAPES.check(self, key, faults);
+        if let Self::Torus { radius, tube_radius, .. } = self
+            && *tube_radius > 0.0
+            && tube_radius >= radius
+        {
+            let allowed = format!("less than radius, {}", Length.format(*radius));
+            let key = format!("{key}.torus.tube_radius");
+            faults.add(Error::scene(key, Length.format(*tube_radius), allowed));
+        }
+    }
+}
+
+/// Corners of a polygon.
+impl Value for Vec<[f64; 2]> {
+    fn read(item: &ListItem<'_>, row: &'static Row) -> Result<Self> {
+        let point = "a corner, such as [\"1 mm\", \"2 mm\"]";
+        let corner = |item: &ListItem<'_>| item.array(point, |item| item.quantity(Length));
+        item.items(&row.allowed())?.iter().map(corner).collect()
+    }
+
+    fn write(&self, _: &Row, _: &Base<'_>) -> Result<Option<String>> {
+        let corners: Vec<_> = self.iter().map(|point| list(point, Length)).collect();
+        Ok(Some(format!("[{}]", corners.join(", "))))
+    }
+
+    fn check(&self, key: &str, _: &Row, faults: &mut Faults) {
+        polygon::validate(key, self, faults);
+    }
+}
