@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use beamlet::internals::scene::{tables, title};
-use beamlet::scene::Scene;
+use beamlet::scene::{Scene, json_schema};
 
 const DOCS: &str = "docs/scene.md";
 
@@ -71,4 +71,53 @@ fn example_of_a_whole_scene_loads() {
     let mut blocks = page.split("```toml\n").skip(1);
     let text = blocks.next().unwrap().split("```").next().unwrap();
     Scene::from_toml(text, ".").unwrap();
+}
+
+/// A scene with every table that has a default.
+const FULL: &str = r#"
+source = { distance = "1.21 m", spot = "30 um", spectrum = { anode = "tungsten", kvp = "60 kV" } }
+detector = { distance = "1.8 m", pixels = [8, 8], pitch = "150 um", photons = 100 }
+sample_mask = { distance = "1.2 m", transmission = 0, aperture = "20 um" }
+sampling = {}
+scan = {}
+surroundings = {}
+[[object]]
+name = "cone"
+material = "carbon"
+shape = { cone = { radius = "10 um", height = "10 um" } }
+[[object]]
+name = "balls"
+material = "carbon"
+shape = { sphere = { radius = "10 um" } }
+instances = { packing = "spheres", region = { sphere = { radius = "1 mm" } }, count = 2 }
+"#;
+
+#[test]
+fn defaults_of_the_table_are_those_of_the_reader() {
+    let place = tempfile::tempdir().unwrap();
+    let path = place.path().join("scene.toml");
+    std::fs::write(&path, FULL).unwrap();
+    let without = Scene::load(&path).unwrap();
+    let schema = json_schema();
+    let mut compared = 0;
+    for (keys, pointer) in [
+        ("source.spectrum", "/source/properties/spectrum/anyOf/1"),
+        ("detector", "/detector"),
+        ("sample_mask", "/sample_mask"),
+        ("sampling", "/sampling"),
+        ("scan", "/scan"),
+        ("surroundings", "/surroundings"),
+        ("object.cone", "/object/items"),
+        ("object.cone.shape.cone", "/object/items/properties/shape/properties/cone"),
+        ("object.balls.instances", "/object/items/properties/instances/anyOf/1"),
+    ] {
+        let table = schema.pointer(&format!("/properties{pointer}/properties")).unwrap();
+        for (key, about) in table.as_object().unwrap() {
+            let Some(default) = about.get("default") else { continue };
+            let set = format!("{keys}.{key}={default}");
+            assert_eq!(Scene::load_with(&path, &[set.clone()]).unwrap(), without, "{set}");
+            compared += 1;
+        }
+    }
+    assert!(compared > 25, "only {compared} defaults");
 }

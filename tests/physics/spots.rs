@@ -547,6 +547,7 @@ fn what_is_no_spot_is_refused_with_file_and_key() {
         ("{ gaussians = [{ weight = 1 }] }".into(), vec!["gaussians[0].fwhm", "missing"]),
         ("{ gaussians = [{ width = 1 }] }".into(), vec!["width", "unknown key"]),
         ("{ fwhm = \"1 um\", points = [101, 51] }".into(), vec!["source.spot.points", "4096"]),
+        ("{ fwhm = \"-1 um\", points = [3, 3] }".into(), vec!["source.spot", ">= 0"]),
         ("{ points = [3, 3] }".into(), vec!["source.spot.fwhm", "missing"]),
         ("\"-1 um\"".into(), vec!["source.spot", ">= 0"]),
     ] {

@@ -1,22 +1,9 @@
 //! Keys of the detector.
 
-use std::path::PathBuf;
-
-use super::faults::Faults;
-use super::record::{Keys, Record, keys};
-use super::row::Group::{Forms, With};
-use super::row::Kind::{Count, Counts, Number, Pair, Quantity, Table as Inner, Word};
-use super::row::Need::{Default, Required, Without};
-use super::row::{ANY, IMAGE, MATERIAL, NOT_NEGATIVE, POSITIVE, Row};
-use super::value::{Base, Value, optional, words};
+use super::prelude::*;
 use crate::scene::detector::{
     Absorber, Blur, Counts as Noise, Detector, DetectorMode, KernelFile, Scatter,
 };
-use crate::scene::limits;
-use crate::scene::table::{ListItem, Table};
-use crate::scene::text::quoted;
-use crate::units::Dimension::{Energy, Length};
-use crate::{Error, Result};
 
 /// Photons of an open pixel: beyond this f64 does not resolve neighbouring counts.
 const PHOTONS: f64 = 1e12;
@@ -39,10 +26,10 @@ keys! { DETECTOR: Detector, "detector",
         "What a photon adds to the signal: one count, or its energy.";
     threshold_low at Detector { mode: DetectorMode::Counting { low: threshold_low, .. }, .. } =>
         Quantity(Energy, POSITIVE), Without("none"), r#""20 keV""#,
-        "Photons below are not counted; up to the highest energy of the beam.";
+        "Photons below are not counted; counting only, up to the highest energy of the beam.";
     threshold_high at Detector { mode: DetectorMode::Counting { high: threshold_high, .. }, .. } =>
         Quantity(Energy, POSITIVE), Without("none"), r#""60 keV""#,
-        "Photons above are not counted; above `threshold_low`, up to the highest energy of the beam.";
+        "Photons above are not counted; counting only, above `threshold_low`, up to the highest energy of the beam.";
     absorber => Inner(&ABSORBER.spec), Without("absorbs every photon"),
         r#"{ material = "CsI", thickness = "600 um" }"#, "Scintillator or sensor.";
     blur => Inner(&BLUR.spec), Without("none"), r#"{ fwhm = "80 um" }"#,

@@ -80,9 +80,9 @@ fn unit(kind: &Kind) -> String {
         Kind::Flag => "true or false".into(),
         Kind::Word(_) => "word".into(),
         Kind::Name(_) => "name".into(),
-        Kind::File(_) => "path of a file".into(),
+        Kind::File(noun) => (*noun).into(),
         Kind::Hash => "64 hexadecimal digits".into(),
-        Kind::Table(_) | Kind::Named(Kind::Table(_)) => "table".into(),
+        Kind::Inner(_) | Kind::Named(Kind::Inner(_)) => "table".into(),
         Kind::Named(values) => format!("table of {}s by name", unit(values)),
         Kind::Tables(_) => "list of tables".into(),
         Kind::Either(_, short, _) => format!("{}, or a table", unit(short)),
@@ -113,6 +113,10 @@ fn default(row: &Row, spec: &Spec) -> String {
     let heads: Vec<&str> =
         own.iter().map(|form| form[0]).filter(|head| *head != row.name).collect();
     let with = match spec.with(row.name) {
+        // A word counts with its default, too.
+        Some((head, _)) if spec.row(head).is_some_and(|it| matches!(it.kind, Kind::Word(_))) => {
+            Vec::new()
+        }
         Some((head, _)) => vec![head],
         None => heads,
     };

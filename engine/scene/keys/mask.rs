@@ -1,16 +1,7 @@
 //! Keys of the masks.
 
-use super::faults::Faults;
-use super::record::{Keys, Record, keys};
-use super::row::Group::Forms;
-use super::row::Kind::{Number, Quantity};
-use super::row::Need::{Default, Required, Without};
-use super::row::{ANY, MATERIAL, POSITIVE, within};
-use super::value::optional;
-use crate::scene::table::Table;
+use super::prelude::*;
 use crate::scene::{Detector, MaskBody, MaskSpec};
-use crate::units::Dimension::Length;
-use crate::{Error, Result};
 
 keys! { MASK: MaskSpec, "sample_mask",
     [Forms(&[&["transmission"], &["material", "thickness"]], 1),

@@ -1,26 +1,13 @@
 //! Keys of a material that the scene defines.
 
-use std::path::PathBuf;
-
-use super::faults::{Faults, in_range, named};
-use super::record::{Keys, Record, keys};
-use super::row::Group::Forms;
-use super::row::Kind::{File, Name, Named, Number, Quantity};
-use super::row::Need::Required;
-use super::row::{Kind, NOT_NEGATIVE, POSITIVE, Row};
-use super::value::{Base, Value};
-use crate::scene::table::ListItem;
-use crate::scene::text::{number, quoted};
-use crate::scene::{MaterialSpec, check_formula, limits, path};
-use crate::units::Dimension::{Attenuation, Density};
-use crate::{Error, Result, printed};
+use super::prelude::*;
+use crate::scene::{MaterialSpec, check_formula, path};
 
 /// How far the weights of a mixture may be from 1, or in per cent from 100: tables round theirs.
 const WEIGHTS_OFF: f64 = 0.005;
 const SHARE: Kind = Number("a share by weight", POSITIVE);
 /// Refractive index decrement: beyond this its expansion is no longer that of X-rays.
-const DELTA: super::row::Range =
-    super::row::Range { low: Some((-0.1, false)), high: Some((0.1, false)) };
+const DELTA: Range = Range { low: Some((-0.1, false)), high: Some((0.1, false)) };
 
 keys! { MATERIALS: MaterialSpec, "materials.NAME",
     [Forms(&[&["table"], &["formula", "density"], &["mixture", "density"], &["mu", "delta"]], 1)],

@@ -7,11 +7,13 @@
 //! | `faults.rs` | errors of ranges |
 //! | `value.rs` | values by their kind: reading, writing, checking |
 //! | `record.rs` | structs by their rows; the macro that makes both |
+//! | `prelude.rs` | names that the files of rows share |
 //! | others | rows by subject, each with the code that a row does not say |
 //! | `top.rs` | the top level of the file |
 //! | `docs.rs`, `schema.rs` | the tables of docs/scene.md; the JSON Schema |
 
 pub(crate) mod faults;
+mod prelude;
 pub(crate) mod record;
 pub(crate) mod row;
 pub(crate) mod value;

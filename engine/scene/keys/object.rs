@@ -1,29 +1,14 @@
 //! Keys of the objects and of the region of the surroundings.
 
-use std::path::PathBuf;
-
-use super::faults::{Faults, in_range};
 use super::packing::{INSTANCES, PACKING, packed_shape};
-use super::record::{Keys, Record, keys};
-use super::row::Group::Forms;
-use super::row::Kind::{
-    Direction, Either, File, Flag, Hash, Lengths, Name, Number, Quantity, Table as Inner, Tables,
-    Unit, Word,
-};
-use super::row::Need::{Default, Required, Without};
-use super::row::{ANY, Kind, MATERIAL, POSITIVE, Row, within};
+use super::prelude::*;
 use super::shape::{BOX, CYLINDER, NO_SHAPE, SHAPE};
-use super::value::{Base, Value, words};
-use crate::scene::table::ListItem;
-use crate::scene::text::quoted;
-use crate::scene::{Instances, Mesh, MeshFormat, Normals, Object, Placement, ShapeOrMesh, limits};
-use crate::units::Dimension::{Angle, Length};
-use crate::{Error, Result};
+use crate::scene::{Instances, Mesh, MeshFormat, Normals, Object, Placement, ShapeOrMesh};
 
 const MESH: Kind = File("path of a file");
 const NO_SIZE: &str = "the length of 1.0 in the mesh file, such as \"mm\" or \"25.4 mm\"";
 const LENGTHS: Kind = Lengths("three lengths", ANY);
-const ORIGIN: super::row::Need = Default(r#"["0 m", "0 m", "0 m"]"#);
+const ORIGIN: Need = Default(r#"["0 m", "0 m", "0 m"]"#);
 const SCALE: Kind = Number("a number", POSITIVE);
 const GROUP: Kind = Name("name of an object, group or material of the file");
 

@@ -1,21 +1,9 @@
 //! Keys of instances: a file of positions, or a packing.
 
-use std::path::PathBuf;
-
-use super::faults::Faults;
-use super::record::{Keys, OneOf, Record, keys};
-use super::row::Group::Forms;
-use super::row::Kind::{Count, Lengths, Number, Quantity, Table as Inner, Word};
-use super::row::Need::{Default, Required};
-use super::row::{NOT_NEGATIVE, POSITIVE, Row, within};
-use super::value::{Base, Value, words};
-use crate::scene::table::ListItem;
-use crate::scene::text::quoted;
+use super::prelude::*;
 use crate::scene::{
-    Instances, Packing, PackingAmount, PackingKind, PackingRegion, Shape, ShapeOrMesh, limits,
+    Instances, Packing, PackingAmount, PackingKind, PackingRegion, Shape, ShapeOrMesh,
 };
-use crate::units::Dimension::Length;
-use crate::{Error, Result};
 
 /// What `instances` takes, in words.
 pub(crate) const INSTANCES: &str =

@@ -11,7 +11,8 @@ use crate::scene::table::{ListItem, Table};
 /// A table of the scene file, with the place of each key in a struct.
 pub(crate) struct Keys<T: 'static> {
     pub(crate) spec: Spec,
-    pub(crate) fields: &'static [&'static dyn Field<T>],
+    /// `None` for a key that code beside the table reads.
+    pub(crate) fields: &'static [Option<&'static dyn Field<T>>],
 }
 
 impl<T> fmt::Debug for Keys<T> {
@@ -24,10 +25,6 @@ impl<T> fmt::Debug for Keys<T> {
 pub(crate) trait Field<T>: Sync {
     /// Whether the value has this place.
     fn holds(&self, it: &T) -> bool;
-    /// Whether code beside the table reads the key.
-    fn is_by_hand(&self) -> bool {
-        false
-    }
     /// Reads the key into its place.
     fn read(&self, it: &mut T, item: &ListItem<'_>, row: &'static Row) -> Result<()>;
     /// The value at the place as TOML; `None` where it has no such place or leaves the key out.
@@ -65,46 +62,23 @@ impl<T, V: Value> Field<T> for At<T, V> {
     }
 }
 
-/// A key without a place of its own: code beside the table reads it.
-pub(crate) struct ByHand;
-
-impl<T> Field<T> for ByHand {
-    fn holds(&self, _: &T) -> bool {
-        false
-    }
-
-    fn is_by_hand(&self) -> bool {
-        true
-    }
-
-    fn read(&self, _: &mut T, _: &ListItem<'_>, _: &'static Row) -> Result<()> {
-        Ok(())
-    }
-
-    fn write(&self, _: &T, _: &Row, _: &Base<'_>) -> Result<Option<String>> {
-        Ok(None)
-    }
-
-    fn check(&self, _: &T, _: &str, _: &Row, _: &mut Faults) {}
-}
-
 /// A table of keys: `keys! { NAME: Struct, "path", [groups], [other names]; rows }`, or without the
 /// struct where other code reads the table. A row is `name => kind, need, example, documentation;`.
 /// Its place is the field of its name; `name at PATTERN` has the pattern that binds `name`, and
 /// `name by hand` has no place.
 macro_rules! keys {
-    (@place $type:ty, $name:ident by hand) => { &$crate::scene::keys::record::ByHand };
+    (@place $type:ty, $name:ident by hand) => { None };
     (@place $type:ty, $name:ident at $place:pat) => {
-        &$crate::scene::keys::record::At {
+        Some(&$crate::scene::keys::record::At {
             get: |it: &$type| match it { $place => Some($name), _ => None },
             set: |it: &mut $type| match it { $place => Some($name), _ => None },
-        }
+        })
     };
     (@place $type:ty, $name:ident) => {
-        &$crate::scene::keys::record::At {
+        Some(&$crate::scene::keys::record::At {
             get: |it: &$type| Some(&it.$name),
             set: |it: &mut $type| Some(&mut it.$name),
-        }
+        })
     };
     (@spec $path:literal, [$($group:expr),*], [$($other:literal => $meant:literal),*];
      $($name:ident => $kind:expr, $need:expr, $example:literal, $doc:literal;)*) => {
@@ -142,12 +116,13 @@ pub(crate) use keys;
 
 impl<T> Keys<T> {
     fn rows(&self) -> impl Iterator<Item = (&'static Row, &'static dyn Field<T>)> {
-        self.spec.rows.iter().zip(self.fields.iter().copied())
+        let both = self.spec.rows.iter().zip(self.fields);
+        both.filter_map(|(row, field)| Some((row, (*field)?)))
     }
 
     /// Whether the value has a place for the first key.
     pub(crate) fn holds(&self, it: &T) -> bool {
-        self.fields.first().is_some_and(|field| field.holds(it))
+        self.rows().next().is_some_and(|(_, field)| field.holds(it))
     }
 
     /// Reads the keys of a table into a value that has their places.
@@ -158,14 +133,14 @@ impl<T> Keys<T> {
                     let done = field.read(it, &item, row);
                     item.or_instead(done, ())?;
                 }
-                Some(item) if !field.is_by_hand() => {
+                Some(item) => {
                     let why = self.spec.with(row.name).map_or("no such key", |(_, why)| why);
                     item.refuse(item.error("the key", why), ())?;
                 }
                 None if matches!(row.need, Need::Required) && field.holds(it) => {
                     table.require(row.name)?;
                 }
-                _ => {}
+                None => {}
             }
         }
         Ok(())

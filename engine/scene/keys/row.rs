@@ -90,7 +90,7 @@ pub(crate) enum Kind {
     /// SHA-256 of a file.
     Hash,
     /// A table.
-    Table(&'static Spec),
+    Inner(&'static Spec),
     /// A list of tables.
     Tables(&'static Spec),
     /// A table whose keys are names, and the kind of its values.
@@ -204,7 +204,7 @@ impl Kind {
     /// The table that this kind is, or may be.
     pub(crate) fn table(&self) -> Option<&'static Spec> {
         match self {
-            Self::Table(spec) | Self::Tables(spec) => Some(spec),
+            Self::Inner(spec) | Self::Tables(spec) => Some(spec),
             Self::Either(_, _, table) => table.table(),
             _ => None,
         }
@@ -242,8 +242,8 @@ impl Row {
             Kind::Unit => such("the length of 1.0 in the mesh file"),
             Kind::Direction => such("a direction"),
             Kind::Hash => "the SHA-256 of the file, 64 hexadecimal digits".to_owned(),
-            Kind::Table(spec) if !spec.path.contains('.') => format!("a table [{}]", spec.path),
-            Kind::Table(_) | Kind::Named(_) => such("a table"),
+            Kind::Inner(spec) if !spec.path.contains('.') => format!("a table [{}]", spec.path),
+            Kind::Inner(_) | Kind::Named(_) => such("a table"),
             Kind::Tables(_) => such("a list of tables"),
             Kind::Either("", short, _) => self.allowed_of(short),
             Kind::Either(words, ..) => (*words).to_owned(),

@@ -1,16 +1,7 @@
 //! Keys of sampling.
 
-use super::faults::Faults;
-use super::record::{Keys, Record, keys};
-use super::row::Kind::{Count, Counts, Number, Quantity, Word};
-use super::row::Need::{Default, Without};
-use super::row::{POSITIVE, Row, within};
-use super::value::{Base, Value, words};
-use crate::scene::table::ListItem;
-use crate::scene::text::quoted;
-use crate::scene::{Sampling, Scheme, Transport, limits};
-use crate::units::Dimension::Angle;
-use crate::{Error, Result};
+use super::prelude::*;
+use crate::scene::{Sampling, Scheme, Transport};
 
 keys! { SAMPLING: Sampling, "sampling", [], [];
     scheme => Word(SCHEMES), Default(r#""cells""#), r#""random""#,

@@ -1,17 +1,7 @@
 //! Keys of the scan: mask offsets and angles, as lists or ranges.
 
-use super::faults::Faults;
-use super::record::{Keys, Record, keys};
-use super::row::Group::Forms;
-use super::row::Kind::{Count, Either, Series, Step, Table as Inner};
-use super::row::Need::{Default, Required};
-use super::row::{Kind, Row};
-use super::value::{Base, Value};
-use crate::scene::table::{ListItem, Table};
-use crate::scene::text::{list, quantity};
-use crate::scene::{Scan, limits};
-use crate::units::Dimension::{self, Angle, Length};
-use crate::{Error, Result};
+use super::prelude::*;
+use crate::scene::Scan;
 
 keys! { SCAN: Scan, "scan", [],
     ["steps" => "mask_offsets", "offsets" => "mask_offsets", "views" => "angles"];

@@ -109,7 +109,7 @@ fn kind(kind: &Kind) -> Value {
         Kind::Direction => several(&json!({ "type": "number" }), 3, 3),
         Kind::Count(low, high) => whole(*low, *high),
         Kind::Counts(_, low, high) => several(&whole(*low, *high), 2, 2),
-        Kind::Table(spec) => table(spec),
+        Kind::Inner(spec) => table(spec),
         Kind::Tables(spec) => json!({ "type": "array", "items": table(spec) }),
         Kind::Named(values) => {
             json!({ "type": "object", "additionalProperties": self::kind(values) })

@@ -1,21 +1,11 @@
 //! Keys of built-in shapes.
 
-use super::faults::Faults;
-use super::record::{OneOf, keys};
-use super::row::Group::Forms;
-use super::row::Kind::{Corners, Count, Lengths, Quantity, Table as Inner};
-use super::row::Need::{Default, Required, Without};
-use super::row::{NOT_NEGATIVE, POSITIVE, Row};
-use super::value::{Base, Value};
-use crate::scene::table::ListItem;
-use crate::scene::text::list;
-use crate::scene::{Shape, limits, polygon};
-use crate::units::Dimension::Length;
-use crate::{Error, Result};
+use super::prelude::*;
+use crate::scene::{Shape, polygon};
 
 /// Stands for a shape that was refused.
 pub(crate) const NO_SHAPE: Shape = Shape::Sphere { radius: f64::NAN, sides: None };
-const EXACT: super::row::Need = Without("none: exact");
+const EXACT: Need = Without("none: exact");
 
 keys! { SHAPE, "object.shape",
     [Forms(&[&["box"], &["cylinder"], &["cone"], &["prism"], &["extrusion"], &["sphere"],

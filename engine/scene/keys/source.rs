@@ -1,21 +1,9 @@
 //! Keys of the source: its spot, and its beam as one energy or a spectrum.
 
-use std::path::PathBuf;
-
-use super::faults::Faults;
-use super::record::{Keys, Record, keys};
-use super::row::Group::Forms;
-use super::row::Kind::{Count, Either, File, Pair, Quantity, Table as Inner, Tables, Word};
-use super::row::Need::{Default, Required, Without};
-use super::row::{MATERIAL, NOT_NEGATIVE, POSITIVE, Row, within};
+use super::prelude::*;
 use super::spot::SPOT;
-use super::value::{Base, Value, words};
 use crate::scene::beam::{ANODE_ANGLE, ANODE_ANGLES};
-use crate::scene::table::ListItem;
-use crate::scene::text::quoted;
-use crate::scene::{Anode, Beam, Filter, Source, SpectrumOrigin, SpectrumSpec, limits};
-use crate::units::Dimension::{Angle, Energy, Length, Voltage};
-use crate::{Error, Result};
+use crate::scene::{Anode, Beam, Filter, Source, SpectrumOrigin, SpectrumSpec};
 
 const FILE: &str = "path of a file with the columns energy_keV and weight";
 const FORMS: &str = "path of a file, { file = ... } or { anode = ..., kvp = ... }";

@@ -1,19 +1,9 @@
 //! Keys of the focal spot: a size, or a table of another shape. Files are read at once: a scene holds
 //! the Gaussians that were made of them.
 
-use std::path::PathBuf;
-
-use super::faults::{Faults, in_range};
-use super::record::{Keys, Record, inline, keys};
-use super::row::Group::Forms;
-use super::row::Kind::{Counts, File, Number, Pair, Tables};
-use super::row::Need::{Default, Required, Without};
-use super::row::{ANY, IMAGE, Kind, NOT_NEGATIVE, POSITIVE, Row};
-use super::value::{Base, Value, optional, required};
+use super::prelude::*;
 use crate::scene::limits::SPOT_PARTS;
-use crate::scene::table::{ListItem, Table};
 use crate::spot::{Spot, SpotPart};
-use crate::{Error, Result};
 
 keys! { SPOT, "source.spot",
     [Forms(&[&["image", "pixel", "background"], &["profile"], &["gaussians"], &["fwhm", "points"]], 3)],
@@ -75,7 +65,10 @@ impl Value for Spot {
             "gaussians" => Ok(Self::gaussians(required(&table, "gaussians")?)),
             _ => {
                 let fwhm: [f64; 2] = required(&table, "fwhm")?;
-                let Some(points) = table.get("points") else { return Ok(fwhm.into()) };
+                let sound = fwhm.iter().all(|side| *side >= 0.0);
+                let Some(points) = table.get("points").filter(|_| sound) else {
+                    return Ok(fwhm.into());
+                };
                 let count: [u32; 2] = required(&table, "points")?;
                 if count[0].saturating_mul(count[1]) > SPOT_PARTS {
                     return Err(points.mismatch(format!("up to {SPOT_PARTS} points in all")));

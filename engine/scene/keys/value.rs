@@ -25,7 +25,7 @@ pub(crate) trait Value: Sized {
     fn write(&self, row: &Row, base: &Base<'_>) -> Result<Option<String>>;
 
     /// Notes what is not allowed in the value of this key.
-    fn check(&self, key: &str, row: &Row, faults: &mut Faults);
+    fn check(&self, _key: &str, _row: &Row, _faults: &mut Faults) {}
 }
 
 /// Reads the value of a key, if it is there.
@@ -214,8 +214,6 @@ impl Value for bool {
     fn write(&self, _: &Row, _: &Base<'_>) -> Result<Option<String>> {
         Ok(Some(self.to_string()))
     }
-
-    fn check(&self, _: &str, _: &Row, _: &mut Faults) {}
 }
 
 impl Value for String {
@@ -273,8 +271,6 @@ macro_rules! words {
                 let word = match self { $(Self::$variant { .. } => $word),+ };
                 Ok(Some(quoted(word)))
             }
-
-            fn check(&self, _: &str, _: &Row, _: &mut Faults) {}
         }
     };
 }
