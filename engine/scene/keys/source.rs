@@ -48,7 +48,7 @@ keys! { SPECTRUM: SpectrumSpec, "source.spectrum",
     anode at SpectrumSpec { origin: SpectrumOrigin::Tube { anode, .. }, .. } =>
         Word(ANODES), Required, r#""tungsten""#, "Metal of the target.";
     kvp at SpectrumSpec { origin: SpectrumOrigin::Tube { kvp, .. }, .. } =>
-        Quantity(Voltage, POSITIVE), Required, r#""60 kV""#,
+        Quantity(Voltage, ANY), Required, r#""60 kV""#,
         "Tube voltage: 20 kV to 160 kV for tungsten, to 50 kV for molybdenum.";
     anode_angle at SpectrumSpec { origin: SpectrumOrigin::Tube { anode_angle, .. }, .. } =>
         Quantity(Angle, within(ANODE_ANGLES[0], ANODE_ANGLES[1])), Default(r#""12 deg""#), r#""20 deg""#,
@@ -87,7 +87,7 @@ impl Record for SpectrumSpec {
     fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         let SpectrumOrigin::Tube { anode, kvp, .. } = &self.origin else { return };
         let [low, high] = anode.kvp_range();
-        if *kvp > 0.0 && !(low..=high).contains(kvp) {
+        if !(low..=high).contains(kvp) {
             let allowed = format!("{low} kV to {high} kV for an anode of {}", anode.name());
             faults.add(Error::scene(key("kvp"), Voltage.format(*kvp), allowed));
         }

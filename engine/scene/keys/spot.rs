@@ -99,7 +99,7 @@ fn check_parts(parts: &[SpotPart], spot: &str, row: &Row) -> Result<()> {
         return Err(Error::scene(all, found, format!("1 to {most}")));
     }
     if let [SpotPart { weight: 1.0, fwhm, offset: [0.0, 0.0] }] = parts {
-        let Kind::Either(_, pair, _) = row.kind else { return Ok(()) };
+        let Either(_, pair, _) = row.kind else { return Ok(()) };
         return fwhm.iter().try_for_each(|fwhm| in_range(spot, pair, *fwhm));
     }
     let mut faults = Faults::default();
