@@ -253,19 +253,20 @@ impl<T: Record> Value for Vec<T> {
     }
 }
 
+/// Keys, and a value that has their places.
+type Begun<T> = (&'static Keys<T>, fn() -> T);
+
 /// An enum that is one of several tables, each under its word: `{ sphere = { radius = "1 mm" } }`.
 pub(crate) struct OneOf<T: 'static> {
     pub(crate) spec: &'static Spec,
-    /// Keys of each word, in the order of the rows, and a value that has their places.
-    pub(crate) kinds: &'static [(&'static Keys<T>, fn() -> T)],
+    /// Keys of each word, in the order of the rows.
+    pub(crate) kinds: &'static [Begun<T>],
     /// Stands for a value that is wrong.
     pub(crate) none: fn() -> T,
 }
 
 impl<T> OneOf<T> {
-    fn named(
-        &self,
-    ) -> impl Iterator<Item = (&'static str, &'static (&'static Keys<T>, fn() -> T))> {
+    fn named(&self) -> impl Iterator<Item = (&'static str, &'static Begun<T>)> {
         self.spec.rows.iter().map(|row| row.name).zip(self.kinds)
     }
 
