@@ -85,7 +85,8 @@ fn unit(kind: &Kind) -> String {
         Kind::Inner(_) | Kind::Named(Kind::Inner(_)) => "table".into(),
         Kind::Named(values) => format!("table of {}s by name", unit(values)),
         Kind::Tables(_) => "list of tables".into(),
-        Kind::Either(_, short, _) => format!("{}, or a table", unit(short)),
+        Kind::Either(_, short, Kind::Inner(_)) => format!("{}, or a table", unit(short)),
+        Kind::Either(_, one, other) => format!("{}, or {}", unit(one), unit(other)),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Errors of values that are not allowed.
 
-use super::row::{Kind, Row};
+use super::row::Kind;
 use crate::{Error, Result, printed};
 
 /// The errors of values found so far.
@@ -28,8 +28,8 @@ pub(crate) fn in_range(key: &str, kind: &Kind, value: f64) -> Result<()> {
 }
 
 /// Refuses a whole number beyond the range of its kind.
-pub(crate) fn whole(key: &str, row: &Row, value: u64) -> Result<()> {
-    match row.kind {
+pub(crate) fn whole(key: &str, kind: &Kind, value: u64) -> Result<()> {
+    match *kind {
         Kind::Count(low, high) | Kind::Counts(_, low, high) if !(low..=high).contains(&value) => {
             let allowed = format!("a whole number from {low} to {high}");
             Err(Error::scene(key, value.to_string(), allowed))

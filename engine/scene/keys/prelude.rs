@@ -2,7 +2,7 @@
 
 pub(super) use std::path::PathBuf;
 
-pub(super) use super::faults::{Faults, in_range, named};
+pub(super) use super::faults::{Faults, in_range, named, whole};
 pub(super) use super::record::{Keys, OneOf, Record, inline, keys};
 pub(super) use super::row::Group::{Forms, With};
 pub(super) use super::row::Kind::{

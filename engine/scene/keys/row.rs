@@ -95,7 +95,7 @@ pub(crate) enum Kind {
     Tables(&'static Spec),
     /// A table whose keys are names, and the kind of its values.
     Named(&'static Self),
-    /// A short form or a table; what is allowed, where the short form does not say it all.
+    /// One of two kinds, the shorter one first; what is allowed, where it does not say it all.
     Either(&'static str, &'static Self, &'static Self),
 }
 

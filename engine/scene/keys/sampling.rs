@@ -1,7 +1,7 @@
 //! Keys of sampling.
 
 use super::prelude::*;
-use crate::scene::{Sampling, Scheme, Transport};
+use crate::scene::{RandomRays, Sampling, Scheme, Transport};
 
 keys! { SAMPLING: Sampling, "sampling", [], [];
     scheme => Word(SCHEMES), Default(r#""cells""#), r#""random""#,
@@ -16,8 +16,8 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
         "Error of the mean refraction of the light that a mask step lets through, where no silhouette crosses the pixel.";
     max_rays => Count(1, limits::RAYS as u64), Default("200000"), "20000",
         "Most rays of a beamlet and row in a view.";
-    rays => Counts("rays per pixel in x and z", 1, limits::RAYS as u64), Default("[5000, 1]"), "[5000, 1]",
-        "Rays per pixel of the scheme `random`; up to 400000 in a pixel.";
+    rays => Either(RAYS, &ONE, &Counts("counts in x, z", 1, limits::RAYS as u64)), Default("5000"), "[100, 10]",
+        "Rays of a pixel under the scheme `random`, spread over it or in a grid; up to 400000 in all.";
     transport => Word(TRANSPORTS), Default(r#""auto""#), r#""exact""#,
         "Order of the transport through the sample.";
     seed => Count(0, u64::MAX), Default("1"), "7", "Seed of every random number.";
@@ -45,10 +45,43 @@ impl Record for Sampling {
             let allowed = format!("cells × rows up to {}", limits::CELLS);
             faults.add(Error::scene(key("cells"), found, allowed));
         }
-        let [x, z] = self.rays.map(u64::from);
-        if x * z > limits::RAYS_OF_PIXEL {
-            let allowed = format!("up to {} in a pixel", limits::RAYS_OF_PIXEL);
-            faults.add(Error::scene(key("rays"), format!("{} in a pixel", x * z), allowed));
+    }
+}
+
+const RAYS: &str =
+    "a number of rays, such as 5000, or a grid of them in x and z, such as [5000, 4]";
+const ONE: Kind = Count(1, limits::RAYS as u64);
+
+impl Value for RandomRays {
+    fn read(item: &ListItem<'_>, row: &'static Row) -> Result<Self> {
+        let most = limits::RAYS;
+        let rays = |item: &ListItem<'_>| {
+            item.integer(1..=u64::from(most)).map(|rays| u32::try_from(rays).unwrap_or(most))
+        };
+        match item.is_list() {
+            true => item.array(&row.allowed(), rays).map(Self::Grid),
+            false => rays(item).map(Self::Count),
         }
+    }
+
+    fn write(&self, row: &Row, base: &Base<'_>) -> Result<Option<String>> {
+        match self {
+            Self::Count(count) => count.write(row, base),
+            Self::Grid(grid) => grid.write(row, base),
+        }
+    }
+
+    fn check(&self, key: &str, _: &Row, faults: &mut Faults) {
+        let [x, z] = match *self {
+            Self::Count(count) => [count, 1],
+            Self::Grid(grid) => grid,
+        };
+        let [x, z] = [x, z].map(u64::from);
+        let each = whole(key, &ONE, x).and_then(|()| whole(key, &ONE, z));
+        if each.is_ok() && x * z > limits::RAYS_OF_PIXEL {
+            let allowed = format!("up to {} in a pixel", limits::RAYS_OF_PIXEL);
+            faults.add(Error::scene(key, format!("{} in a pixel", x * z), allowed));
+        }
+        faults.note(each);
     }
 }

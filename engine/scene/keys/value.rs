@@ -174,7 +174,7 @@ impl Value for u64 {
     }
 
     fn check(&self, key: &str, row: &Row, faults: &mut Faults) {
-        faults.note(whole(key, row, *self));
+        faults.note(whole(key, &row.kind, *self));
     }
 }
 
@@ -202,7 +202,7 @@ impl Value for [u32; 2] {
     }
 
     fn check(&self, key: &str, row: &Row, faults: &mut Faults) {
-        faults.note(self.iter().try_for_each(|value| whole(key, row, u64::from(*value))));
+        faults.note(self.iter().try_for_each(|value| whole(key, &row.kind, u64::from(*value))));
     }
 }
 
