@@ -4,8 +4,8 @@
 use crate::detector::{self, DetectorModel};
 use crate::geometry::{self, Defects, LoadStep, ObjectSummary, Sample, Swept};
 use crate::optics::{Mask, Optics};
-use crate::run::RunEstimate;
 use crate::run::memory::{self, MemoryEstimate};
+use crate::run::{EdgeBlur, RunEstimate};
 use crate::scene::Scene;
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
@@ -46,6 +46,8 @@ pub struct CheckReport {
     pub objects: Vec<CheckedObject>,
     /// Where objects overlap, touch or nearly do.
     pub contacts: Vec<CheckedContact>,
+    /// Error of edges off the rotation centre; `None` where there is none.
+    pub edges: Option<EdgeBlur>,
     /// What it will cost.
     pub work: Work,
     /// What looks odd but does not stop a run.
@@ -204,17 +206,18 @@ pub fn check_watched(
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
 ) -> Result<CheckReport> {
-    let mut report = load_lenient(scene, memory_limit, control)?.0;
+    let (mut report, _, edges) = load_lenient(scene, memory_limit, control)?;
+    report.add_edges(scene, edges.as_ref());
     report.work.no_estimate = Some("it needs a device".into());
     Ok(report)
 }
 
-/// The report without an estimate, and the geometry.
+/// The report without an estimate and without edges, the geometry, and the bound of its edges.
 fn load_lenient(
     scene: &Scene,
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
-) -> Result<(CheckReport, Sample)> {
+) -> Result<(CheckReport, Sample, Option<EdgeBlur>)> {
     let extent = StackShape::of(scene)?;
     let detector = DetectorModel::of(scene)?;
     let nodes = spectrum::nodes(scene)?;
@@ -236,7 +239,6 @@ fn load_lenient(
     }
     warnings.extend(scene.source.spot.warnings());
     warnings.extend(scene.middle_line_warning());
-    warnings.extend(swept.blur_warning(scene));
     warnings.extend(detector::offset_warning(scene));
     for object in &sample.objects {
         warnings.extend(object.warnings.iter().map(|text| format!("{}: {text}", object.name)));
@@ -248,6 +250,7 @@ fn load_lenient(
         title: scene.title.clone(),
         setup: setup(scene, &swept, extent, nodes, &detector),
         illumination: None,
+        edges: None,
         work: Work {
             estimate: None,
             no_estimate: None,
@@ -260,7 +263,16 @@ fn load_lenient(
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
-    Ok((report, sample))
+    let edges = run::edge_blur::bounded(scene, &swept);
+    Ok((report, sample, edges))
+}
+
+impl CheckReport {
+    /// Takes the error of edges off the rotation centre, with its warning.
+    fn add_edges(&mut self, scene: &Scene, edges: Option<&EdgeBlur>) {
+        self.warnings.extend(edges.and_then(|it| it.warning(scene.sampling.tolerance)));
+        self.edges = edges.cloned();
+    }
 }
 
 fn setup(

@@ -67,8 +67,8 @@ pub use gpu::{DeviceDescription, DeviceKind};
 pub use optics::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use parallel::start_threads;
 pub use run::{
-    Control, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate, Simulation,
-    ViewProgress, devices, load_sample, require_memory,
+    Control, EdgeBlur, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate,
+    Simulation, ViewProgress, devices, load_sample, require_memory,
 };
 pub use stack::{RunRecord, SamplingSummary, SearchCounts};
 pub use trace::{Ray, SurfaceCrossing, Tally};

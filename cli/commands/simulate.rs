@@ -137,6 +137,13 @@ pub(super) fn summary(
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
     if record.tally.rays == 0 {
         writeln!(out, "rays     none traced, in {seconds:.1} s")?;
+        if let Some(sampling) = &record.sampling {
+            writeln!(
+                out,
+                "sampling estimated error {:.1e} of open beam (rms), {:.1e} (worst)",
+                sampling.rms_error, sampling.worst_error
+            )?;
+        }
         return print_tally(&record.tally, out);
     }
     writeln!(out, "backend  {}: {}", record.backend, record.backend_reason)?;

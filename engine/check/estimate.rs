@@ -43,16 +43,23 @@ pub fn check_on_watched(
     control: &mut Control<'_>,
 ) -> Result<CheckReport> {
     let begin = Instant::now();
-    let (mut report, sample) = load_lenient(scene, engine.options().memory_limit, control)?;
+    let (mut report, sample, bounded) =
+        load_lenient(scene, engine.options().memory_limit, control)?;
     let loaded_in = begin.elapsed().as_secs_f64();
     add_curve(engine, scene, &mut report);
     if !report.refusals.is_empty() {
+        report.add_edges(scene, bounded.as_ref());
         report.work.no_estimate = Some("a run refuses the sample".into());
         return Ok(report);
     }
     let limit = engine.options().memory_limit;
     let objects = sample.objects.clone();
     let made = Simulation::of_loaded(engine, scene, Some(sample), control);
+    let edges = match &made {
+        Ok(made) => made.edge_blur(&control.cancel)?,
+        Err(_) => bounded,
+    };
+    report.add_edges(scene, edges.as_ref());
     match made.and_then(|made| made.estimate_until(&control.cancel)) {
         Ok(estimate) => {
             let seconds = loaded_in + estimate.seconds;
@@ -76,7 +83,8 @@ pub fn check_with_curve(
     scene: &Scene,
     control: &mut Control<'_>,
 ) -> Result<CheckReport> {
-    let mut report = load_lenient(scene, engine.options().memory_limit, control)?.0;
+    let (mut report, _, edges) = load_lenient(scene, engine.options().memory_limit, control)?;
+    report.add_edges(scene, edges.as_ref());
     report.work.no_estimate = Some("it was not requested".into());
     add_curve(engine, scene, &mut report);
     Ok(report)

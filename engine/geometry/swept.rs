@@ -5,20 +5,10 @@ use glam::{DVec2, DVec3};
 use super::Sample;
 use super::sizes::unit_doubt;
 use crate::error::{Error, Result};
-use crate::scene::{Object, Scene, Scheme, ShapeOrMesh};
-use crate::spot::deviation;
+use crate::scene::{Object, Scene, ShapeOrMesh};
 
 /// Points of an object that are kept before their hull replaces them.
 const MOST_POINTS: usize = 1 << 20;
-
-/// Integral over one side of an edge of what a blur takes there, per standard deviation:
-/// 1 / sqrt(2 pi).
-const EDGE: f64 = 0.398_942_3;
-/// Largest change of a distribution function per relative change of its deviation: one deviation off,
-/// exp(-1/2) / sqrt(2 pi).
-const STEEPEST: f64 = 0.241_970_7;
-/// Errors of edges that are worth a warning, share of open beam.
-const LEAST_OF_EDGES: f64 = 1e-3;
 
 /// Outline of each object seen along the rotation axis, enough for its extent in any view.
 #[derive(Debug, Clone, Default)]
@@ -129,18 +119,20 @@ impl Reached {
 impl Swept {
     /// Extent of each object in the view at `angle` (rad), in the order of the objects.
     pub fn extents(&self, angle: f64) -> impl Iterator<Item = BeamExtent> {
-        self.outlines.iter().map(move |outline| {
-            let turned = outline.turned(angle);
-            BeamExtent {
-                x: range(turned.clone().map(|p| p.x)),
-                y: range(turned.map(|p| p.y)),
-                z: outline.z,
-            }
-        })
+        self.outlines.iter().map(move |outline| outline.extent(angle))
     }
 }
 
 impl Outline {
+    fn extent(&self, angle: f64) -> BeamExtent {
+        let turned = self.turned(angle);
+        BeamExtent {
+            x: range(turned.clone().map(|p| p.x)),
+            y: range(turned.map(|p| p.y)),
+            z: self.z,
+        }
+    }
+
     /// The hull in the beam frame: source and detector turn by +angle, so it turns back.
     fn turned(&self, angle: f64) -> impl Iterator<Item = DVec2> + Clone {
         let back = DVec2::from_angle(-angle);
@@ -239,43 +231,14 @@ impl Swept {
         self.outlines.iter().skip(usize::from(scene.region().is_some()))
     }
 
-    /// Where edges are blurred wrongly, in words. Without a sample mask cells are blurred by the spot
-    /// as an object at the rotation centre is.
-    #[must_use]
-    pub fn blur_warning(&self, scene: &Scene) -> Option<String> {
-        if scene.sample_mask.is_some() || scene.sampling.scheme == Scheme::Random {
-            return None;
-        }
-        let centre = scene.source.distance;
-        let blur = |y: f64| scene.detector.distance / (centre + y) - 1.0;
-        let errors = [0, 1].map(|axis| {
-            let spot = deviation(scene.source.spot.fwhm()[axis]) / scene.detector.pitch[axis];
-            // An edge that takes all light: the integral over a pixel of the difference of two
-            // distribution functions, and what it is at most where pixels are smaller.
-            move |y: f64| {
-                let [own, there] = [0.0, y].map(|y| blur(y) * spot);
-                let apart = (own - there).abs();
-                (EDGE * apart).min(STEEPEST * apart / own.min(there).max(f64::MIN_POSITIVE))
-            }
-        });
-        let error = |y: f64| errors.iter().map(|error| error(y)).fold(0.0, f64::max);
-        let points = self.of_objects(scene).flat_map(|outline| {
-            let turned = scene.scan.angles.iter().flat_map(|angle| outline.turned(*angle));
-            turned.map(|point| (point.y, &outline.name))
-        });
-        let (y, name) = points.max_by(|a, b| error(a.0).total_cmp(&error(b.0)))?;
-        (error(y) > LEAST_OF_EDGES).then(|| {
-            format!(
-                "without sample_mask the spot blurs edges as if they stood at the rotation centre: \
-                 those of \"{name}\" {:.1} mm {} it, by {:.1} % too {}, up to {:.0e} of open beam \
-                 where they take all light; sampling.scheme = \"random\" blurs each where it stands",
-                y.abs() * 1e3,
-                if y < 0.0 { "before" } else { "behind" },
-                100.0 * (blur(0.0) / blur(y) - 1.0).abs(),
-                if y < 0.0 { "little" } else { "much" },
-                error(y)
-            )
-        })
+    /// Name and extent of each object in the view at `angle` (rad), without the region that the
+    /// surroundings fill.
+    pub(crate) fn extents_of_objects(
+        &self,
+        scene: &Scene,
+        angle: f64,
+    ) -> impl Iterator<Item = (&str, BeamExtent)> {
+        self.of_objects(scene).map(move |outline| (&*outline.name, outline.extent(angle)))
     }
 
     /// What of the sample may lie outside the field of view, in words; at most one sentence for

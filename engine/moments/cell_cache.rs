@@ -20,6 +20,11 @@ pub(super) struct Part {
 }
 
 impl Part {
+    /// The lists, of these rows alone.
+    pub(super) fn lists_of(&self, rows: &Range<i64>) -> impl Iterator<Item = Vec<CellBatch>> {
+        self.lists.iter().map(|lists| lists.iter().map(|list| list.of_rows(rows)).collect())
+    }
+
     pub(super) fn bytes(&self) -> u64 {
         let of_list = |list: &CellBatch| {
             list.cells.capacity() * size_of::<Cell>()
@@ -65,7 +70,7 @@ impl CellCache {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What was made of a place by these.
+    /// What was made by these of a place, or of more rows than it has.
     pub(super) fn find(
         &self,
         resample: &Resampled,
@@ -73,7 +78,14 @@ impl CellCache {
         place: &RowsOfView,
     ) -> Option<Arc<Part>> {
         let made = self.lock();
-        made.parts.get(place).filter(|_| made.is_by(resample, spectral)).cloned()
+        if !made.is_by(resample, spectral) {
+            return None;
+        }
+        let (view, rows) = place;
+        let holds =
+            |(own, all): &RowsOfView| own == view && all.start <= rows.start && rows.end <= all.end;
+        let containing = || made.parts.iter().find(|(place, _)| holds(place)).map(|(_, part)| part);
+        made.parts.get(place).or_else(containing).cloned()
     }
 
     /// Whether a part of some bytes would be kept.

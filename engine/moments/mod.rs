@@ -10,6 +10,7 @@ mod cell_cache;
 mod compatibility;
 mod content;
 pub(crate) mod file;
+mod finer;
 mod resample;
 
 pub(crate) use file::DIRECTORY;
@@ -27,6 +28,8 @@ use crate::{Error, Result, input_file};
 use cell_cache::{CellCache, Part};
 use content::Bounds;
 use file::MomentFile;
+pub(crate) use finer::Finer;
+use finer::SetUp;
 use resample::{Covered, Resampled};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -38,6 +41,7 @@ pub const DELTA_HEADROOM: f64 = 2.0;
 /// The moments that a run kept (`simulate --keep-moments`).
 #[derive(Debug)]
 pub struct StoredMoments {
+    run: PathBuf,
     directory: PathBuf,
     scene: Scene,
     views: Vec<MomentFile>,
@@ -83,7 +87,8 @@ impl StoredMoments {
         let views = (0..scene.scan.angles.len())
             .map(|view| MomentFile::open(&directory, numbers::count(view), &scene_digest))
             .collect::<Result<_>>()?;
-        Ok(Self { directory, scene, views, shared: CellCache::default(), _lock: lock })
+        let run = run.to_path_buf();
+        Ok(Self { run, directory, scene, views, shared: CellCache::default(), _lock: lock })
     }
 
     /// Caches up to `bytes` of the cells that the first scene makes, so that later scenes with the
@@ -157,9 +162,13 @@ impl StoredMoments {
         let resample = Resampled::new([traced, optics], [&old, lattice], media.names.len())?;
         let wide = self.views.iter().any(MomentFile::has_wide);
         let exact = scene.sampling.transport == Transport::Exact;
+        let was = SetUp { scene: &self.scene, optics: traced, lattice: &old, media: &base };
+        let is = SetUp { scene, optics, lattice, media: &now };
+        let finer = finer::finer(&was, &is, resample.cuts());
         Ok(StoredSource {
             kept: self,
             resample,
+            finer,
             media,
             reference,
             flagged: DELTA_HEADROOM * base.strongest(),
@@ -183,6 +192,8 @@ fn lock(run: &Path) -> Result<Option<LockedFile>> {
 pub(crate) struct StoredSource<'k> {
     kept: &'k StoredMoments,
     resample: Resampled,
+    /// By what the other scene needs finer cells than were kept, if it does.
+    pub(crate) finer: Option<Finer>,
     /// Materials of the other scene in the order of the moments.
     pub(crate) media: MaterialTable,
     /// Constants that exact transport was computed at.
@@ -194,6 +205,16 @@ pub(crate) struct StoredSource<'k> {
 }
 
 impl StoredSource<'_> {
+    /// Directory of the run that kept them.
+    pub(crate) fn run(&self) -> &Path {
+        &self.kept.run
+    }
+
+    /// Tolerance of the sampling of that run.
+    pub(crate) const fn base_tolerance(&self) -> f64 {
+        self.kept.scene.sampling.tolerance
+    }
+
     /// Lists of the cell rows of some rows of a view, those without a sample among them, handed over
     /// in parts: as `gather`, of `spectral`, makes them, or as it made them for a scene before.
     ///
@@ -216,7 +237,7 @@ impl StoredSource<'_> {
             blank
         };
         if let Some(part) = made {
-            part.lists.iter().try_for_each(|lists| take(lists))?;
+            part.lists_of(rows).try_for_each(|lists| take(&lists))?;
             return take(&gather(&blank(&part.covered))?);
         }
         let mut keeps = shared.takes(&self.resample, spectral, 0);

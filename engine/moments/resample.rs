@@ -89,6 +89,11 @@ impl Resampled {
         })
     }
 
+    /// Whether cells are cut at the borders of other beamlets or rows.
+    pub(super) const fn cuts(&self) -> bool {
+        !(self.same_columns && self.same_rows)
+    }
+
     /// The lattice of the cell rows.
     pub(super) const fn old(&self) -> &Lattice {
         &self.old

@@ -2,6 +2,8 @@
 
 mod backend;
 pub(crate) mod cells;
+mod edges;
+mod kept_error;
 mod prepare;
 mod rays;
 mod work;
@@ -182,6 +184,10 @@ impl<'e> Simulation<'e> {
             log::warn!("{warning}");
         }
         let begin = Instant::now();
+        let edges = self.edge_blur(&control.cancel)?;
+        let warning = edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerance));
+        warning.into_iter().for_each(|text| log::warn!("{text}"));
+        let kept = self.kept_error(&control)?;
         let views: Vec<Exposure> =
             stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();
         let mut work = ViewWork::new(self, &views, &control.cancel)?;
@@ -205,7 +211,8 @@ impl<'e> Simulation<'e> {
         let tally = Tally { defective_objects: defective as u64, ..counted };
         let record = RunRecord {
             tally,
-            sampling: SamplingSummary::of(&tally, self.budget.tolerance),
+            sampling: kept.or_else(|| SamplingSummary::of(&tally, self.budget.tolerance)),
+            edge_error: edges.map(|edges| edges.error),
             seconds: [
                 ("prepare", self.prepared_in),
                 ("trace", work.seconds.trace),

@@ -159,6 +159,11 @@ impl Lattice {
         [x * self.plane / distance, self.detector.row_at(z, distance)]
     }
 
+    /// Rows beside one from which the spot blurs light into it, but for a fortieth: two deviations, rounded.
+    pub(crate) fn rows_blurred_into(&self) -> i64 {
+        numbers::whole::<i64>((2.0 * self.row_spread.blur).round())
+    }
+
     /// Shares of light spread evenly over [top, bottom] of a row that land in the row above and
     /// below, moved down by `down` rows; -1 and 0 where light lands farther off.
     #[must_use]

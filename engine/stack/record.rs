@@ -31,9 +31,16 @@ pub struct RunRecord {
     pub seed: u64,
     /// Counts.
     pub tally: Tally,
-    /// Rays and errors of the patches that the sample touches; `None` where none was sampled.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Rays and errors of the patches that the sample touches; `None`: unknown, as under
+    /// `scheme = "random"`, or nothing was sampled.
+    #[serde(default)]
     pub sampling: Option<SamplingSummary>,
+    /// Largest error of a recorded value that edges off the rotation centre leave, share of open beam:
+    /// the spot blurs them as if they stood there. Estimated by rays, or bounded where the bound is
+    /// within the tolerance. `None`: unknown, as of kept moments; and under `scheme = "random"`, which
+    /// has no such error.
+    #[serde(default)]
+    pub edge_error: Option<f64>,
     /// Seconds by stage.
     pub seconds: BTreeMap<String, f64>,
 }
@@ -53,6 +60,7 @@ impl RunRecord {
             seed,
             tally: Tally::default(),
             sampling: None,
+            edge_error: None,
             seconds: BTreeMap::new(),
         }
     }
@@ -78,13 +86,14 @@ impl SearchCounts {
 }
 
 /// How finely patches (beamlet and detector row) were sampled, and what that is estimated to have
-/// left in recorded values: of each patch the error of the mask step that has the largest.
+/// left in recorded values: of each patch the error of the mask step that has the largest. Of kept
+/// moments: how far the values of some pixels are off a new simulation, which has rays of its own.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct SamplingSummary {
-    /// Patches that the sample touches.
+    /// Patches that the sample touches; of kept moments the pixels that were compared.
     pub patches: u64,
-    /// Rays of a patch, mean.
+    /// Rays of a patch, mean; 0 of kept moments.
     pub mean_rays: f64,
     /// Rays of the patch that has the most.
     pub most_rays: u64,
@@ -99,6 +108,24 @@ pub struct SamplingSummary {
 }
 
 impl SamplingSummary {
+    /// Of kept cells, in values of `pixels` compared with a new simulation: root mean square and largest.
+    pub(crate) const fn of_kept(
+        pixels: u64,
+        [rms_error, worst_error]: [f64; 2],
+        beyond_tolerance: u64,
+        tolerance: f64,
+    ) -> Self {
+        Self {
+            patches: pixels,
+            mean_rays: 0.0,
+            most_rays: 0,
+            rms_error,
+            worst_error,
+            tolerance,
+            beyond_tolerance,
+        }
+    }
+
     /// From the counts of a run, where `tolerance` was allowed; `None` where nothing was sampled.
     pub(crate) fn of(tally: &Tally, tolerance: f64) -> Option<Self> {
         let float = |count: u64| count as f64;

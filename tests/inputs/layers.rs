@@ -69,8 +69,8 @@ fn home(name: &str) -> &str {
         "Cancel" => "cancel",
         "Tally" => "trace",
         "RunRecord" | "SamplingSummary" => "stack",
-        "Control" | "Engine" | "EngineOptions" | "Progress" | "RunEstimate" | "Simulation"
-        | "ViewProgress" | "load_sample" => "run",
+        "Control" | "EdgeBlur" | "Engine" | "EngineOptions" | "Progress" | "RunEstimate"
+        | "Simulation" | "ViewProgress" | "load_sample" => "run",
         "write_file" => "whole_file",
         "DeviceDescription" => "gpu",
         other => other,

@@ -11,6 +11,7 @@ mod bars;
 mod bath;
 mod crossings;
 mod detector;
+mod edges;
 mod exact_shapes;
 mod flat;
 mod instances;

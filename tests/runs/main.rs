@@ -14,6 +14,7 @@ mod ends;
 mod frame_order;
 mod integrity;
 mod kept;
+mod kept_error;
 mod one_patch;
 mod safety;
 mod stack;

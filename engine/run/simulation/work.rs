@@ -354,6 +354,27 @@ impl<'s> ViewWork<'s> {
         Ok(())
     }
 
+    /// Values of a row of the detector, `[step][0][column]`, by light of its own rows and of those that
+    /// blur into it: the sample throws none from farther off.
+    pub(super) fn row(
+        &mut self,
+        view: u32,
+        projected_bounds: &[ProjectedBounds],
+        row: u32,
+        control: &mut Control<'_>,
+    ) -> Result<ndarray::Array3<f32>> {
+        let simulation = self.simulation;
+        let (band, view) = (row..row + 1, Exposure::Sample(view));
+        let lit = simulation.detector.grid().lit_rows(&band);
+        self.sums.clear(&lit)?;
+        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
+        let inner = i64::from(lit.start)..i64::from(lit.end);
+        let beside = simulation.lattice.rows_blurred_into();
+        let rows = inner.start - beside..inner.end + beside;
+        self.cell_rows(view, projected_bounds, &rows, &inner, [false; 2], control)?;
+        simulation.detector.intensities(view, &band, self.sums.intensities()?, &self.cancel)
+    }
+
     pub(super) fn tally(&self) -> Result<Tally> {
         Ok(self.tracer.tally()? + self.tally)
     }

@@ -1,0 +1,188 @@
+//! Blur of edges off the rotation centre. Cells blur what the sample does to light as if all of it
+//! lay in the plane of the rotation centre (docs/physics.md, "Focal spot"): how much that is wrong.
+
+use crate::geometry::{BeamExtent, Swept};
+use crate::optics::{Mask, Optics};
+use crate::scene::{Scene, Scheme};
+use crate::spot::deviation;
+use serde::Serialize;
+
+/// Integral over one side of an edge of what a blur takes there, per standard deviation:
+/// 1 / sqrt(2 pi).
+const EDGE: f64 = 0.398_942_3;
+/// Largest change of a distribution function per relative change of its deviation: one deviation off,
+/// exp(-1/2) / sqrt(2 pi).
+const STEEPEST: f64 = 0.241_970_7;
+/// Error of opaque edges that is worth a warning where no ray says what they take, share of open beam.
+const LEAST_UNTRACED: f64 = 1e-3;
+/// Views in which edges are looked for, at most.
+const MOST_VIEWS: usize = 64;
+
+/// Error that edges off the rotation centre leave: the spot blurs them as if they stood there.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct EdgeBlur {
+    /// Largest error of a recorded value, share of open beam.
+    pub error: f64,
+    /// True where rays from other points of the spot gave the error; false where it is the upper bound,
+    /// of opaque edges.
+    pub traced: bool,
+    /// Object that has the edge.
+    pub object: String,
+    /// Place of the edge along the beam from the rotation centre, m; of a traced one that of the face
+    /// of the object that is farther off.
+    pub y: f64,
+}
+
+impl EdgeBlur {
+    /// Warning, where the error is beyond the tolerance of sampling; of bounds beyond 1e-3, too.
+    #[must_use]
+    pub fn warning(&self, tolerance: f64) -> Option<String> {
+        let least = if self.traced { tolerance } else { tolerance.max(LEAST_UNTRACED) };
+        (self.error > least).then(|| {
+            format!(
+                "the spot blurs edges as if they stood at the rotation centre: those of \"{}\", up to \
+                 {:.1} mm {} it, are wrong by up to {:.1e} of open beam{}; sampling.scheme = \"random\" \
+                 blurs each where it stands",
+                self.object,
+                self.y.abs() * 1e3,
+                if self.y < 0.0 { "before" } else { "behind" },
+                self.error,
+                if self.traced { "" } else { " where they take all light" },
+            )
+        })
+    }
+}
+
+/// Slits side by side: apertures of a mask, or pixels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slits {
+    pub(super) period: f64,
+    pub(super) width: f64,
+    /// Centre of one of them, m from the axis.
+    pub(super) centre: f64,
+}
+
+impl Slits {
+    fn of(mask: &Mask, plane: f64) -> Self {
+        Self {
+            period: mask.period_at(plane),
+            width: mask.aperture_at(plane),
+            centre: -mask.off_aperture(0.0, plane),
+        }
+    }
+}
+
+/// The light along one axis: places in the plane of the rotation centre, m, and where rays from an
+/// offset of the source through them go. Bars are opaque and thin.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LightPath {
+    /// Standard deviation of the spot, m.
+    pub(super) sigma: f64,
+    /// Distance of the rotation centre from the source, m.
+    pub(super) rotation: f64,
+    /// Apertures of the sample mask in its plane, with the distance of that over the rotation centre's.
+    pub(super) apertures: Option<(Slits, f64)>,
+    /// Windows on the analyser.
+    pub(super) windows: Slits,
+    /// Displacement on the analyser per offset of the source, of what lies at the rotation centre.
+    pub(super) lever: f64,
+    /// Recorded value per metre of open beam.
+    pub(super) weight: f64,
+}
+
+impl LightPath {
+    /// Across the slits (0), or along them (1), where rows are the windows.
+    pub(super) fn new(scene: &Scene, axis: usize) -> Self {
+        let optics = Optics::of(scene);
+        let (rotation, detector) = (optics.rotation, &optics.detector);
+        let sigma = deviation(scene.source.spot.fwhm()[axis]);
+        let pitch = detector.pitch[axis];
+        let pixels = |plane: f64| {
+            let period = detector.pitch_at(axis, plane);
+            let shift = if detector.pixels[axis].is_multiple_of(2) { 0.5 } else { 0.0 };
+            Slits { period, width: period, centre: shift * period }
+        };
+        let per_pixel = |open: f64| open * detector.distance / (rotation * pitch);
+        if axis == 1 {
+            // The most of a row that masks let through.
+            let overlapping = optics.overlapping_apertures().into_iter().filter(|w| *w > 0.0);
+            let least = overlapping.fold(detector.pitch_at(0, optics.analyser), f64::min);
+            return Self {
+                sigma,
+                rotation,
+                apertures: None,
+                windows: pixels(detector.distance),
+                lever: detector.distance / rotation - 1.0,
+                weight: per_pixel(least / detector.pitch_at(0, optics.analyser)),
+            };
+        }
+        let sample_mask = optics.sample_mask.as_ref();
+        let plane = optics.analyser;
+        let masked = optics.detector_mask.as_ref().map(|mask| Slits::of(mask, plane));
+        Self {
+            sigma,
+            rotation,
+            apertures: sample_mask
+                .map(|mask| (Slits::of(mask, mask.distance()), mask.distance() / rotation)),
+            windows: masked.unwrap_or_else(|| pixels(plane)),
+            lever: plane / rotation - 1.0,
+            weight: per_pixel(1.0),
+        }
+    }
+
+    /// Most that an opaque edge at `y` behind the rotation centre changes a recorded value by its
+    /// blur: where it stands at an end of an aperture or a window, against which the source moves it.
+    pub(super) fn bound(&self, y: f64) -> f64 {
+        let own = y / (self.rotation + y);
+        let of_aperture = self.apertures.map(|(_, ratio)| (1.0 - ratio) / -ratio);
+        let of_window = Some(self.lever / (1.0 + self.lever));
+        let error = |end: f64| {
+            let (assumed, there) = (end.abs(), (end - own).abs());
+            let apart = (assumed - there).abs();
+            // In wide pixels, and in those that are narrower than the blur.
+            let narrow = STEEPEST * apart / assumed.min(there).max(f64::MIN_POSITIVE);
+            (EDGE * self.sigma * apart * self.weight).min(narrow)
+        };
+        of_aperture.into_iter().chain(of_window).map(error).fold(0.0, f64::max)
+    }
+}
+
+/// An object in a view whose edges may be wrong.
+#[derive(Debug, Clone)]
+pub(super) struct Suspect {
+    pub(super) object: String,
+    pub(super) view: u32,
+    pub(super) extent: BeamExtent,
+    /// Upper bound, and the place along the beam that has it, m.
+    pub(super) bound: f64,
+    pub(super) y: f64,
+}
+
+/// Objects by view, those with the largest bound first; none where each ray draws its source point.
+pub(super) fn suspects(scene: &Scene, swept: &Swept) -> Vec<Suspect> {
+    if scene.sampling.scheme == Scheme::Random {
+        return Vec::new();
+    }
+    let paths = [0, 1].map(|axis| LightPath::new(scene, axis));
+    let bound = |y: f64| paths.iter().map(|path| path.bound(y)).fold(0.0, f64::max);
+    let angles = &scene.scan.angles;
+    let every = angles.len().div_ceil(MOST_VIEWS).max(1);
+    let mut suspects = Vec::new();
+    for (view, angle) in (0_u32..).zip(angles).step_by(every) {
+        for (object, extent) in swept.extents_of_objects(scene, *angle) {
+            let [near, far] = extent.y;
+            let y = if bound(near) > bound(far) { near } else { far };
+            let object = object.to_owned();
+            suspects.push(Suspect { object, view, extent, bound: bound(y), y });
+        }
+    }
+    suspects.sort_by(|a, b| b.bound.total_cmp(&a.bound));
+    suspects
+}
+
+/// The upper bound over all objects; nothing where no object has an error of this kind.
+pub(crate) fn bounded(scene: &Scene, swept: &Swept) -> Option<EdgeBlur> {
+    let Suspect { object, bound, y, .. } = suspects(scene, swept).into_iter().next()?;
+    Some(EdgeBlur { error: bound, traced: false, object, y })
+}
