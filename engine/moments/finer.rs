@@ -1,6 +1,7 @@
 //! In what a scene asks more of kept cells than the run that refined them.
 
-use crate::optics::Optics;
+use crate::Result;
+use crate::optics::{self, Optics};
 use crate::sampling::Lattice;
 use crate::scene::Scene;
 use crate::trace::MaterialTable;
@@ -21,10 +22,12 @@ pub(crate) struct Finer {
 
 /// One side of the comparison.
 pub(super) struct SetUp<'a> {
-    pub(super) scene: &'a Scene,
-    pub(super) optics: &'a Optics,
-    pub(super) lattice: &'a Lattice,
-    pub(super) media: &'a MaterialTable,
+    scene: &'a Scene,
+    optics: &'a Optics,
+    lattice: &'a Lattice,
+    media: &'a MaterialTable,
+    /// Shares of the light that bars stop, by mask; 1 without the mask.
+    stopped: [f64; 2],
 }
 
 /// A length that cells were refined for: smaller ones need finer cells.
@@ -36,7 +39,21 @@ struct Scale {
     values: [f64; 2],
 }
 
-impl SetUp<'_> {
+impl<'a> SetUp<'a> {
+    /// # Errors
+    /// Those of a material of a mask without constants at an energy.
+    pub(super) fn new(
+        scene: &'a Scene,
+        optics: &'a Optics,
+        lattice: &'a Lattice,
+        media: &'a MaterialTable,
+    ) -> Result<Self> {
+        let leaks = optics::mean_leaks(scene, optics, (&media.energies, &media.weights))?;
+        // Bars that stop nothing have no edge that would need finer cells.
+        let stopped = leaks.map(|leak| (1.0 - leak).max(SAME));
+        Ok(Self { scene, optics, lattice, media, stopped })
+    }
+
     /// Blur of what lies at the rotation centre over the lever arm: angle of refraction that windows tell
     /// apart. Infinite without a lever.
     fn angle(&self) -> f64 {
@@ -70,12 +87,15 @@ pub(super) fn finer(was: &SetUp<'_>, now: &SetUp<'_>, cut: bool) -> Option<Finer
     let micro = ("urad", 1e6);
     let scale = |key, what, unit, values| Scale { key, what, unit, values };
     let of = |pairs: [[f64; 2]; 2], i: usize| [pairs[0][i], pairs[1][i]];
+    let stopped = |mask: usize| [was.stopped[mask], now.stopped[mask]];
     let inverse = |values: [f64; 2]| values.map(|value| 1.0 / value.max(f64::MIN_POSITIVE));
     let scales = [
         scale("detector.pitch", "rows seen under", micro, of(pitches, 1)),
         scale("detector.pitch", "columns seen under", micro, of(pitches, 0)),
         scale("sample_mask", "apertures seen under", micro, of(apertures, 0)),
         scale("detector_mask", "apertures seen under", micro, of(apertures, 1)),
+        scale("sample_mask", "bars that stop a share of", ("", 1.0), stopped(0)),
+        scale("detector_mask", "bars that stop a share of", ("", 1.0), stopped(1)),
         scale("source.spot", "a blur over lever arm of", micro, both.map(SetUp::angle)),
         scale(
             "sampling.tolerance",

@@ -162,8 +162,8 @@ impl StoredMoments {
         let resample = Resampled::new([traced, optics], [&old, lattice], media.names.len())?;
         let wide = self.views.iter().any(MomentFile::has_wide);
         let exact = scene.sampling.transport == Transport::Exact;
-        let was = SetUp { scene: &self.scene, optics: traced, lattice: &old, media: &base };
-        let is = SetUp { scene, optics, lattice, media: &now };
+        let was = SetUp::new(&self.scene, traced, &old, &base)?;
+        let is = SetUp::new(scene, optics, lattice, &now)?;
         let finer = finer::finer(&was, &is, resample.cuts());
         Ok(StoredSource {
             kept: self,

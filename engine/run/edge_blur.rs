@@ -13,7 +13,10 @@ const EDGE: f64 = 0.398_942_3;
 /// Largest change of a distribution function per relative change of its deviation: one deviation off,
 /// exp(-1/2) / sqrt(2 pi).
 const STEEPEST: f64 = 0.241_970_7;
-/// Error of opaque edges that is worth a warning where no ray says what they take, share of open beam.
+/// Error that is worth a warning, share of open beam: half of the error that pixels on silhouettes may
+/// have.
+const LEAST: f64 = 5e-4;
+/// Error that is worth a warning where it is that of opaque edges where no ray says what they take.
 const LEAST_UNTRACED: f64 = 1e-3;
 /// Views in which edges are looked for, at most.
 const MOST_VIEWS: usize = 64;
@@ -35,10 +38,11 @@ pub struct EdgeBlur {
 }
 
 impl EdgeBlur {
-    /// Warning, where the error is beyond the tolerance of sampling; of bounds beyond 1e-3, too.
+    /// Warning, where the error is beyond the tolerance of sampling and 5e-4 of open beam; upper bounds
+    /// beyond 1e-3.
     #[must_use]
     pub fn warning(&self, tolerance: f64) -> Option<String> {
-        let least = if self.traced { tolerance } else { tolerance.max(LEAST_UNTRACED) };
+        let least = tolerance.max(if self.traced { LEAST } else { LEAST_UNTRACED });
         (self.error > least).then(|| {
             format!(
                 "the spot blurs edges as if they stood at the rotation centre: those of \"{}\", up to \

@@ -16,7 +16,7 @@ use std::ops::Range;
 /// Views that are looked at, at most.
 const MOST_VIEWS: u32 = 2;
 /// Rows of a view that stand for those between its first and its last, at most.
-const INNER_ROWS: u32 = 2;
+const INNER_ROWS: u32 = 6;
 /// Fractional part of the golden ratio: its multiples spread evenly over [0, 1).
 const GOLDEN: f64 = 0.618_033_988_749_894_9;
 /// A single pixel may err by this many tolerances, as in a new simulation (docs/validation.md).
@@ -167,7 +167,8 @@ fn rows_of(seen: &[ProjectedBounds], rows: u32) -> Vec<(u32, f64)> {
     let inner = f64::from(count - 2);
     let each = inner / f64::from(INNER_ROWS);
     let between = (0..INNER_ROWS).map(|index| {
-        let at = (f64::from(index) + 0.5) * each;
+        // At no even distance: rows of the run that kept the cells are even.
+        let at = (f64::from(index) + (f64::from(index) * GOLDEN + 0.5).fract()) * each;
         (all.start + 1 + numbers::whole::<u32>(at), each)
     });
     [(all.start, 1.0), (all.end - 1, 1.0)].into_iter().chain(between).collect()
