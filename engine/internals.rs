@@ -7,7 +7,7 @@ pub mod detector {
 
     /// The detector of a simulation, and the grid that takes its light.
     #[must_use]
-    pub const fn model<'a>(simulation: &'a crate::Simulation<'_>) -> &'a DetectorModel {
+    pub const fn model(simulation: &crate::Simulation) -> &DetectorModel {
         simulation.detector_model()
     }
 }

@@ -33,19 +33,26 @@ use finer::SetUp;
 use resample::{Covered, Resampled};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// How much stronger than in the run that kept them moments may refract in another scene: rays
 /// are flagged with that much in hand.
 pub const DELTA_HEADROOM: f64 = 2.0;
 
-/// The moments that a run kept (`simulate --keep-moments`).
-#[derive(Debug)]
+/// Moments of a run (`simulate --keep-moments`). Clones share files and cache.
+#[derive(Debug, Clone)]
 pub struct StoredMoments {
+    kept: Arc<Kept>,
+    shared: Arc<CellCache>,
+}
+
+/// Files of the moments of a run.
+#[derive(Debug)]
+struct Kept {
     run: PathBuf,
     directory: PathBuf,
     scene: Scene,
     views: Vec<MomentFile>,
-    shared: CellCache,
     /// Shared lock of the run: nobody replaces it while its moments are read.
     _lock: Option<LockedFile>,
 }
@@ -88,7 +95,8 @@ impl StoredMoments {
             .map(|view| MomentFile::open(&directory, numbers::count(view), &scene_digest))
             .collect::<Result<_>>()?;
         let run = run.to_path_buf();
-        Ok(Self { run, directory, scene, views, shared: CellCache::default(), _lock: lock })
+        let kept = Arc::new(Kept { run, directory, scene, views, _lock: lock });
+        Ok(Self { kept, shared: Arc::default() })
     }
 
     /// Caches up to `bytes` of the cells that the first scene makes, so that later scenes with the
@@ -97,25 +105,25 @@ impl StoredMoments {
     /// the masks.
     #[must_use]
     pub fn sharing(self, bytes: u64) -> Self {
-        Self { shared: CellCache::new(bytes), ..self }
+        Self { shared: Arc::new(CellCache::new(bytes)), ..self }
     }
 
     /// The scene of the run.
     #[must_use]
-    pub const fn scene(&self) -> &Scene {
-        &self.scene
+    pub fn scene(&self) -> &Scene {
+        &self.kept.scene
     }
 
     /// Where the moments are.
     #[must_use]
     pub fn directory(&self) -> &Path {
-        &self.directory
+        &self.kept.directory
     }
 
     /// Bytes of all views.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.views.iter().map(MomentFile::bytes).sum()
+        self.kept.views.iter().map(MomentFile::bytes).sum()
     }
 
     /// Reads the moments of every view and cuts them to the lattice of `scene`, as the engine does
@@ -132,7 +140,7 @@ impl StoredMoments {
         let source = self.for_scene(scene, optics, &lattice)?;
         let rows = -lattice.halo..i64::from(optics.detector.pixels[1]) + lattice.halo;
         let mut cells = 0;
-        for view in (0_u32..).take(self.views.len()) {
+        for view in (0_u32..).take(self.kept.views.len()) {
             source.read(view, &rows, &mut Covered::default(), |cell_rows| {
                 cells += cell_rows.cells.len();
                 Ok(())
@@ -150,23 +158,25 @@ impl StoredMoments {
         scene: &Scene,
         optics: &Optics,
         lattice: &Lattice,
-    ) -> Result<StoredSource<'_>> {
-        compatibility::check(&self.scene, scene)?;
-        let detector = DetectorModel::of(&self.scene)?;
+    ) -> Result<StoredSource> {
+        let kept = &self.kept;
+        compatibility::check(&kept.scene, scene)?;
+        let detector = DetectorModel::of(&kept.scene)?;
         let traced = detector.optics();
-        let (base, now) = (MaterialTable::of(&self.scene)?, MaterialTable::of(scene)?);
-        let media = compatibility::media(&self.scene, &base, scene, &now)?;
+        let (base, now) = (MaterialTable::of(&kept.scene)?, MaterialTable::of(scene)?);
+        let media = compatibility::media(&kept.scene, &base, scene, &now)?;
         let reference = base.mean();
         let same_constants = media.constants == base.constants && media.weights == base.weights;
         let old = Lattice::of(traced, base.strongest());
         let resample = Resampled::new([traced, optics], [&old, lattice], media.names.len())?;
-        let wide = self.views.iter().any(MomentFile::has_wide);
+        let wide = kept.views.iter().any(MomentFile::has_wide);
         let exact = scene.sampling.transport == Transport::Exact;
-        let was = SetUp::new(&self.scene, traced, &old, &base)?;
+        let was = SetUp::new(&kept.scene, traced, &old, &base)?;
         let is = SetUp::new(scene, optics, lattice, &now)?;
         let finer = finer::finer(&was, &is, resample.cuts());
         Ok(StoredSource {
-            kept: self,
+            kept: kept.clone(),
+            shared: self.shared.clone(),
             resample,
             finer,
             media,
@@ -189,8 +199,9 @@ fn lock(run: &Path) -> Result<Option<LockedFile>> {
 
 /// Kept moments as the cell rows of another scene.
 #[derive(Debug)]
-pub(crate) struct StoredSource<'k> {
-    kept: &'k StoredMoments,
+pub(crate) struct StoredSource {
+    kept: Arc<Kept>,
+    shared: Arc<CellCache>,
     resample: Resampled,
     /// By what the other scene needs finer cells than were kept, if it does.
     pub(crate) finer: Option<Finer>,
@@ -204,14 +215,14 @@ pub(crate) struct StoredSource<'k> {
     pub(crate) retrace: bool,
 }
 
-impl StoredSource<'_> {
+impl StoredSource {
     /// Directory of the run that kept them.
     pub(crate) fn run(&self) -> &Path {
         &self.kept.run
     }
 
     /// Tolerance of the sampling of that run.
-    pub(crate) const fn base_tolerance(&self) -> f64 {
+    pub(crate) fn base_tolerance(&self) -> f64 {
         self.kept.scene.sampling.tolerance
     }
 
@@ -228,7 +239,7 @@ impl StoredSource<'_> {
         mut gather: impl FnMut(&CellBatch) -> Result<Vec<CellBatch>>,
         mut take: impl FnMut(&[CellBatch]) -> Result<()>,
     ) -> Result<()> {
-        let shared = &self.kept.shared;
+        let shared = &self.shared;
         let place = (view, rows.clone());
         let made = shared.find(&self.resample, spectral, &place);
         let blank = |covered: &Covered| {

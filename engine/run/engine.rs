@@ -70,12 +70,14 @@ impl EngineOptions {
     }
 }
 
-/// A Vulkan device that serves many scenes, from several threads where that is wanted.
-#[derive(Debug)]
+/// Handle of a Vulkan device that serves many scenes. Clones share the device; they may be sent to
+/// other threads and work there at the same time. The device and the Vulkan instance are destroyed
+/// with the last clone and the last [`Simulation`] made from it.
+#[derive(Debug, Clone)]
 pub struct Engine {
-    options: EngineOptions,
+    options: Arc<EngineOptions>,
+    kernels: Arc<Kernels>,
     device: Arc<Device>,
-    kernels: Kernels,
 }
 
 impl Engine {
@@ -101,12 +103,23 @@ impl Engine {
             faults: options.faults.clone(),
             ..DeviceOptions::default()
         })?;
-        let kernels = Kernels {
+        let kernels = Arc::new(Kernels {
             trace: Arc::new(TraceKernels::new(&device)),
             illuminate: Arc::new(CellKernels::new(&device)),
             random: RandomKernels::new(&device),
-        };
-        Ok(Self { options: options.clone(), device, kernels })
+        });
+        Ok(Self { options: Arc::new(options.clone()), device, kernels })
+    }
+
+    /// Closes the engine. Returns whether the device and the Vulkan instance are destroyed: `false`
+    /// while a clone, a [`Simulation`] or cancelled work in another thread still uses them; the last
+    /// user destroys them. Some drivers crash where a device exists at the end of the process:
+    /// programs that keep an engine in a static variable call `close` before they exit.
+    #[must_use = "the device is not destroyed while somebody uses it"]
+    pub fn close(self) -> bool {
+        let Self { options: _, kernels, device } = self;
+        drop(kernels);
+        Arc::into_inner(device).is_some()
     }
 
     /// The device in use.
@@ -121,7 +134,7 @@ impl Engine {
         self.device.validation_messages()
     }
 
-    pub(crate) const fn options(&self) -> &EngineOptions {
+    pub(crate) fn options(&self) -> &EngineOptions {
         &self.options
     }
 
@@ -129,15 +142,15 @@ impl Engine {
         &self.device
     }
 
-    pub(crate) const fn trace_kernels(&self) -> &Arc<TraceKernels> {
+    pub(crate) fn trace_kernels(&self) -> &Arc<TraceKernels> {
         &self.kernels.trace
     }
 
-    pub(crate) const fn random_kernels(&self) -> &RandomKernels {
+    pub(crate) fn random_kernels(&self) -> &RandomKernels {
         &self.kernels.random
     }
 
-    pub(crate) const fn illuminate_kernels(&self) -> &Arc<CellKernels> {
+    pub(crate) fn illuminate_kernels(&self) -> &Arc<CellKernels> {
         &self.kernels.illuminate
     }
 
@@ -157,7 +170,7 @@ impl Engine {
     /// println!("{} bytes at the peak", simulation.memory().peak_bytes);
     /// # Ok::<(), beamlet::Error>(())
     /// ```
-    pub fn prepare(&self, scene: &Scene) -> Result<Simulation<'_>> {
+    pub fn prepare(&self, scene: &Scene) -> Result<Simulation> {
         self.prepare_with(scene, &mut Control::default())
     }
 
@@ -166,7 +179,7 @@ impl Engine {
     ///
     /// # Errors
     /// As [`Engine::prepare`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
-    pub fn prepare_with(&self, scene: &Scene, control: &mut Control<'_>) -> Result<Simulation<'_>> {
+    pub fn prepare_with(&self, scene: &Scene, control: &mut Control<'_>) -> Result<Simulation> {
         Simulation::new(self, scene, control)
     }
 
@@ -216,11 +229,7 @@ impl Engine {
     /// engine.reilluminate(&moments, &other)?.run(&mut sink, Control::default())?;
     /// # Ok::<(), beamlet::Error>(())
     /// ```
-    pub fn reilluminate<'e>(
-        &'e self,
-        moments: &'e StoredMoments,
-        scene: &Scene,
-    ) -> Result<Simulation<'e>> {
+    pub fn reilluminate(&self, moments: &StoredMoments, scene: &Scene) -> Result<Simulation> {
         self.reilluminate_with(moments, scene, &mut Control::default())
     }
 
@@ -228,12 +237,12 @@ impl Engine {
     ///
     /// # Errors
     /// As [`Engine::reilluminate`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
-    pub fn reilluminate_with<'e>(
-        &'e self,
-        moments: &'e StoredMoments,
+    pub fn reilluminate_with(
+        &self,
+        moments: &StoredMoments,
         scene: &Scene,
         control: &mut Control<'_>,
-    ) -> Result<Simulation<'e>> {
+    ) -> Result<Simulation> {
         Simulation::of_stored(self, moments, scene, control)
     }
 

@@ -32,10 +32,11 @@ use work::ViewWork;
 /// A run fails when more than this share of its rays stays unbalanced.
 const UNBALANCED_SHARE: f64 = 1e-5;
 
-/// One scene, ready on a device.
+/// One scene, ready on a device. Owns what it needs: the engine may be dropped, and the simulation
+/// may be sent to another thread.
 #[derive(Debug)]
-pub struct Simulation<'e> {
-    engine: &'e Engine,
+pub struct Simulation {
+    engine: Engine,
     scene: Arc<Scene>,
     /// The detector; its optics are what is traced and illuminated.
     detector: DetectorModel,
@@ -54,13 +55,13 @@ pub struct Simulation<'e> {
     /// What sampling may leave in them.
     budget: ErrorBudget,
     /// Moments that another run kept, in place of rays.
-    stored: Option<StoredSource<'e>>,
+    stored: Option<StoredSource>,
     memory: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
 }
 
-impl<'e> Simulation<'e> {
+impl Simulation {
     /// The scene.
     #[must_use]
     pub fn scene(&self) -> &Scene {
@@ -79,11 +80,11 @@ impl<'e> Simulation<'e> {
         &self.start
     }
 
-    fn device(&self) -> &'e Arc<Device> {
+    const fn device(&self) -> &Arc<Device> {
         self.engine.device()
     }
 
-    fn options(&self) -> &'e EngineOptions {
+    fn options(&self) -> &EngineOptions {
         self.engine.options()
     }
 

@@ -10,4 +10,5 @@ mod backends;
 mod drivers;
 mod faults;
 mod gpu;
+mod handle;
 mod interface;

@@ -12,6 +12,7 @@ use beamlet::scene::Scene;
 use beamlet::stack::{Sink, Stacks};
 use beamlet::{Backend, Control, Engine, EngineOptions, Result, RunRecord, Simulation};
 use std::ops::Deref;
+use std::sync::OnceLock;
 
 /// Carbon of 2.0 g/cm3 at 30 keV: mu in 1/m, delta.
 pub(crate) const CARBON: [f64; 2] = [51.235, 4.6092e-7];
@@ -52,7 +53,7 @@ impl Checked {
     }
 
     #[track_caller]
-    pub(crate) fn prepare(&self, scene: &Scene) -> Result<Simulation<'_>> {
+    pub(crate) fn prepare(&self, scene: &Scene) -> Result<Simulation> {
         self.silent(self.0.prepare(scene))
     }
 
@@ -64,9 +65,16 @@ impl Checked {
     }
 }
 
-/// An engine on this backend.
+/// The engine of this backend, one for all tests of a program.
 pub(crate) fn engine(backend: Backend) -> Checked {
-    engine_with(EngineOptions::default().with_backend(backend))
+    static BVH: OnceLock<Engine> = OnceLock::new();
+    static RAY_QUERY: OnceLock<Engine> = OnceLock::new();
+    let shared = match backend {
+        Backend::RayQuery => &RAY_QUERY,
+        _ => &BVH,
+    };
+    let open = || engine_with(EngineOptions::default().with_backend(backend)).0;
+    Checked(shared.get_or_init(open).clone())
 }
 
 /// An engine; with `BEAMLET_VALIDATION` in the environment under the validation layer.

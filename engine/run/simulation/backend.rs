@@ -63,7 +63,7 @@ pub(super) fn check(wanted: Option<Backend>, device: &DeviceDescription) -> Resu
     Ok(())
 }
 
-impl Simulation<'_> {
+impl Simulation {
     /// By what the caller wants, what the device can, and counts of the scene.
     pub(super) fn choose_backend(&mut self, wanted: Option<Backend>) -> Result<()> {
         let (backend, reason) = if let Some(backend) = wanted {

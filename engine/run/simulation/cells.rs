@@ -11,11 +11,7 @@ use std::ops::Range;
 ///
 /// # Errors
 /// As [`Simulation::run`].
-pub fn cells_of_rows(
-    simulation: &Simulation<'_>,
-    view: u32,
-    rows: Range<i64>,
-) -> Result<CellBatch> {
+pub fn cells_of_rows(simulation: &Simulation, view: u32, rows: Range<i64>) -> Result<CellBatch> {
     let projected_bounds = simulation.projected_bounds(view);
     let mut tracer = simulation.tracer(simulation.start.backend)?;
     let view = simulation.view(view, &projected_bounds);

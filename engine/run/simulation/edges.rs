@@ -53,7 +53,7 @@ fn spot_points(sigma: f64) -> impl Iterator<Item = [f64; 2]> {
     })
 }
 
-impl Simulation<'_> {
+impl Simulation {
     /// The largest error that edges off the rotation centre leave in a recorded value: of opaque edges
     /// where that is within the tolerance, else by rays. `None` where there is no sample, or each ray
     /// draws its source point.

@@ -49,7 +49,7 @@ impl Differences {
     }
 }
 
-impl Simulation<'_> {
+impl Simulation {
     /// What kept cells leave in the values of this scene: by a new simulation of some rows where the
     /// scene asks for finer cells than the run, else the estimate of the run. `None`: unknown.
     ///
@@ -88,12 +88,12 @@ impl Simulation<'_> {
     }
 
     /// Values by kept cells against those of a new simulation, in rows of some views.
-    fn differences(&self, stored: &StoredSource<'_>, control: &Control<'_>) -> Result<Differences> {
+    fn differences(&self, stored: &StoredSource, control: &Control<'_>) -> Result<Differences> {
         let mut own = Control::default().with_cancel(control.cancel.clone());
         let mut scene = (*self.scene).clone();
         // Its own error is no larger than that of a run's cells in the run's set-up.
         scene.sampling.tolerance = scene.sampling.tolerance.min(stored.base_tolerance());
-        let fresh = Self::new(self.engine, &scene, &mut own)?;
+        let fresh = Self::new(&self.engine, &scene, &mut own)?;
         let count = numbers::count(self.scene.scan.angles.len());
         let looks = count.min(MOST_VIEWS);
         let views: Vec<u32> = (0..looks)

@@ -20,27 +20,23 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// What a simulation is made of, besides its geometry.
-struct SimulationParts<'e> {
+struct SimulationParts {
     detector: DetectorModel,
     media: MaterialTable,
     lattice: Lattice,
     spectral: Option<EnergyBinning>,
-    stored: Option<StoredSource<'e>>,
+    stored: Option<StoredSource>,
     delta_ratio: f64,
 }
 
-impl<'e> Simulation<'e> {
-    pub(crate) fn new(
-        engine: &'e Engine,
-        scene: &Scene,
-        control: &mut Control<'_>,
-    ) -> Result<Self> {
+impl Simulation {
+    pub(crate) fn new(engine: &Engine, scene: &Scene, control: &mut Control<'_>) -> Result<Self> {
         Self::of_loaded(engine, scene, None, control)
     }
 
     /// The same with geometry that was loaded and checked before.
     pub(crate) fn of_loaded(
-        engine: &'e Engine,
+        engine: &Engine,
         scene: &Scene,
         sample: Option<Sample>,
         control: &mut Control<'_>,
@@ -71,8 +67,8 @@ impl<'e> Simulation<'e> {
     }
 
     pub(crate) fn of_stored(
-        engine: &'e Engine,
-        moments: &'e StoredMoments,
+        engine: &Engine,
+        moments: &StoredMoments,
         scene: &Scene,
         control: &mut Control<'_>,
     ) -> Result<Self> {
@@ -108,9 +104,9 @@ impl<'e> Simulation<'e> {
     }
 
     fn with(
-        engine: &'e Engine,
+        engine: &Engine,
         scene: Arc<Scene>,
-        parts: SimulationParts<'e>,
+        parts: SimulationParts,
         loaded: Option<Sample>,
         control: &mut Control<'_>,
     ) -> Result<Self> {
@@ -152,7 +148,7 @@ impl<'e> Simulation<'e> {
                 .map(|made| (sample, media, made))
         })??;
         let mut simulation = Self {
-            engine,
+            engine: engine.clone(),
             detector,
             start: RunStart {
                 mesh_hashes: mesh_hashes(&scene, &sample),
@@ -182,7 +178,7 @@ impl<'e> Simulation<'e> {
 /// The sample, where rays will be traced through it.
 fn load(
     scene: &Arc<Scene>,
-    parts: &SimulationParts<'_>,
+    parts: &SimulationParts,
     memory_limit: Option<u64>,
     control: &mut Control<'_>,
 ) -> Result<Sample> {

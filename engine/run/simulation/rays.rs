@@ -9,7 +9,7 @@ use crate::{Error, Result, interface};
 ///
 /// # Errors
 /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a view that is not there.
-pub fn trace(simulation: &Simulation<'_>, rays: &[interface::Ray]) -> Result<Vec<RayResult>> {
+pub fn trace(simulation: &Simulation, rays: &[interface::Ray]) -> Result<Vec<RayResult>> {
     simulation.check_views(rays.iter().map(|ray| ray.view))?;
     simulation.tracer(simulation.start.backend)?.trace(rays)
 }
@@ -19,7 +19,7 @@ pub fn trace(simulation: &Simulation<'_>, rays: &[interface::Ray]) -> Result<Vec
 /// # Errors
 /// As [`trace`].
 pub fn moments(
-    simulation: &Simulation<'_>,
+    simulation: &Simulation,
     rays: &[interface::Ray],
 ) -> Result<(Vec<RayResult>, Moments)> {
     simulation.check_views(rays.iter().map(|ray| ray.view))?;
@@ -28,7 +28,7 @@ pub fn moments(
     Ok((results, Moments::new(words, simulation.on_device.materials, tracer.moment_words())))
 }
 
-impl Simulation<'_> {
+impl Simulation {
     fn check_views(&self, mut views: impl Iterator<Item = u32>) -> Result<()> {
         let count = self.scene.scan.angles.len();
         match views.find(|view| *view as usize >= count) {

@@ -42,7 +42,7 @@ pub(super) struct Seconds {
 
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
-    simulation: &'s Simulation<'s>,
+    simulation: &'s Simulation,
     device: Arc<Device>,
     tracer: Tracer,
     /// One for each list of cell rows.
@@ -63,7 +63,7 @@ pub(super) struct ViewWork<'s> {
 
 impl<'s> ViewWork<'s> {
     pub(super) fn new(
-        simulation: &'s Simulation<'_>,
+        simulation: &'s Simulation,
         views: &[Exposure],
         cancel: &Cancel,
     ) -> Result<Self> {
@@ -97,7 +97,7 @@ impl<'s> ViewWork<'s> {
         };
         let mut tracer = simulation.tracer(simulation.start.backend)?;
         tracer.set_cancel(cancel.clone());
-        let engine = simulation.engine;
+        let engine = &simulation.engine;
         let mut kernels = vec![&engine.illuminate_kernels().near];
         if random {
             kernels.extend(engine.random_kernels().all());

@@ -51,7 +51,7 @@ struct Look {
     cost: RowsCost,
 }
 
-impl Simulation<'_> {
+impl Simulation {
     /// Estimates rays and time of a run without noise and output, from a part of the patches; it
     /// takes about a second, and does not depend on what was estimated before.
     ///

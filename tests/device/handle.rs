@@ -1,0 +1,129 @@
+//! Clones of an engine: shared by threads, closed by the last user, and beside another engine.
+
+use crate::support::{self, engine_with};
+use beamlet::moments::{MomentWriter, StoredMoments};
+use beamlet::scene::Scene;
+use beamlet::stack::{ArraySink, Format, RunDirectory, Stacks};
+use beamlet::{Backend, Control, Engine, EngineOptions, Simulation};
+
+const ROD: &str = r#"
+[source]
+distance = "1.2 m"
+spot = "30 um"
+energy = "30 keV"
+[detector]
+distance = "1.8 m"
+pixels = [12, 4]
+pitch = "150 um"
+[sample_mask]
+distance = "1.1 m"
+transmission = 0.0
+projected_aperture = "30 um"
+[detector_mask]
+transmission = 0.0
+projected_aperture = "30 um"
+[scan]
+mask_offsets = ["-10 um", "0 um", "10 um"]
+angles = ["0 deg", "20 deg"]
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.4 mm", height = "3 mm" } }
+material = "nylon-66"
+rotate = [{ axis = [0, 1, 0], angle = "20 deg" }]
+"#;
+
+fn options() -> EngineOptions {
+    EngineOptions::default().with_backend(Backend::Bvh)
+}
+
+fn open() -> Engine {
+    Engine::open(&options()).expect("a Vulkan device")
+}
+
+fn rod() -> Scene {
+    Scene::from_toml(ROD, ".").expect("a scene")
+}
+
+fn bits(stacks: &Stacks) -> Vec<u32> {
+    stacks.flat.iter().chain(&stacks.sample).map(|value| value.to_bits()).collect()
+}
+
+fn expected() -> Vec<u32> {
+    bits(&support::engine(Backend::Bvh).simulate(&rod()).expect("stacks"))
+}
+
+fn run(simulation: &Simulation) -> Vec<u32> {
+    let mut sink = ArraySink::new();
+    simulation.run(&mut sink, Control::default()).expect("a run");
+    bits(&sink.into_stacks().expect("stacks"))
+}
+
+#[test]
+fn one_engine_in_four_threads_gives_the_same_bits() {
+    let engine = open();
+    let threads: Vec<_> = (0..4)
+        .map(|_| {
+            let engine = engine.clone();
+            std::thread::spawn(move || bits(&engine.simulate(&rod()).expect("stacks")))
+        })
+        .collect();
+    let expected = expected();
+    for thread in threads {
+        assert!(thread.join().expect("no panic") == expected);
+    }
+    assert!(engine.close(), "nobody uses the device any more");
+}
+
+#[test]
+fn two_engines_on_one_device_give_the_same_bits_side_by_side() {
+    let [first, second] = [open(), open()];
+    let other = std::thread::spawn(move || bits(&second.simulate(&rod()).expect("stacks")));
+    let expected = expected();
+    assert!(bits(&first.simulate(&rod()).expect("stacks")) == expected);
+    assert!(other.join().expect("no panic") == expected);
+}
+
+#[test]
+fn a_simulation_outlives_every_handle_of_its_engine() {
+    let engine = open();
+    let clone = engine.clone();
+    let simulation = engine.prepare(&rod()).expect("a simulation");
+    drop(clone);
+    assert!(!engine.close(), "the simulation still uses the device");
+    assert!(run(&simulation) == expected());
+    // Another thread may be its last owner.
+    std::thread::spawn(move || drop(simulation)).join().expect("no panic");
+}
+
+#[test]
+fn dropping_an_engine_while_a_clone_runs_leaves_the_run_whole() {
+    let engine = open();
+    let clone = engine.clone();
+    let (begun, begins) = std::sync::mpsc::channel();
+    let thread = std::thread::spawn(move || {
+        let simulation = clone.prepare(&rod()).expect("a simulation");
+        begun.send(()).expect("a listener");
+        run(&simulation)
+    });
+    begins.recv().expect("a run");
+    drop(engine);
+    assert!(thread.join().expect("no panic") == expected());
+}
+
+#[test]
+fn stored_moments_may_be_dropped_before_the_scene_that_they_serve_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run");
+    let mut sink = RunDirectory::create(&path, Format::Npy, false).expect("a directory");
+    let mut keep = MomentWriter::new(&path);
+    let control = Control::default().with_keep(&mut keep);
+    engine_with(options().with_keep_moments(true)).run(&rod(), &mut sink, control).expect("a run");
+    drop(sink);
+    let engine = open();
+    let simulation = {
+        let moments = StoredMoments::open(&path).expect("moments");
+        engine.reilluminate(&moments, &moments.scene().clone()).expect("a simulation")
+    };
+    drop(engine);
+    assert!(!run(&simulation).is_empty());
+}
