@@ -49,6 +49,8 @@ pub(super) struct CellError {
     pub(super) node: u32,
     /// Of the recorded light, share of open beam.
     pub(super) light: f32,
+    /// Part of it by light that crosses a border of the row.
+    pub(super) over: f32,
     /// Share of it where all of the rectangle is open, of one that is known as a mean.
     pub(super) whole: f32,
     /// Light that passes the sample times the error of its displacement, m.
@@ -63,9 +65,13 @@ pub(super) struct CellError {
 }
 
 impl CellError {
-    /// Errors and light as this share of them.
-    fn weigh(&mut self, share: f32) {
+    /// Reduces light and errors to this share. The error by light that crosses a border is the change of
+    /// one row already: it counts in full where the border is one of the `detector`.
+    fn weigh(&mut self, share: f32, detector: bool) {
         self.light *= share;
+        if detector {
+            self.light = self.light.max(self.over);
+        }
         self.moment *= share;
         self.through *= share;
         if let Some(draws) = &mut self.draws {
@@ -148,9 +154,21 @@ impl Estimator<'_> {
         };
         if !self.counts_in_full(patch.row) {
             let least = if error.silhouette { THROWN } else { 0.0 };
-            error.weigh(self.weight_beside(patch, node).max(least));
+            let detector = self.may_enter(patch.row, node);
+            error.weigh(self.weight_beside(patch, node).max(least), detector);
         }
         error
+    }
+
+    /// Whether light of a rectangle, or of one of its height beside it, crosses a border of the detector.
+    fn may_enter(&self, row: i64, node: &Node) -> bool {
+        let (down, height) = (self.down(&node.result), node.height());
+        let lands = [node.z[0] + down - height, node.z[1] + down + height];
+        let rows = &self.detector_rows;
+        [rows.start, rows.end].iter().any(|border| {
+            let border = (border - row) as f32;
+            lands[0] <= border && border <= lands[1]
+        })
     }
 
     /// Weight of the error of a rectangle beside the detector.
@@ -172,7 +190,7 @@ impl Estimator<'_> {
     fn pieces_error(&self, patch: &Patch, index: u32, pieces: &[Piece]) -> CellError {
         let node = &patch.nodes[index as usize];
         let column = self.column(patch.beamlet);
-        let (mut cut, mut where_open, mut all) = (0.0_f32, 0.0_f32, 0.0);
+        let (mut cut, mut where_open, mut over, mut all) = (0.0_f32, 0.0_f32, 0.0_f32, 0.0);
         let rectangle = node.width() * node.height() * self.response.weight;
         for piece in pieces {
             let light = rectangle * piece.share * (-piece.result.optical_depth).exp();
@@ -199,12 +217,14 @@ impl Estimator<'_> {
             let down = piece.outline[1] * self.beyond_border(piece);
             cut += (light * (CUT * piece.outline[0] + aside + down)).powi(2);
             where_open += (light * (along + down)).powi(2);
+            over += (light * down).powi(2);
             all += light;
         }
         let [width, height] = [node.width(), node.height() * self.row_height];
         CellError {
             node: index,
             light: cut.sqrt(),
+            over: over.sqrt(),
             whole: if cut > 0.0 { (where_open / cut).sqrt() } else { 0.0 },
             moment: 0.0,
             through: all,
@@ -279,6 +299,7 @@ impl Estimator<'_> {
         CellError {
             node: index,
             light: area * all,
+            over: area * down,
             whole: if all > 0.0 { (where_open + down) / all } else { 0.0 },
             moment: area * passed * residuals.displacement,
             through: area * passed,

@@ -9,6 +9,8 @@ use crate::interface::RayResult;
 
 /// Share of the light at a silhouette that may land in recorded rows from outside.
 pub(super) const THROWN: f32 = 0.05;
+/// Least displacement along z by which light enters the recorded rows, half rows.
+const LEAST_REACH: f32 = 0.01;
 /// A silhouette among at most as many crossings may take or give all light of a rectangle.
 const SILHOUETTE_CROSSINGS: f32 = 8.0;
 
@@ -28,8 +30,8 @@ struct ByRay<'a> {
     at: f32,
     /// Half the width over which its light lands, m.
     half: f32,
-    /// Rows from its own to the recorded ones; 0 within them.
-    beside: i64,
+    /// Rows between it and the recorded rows; `None` within them.
+    beside: Option<f32>,
 }
 
 /// What a neighbour shows.
@@ -37,6 +39,8 @@ struct ByRay<'a> {
 struct Change {
     /// Change of the recorded light if the rectangle were like the neighbour, share of its light.
     light: f32,
+    /// Part of it by light that crosses a border of the row.
+    over: f32,
     /// Error of the displacement that the rectangle predicts there, m.
     moved: f32,
     /// The neighbour crosses other surfaces.
@@ -63,7 +67,7 @@ impl Estimator<'_> {
         let by_ray = self.by_ray(patch, node, self.slopes(node, &neighbours));
         let mut change = [0.0_f32; 2];
         let mut silhouette = false;
-        let mut moved: f32 = 0.0;
+        let (mut moved, mut over) = (0.0_f32, 0.0_f32);
         let drawn = is_drawn(&node.result);
         let mut squares = (0.0_f32, 0_u32);
         for (number, found) in neighbours.iter().enumerate() {
@@ -77,6 +81,7 @@ impl Estimator<'_> {
             let shown = self.change_to(&by_ray, found);
             change[axis] = change[axis].max(shown.light);
             moved = moved.max(shown.moved);
+            over = over.max(shown.over);
             silhouette |= shown.silhouette;
         }
         // Rays that cross other surfaces than its own, where no neighbour shows them.
@@ -114,6 +119,7 @@ impl Estimator<'_> {
         CellError {
             node: index,
             light,
+            over: area * SPREAD * over,
             whole: 1.0,
             moment: SPREAD * area * by_ray.passed * moved,
             through: area * by_ray.passed,
@@ -137,10 +143,16 @@ impl Estimator<'_> {
             x,
             at: self.response.landing(column, x, node.result.displacement_x),
             half: 0.5 * (growth * node.width() + slant),
-            beside: (self.recorded_rows.start - patch.row)
-                .max(patch.row + 1 - self.recorded_rows.end)
-                .max(0),
+            beside: self.rows_beside(patch.row, node),
         }
+    }
+
+    /// Rows between a rectangle and the recorded rows; `None` within them.
+    fn rows_beside(&self, row: i64, node: &Node) -> Option<f32> {
+        let rows = &self.recorded_rows;
+        let above = (rows.start - row) as f32 - node.z[1];
+        let below = (row - rows.end) as f32 + node.z[0];
+        (!rows.contains(&row)).then_some(above.max(below).max(0.0))
     }
 
     /// Light that a body which enters a rectangle between its ray and those in the middles of its neighbours may
@@ -177,9 +189,10 @@ impl Estimator<'_> {
         let result = &found.result;
         // From a row beside the recorded ones, only light that lands there counts.
         let reaches = |result: &RayResult| {
-            2.0 * result.landing_z(self.gap).abs() > by_ray.beside as f32 * self.row_pitch
+            let rows = by_ray.beside.unwrap_or_default().max(LEAST_REACH);
+            2.0 * result.landing_z(self.gap).abs() > rows * self.row_pitch
         };
-        if by_ray.beside > 0 && !reaches(own) && !reaches(result) {
+        if by_ray.beside.is_some() && !reaches(own) && !reaches(result) {
             let there = (-result.optical_depth).exp();
             let light = if alike(own, result) { 0.0 } else { THROWN * by_ray.passed.max(there) };
             Change { light, ..Change::default() }
@@ -206,6 +219,14 @@ impl Estimator<'_> {
         light.hypot(passed * (fall / self.row_pitch).min(1.0))
     }
 
+    /// Whether a rectangle touches a border of its row, or its light crosses one if it lands up to `fall`
+    /// rows elsewhere.
+    fn crosses_border(&self, node: &Node, fall: f32) -> bool {
+        let down = self.down(&node.result);
+        let lands = [node.z[0] + down - fall, node.z[1] + down + fall];
+        node.z[0] <= 0.0 || node.z[1] >= 1.0 || lands[0].floor() < lands[1].floor()
+    }
+
     /// What a neighbour on the same surfaces shows: how far the linear result is off there.
     fn change_on_surface(&self, by_ray: &ByRay<'_>, found: &Found) -> Change {
         let ByRay { node, slopes, column, passed, at, half, .. } = by_ray;
@@ -220,12 +241,14 @@ impl Estimator<'_> {
         let there = (-result.optical_depth).exp();
         let other = [(passed * (-depth).exp()).min(2.0 * passed.max(there)), at + displacement];
         let mut light = self.response.change(*column, [*passed, *at], other, *half);
-        if node.z[0] <= 0.0 || node.z[1] >= 1.0 {
-            // Light that moves over the border of the row.
-            let fall = (result.landing_z(self.gap) - own.landing_z(self.gap)).abs();
-            light += passed * (fall / self.row_pitch / node.height()).min(1.0);
+        // Light that moves over the border of a row.
+        let fall = (result.landing_z(self.gap) - own.landing_z(self.gap)).abs() / self.row_pitch;
+        let mut over = 0.0;
+        if self.crosses_border(node, fall) {
+            over = passed * (fall / node.height()).min(1.0);
+            light += over;
         }
-        Change { light, moved: displacement.abs(), silhouette: false }
+        Change { light, over, moved: displacement.abs(), silhouette: false }
     }
 
     /// Change of the recorded light if the silhouette towards a neighbour stood on the other side.

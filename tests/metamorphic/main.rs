@@ -10,6 +10,7 @@ mod case;
 mod compare;
 mod draws;
 mod relations;
+mod rows;
 mod runs;
 mod samples;
 mod set_ups;
