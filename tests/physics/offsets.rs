@@ -20,7 +20,7 @@ fn offsets_of_ten_thousand_periods_give_the_light_of_those_within_one() {
     // Beyond half a period, too.
     let offsets: Vec<f64> = (0..9).map(|step| f64::from(step - 4) * 17.3e-6).collect();
     for scheme in [Scheme::Cells, Scheme::Random] {
-        let mut near = scenes::scene(&Setup::paper([16, 2]), &[rod.clone()], &offsets);
+        let mut near = scenes::scene(&Setup::paper([16, 2]), std::slice::from_ref(&rod), &offsets);
         near.sampling.scheme = scheme;
         near.sampling.rays = RandomRays::Grid([200, 1]);
         let period = near.sample_mask.as_ref().expect("a sample mask").period;

@@ -18,7 +18,7 @@ fn values() -> Array3<f32> {
     })
 }
 
-/// A page with this NewSubfileType.
+/// A page with this `NewSubfileType`.
 fn page<C: ColorType, K: TiffKind>(
     encoder: &mut TiffEncoder<File, K>,
     [rows, columns]: [u32; 2],
@@ -47,7 +47,7 @@ fn pages<C: ColorType, K: TiffKind>(
     }
 }
 
-/// Makes white zero in every page: PhotometricInterpretation 0, SHORT, of one value.
+/// Makes white zero in every page: `PhotometricInterpretation` 0, SHORT, of one value.
 fn invert(path: &Path, big: bool) {
     let mut bytes = fs::read(path).unwrap();
     let entry: &[u8] = match big {
