@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 /// Stacks and record of a case.
 pub(crate) struct Run {
     flat: Array4<f32>,
-    sample: Array4<f32>,
+    pub(crate) sample: Array4<f32>,
     record: RunRecord,
 }
 
