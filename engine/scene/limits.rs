@@ -29,6 +29,8 @@ pub(super) const SPOT_PARTS: u32 = 4096;
 pub(super) const NODES: u32 = 256;
 /// Mask offsets of a scan.
 pub(crate) const MASK_OFFSETS: u32 = 100_000;
+/// Mask offsets in periods of the sample mask: f64 holds the place of those within a period to 1e-6 of it.
+pub(super) const OFFSET_PERIODS: f64 = 1e9;
 /// Angles of a scan.
 pub(crate) const ANGLES: u32 = 10_000_000;
 /// Facets around a cylinder, cone or prism.

@@ -149,8 +149,20 @@ impl Scene {
     }
 
     fn validate_offsets(&self) -> Result<()> {
+        if let Some(mask) = &self.sample_mask {
+            let most = limits::OFFSET_PERIODS * mask.period;
+            let far = self.scan.mask_offsets.iter().find(|offset| offset.abs() > most);
+            return far.map_or(Ok(()), |offset| {
+                let allowed = format!(
+                    "up to {}, {:e} periods of the sample mask",
+                    Length.format(most),
+                    limits::OFFSET_PERIODS
+                );
+                Err(Error::scene("scan.mask_offsets", Length.format(*offset), allowed))
+            });
+        }
         let moved = self.scan.mask_offsets.iter().find(|offset| offset.abs() > 0.0);
-        let (Some(offset), None) = (moved, &self.sample_mask) else { return Ok(()) };
+        let Some(offset) = moved else { return Ok(()) };
         let found = format!("{} without a sample mask", Length.format(*offset));
         let allowed = "only \"0 m\" where there is no [sample_mask] to move";
         Err(Error::scene("scan.mask_offsets", found, allowed))

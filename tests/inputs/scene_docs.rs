@@ -115,7 +115,11 @@ fn defaults_of_the_table_are_those_of_the_reader() {
         for (key, about) in table.as_object().unwrap() {
             let Some(default) = about.get("default") else { continue };
             let set = format!("{keys}.{key}={default}");
-            assert_eq!(Scene::load_with(&path, &[set.clone()]).unwrap(), without, "{set}");
+            assert_eq!(
+                Scene::load_with(&path, std::slice::from_ref(&set)).unwrap(),
+                without,
+                "{set}"
+            );
             compared += 1;
         }
     }

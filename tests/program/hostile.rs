@@ -248,7 +248,7 @@ fn more_apertures_than_can_be_summed_are_refused() {
             tiny,
             &["detector_mask.period: found 0.002 nm", "1000 apertures in a pixel"],
         ),
-        ("-25 um", "-1e9 m", &["sample_mask: found light of", "up to 16777216 apertures"]),
+        ("-25 um", "-1e9 m", &["scan.mask_offsets: found", "1e9 periods of the sample mask"]),
     ]);
 }
 

@@ -107,6 +107,7 @@ const OWN: f64 = 3.3e-5;
 
 /// Whether the estimate of a set-up, which is served because its tolerance is wide, is within a factor of
 /// three of the true error, and of the error of the new simulation that it compares with.
+#[allow(clippy::print_stdout, reason = "a measured figure")]
 fn holds(name: &str, kept: &StoredMoments, body: &str, changes: &[String]) -> bool {
     let with = |tolerance: &str| {
         let tolerance = vec![format!("sampling.tolerance={tolerance}")];

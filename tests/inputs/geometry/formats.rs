@@ -306,7 +306,7 @@ fn units_and_groups_that_a_format_does_not_have_are_refused_at_their_line() {
         scene.unwrap_err().to_string()
     };
     let unit = told("mesh = \"trimesh.3mf\"\nunit = \"mm\"");
-    assert!(unit.contains("object[0].unit") && unit.contains("tells its own"), "{unit}");
+    assert!(unit.contains("object[0].unit") && unit.contains("3MF files state it"), "{unit}");
     assert!(told("mesh = \"trimesh.ply\"").contains("object[0].unit"));
     let group = told("mesh = \"gmsh.stl\"\nunit = \"mm\"\ngroup = \"a\"");
     assert!(group.contains("object[0].group") && group.contains("OBJ and 3MF do"), "{group}");
