@@ -1,9 +1,9 @@
 //! The rays at fixed places that every patch begins with, of some rows and one ring around them.
 //! What they find depends on no band of rows, so that refinement may look at neighbours.
 
-use super::ViewContext;
 use super::patch::part;
 use super::patch_grid::PatchGrid;
+use super::view_context::ViewContext;
 use crate::Result;
 use crate::interface::{Ray, RayResult};
 use crate::numbers::{self, single};

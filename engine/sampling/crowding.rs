@@ -1,9 +1,9 @@
 //! Patches whose facets are too many to be looked at, from the projected bounds of components.
 
-use super::ViewContext;
 use super::facet_lists::MOST_FACETS;
 use super::patch_grid::PatchGrid;
 use super::projected_bounds::ProjectedBounds;
+use super::view_context::ViewContext;
 
 /// Patches that are crowded by the projected bounds of components, and the components that
 /// stand in such patches alone: bundles of fibres, whose facets need not be looked at one by one.

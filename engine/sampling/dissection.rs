@@ -7,7 +7,7 @@ use super::facet_means::{EDGE_ON, FacetMeans, result_of};
 use super::layout::stand;
 use super::patch::{Patch, middle};
 use super::polygon::{Area, AreaMoments, CuttingLine, NEAR, Polygon, Side};
-use super::row_spread::Crossed;
+use super::row_spread::{Crossed, PieceRows};
 use super::sheets::{Met, flags};
 use crate::interface::RayResult;
 use crate::numbers::single;
@@ -66,42 +66,6 @@ impl Piece {
         let height = self.z[1] - self.z[0];
         let first = (self.centroid[1] - 0.5 * height).min(bottom - height).max(top);
         self.z = [first, (first + height).min(bottom)];
-    }
-}
-
-/// Where in its row the light of a piece comes from, and what of it lands in the rows beside.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct PieceRows {
-    /// The interval of its centroid and variance.
-    pub(super) whole: [f64; 2],
-    /// Its displacement by the first order, rows, downwards.
-    pub(super) down: f64,
-    /// Shares that land in the row above and in the row below, with that displacement.
-    pub(super) shares: [f64; 2],
-    /// Their changes per row of displacement.
-    pub(super) rises: [f64; 2],
-}
-
-/// Shares of a piece are linear in its displacement over this share of the blur,
-const NEAR_FIRST_ORDER: f64 = 0.3;
-/// and, where there is no blur, over this share of its height.
-const NEAR_SHARP: f64 = 0.01;
-/// Light beyond the rows beside is left to them up to that of this many standard deviations of the
-/// blur: 2e-4 of a piece that ends there.
-const FARTHEST: f64 = 3.5;
-
-impl PieceRows {
-    /// Shares of its outline that land in the row above and in the row below when it is displaced
-    /// by `down` rows and blurred with a standard deviation of `blur` rows; nothing where it lands
-    /// farther off, or elsewhere than the first order says.
-    pub(super) fn by_outline(&self, down: f64, blur: f64) -> Option<[f64; 2]> {
-        let [top, bottom] = self.whole;
-        let off = down - self.down;
-        let near = off.abs() <= (NEAR_FIRST_ORDER * blur).max(NEAR_SHARP * (bottom - top));
-        let reach = FARTHEST * blur;
-        let beside = top + down - reach >= -1.0 && bottom + down + reach <= 2.0;
-        let share = |side: usize| (self.shares[side] + off * self.rises[side]).clamp(0.0, 1.0);
-        (near && beside).then(|| [share(0), share(1)])
     }
 }
 

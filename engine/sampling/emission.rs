@@ -1,13 +1,13 @@
 //! Cells from refined patches: their leaves as rectangles, those joined that are one straight line,
 //! and rows of cells made of these (`cell_rows.rs`).
 
-use super::ViewContext;
 use super::cell_batch::CellBatch;
 use super::error_estimate::Estimator;
 use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::{Border, Even, Known, Patch, alike};
 use super::rectangle::Rectangle;
+use super::view_context::ViewContext;
 use crate::Result;
 use crate::interface::{FLAG_EXACT, FLAG_GRAZING, FLAG_REFLECTED, RayResult};
 use crate::numbers::single;

@@ -1,11 +1,11 @@
 //! Facets of the sample by patch: those that its rays can meet, and whether a silhouette crosses it.
 
-use super::ViewContext;
 use super::crowding::{bundles, curved};
 use super::lattice::Lattice;
 use super::patch_grid::PatchGrid;
 use super::polygon::Area;
 use super::touched::touched;
+use super::view_context::ViewContext;
 use crate::geometry::{FacetNumbers, FacetOf, Sample};
 use crate::numbers;
 use crate::scene::Transport;

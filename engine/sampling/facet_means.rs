@@ -1,12 +1,12 @@
 //! Exact means of the first order over rectangles: sums over facets of what each adds, times the
 //! area that it has in the rectangle. They need no ray, and no facet is missed between rays.
 
-use super::ViewContext;
 use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
 use super::patch::{Axis, Border, Patch, Residuals, middle};
 use super::polygon::{Area, Corner, crosses};
 use super::sheets::{RectangleSums, SheetFits, WHOLE, flags};
+use super::view_context::ViewContext;
 use crate::interface::RayResult;
 use crate::numbers::single;
 use crate::trace::FIRST_ORDER_ERROR;

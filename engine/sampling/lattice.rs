@@ -1,9 +1,7 @@
 //! The lattice of cells: where beamlets stand in the cell plane, which rays bound their cells,
 //! and where they land. All in f64 on the host; the device gets offsets inside an index.
 
-use super::dissection::PieceRows;
-use super::projected_bounds::ProjectedBounds;
-use super::row_spread::RowSpread;
+use super::row_spread::{PieceRows, RowSpread};
 use crate::interface::{BeamletGeometry, Ray};
 use crate::numbers::{self, single};
 use crate::optics::{DetectorPlane, LEAST_CELLS, Mask, Optics};
@@ -39,12 +37,12 @@ pub struct Lattice {
     /// (`illuminate::alike_rows`); blocks begin at multiples of it.
     pub alike_rows: u32,
     /// The same reach in columns and rows, not rounded.
-    blur: [f64; 2],
+    pub(super) blur: [f64; 2],
     /// How cells spread over rows.
     pub(super) row_spread: RowSpread,
     /// Distance from source to rotation centre, m.
     rotation: f64,
-    detector: DetectorPlane,
+    pub(super) detector: DetectorPlane,
 }
 
 /// Largest distance over which the sample throws light, in x and z on the detector, m.
@@ -192,19 +190,6 @@ impl Lattice {
     pub fn beamlets_of(&self, x: [f64; 2]) -> Range<i64> {
         let [first, last] = x.map(|x| self.beamlet_at(x));
         first.max(self.beamlets.start)..(last + 1).min(self.beamlets.end)
-    }
-
-    /// Whether a ray from anywhere on the spot to this pixel can meet one of the shadows.
-    #[must_use]
-    pub fn pixel_meets(&self, projected_bounds: &[ProjectedBounds], column: i64, row: i64) -> bool {
-        let (column, row) = (column as f64, row as f64);
-        projected_bounds.iter().any(|s| {
-            let at = |x: f64| self.detector.column_at(x, self.plane);
-            at(s.x[0]) - self.blur[0] <= column + 1.0
-                && at(s.x[1]) + self.blur[0] >= column
-                && s.rows[0] - self.blur[1] <= row + 1.0
-                && s.rows[1] + self.blur[1] >= row
-        })
     }
 
     /// Table of the beamlets, in the order of `self.beamlets`.

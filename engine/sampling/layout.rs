@@ -88,7 +88,7 @@ fn best_cut(pieces: &[Piece], order: &[usize], axis: usize, [low, high]: [f32; 2
 
 #[cfg(test)]
 mod tests {
-    use super::super::dissection::PieceRows;
+    use super::super::row_spread::PieceRows;
     use super::*;
 
     fn piece(share: f32, x: [f32; 2], z: [f32; 2]) -> Piece {

@@ -1,9 +1,9 @@
 //! Moments of the rays that bound cells.
 
-use super::ViewContext;
 use super::neighbours::Slopes;
 use super::patch::Patch;
 use super::rectangle::Rectangle;
+use super::view_context::ViewContext;
 use crate::Result;
 use crate::geometry::Component;
 use crate::interface::{

@@ -9,7 +9,7 @@ use std::ops::Range;
 
 /// Shadow of one component from the source centre: a rectangle, and how fine it may be inside.
 #[derive(Debug, Clone, Copy)]
-pub struct ProjectedBounds {
+pub(crate) struct ProjectedBounds {
     /// x in the cell plane, m.
     pub x: [f64; 2],
     /// Row coordinates, downwards.
@@ -38,6 +38,23 @@ impl ProjectedBounds {
         let [top, bottom] = self.rows.map(|row| numbers::whole::<i64>(row.floor()));
         [top..bottom + 1, lattice.beamlets_of(self.x)]
     }
+}
+
+/// Whether a ray from anywhere on the spot to a pixel can cross one of the shadows.
+pub(crate) fn touches_pixel(
+    bounds: &[ProjectedBounds],
+    lattice: &Lattice,
+    [column, row]: [i64; 2],
+) -> bool {
+    let (column, row) = (column as f64, row as f64);
+    let [reach, reach_rows] = lattice.blur;
+    bounds.iter().any(|s| {
+        let at = |x: f64| lattice.detector.column_at(x, lattice.plane);
+        at(s.x[0]) - reach <= column + 1.0
+            && at(s.x[1]) + reach >= column
+            && s.rows[0] - reach_rows <= row + 1.0
+            && s.rows[1] + reach_rows >= row
+    })
 }
 
 /// Mean chord below which a component can hide between two rays is half of it: two rays then

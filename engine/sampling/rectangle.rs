@@ -1,9 +1,10 @@
 //! Rectangles of a patch as cells are made of them.
 
-use super::dissection::{Piece, PieceRows};
+use super::dissection::Piece;
 use super::moment_recording::LinearModel;
 use super::neighbours::Slopes;
 use super::patch::Border;
+use super::row_spread::PieceRows;
 
 /// Over less, m, no depth rises: f32 does not resolve it.
 const THINNEST: f32 = 1e-12;

@@ -7,7 +7,6 @@ mod facets;
 mod held;
 mod slanting;
 
-use super::ViewContext;
 use super::base_lattice::BaseLattice;
 use super::error_estimate::Estimator;
 use super::facet_lists::FacetLists;
@@ -16,6 +15,7 @@ use super::lattice::Lattice;
 use super::patch::{Known, Patch, alike};
 use super::patch_error::{KnownErrors, NarrowComponent, error_of_pieces};
 use super::response::Opening;
+use super::view_context::ViewContext;
 use crate::Result;
 use crate::cancel::Cancel;
 use crate::interface::{Ray, RayResult};

@@ -4,21 +4,14 @@ use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
 use super::cell_batch::{CellBatch, blank_cell_rows, empty_cell};
 use super::cell_moments::CellMoments;
 use super::emission::Emitter;
-use super::error_budget::{ErrorBudget, tally_of};
-use super::facet_lists::SampleFacets;
-use super::lattice::Lattice;
-use super::moment_recording::MomentRecording;
+use super::error_budget::tally_of;
 use super::patch::Patch;
 use super::patch_error::NarrowComponent;
-use super::projected_bounds::ProjectedBounds;
 use super::refinement::{Refined, Refiner};
-use super::response::Response;
 use super::room::{Group, Room};
+use super::view_context::ViewContext;
 use crate::Result;
-use crate::geometry::Sample;
-use crate::interface::Ray;
 use crate::numbers::{self, single};
-use crate::optics::Optics;
 use crate::trace::Tracer;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -31,54 +24,6 @@ const FACETS_OF_A_PATCH: usize = 40;
 const HIDDEN: f64 = 0.05;
 /// Cell rows without a sample that are handed over at once.
 const BLANK_AT_ONCE: usize = 1 << 12;
-
-/// What the cells of a view are made from.
-#[derive(Debug)]
-pub(crate) struct ViewContext<'a> {
-    /// What the light meets.
-    pub optics: &'a Optics,
-    /// Angle of the view, rad.
-    pub angle: f64,
-    /// Its sample.
-    pub sample: &'a Sample,
-    /// Surfaces of the sample, where its facets say what is between rays.
-    pub facets: Option<&'a SampleFacets>,
-    /// Its lattice.
-    pub lattice: &'a Lattice,
-    /// Index of the view.
-    pub index: u32,
-    /// Projected bounds of the components.
-    pub projected_bounds: &'a [ProjectedBounds],
-    /// Keep the moments of the rays, for other energies or masks.
-    pub recording: Option<&'a MomentRecording>,
-    /// What changes of a result do to recorded values.
-    pub response: &'a Response,
-    /// What sampling may leave.
-    pub budget: ErrorBudget,
-}
-
-impl ViewContext<'_> {
-    /// No means over facets take the place of rays.
-    pub(super) fn by_rays_alone(&self) -> bool {
-        self.facets.is_none_or(|facets| facets.by_rays_alone)
-    }
-
-    /// The ray through a place of a beamlet (m from its centre) and row (share of it).
-    pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
-        self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)
-    }
-
-    /// Rows whose light is recorded, of the whole detector: cells do not depend on bands.
-    pub(super) fn recorded_rows(&self) -> Range<i64> {
-        let blur = self.lattice.blur_rows;
-        -blur..i64::from(self.optics.detector.pixels[1]) + blur
-    }
-
-    /// How much farther than its result says light may land, at another energy.
-    pub(super) fn delta_ratio(&self) -> f64 {
-        self.recording.map_or(1.0, |recording| recording.delta_ratio)
-    }
-}
 
 /// Takes cell rows as they are ready; may trace with the tracer that it is lent.
 pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<()>;

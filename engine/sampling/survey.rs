@@ -1,11 +1,11 @@
 //! What sampling some rows costs, from a part of their patches: these are refined as in a run, and
 //! stand for the others.
 
-use super::ViewContext;
 use super::base_lattice::BaseLattice;
 use super::refinement::Refiner;
 use super::room::Room;
 use super::rows::{narrow_components, refined};
+use super::view_context::ViewContext;
 use crate::Result;
 use crate::numbers;
 use crate::sampling::CellBatch;

@@ -6,7 +6,7 @@ use super::work::ViewWork;
 use crate::moments::StoredSource;
 use crate::numbers;
 use crate::run::Control;
-use crate::sampling::{Lattice, ProjectedBounds, projected_bounds};
+use crate::sampling::{Lattice, ProjectedBounds, projected_bounds, touches_pixel};
 use crate::scene::Exposure;
 use crate::stack::{RunFile, SamplingSummary};
 use crate::{Error, Result};
@@ -138,7 +138,7 @@ impl Simulation {
         let [kept, fresh] = values else { return };
         let tolerance = self.scene.sampling.tolerance;
         for column in 0..self.scene.detector.pixels[0] {
-            if !lattice.pixel_meets(seen, column.into(), row.into()) {
+            if !touches_pixel(seen, lattice, [column.into(), row.into()]) {
                 continue;
             }
             let steps = 0..kept.shape()[0];

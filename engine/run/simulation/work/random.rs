@@ -6,7 +6,7 @@ use crate::illuminate::{RandomBatch, illuminate_random};
 use crate::interface::Pixel;
 use crate::numbers;
 use crate::optics::Optics;
-use crate::sampling::ProjectedBounds;
+use crate::sampling::{ProjectedBounds, touches_pixel};
 use crate::scene::Exposure;
 use std::ops::Range;
 use std::time::Instant;
@@ -34,7 +34,8 @@ impl ViewWork<'_> {
                     row: numbers::narrow::<i32>(row),
                     table: numbers::narrow::<u32>(column - self.pixel_columns.start),
                 };
-                if self.simulation.lattice.pixel_meets(projected_bounds, column, row) {
+                let lattice = &self.simulation.lattice;
+                if touches_pixel(projected_bounds, lattice, [column, row]) {
                     met.push(pixel);
                 } else if inside {
                     missed.push(pixel);
