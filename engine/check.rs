@@ -290,7 +290,11 @@ fn setup(
         },
     );
     let optics = Optics::of(scene);
-    let mask = |mask: &Option<Mask>| mask.as_ref().map(|mask| [mask.period(), mask.aperture()]);
+    let openings = |mask: &Mask| mask.openings(mask.distance());
+    let mask = |mask: &Option<Mask>| {
+        let openings = mask.as_ref().map(openings);
+        openings.map(|openings| [openings.period[0], openings.narrowest(0)])
+    };
     Setup {
         energy: nodes.mean_energy(),
         nodes,
@@ -317,7 +321,7 @@ fn spot(scene: &Scene, optics: &Optics) -> CheckedSpot {
         .detector_mask
         .as_ref()
         .filter(|_| optics.sample_mask.is_some())
-        .map(|mask| (scene.magnification() - 1.0) / mask.period());
+        .map(|mask| (scene.magnification() - 1.0) / mask.openings(mask.distance()).period[0]);
     CheckedSpot {
         fwhm: spot.fwhm(),
         parts: spot.parts().len(),

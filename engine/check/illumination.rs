@@ -99,7 +99,7 @@ pub(super) fn illumination(
             *leak += weight * bars.leak(1.0);
         }
     }
-    let period = sample_mask.period();
+    let period = optics.curve_period();
     let step = period / f64::from(OFFSETS);
     let offsets: Vec<f64> = (0..OFFSETS).map(|i| f64::from(i) * step - 0.5 * period).collect();
     let mut all = offsets.clone();
@@ -245,7 +245,7 @@ pub(super) fn warnings(scene: &Scene, curve: &IlluminationCurve) -> Vec<String> 
     let masks = [&optics.sample_mask, &optics.detector_mask];
     if let [Some(first), Some(second)] = masks {
         let plane = scene.detector.distance;
-        let [a, b] = [first, second].map(|mask| mask.period_at(plane));
+        let [a, b] = [first, second].map(|mask| mask.openings(plane).period[0]);
         let columns = f64::from(scene.detector.pixels[0]);
         let ratio = (a / b).max(b / a);
         let fringes = (ratio - ratio.round()).abs() / ratio.round() * columns;

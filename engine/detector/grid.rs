@@ -150,9 +150,9 @@ fn lit_width(scene: &Scene) -> f64 {
     let optics = Optics::of(scene);
     let Some(mask) = &optics.detector_mask else { return 1.0 };
     let pixels = &optics.detector;
-    let aligned = (mask.period_columns(pixels) - 1.0).abs() < 1e-6
-        && mask.offset_columns(pixels, 0.0).abs() < 1e-6;
-    if aligned { mask.aperture_columns(pixels).min(1.0) } else { 1.0 }
+    let openings = mask.openings_in_columns(pixels, 0.0);
+    let aligned = (openings.period[0] - 1.0).abs() < 1e-6 && openings.offset.abs() < 1e-6;
+    if aligned { openings.span().min(1.0) } else { 1.0 }
 }
 
 /// Most that `parts` of a pixel change it, or one beside it: light of open beam between two sharp

@@ -217,7 +217,7 @@ fn upload_mask(
         apertures: buffer.address(),
         count: count(records.len()),
         present: 1,
-        period: single(shape.period),
+        period: single(shape.openings.period[0]),
         thickness: single(shape.thickness),
         attenuation: single(shape.attenuation),
         transmission: single(shape.transmission),

@@ -63,7 +63,7 @@ impl<'a> SetUp<'a> {
     /// Width of apertures as seen from the source, by mask: of any width where there is none.
     fn apertures(&self) -> [f64; 2] {
         [&self.optics.sample_mask, &self.optics.detector_mask]
-            .map(|mask| mask.as_ref().map_or(f64::INFINITY, |mask| mask.aperture_at(1.0)))
+            .map(|mask| mask.as_ref().map_or(f64::INFINITY, |mask| mask.openings(1.0).narrowest(0)))
     }
 
     /// Pitch of the light's grid as seen from the source, along x and z.

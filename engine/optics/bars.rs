@@ -1,5 +1,6 @@
 //! What the bars of a mask do to light, by its energy and angle.
 
+use super::mask::Openings;
 use super::{Mask, Optics};
 use crate::numbers::single;
 use crate::scene::{MaskBody, Scene};
@@ -29,12 +30,8 @@ pub(crate) fn mean_leaks(
 /// A mask as the light stages see it: apertures of one period, and its bars.
 #[derive(Debug, Clone)]
 pub(crate) struct MaskShape {
-    /// Half the width of the aperture, m in the plane of evaluation.
-    half: f64,
-    /// Of the mask, m there.
-    pub(crate) period: f64,
-    /// Width of the bars.
-    bar: f64,
+    /// Its openings in the plane of evaluation, m.
+    pub(crate) openings: Openings,
     pub(crate) thickness: f64,
     /// Of bars along the axis; infinite where they are opaque.
     pub(crate) attenuation: f64,
@@ -48,7 +45,7 @@ impl MaskShape {
     /// # Errors
     /// As [`material::constants_at_for`].
     pub(crate) fn of(scene: &Scene, mask: &Mask, plane: f64, energy: Option<f64>) -> Result<Self> {
-        let bar = mask.bar_at(plane);
+        let openings = mask.openings(plane);
         let (thickness, attenuation, transmission) = match mask.body() {
             MaskBody::Bars { material, thickness } => {
                 let key = format!("{}.material", mask.name());
@@ -59,12 +56,13 @@ impl MaskShape {
             MaskBody::Sheet { transmission } => (0.0, 0.0, *transmission),
         };
         // Without bars there is nothing for any material to do.
-        let (thickness, attenuation, transmission) =
-            if bar > 0.0 { (thickness, attenuation, transmission) } else { (0.0, 0.0, 1.0) };
+        let (thickness, attenuation, transmission) = if openings.bar() > 0.0 {
+            (thickness, attenuation, transmission)
+        } else {
+            (0.0, 0.0, 1.0)
+        };
         Ok(Self {
-            half: mask.aperture_at(plane) / 2.0,
-            period: mask.period_at(plane),
-            bar,
+            openings,
             thickness: thickness * mask.scale_at(plane),
             attenuation,
             // Bars of a material that does not absorb are no mask at all.
@@ -75,7 +73,7 @@ impl MaskShape {
     /// The apertures of a period: sorted open intervals about its centre, m in the plane of
     /// evaluation, as devices hold them.
     pub(crate) fn apertures(&self) -> Vec<[f32; 2]> {
-        vec![[-single(self.half), single(self.half)]]
+        self.openings.ends().map(|ends| ends.map(single)).collect()
     }
 
     /// Transmission of bars wider than their shadow, as `thick_bars` in light/mask.glsl.
@@ -120,6 +118,6 @@ impl MaskShape {
     /// Width of the narrowest aperture or bar, m in the plane of evaluation.
     pub(crate) fn narrowest(&self) -> f64 {
         let widths = self.apertures().into_iter().map(|[low, high]| f64::from(high - low));
-        widths.fold(self.bar, f64::min)
+        widths.fold(self.openings.bar(), f64::min)
     }
 }

@@ -146,14 +146,15 @@ fn lit(scene: &Scene, mask: &Mask) -> [f64; 2] {
         // Three widths of the spot are seven deviations.
         scene.detector.size()[axis] * near + 6.0 * spot[axis] * (1.0 - near).max(0.0)
     };
-    [side(0) + 2.0 * moved + 2.0 * mask.period(), side(1)]
+    [side(0) + 2.0 * moved + 2.0 * mask.openings(mask.distance()).period[0], side(1)]
 }
 
 /// Where bars begin and end, m: one more than the apertures that cover the extent.
 fn bars(mask: &Mask, extent: f64) -> Result<Vec<[f64; 2]>> {
-    let (period, aperture) = (mask.period(), mask.aperture());
-    if aperture >= period {
-        let found = Length.format(aperture);
+    let openings = mask.openings(mask.distance());
+    let period = openings.period[0];
+    if openings.bar() <= 0.0 {
+        let found = Length.format(openings.narrowest(0));
         let allowed = format!("less than the period, {}: there are no bars", Length.format(period));
         return Err(Error::scene(format!("{}.aperture", mask.name()), found, allowed));
     }
@@ -162,12 +163,18 @@ fn bars(mask: &Mask, extent: f64) -> Result<Vec<[f64; 2]>> {
         let allowed = format!("up to {}", Length.format(MOST_BARS * period));
         return Err(Error::argument("size", Length.format(extent), allowed));
     }
-    // The aperture nearest to the axis, and as many on either side.
+    // The period nearest to the axis, and as many on either side.
     let reach: i32 = numbers::whole((count / 2.0).ceil());
-    let nearest = -mask.off_aperture(0.0, mask.distance());
+    let nearest = -mask.off_centre(0.0, mask.distance());
     let centre = |number: i32| nearest + f64::from(number) * period;
-    let bar = |number: i32| [centre(number) + aperture / 2.0, centre(number + 1) - aperture / 2.0];
-    Ok((-reach - 1..=reach).map(bar).collect())
+    // A bar begins where an opening ends; the last of a period ends where the next period opens.
+    let bars = |number: i32| {
+        let begins = openings.ends().map(move |[_, high]| centre(number) + high);
+        let within = openings.ends().skip(1).map(move |[low, _]| centre(number) + low);
+        let beyond = openings.ends().take(1).map(move |[low, _]| centre(number + 1) + low);
+        begins.zip(within.chain(beyond)).map(|(low, high)| [low, high])
+    };
+    Ok((-reach - 1..=reach).flat_map(bars).collect())
 }
 
 /// Adds a closed box.

@@ -12,7 +12,7 @@ mod mask_mesh;
 
 pub(crate) use bars::{MaskShape, mean_leaks};
 pub(crate) use detector_plane::DetectorPlane;
-pub(crate) use mask::Mask;
+pub(crate) use mask::{Mask, Openings};
 pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
 
 use crate::scene::{Blur, Sampling, Scene};
@@ -107,34 +107,44 @@ impl Optics {
         self.mask_offsets.len()
     }
 
-    /// Period, displacement along x and aperture of the beamlets in the plane of the cells, m:
-    /// those of the sample mask, or of pixels without it.
-    pub(crate) fn beamlets(&self) -> [f64; 3] {
+    /// Openings that make beamlets, in the plane of the cells, m: those of the sample mask, or pixels
+    /// without it.
+    pub(crate) fn beamlets(&self) -> Openings {
         match &self.sample_mask {
-            Some(mask) => [mask.period(), mask.offset(), mask.aperture()],
-            None => {
-                let pixel = self.detector.pitch_at(0, self.cell_plane);
-                [pixel, 0.0, pixel]
-            }
+            Some(mask) => mask.openings(self.cell_plane),
+            None => Openings::side_by_side(self.detector.pitch_at(0, self.cell_plane)),
         }
     }
 
-    /// Period and width of the windows that light passes on the analyser, m: apertures of the
-    /// detector mask, or pixels without it.
-    pub(crate) fn windows(&self) -> [f64; 2] {
+    /// Windows that light passes on the analyser, m: openings of the detector mask, or pixels without
+    /// it.
+    pub(crate) fn windows(&self) -> Openings {
         match &self.detector_mask {
-            Some(mask) => [mask.period_at(self.analyser), mask.aperture_at(self.analyser)],
-            None => [self.analyser_pixel(); 2],
+            Some(mask) => mask.openings(self.analyser),
+            None => self.pixel_windows(),
         }
+    }
+
+    /// Pixels seen from the source in the plane of the analyser, m.
+    pub(crate) fn pixel_windows(&self) -> Openings {
+        Openings::side_by_side(self.analyser_pixel())
     }
 
     /// Widths of the apertures whose overlap is an illumination curve, m: of the sample mask as it
     /// is projected onto the analyser, of the detector mask in its own plane. 0 without the mask.
     pub(crate) fn overlapping_apertures(&self) -> [f64; 2] {
+        let width = |mask: &Mask, plane: f64| mask.openings(plane).narrowest(0);
         [
-            self.sample_mask.as_ref().map_or(0.0, |mask| mask.aperture_at(self.analyser)),
-            self.detector_mask.as_ref().map_or(0.0, Mask::aperture),
+            self.sample_mask.as_ref().map_or(0.0, |mask| width(mask, self.analyser)),
+            self.detector_mask.as_ref().map_or(0.0, |mask| width(mask, mask.distance())),
         ]
+    }
+
+    /// Period of the sample mask in its own plane, m: illumination curves repeat with it; infinite
+    /// without.
+    pub(crate) fn curve_period(&self) -> f64 {
+        let of = |mask: &Mask| mask.openings(mask.distance()).period[0];
+        self.sample_mask.as_ref().map_or(f64::INFINITY, of)
     }
 
     /// Source to where light is cut off for good, m: the detector mask, or the pixels.

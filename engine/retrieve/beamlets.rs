@@ -32,8 +32,8 @@ impl Beamlets {
             return Err(Error::scene("sample_mask", "nothing", "a sample mask"));
         };
         let columns = f64::from(optics.detector.pixels[0]);
-        let period = mask.period_columns(&optics.detector);
-        let shift = mask.offset_columns(&optics.detector, optics.mask_offsets[0]);
+        let openings = mask.openings_in_columns(&optics.detector, optics.mask_offsets[0]);
+        let (period, shift) = (openings.period[0], openings.offset);
         // Window of whole pixels about each centre; the detector's pixel c has its centre at c.
         let pixels = period.round().max(BEAMLET_PIXELS);
         let centre = |k: f64| (k + 0.5 - columns / 2.0) * period + shift + columns / 2.0 - 0.5;
@@ -113,7 +113,8 @@ fn lights(scene: &Scene, optics: &Optics, mask: &Mask, slopes: &[f64]) -> Result
             shapes.push((MaskShape::of(scene, mask, plane, Some(*energy))?, *weight));
         }
     }
-    let aperture = mask.aperture_at(plane);
+    let openings = mask.openings(plane);
+    let aperture = openings.narrowest(0);
     Ok(slopes
         .iter()
         .map(|slope| {
@@ -132,7 +133,7 @@ fn lights(scene: &Scene, optics: &Optics, mask: &Mask, slopes: &[f64]) -> Result
                 // Beyond the angle at which bars hide their apertures no box is the shape.
                 aperture: (aperture - mean(narrowing)).max(0.05 * aperture),
                 blur: blur + mean(variance),
-                period: mask.period_at(plane),
+                period: openings.period[0],
                 pitch: detector.pitch[0],
             }
         })

@@ -167,7 +167,7 @@ fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {
         return Err(Error::scene("sample_mask", "nothing", needs));
     };
     debug_assert_eq!(offsets.len(), 1, "checked before");
-    let pixels = mask.period_columns(&optics.detector);
+    let pixels = mask.openings_in_columns(&optics.detector, 0.0).period[0];
     if pixels < BEAMLET_PIXELS {
         return Err(Error::scene(
             "sample_mask.period",

@@ -1,6 +1,7 @@
 //! Whole periods of the sample mask that a scan is away from 0: curves repeat with them, and
 //! centres in f32 lose digits to them.
 
+use crate::optics::Optics;
 use crate::scene::Scene;
 
 /// The number of periods, and their length.
@@ -17,7 +18,7 @@ impl WholePeriods {
         let ends = |[low, high]: [f64; 2], at: &f64| [low.min(*at), high.max(*at)];
         let [low, high] =
             scene.scan.mask_offsets.iter().fold([f64::INFINITY, f64::NEG_INFINITY], ends);
-        let period = scene.sample_mask.as_ref().map_or(f64::INFINITY, |mask| mask.period);
+        let period = Optics::of(scene).curve_period();
         let count = (f64::midpoint(low, high) / period).round();
         if count.is_finite() && period.is_finite() {
             Self { count, period }

@@ -25,11 +25,12 @@ impl CurveGeometry {
     /// Of a scene with both masks; zero widths without.
     pub(super) fn of(scene: &Scene) -> Self {
         let magnification = scene.magnification();
+        let optics = Optics::of(scene);
         Self {
-            projected: Optics::of(scene).overlapping_apertures(),
+            projected: optics.overlapping_apertures(),
             blur: (magnification - 1.0) * SIGMA_PER_FWHM * scene.source.spot.fwhm()[0],
             magnification,
-            period: scene.sample_mask.as_ref().map_or(f64::INFINITY, |mask| mask.period),
+            period: optics.curve_period(),
         }
     }
 

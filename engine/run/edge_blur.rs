@@ -68,12 +68,12 @@ pub(super) struct Slits {
 }
 
 impl Slits {
-    fn of(mask: &Mask, plane: f64) -> Self {
-        Self {
-            period: mask.period_at(plane),
-            width: mask.aperture_at(plane),
-            centre: -mask.off_aperture(0.0, plane),
-        }
+    /// Slits of a mask across (0) or along its slits (1); `None` where no edge repeats.
+    fn of(mask: &Mask, plane: f64, axis: usize) -> Option<Self> {
+        let openings = mask.openings(plane);
+        let (period, width) = (openings.period[axis], openings.narrowest(axis));
+        let centre = if axis == 0 { -mask.off_centre(0.0, plane) } else { 0.0 };
+        period.is_finite().then_some(Self { period, width, centre })
     }
 }
 
@@ -108,6 +108,11 @@ impl LightPath {
             Slits { period, width: period, centre: shift * period }
         };
         let per_pixel = |open: f64| open * detector.distance / (rotation * pitch);
+        let of_sample_mask = |mask: &Mask| {
+            let slits = Slits::of(mask, mask.distance(), axis)?;
+            Some((slits, mask.distance() / rotation))
+        };
+        let apertures = optics.sample_mask.as_ref().and_then(of_sample_mask);
         if axis == 1 {
             // The most of a row that masks let through.
             let overlapping = optics.overlapping_apertures().into_iter().filter(|w| *w > 0.0);
@@ -115,20 +120,18 @@ impl LightPath {
             return Self {
                 sigma,
                 rotation,
-                apertures: None,
+                apertures,
                 windows: pixels(detector.distance),
                 lever: detector.distance / rotation - 1.0,
                 weight: per_pixel(least / detector.pitch_at(0, optics.analyser)),
             };
         }
-        let sample_mask = optics.sample_mask.as_ref();
         let plane = optics.analyser;
-        let masked = optics.detector_mask.as_ref().map(|mask| Slits::of(mask, plane));
+        let masked = optics.detector_mask.as_ref().and_then(|mask| Slits::of(mask, plane, axis));
         Self {
             sigma,
             rotation,
-            apertures: sample_mask
-                .map(|mask| (Slits::of(mask, mask.distance()), mask.distance() / rotation)),
+            apertures,
             windows: masked.unwrap_or_else(|| pixels(plane)),
             lever: plane / rotation - 1.0,
             weight: per_pixel(1.0),

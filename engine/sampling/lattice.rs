@@ -76,8 +76,10 @@ impl Lattice {
     pub fn of(optics: &Optics, delta: f64) -> Self {
         let plane = optics.cell_plane;
         let (detector, pitch) = (optics.detector.distance, optics.detector.pitch);
-        let [period, offset, aperture] = optics.beamlets();
-        let cells = optics.sampling.cells.unwrap_or_else(|| default_cells(period, aperture));
+        let openings = optics.beamlets();
+        let (period, offset) = (openings.period[0], openings.offset);
+        let cells =
+            optics.sampling.cells.unwrap_or_else(|| default_cells(period, openings.narrowest(0)));
         let deflection = max_deflection(optics, delta);
         let spot = &optics.spot;
         let reach = spot.reach();
@@ -204,7 +206,7 @@ impl Lattice {
 pub(crate) fn beamlet_geometry(optics: &Optics, slope: f64) -> BeamletGeometry {
     let [pixel, pixel_offset] = optics.detector.column_of_slope(slope, optics.analyser);
     let off = |mask: &Option<Mask>, plane: f64| {
-        mask.as_ref().map_or(0.0, |mask| mask.off_aperture(slope, plane))
+        mask.as_ref().map_or(0.0, |mask| mask.off_centre(slope, plane))
     };
     BeamletGeometry {
         pixel: numbers::whole::<i32>(pixel),
@@ -216,7 +218,7 @@ pub(crate) fn beamlet_geometry(optics: &Optics, slope: f64) -> BeamletGeometry {
 }
 
 /// Cells of a period before refinement, enough that the linear model holds in them almost
-/// everywhere: two to an aperture, and [`LEAST_CELLS`] to 64 in all.
-fn default_cells(period: f64, aperture: f64) -> u32 {
-    numbers::whole::<u32>((2.0 * period / aperture).ceil()).clamp(LEAST_CELLS, 64)
+/// everywhere: two to the narrowest opening, and [`LEAST_CELLS`] to 64 in all.
+fn default_cells(period: f64, opening: f64) -> u32 {
+    numbers::whole::<u32>((2.0 * period / opening).ceil()).clamp(LEAST_CELLS, 64)
 }

@@ -6,7 +6,7 @@ use super::patch::part;
 use super::windows::{Seen, Windows};
 use crate::interface::BeamletGeometry;
 use crate::numbers::{self, single};
-use crate::optics::{Mask, Optics};
+use crate::optics::{Mask, Openings, Optics};
 
 /// Rectangles that a patch begins with are at least as wide as this share of the period.
 const LEAST_SLAB: f32 = 1.0 / 128.0;
@@ -30,11 +30,11 @@ pub(crate) struct Response {
     /// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the
     /// nearest window, m, by beamlet of the lattice.
     landing: Vec<f32>,
-    /// Opening by mask step in the cell plane, from the nearest period of the sample mask, m; none
+    /// Openings by mask step in the cell plane, from the nearest period of the sample mask, m; none
     /// without a sample mask.
-    openings: Vec<[f32; 2]>,
-    /// Period of the sample mask in the cell plane, m.
-    mask_period: f32,
+    openings: Vec<Opening>,
+    /// Mask steps that differ enough to count.
+    steps: usize,
     /// Beamlet's centre from the centre of the nearest period of the sample mask, m.
     mask_offset: Vec<f32>,
     /// What the shadow of thick bars takes of each side of an opening, m, by beamlet.
@@ -44,7 +44,8 @@ pub(crate) struct Response {
     /// Share of the light that the bars of the sample mask let through; 0 where that is too little
     /// to count.
     leak: f32,
-    /// Half a period of the lattice, m.
+    /// A period of the lattice, which is that of the openings, and its half, m.
+    period: f32,
     half_period: f32,
     /// Recorded value per metre of open cell plane.
     pub(super) weight: f32,
@@ -81,29 +82,14 @@ impl Response {
         let spot = optics.spot.placed().iter().map(spot).sum::<f64>().sqrt();
         let edge = optics.cutting_plane();
         let magnified = spot * (edge / rotation - 1.0) * analyser / edge;
-        let blur = magnified.max(1e-4 * optics.windows()[0]);
+        let blur = magnified.max(1e-4 * optics.windows().period[0]);
         let soft =
             SOFT_EDGE * optics.spot.narrowest(0) * (rotation - lattice.plane).abs() / rotation;
         let hard = any_masks || optics.sample_mask.is_none();
-        let (openings, mask_period) = match &optics.sample_mask {
-            Some(mask) if !any_masks => {
-                let half = 0.5 * mask.aperture_at(lattice.plane) + soft;
-                let opening = |f: &f64| [single(f - half), single(f + half)];
-                let offsets = told_apart(&optics.mask_offsets, STEPS_APART * mask.aperture());
-                (offsets.iter().map(opening).collect(), mask.period_at(lattice.plane))
-            }
-            Some(mask) => {
-                // Steps that cover the period once.
-                let count = (mask.period() / mask.aperture()).ceil().clamp(1.0, 64.0);
-                let width = lattice.period / count;
-                let steps = 0..numbers::whole::<u32>(count);
-                let opening = |step: u32| {
-                    let low = f64::from(step) * width - 0.5 * lattice.period;
-                    [single(low), single(low + width)]
-                };
-                (steps.map(opening).collect(), lattice.period)
-            }
-            None => (Vec::new(), lattice.period),
+        let openings = match &optics.sample_mask {
+            Some(_) if any_masks => any_openings(&optics.beamlets()),
+            Some(_) => openings_of_steps(&optics.beamlets(), &optics.mask_offsets, soft),
+            None => Vec::new(),
         };
         let landing = |c: &BeamletGeometry| {
             if optics.detector_mask.is_some() { c.aperture_offset } else { c.pixel_offset }
@@ -113,8 +99,8 @@ impl Response {
             blur: single(blur),
             magnification: single(analyser / lattice.plane),
             landing: beamlets.iter().map(landing).collect(),
+            steps: openings.last().map_or(1, |last| last.step as usize + 1),
             openings,
-            mask_period: single(mask_period),
             mask_offset: if any_masks {
                 vec![0.0; beamlets.len()]
             } else {
@@ -127,6 +113,7 @@ impl Response {
                 .collect(),
             leak,
             soft: if hard { 0.0 } else { single(soft) },
+            period: single(lattice.period),
             half_period: single(0.5 * lattice.period),
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
             any_masks,
@@ -159,7 +146,7 @@ impl Response {
 
     /// Mask steps that differ enough to count.
     pub(super) fn steps(&self) -> usize {
-        self.openings.len().max(1)
+        self.steps
     }
 
     /// Share of the light behind the sample mask of a rectangle that a step opens to a share.
@@ -186,15 +173,15 @@ impl Response {
             return vec![Opening { step: 0, x: [-half, half] }];
         }
         let mut all = Vec::new();
-        for (step, [low, high]) in (0_u32..).zip(&self.openings) {
-            let [low, high] = [low, high].map(|x| x - self.mask_offset[column]);
+        for Opening { step, x } in &self.openings {
+            let [low, high] = x.map(|x| x - self.mask_offset[column]);
             let [low, high] = [low + self.shadow[column], high - self.shadow[column]];
-            let mut k = ((-half - high) / self.mask_period).ceil();
-            while low + k * self.mask_period < half {
-                let shift = k * self.mask_period;
+            let mut k = ((-half - high) / self.period).ceil();
+            while low + k * self.period < half {
+                let shift = k * self.period;
                 let x = [(low + shift).max(-half), (high + shift).min(half)];
                 if x[1] > x[0] {
-                    all.push(Opening { step, x });
+                    all.push(Opening { step: *step, x });
                 }
                 k += 1.0;
             }
@@ -297,12 +284,34 @@ pub(super) struct Landed {
 /// through the bars of the detector mask is recorded in all of a pixel.
 fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f64) -> Vec<Windows> {
     let leak = if optics.detector_mask.is_some() { leak } else { 0.0 };
-    let mut windows = vec![Windows::new(optics.windows(), blur, 1.0 - leak, Vec::new())];
+    let mut windows = vec![Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new())];
     if leak > 0.0 {
         let aside = beamlets.iter().map(|c| c.pixel_offset - c.aperture_offset).collect();
-        windows.push(Windows::new([optics.analyser_pixel(); 2], blur, leak, aside));
+        windows.push(Windows::new(&optics.pixel_windows(), blur, leak, aside));
     }
     windows
+}
+
+/// Openings by mask step: the offsets that differ enough, m; `soft`: how far an opening is seen
+/// beyond its edges, m.
+fn openings_of_steps(openings: &Openings, offsets: &[f64], soft: f64) -> Vec<Opening> {
+    let offsets = told_apart(offsets, STEPS_APART * openings.narrowest(0));
+    let of_step = |(step, offset): (u32, f64)| {
+        openings.displaced(offset, soft).map(move |x| Opening { step, x: x.map(single) })
+    };
+    (0..).zip(offsets).flat_map(of_step).collect()
+}
+
+/// Openings side by side, a step to each, that cover a period once and are no wider than these.
+fn any_openings(openings: &Openings) -> Vec<Opening> {
+    let period = openings.period[0];
+    let count = (period / openings.narrowest(0)).ceil().clamp(1.0, 64.0);
+    let width = period / count;
+    let opening = |step: u32| {
+        let low = f64::from(step) * width - 0.5 * period;
+        Opening { step, x: [single(low), single(low + width)] }
+    };
+    (0..numbers::whole::<u32>(count)).map(opening).collect()
 }
 
 /// What the shadow of thick bars of the sample mask takes of each side of an aperture, m, seen

@@ -1,6 +1,7 @@
 //! Windows on the analyser: the blurred apertures of the detector mask, or pixels, one to a period.
 
 use crate::numbers::{self, single};
+use crate::optics::Openings;
 
 /// Points of the table of a window per period of the windows.
 const POINTS_PER_PERIOD: usize = 512;
@@ -22,8 +23,8 @@ pub(super) struct Windows {
     /// Integral of the light through one window over the landing point, m, at points from
     /// -REACH periods on.
     integral: Vec<f32>,
-    /// Half width of the windows, m, where they are sharper than points of the table tell.
-    sharp: Option<f32>,
+    /// Ends of the windows of a period, m, where they are sharper than points of the table show.
+    sharp: Option<Vec<[f32; 2]>>,
     /// Period on the analyser, m.
     period: f32,
     /// Standard deviation of the blur on the analyser, m.
@@ -44,13 +45,14 @@ pub(super) struct Seen {
 }
 
 impl Windows {
-    /// Windows of this period and width behind a blur, m, that pass a share of the light.
-    pub(super) fn new([period, width]: [f64; 2], blur: f64, share: f32, aside: Vec<f32>) -> Self {
+    /// Windows behind a blur, m, that pass a share of the light.
+    pub(super) fn new(openings: &Openings, blur: f64, share: f32, aside: Vec<f32>) -> Self {
+        let period = openings.period[0];
         let is_sharp = blur * POINTS_PER_PERIOD as f64 <= period;
         Self {
             share,
-            integral: window_integral(period, width, blur),
-            sharp: is_sharp.then_some(single(0.5 * width)),
+            integral: window_integral(openings, blur),
+            sharp: is_sharp.then(|| openings.ends().map(|ends| ends.map(single)).collect()),
             period: single(period),
             blur: single(blur),
             aside,
@@ -65,8 +67,8 @@ impl Windows {
 
     /// Integral of the light through the window at 0 over the landing point.
     fn integral(&self, at: f32) -> f32 {
-        if let Some(half) = self.sharp {
-            return at.clamp(-half, half);
+        if let Some(windows) = &self.sharp {
+            return windows.iter().map(|[low, high]| at.clamp(*low, *high)).sum();
         }
         let points = POINTS_PER_PERIOD as f32;
         let place = (at / self.period + REACH as f32) * points;
@@ -152,8 +154,8 @@ impl Windows {
     }
 }
 
-/// Integral of a box of this width blurred by a Gaussian, at the points of the table.
-fn window_integral(period: f64, width: f64, blur: f64) -> Vec<f32> {
+/// Integral of the windows of a period, blurred by a Gaussian, at the points of the table.
+fn window_integral(openings: &Openings, blur: f64) -> Vec<f32> {
     let last = 2 * REACH * POINTS_PER_PERIOD;
     // Second antiderivative of the Gaussian.
     let ramp = |x: f64| {
@@ -165,8 +167,8 @@ fn window_integral(period: f64, width: f64, blur: f64) -> Vec<f32> {
         x * 0.5 * libm::erfc(-t * std::f64::consts::FRAC_1_SQRT_2) + blur * density
     };
     let at = |point: usize| {
-        let x = (point as f64 / POINTS_PER_PERIOD as f64 - REACH as f64) * period;
-        single(ramp(x + 0.5 * width) - ramp(x - 0.5 * width))
+        let x = (point as f64 / POINTS_PER_PERIOD as f64 - REACH as f64) * openings.period[0];
+        single(openings.ends().map(|[low, high]| ramp(x - low) - ramp(x - high)).sum())
     };
     (0..=last).map(at).collect()
 }
@@ -174,10 +176,15 @@ fn window_integral(period: f64, width: f64, blur: f64) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::optics::Mask;
+    use crate::scene::{MaskBody, MaskSpec};
 
     #[test]
     fn the_integral_of_a_window_rises_by_its_width() {
-        let table = window_integral(150e-6, 30e-6, 6e-6);
+        let body = MaskBody::Sheet { transmission: 0.0 };
+        let spec = MaskSpec { distance: 1.0, period: 150e-6, aperture: 30e-6, offset: 0.0, body };
+        let openings = Mask::new("detector_mask", &spec, 1, false).openings(1.0);
+        let table = window_integral(&openings, 6e-6);
         let rise = f64::from(table[table.len() - 1] - table[0]);
         assert!((rise - 30e-6).abs() < 1e-10, "{rise}");
         assert!(table.is_sorted());
