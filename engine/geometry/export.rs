@@ -6,7 +6,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::Sample;
-use super::read::SIMPLIFY;
+use super::surface::SIMPLIFY;
 use crate::error::{Error, Result};
 use crate::scene::MeshFormat;
 use crate::units::Dimension::Length;

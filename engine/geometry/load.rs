@@ -14,10 +14,8 @@ use super::body::Body;
 use super::defects::Defects;
 use super::examined::{Examined, examine};
 use super::placed::{Group, Groups, Place, Prototype};
-use super::read::{
-    FileOf, PEAK_PER_TRIANGLE, ReadSurface, SIMPLIFY, failed, hash, read_file, read_surface,
-};
-use super::surface::{Defect, in_mm};
+use super::read::{FileOf, ReadSurface, failed, read_file, read_surface};
+use super::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, in_mm};
 use super::watch::{LoadStep, Task, Watch, Watcher, watched};
 use super::{Contact, Sample, instances, mesh_file, nesting, placement};
 use crate::error::{Error, Result};
@@ -355,10 +353,4 @@ fn group_of(
     }
     let apart = matches!(object.instances, Some(Instances::Packing(_)));
     Ok(Group { object: number, prototype, places, apart })
-}
-
-pub(super) fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {
-    let vertices = vertices.as_flattened().iter().flat_map(|number| number.to_le_bytes());
-    let triangles = triangles.as_flattened().iter().flat_map(|index| index.to_le_bytes());
-    hash(&vertices.chain(triangles).collect::<Vec<u8>>())
 }

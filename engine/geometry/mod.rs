@@ -50,10 +50,10 @@ pub use overlap::{Contact, ContactKind};
 #[cfg(test)]
 pub(crate) use placed::Place;
 pub(crate) use placed::{FacetNumbers, FacetOf, Placed, Prototype};
-pub(crate) use read::PEAK_PER_TRIANGLE;
 pub use read::file_hash;
 pub(crate) use sizes::unit_warnings;
 pub(crate) use smooth::{CornerNormals, corner_normals};
+pub(crate) use surface::PEAK_PER_TRIANGLE;
 pub use swept::{BeamExtent, Swept, check_clearance, swept};
 pub(crate) use watch::Watcher;
 pub use watch::{LoadProgress, LoadStep};

@@ -4,20 +4,13 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use super::load::hash_arrays;
 use super::mesh_file::MeshFile;
-use super::surface::{Defect, Surface};
+use super::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, Surface};
 use super::watch::{LoadStep, Task};
 use super::{mesh_file, shapes};
 use crate::error::{Error, Result};
 use crate::scene::{Mesh, MeshFormat, Object, Scene, ShapeOrMesh};
 use crate::{input_file, reserve};
-
-/// Peak bytes per triangle of a mesh while it is read and welded, as measured.
-pub(crate) const PEAK_PER_TRIANGLE: u64 = 160;
-/// What may be done where a mesh does not fit.
-pub(super) const SIMPLIFY: &str =
-    "simplify it, or lift the limit of memory that this program runs under";
 
 /// Most bytes of a mesh in text, and of a file that is none.
 const TEXT: u64 = 2 << 30;
@@ -39,6 +32,12 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 
 pub(super) fn hash(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {
+    let vertices = vertices.as_flattened().iter().flat_map(|number| number.to_le_bytes());
+    let triangles = triangles.as_flattened().iter().flat_map(|index| index.to_le_bytes());
+    hash(&vertices.chain(triangles).collect::<Vec<u8>>())
 }
 
 /// The error of a mesh that cannot serve, of an object with this label.

@@ -1,12 +1,12 @@
 //! An open device: the owner of everything made from it.
 
-use super::allocation;
+use super::allocator;
+use super::command_batch::CommandBatch;
 use super::failure;
 use super::faults::{Fault, Faults};
 use super::instance::Instance;
 use super::physical::{self, DeviceDescription, Physical};
 use super::retire::{Retired, Retirement};
-use super::submission::CommandBatch;
 use crate::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::Allocator;
@@ -93,7 +93,7 @@ impl Device {
         // SAFETY: `physical` is a device of `instance`.
         let memory_types =
             unsafe { instance.raw.get_physical_device_memory_properties(physical.raw) };
-        let allocator = allocation::allocator(&instance.raw, &raw, physical.raw)?;
+        let allocator = allocator::allocator(&instance.raw, &raw, physical.raw)?;
         let cache_info = vk::PipelineCacheCreateInfo::default();
         // SAFETY: the device is alive.
         let pipeline_cache = unsafe { raw.create_pipeline_cache(&cache_info, None) }

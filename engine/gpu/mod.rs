@@ -10,7 +10,9 @@
 
 mod acceleration;
 mod allocation;
+mod allocator;
 mod buffer;
+mod command_batch;
 mod device;
 mod failure;
 mod faults;

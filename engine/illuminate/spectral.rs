@@ -11,6 +11,7 @@ mod edges;
 mod exact;
 mod integrals;
 mod join;
+mod node_result;
 mod set_up;
 mod sums;
 
@@ -24,6 +25,7 @@ use bars::{MaskTransmission, passing};
 use edges::SharedEdges;
 use exact::Repeated;
 use join::Joining;
+use node_result::NodeResult;
 use rayon::prelude::*;
 use std::ops::Range;
 use sums::{BandSums, Terms};
@@ -77,23 +79,6 @@ pub(crate) struct EnergyBinning {
     row_pitch: f64,
     row_slope: f64,
     middle_row: f64,
-}
-
-/// Result of a ray at a node, all that light needs.
-#[derive(Debug, Clone, Copy, Default)]
-struct NodeResult {
-    depth: f64,
-    x: f64,
-    /// At the detector.
-    z: f64,
-    slope_x: f64,
-}
-
-impl NodeResult {
-    /// Share of the light that passes.
-    fn light(&self) -> f64 {
-        f64::from(single(-self.depth).exp())
-    }
 }
 
 /// Moments of a ray in a material.

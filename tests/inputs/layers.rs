@@ -15,7 +15,7 @@ fn ranks() -> BTreeMap<String, usize> {
     table.split_whitespace().enumerate().map(|(rank, name)| (name.to_owned(), rank)).collect()
 }
 
-fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
+pub(crate) fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
@@ -32,12 +32,17 @@ fn module_of(path: &Path) -> String {
     name.trim_end_matches(".rs").to_owned()
 }
 
-/// Names that stand directly behind `crate::` in a source without its comments and tests.
-fn used(source: &str) -> Vec<String> {
+/// A source without its comments and tests.
+pub(crate) fn code_of(source: &str) -> String {
     let code = source.split("#[cfg(test)]").next().unwrap();
     let lines = code.lines().map(|line| line.split("//").next().unwrap());
     // Macros that tests use, too, name what they can reach.
-    let code = lines.collect::<Vec<_>>().join("\n").replace("$crate::", "");
+    lines.collect::<Vec<_>>().join("\n").replace("$crate::", "")
+}
+
+/// Names that stand directly behind `crate::` in a source without its comments and tests.
+fn used(source: &str) -> Vec<String> {
+    let code = code_of(source);
     let mut names = Vec::new();
     for rest in code.split("crate::").skip(1) {
         let is_name = |c: char| c.is_alphanumeric() || c == '_';

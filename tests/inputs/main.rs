@@ -1,6 +1,7 @@
 //! What is read before a device is opened: scenes, meshes, materials and spectra; and the layers of the
 //! engine. None of these tests needs a Vulkan device.
 
+mod circles;
 mod garbage;
 mod geometry;
 mod instances;

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
-use super::DefectCount;
+use super::found::DefectCount;
 use super::overlap::{Facet, TriangleContact, contact};
 use crate::geometry::surface::Surface;
 use crate::geometry::tree::{LEAF, Tree};

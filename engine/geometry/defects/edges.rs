@@ -1,6 +1,6 @@
 //! Edges by how many triangles use them, and which way.
 
-use super::Defects;
+use super::found::Defects;
 use crate::geometry::surface::Surface;
 use crate::geometry::topology::{Edge, is_manifold};
 

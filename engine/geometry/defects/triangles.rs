@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::DefectCount;
+use super::found::DefectCount;
 use crate::geometry::surface::{Surface, Welded, bounds_of};
 use crate::numbers;
 

@@ -1,6 +1,6 @@
 //! Vertices in which surfaces meet in a point.
 
-use super::DefectCount;
+use super::found::DefectCount;
 use crate::geometry::surface::Surface;
 use crate::geometry::topology::{Edge, join};
 

@@ -1,6 +1,6 @@
 //! Defects in words.
 
-use super::{DefectCount, DefectPlace, Defects};
+use super::found::{DefectCount, DefectPlace, Defects};
 use std::fmt::{self, Display, Formatter};
 
 impl Defects {

@@ -4,7 +4,7 @@
 //! `tobj` reads them, after a first look that names the line of whatever is wrong and leaves
 //! texture and normal indices out: `tobj` reports no lines, and overflows on some indices.
 
-use super::MeshFile;
+use super::file::MeshFile;
 use super::names::{Label, Names};
 use crate::geometry::polygon;
 use crate::geometry::surface::{Defect, Surface};

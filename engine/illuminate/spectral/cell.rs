@@ -1,7 +1,8 @@
 //! Cells from results at energy nodes and from their sums.
 
+use super::node_result::NodeResult;
 use super::sums::BandSums;
-use super::{EnergyBinning, FULL_SHARE, NodeResult};
+use super::{EnergyBinning, FULL_SHARE};
 use crate::interface::{Cell, CellRow};
 use crate::numbers::single;
 

@@ -1,6 +1,7 @@
 //! Exact transport under a spectrum: computed once, repeated at the energies that it does not determine.
 
-use super::{EnergyBinning, NodeResult};
+use super::EnergyBinning;
+use super::node_result::NodeResult;
 use crate::Result;
 use crate::interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
 use crate::material::Constants;

@@ -1,6 +1,6 @@
 //! Light of a cell summed over a band of energies, and how far one cell can stand for it.
 
-use super::NodeResult;
+use super::node_result::NodeResult;
 use std::ops::Range;
 
 /// Light of a cell at one energy, by the weight of which it is summed: all that sums are made of.

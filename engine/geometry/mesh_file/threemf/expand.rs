@@ -4,11 +4,10 @@ use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
 
-use super::super::MeshFile;
+use super::super::file::MeshFile;
 use super::super::names::{Label, Names};
 use super::model::{MaterialOf, Model, Object, Reference};
-use crate::geometry::read::{PEAK_PER_TRIANGLE, SIMPLIFY};
-use crate::geometry::surface::{Defect, Surface};
+use crate::geometry::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, Surface};
 use crate::{printed, reserve};
 
 type Models = HashMap<String, Model>;

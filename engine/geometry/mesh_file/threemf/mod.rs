@@ -12,8 +12,8 @@ use std::io::{Cursor, Read};
 
 use zip::ZipArchive;
 
-use super::MeshFile;
-use crate::geometry::surface::Defect;
+use super::file::MeshFile;
+use crate::geometry::surface::{Defect, SIMPLIFY};
 use crate::geometry::watch::Task;
 use crate::{printed, reserve};
 use model::Model;
@@ -44,7 +44,7 @@ pub(super) fn parse(bytes: &[u8], task: Task<'_>) -> Result<MeshFile, Defect> {
         let problem = format!("its models unpack to {total} bytes; allowed: up to {UNPACKED}");
         return Err(Defect::new(problem, ""));
     }
-    reserve::ask(total.saturating_mul(PEAK_PER_BYTE), "unpacking it", super::super::read::SIMPLIFY)
+    reserve::ask(total.saturating_mul(PEAK_PER_BYTE), "unpacking it", SIMPLIFY)
         .map_err(|error| Defect::new(error.to_string(), ""))?;
     let mut models = HashMap::new();
     let mut root = None;

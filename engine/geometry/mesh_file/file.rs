@@ -1,0 +1,65 @@
+//! A mesh file as it was read: triangles, and the names that they go by.
+
+use super::names::Names;
+use crate::geometry::surface::{Defect, Surface};
+
+/// A mesh file, read.
+#[derive(Debug, Default)]
+pub(in crate::geometry) struct MeshFile {
+    /// Not yet welded.
+    pub(super) surface: Surface,
+    pub(super) names: Names,
+    /// The length of 1.0 in it, m, where the file tells it.
+    pub(in crate::geometry) unit: Option<f64>,
+}
+
+impl MeshFile {
+    /// One without names.
+    pub(super) fn of(surface: Surface) -> Self {
+        Self { surface, ..Self::default() }
+    }
+
+    /// The triangles of an object, group or material, or all; and what is odd about that.
+    ///
+    /// # Errors
+    /// No triangle goes by that name.
+    pub(in crate::geometry) fn into_part(
+        self,
+        group: Option<&str>,
+    ) -> Result<(Surface, Vec<String>), Defect> {
+        match group {
+            None => Ok((self.surface, self.names.merged())),
+            Some(_) => self.part(group),
+        }
+    }
+
+    /// As [`Self::into_part`], and keeps the file.
+    ///
+    /// # Errors
+    /// As there.
+    pub(in crate::geometry) fn part(
+        &self,
+        group: Option<&str>,
+    ) -> Result<(Surface, Vec<String>), Defect> {
+        let Some(group) = group else { return Ok((self.surface.clone(), self.names.merged())) };
+        let is_taken = self.names.taken(group)?;
+        let mut part = Surface::default();
+        let labels = self.names.of_triangles();
+        let mut not_finite = self.surface.not_finite.iter().peekable();
+        let mut triangle = 0_usize;
+        // Triangles that are not finite were left out of the surface and have a label all the same.
+        for (label, number) in labels.iter().zip(1_u32..) {
+            if not_finite.next_if_eq(&&number).is_some() {
+                if is_taken[*label as usize] {
+                    part.not_finite.push(number);
+                }
+                continue;
+            }
+            if is_taken[*label as usize] {
+                part.push_numbered(self.surface.corners(triangle), number);
+            }
+            triangle += 1;
+        }
+        Ok((part, Vec::new()))
+    }
+}
