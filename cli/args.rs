@@ -115,7 +115,7 @@ pub(crate) struct SceneArguments {
 impl SceneArguments {
     /// The scene with its changes.
     pub(crate) fn load(&self) -> beamlet::Result<Scene> {
-        beamlet::check::load_scene(&self.scene, &self.sets)
+        beamlet::cli_support::load_scene(&self.scene, &self.sets)
     }
 
     /// Gives an error of a later stage its place in the scene file.

@@ -1,6 +1,6 @@
 //! How a command fails, and its exit code.
 
-use beamlet::printed;
+use beamlet::cli_support::printed;
 use std::fmt;
 use std::path::PathBuf;
 

@@ -1,7 +1,7 @@
 //! What goes to terminals and pipes: text whose control and bidirectional characters, which come
 //! from names of files and scenes, are escaped; and a stdout whose reader may leave.
 
-use beamlet::printed;
+use beamlet::cli_support::printed;
 use std::io::{self, Write};
 
 /// A writer that escapes what terminals obey, as `\u001b`; line breaks and tabs stay.

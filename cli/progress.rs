@@ -7,8 +7,9 @@ mod estimate;
 
 use crate::args::Messages;
 use crate::numbers;
+use beamlet::cli_support::printed;
 use beamlet::geometry::{LoadProgress, LoadStep};
-use beamlet::{Progress, ViewProgress, printed, scene::Exposure};
+use beamlet::{Progress, ViewProgress, scene::Exposure};
 use estimate::Estimate;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::fmt::Write as _;

@@ -14,19 +14,18 @@ use crate::{Control, Result, run};
 use serde::Serialize;
 use std::sync::Arc;
 
+mod builder;
 mod contacts;
-mod display;
+pub(crate) mod display;
 mod estimate;
 mod illumination;
-mod inputs;
+pub(crate) mod inputs;
 mod materials;
 
 pub use crate::detector::SubpixelGrid;
+pub use builder::Check;
 pub use contacts::CheckedContact;
-pub use display::count;
-pub use estimate::{check_on, check_on_watched, check_with_curve};
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
-pub use inputs::load_scene;
 use materials::materials;
 
 /// What a scene amounts to. Lengths in metres, angles in radians.
@@ -164,52 +163,6 @@ pub struct Work {
     pub memory: MemoryEstimate,
     /// Bytes of the output on disk.
     pub output_bytes: u64,
-}
-
-/// Loads everything that a run would load, checks it, and reports what it amounts to.
-///
-/// # Errors
-/// Whatever would stop a run before its first ray: materials, meshes that cannot be read, a
-/// sample that would hit a mask. Meshes that a run refuses for their defects are reported, and
-/// listed in [`CheckReport::refusals`].
-///
-/// # Example
-///
-/// ```no_run
-/// use beamlet::{check::check, scene::Scene};
-///
-/// let report = check(&Scene::load("scene.toml")?)?;
-/// for refusal in &report.refusals {
-///     eprintln!("{refusal}");
-/// }
-/// # Ok::<(), beamlet::Error>(())
-/// ```
-pub fn check(scene: &Scene) -> Result<CheckReport> {
-    check_within(scene, None)
-}
-
-/// As [`check`], for a run with a memory limit (bytes; see [`crate::EngineOptions`]).
-///
-/// # Errors
-/// As [`check`]; [`crate::Error::Memory`] where the limit is too small.
-pub fn check_within(scene: &Scene, memory_limit: Option<u64>) -> Result<CheckReport> {
-    check_watched(scene, memory_limit, &mut Control::default())
-}
-
-/// As [`check_within`]; `control.progress` receives the loading of objects, from the calling
-/// thread, and `control.cancel` ends it.
-///
-/// # Errors
-/// As [`check_within`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
-pub fn check_watched(
-    scene: &Scene,
-    memory_limit: Option<u64>,
-    control: &mut Control<'_>,
-) -> Result<CheckReport> {
-    let (mut report, _, edges) = load_lenient(scene, memory_limit, control)?;
-    report.add_edges(scene, edges.as_ref());
-    report.work.no_estimate = Some("it needs a device".into());
-    Ok(report)
 }
 
 /// The report without an estimate and without edges, the geometry, and the bound of its edges.

@@ -11,6 +11,17 @@ pub mod detector {
         simulation.detector_model()
     }
 }
+/// Meshes: loaded although they have defects, examined, hashed.
+pub mod geometry {
+    pub use crate::geometry::adjacency::across_edges;
+    pub use crate::geometry::load::{diagnose, load_lenient};
+    pub use crate::geometry::read::file_hash;
+}
+/// Fits of curves.
+pub mod retrieve {
+    pub use crate::retrieve::curves::Curves;
+    pub use crate::retrieve::fitter::{FitOptions, Fitter};
+}
 /// Instances of objects.
 pub mod instances {
     pub use crate::geometry::instances::{InstanceTransform, transforms};

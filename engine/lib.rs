@@ -23,6 +23,8 @@ mod accel;
 mod array_file;
 mod cancel;
 pub mod check;
+#[doc(hidden)]
+pub mod cli_support;
 pub mod compare;
 mod detector;
 mod error;
@@ -43,7 +45,7 @@ mod numbers;
 mod open_file;
 mod optics;
 mod parallel;
-pub mod printed;
+mod printed;
 mod random;
 mod reserve;
 pub mod retrieve;
@@ -55,7 +57,7 @@ mod spot;
 pub mod stack;
 mod suggestion;
 mod trace;
-pub mod units;
+mod units;
 mod whole_file;
 
 pub use ndarray;
@@ -65,11 +67,9 @@ pub use cancel::Cancel;
 pub use error::{Error, Place, Result};
 pub use gpu::{DeviceDescription, DeviceKind};
 pub use optics::{MaskMeshOptions, MaskPlace, mask_meshes};
-pub use parallel::start_threads;
 pub use run::{
     Control, EdgeBlur, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate,
-    Simulation, ViewProgress, devices, load_sample, require_memory,
+    Simulation, ViewProgress, devices, load_sample,
 };
 pub use stack::{RunRecord, SamplingSummary, SearchCounts};
 pub use trace::{Ray, SurfaceCrossing, Tally};
-pub use whole_file::write_file;

@@ -1,8 +1,8 @@
 //! Arguments of the verbs about beams and materials.
 
 use super::shared::Messages;
+use beamlet::cli_support::units::Dimension;
 use beamlet::scene::{Anode, Filter};
-use beamlet::units::Dimension;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -83,7 +83,7 @@ pub(crate) struct Material {
 
 /// A name, or a formula that a substance may have.
 fn material(text: &str) -> Result<String, String> {
-    beamlet::scene::check_formula(text).map(|()| text.to_owned())
+    beamlet::cli_support::check_formula(text).map(|()| text.to_owned())
 }
 
 fn anode(text: &str) -> Result<Anode, String> {

@@ -4,7 +4,7 @@ use super::SceneArguments;
 use super::beam::length;
 use super::shared::Messages;
 use beamlet::MaskPlace;
-use beamlet::units::Dimension;
+use beamlet::cli_support::units::Dimension;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 

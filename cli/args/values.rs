@@ -31,7 +31,7 @@ pub(super) fn single(text: &str) -> Result<f32, String> {
 }
 
 pub(super) fn memory_size(text: &str) -> Result<u64, String> {
-    beamlet::units::memory_size(text).map_err(|error| error.to_string())
+    beamlet::cli_support::units::memory_size(text).map_err(|error| error.to_string())
 }
 
 pub(super) fn degrees(text: &str) -> Result<f64, String> {

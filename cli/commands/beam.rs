@@ -28,8 +28,10 @@ pub(super) fn of_file(path: &Path, sets: &[String]) -> Result<Scene, Failure> {
         return Ok(Scene::load_with(path, sets)?);
     }
     if !sets.is_empty() {
-        let problem =
-            format!("--set changes a scene, and {} is none", beamlet::printed::path(path));
+        let problem = format!(
+            "--set changes a scene, and {} is none",
+            beamlet::cli_support::printed::path(path)
+        );
         return Err(Failure::Usage(problem));
     }
     let origin = SpectrumOrigin::File { path: path.to_owned() };

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::interrupt;
 use crate::picture::illumination;
 use crate::progress::Reporter;
-use beamlet::check::{self, CheckReport};
+use beamlet::check::CheckReport;
 use beamlet::scene::Scene;
 use beamlet::stack::check_run;
 use beamlet::{Control, Engine, Error};
@@ -71,7 +71,7 @@ fn plot(
         };
         return Err(Failure::Usage(problem.into()));
     };
-    let name = beamlet::printed::path(&arguments.scene.scene);
+    let name = beamlet::cli_support::printed::path(&arguments.scene.scene);
     let drawing = illumination::draw(&format!("Illumination curve of {name}"), curve);
     save_plot(&drawing, path, arguments.overwrite)
 }
@@ -83,16 +83,20 @@ fn report(
     scene: &Scene,
     control: &mut Control<'_>,
 ) -> beamlet::Result<CheckReport> {
+    let limit = arguments.engine.memory_limit;
+    let check = beamlet::check::Check::of(scene).with_memory_limit(limit);
     if arguments.no_estimate && arguments.plot.is_none() {
-        return check::check_watched(scene, arguments.engine.memory_limit, control);
+        return check.without_estimate().run_with(control);
     }
     let engine = Engine::open(&arguments.engine.options());
     match engine {
-        Ok(engine) if arguments.no_estimate => check::check_with_curve(&engine, scene, control),
-        Ok(engine) => check::check_on_watched(&engine, scene, control),
+        Ok(engine) if arguments.no_estimate => {
+            check.with_engine(&engine).without_estimate().run_with(control)
+        }
+        Ok(engine) => check.with_engine(&engine).run_with(control),
         Err(error) if arguments.engine.device.device.is_some() => Err(error),
         Err(error) => {
-            let mut report = check::check_watched(scene, arguments.engine.memory_limit, control)?;
+            let mut report = check.run_with(control)?;
             report.work.no_estimate = Some(error.to_string());
             Ok(report)
         }
@@ -119,7 +123,7 @@ fn run_directory(arguments: &Check, out: &mut impl Write) -> Result<(), Failure>
     if arguments.json {
         super::write_json(&found, out)?;
     } else {
-        writeln!(out, "run      {} ({})", beamlet::printed::path(path), found.format)?;
+        writeln!(out, "run      {} ({})", beamlet::cli_support::printed::path(path), found.format)?;
         writeln!(out, "views    {} of {} as they were committed", found.whole, found.views)?;
         if let Some(moments) = found.moments {
             writeln!(out, "moments  of {moments} views as they were kept")?;

@@ -172,7 +172,7 @@ fn plot<'a>(
         String::new()
     };
     let beyond = scale.words_beyond(quantity.unit);
-    let [a, b] = [a, b].map(beamlet::printed::path);
+    let [a, b] = [a, b].map(beamlet::cli_support::printed::path);
     let mut below = vec![
         format!(
             "{}mean {}, rms {}, largest {} (column {column}, row {row}{})",

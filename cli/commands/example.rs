@@ -57,8 +57,8 @@ pub(super) fn run(arguments: &Example, out: &mut impl Write) -> Result<(), Failu
     let paths: Vec<_> = shipped.files.iter().map(|(file, _)| directory.join(file)).collect();
     refuse_existing(&paths, arguments.overwrite)?;
     for (path, (_, contents)) in paths.iter().zip(shipped.files) {
-        beamlet::write_file(path, contents)?;
-        writeln!(out, "{}", beamlet::printed::path(path))?;
+        beamlet::cli_support::write_file(path, contents)?;
+        writeln!(out, "{}", beamlet::cli_support::printed::path(path))?;
     }
     Ok(())
 }

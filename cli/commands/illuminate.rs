@@ -45,7 +45,7 @@ struct Done {
 fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failure> {
     let mut jobs = Vec::new();
     for (path, output) in arguments.scene.iter().zip(outputs) {
-        let scene = beamlet::check::load_scene(path, &arguments.sets)?;
+        let scene = beamlet::cli_support::load_scene(path, &arguments.sets)?;
         let extent = StackShape::of(&scene)?;
         let format = arguments.format.map(Into::into).unwrap_or_default();
         // What is read is not replaced: the run with the moments, scenes and their files.
@@ -192,7 +192,7 @@ fn outputs(arguments: &Illuminate) -> Result<Vec<PathBuf>, Failure> {
     for path in &arguments.scene {
         let output = arguments.output.join(path.file_stem().unwrap_or_default());
         if outputs.iter().any(|other| is_same_place(other, &output)) {
-            let name = beamlet::printed::path(&output);
+            let name = beamlet::cli_support::printed::path(&output);
             return Err(Failure::Usage(format!("two scenes would be written to {name}")));
         }
         outputs.push(output);

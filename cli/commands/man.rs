@@ -28,7 +28,7 @@ pub(super) fn run(arguments: &Man, out: &mut impl Write) -> Result<(), Failure> 
     fs::create_dir_all(&arguments.output).map_err(|error| failed(&arguments.output, error))?;
     for (path, text) in pages {
         fs::write(&path, text).map_err(|error| failed(&path, error))?;
-        writeln!(out, "{}", beamlet::printed::path(&path))?;
+        writeln!(out, "{}", beamlet::cli_support::printed::path(&path))?;
     }
     Ok(())
 }

@@ -4,9 +4,9 @@ use super::mesh::{refuse_format, write};
 use super::pictures::{refuse_existing, refuse_read};
 use crate::args::Mask as Arguments;
 use crate::failure::Failure;
+use beamlet::cli_support::units::Dimension::Length;
 use beamlet::geometry::NamedMesh;
 use beamlet::scene::{MaskSpec, MeshFormat, Scene};
-use beamlet::units::Dimension::Length;
 use beamlet::{MaskMeshOptions, MaskPlace, mask_meshes};
 use std::io::Write;
 

@@ -3,11 +3,12 @@
 use super::beam;
 use crate::args::Material as Arguments;
 use crate::failure::Failure;
+use beamlet::cli_support::material::{builtin, builtins};
+use beamlet::cli_support::printed::number;
+use beamlet::cli_support::units::Dimension::{Density, Length};
 use beamlet::material::{self, Constants};
-use beamlet::printed::number;
 use beamlet::scene::{Beam, MaterialSpec, Scene};
 use beamlet::spectrum::Spectrum;
-use beamlet::units::Dimension::{Density, Length};
 use serde::Serialize;
 use std::f64::consts::PI;
 use std::io::Write;
@@ -65,7 +66,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
         None => beam::bare(Beam::Energy(1.0))?,
     };
     define(&mut scene, name, arguments.density)?;
-    let (formula, density) = match (scene.materials.get(name), material::builtin(name)) {
+    let (formula, density) = match (scene.materials.get(name), builtin(name)) {
         (Some(MaterialSpec::Formula { formula, density }), _) => {
             (Some(formula.clone()), Some(*density))
         }
@@ -79,7 +80,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     };
     let range = material::range(&scene, name)?;
     let table = match scene.materials.get(name) {
-        Some(MaterialSpec::Table { path }) => Some(beamlet::printed::path(path)),
+        Some(MaterialSpec::Table { path }) => Some(beamlet::cli_support::printed::path(path)),
         _ => None,
     };
     let report = MaterialReport {
@@ -109,7 +110,7 @@ fn define(scene: &mut Scene, name: &str, density: Option<f64>) -> Result<(), Fai
         *density = wanted;
         return Ok(());
     }
-    let builtin = material::builtin(name).filter(|_| !scene.materials.contains_key(name));
+    let builtin = builtin(name).filter(|_| !scene.materials.contains_key(name));
     let formula = match (scene.materials.get(name), builtin) {
         (Some(MaterialSpec::Formula { formula, .. }), _) => formula.clone(),
         (Some(_), _) if density.is_some() => {
@@ -233,7 +234,7 @@ fn write_text(report: &MaterialReport, out: &mut impl Write) -> std::io::Result<
 }
 
 fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
-    let known = material::builtins().iter().map(|entry| BuiltIn {
+    let known = builtins().iter().map(|entry| BuiltIn {
         name: entry.name,
         formula: entry.formula,
         density_g_cm3: entry.density,

@@ -50,7 +50,7 @@ fn scene(arguments: &Arguments) -> Result<Scene, Failure> {
         return Ok(Scene::load_with(input, &arguments.sets)?);
     }
     let Some(format) = MeshFormat::of(input) else {
-        let shown = beamlet::printed::path(input);
+        let shown = beamlet::cli_support::printed::path(input);
         return Err(Failure::Usage(format!(
             "{shown} is neither a scene (.toml, .json) nor a mesh (.stl, .obj, .ply, .3mf)"
         )));
@@ -61,7 +61,7 @@ fn scene(arguments: &Arguments) -> Result<Scene, Failure> {
         ));
     }
     let name = input.file_stem().unwrap_or_default().to_string_lossy();
-    let mut name = beamlet::printed::line(&name);
+    let mut name = beamlet::cli_support::printed::line(&name);
     if let Some(group) = &arguments.group {
         name.clone_from(group);
     }
@@ -88,7 +88,7 @@ pub(super) fn refuse_format(path: &Path) -> Result<(), Failure> {
         Some(MeshFormat::Obj | MeshFormat::Ply | MeshFormat::Stl) => Ok(()),
         _ => Err(Failure::Usage(format!(
             "{}: the name has to end in .obj, .ply or .stl",
-            beamlet::printed::path(path)
+            beamlet::cli_support::printed::path(path)
         ))),
     }
 }
@@ -111,7 +111,7 @@ pub(super) fn write(
         log::warn!("{} objects are one mesh in this format; OBJ keeps them apart", filled.len());
     }
     write_meshes(path, meshes, unit)?;
-    writeln!(out, "{}", beamlet::printed::path(path))?;
+    writeln!(out, "{}", beamlet::cli_support::printed::path(path))?;
     for mesh in filled {
         let (name, count) = (&mesh.name, mesh.triangles.len());
         writeln!(out, "  {name}: {count} triangles, {:.6} mm3", mesh.volume() * 1e9)?;

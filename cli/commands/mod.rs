@@ -32,7 +32,7 @@ pub(crate) fn run(arguments: Arguments, out: &mut impl Write) -> Result<(), Fail
 }
 
 fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
-    beamlet::start_threads()?;
+    beamlet::cli_support::start_threads()?;
     match arguments.verb {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
         Verb::Illuminate(arguments) => illuminate::run(&arguments, out),

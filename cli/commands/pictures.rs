@@ -46,7 +46,7 @@ impl Pictures {
         let scale = width.map_or(SCALE, |width| f64::from(width) / drawing.width);
         let [width, height] = drawing.pixels_at(scale).map(u64::from);
         let bytes = OF_PIXEL.saturating_mul(width).saturating_mul(height);
-        beamlet::require_memory(bytes, &format!("the picture {name}"))?;
+        beamlet::cli_support::require_memory(bytes, &format!("the picture {name}"))?;
         let failed = |problem| Failure::File { path: name.clone().into(), problem };
         let file = match format {
             PictureFormat::Png => drawing.to_png(scale).map_err(failed)?,
@@ -69,8 +69,8 @@ impl Pictures {
         refuse_read(&paths, read)?;
         refuse_existing(&paths, overwrite)?;
         for (path, (_, bytes)) in paths.iter().zip(&self.files) {
-            beamlet::write_file(path, bytes)?;
-            writeln!(out, "{}", beamlet::printed::path(path))?;
+            beamlet::cli_support::write_file(path, bytes)?;
+            writeln!(out, "{}", beamlet::cli_support::printed::path(path))?;
         }
         Ok(())
     }
@@ -97,7 +97,7 @@ pub(super) fn refuse_read(paths: &[PathBuf], read: &[PathBuf]) -> Result<(), Fai
             path: path.clone(),
             problem: format!(
                 "is, or is part of, {}, which this command reads",
-                beamlet::printed::path(read)
+                beamlet::cli_support::printed::path(read)
             ),
         }),
         None => Ok(()),
@@ -115,11 +115,11 @@ pub(super) fn save_plot(drawing: &Drawing, path: &Path, overwrite: bool) -> Resu
         _ => {
             let problem = format!(
                 "--plot {}: the name has to end in .svg or .png",
-                beamlet::printed::path(path)
+                beamlet::cli_support::printed::path(path)
             );
             return Err(Failure::Usage(problem));
         }
     };
     refuse_existing(&[path.to_owned()], overwrite)?;
-    Ok(beamlet::write_file(path, &bytes)?)
+    Ok(beamlet::cli_support::write_file(path, &bytes)?)
 }

@@ -33,8 +33,8 @@ pub(super) fn run(arguments: &Report, out: &mut impl Write) -> Result<(), Failur
     let mut reporter = Reporter::new(arguments.messages);
     let page = report::page(&run, &options, &mut reporter)?;
     reporter.finish();
-    beamlet::write_file(&path, page.as_bytes())?;
-    Ok(writeln!(out, "{}", beamlet::printed::path(&path))?)
+    beamlet::cli_support::write_file(&path, page.as_bytes())?;
+    Ok(writeln!(out, "{}", beamlet::cli_support::printed::path(&path))?)
 }
 
 /// `DIR.html` beside a directory.

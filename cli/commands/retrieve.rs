@@ -151,9 +151,9 @@ fn summary(
 ) -> Result<(), Failure> {
     let [views, rows, columns] = record.shape;
     if let Some(title) = &record.title {
-        writeln!(out, "title    {}", beamlet::printed::line(title))?;
+        writeln!(out, "title    {}", beamlet::cli_support::printed::line(title))?;
     }
-    writeln!(out, "images   {}", beamlet::printed::path(path))?;
+    writeln!(out, "images   {}", beamlet::cli_support::printed::path(path))?;
     writeln!(out, "method   {}, weights {}", record.method, record.weights)?;
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     let pixels = views * rows * columns;

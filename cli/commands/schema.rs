@@ -1,7 +1,7 @@
 //! `beamlet schema`: the JSON Schema of scene files, on stdout.
 
 use crate::failure::Failure;
-use beamlet::scene::json_schema;
+use beamlet::cli_support::json_schema;
 use std::io::Write;
 
 pub(super) fn run(out: &mut impl Write) -> Result<(), Failure> {

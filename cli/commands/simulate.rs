@@ -31,7 +31,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         && sink.problems().is_empty()
         && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
-        writeln!(out, "{} is complete already", beamlet::printed::path(sink.path()))?;
+        writeln!(out, "{} is complete already", beamlet::cli_support::printed::path(sink.path()))?;
         return Ok(());
     }
     let recorded_backend = sink.recorded().map(|file| file.record.backend);
@@ -71,7 +71,7 @@ fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failu
     if !arguments.resume {
         return Ok(wanted);
     }
-    let path = beamlet::printed::path(sink.path());
+    let path = beamlet::cli_support::printed::path(sink.path());
     match sink.keeps_moments() {
         Some(false) if wanted => Err(Failure::Usage(format!(
             "{path} was begun without --keep-moments (run.json: \"keep_moments\": false); it cannot \
@@ -95,7 +95,11 @@ fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failur
         reporter.finish();
         // Also under --quiet: data was lost.
         for problem in sink.problems() {
-            let _ = writeln!(std::io::stderr(), "warning: {}", beamlet::printed::line(problem));
+            let _ = writeln!(
+                std::io::stderr(),
+                "warning: {}",
+                beamlet::cli_support::printed::line(problem)
+            );
         }
         if let Some(format) = format.filter(|format| *format != sink.format()) {
             return Err(Failure::Usage(format!(
@@ -130,9 +134,14 @@ pub(super) fn summary(
     let rays = record.tally.rays.saturating_sub(sink.counted().rays);
     let rate = rays as f64 / 1e6 / seconds.max(1e-9);
     if let Some(title) = title {
-        writeln!(out, "title    {}", beamlet::printed::line(title))?;
+        writeln!(out, "title    {}", beamlet::cli_support::printed::line(title))?;
     }
-    writeln!(out, "run      {} ({})", beamlet::printed::path(sink.path()), sink.format())?;
+    writeln!(
+        out,
+        "run      {} ({})",
+        beamlet::cli_support::printed::path(sink.path()),
+        sink.format()
+    )?;
     writeln!(out, "views    {views} x {steps} steps of {columns} x {rows} pixels, and the flat")?;
     writeln!(out, "device   {} ({})", record.device, record.driver)?;
     if record.tally.rays == 0 {

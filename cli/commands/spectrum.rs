@@ -5,10 +5,10 @@ use super::pictures::{refuse_read, save_plot};
 use crate::args::Spectrum as Arguments;
 use crate::failure::Failure;
 use crate::picture::spectrum::draw;
-use beamlet::printed::number;
+use beamlet::cli_support::printed::number;
+use beamlet::cli_support::units::Dimension::{Angle, Length};
 use beamlet::scene::{Beam, Scene, SpectrumOrigin, SpectrumSpec};
 use beamlet::spectrum::{Nodes, Spectrum, nodes};
-use beamlet::units::Dimension::{Angle, Length};
 use serde::Serialize;
 use std::io::Write;
 
@@ -112,7 +112,7 @@ fn resolve(arguments: &Arguments) -> Result<(Scene, SpectrumSpec), Failure> {
 
 fn source(spec: &SpectrumSpec) -> String {
     match &spec.origin {
-        SpectrumOrigin::File { path } => beamlet::printed::path(path),
+        SpectrumOrigin::File { path } => beamlet::cli_support::printed::path(path),
         SpectrumOrigin::Tube { anode, kvp, anode_angle, .. } => {
             format!("{} anode, {kvp} kV, {}", anode.name(), Angle.format(*anode_angle))
         }

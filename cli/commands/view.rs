@@ -51,7 +51,7 @@ fn scene(
 ) -> Result<(Pictures, Vec<PathBuf>), Failure> {
     let ViewOfScene { sets, azimuth, elevation, device } = &arguments.of_scene;
     let failed = |error| Failure::from(Scene::locate(&arguments.what, sets, error));
-    let scene = beamlet::check::load_scene(&arguments.what, sets)?;
+    let scene = beamlet::cli_support::load_scene(&arguments.what, sets)?;
     let mut progress = |progress| reporter.update(progress);
     let mut control = Control::default().with_progress(&mut progress);
     let geometry = beamlet::load_sample(&scene, &mut control).map_err(failed)?;

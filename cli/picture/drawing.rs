@@ -2,7 +2,7 @@
 
 use super::colour::Rgb;
 use super::font;
-use beamlet::printed;
+use beamlet::cli_support::printed;
 
 /// Black of lines and words.
 pub(crate) const INK: Rgb = [34, 34, 40];

@@ -5,9 +5,10 @@ use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
 use super::palette::{colour_of, colour_of_object, materials};
 use super::text::length;
 use crate::numbers::{self, single};
+use beamlet::cli_support::require_memory;
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
-use beamlet::{Backend, Engine, EngineOptions, Ray, Result, SurfaceCrossing, require_memory};
+use beamlet::{Backend, Engine, EngineOptions, Ray, Result, SurfaceCrossing};
 
 /// Where the sample is looked at from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -292,11 +293,11 @@ fn legend(drawing: &mut Drawing, scene: &Scene, sample: &Sample, picture: &Pictu
         }
     }
     let triangles: usize = sample.objects.iter().map(|object| object.triangles).sum();
-    let text = format!("{} triangles", beamlet::check::count(triangles as u64));
+    let text = format!("{} triangles", beamlet::cli_support::count(triangles as u64));
     let instances: usize = sample.objects.iter().map(|object| object.instances).sum();
     let text = match instances {
         0 => text,
-        _ => format!("{text}, {} instances", beamlet::check::count(instances as u64)),
+        _ => format!("{text}, {} instances", beamlet::cli_support::count(instances as u64)),
     };
     drawing.text([left, y + 6.0], text, 11.0, GREY, Anchor::Start);
     triad(drawing, picture, [left + 74.0, SIZE - 176.0]);

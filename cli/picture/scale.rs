@@ -183,7 +183,7 @@ impl Scale {
 pub(crate) fn pixels(count: usize) -> String {
     match count {
         1 => "1 pixel".into(),
-        count => format!("{} pixels", beamlet::check::count(count as u64)),
+        count => format!("{} pixels", beamlet::cli_support::count(count as u64)),
     }
 }
 

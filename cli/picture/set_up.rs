@@ -6,9 +6,10 @@ use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
 use super::palette::{self, colour_of_object, pale};
 use super::section::{Loop, by_object, outline, section, thinned};
 use super::text::{distance, length};
+use beamlet::Result;
+use beamlet::cli_support::require_memory;
 use beamlet::geometry::Sample;
 use beamlet::scene::{MaskBody, MaskSpec, Scene};
-use beamlet::{Result, require_memory};
 
 const WIDTH: f64 = 1180.0;
 const BEAM: Rgb = [250, 205, 70];

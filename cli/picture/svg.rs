@@ -114,6 +114,6 @@ fn hex([r, g, b]: Rgb) -> String {
 
 /// Text as HTML and SVG take it.
 pub(crate) fn escaped(text: &str) -> String {
-    let text = beamlet::printed::lines(text);
+    let text = beamlet::cli_support::printed::lines(text);
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

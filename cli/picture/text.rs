@@ -20,7 +20,7 @@ pub(crate) fn distance(metres: f64) -> String {
 
 /// Five significant digits with the minus sign of typography.
 pub(crate) fn short(value: f64) -> String {
-    beamlet::printed::number(value).replace('-', "−")
+    beamlet::cli_support::printed::number(value).replace('-', "−")
 }
 
 /// A value with its 1 sigma, to two digits of that: "1.234 ± 0.056", "(1.234 ± 0.056)e−9". Without

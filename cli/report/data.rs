@@ -195,14 +195,14 @@ fn notes(contents: &Contents<'_>, most: u64) -> Vec<String> {
     } else if contrasts.is_empty() {
         notes.push(format!(
             "No retrieved images: `beamlet retrieve {}` makes them; then write the report again.",
-            beamlet::printed::path(run.path())
+            beamlet::cli_support::printed::path(run.path())
         ));
     }
     if run.has_unused_counts() {
         notes.push(format!(
             "The run has detector numbers, and its images were retrieved from noise-free \
              intensities; `beamlet retrieve {} --counts --weights poisson` takes the numbers.",
-            beamlet::printed::path(run.path())
+            beamlet::cli_support::printed::path(run.path())
         ));
     }
     notes

@@ -13,7 +13,7 @@ use crate::progress::Reporter;
 use crate::subject::Subject;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use beamlet::{printed, require_memory};
+use beamlet::cli_support::{printed, require_memory};
 use minijinja::{Environment, UndefinedBehavior, Value, context, escape_formatter};
 use std::time::SystemTime;
 use tables::TableRow;

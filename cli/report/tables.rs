@@ -4,7 +4,7 @@ use crate::failure::Failure;
 use crate::picture::text::short;
 use crate::subject::Subject;
 use beamlet::SamplingSummary;
-use beamlet::check::count;
+use beamlet::cli_support::count;
 use serde_json::Value;
 
 /// The run in one line.
@@ -189,7 +189,8 @@ fn sampling(summary: &SamplingSummary) -> [TableRow; 3] {
 
 /// Version, device, driver, backend, seed, seconds.
 pub(super) fn provenance(run: &Subject) -> Vec<TableRow> {
-    let mut rows = vec![TableRow::new("directory", beamlet::printed::path(run.path()))];
+    let mut rows =
+        vec![TableRow::new("directory", beamlet::cli_support::printed::path(run.path()))];
     let Some(file) = run.run().map(|run| run.record()) else {
         if let Some(record) = run.record() {
             rows.push(TableRow::new("retrieved from", record.sources.join(", ")));

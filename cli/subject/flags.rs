@@ -46,10 +46,10 @@ impl Subject {
         let named = meanings.filter_map(|(bit, meaning)| {
             let count = flags.bits.iter().filter(|bits| *bits & bit != 0).count();
             let name = meaning.split(':').next().unwrap_or(meaning).replace('_', "-");
-            (count > 0).then(|| format!("{} {name}", beamlet::check::count(count as u64)))
+            (count > 0).then(|| format!("{} {name}", beamlet::cli_support::count(count as u64)))
         });
         let named: Vec<String> = named.collect();
-        let all = beamlet::check::count(flags.flagged.len() as u64);
+        let all = beamlet::cli_support::count(flags.flagged.len() as u64);
         let reasons =
             if named.is_empty() { String::new() } else { format!(": {}", named.join(", ")) };
         format!("flagged{sign}: {} of {all}{reasons}", pixels(count))

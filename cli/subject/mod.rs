@@ -143,7 +143,7 @@ impl Subject {
             Some(_) => "holds images of beamlets, which are not drawn on pixels".to_owned(),
             None => format!(
                 "is not there; `beamlet retrieve {}` makes it",
-                beamlet::printed::path(&self.path)
+                beamlet::cli_support::printed::path(&self.path)
             ),
         };
         Failure::File { path: self.retrieved.clone(), problem }

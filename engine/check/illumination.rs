@@ -71,7 +71,7 @@ impl IlluminationCurve {
     /// Whether the scan has three different offsets and no more: they settle area, centre and width
     /// of a curve without background, and nothing is left to judge it by.
     #[must_use]
-    pub fn has_three_offsets(&self) -> bool {
+    pub(crate) fn has_three_offsets(&self) -> bool {
         let [a, b, c] = self.scan[..] else { return false };
         let differ = |p: [f64; 2], q: [f64; 2]| p[0].to_bits() != q[0].to_bits();
         differ(a, b) && differ(b, c) && differ(a, c)

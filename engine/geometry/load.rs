@@ -235,7 +235,7 @@ fn sample(scene: &Scene, loaded: Vec<Loaded>, contacts: bool, watch: &Watch) -> 
 /// Triangles of the meshes of a scene as far as that is known without reading them: those in
 /// binary STL files, and the faces of PLY files.
 #[must_use]
-pub fn triangles_in_files(scene: &Scene) -> u64 {
+pub(crate) fn triangles_in_files(scene: &Scene) -> u64 {
     let of = |object: &Object| match &object.geometry {
         ShapeOrMesh::Mesh(Mesh::File { path, .. }) => {
             mesh_file::triangles_in(&scene.directory.join(path))

@@ -7,7 +7,7 @@
 //! (`nesting`). [`check_clearance`] and [`Swept::fov_warnings`] compare what
 //! the sample sweeps over the views with the set-up.
 
-mod adjacency;
+pub(crate) mod adjacency;
 mod analytic;
 mod assemble;
 mod body;
@@ -19,14 +19,14 @@ mod examined;
 mod export;
 pub(crate) mod instances;
 mod lids;
-mod load;
+pub(crate) mod load;
 mod mesh_file;
 mod nesting;
 mod overlap;
 mod placed;
 mod placement;
 mod polygon;
-mod read;
+pub(crate) mod read;
 mod search;
 mod shapes;
 mod sizes;
@@ -38,19 +38,19 @@ mod tree;
 mod united;
 mod watch;
 
-pub use adjacency::across_edges;
+pub(crate) use adjacency::across_edges;
 pub(crate) use analytic::{AnalyticShape, Form as AnalyticForm};
-pub use defects::{DefectCount, DefectPlace, Defects, MAX_DEFECT_PLACES};
+pub use defects::{DefectCount, DefectPlace, Defects};
 pub use export::{NamedMesh, write_meshes};
 pub(crate) use lids::Lids;
-pub use load::{diagnose, load, load_lenient, triangles_in_files};
-pub(crate) use load::{load_lenient_watched, load_watched};
+pub use load::load;
+pub(crate) use load::{load_lenient_watched, load_watched, triangles_in_files};
 pub(crate) use overlap::PEAK_PER_CUT_TRIANGLE;
 pub use overlap::{Contact, ContactKind};
 #[cfg(test)]
 pub(crate) use placed::Place;
 pub(crate) use placed::{FacetNumbers, FacetOf, Placed, Prototype};
-pub use read::file_hash;
+pub(crate) use read::file_hash;
 pub(crate) use sizes::unit_warnings;
 pub(crate) use smooth::{CornerNormals, corner_normals};
 pub(crate) use surface::PEAK_PER_TRIANGLE;
@@ -74,7 +74,7 @@ pub struct Sample {
     pub components: Vec<Component>,
     /// Objects in the order of the scene.
     pub objects: Vec<ObjectSummary>,
-    /// Where objects overlap, touch or nearly do; of [`load_lenient`] alone.
+    /// Where objects overlap, touch or nearly do; `check` alone finds them.
     pub contacts: Vec<Contact>,
     /// Surfaces that stand in several places, each once.
     pub(crate) prototypes: Vec<Prototype>,

@@ -4,7 +4,7 @@
 //! built-in material. Constants come from a formula and a density through tabulated cross
 //! sections, from a table file, or as given.
 
-mod builtin;
+pub(crate) mod builtin;
 mod formula;
 mod mixture;
 mod table;
@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Beam, MaterialSpec, Scene};
 use unknown::unknown;
 
-pub use builtin::{Builtin, builtin, builtin_names, builtins};
+pub(crate) use builtin::builtin;
 
 /// Optical constants of a material at one energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -49,7 +49,12 @@ pub fn constants(scene: &Scene, name: &str) -> Result<Constants> {
 ///
 /// # Errors
 /// As [`constants_at`], for keys of the scene.
-pub fn constants_at_for(scene: &Scene, name: &str, energy: f64, key: &str) -> Result<Constants> {
+pub(crate) fn constants_at_for(
+    scene: &Scene,
+    name: &str,
+    energy: f64,
+    key: &str,
+) -> Result<Constants> {
     Ok(constants_over_for(scene, name, &[energy], key)?.first().copied().unwrap_or_default())
 }
 
@@ -85,7 +90,7 @@ pub fn constants_over(scene: &Scene, name: &str, energies: &[f64]) -> Result<Vec
 ///
 /// # Errors
 /// As [`constants_over`], for keys of the scene.
-pub fn constants_over_for(
+pub(crate) fn constants_over_for(
     scene: &Scene,
     name: &str,
     energies: &[f64],
@@ -116,7 +121,7 @@ pub fn of_builtin(name: &str, energies: &[f64]) -> Result<Vec<Constants>> {
 ///
 /// # Errors
 /// As [`constants_over_for`].
-pub fn edges(scene: &Scene, name: &str, key: &str) -> Result<Vec<f64>> {
+pub(crate) fn edges(scene: &Scene, name: &str, key: &str) -> Result<Vec<f64>> {
     match &Law::of(scene, name, Some(key))? {
         Law::Numbers(_) => Ok(Vec::new()),
         Law::Formula { formula, density } => formula::edges(name, formula, *density),

@@ -1,7 +1,7 @@
 //! The error for a name that is no material, with what was probably meant.
 
-use super::builtin::{all_spellings, fold, of_formula};
-use super::{Builtin, formula};
+use super::builtin::{Builtin, all_spellings, fold, of_formula};
+use super::formula;
 use crate::error::Error;
 use crate::scene::{MaskSpec, Scene};
 use crate::suggestion;

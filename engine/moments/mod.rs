@@ -37,7 +37,7 @@ use std::sync::Arc;
 
 /// How much stronger than in the run that kept them moments may refract in another scene: rays
 /// are flagged with that much in hand.
-pub const DELTA_HEADROOM: f64 = 2.0;
+pub(crate) const DELTA_HEADROOM: f64 = 2.0;
 
 /// Moments of a run (`simulate --keep-moments`). Clones share files and cache.
 #[derive(Debug, Clone)]

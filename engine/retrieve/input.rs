@@ -184,7 +184,7 @@ impl Input {
 
     /// File or folder of the dark frames.
     #[must_use]
-    pub fn dark_source(&self) -> Option<String> {
+    pub(crate) fn dark_source(&self) -> Option<String> {
         self.dark_path.as_ref().map(|path| path.display().to_string())
     }
 
@@ -228,7 +228,7 @@ impl Input {
     ///
     /// # Errors
     /// [`Error::File`] where frames and offsets do not agree in number, naming the file.
-    pub fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
+    pub(crate) fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
         let [flat, sample] = retriever.steps();
         let frames = self.flat.shape()[1];
         if frames != flat {

@@ -5,9 +5,9 @@
 mod beamlet_fit;
 mod beamlets;
 mod closed;
-mod curves;
+pub(crate) mod curves;
 mod equations;
-mod fitter;
+pub(crate) mod fitter;
 pub mod flags;
 mod images;
 mod input;
@@ -22,8 +22,9 @@ mod shape;
 mod write;
 
 pub(crate) use closed::three_step_uncertainties;
-pub use curves::Curves;
-pub use fitter::{FitOptions, Fitter, Weights};
+pub(crate) use curves::Curves;
+pub use fitter::Weights;
+pub(crate) use fitter::{FitOptions, Fitter};
 pub use images::Images;
 pub use input::{Input, offsets};
 pub use method::Method;

@@ -167,7 +167,7 @@ impl Retriever {
 
     /// Curves of the flat, counted over rows; `None` before it was taken.
     #[must_use]
-    pub fn flat_curves(&self) -> Option<&Curves> {
+    pub(crate) fn flat_curves(&self) -> Option<&Curves> {
         self.flat.as_ref().map(|flat| &flat.curves)
     }
 

@@ -41,7 +41,7 @@ pub struct EngineOptions {
     /// and up to 1 GiB for a band. Results do not depend on it.
     pub memory_limit: Option<u64>,
     /// Prepare runs whose moments are kept ([`Control::keep`]): rays are flagged for materials
-    /// that refract up to [`crate::moments::DELTA_HEADROOM`] times as strongly.
+    /// that refract up to twice as strongly.
     pub keep_moments: bool,
     /// Calls of Vulkan that fail (for tests).
     #[doc(hidden)]

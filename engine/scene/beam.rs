@@ -64,7 +64,7 @@ pub enum SpectrumOrigin {
         anode: Anode,
         /// Tube voltage, kV, within [`Anode::kvp_range`].
         kvp: f64,
-        /// Angle between the target's face and the optical axis, rad, within [`ANODE_ANGLES`].
+        /// Angle between the target's face and the optical axis, rad, 6 to 45 degrees.
         anode_angle: f64,
         /// What the tube itself puts into the beam: window, oil, housing.
         inherent_filters: Vec<Filter>,
@@ -72,7 +72,7 @@ pub enum SpectrumOrigin {
 }
 
 /// Least and greatest anode angle, rad: 6 and 45 degrees.
-pub const ANODE_ANGLES: [f64; 2] = [6.0_f64.to_radians(), 45.0_f64.to_radians()];
+pub(crate) const ANODE_ANGLES: [f64; 2] = [6.0_f64.to_radians(), 45.0_f64.to_radians()];
 
 /// Default anode angle, rad: 12 degrees.
 pub(super) const ANODE_ANGLE: f64 = 12.0_f64.to_radians();

@@ -91,7 +91,7 @@ impl Scene {
 
     /// Files that the scene refers to and has no hash of.
     #[must_use]
-    pub fn files_without_hash(&self) -> Vec<&Path> {
+    pub(crate) fn files_without_hash(&self) -> Vec<&Path> {
         let mut paths = self.referenced_files();
         paths.retain(|path| !self.files.contains_key(*path));
         paths

@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 /// Highest fill of parallel fibres.
-pub const PARALLEL_FIBRE_FILL: f64 = 0.5;
+pub(crate) const PARALLEL_FIBRE_FILL: f64 = 0.5;
 /// Highest fill of fibres of random direction; long ones jam far below it.
-pub const RANDOM_FIBRE_FILL: f64 = 0.35;
+pub(crate) const RANDOM_FIBRE_FILL: f64 = 0.35;
 /// Highest fill of spheres.
-pub const SPHERE_FILL: f64 = 0.35;
+pub(crate) const SPHERE_FILL: f64 = 0.35;
 
 /// Where the copies of an object's shape or mesh stand. The object's own placement applies to all
 /// of them as a group.
@@ -73,7 +73,7 @@ impl PackingKind {
 
     /// Highest fill.
     #[must_use]
-    pub const fn most_fill(self) -> f64 {
+    pub(crate) const fn most_fill(self) -> f64 {
         match self {
             Self::ParallelFibres => PARALLEL_FIBRE_FILL,
             Self::RandomFibres => RANDOM_FIBRE_FILL,

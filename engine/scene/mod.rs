@@ -12,7 +12,7 @@ mod derived;
 mod detector;
 mod exposure;
 mod files;
-mod formula;
+pub(crate) mod formula;
 mod instances;
 mod keys;
 pub(crate) mod limits;
@@ -32,18 +32,18 @@ mod view;
 mod write;
 
 pub use crate::spot::{Spot, SpotFit, SpotPart};
-pub use beam::{ANODE_ANGLES, Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
+pub(crate) use beam::ANODE_ANGLES;
+pub use beam::{Anode, Beam, Filter, SpectrumOrigin, SpectrumSpec};
 pub use detector::{Absorber, Blur, Counts, Detector, DetectorMode, KernelFile, Scatter};
 pub use exposure::Exposure;
 pub(crate) use files::{hash_until, text_hash};
-pub use formula::check_formula;
-pub use instances::{
-    Instances, PARALLEL_FIBRE_FILL, Packing, PackingAmount, PackingKind, PackingRegion,
-    RANDOM_FIBRE_FILL, SPHERE_FILL,
-};
+pub use instances::{Instances, Packing, PackingAmount, PackingKind, PackingRegion};
 pub(crate) use keys::detector::validate_thresholds;
 pub(crate) use keys::docs;
-pub use keys::schema::json_schema;
+/// The JSON Schema of scene files.
+pub(crate) mod schema {
+    pub use super::keys::schema::json_schema;
+}
 pub use model::{MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub use targets::RandomRays;

@@ -36,7 +36,7 @@ pub struct Pose {
 impl Scene {
     /// The view at an angle (rad): source, masks and detector turned by +angle about +z.
     #[must_use]
-    pub fn view_at(&self, angle: f64) -> View {
+    pub(crate) fn view_at(&self, angle: f64) -> View {
         let (sin, cos) = (libm::sin(angle), libm::cos(angle));
         let turned = |x: f64, y: f64, z: f64| [x * cos - y * sin, x * sin + y * cos, z];
         let centre = self.source.distance;

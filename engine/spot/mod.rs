@@ -162,7 +162,7 @@ impl Spot {
 
     /// Whether the light along an axis (0: x, 1: z) is that of one Gaussian.
     #[must_use]
-    pub fn is_gaussian(&self, axis: usize) -> bool {
+    pub(crate) fn is_gaussian(&self, axis: usize) -> bool {
         let mut lit = self.parts.iter().filter(|part| part.weight > 0.0);
         let of = |part: &SpotPart| [part.fwhm[axis], part.offset[axis]].map(f64::to_bits);
         let first = lit.next().map(of);

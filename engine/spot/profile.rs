@@ -22,7 +22,7 @@ impl Spot {
     /// # Errors
     /// [`Error::File`] where the file cannot be read; [`Error::Scene`] with the line for other
     /// columns, positions that do not ascend from 0 or above, values below 0, or none above.
-    pub fn read_profile(path: &Path) -> Result<Self> {
+    pub(crate) fn read_profile(path: &Path) -> Result<Self> {
         let text = input_file::text(path)
             .map_err(|error| Error::file(path, "cannot read the profile", Some(error)))?;
         let profile = MeasuredProfile::parse(path, &text)?;

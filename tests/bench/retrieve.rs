@@ -6,7 +6,8 @@
 #![allow(clippy::print_stdout, reason = "a table is the result")]
 
 use beamlet::Cancel;
-use beamlet::retrieve::{FitOptions, Fitter, Weights};
+use beamlet::internals::retrieve::{FitOptions, Fitter};
+use beamlet::retrieve::Weights;
 use beamlet::{Engine, EngineOptions};
 use ndarray::{Array2, s};
 use std::fs;

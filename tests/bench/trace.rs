@@ -82,7 +82,7 @@ fn tracer(scene: &Scene, backend: Backend) -> Option<Tracer> {
         &device,
         scene,
         &sample,
-        &geometry::across_edges(&sample),
+        &beamlet::internals::geometry::across_edges(&sample),
         &media,
         query,
         1.0,

@@ -172,7 +172,7 @@ fn tracer(device: &Arc<Device>, backend: Backend, scene: &Scene) -> Tracer {
         device,
         scene,
         &sample,
-        &geometry::across_edges(&sample),
+        &beamlet::internals::geometry::across_edges(&sample),
         &media,
         query,
         1.0,

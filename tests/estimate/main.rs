@@ -7,7 +7,7 @@ mod reference;
 #[path = "../support/mod.rs"]
 mod support;
 
-use beamlet::check::{self, check_on};
+use beamlet::check::Check;
 use beamlet::scene::{KernelFile, RandomRays, Scatter, Scene, Scheme};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, Engine, RunRecord};
@@ -40,7 +40,7 @@ fn ran(engine: &Engine, scene: &Scene) -> RunRecord {
 fn compare(name: &'static str, scene: &Scene) {
     let _alone = alone();
     let engine = engine(Backend::Bvh);
-    let report = check_on(&engine, scene).expect("a report");
+    let report = Check::of(scene).with_engine(&engine).run().expect("a report");
     let estimate = report.work.estimate.expect("an estimate");
     let tally = ran(&engine, scene).tally;
     let views = scene.scan.angles.len() as f64;
@@ -92,7 +92,7 @@ fn random_rays_are_counted_as_they_are() {
     let ball = carbon(bumpy(1.0e-3, 3));
     let mut scene = scenes::scene(&Setup::paper([32, 16]), &[ball], &OFFSETS);
     (scene.sampling.scheme, scene.sampling.rays) = (Scheme::Random, RandomRays::Grid([20, 2]));
-    let report = check_on(&engine(Backend::Bvh), &scene).expect("a report");
+    let report = Check::of(&scene).with_engine(&engine(Backend::Bvh)).run().expect("a report");
     let estimate = report.work.estimate.expect("an estimate");
     assert!((estimate.rays - 32.0 * 16.0 * 40.0).abs() < 0.5, "{estimate:?}");
 }
@@ -110,7 +110,7 @@ fn a_hundred_thousand_mask_steps_are_estimated_from_some_of_them() {
     let told = |count| {
         let scene = scenes::scene(&setup, std::slice::from_ref(&ball), &offsets(count));
         let begin = Instant::now();
-        let report = check_on(&engine, &scene).expect("a report");
+        let report = Check::of(&scene).with_engine(&engine).run().expect("a report");
         let estimate = report.work.estimate.expect("an estimate");
         (estimate.seconds, begin.elapsed().as_secs_f64())
     };
@@ -142,8 +142,9 @@ fn patches_full_of_silhouettes_are_in_the_memory_that_is_told() {
     }
     let teeth = carbon(teeth);
     let scene = scenes::scene(&Setup::paper([16, 4]), &[teeth], &[0.0]);
-    let blind = check::check(&scene).expect("a report").work.memory;
-    let told = check_on(&engine(Backend::Bvh), &scene).expect("a report").work.memory;
+    let blind = Check::of(&scene).run().expect("a report").work.memory;
+    let told =
+        Check::of(&scene).with_engine(&engine(Backend::Bvh)).run().expect("a report").work.memory;
     assert_eq!(told.rays_at_once, blind.rays_at_once);
     assert!(told.peak_bytes > blind.peak_bytes + (64 << 20), "{told:?} {blind:?}");
     // Patches that wait for one another bound it.
@@ -161,12 +162,13 @@ fn what_a_detector_spreads_is_in_the_time_and_the_memory_that_are_told() {
     let offsets: Vec<f64> = (0..100).map(|i| f64::from(i) * 1e-6).collect();
     let mut scene = scenes::scene(&setup, &[], &offsets);
     let engine = engine(Backend::Bvh);
-    let told = |scene: &Scene| check_on(&engine, scene).expect("a report").work;
+    let told = |scene: &Scene| Check::of(scene).with_engine(&engine).run().expect("a report").work;
     let sharp = told(&scene);
     let kernel = KernelFile::new(path, setup.pitch);
     scene.detector.scatter = Some(Scatter::Kernel { kernel, fraction: 0.1 });
     let veiled = told(&scene);
-    let seconds = |work: &check::Work| work.estimate.as_ref().expect("an estimate").seconds;
+    let seconds =
+        |work: &beamlet::check::Work| work.estimate.as_ref().expect("an estimate").seconds;
     // Ninety times as long when this was written.
     assert!(seconds(&veiled) > 3.0 * seconds(&sharp), "{veiled:?} {sharp:?}");
     assert!(veiled.memory.peak_bytes > sharp.memory.peak_bytes + (32 << 20), "{veiled:?}");
@@ -175,8 +177,8 @@ fn what_a_detector_spreads_is_in_the_time_and_the_memory_that_are_told() {
 #[test]
 fn scenes_without_a_sample_or_a_device_have_no_rays_or_no_estimate() {
     let empty = scenes::scene(&Setup::paper([16, 8]), &[], &OFFSETS);
-    let report = check_on(&engine(Backend::Bvh), &empty).expect("a report");
+    let report = Check::of(&empty).with_engine(&engine(Backend::Bvh)).run().expect("a report");
     assert!(report.work.estimate.is_some_and(|estimate| estimate.rays == 0.0));
-    let report = check::check(&empty).expect("a report");
+    let report = Check::of(&empty).run().expect("a report");
     assert!(report.work.estimate.is_none() && report.work.no_estimate.is_some());
 }

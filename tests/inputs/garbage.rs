@@ -9,7 +9,8 @@ use std::path::Path;
 
 use crate::geometry::set_up::normal;
 use crate::paper::PAPER;
-use beamlet::geometry::{Sample, diagnose, load};
+use beamlet::geometry::{Sample, load};
+use beamlet::internals::geometry::diagnose;
 use beamlet::scene::{Mesh, Object, Scene};
 use proptest::prelude::*;
 

@@ -5,7 +5,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use beamlet::material::{builtin, builtin_names, constants};
+use beamlet::cli_support::material::{builtin, builtin_names};
+use beamlet::material::constants;
 use beamlet::scene::{Beam, Detector, MaterialSpec, Scene, Source};
 
 fn scene(energy: f64) -> Scene {

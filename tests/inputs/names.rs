@@ -5,9 +5,10 @@
 use std::collections::BTreeMap;
 
 use crate::paper::{PAPER, load};
-use beamlet::material::{builtin, builtins, constants_over};
+use beamlet::cli_support::material::{builtin, builtins};
+use beamlet::cli_support::units::Dimension::{Angle, Density, Length, Voltage};
+use beamlet::material::constants_over;
 use beamlet::scene::{Beam, Detector, MaterialSpec, Scene, Source};
-use beamlet::units::Dimension::{Angle, Density, Length, Voltage};
 
 /// Made by tests/tables/compounds.py with xraylib.
 const COMPOUNDS: &str = include_str!("../tables/compounds.csv");

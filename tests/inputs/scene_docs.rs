@@ -2,8 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use beamlet::cli_support::json_schema;
 use beamlet::internals::scene::{tables, title};
-use beamlet::scene::{Scene, json_schema};
+use beamlet::scene::Scene;
 
 const DOCS: &str = "docs/scene.md";
 

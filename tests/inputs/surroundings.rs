@@ -174,7 +174,7 @@ fn what_is_missing_is_named_by_the_keys_of_the_file() {
     let region =
         "[surroundings]\nmaterial = \"nowater\"\nregion = { mesh = \"no.obj\", unit = \"mm\" }\n";
     std::fs::write(&path, format!("{text}\n{region}")).unwrap();
-    let told = beamlet::check::load_scene(&path, &[]).unwrap_err().to_string();
+    let told = beamlet::cli_support::load_scene(&path, &[]).unwrap_err().to_string();
     for key in ["surroundings.material", "surroundings.region.mesh", "object[0].material"] {
         assert!(told.contains(key), "{key}: {told}");
     }

@@ -5,7 +5,7 @@
 
 use crate::support::{Checked, engine};
 use beamlet::Backend;
-use beamlet::check::check_on;
+use beamlet::check::Check;
 use beamlet::scene::Scene;
 use beamlet::stack::Stacks;
 
@@ -158,7 +158,7 @@ fn errors_of_edges_off_the_rotation_centre_are_recorded_within_a_factor_of_two()
         println!("measured edges: {error:.2e} true, {recorded:.2e} recorded");
         assert!(error > 1e-3, "{error}");
         assert!((0.5..2.0).contains(&(recorded / error)), "{recorded} of {error}");
-        let report = check_on(&engine, &scene).unwrap();
+        let report = Check::of(&scene).with_engine(&engine).run().unwrap();
         let warned = report.warnings.iter().any(|text| text.contains("\"plate\""));
         assert!(warned, "{:?}", report.warnings);
         assert!((report.edges.unwrap().error - recorded).abs() < 1e-9);
@@ -176,7 +176,7 @@ fn edges_at_the_rotation_centre_are_right_and_warn_of_nothing() {
         // Ends of the plate's faces lie 10 um before and behind its middle: 1e-5 of the blur.
         assert!(error < 1e-4, "{error}");
         assert!(stacks.record.edge_error.unwrap() < 1e-4);
-        let warnings = check_on(&engine, &scene).unwrap().warnings;
+        let warnings = Check::of(&scene).with_engine(&engine).run().unwrap().warnings;
         assert!(warnings.iter().all(|text| !text.contains("blurs edges")), "{warnings:?}");
     }
 }

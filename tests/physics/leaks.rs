@@ -62,7 +62,7 @@ impl Watch {
                 &device,
                 scene,
                 &sample,
-                &geometry::across_edges(&sample),
+                &beamlet::internals::geometry::across_edges(&sample),
                 &media,
                 query,
                 1.0,

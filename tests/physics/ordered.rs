@@ -77,7 +77,7 @@ impl Bench {
             &self.device,
             &scene,
             &sample,
-            &geometry::across_edges(&sample),
+            &beamlet::internals::geometry::across_edges(&sample),
             &media,
             query,
             1.0,

@@ -4,7 +4,7 @@
 
 use crate::support::{Worst, engine};
 use beamlet::Backend;
-use beamlet::check::{IlluminationCurve, check_on};
+use beamlet::check::{Check, IlluminationCurve};
 use beamlet::retrieve::{Method, RetrieveOptions, Retriever, Weights};
 use beamlet::scene::{Counts, MaskBody, Scene};
 use ndarray::Axis;
@@ -22,7 +22,7 @@ fn scene(offsets: &str, more: &str) -> Scene {
 const ELEVEN: &str = "{ from = \"-25 um\", to = \"25 um\", count = 11 }";
 
 fn curve(scene: &Scene) -> (IlluminationCurve, Vec<String>) {
-    let report = check_on(&engine(Backend::Bvh), scene).unwrap();
+    let report = Check::of(scene).with_engine(&engine(Backend::Bvh)).run().unwrap();
     (report.illumination.unwrap(), report.warnings)
 }
 

@@ -15,7 +15,8 @@ use crate::reference::fit::{self, Gaussian, gaussian};
 use crate::support::{Checked, Worst, engine_with};
 use beamlet::Cancel;
 use beamlet::Engine;
-use beamlet::retrieve::{Curves, FitOptions, Fitter, Weights, flags};
+use beamlet::internals::retrieve::{Curves, FitOptions, Fitter};
+use beamlet::retrieve::{Weights, flags};
 use ndarray::Array2;
 
 const UM: f64 = 1e-6;

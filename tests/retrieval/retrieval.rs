@@ -438,9 +438,10 @@ fn results_do_not_depend_on_what_is_fitted_beside() {
     let [flat, sample] = gaussians(&offsets, 0.004);
     let engine = engine();
     let scene = scene(&offsets, &[]);
-    let options = beamlet::retrieve::FitOptions::default();
+    let options = beamlet::internals::retrieve::FitOptions::default();
     let fitter =
-        beamlet::retrieve::Fitter::new(&engine, &scene.scan.mask_offsets, &options).unwrap();
+        beamlet::internals::retrieve::Fitter::new(&engine, &scene.scan.mask_offsets, &options)
+            .unwrap();
     let curves = |count: usize| {
         ndarray::Array2::from_shape_fn((11, count), |(s, c)| sample[[s, 0, c % PIXELS]])
     };

@@ -13,7 +13,7 @@ use crate::picture::quantity::Quantity;
 use crate::picture::scale::Scale;
 use crate::picture::text::short;
 use crate::subject::Subject;
-use beamlet::require_memory;
+use beamlet::cli_support::require_memory;
 use clap::ValueEnum;
 use std::path::Path;
 

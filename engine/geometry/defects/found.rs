@@ -4,7 +4,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 /// Most places that are kept of each kind of defect.
-pub const MAX_DEFECT_PLACES: usize = 10;
+const MAX_DEFECT_PLACES: usize = 10;
 
 /// Defects of the surface of one object after welding.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]

@@ -14,7 +14,7 @@ mod vertices;
 mod words;
 
 pub(super) use crossings::ENOUGH as MOST_PAIRS;
-pub use found::{DefectCount, DefectPlace, Defects, MAX_DEFECT_PLACES};
+pub use found::{DefectCount, DefectPlace, Defects};
 
 use super::search::Search;
 use super::surface::{Surface, Welded};

@@ -1,7 +1,8 @@
 //! Keys of a material that the scene defines.
 
 use super::prelude::*;
-use crate::scene::{MaterialSpec, check_formula, path};
+use crate::scene::formula::check_formula;
+use crate::scene::{MaterialSpec, path};
 
 /// How far the weights of a mixture may be from 1, or in per cent from 100: tables round theirs.
 const WEIGHTS_OFF: f64 = 0.005;

@@ -6,5 +6,5 @@ use libfuzzer_sys::fuzz_target;
 use std::path::Path;
 
 fuzz_target!(init: bare_seeds(meshes::ply_seeds), |bytes: &[u8]| {
-    let _ = beamlet::geometry::diagnose(Path::new("a.ply"), bytes, 1e-3);
+    let _ = beamlet::internals::geometry::diagnose(Path::new("a.ply"), bytes, 1e-3);
 });

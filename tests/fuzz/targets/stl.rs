@@ -6,5 +6,5 @@ use libfuzzer_sys::fuzz_target;
 use std::path::Path;
 
 fuzz_target!(init: seeds(meshes::stl_seeds), |input: &[u8]| {
-    let _ = beamlet::geometry::diagnose(Path::new("a.stl"), &meshes::stl(input), 1e-3);
+    let _ = beamlet::internals::geometry::diagnose(Path::new("a.stl"), &meshes::stl(input), 1e-3);
 });

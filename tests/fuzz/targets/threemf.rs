@@ -8,5 +8,5 @@ use std::path::Path;
 
 fuzz_target!(init: seeds(meshes::threemf_seeds), |bytes: &[u8]| {
     let file = meshes::threemf(bytes);
-    let _ = beamlet::geometry::diagnose(Path::new("a.3mf"), &file, 1e-3);
+    let _ = beamlet::internals::geometry::diagnose(Path::new("a.3mf"), &file, 1e-3);
 });

@@ -1,6 +1,7 @@
 //! What is found wrong with a mesh, where, and what of it is refused.
 
-use beamlet::geometry::{Defects, Sample, load, load_lenient};
+use beamlet::geometry::{Defects, Sample, load};
+use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Object, Shape};
 
 use super::set_up::{Arrays, at, close, scene, shape};

@@ -3,7 +3,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use beamlet::geometry::{Sample, file_hash, load};
+use beamlet::geometry::{Sample, load};
+use beamlet::internals::geometry::file_hash;
 use beamlet::scene::{Mesh, Shape, ShapeOrMesh};
 
 use super::set_up::{Arrays, close, object, scene};

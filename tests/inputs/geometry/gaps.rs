@@ -1,7 +1,8 @@
 //! Gaps between exact shapes, instances and meshes, against pairs whose distance is known by how they
 //! were placed, and against all pairs.
 
-use beamlet::geometry::{Contact, ContactKind, load_lenient};
+use beamlet::geometry::{Contact, ContactKind};
+use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Instances, Object, Shape};
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;

@@ -1,6 +1,7 @@
 //! Objects that overlap, touch and coincide: the one listed later wins.
 
-use beamlet::geometry::{Contact, ContactKind, Sample, load, load_lenient};
+use beamlet::geometry::{Contact, ContactKind, Sample, load};
+use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Object, Shape};
 
 use super::set_up::{Arrays, at, block, close, cube, scene, shape};

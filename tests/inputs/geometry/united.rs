@@ -1,7 +1,8 @@
 //! Parts of one mesh that touch or overlap are one solid.
 
 use super::set_up::{Arrays, is_closed, scene};
-use beamlet::geometry::{Sample, load, load_lenient};
+use beamlet::geometry::{Sample, load};
+use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Mesh, Object, Shape, ShapeOrMesh};
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

@@ -7,7 +7,8 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body};
 use crate::support::{backends, engine};
-use beamlet::geometry::{ContactKind, load, load_lenient};
+use beamlet::geometry::{ContactKind, load};
+use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Scene, ShapeOrMesh, Transport};
 use std::path::PathBuf;
 

@@ -49,7 +49,7 @@ impl Bench {
     pub(super) fn sample(&self, backend: Backend, scene: &Scene) -> Arc<DeviceSample> {
         let media = MaterialTable::of(scene).expect("media");
         let sample = geometry::load(scene).expect("a sample");
-        let across = geometry::across_edges(&sample);
+        let across = beamlet::internals::geometry::across_edges(&sample);
         let query = backend == Backend::RayQuery;
         let on_device =
             DeviceSample::upload(&self.device, scene, &sample, &across, &media, query, 1.0);

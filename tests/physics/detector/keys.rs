@@ -110,7 +110,7 @@ fn files_and_materials_that_cannot_serve_are_refused_before_anything_runs() {
         let message = DetectorModel::of(&scene).expect_err(text).to_string();
         assert!(message.contains(words), "{text}: {message}");
         // The run and the check refuse in the same words.
-        assert_eq!(beamlet::check::check(&scene).expect_err(text).to_string(), message);
+        assert_eq!(beamlet::check::Check::of(&scene).run().expect_err(text).to_string(), message);
     }
     let scene = load("absorber = { material = \"vacuum\", thickness = \"1 mm\" }").unwrap();
     assert!(DetectorModel::of(&scene).unwrap_err().to_string().contains("no signal"));

@@ -89,7 +89,7 @@ fn thresholds_beyond_the_spectrum_are_refused() {
             .replace("energy = \"30 keV\"", beam)
             .replace("pitch = \"100 um\"", &format!("pitch = \"100 um\"\n{detector}"));
         match Scene::from_toml(&text, place.path()) {
-            Ok(scene) => beamlet::check::check(&scene).expect_err(detector).to_string(),
+            Ok(scene) => beamlet::check::Check::of(&scene).run().expect_err(detector).to_string(),
             Err(error) => error.to_string(),
         }
     };

@@ -3,10 +3,11 @@
 
 use super::{code_and_stderr, workplace};
 use crate::support::program::Workplace;
+use beamlet::check::Check;
 use beamlet::geometry::LoadStep;
 use beamlet::scene::{Exposure, Scene};
 use beamlet::stack::{ArraySink, Format, RunDirectory};
-use beamlet::{Backend, Cancel, Control, Engine, EngineOptions, Error, Progress, check};
+use beamlet::{Backend, Cancel, Control, Engine, EngineOptions, Error, Progress};
 use std::fs;
 use std::io::{Read, Write};
 use std::process::{Command, Stdio};
@@ -131,8 +132,8 @@ fn every_step_of_loading_is_told_before_the_first_view() {
         steps.push(loading.step);
     };
     let control = &mut Control::default().with_progress(&mut told);
-    let report = check::check_watched(&scene, None, control).unwrap();
-    assert_eq!(report, check::check(&scene).unwrap());
+    let report = Check::of(&scene).run_with(control).unwrap();
+    assert_eq!(report, Check::of(&scene).run().unwrap());
     steps.dedup();
     assert_eq!(steps, STEPS[..5]);
 }
@@ -185,7 +186,7 @@ fn cuts_are_told_measured_by_check_alone_and_end_where_they_are_cancelled() {
         steps.push(loading.step);
     };
     let control = &mut Control::default().with_progress(&mut told);
-    let report = check::check_watched(&scene, None, control).unwrap();
+    let report = Check::of(&scene).run_with(control).unwrap();
     assert!(steps.contains(&LoadStep::Comparing), "{steps:?}");
     assert_eq!(report.contacts.len(), 1);
     assert_eq!(report.objects[0].cut_by, ["b"]);
@@ -235,7 +236,7 @@ fn packings_tell_how_far_they_are() {
         end_at(&cancel, !shares.is_empty() && it.step != LoadStep::Packing);
     };
     let control = &mut Control::default().with_progress(&mut told).with_cancel(cancel.clone());
-    let ended = check::check_watched(&scene, None, control);
+    let ended = Check::of(&scene).run_with(control);
     assert!(matches!(ended, Err(Error::Interrupted)), "{ended:?}");
     assert!(shares[0] <= 0.0 && shares.is_sorted(), "{shares:?}");
     assert!((0.7..=1.0).contains(&shares[shares.len() - 1]), "{shares:?}");

@@ -1,0 +1,96 @@
+//! A check of a scene, and what it may use.
+
+use super::{CheckReport, estimate, load_lenient};
+use crate::scene::Scene;
+use crate::{Control, Engine, Result};
+
+/// A check of a scene: everything that a run would load is loaded, and reported with what it amounts to.
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::{Engine, EngineOptions, check::Check, scene::Scene};
+///
+/// let scene = Scene::load("scene.toml")?;
+/// for refusal in &Check::of(&scene).run()?.refusals {
+///     eprintln!("{refusal}");
+/// }
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// let report = Check::of(&scene).with_engine(&engine).run()?;
+/// // For people, as `beamlet check` prints it; fields hold the numbers in SI units.
+/// println!("{report}");
+/// if let Some(estimate) = &report.work.estimate {
+///     println!("{} rays, {} s", estimate.rays, estimate.seconds);
+/// }
+/// # Ok::<(), beamlet::Error>(())
+/// ```
+#[derive(Debug, Clone, Copy)]
+#[must_use]
+pub struct Check<'a> {
+    scene: &'a Scene,
+    engine: Option<&'a Engine>,
+    memory_limit: Option<u64>,
+    estimates: bool,
+}
+
+impl<'a> Check<'a> {
+    /// Check without a device: neither curve nor estimate.
+    pub const fn of(scene: &'a Scene) -> Self {
+        Self { scene, engine: None, memory_limit: None, estimates: true }
+    }
+
+    /// Adds the illumination curve, and an estimate of rays and time of a run of this engine, within its
+    /// memory limit. A part of the patches is sampled for it, for about a second beyond what a run takes
+    /// to its first ray.
+    pub fn with_engine(mut self, engine: &'a Engine) -> Self {
+        self.engine = Some(engine);
+        self
+    }
+
+    /// Memory limit of a run in place of that of the engine, bytes (see [`crate::EngineOptions`]).
+    pub fn with_memory_limit(mut self, memory_limit: impl Into<Option<u64>>) -> Self {
+        self.memory_limit = memory_limit.into();
+        self
+    }
+
+    /// Leaves out the estimate of rays and time: no ray is traced.
+    pub const fn without_estimate(mut self) -> Self {
+        self.estimates = false;
+        self
+    }
+
+    /// Checks the scene.
+    ///
+    /// # Errors
+    /// Whatever would stop a run before its first ray: materials, meshes that cannot be read, a
+    /// sample that would hit a mask; [`crate::Error::Memory`] where the memory limit is too small.
+    /// Meshes that a run refuses for their defects are reported, and listed in
+    /// [`CheckReport::refusals`]. Where the device fails, [`super::Work::no_estimate`] says why.
+    pub fn run(self) -> Result<CheckReport> {
+        self.run_with(&mut Control::default())
+    }
+
+    /// As [`Self::run`]; `control.progress` receives the loading of objects, from the calling thread,
+    /// and `control.cancel` ends it.
+    ///
+    /// # Errors
+    /// As [`Self::run`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
+    pub fn run_with(self, control: &mut Control<'_>) -> Result<CheckReport> {
+        let Self { scene, engine, memory_limit, estimates } = self;
+        let of_engine = engine.and_then(|engine| engine.options().memory_limit);
+        let limit = memory_limit.or(of_engine);
+        match engine {
+            Some(engine) if estimates => estimate::estimated(engine, scene, limit, control),
+            _ => {
+                let (mut report, _, edges) = load_lenient(scene, limit, control)?;
+                report.add_edges(scene, edges.as_ref());
+                let reason = if estimates { "it needs a device" } else { "it was not requested" };
+                report.work.no_estimate = Some(reason.into());
+                if let Some(engine) = engine {
+                    estimate::add_curve(engine, scene, &mut report);
+                }
+                Ok(report)
+            }
+        }
+    }
+}

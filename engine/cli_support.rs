@@ -1,0 +1,23 @@
+//! What the command line of beamlet reaches beyond its public interface. Nothing here is stable, and
+//! no test needs more of it than the command line does.
+
+pub use crate::check::display::count;
+pub use crate::check::inputs::load_scene;
+pub use crate::parallel::start_threads;
+pub use crate::run::require_memory;
+pub use crate::scene::formula::check_formula;
+pub use crate::scene::schema::json_schema;
+pub use crate::whole_file::write_file;
+
+/// Text for terminals and pages.
+pub mod printed {
+    pub use crate::printed::{is_unsafe, line, lines, number, path};
+}
+/// Quantities with units.
+pub mod units {
+    pub use crate::units::{Dimension, QuantityError, memory_size};
+}
+/// Built-in materials.
+pub mod material {
+    pub use crate::material::builtin::{Builtin, builtin, builtin_names, builtins};
+}
