@@ -182,7 +182,7 @@ fn load_lenient(
             geometry::load_lenient_watched(&shared, watcher)
         })?;
     let (sample, swept) = control.step(LoadStep::Clearance, move || {
-        let swept = geometry::swept(&sample);
+        let swept = geometry::swept(&shared, &sample);
         swept.check_clearance(&shared, &sample).map(|()| (sample, swept))
     })??;
     let mut warnings = swept.fov_warnings(scene);
@@ -235,7 +235,7 @@ fn setup(
     nodes: Nodes,
     detector: &DetectorModel,
 ) -> Setup {
-    let reach = scene.scan.angles.iter().flat_map(|&angle| swept.extents(angle)).fold(
+    let reach = (0..scene.scan.angles.len()).flat_map(|view| swept.extents(view)).fold(
         None,
         |reach: Option<[f64; 2]>, extent| {
             let [low, high] = extent.y.map(|y| scene.source.distance + y);

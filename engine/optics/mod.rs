@@ -158,13 +158,6 @@ impl Optics {
         let detector = &self.detector;
         offset * (detector.distance - self.rotation) / self.rotation / detector.pitch[1]
     }
-
-    /// Cosine and sine of a view's angle from the direction of the detector's columns.
-    pub(crate) fn turn(&self, angle: f64) -> [f64; 2] {
-        let across = [libm::cos(angle), libm::sin(angle)].map(|part| self.detector.pitch[0] * part);
-        let length = libm::hypot(across[0], across[1]);
-        across.map(|part| part / length)
-    }
 }
 
 /// Mask offsets of a scan less whole periods of the sample mask, m. The rest is exact.

@@ -2,6 +2,7 @@
 //! lay in the plane of the rotation centre (docs/physics.md, "Focal spot"): how much that is wrong.
 
 use crate::geometry::{BeamExtent, Swept};
+use crate::numbers;
 use crate::optics::{Mask, Optics};
 use crate::scene::{Scene, Scheme};
 use crate::spot::deviation;
@@ -173,15 +174,15 @@ pub(super) fn suspects(scene: &Scene, swept: &Swept) -> Vec<Suspect> {
     }
     let paths = [0, 1].map(|axis| LightPath::new(scene, axis));
     let bound = |y: f64| paths.iter().map(|path| path.bound(y)).fold(0.0, f64::max);
-    let angles = &scene.scan.angles;
-    let every = angles.len().div_ceil(MOST_VIEWS).max(1);
+    let views = scene.scan.angles.len();
+    let every = views.div_ceil(MOST_VIEWS).max(1);
     let mut suspects = Vec::new();
-    for (view, angle) in (0_u32..).zip(angles).step_by(every) {
-        for (object, extent) in swept.extents_of_objects(scene, *angle) {
+    for view in (0..views).step_by(every) {
+        for (object, extent) in swept.extents_of_objects(scene, view) {
             let [near, far] = extent.y;
             let y = if bound(near) > bound(far) { near } else { far };
             let object = object.to_owned();
-            suspects.push(Suspect { object, view, extent, bound: bound(y), y });
+            suspects.push(Suspect { object, view: numbers::count(view), extent, bound: bound(y), y });
         }
     }
     suspects.sort_by(|a, b| b.bound.total_cmp(&a.bound));

@@ -101,8 +101,8 @@ impl Simulation {
     }
 
     fn projected_bounds(&self, view: u32) -> Vec<ProjectedBounds> {
-        let angle = self.scene.scan.angles[view as usize];
-        sampling::projected_bounds(&self.sample, &self.lattice, &self.scene.view_at(angle))
+        let motion = self.scene.view(view as usize).motion;
+        sampling::projected_bounds(&self.sample, &self.lattice, &motion)
     }
 
     /// The detector, and the grid that takes its light.
@@ -132,7 +132,7 @@ impl Simulation {
     ) -> sampling::ViewContext<'a> {
         sampling::ViewContext {
             optics: self.detector.optics(),
-            angle: self.scene.scan.angles[index as usize],
+            motion: self.scene.view(index as usize).motion,
             sample: &self.sample,
             facets: self.facets.as_ref(),
             lattice: &self.lattice,

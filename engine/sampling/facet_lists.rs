@@ -8,7 +8,7 @@ use super::touched::touched;
 use super::view_context::ViewContext;
 use crate::geometry::{FacetNumbers, FacetOf, Sample};
 use crate::numbers;
-use crate::scene::Transport;
+use crate::scene::{Motion, Transport};
 use crate::trace::{MaterialTable, component_hash, least_cosine};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -183,16 +183,13 @@ struct Triangles<'a> {
     sample: &'a Sample,
     facets: &'a SampleFacets,
     lattice: &'a Lattice,
-    turn: [f64; 2],
+    motion: Motion,
     source: DVec3,
 }
 
 impl Triangles<'_> {
     fn corners(&self, facet: FacetOf) -> [DVec3; 3] {
-        let [cos, sin] = self.turn;
-        self.sample
-            .corners(facet)
-            .map(|p| DVec3::new(p.x * cos + p.y * sin, p.y * cos - p.x * sin, p.z))
+        self.sample.corners(facet).map(|corner| self.motion.at(corner))
     }
 
     fn is_front(&self, corners: &[DVec3; 3]) -> bool {
@@ -275,7 +272,7 @@ impl<'a> FacetLists<'a> {
             sample: view.sample,
             facets,
             lattice,
-            turn: view.optics.turn(view.angle),
+            motion: view.motion,
             source: DVec3::new(0.0, -view.optics.rotation, 0.0),
         };
         let grid = PatchGrid { rows: rows.clone(), beamlets: lattice.beamlets.clone() };

@@ -3,7 +3,7 @@
 use super::lattice::Lattice;
 use crate::geometry::{Component, Lids, Placed, Sample};
 use crate::numbers;
-use crate::scene::View;
+use crate::scene::Motion;
 use glam::DVec3;
 use std::ops::Range;
 
@@ -65,16 +65,15 @@ const CHORD_SHARE: f64 = 0.5;
 pub(crate) fn projected_bounds(
     sample: &Sample,
     lattice: &Lattice,
-    view: &View,
+    motion: &Motion,
 ) -> Vec<ProjectedBounds> {
-    let [cos, sin] = view.turn();
     let scale = lattice.project(1.0, 0.0, 0.0)[0];
     let rows_per_metre = lattice.project(0.0, 0.0, 0.0)[1] - lattice.project(0.0, 0.0, 1.0)[1];
     let may_hide = |c: &Component| {
         let least = CHORD_SHARE * least_chord(c);
         least * scale < lattice.period || least * rows_per_metre < 1.0
     };
-    let chords = mean_chords(sample, DVec3::new(cos, sin, 0.0), may_hide);
+    let chords = mean_chords(sample, motion.rows(), may_hide);
     sample
         .components
         .iter()
@@ -84,25 +83,30 @@ pub(crate) fn projected_bounds(
             let mut x = [f64::INFINITY, f64::NEG_INFINITY];
             let mut rows = x;
             let mut lids = [x; 2];
+            let project = |x, y, z| {
+                let [x, y, z] = motion.point([x, y, z]);
+                lattice.project(x, y, z)
+            };
             for corner in 0..4 {
                 let pick =
                     |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
                 let (wx, wy) = (pick(0), pick(1));
-                let project = |z| lattice.project(wx * cos + wy * sin, wy * cos - wx * sin, z);
                 for z in [low[2], high[2]] {
-                    let [px, row] = project(z);
+                    let [px, row] = project(wx, wy, z);
                     x = [x[0].min(px), x[1].max(px)];
                     rows = [rows[0].min(row), rows[1].max(row)];
                 }
                 for (lid, range) in lids.iter_mut().zip(component.lids.unwrap_or_default()) {
                     for z in range {
-                        let [_, row] = project(z);
+                        let [_, row] = project(wx, wy, z);
                         *lid = [lid[0].min(row), lid[1].max(row)];
                     }
                 }
             }
-            // Rough walls throw light up and down: beyond the next row it counts.
-            if component.lids.is_none() || lattice.halo as f64 * component.leans > 1.0 {
+            // Upright walls lean in views that tilt the sample. Rough ones throw light up and down:
+            // beyond the next row it counts.
+            let leans = lattice.halo as f64 * component.leans > 1.0;
+            if component.lids.is_none() || leans || !motion.keeps_upright() {
                 lids = [rows; 2];
             }
             ProjectedBounds {
@@ -123,13 +127,16 @@ fn least_chord(component: &Component) -> f64 {
     2.0 * component.volume.abs() / component.area
 }
 
-/// Mean chord of each component along `x` and along z: volume over projected area (Cauchy); and the
-/// area that it shows along y, m2. Of components that cannot hide the chords are the least in any
+/// Mean chord of each component along x and z of the beam frame: volume over projected area (Cauchy);
+/// and the area that it shows along y, m2. Of components that cannot hide the chords are the least in any
 /// direction, which says as much and needs no walk over millions of triangles in every view, and the
 /// area is infinite.
-fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool) -> Vec<[f64; 3]> {
+fn mean_chords(
+    sample: &Sample,
+    [x, y, z]: [DVec3; 3],
+    may_hide: impl Fn(&Component) -> bool,
+) -> Vec<[f64; 3]> {
     let hide: Vec<bool> = sample.components.iter().map(may_hide).collect();
-    let y = DVec3::Z.cross(x);
     let mut areas = vec![[0.0_f64; 3]; sample.components.len()];
     if hide.contains(&true) {
         for (t, &component) in sample.triangles.iter().zip(&sample.triangle_component) {
@@ -140,7 +147,7 @@ fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool)
             let area = 0.5 * (b - a).cross(c - a);
             let sum = &mut areas[component as usize];
             sum[0] += 0.5 * area.dot(x).abs();
-            sum[1] += 0.5 * area.z.abs();
+            sum[1] += 0.5 * area.dot(z).abs();
             sum[2] += 0.5 * area.dot(y).abs();
         }
         let mut known: Option<(&Placed, Vec<[f64; 3]>)> = None;
@@ -148,7 +155,7 @@ fn mean_chords(sample: &Sample, x: DVec3, may_hide: impl Fn(&Component) -> bool)
             let same = known.as_ref().filter(|(other, _)| other.shows_the_same(placed));
             let shown = match same {
                 Some((_, shown)) => shown.clone(),
-                None => sample.projected_areas(placed, [x, DVec3::Z, y]),
+                None => sample.projected_areas(placed, [x, z, y]),
             };
             let scale = placed.place.scale * placed.place.scale;
             for (component, shown) in (placed.component as usize..).zip(&shown) {

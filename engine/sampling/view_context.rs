@@ -9,6 +9,7 @@ use super::response::Response;
 use crate::geometry::Sample;
 use crate::interface::Ray;
 use crate::optics::Optics;
+use crate::scene::Motion;
 use std::ops::Range;
 
 /// What the cells of a view are made from.
@@ -16,8 +17,8 @@ use std::ops::Range;
 pub(crate) struct ViewContext<'a> {
     /// What the light meets.
     pub optics: &'a Optics,
-    /// Angle of the view, rad.
-    pub angle: f64,
+    /// The sample in the view.
+    pub motion: Motion,
     /// Its sample.
     pub sample: &'a Sample,
     /// Surfaces of the sample, where its facets say what is between rays.

@@ -17,6 +17,7 @@ mod instances;
 mod keys;
 pub(crate) mod limits;
 mod model;
+mod motion;
 mod parse;
 pub(crate) mod path;
 mod polygon;
@@ -45,6 +46,7 @@ pub(crate) mod schema {
     pub use super::keys::schema::json_schema;
 }
 pub use model::{MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
+pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub use targets::RandomRays;
 pub use view::{Pose, View};

@@ -1,6 +1,6 @@
 //! Views: where source, masks and detector stand at each angle, in world coordinates.
 
-use super::{MaskSpec, Scene};
+use super::{MaskSpec, Motion, Scene};
 use serde::Serialize;
 
 /// Where everything stands in one view, in world coordinates (m). The sample never moves.
@@ -19,6 +19,10 @@ pub struct View {
     pub sample_mask: Option<Pose>,
     /// Pose of the detector mask.
     pub detector_mask: Option<Pose>,
+    /// The sample as this view sees it: from the world to the beam frame, in which the beam runs along
+    /// +y and columns along +x.
+    #[serde(skip)]
+    pub motion: Motion,
 }
 
 /// Pose of a mask: the centre of its lattice at mask offset 0, and its two directions.
@@ -34,39 +38,32 @@ pub struct Pose {
 }
 
 impl Scene {
-    /// The view at an angle (rad): source, masks and detector turned by +angle about +z.
+    /// The view of this index: source, masks and detector turned by its angle about +z.
+    /// Panics where the scan has no angle of this index.
     #[must_use]
-    pub(crate) fn view_at(&self, angle: f64) -> View {
-        let (sin, cos) = (libm::sin(angle), libm::cos(angle));
-        let turned = |x: f64, y: f64, z: f64| [x * cos - y * sin, x * sin + y * cos, z];
+    pub(crate) fn view(&self, index: usize) -> View {
+        let world_from_beam = Motion::about_z(self.scan.angles[index]);
         let centre = self.source.distance;
         let pose = |mask: &MaskSpec| Pose {
-            centre: turned(mask.offset, mask.distance - centre, 0.0),
-            across: turned(1.0, 0.0, 0.0),
-            along: [0.0, 0.0, 1.0],
+            centre: world_from_beam.point([mask.offset, mask.distance - centre, 0.0]),
+            across: world_from_beam.direction([1.0, 0.0, 0.0]),
+            along: world_from_beam.direction([0.0, 0.0, 1.0]),
         };
+        let column = world_from_beam.direction([self.detector.pitch[0], 0.0, 0.0]);
         View {
-            source: turned(0.0, -centre, 0.0),
-            detector: turned(0.0, self.detector.distance - centre, 0.0),
-            column: turned(self.detector.pitch[0], 0.0, 0.0),
-            row: [0.0, 0.0, -self.detector.pitch[1]],
+            source: world_from_beam.point([0.0, -centre, 0.0]),
+            detector: world_from_beam.point([0.0, self.detector.distance - centre, 0.0]),
+            column,
+            row: world_from_beam.direction([0.0, 0.0, -self.detector.pitch[1]]),
             sample_mask: self.sample_mask.as_ref().map(pose),
             detector_mask: self.detector_mask.as_ref().map(pose),
+            motion: Motion::onto_x([column[0], column[1]]),
         }
     }
 
     /// The views of the scan, in order.
     pub fn views(&self) -> impl Iterator<Item = View> + '_ {
-        self.scan.angles.iter().map(|&angle| self.view_at(angle))
-    }
-}
-
-impl View {
-    /// Cosine and sine of the turn of the beam frame against the world.
-    #[must_use]
-    pub fn turn(&self) -> [f64; 2] {
-        let length = libm::hypot(self.column[0], self.column[1]);
-        [self.column[0] / length, self.column[1] / length]
+        (0..self.scan.angles.len()).map(|index| self.view(index))
     }
 }
 
@@ -86,12 +83,16 @@ mod tests {
             pixels = [4, 2]
             pitch = "100 um"
         "#;
-        let view = Scene::from_toml(text, ".").unwrap().view_at(std::f64::consts::FRAC_PI_2);
+        let mut scene = Scene::from_toml(text, ".").unwrap();
+        scene.scan.angles = vec![std::f64::consts::FRAC_PI_2];
+        let view = scene.view(0);
         let near = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15);
         // ASTRA's convention: the source starts on -y and turns towards +x.
         assert!(near(view.source, [1.0, 0.0, 0.0]), "{:?}", view.source);
         assert!(near(view.detector, [-1.0, 0.0, 0.0]));
         assert!(near(view.column, [0.0, 1e-4, 0.0]));
         assert!(near(view.row, [0.0, 0.0, -1e-4]));
+        // What is at +x is nearer the source.
+        assert!(near(view.motion.point([0.1, 0.0, 0.2]), [0.0, -0.1, 0.2]));
     }
 }

@@ -325,7 +325,7 @@ impl About {
             about.insert("view".into(), index.into());
             if let Some(&angle) = self.scene.scan.angles.get(index as usize) {
                 about.insert("angle".into(), angle.into());
-                let vectors = serde_json::to_value(self.scene.view_at(angle));
+                let vectors = serde_json::to_value(self.scene.view(index as usize));
                 about.insert("vectors".into(), vectors.unwrap_or_default());
             }
         }

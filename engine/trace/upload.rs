@@ -175,10 +175,10 @@ fn upload<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, items: &[T]) -> Re
 }
 
 fn view(scene: &Scene, view: &scene::View, reach: f64) -> ViewTransform {
-    let [cos, sin] = view.turn();
+    let [across, ..] = view.motion.rows();
     ViewTransform {
-        cos_angle: single(cos),
-        sin_angle: single(sin),
+        cos_angle: single(across.x),
+        sin_angle: single(across.y),
         start: -single(1.01 * reach + 1e-6),
         analyser: single(scene.lever_arm()),
     }

@@ -65,7 +65,7 @@ fn a_region_is_the_object_that_stands_before_all_others() {
     // The rod stands in the bath, and nothing says that a bath is larger than the detector sees.
     assert_eq!(sample.objects[1].inside, [Some(0)]);
     check_clearance(&region, &sample).unwrap();
-    assert!(swept(&sample).fov_warnings(&region).iter().all(|it| it.contains("\"rod\"")));
+    assert!(swept(&region, &sample).fov_warnings(&region).iter().all(|it| it.contains("\"rod\"")));
 }
 
 #[test]

@@ -61,7 +61,7 @@ impl Simulation {
     /// # Errors
     /// As [`Simulation::run`].
     pub(crate) fn edge_blur(&self, cancel: &Cancel) -> Result<Option<EdgeBlur>> {
-        let swept = geometry::swept(&self.sample);
+        let swept = geometry::swept(&self.scene, &self.sample);
         let mut suspects = suspects(&self.scene, &swept);
         let Some(Suspect { object, bound, y, .. }) = suspects.first().cloned() else {
             return Ok(None);

@@ -114,8 +114,8 @@ impl Simulation {
         let mut differences = Differences::default();
         for view in views {
             let shadow = fresh.projected_bounds(view);
-            let turned = self.scene.view_at(self.scene.scan.angles[view as usize]);
-            let seen = projected_bounds(&fresh.sample, &lattice, &turned);
+            let motion = self.scene.view(view as usize).motion;
+            let seen = projected_bounds(&fresh.sample, &lattice, &motion);
             for (row, weight) in rows_of(&seen, self.scene.detector.pixels[1]) {
                 let mut values = Vec::new();
                 for (work, bounds) in works.iter_mut().zip([&[][..], &shadow]) {

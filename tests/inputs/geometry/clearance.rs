@@ -61,9 +61,10 @@ fn missing_masks_leave_source_and_detector_as_limits() {
 #[test]
 fn positive_angle_turns_the_beam_and_not_the_sample() {
     // At +90 deg the source stands at +x: what is at +x is nearer the source.
-    let scene = scene(vec![at(cube("a", 1e-3), [5e-3, 0.0, 0.0])]);
+    let mut scene = scene(vec![at(cube("a", 1e-3), [5e-3, 0.0, 0.0])]);
+    scene.scan.angles = vec![2.0 * FRAC_PI_4];
     let sample = load(&scene).unwrap();
-    let extents: Vec<BeamExtent> = swept(&sample).extents(2.0 * FRAC_PI_4).collect();
+    let extents: Vec<BeamExtent> = swept(&scene, &sample).extents(0).collect();
     assert!((extents[0].y[0] + 5.5e-3).abs() < 1e-9, "{extents:?}");
     assert!((extents[0].y[1] + 4.5e-3).abs() < 1e-9, "{extents:?}");
     assert!((extents[0].x[1] - 0.5e-3).abs() < 1e-9, "{extents:?}");
@@ -74,7 +75,7 @@ fn sample_outside_the_field_of_view_is_told_by_axis() {
     let warned = |object: Object, angles: &[f64]| {
         let mut scene = scene(vec![object]);
         scene.scan.angles = angles.to_vec();
-        swept(&load(&scene).unwrap()).fov_warnings(&scene)
+        swept(&scene, &load(&scene).unwrap()).fov_warnings(&scene)
     };
     assert!(warned(cube("a", 8e-3), &[0.0]).is_empty());
     let wide = warned(plate(14e-3), &[0.0, FRAC_PI_4]);

@@ -39,5 +39,5 @@ fn shipped_bracket_holds_its_core_and_fits_the_field_of_view() {
     let (scene, sample) = experiment("bracket", &["bracket", "core"]);
     assert_eq!(sample.components.len(), 2);
     assert_eq!(sample.objects[1].inside, [Some(0)]);
-    assert!(swept(&sample).fov_warnings(&scene).is_empty());
+    assert!(swept(&scene, &sample).fov_warnings(&scene).is_empty());
 }

@@ -1,0 +1,189 @@
+//! Rigid motions: how the sample is placed in a view. No other module spells a rotation of views.
+
+use crate::{Error, Result};
+use glam::{DMat3, DQuat, DVec3};
+
+/// A rotation, then a translation (m): a point p goes to R p + t.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion {
+    rotation: DMat3,
+    translation: DVec3,
+}
+
+impl Motion {
+    /// No motion, exactly.
+    pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
+
+    /// Rotation about +z by an angle (rad). At 0 it is [`Self::IDENTITY`].
+    #[must_use]
+    pub fn about_z(angle: f64) -> Self {
+        Self::with_z_axis(libm::cos(angle), libm::sin(angle))
+    }
+
+    /// Rotation about z that takes a direction of the plane z = 0 to +x.
+    pub(crate) fn onto_x([x, y]: [f64; 2]) -> Self {
+        let length = libm::hypot(x, y);
+        Self::with_z_axis(x / length, -y / length)
+    }
+
+    fn with_z_axis(cos: f64, sin: f64) -> Self {
+        let [x, y] = [DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0)];
+        Self { rotation: DMat3::from_cols(x, y, DVec3::Z), translation: DVec3::ZERO }
+    }
+
+    /// Rotation about an axis of any length through the origin by an angle (rad), right-handed.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for an axis without a direction, or an angle that is not finite.
+    pub fn about(axis: [f64; 3], angle: f64) -> Result<Self> {
+        let unit = DVec3::from_array(axis).try_normalize();
+        let Some(unit) = unit.filter(|_| angle.is_finite()) else {
+            let found = format!("the axis {axis:?} and the angle {angle} rad");
+            return Err(Error::argument("motion", found, "an axis with a direction, finite numbers"));
+        };
+        let [x, y, z] = (unit * libm::sin(angle / 2.0)).to_array();
+        let turn = DQuat::from_xyzw(x, y, z, libm::cos(angle / 2.0)).normalize();
+        Ok(Self { rotation: DMat3::from_quat(turn), translation: DVec3::ZERO })
+    }
+
+    /// Translation, m.
+    #[must_use]
+    pub const fn translation(by: [f64; 3]) -> Self {
+        Self { rotation: DMat3::IDENTITY, translation: DVec3::from_array(by) }
+    }
+
+    /// This motion, and then another one.
+    #[must_use]
+    pub fn then(&self, next: &Self) -> Self {
+        Self {
+            rotation: next.rotation * self.rotation,
+            translation: next.rotation * self.translation + next.translation,
+        }
+    }
+
+    /// The motion back.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.transpose();
+        Self { rotation, translation: -(rotation * self.translation) }
+    }
+
+    /// Place of a point, m.
+    #[must_use]
+    pub fn point(&self, point: [f64; 3]) -> [f64; 3] {
+        self.at(DVec3::from_array(point)).to_array()
+    }
+
+    /// Direction of a vector. None of its components is -0.
+    #[must_use]
+    pub fn direction(&self, vector: [f64; 3]) -> [f64; 3] {
+        (self.rotation * DVec3::from_array(vector) + DVec3::ZERO).to_array()
+    }
+
+    pub(crate) fn at(&self, point: DVec3) -> DVec3 {
+        self.rotation * point + self.translation
+    }
+
+    /// The directions that go to +x, +y and +z.
+    pub(crate) fn rows(&self) -> [DVec3; 3] {
+        let t = self.rotation.transpose();
+        [t.x_axis, t.y_axis, t.z_axis]
+    }
+
+    /// Where the origin goes, m.
+    pub(crate) const fn offset(&self) -> DVec3 {
+        self.translation
+    }
+
+    /// Only a rotation about z: what most scans consist of.
+    pub(crate) fn is_turn(&self) -> bool {
+        self.keeps_upright() && self.translation == DVec3::ZERO
+    }
+
+    /// +z goes to +z: upright surfaces stay upright.
+    pub(crate) fn keeps_upright(&self) -> bool {
+        self.rows()[2] == DVec3::Z
+    }
+
+    pub(crate) fn is_finite(&self) -> bool {
+        self.rotation.is_finite() && self.translation.is_finite()
+    }
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::{FRAC_PI_2, TAU};
+
+    fn any() -> Motion {
+        let turn = Motion::about([1.0, -2.0, 0.5], 0.7).unwrap();
+        turn.then(&Motion::translation([1e-3, -2e-3, 5e-3])).then(&Motion::about_z(2.0))
+    }
+
+    fn near(a: [f64; 3], b: [f64; 3]) -> bool {
+        a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15)
+    }
+
+    #[test]
+    fn identity_changes_no_bit_and_no_turn_is_the_identity() {
+        assert_eq!(Motion::about_z(0.0), Motion::IDENTITY);
+        assert_eq!(Motion::about([1.0, 2.0, 3.0], 0.0).unwrap(), Motion::IDENTITY);
+        assert_eq!(Motion::IDENTITY.inverse(), Motion::IDENTITY);
+        for motion in [any(), Motion::about_z(1.0)] {
+            assert_eq!(Motion::IDENTITY.then(&motion), motion);
+            assert_eq!(motion.then(&Motion::IDENTITY), motion);
+        }
+        let point = [0.1, -0.2, 1.0 / 3.0];
+        assert_eq!(Motion::IDENTITY.point(point), point);
+    }
+
+    #[test]
+    fn rotations_are_right_handed() {
+        let x = [1.0, 0.0, 0.0];
+        assert!(near(Motion::about_z(FRAC_PI_2).point(x), [0.0, 1.0, 0.0]));
+        let about_y = Motion::about([0.0, 4.0, 0.0], FRAC_PI_2).unwrap();
+        assert!(near(about_y.point(x), [0.0, 0.0, -1.0]));
+        // By hand: a third of a turn about the diagonal takes x to y, y to z, z to x.
+        let third = Motion::about([1.0; 3], TAU / 3.0).unwrap();
+        assert!(near(third.point([1.0, 2.0, 3.0]), [3.0, 1.0, 2.0]));
+        assert!(near(Motion::onto_x([3.0, 4.0]).point([0.6, 0.8, 7.0]), [1.0, 0.0, 7.0]));
+    }
+
+    #[test]
+    fn composition_is_one_motion_after_the_other() {
+        let (first, next) = (any(), Motion::about([0.0, 1.0, 1.0], -0.3).unwrap());
+        let point = [2e-3, 3e-3, -1e-3];
+        assert!(near(first.then(&next).point(point), next.point(first.point(point))));
+        assert!(near(first.then(&first.inverse()).point(point), point));
+        assert!(near(first.inverse().then(&first).point(point), point));
+        // Directions do not see a translation.
+        let moved = Motion::translation([1.0, 2.0, 3.0]);
+        assert_eq!(moved.direction(point), point);
+        assert_eq!(moved.point([0.0; 3]), [1.0, 2.0, 3.0]);
+    }
+
+    #[test]
+    fn only_rotations_about_z_are_turns_and_translations_keep_upright() {
+        for turn in [Motion::IDENTITY, Motion::about_z(0.3), Motion::onto_x([-1.0, 0.2])] {
+            assert!(turn.is_turn() && turn.keeps_upright());
+        }
+        assert!(Motion::about([0.0, 0.0, 2.0], 0.3).unwrap().is_turn());
+        let moved = Motion::about_z(0.3).then(&Motion::translation([0.0, 0.0, 1e-6]));
+        assert!(!moved.is_turn() && moved.keeps_upright());
+        let tilted = Motion::about([1.0, 0.0, 0.0], 1e-9).unwrap();
+        assert!(!tilted.is_turn() && !tilted.keeps_upright());
+    }
+
+    #[test]
+    fn axis_without_direction_is_refused() {
+        let found = |axis, angle| Motion::about(axis, angle).unwrap_err().to_string();
+        assert!(found([0.0; 3], 1.0).contains("[0.0, 0.0, 0.0]"), "{}", found([0.0; 3], 1.0));
+        assert!(found([1.0, 0.0, 0.0], f64::NAN).contains("NaN"));
+    }
+}
