@@ -48,7 +48,7 @@ void main() {
         Placed placed;
         bool shape = is_shape(crossing.facet & FACET_LEAF, placed);
         vec3 normal = shape ? normal_of_shape(beam, placed, crossing)
-            : beam_from_world(beam, leaf_at(crossing.facet & FACET_LEAF).normal);
+            : beam_from_world_direction(beam, leaf_at(crossing.facet & FACET_LEAF).normal);
         push.met.at[index * push.capacity + i] =
             SurfaceCrossing(crossing.y, object_of(crossing),
                        (crossing.facet & FACET_ENTERED) != 0u ? 1u : 0u,

@@ -25,7 +25,7 @@ void visit(Beam beam, uint primitive, Leaf leaf, inout Gathered all) {
     if (!facet.crossed) return;
     Surface surface = sample_.surfaces.at[leaf.surface & SURFACE_INDEX];
     if (run_ends_at(all.run, surface)) run_flush(all.sums, all.run);
-    vec3 normal_ = beam_from_world(beam, leaf.normal);
+    vec3 normal_ = beam_from_world_direction(beam, leaf.normal);
 #ifdef PLACED
     if ((KINDS & (KIND_ROUGH | KIND_SMOOTH)) != 0u) {
         vec3 met = normal_;

@@ -171,7 +171,7 @@ bool visit_triangles(inout Search search, Beam frame, out bool ending[RAYS_PER_L
             search.leaves = before;
             break;
         }
-        vec3 normal_ = beam_from_world(frame, numbers_of(leaf, LEAF_NORMAL));
+        vec3 normal_ = beam_from_world_direction(frame, numbers_of(leaf, LEAF_NORMAL));
         search.triangles += 1u;
         EACH_RAY {
             if (crossed[k]) visit(rays[k].beam, facets[k], surface, normal_, rays[k].all);
@@ -272,8 +272,7 @@ bool visit_to_triangle(inout Search search, Beam frame, inout bool ending[RAYS_P
 void walk_together(ViewTransform view) {
     Search search = search_begin(view, bounds_of_rays());
     Beam frame = rays[0].beam;
-    frame.cos_angle = view.cos_angle;
-    frame.sin_angle = view.sin_angle;
+    set_view(frame, view);
     bool ends; // runs of some rays
     // CPU devices skip no code but by leaving a loop at its end: what is rare stands outside, and
     // triangles and shapes have loops of their own.
@@ -308,7 +307,7 @@ void main() {
         Ray ray = ray_at(index);
         rays[k].index = index;
         rays[k].view = ray.view;
-        rays[k].beam = beam_of(ray, ViewTransform(1.0, 0.0, 0.0, 0.0));
+        rays[k].beam = beam_of(ray);
         rays[k].all = gathered_begin(rays[k].beam, index, rays[k].waits);
     }
     bool left;

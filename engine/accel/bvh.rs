@@ -55,19 +55,24 @@ const PADDING: f64 = 1.0 / (1 << 19) as f64;
 
 impl Bvh {
     /// Builds the trees of a sample; the surface of a leaf is its component. `across`: the triangles
-    /// across the edges of each, as [`crate::geometry::across_edges`] finds them.
+    /// across the edges of each, as [`crate::geometry::across_edges`] finds them. `displacement`: how
+    /// far views move the sample, m.
     ///
     /// # Errors
     /// [`Error::Mesh`] where a tree would be deeper than the shaders' stack, or there are
     /// more surfaces or facets than shaders can name.
-    pub(crate) fn build(sample: &Sample, across: &[[u32; 3]]) -> Result<Self> {
+    pub(crate) fn build(
+        sample: &Sample,
+        across: &[[u32; 3]],
+        displacement: f64,
+    ) -> Result<Self> {
         if sample.is_empty() {
             return Ok(Self::default());
         }
         if sample.components.len() > SURFACE_INDEX as usize {
             return Err(Error::mesh("sample", "has too many separate surfaces", ""));
         }
-        let reach = sample.reach();
+        let reach = sample.reach() + displacement;
         let vertex = |v: u32| DVec3::from_array(sample.vertices[v as usize]);
         let boxes_of_placed = sample.placed.iter().map(|placed| {
             let [low, high] = sample.bounds_of_placed(placed);
@@ -366,7 +371,7 @@ object = [
     fn neighbours_share_the_edge_that_they_are_named_for() {
         let scene = crate::scene::Scene::from_toml(SHAPES, ".").expect("a scene");
         let sample = crate::geometry::load(&scene).expect("a sample");
-        let bvh = Bvh::build(&sample, &crate::geometry::across_edges(&sample)).expect("a tree");
+        let bvh = Bvh::build(&sample, &crate::geometry::across_edges(&sample), 0.0).expect("a tree");
         for (leaf, around) in bvh.leaves.iter().zip(&bvh.neighbours) {
             let corners = [leaf.a, leaf.b, leaf.c];
             for (edge, &other) in around.iter().enumerate() {

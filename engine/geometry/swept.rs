@@ -67,6 +67,19 @@ impl Swept {
         }
     }
 
+    /// Upper bound of y of an object in any view, m.
+    fn far(&self, object: usize) -> f64 {
+        match &self.outlines {
+            Outlines::Upright(outlines) => {
+                let offset = |motion: &Motion| motion.offset().y;
+                outlines[object].far() + self.motions.iter().map(offset).fold(0.0, f64::max)
+            }
+            Outlines::Seen(views) => {
+                views.iter().map(|view| view[object].extent.y[1]).fold(0.0, f64::max)
+            }
+        }
+    }
+
     fn views(&self) -> std::ops::Range<usize> {
         0..self.motions.len()
     }
@@ -152,6 +165,7 @@ impl Swept {
             let mut worst = [(0.0, 0); 2];
             // Fibres and rods pass through the field along the slits: nothing changes along them. An
             // object that is many times as long has the wrong unit.
+            let least = scene.detector.distance / (centre + self.far(object));
             let mut passes = true;
             for view in self.views() {
                 let Seen { extent, slopes } = self.seen(view, object);
@@ -161,7 +175,6 @@ impl Swept {
                         *worst = (reach, view);
                     }
                 }
-                let least = scene.detector.distance / (centre + extent.y[1].max(0.0));
                 let [low, high] = extent.z.map(|z| z * least);
                 passes = passes && low < -half[1] && high > half[1];
             }
@@ -198,5 +211,9 @@ impl Swept {
 
 /// The view in words.
 fn at(scene: &Scene, view: usize) -> String {
-    format!("at angle {:.3} deg", scene.scan.angles[view].to_degrees())
+    let angle = format!("at angle {:.3} deg", scene.scan.angles[view].to_degrees());
+    match scene.scan.motions.is_empty() {
+        true => angle,
+        false => format!("{angle}, moved as in view {view}"),
+    }
 }

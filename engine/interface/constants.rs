@@ -27,8 +27,10 @@ shared_constants! {
     KIND_TORUS: u32 = 8;
     /// rough surfaces, of these or of the sample's own triangles;
     KIND_ROUGH: u32 = 16;
-    /// and surfaces that refract by normals between their corners.
+    /// surfaces that refract by normals between their corners;
     KIND_SMOOTH: u32 = 32;
+    /// and views that move the sample otherwise than by a turn about z.
+    KIND_MOVED: u32 = 64;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.

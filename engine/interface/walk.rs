@@ -18,10 +18,19 @@ shared_structs! {
         pub key: u32,
     }
 
-    /// Rotation of the beam frame against the world, and planes of constant y in the beam frame.
+    /// Motion of the sample in a view, and planes of constant y in the beam frame. Rows of the rotation
+    /// from the world to the beam frame, then a translation: to the precision of f32, and what that
+    /// leaves.
     pub struct ViewTransform in Views(readonly) {
-        pub cos_angle: f32,
-        pub sin_angle: f32,
+        /// Of a turn about z: its cosine, the sine of the view's angle, and 0.
+        pub x: [f32; 3],
+        pub y: [f32; 3],
+        pub z: [f32; 3],
+        pub x_rest: [f32; 3],
+        pub y_rest: [f32; 3],
+        pub z_rest: [f32; 3],
+        pub position: [f32; 3],
+        pub position_rest: [f32; 3],
         /// Plane before the sample, where ray queries start.
         pub start: f32,
         /// Plane where displacements are taken.

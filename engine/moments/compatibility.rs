@@ -21,6 +21,9 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
         let count = |s: &Scene| format!("{} angles", s.scan.angles.len());
         return differs("scan.angles", format!("other angles ({})", count(scene)), count(base));
     }
+    if base.scan.motions != scene.scan.motions {
+        return differs("scan.motions", "other motions of the sample".into(), "its motions".into());
+    }
     if base.objects.len() != scene.objects.len() {
         let count = |s: &Scene| format!("{} objects", s.objects.len());
         return differs("object", count(scene), count(base));

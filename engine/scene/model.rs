@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{Beam, Detector, MaterialSpec, Object, RandomRays, ShapeOrMesh};
+use super::{Beam, Detector, MaterialSpec, Motion, Object, RandomRays, ShapeOrMesh};
 use crate::spot::Spot;
 
 /// Name of the region of the surroundings among the objects.
@@ -284,7 +284,7 @@ pub enum Transport {
     Exact,
 }
 
-/// Mask offsets and angles.
+/// Mask offsets, angles and motions.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Scan {
@@ -292,12 +292,15 @@ pub struct Scan {
     pub mask_offsets: Vec<f64>,
     /// Rotation of source, masks and detector about +z, rad. At least one.
     pub angles: Vec<f64>,
+    /// Motion of the sample in each view, before source, masks and detector turn: one for each angle, or
+    /// none where the sample rests. Scene files have no key for it.
+    pub motions: Vec<Motion>,
 }
 
 impl Default for Scan {
     /// Aligned masks and one view at angle 0.
     fn default() -> Self {
-        Self { mask_offsets: vec![0.0], angles: vec![0.0] }
+        Self::new(vec![0.0], vec![0.0])
     }
 }
 
@@ -305,6 +308,6 @@ impl Scan {
     /// Mask offsets (m) and angles (rad), at least one each.
     #[must_use]
     pub const fn new(mask_offsets: Vec<f64>, angles: Vec<f64>) -> Self {
-        Self { mask_offsets, angles }
+        Self { mask_offsets, angles, motions: Vec::new() }
     }
 }

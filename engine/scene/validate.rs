@@ -45,6 +45,7 @@ impl Scene {
         check(&self.sampling, &below("sampling"), &mut faults);
         check(&self.scan, &below("scan"), &mut faults);
         faults.note(self.validate_offsets());
+        faults.note(self.validate_motions());
         for (name, spec) in &self.materials {
             faults.note(named("materials", name));
             let table = path::join("materials", name);
@@ -146,6 +147,23 @@ impl Scene {
             Length.format(end)
         );
         misplaced("detector_mask", mask, [centre, end], allowed)
+    }
+
+    fn validate_motions(&self) -> Result<()> {
+        let (motions, views) = (&self.scan.motions, self.scan.angles.len());
+        if !motions.is_empty() && motions.len() != views {
+            let found = format!("{} motions", motions.len());
+            let allowed = format!("{views}, one for each angle, or none");
+            return Err(Error::scene("scan.motions", found, allowed));
+        }
+        match motions.iter().position(|motion| !motion.is_finite()) {
+            Some(view) => Err(Error::scene(
+                format!("scan.motions[{view}]"),
+                format!("{:?}", motions[view]),
+                "finite numbers",
+            )),
+            None => Ok(()),
+        }
     }
 
     fn validate_offsets(&self) -> Result<()> {

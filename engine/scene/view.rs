@@ -38,32 +38,42 @@ pub struct Pose {
 }
 
 impl Scene {
-    /// The view of this index: source, masks and detector turned by its angle about +z.
+    /// The view of this index: source, masks and detector turned by its angle about +z around the sample
+    /// that its motion moved, in the coordinates of the sample.
     /// Panics where the scan has no angle of this index.
     #[must_use]
     pub(crate) fn view(&self, index: usize) -> View {
-        let world_from_beam = Motion::about_z(self.scan.angles[index]);
+        let set_up = Motion::about_z(self.scan.angles[index]);
+        let moved = self.scan.motions.get(index);
+        let world_from_beam = moved.map_or(set_up, |moved| set_up.then(&moved.inverse()));
         let centre = self.source.distance;
         let pose = |mask: &MaskSpec| Pose {
             centre: world_from_beam.point([mask.offset, mask.distance - centre, 0.0]),
             across: world_from_beam.direction([1.0, 0.0, 0.0]),
             along: world_from_beam.direction([0.0, 0.0, 1.0]),
         };
-        let column = world_from_beam.direction([self.detector.pitch[0], 0.0, 0.0]);
+        let column = [self.detector.pitch[0], 0.0, 0.0];
+        let [x, y, _] = set_up.direction(column);
+        let turn = Motion::onto_x([x, y]);
         View {
             source: world_from_beam.point([0.0, -centre, 0.0]),
             detector: world_from_beam.point([0.0, self.detector.distance - centre, 0.0]),
-            column,
+            column: world_from_beam.direction(column),
             row: world_from_beam.direction([0.0, 0.0, -self.detector.pitch[1]]),
             sample_mask: self.sample_mask.as_ref().map(pose),
             detector_mask: self.detector_mask.as_ref().map(pose),
-            motion: Motion::onto_x([column[0], column[1]]),
+            motion: moved.map_or(turn, |moved| moved.then(&turn)),
         }
     }
 
     /// The views of the scan, in order.
     pub fn views(&self) -> impl Iterator<Item = View> + '_ {
         (0..self.scan.angles.len()).map(|index| self.view(index))
+    }
+
+    /// How far views move the rotation centre at most, m.
+    pub(crate) fn displacement(&self) -> f64 {
+        self.scan.motions.iter().map(|motion| motion.offset().length()).fold(0.0, f64::max)
     }
 }
 

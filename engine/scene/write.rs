@@ -8,8 +8,8 @@ use super::keys::record::{Keys, Record};
 use super::keys::surroundings::write_surroundings;
 use super::keys::value::Base;
 use super::text::{Text, quoted};
-use super::{Object, Scene, path};
-use crate::Result;
+use super::{Motion, Object, Scene, path};
+use crate::{Error, Result};
 
 impl Text {
     /// A table by its heading.
@@ -43,6 +43,12 @@ pub(super) fn to_toml(
     hashes: &BTreeMap<String, String>,
     sets: &[String],
 ) -> Result<String> {
+    if scene.scan.motions.iter().any(|motion| *motion != Motion::IDENTITY) {
+        let found = "a motion of the sample in its views";
+        let allowed = "scan.angles alone: a scene file has no key for other motions, and would lose them; \
+                       take the frames from an array or callback sink";
+        return Err(Error::scene("scan.motions", found, allowed));
+    }
     let base = &Base { scene, directory };
     let mut out = Text::default();
     out.comment(concat!("Resolved scene, beamlet ", env!("CARGO_PKG_VERSION")));

@@ -6,10 +6,10 @@ use crate::Result;
 use crate::accel::Bvh;
 use crate::geometry;
 use crate::gpu::{AccelerationStructure, Buffer, Device};
-use crate::interface::{self, KIND_ROUGH, Surface, ViewTransform};
+use crate::interface::{self, KIND_MOVED, KIND_ROUGH, Surface, ViewTransform};
 use crate::numbers::{count, high_word, low_word, single};
-use crate::scene::{self, Scene, Transport};
-use glam::DVec2;
+use crate::scene::{Motion, Scene, Transport};
+use glam::{DVec2, DVec3};
 use std::sync::Arc;
 
 /// Error of the slope, rad, above which the first order is not enough at a surface.
@@ -47,7 +47,7 @@ impl DeviceSample {
         ray_query: bool,
         delta_ratio: f64,
     ) -> Result<Self> {
-        let bvh = Bvh::build(sample, across)?;
+        let bvh = Bvh::build(sample, across, scene.displacement())?;
         Self::with_bvh(device, scene, sample, bvh, media, ray_query, delta_ratio)
     }
 
@@ -73,13 +73,17 @@ impl DeviceSample {
             kinds,
         } = bvh;
         let reach = from_axis(sample);
-        let views: Vec<ViewTransform> = scene.views().map(|v| view(scene, &v, reach)).collect();
+        let motions: Vec<Motion> = scene.views().map(|view| view.motion).collect();
+        let is_moved = !motions.iter().all(Motion::is_turn);
+        let reach = if is_moved { from_origin(sample) + scene.displacement() } else { reach };
+        let views: Vec<_> = motions.iter().map(|motion| view(scene, motion, reach)).collect();
         let surfaces: Vec<Surface> = (0..)
             .zip(&sample.components)
             .map(|(i, c)| surface(scene, media, i, c, delta_ratio))
             .collect();
         let rough = surfaces.iter().any(|surface| surface.roughness > 0.0);
-        let kinds = kinds | if rough { KIND_ROUGH } else { 0 };
+        let kinds =
+            kinds | if rough { KIND_ROUGH } else { 0 } | if is_moved { KIND_MOVED } else { 0 };
         let materials = media.names.len();
         let constants: Vec<interface::Constants> = std::iter::once(&media.mean())
             .chain(&media.constants)
@@ -169,16 +173,40 @@ fn from_axis(sample: &geometry::Sample) -> f64 {
     own.chain(placed).fold(0.0, f64::max)
 }
 
+/// Farthest that anything is from the rotation centre at most, m.
+fn from_origin(sample: &geometry::Sample) -> f64 {
+    let own = sample.vertices.iter().map(|vertex| DVec3::from_array(*vertex).length());
+    let placed = sample.placed.iter().map(|placed| {
+        let [low, high] = sample.bounds_of_placed(placed);
+        low.abs().max(high.abs()).length()
+    });
+    own.chain(placed).fold(0.0, f64::max)
+}
+
+/// A vector to the precision of f32, and what that leaves.
+fn twofold(vector: DVec3) -> [[f32; 3]; 2] {
+    let high = vector.to_array().map(single);
+    let rest = vector - DVec3::from_array(high.map(f64::from));
+    [high, rest.to_array().map(single)]
+}
+
 /// Uploads; a zero where there is nothing, for shaders that look at the first.
 fn upload<T: bytemuck::Pod>(device: &Arc<Device>, name: &str, items: &[T]) -> Result<Buffer> {
     if items.is_empty() { device.upload(name, &[T::zeroed()]) } else { device.upload(name, items) }
 }
 
-fn view(scene: &Scene, view: &scene::View, reach: f64) -> ViewTransform {
-    let [across, ..] = view.motion.rows();
+fn view(scene: &Scene, motion: &Motion, reach: f64) -> ViewTransform {
+    let [[x, x_rest], [y, y_rest], [z, z_rest]] = motion.rows().map(twofold);
+    let [position, position_rest] = twofold(motion.offset());
     ViewTransform {
-        cos_angle: single(across.x),
-        sin_angle: single(across.y),
+        x,
+        y,
+        z,
+        x_rest,
+        y_rest,
+        z_rest,
+        position,
+        position_rest,
         start: -single(1.01 * reach + 1e-6),
         analyser: single(scene.lever_arm()),
     }

@@ -91,7 +91,7 @@ Meeting meet(Bent ray, uint leaf_index, bool entering, float y, float after) {
     for (uint steps = 0u; steps <= STEPS && leaf_index != NO_LEAF; steps++) {
         Leaf leaf = leaf_at(leaf_index);
         Facet facet = facet_of(ray, leaf);
-        meeting.normal = beam_from_world(ray.line, leaf.normal);
+        meeting.normal = beam_from_world_direction(ray.line, leaf.normal);
         float along = dot(meeting.normal, vec3(slope.x, 1.0, slope.y));
         bool faces = along == 0.0 || (along < 0.0) == entering;
         // Slivers may be turned over by rounding: normals decide better.

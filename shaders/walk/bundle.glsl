@@ -54,10 +54,23 @@ bool meets(Beam beam, Box box) {
 
 // A box of the world from the beam: the smallest around it.
 Box box_from_world(vec3 low, vec3 high, ViewTransform view) {
-    vec2 xc = vec2(low.x, high.x) * view.cos_angle;
-    vec2 xs = vec2(low.x, high.x) * view.sin_angle;
-    vec2 yc = vec2(low.y, high.y) * view.cos_angle;
-    vec2 ys = vec2(low.y, high.y) * view.sin_angle;
+#ifdef PLACED
+    if (MOVED) {
+        mat3 from_world = transpose(mat3(view.x, view.y, view.z));
+        Box box = Box(view.position, view.position);
+        for (uint axis = 0u; axis < 3u; axis++) {
+            vec3 near = from_world[axis] * low[axis];
+            vec3 far = from_world[axis] * high[axis];
+            box.low += min(near, far);
+            box.high += max(near, far);
+        }
+        return box;
+    }
+#endif
+    vec2 xc = vec2(low.x, high.x) * view.x.x;
+    vec2 xs = vec2(low.x, high.x) * view.x.y;
+    vec2 yc = vec2(low.y, high.y) * view.x.x;
+    vec2 ys = vec2(low.y, high.y) * view.x.y;
     return Box(vec3(min(xc.x, xc.y) + min(ys.x, ys.y), min(yc.x, yc.y) - max(xs.x, xs.y), low.z),
                vec3(max(xc.x, xc.y) + max(ys.x, ys.y), max(yc.x, yc.y) - min(xs.x, xs.y), high.z));
 }

@@ -28,7 +28,7 @@ uint children_met(Node node, vec3 origin, vec3 inverse, float near, float far) {
 }
 
 vec3 line_direction(Beam beam) {
-    return world_from_beam(beam, vec3(beam.slope_x, 1.0, beam.slope_z));
+    return world_from_beam_direction(beam, vec3(beam.slope_x, 1.0, beam.slope_z));
 }
 
 #ifdef PLACED

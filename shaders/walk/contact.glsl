@@ -7,6 +7,17 @@ const float CONTACT_ROUNDING = 4e-7; // of coordinates: what f32 makes of faces 
 const float CONTACT_COSINE = 1e-4;   // least cosine of incidence that is told apart
 const float CONTACT_FAR = 1e-2;      // m; crossings farther apart along the ray are not compared
 
+// How far the view moves the sample, beam frame.
+float moved_by(Beam beam) {
+#ifdef PLACED
+    if (MOVED) {
+        vec3 moved = abs(beam.view.position);
+        return max(max(moved.x, moved.y), moved.z);
+    }
+#endif
+    return 0.0;
+}
+
 // Unit normal at a crossing of the straight line, beam frame; `reach`: the largest coordinate there,
 // about.
 vec3 normal_at(Bent ray, Crossing crossing, out float reach) {
@@ -14,13 +25,13 @@ vec3 normal_at(Bent ray, Crossing crossing, out float reach) {
     Placed placed;
     if (is_shape(crossing.facet & FACET_LEAF, placed)) {
         vec3 place = placed.position;
-        reach = max(max(abs(place.x), abs(place.y)), abs(place.z));
+        reach = max(max(abs(place.x), abs(place.y)), abs(place.z)) + moved_by(ray.line);
         return normal_of_shape(ray.line, placed, crossing);
     }
 #endif
     Leaf leaf = leaf_at(crossing.facet & FACET_LEAF);
-    reach = max(max(abs(leaf.a.x), abs(leaf.a.y)), abs(leaf.a.z));
-    return beam_from_world(ray.line, leaf.normal);
+    reach = max(max(abs(leaf.a.x), abs(leaf.a.y)), abs(leaf.a.z)) + moved_by(ray.line);
+    return beam_from_world_direction(ray.line, leaf.normal);
 }
 
 #ifdef PLACED

@@ -27,12 +27,18 @@ Convex convex_of(Beam frame, Placed placed, AnalyticShape shape) {
     Convex convex;
     bool both = (KINDS & KIND_FRUSTUM) != 0u && (KINDS & KIND_ELLIPSOID) != 0u;
     convex.capped = both ? shape.kind == SHAPE_FRUSTUM : (KINDS & KIND_FRUSTUM) != 0u;
-    convex.centre = beam_from_world(frame, placed.position);
-    convex.rest = beam_from_world(frame, placed.rest);
+    if (MOVED) {
+        Twofold3 centre = moved_from_world(frame.view, Twofold3(placed.position, placed.rest));
+        convex.centre = centre.high;
+        convex.rest = centre.low;
+    } else {
+        convex.centre = beam_from_world(frame, placed.position);
+        convex.rest = beam_from_world(frame, placed.rest);
+    }
     vec4 back = vec4(-placed.rotation.xyz, placed.rotation.w);
-    vec3 x = turned(back, world_from_beam(frame, vec3(1.0, 0.0, 0.0)));
-    vec3 y = turned(back, world_from_beam(frame, vec3(0.0, 1.0, 0.0)));
-    vec3 z = turned(back, vec3(0.0, 0.0, 1.0));
+    vec3 x = turned(back, world_from_beam_direction(frame, vec3(1.0, 0.0, 0.0)));
+    vec3 y = turned(back, world_from_beam_direction(frame, vec3(0.0, 1.0, 0.0)));
+    vec3 z = turned(back, world_from_beam_direction(frame, vec3(0.0, 0.0, 1.0)));
     convex.turn = mat3(x, y, z);
     vec3 scales = scales_of(placed);
     convex.size = convex.capped

@@ -40,7 +40,7 @@ bool crosses(Beam beam, uint primitive, Leaf leaf, Gathered list, out Crossing c
     crossing = Crossing(0.0, primitive, leaf.surface & SURFACE_INDEX);
     Facet facet = facet_of(beam, leaf);
     if (!facet.crossed || primitive == list.except) return false;
-    crossing.y = place_of(slope_of(beam), facet, beam_from_world(beam, leaf.normal));
+    crossing.y = place_of(slope_of(beam), facet, beam_from_world_direction(beam, leaf.normal));
     if (facet.entering) crossing.facet |= FACET_ENTERED;
     return crossing.y >= list.after;
 }

@@ -46,20 +46,29 @@ void turn_by_view(inout Twofold3 v, float cosine, float sine) {
 ShapeLine shape_line(Beam beam, vec2 moved, vec2 bent, Placed placed) {
     AnalyticShape shape = shape_of(placed);
     Twofold3 position = Twofold3(placed.position, placed.rest);
-    turn_by_view(position, beam.cos_angle, beam.sin_angle);
+    if (MOVED) {
+        position = moved_from_world(beam.view, position);
+    } else {
+        turn_by_view(position, beam.cos_angle, beam.sin_angle);
+    }
     Twofold y0 = twofold_y(position);
     Twofold3 slope = two_sum(vec3(beam.slope_x, 1.0, beam.slope_z), vec3(bent.x, 0.0, bent.y));
     Twofold3 start = two_sum(vec3(beam.x, 0.0, beam.z), vec3(moved.x, 0.0, moved.y));
     Twofold3 origin = add(start, multiply(slope, Twofold3(vec3(y0.high), vec3(y0.low))));
     origin = subtract(origin, position);
-    // Cosine and sine are those of a rotation but for rounding: a shape keeps its size.
-    Twofold square = add(two_product(beam.cos_angle, beam.cos_angle),
-                         two_product(beam.sin_angle, beam.sin_angle));
-    float longer = 0.5 * ((square.high - 1.0) + square.low);
-    turn_by_view(origin, beam.cos_angle, -beam.sin_angle);
-    turn_by_view(slope, beam.cos_angle, -beam.sin_angle);
-    origin.low.xy -= longer * origin.high.xy;
-    slope.low.xy -= longer * slope.high.xy;
+    if (MOVED) {
+        origin = world_from_moved_direction(beam.view, origin);
+        slope = world_from_moved_direction(beam.view, slope);
+    } else {
+        // Cosine and sine are those of a rotation but for rounding: a shape keeps its size.
+        Twofold square = add(two_product(beam.cos_angle, beam.cos_angle),
+                             two_product(beam.sin_angle, beam.sin_angle));
+        float longer = 0.5 * ((square.high - 1.0) + square.low);
+        turn_by_view(origin, beam.cos_angle, -beam.sin_angle);
+        turn_by_view(slope, beam.cos_angle, -beam.sin_angle);
+        origin.low.xy -= longer * origin.high.xy;
+        slope.low.xy -= longer * slope.high.xy;
+    }
     Twofold norm = half_norm(placed.rotation);
     ShapeLine line;
     line.origin = turned_back(placed, norm, origin);
@@ -82,5 +91,5 @@ vec3 beam_from_shape(Beam beam, ShapeLine line, vec3 v) {
     vec4 q = line.placed.rotation;
     vec3 first = cross(q.xyz, v);
     v += 2.0 / dot(q, q) * (q.w * first + cross(q.xyz, first));
-    return normalize(beam_from_world(beam, v));
+    return normalize(beam_from_world_direction(beam, v));
 }

@@ -3,9 +3,6 @@
 // prototype, place by place.
 
 #ifdef PLACED
-// What there is beside triangles: KIND_ bits.
-layout(constant_id = 0) const uint KINDS = 63u;
-
 // Whether a primitive is a facet of a placed mesh.
 bool is_placed(uint primitive) {
     return (KINDS & KIND_MESH) != 0u && primitive >= sample_.sample_leaves;

@@ -17,7 +17,7 @@ vec3 smooth_normal(Beam beam, uint primitive, Facet facet, vec3 normal_, vec3 di
         mean += weights[corner] * vec3(normals.at[at], normals.at[at + 1u], normals.at[at + 2u]);
     }
     if (placed_) mean = turned(placed.rotation, mean / scales_of(placed));
-    vec3 n = normalize(beam_from_world(beam, mean));
+    vec3 n = normalize(beam_from_world_direction(beam, mean));
     float side = dot(normal_, direction) < 0.0 ? -1.0 : 1.0;
     float length_ = length(direction);
     float along = side * dot(n, direction) / length_;

@@ -3,7 +3,6 @@
 // A torus is outside at both ends of a sequence of places between which each change of side is one
 // crossing: they come in pairs.
 
-#include "physics/twofold.glsl"
 #include "walk/placed.glsl"
 
 struct TorusCrossings {

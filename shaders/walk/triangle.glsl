@@ -2,22 +2,7 @@
 // the beam runs along y and no choice of axes is needed, with a top-left rule for ties.
 // Edge functions are antisymmetric bit by bit, so that neighbours decide a shared edge alike.
 
-// A ray in the beam frame of its view.
-struct Beam {
-    float x; // at y = 0
-    float z;
-    float slope_x;
-    float slope_z;
-    float cos_angle;
-    float sin_angle;
-    float start;
-    float analyser;
-};
-
-Beam beam_of(Ray ray, ViewTransform view) {
-    return Beam(ray.x, ray.z, ray.slope_x, ray.slope_z, view.cos_angle, view.sin_angle,
-                view.start, view.analyser);
-}
+#include "walk/motion.glsl"
 
 // Length of a ray per length of y, and its inverse: the same for all crossings.
 struct Stretch {
@@ -28,17 +13,6 @@ struct Stretch {
 Stretch stretch_of(Beam beam) {
     vec2 slope = vec2(beam.slope_x, beam.slope_z);
     return Stretch(sqrt(1.0 + dot(slope, slope)), inversesqrt(1.0 + dot(slope, slope)));
-}
-
-vec3 beam_from_world(Beam beam, vec3 v) {
-    precise float x = v.x * beam.cos_angle + v.y * beam.sin_angle;
-    precise float y = v.y * beam.cos_angle - v.x * beam.sin_angle;
-    return vec3(x, y, v.z);
-}
-
-vec3 world_from_beam(Beam beam, vec3 v) {
-    return vec3(v.x * beam.cos_angle - v.y * beam.sin_angle,
-                v.x * beam.sin_angle + v.y * beam.cos_angle, v.z);
 }
 
 // A point of the beam frame relative to the ray, sheared along it: (x, z) and y.

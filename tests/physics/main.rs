@@ -17,6 +17,7 @@ mod flat;
 mod instances;
 mod leaks;
 mod mask_mesh;
+mod motions;
 mod offsets;
 mod ordered;
 mod polychromatic;

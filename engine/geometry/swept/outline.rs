@@ -129,6 +129,11 @@ pub(super) fn upright(sample: &Sample) -> Vec<UprightOutline> {
 }
 
 impl UprightOutline {
+    /// Greatest distance from the axis, m.
+    pub(super) fn far(&self) -> f64 {
+        self.hull.iter().fold(0.0, |far, point| far.max(point.length()))
+    }
+
     pub(super) fn seen(&self, motion: &Motion, source: f64) -> Seen {
         let z = self.z.map(|z| z + motion.offset().z);
         let mut seen = Seen::NOTHING;

@@ -11,7 +11,7 @@ use crate::run::engine::Engine;
 use crate::run::memory;
 use crate::run::{self, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
-use crate::scene::{Scene, Scheme, Transport};
+use crate::scene::{Scene, Scheme};
 use crate::stack::RunStart;
 use crate::trace::{DeviceSample, MaterialTable};
 use crate::{Error, Result};
@@ -138,10 +138,10 @@ impl Simulation {
         let optics = detector.optics();
         let leaks = optics::mean_leaks(&scene, optics, (&media.energies, &media.weights))?;
         let response = Response::new(optics, &lattice, leaks, options.keep_moments);
-        let transport = scene.sampling.transport;
         let budget = error_budget(&scene, detector.optics());
-        let Built { sample, media, bvh, facets } = control
-            .step(LoadStep::Building, move || build(sample, media, transport, delta_ratio))??;
+        let of = scene.clone();
+        let Built { sample, media, bvh, facets } =
+            control.step(LoadStep::Building, move || build(&of, sample, media, delta_ratio))??;
         let (to, of) = (device.clone(), scene.clone());
         let (sample, media, on_device) = control.step(LoadStep::Building, move || {
             DeviceSample::with_bvh(&to, &of, &sample, bvh, &media, ray_query, delta_ratio)
@@ -210,17 +210,20 @@ struct Built {
 }
 
 fn build(
+    scene: &Scene,
     sample: Sample,
     media: MaterialTable,
-    transport: Transport,
     delta_ratio: f64,
 ) -> Result<Built> {
     let across = geometry::across_edges(&sample);
-    let bvh = Bvh::build(&sample, &across)?;
+    let bvh = Bvh::build(&sample, &across, scene.displacement())?;
     // Means over facets know no other normals.
     let smooth = sample.components.iter().any(|component| component.smooth);
     let facets = (!media.rough && !smooth)
-        .then(|| sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across));
+        .then(|| {
+            let transport = scene.sampling.transport;
+            sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across)
+        });
     Ok(Built { sample, media, bvh, facets })
 }
 

@@ -4,7 +4,7 @@ use super::push_bytes;
 use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
-    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_SMOOTH,
+    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_MOVED,
     KIND_TORUS, RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
@@ -26,7 +26,7 @@ pub struct TraceKernels {
 }
 
 /// Combinations of `KIND_` bits.
-const KINDS: usize = 2 * KIND_SMOOTH as usize;
+const KINDS: usize = 2 * KIND_MOVED as usize;
 
 /// The walks of a backend.
 #[derive(Debug)]
@@ -100,7 +100,7 @@ impl Walks {
             _ if torus => ("exact_bvh_torus", shaders::EXACT_BVH_TORUS),
             _ => ("exact_bvh_placed", shaders::EXACT_BVH_PLACED),
         };
-        let convex = kinds & !(KIND_FRUSTUM | KIND_ELLIPSOID) == 0;
+        let convex = kinds & !(KIND_FRUSTUM | KIND_ELLIPSOID | KIND_MOVED) == 0;
         let [few, many] = match (kinds, bundles && convex) {
             (0, true) => [
                 ("trace_bundles", shaders::TRACE_BUNDLES),

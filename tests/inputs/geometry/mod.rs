@@ -10,6 +10,7 @@ mod files;
 mod formats;
 mod gaps;
 mod meshes;
+mod motions;
 mod nesting;
 mod overlap;
 pub(super) mod set_up;

@@ -1,0 +1,114 @@
+// How the sample is placed in a view: vectors and points of the world and of the beam frame. Views
+// that turn the sample about z alone have kernels of their own: these pay nothing for the others.
+
+#ifdef PLACED
+#include "physics/twofold.glsl"
+
+// What there is beside triangles and turns about z: KIND_ bits.
+layout(constant_id = 0) const uint KINDS = 127u;
+const bool MOVED = (KINDS & KIND_MOVED) != 0u;
+#endif
+
+// A ray in the beam frame of its view.
+struct Beam {
+    float x; // at y = 0
+    float z;
+    float slope_x;
+    float slope_z;
+    float cos_angle;
+    float sin_angle;
+    float start;
+    float analyser;
+#ifdef PLACED
+    ViewTransform view;
+#endif
+};
+
+void set_view(inout Beam beam, ViewTransform view) {
+    beam.cos_angle = view.x.x;
+    beam.sin_angle = view.x.y;
+    beam.start = view.start;
+    beam.analyser = view.analyser;
+#ifdef PLACED
+    beam.view = view;
+#endif
+}
+
+// A ray without its view.
+Beam beam_of(Ray ray) {
+    Beam beam;
+    beam.x = ray.x;
+    beam.z = ray.z;
+    beam.slope_x = ray.slope_x;
+    beam.slope_z = ray.slope_z;
+    beam.cos_angle = 1.0;
+    beam.sin_angle = beam.start = beam.analyser = 0.0;
+    return beam;
+}
+
+Beam beam_of(Ray ray, ViewTransform view) {
+    Beam beam = beam_of(ray);
+    set_view(beam, view);
+    return beam;
+}
+
+vec3 beam_from_world_direction(Beam beam, vec3 v) {
+#ifdef PLACED
+    if (MOVED) {
+        vec3 x = vec3(beam.view.x.x, beam.view.y.x, beam.view.z.x);
+        vec3 y = vec3(beam.view.x.y, beam.view.y.y, beam.view.z.y);
+        vec3 z = vec3(beam.view.x.z, beam.view.y.z, beam.view.z.z);
+        precise vec3 turned = v.x * x + v.y * y + v.z * z;
+        return turned;
+    }
+#endif
+    precise float x = v.x * beam.cos_angle + v.y * beam.sin_angle;
+    precise float y = v.y * beam.cos_angle - v.x * beam.sin_angle;
+    return vec3(x, y, v.z);
+}
+
+vec3 beam_from_world(Beam beam, vec3 point) {
+    precise vec3 place = beam_from_world_direction(beam, point);
+#ifdef PLACED
+    if (MOVED) place += beam.view.position;
+#endif
+    return place;
+}
+
+vec3 world_from_beam_direction(Beam beam, vec3 v) {
+#ifdef PLACED
+    if (MOVED) return v.x * beam.view.x + v.y * beam.view.y + v.z * beam.view.z;
+#endif
+    return vec3(v.x * beam.cos_angle - v.y * beam.sin_angle,
+                v.x * beam.sin_angle + v.y * beam.cos_angle, v.z);
+}
+
+vec3 world_from_beam(Beam beam, vec3 point) {
+#ifdef PLACED
+    if (MOVED) point = (point - beam.view.position) - beam.view.position_rest;
+#endif
+    return world_from_beam_direction(beam, point);
+}
+
+#ifdef PLACED
+Twofold sum_of(Twofold3 v) {
+    return add(add(twofold_x(v), twofold_y(v)), twofold_z(v));
+}
+
+// A point of the world in the beam frame of a view that is no turn about z.
+Twofold3 moved_from_world(ViewTransform view, Twofold3 point) {
+    Twofold x = sum_of(multiply(point, Twofold3(view.x, view.x_rest)));
+    Twofold y = sum_of(multiply(point, Twofold3(view.y, view.y_rest)));
+    Twofold z = sum_of(multiply(point, Twofold3(view.z, view.z_rest)));
+    Twofold3 turned = Twofold3(vec3(x.high, y.high, z.high), vec3(x.low, y.low, z.low));
+    return add(turned, Twofold3(view.position, view.position_rest));
+}
+
+// A vector of that beam frame in the world.
+Twofold3 world_from_moved_direction(ViewTransform view, Twofold3 v) {
+    Twofold3 x = multiply(Twofold3(view.x, view.x_rest), Twofold3(vec3(v.high.x), vec3(v.low.x)));
+    Twofold3 y = multiply(Twofold3(view.y, view.y_rest), Twofold3(vec3(v.high.y), vec3(v.low.y)));
+    Twofold3 z = multiply(Twofold3(view.z, view.z_rest), Twofold3(vec3(v.high.z), vec3(v.low.z)));
+    return add(add(x, y), z);
+}
+#endif

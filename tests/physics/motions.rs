@@ -1,0 +1,238 @@
+//! Samples that a motion tilts in a view against the same samples that their placements tilt.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "tests")]
+#![allow(clippy::cast_possible_truncation, reason = "rays are rounded to f32 as the engine's are")]
+
+use crate::reference::scenes;
+use crate::reference::stack::Setup;
+use crate::reference::surfaces::{cuboid, star};
+use crate::support::{CARBON, WATER, Worst, backends, engine};
+use beamlet::Backend;
+use beamlet::internals::trace::{Moment, Ray, moments, trace};
+use beamlet::scene::{
+    self, Instances, MaterialSpec, Motion, Normals, Object, Scene, Shape, ShapeOrMesh, Transport,
+};
+use std::fmt::Write;
+use std::path::Path;
+
+/// Axis, angle (rad) and translation (m) of each view.
+const MOVES: [([f64; 3], f64, [f64; 3]); 2] =
+    [([1.0, -2.0, 0.5], 0.7, [30e-6, -0.4e-3, -20e-6]), ([1.0, 0.1, 0.0], -0.5, [0.0; 3])];
+const ANGLES: [f64; 2] = [0.0, 1.1];
+
+fn motion(view: usize) -> Motion {
+    let (axis, angle, by) = MOVES[view];
+    Motion::about(axis, angle).unwrap().then(&Motion::translation(by))
+}
+
+/// The scene whose views move the sample, and the one whose placements hold it as in one view.
+fn moved(rest: &Scene) -> Scene {
+    let mut scene = rest.clone();
+    scene.scan.angles = ANGLES.to_vec();
+    scene.scan.motions = [0, 1].map(motion).to_vec();
+    scene
+}
+
+fn placed(rest: &Scene, view: usize) -> Scene {
+    let mut scene = rest.clone();
+    let (axis, angle, _) = MOVES[view];
+    scene.scan.angles = vec![ANGLES[view]];
+    for object in &mut scene.objects {
+        object.placement.rotate.push((axis, angle));
+        object.placement.position = motion(view).point(object.placement.position);
+    }
+    scene
+}
+
+fn at(object: impl Into<ShapeOrMesh>, position: [f64; 3]) -> Object {
+    let mut object = Object::new("body", object, "carbon");
+    object.placement.position = position;
+    object.placement.rotate = vec![([0.3, 1.0, 0.2], 0.4)];
+    object
+}
+
+fn mesh(mesh: crate::reference::surfaces::Mesh) -> ShapeOrMesh {
+    let (vertices, triangles) = (mesh.vertices, mesh.triangles);
+    scene::Mesh::Arrays { vertices, triangles }.into()
+}
+
+fn write_places(path: &Path) {
+    let mut text = String::from("x_um,y_um,z_um,scale,axis_x,axis_y,axis_z,angle_deg\n");
+    for k in 0..12_i32 {
+        let [x, y, z] = [k % 2, k / 2 % 3, k / 6].map(|at| 110 * at);
+        writeln!(text, "{},{},{},1.{k},1,{},2,{}", x - 55, y - 110, z - 55, k % 3, 17 * k).unwrap();
+    }
+    std::fs::write(path, text).unwrap();
+}
+
+fn many(object: impl Into<ShapeOrMesh>, directory: &Path) -> Object {
+    let path = directory.join("places.csv");
+    write_places(&path);
+    let mut object = at(object, [20e-6, 0.2e-3, 10e-6]);
+    object.instances = Some(Instances::File(path));
+    object
+}
+
+/// Scenes at rest, by what they hold.
+fn cases(directory: &Path) -> Vec<(&'static str, Scene)> {
+    let with = |objects: Vec<Object>| {
+        let mut scene = scenes::scene(&Setup::paper([4, 3]), &[], &[-16e-6, 7e-6]);
+        for (name, [mu, delta]) in [("carbon", CARBON), ("water", WATER)] {
+            scene.materials.insert(name.into(), MaterialSpec::Constants { mu, delta });
+        }
+        scene.objects = objects;
+        for (number, object) in scene.objects.iter_mut().enumerate() {
+            object.name = format!("body {number}");
+        }
+        scene
+    };
+    let far = [60e-6, 0.5e-3, 20e-6];
+    let frusta = vec![
+        at(Shape::Cylinder { radius: 0.12e-3, height: 0.3e-3, sides: None }, [-40e-6, 0.0, 0.0]),
+        at(
+            Shape::Cone { radius: 0.1e-3, top_radius: 0.0, height: 0.3e-3, sides: None },
+            [60e-6, 0.5e-3, 20e-6],
+        ),
+    ];
+    let round = vec![
+        at(Shape::Ellipsoid { semi_axes: [0.1e-3, 0.15e-3, 0.2e-3], sides: None }, [0.0; 3]),
+        at(Shape::Torus { radius: 0.12e-3, tube_radius: 40e-6, sides: None }, far),
+    ];
+    let upright = Object::new("rod", mesh(cuboid([0.21e-3, 0.2e-3, 3e-3])), "carbon");
+    let mut smooth = at(Shape::Sphere { radius: 0.15e-3, sides: Some(24) }, [0.0; 3]);
+    smooth.normals = Normals::Smooth;
+    let mut bath = with(vec![at(mesh(star(0.1e-3, 0.15e-3, 2, 3)), [0.0; 3])]);
+    bath.fill_region(
+        Shape::Cylinder { radius: 0.4e-3, height: 0.5e-3, sides: Some(7) },
+        "water",
+    );
+    vec![
+        ("mesh", with(vec![at(mesh(star(0.1e-3, 0.17e-3, 2, 5)), [0.0; 3])])),
+        ("upright mesh", with(vec![upright])),
+        ("frusta", with(frusta)),
+        ("ellipsoid and torus", with(round)),
+        ("meshes in many places", with(vec![many(mesh(cuboid([60e-6, 40e-6, 30e-6])), directory)])),
+        (
+            "spheres in many places",
+            with(vec![many(Shape::Sphere { radius: 30e-6, sides: None }, directory)]),
+        ),
+        ("smooth", with(vec![smooth])),
+        ("surroundings", bath),
+    ]
+}
+
+/// Rays from the source through a grid of the field.
+fn rays(view: u32) -> Vec<Ray> {
+    let slope = |k: u16, n: u16| (0.4e-3 * ((f32::from(k) + 0.41) / f32::from(n) - 0.5)) / 1.21;
+    let of = |k: u16| {
+        let [slope_x, slope_z] = [slope(k % 40, 40), slope(k / 40, 30)];
+        Ray { x: slope_x * 1.21, z: slope_z * 1.21, slope_x, slope_z, view, key: 0 }
+    };
+    (0..1200).map(of).collect()
+}
+
+/// Path lengths and displacement sums of the rays of one view, by material.
+fn sums(backend: Backend, scene: &Scene, view: u32) -> Vec<[f64; 3]> {
+    let simulation = engine(backend).prepare(scene).unwrap();
+    let (results, moments) = moments(&simulation, &rays(view)).unwrap();
+    let sums = |Moment { path, lever: [x, z], .. }: Moment| [path, x, z].map(f64::from);
+    (0..results.len())
+        .flat_map(|ray| (1..moments.materials()).map(move |material| (ray, material)))
+        .map(|(ray, material)| sums(moments.of(ray, material)))
+        .collect()
+}
+
+#[test]
+fn moved_samples_have_the_sums_of_tilted_ones_to_1e_6() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut worst = Worst::new("moved against placed, sums, share of the largest", 1e-6);
+    for (name, rest) in cases(directory.path()) {
+        for backend in backends() {
+            for view in [0, 1] {
+                let got = sums(backend, &moved(&rest), view);
+                let want = sums(backend, &placed(&rest, view as usize), 0);
+                assert_eq!(got.len(), want.len());
+                for sum in 0..3 {
+                    let largest = want.iter().fold(0.0_f64, |m, s| m.max(s[sum].abs()));
+                    assert!(largest > 0.0, "{name}, {backend}, view {view}: no ray has sum {sum}");
+                    for (ray, (a, b)) in got.iter().zip(&want).enumerate() {
+                        let place = || format!("{name}, {backend}, view {view}, {ray}, sum {sum}");
+                        worst.take((a[sum] - b[sum]) / largest, place);
+                    }
+                }
+            }
+        }
+    }
+    worst.holds();
+}
+
+#[test]
+fn moved_samples_have_the_stacks_of_tilted_ones_to_5e_5() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut worst = Worst::new("moved against placed, stacks at tolerance 1e-5", 5e-5);
+    for (name, mut rest) in cases(directory.path()) {
+        rest.sampling.tolerance = 1e-5;
+        for backend in backends() {
+            let got = engine(backend).simulate(&moved(&rest)).unwrap().sample;
+            for view in [0, 1] {
+                let want = engine(backend).simulate(&placed(&rest, view)).unwrap().sample;
+                let least = want.iter().fold(1.0_f32, |m, v| m.min(*v));
+                assert!(least < 0.16, "{name}: no pixel sees the sample: {least}");
+                for ((_, step, row, column), value) in want.indexed_iter() {
+                    let place =
+                        || format!("{name}, {backend}, view {view}, step {step}, {column}, {row}");
+                    worst.take(f64::from(got[[view, step, row, column]] - value), place);
+                }
+            }
+        }
+    }
+    worst.holds();
+}
+
+/// Mean and variance of the displacements of rays through rough faces, x and z.
+fn scattered(backend: Backend, scene: &Scene, view: u32) -> [[f64; 2]; 2] {
+    let simulation = engine(backend).prepare(scene).unwrap();
+    let rays: Vec<Ray> = (0..8000_u16)
+        .map(|k| {
+            let [x, z] = [k % 100, k / 100].map(|k| 1e-6 * (f32::from(k) - 50.0));
+            Ray { x, z, slope_x: 0.0, slope_z: 0.0, view, key: 0 }
+        })
+        .collect();
+    let results = trace(&simulation, &rays).unwrap();
+    let n = results.len() as f64;
+    [0, 1].map(|axis| {
+        let values = results.iter().map(|result| match axis {
+            0 => f64::from(result.displacement_x),
+            _ => f64::from(result.displacement_z),
+        });
+        let mean = values.clone().sum::<f64>() / n;
+        [mean, values.map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)]
+    })
+}
+
+#[test]
+fn moved_rough_faces_scatter_as_tilted_ones_within_4_deviations() {
+    let mut rest = scenes::scene(&Setup::paper([4, 3]), &[], &[0.0]);
+    let [mu, delta] = CARBON;
+    rest.materials.insert("carbon".into(), MaterialSpec::Constants { mu, delta });
+    let mut rough = Object::new("rough", Shape::Box { size: [1e-3, 0.4e-3, 1e-3] }, "carbon");
+    rough.roughness = 0.05;
+    rest.objects = vec![rough];
+    rest.sampling.transport = Transport::Exact;
+    // In deviations of a difference of two means, and of two variances of normal draws.
+    let mut worst = Worst::new("moved against placed, rough faces, deviations", 4.0);
+    for backend in backends() {
+        for view in [0, 1] {
+            let got = scattered(backend, &moved(&rest), view);
+            let want = scattered(backend, &placed(&rest, view as usize), 0);
+            for (axis, ([mean, variance], [of, spread])) in got.into_iter().zip(want).enumerate() {
+                assert!(spread > 0.0, "{backend}, view {view}: no ray is scattered along {axis}");
+                let place = |what| format!("{backend}, view {view}, axis {axis}, {what}");
+                worst.take((mean - of) / ((variance + spread) / 8000.0).sqrt(), || place("mean"));
+                let ratio = (variance / spread).ln() / (4.0_f64 / 8000.0).sqrt();
+                worst.take(ratio, || place("variance"));
+            }
+        }
+    }
+    worst.holds();
+}
