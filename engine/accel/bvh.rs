@@ -61,11 +61,7 @@ impl Bvh {
     /// # Errors
     /// [`Error::Mesh`] where a tree would be deeper than the shaders' stack, or there are
     /// more surfaces or facets than shaders can name.
-    pub(crate) fn build(
-        sample: &Sample,
-        across: &[[u32; 3]],
-        displacement: f64,
-    ) -> Result<Self> {
+    pub(crate) fn build(sample: &Sample, across: &[[u32; 3]], displacement: f64) -> Result<Self> {
         if sample.is_empty() {
             return Ok(Self::default());
         }
@@ -371,7 +367,8 @@ object = [
     fn neighbours_share_the_edge_that_they_are_named_for() {
         let scene = crate::scene::Scene::from_toml(SHAPES, ".").expect("a scene");
         let sample = crate::geometry::load(&scene).expect("a sample");
-        let bvh = Bvh::build(&sample, &crate::geometry::across_edges(&sample), 0.0).expect("a tree");
+        let bvh =
+            Bvh::build(&sample, &crate::geometry::across_edges(&sample), 0.0).expect("a tree");
         for (leaf, around) in bvh.leaves.iter().zip(&bvh.neighbours) {
             let corners = [leaf.a, leaf.b, leaf.c];
             for (edge, &other) in around.iter().enumerate() {

@@ -183,25 +183,22 @@ impl Swept {
             for (((reach, view), half), axis) in worst.into_iter().zip(half).zip(["x", "z"]) {
                 if reach > half && !is_meant(axis, reach) {
                     let is_mesh = |o: &&Object| matches!(o.geometry, ShapeOrMesh::Mesh(_));
-                    let of_file = scene
-                        .objects
-                        .iter()
-                        .filter(is_mesh)
-                        .any(|object| object.name == *name);
+                    let of_file =
+                        scene.objects.iter().filter(is_mesh).any(|object| object.name == *name);
                     warnings.push(format!(
-                    "\"{}\" reaches outside the field of view: {:.3} mm from the centre of the \
+                        "\"{}\" reaches outside the field of view: {:.3} mm from the centre of the \
                      detector in {axis} {}, where the detector ends at {:.3} mm; if \
                      it should not, {}?",
-                    name,
-                    reach * 1e3,
-                    at(scene, view),
-                    half * 1e3,
-                    if of_file {
-                        "is its `unit` (or `scale`) the right one"
-                    } else {
-                        "are its size and place the right ones"
-                    }
-                ));
+                        name,
+                        reach * 1e3,
+                        at(scene, view),
+                        half * 1e3,
+                        if of_file {
+                            "is its `unit` (or `scale`) the right one"
+                        } else {
+                            "are its size and place the right ones"
+                        }
+                    ));
                 }
             }
         }

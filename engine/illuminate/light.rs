@@ -17,6 +17,8 @@ use std::sync::Arc;
 const SAME_SECANT: f64 = 2e-5;
 /// and by so much that the light they leak differs by this share of the open beam.
 const SAME_LEAK: f64 = 1e-7;
+/// Numbers that the length of a list of mask offsets is a multiple of: shaders load 16 bytes at once.
+const LIST_ALIGNMENT: usize = 4;
 /// At most 2 to the power of this many rows.
 const MOST_ALIKE: u32 = 5;
 
@@ -73,6 +75,8 @@ pub(crate) struct IlluminationBuffer {
     /// There is no sample mask: all mask steps are the same.
     pub(super) same_at_all_steps: bool,
     lights: Vec<IlluminationParams>,
+    /// Address of the first list of mask offsets, and bytes from one to the next.
+    list: (Address, u64),
     _buffers: Vec<Buffer>,
 }
 
@@ -90,8 +94,14 @@ impl IlluminationBuffer {
         let sample_mask = upload_mask(device, scene, optics, band, 0, &mut buffers)?;
         let detector_mask = upload_mask(device, scene, optics, band, 1, &mut buffers)?;
         let beamlets = device.upload("beamlets", beamlets)?;
-        let offsets: Vec<f32> = optics.mask_offsets.iter().map(|&f| single(f)).collect();
+        let lists = optics.offsets.lists();
+        let stride = optics.mask_steps().next_multiple_of(LIST_ALIGNMENT);
+        let mut offsets = vec![0.0; stride * lists.len()];
+        for (of, list) in offsets.chunks_mut(stride).zip(lists) {
+            of.iter_mut().zip(list).for_each(|(of, offset)| *of = single(*offset));
+        }
         let offsets = device.upload("mask offsets", &offsets)?;
+        let list = (offsets.address(), (stride * size_of::<f32>()) as u64);
         let table = device.upload("focal spot", &table(&optics.spot.placed()))?;
         let base = parts.first().map_or(0.0, |part| part.deviation[1]);
         let apart = |part: &PlacedPart| {
@@ -115,7 +125,7 @@ impl IlluminationBuffer {
         let buffer = device.upload("light", &lights)?;
         buffers.extend([beamlets, offsets, table]);
         let same_at_all_steps = sample_mask.present == 0;
-        Ok(Self { buffer, same_at_all_steps, lights, _buffers: buffers })
+        Ok(Self { buffer, same_at_all_steps, lights, list, _buffers: buffers })
     }
 
     /// Whether shares of rows that cells hold are not those of every part of the spot.
@@ -175,12 +185,14 @@ impl IlluminationBuffer {
         Self::upload(device, scene, optics, &beamlets, band, &[whole])
     }
 
-    /// Sets the band of detector rows that sums are buffers for.
+    /// Sets the band of detector rows that sums are buffers for, and the list of mask offsets.
     ///
     /// # Errors
     /// [`crate::Error::Device`].
-    pub(crate) fn set_band(&mut self, rows: &Range<u32>) -> Result<()> {
+    pub(crate) fn set_band(&mut self, rows: &Range<u32>, list: usize) -> Result<()> {
+        let (first, stride) = self.list;
         for light in &mut self.lights {
+            light.offsets = first + list as u64 * stride;
             light.first_row = rows.start.cast_signed();
             light.row_count = rows.end - rows.start;
         }

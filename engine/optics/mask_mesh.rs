@@ -140,7 +140,8 @@ fn above_zero(name: &'static str, length: Option<f64>) -> Result<()> {
 /// What light on its way to the detector may pass in the plane of a mask, x and z, m.
 fn lit(scene: &Scene, mask: &Mask) -> [f64; 2] {
     let near = mask.distance() / scene.detector.distance;
-    let moved = scene.scan.mask_offsets.iter().fold(0.0_f64, |most, it| most.max(it.abs()));
+    let offsets = scene.scan.mask_offsets.iter().chain(scene.scan.view_offsets.iter().flatten());
+    let moved = offsets.fold(0.0_f64, |most, it| most.max(it.abs()));
     let spot = scene.source.spot.fwhm();
     let side = |axis: usize| {
         // Three widths of the spot are seven deviations.

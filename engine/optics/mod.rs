@@ -9,11 +9,13 @@ mod bars;
 mod detector_plane;
 mod mask;
 mod mask_mesh;
+mod view_offsets;
 
 pub(crate) use bars::{MaskShape, mean_leaks};
 pub(crate) use detector_plane::DetectorPlane;
 pub(crate) use mask::{Mask, Openings};
 pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
+pub(crate) use view_offsets::ViewOffsets;
 
 use crate::scene::{Blur, Sampling, Scene};
 use crate::spot::{Spot, deviation};
@@ -40,7 +42,7 @@ pub struct Optics {
     pub(crate) spot: Spot,
     /// Displacements of the sample mask less whole periods, m: within half a period, so that f32
     /// holds them as precisely as positions in a period.
-    pub(crate) mask_offsets: Vec<f64>,
+    pub(crate) offsets: ViewOffsets,
     /// How rays are chosen, by the pixels of `detector`.
     pub(crate) sampling: Sampling,
 }
@@ -82,7 +84,7 @@ impl Optics {
             sample_mask: mask("sample_mask", &scene.sample_mask),
             detector_mask: mask("detector_mask", &scene.detector_mask),
             spot: spot(scene),
-            mask_offsets: within_period(scene),
+            offsets: within_period(scene),
             sampling,
         }
     }
@@ -104,7 +106,7 @@ impl Optics {
 
     /// Number of mask steps.
     pub(crate) fn mask_steps(&self) -> usize {
-        self.mask_offsets.len()
+        self.offsets.lists()[0].len()
     }
 
     /// Openings that make beamlets, in the plane of the cells, m: those of the sample mask, or pixels
@@ -161,12 +163,11 @@ impl Optics {
 }
 
 /// Mask offsets of a scan less whole periods of the sample mask, m. The rest is exact.
-fn within_period(scene: &Scene) -> Vec<f64> {
-    let offsets = &scene.scan.mask_offsets;
-    match &scene.sample_mask {
-        Some(mask) => offsets.iter().map(|offset| libm::remainder(*offset, mask.period)).collect(),
-        None => offsets.clone(),
-    }
+fn within_period(scene: &Scene) -> ViewOffsets {
+    ViewOffsets::new(&scene.scan, |offset| match &scene.sample_mask {
+        Some(mask) => libm::remainder(offset, mask.period),
+        None => offset,
+    })
 }
 
 /// The focal spot, blurred along z by what a Gaussian blur of the detector adds: nothing stands

@@ -32,7 +32,7 @@ impl Beamlets {
             return Err(Error::scene("sample_mask", "nothing", "a sample mask"));
         };
         let columns = f64::from(optics.detector.pixels[0]);
-        let openings = mask.openings_in_columns(&optics.detector, optics.mask_offsets[0]);
+        let openings = mask.openings_in_columns(&optics.detector, optics.offsets.lists()[0][0]);
         let (period, shift) = (openings.period[0], openings.offset);
         // Window of whole pixels about each centre; the detector's pixel c has its centre at c.
         let pixels = period.round().max(BEAMLET_PIXELS);

@@ -73,6 +73,14 @@ impl Retriever {
     /// ```
     pub fn new(engine: &Engine, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let method = options.method;
+        if scene.scan.view_offsets.iter().any(|list| *list != scene.scan.mask_offsets) {
+            let found = "other mask offsets in some views than in the flat";
+            return Err(Error::scene(
+                "scan.view_offsets",
+                found,
+                "scan.mask_offsets in every view",
+            ));
+        }
         method.check(scene, &scene.scan.mask_offsets)?;
         let periods = WholePeriods::of(scene);
         let offsets = periods.without(&scene.scan.mask_offsets);

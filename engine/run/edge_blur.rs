@@ -182,7 +182,13 @@ pub(super) fn suspects(scene: &Scene, swept: &Swept) -> Vec<Suspect> {
             let [near, far] = extent.y;
             let y = if bound(near) > bound(far) { near } else { far };
             let object = object.to_owned();
-            suspects.push(Suspect { object, view: numbers::count(view), extent, bound: bound(y), y });
+            suspects.push(Suspect {
+                object,
+                view: numbers::count(view),
+                extent,
+                bound: bound(y),
+                y,
+            });
         }
     }
     suspects.sort_by(|a, b| b.bound.total_cmp(&a.bound));

@@ -51,7 +51,9 @@ pub struct Simulation {
     /// For what moments of the rays that bound cells are kept.
     recording: Option<sampling::MomentRecording>,
     /// What changes of a cell do to recorded values.
-    response: Response,
+    response: Arc<Response>,
+    /// Shares of the light that the bars of the masks let through.
+    leaks: [f64; 2],
     /// What sampling may leave in them.
     budget: ErrorBudget,
     /// Moments that another run kept, in place of rays.
@@ -125,21 +127,38 @@ impl Simulation {
         self.media.moment_words()
     }
 
+    /// What changes of a cell do to recorded values at the mask offsets of a view.
+    fn response(&self, view: Exposure) -> Arc<Response> {
+        let optics = self.detector.optics();
+        match optics.offsets.list_of(view) {
+            0 => self.response.clone(),
+            list => Arc::new(Response::new(
+                optics,
+                &self.lattice,
+                self.leaks,
+                self.options().keep_moments,
+                &optics.offsets.lists()[list],
+            )),
+        }
+    }
+
     fn view<'a>(
         &'a self,
         index: u32,
         projected_bounds: &'a [ProjectedBounds],
+        response: &'a Response,
     ) -> sampling::ViewContext<'a> {
+        let optics = self.detector.optics();
         sampling::ViewContext {
-            optics: self.detector.optics(),
-            motion: self.scene.view(index as usize).motion,
+            optics,
+            motion: self.scene.motion(index as usize, optics.detector.pitch[0]),
             sample: &self.sample,
             facets: self.facets.as_ref(),
             lattice: &self.lattice,
             index,
             projected_bounds,
             recording: self.recording.as_ref(),
-            response: &self.response,
+            response,
             budget: self.budget,
         }
     }

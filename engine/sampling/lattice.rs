@@ -84,7 +84,7 @@ impl Lattice {
         let spot = &optics.spot;
         let reach = spot.reach();
         let spread = |axis: usize, from: f64| reach[axis] * (detector - from) / from;
-        let shift = optics.mask_offsets.iter().fold(0.0_f64, |m, f| m.max(f.abs()));
+        let shift = optics.offsets.lists().iter().flatten().fold(0.0_f64, |m, f| m.max(f.abs()));
         let direct = (shift + period) * detector / plane + spread(0, plane);
         let step = period * detector / plane;
         let middle = optics.detector.half(0) - 0.5 - offset / period;

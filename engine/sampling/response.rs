@@ -63,13 +63,14 @@ pub(super) struct Opening {
 impl Response {
     /// For the scene that is traced. `leaks`: shares of the light of all energies that the bars of the
     /// sample mask and of the detector mask let through. `any_masks`: for moments that are stored,
-    /// whose masks and steps are not known yet.
+    /// whose masks and steps are not known yet. `offsets`: of the sample mask, of a view.
     #[must_use]
     pub(crate) fn new(
         optics: &Optics,
         lattice: &Lattice,
         leaks: [f64; 2],
         any_masks: bool,
+        offsets: &[f64],
     ) -> Self {
         let Optics { rotation, analyser, detector, .. } = optics;
         let beamlets = lattice.beamlet_geometry(optics);
@@ -88,7 +89,7 @@ impl Response {
         let hard = any_masks || optics.sample_mask.is_none();
         let openings = match &optics.sample_mask {
             Some(_) if any_masks => any_openings(&optics.beamlets()),
-            Some(_) => openings_of_steps(&optics.beamlets(), &optics.mask_offsets, soft),
+            Some(_) => openings_of_steps(&optics.beamlets(), offsets, soft),
             None => Vec::new(),
         };
         let landing = |c: &BeamletGeometry| {

@@ -295,6 +295,10 @@ pub struct Scan {
     /// Motion of the sample in each view, before source, masks and detector turn: one for each angle, or
     /// none where the sample rests. Scene files have no key for it.
     pub motions: Vec<Motion>,
+    /// Displacements of the sample mask in each view, m: one list for each angle, with as many steps as
+    /// `mask_offsets`, which serve the flat then; or none where they serve all views. Scene files have no
+    /// key for it.
+    pub view_offsets: Vec<Vec<f64>>,
 }
 
 impl Default for Scan {
@@ -308,6 +312,12 @@ impl Scan {
     /// Mask offsets (m) and angles (rad), at least one each.
     #[must_use]
     pub const fn new(mask_offsets: Vec<f64>, angles: Vec<f64>) -> Self {
-        Self { mask_offsets, angles, motions: Vec::new() }
+        Self { mask_offsets, angles, motions: Vec::new(), view_offsets: Vec::new() }
+    }
+
+    /// Displacements of the sample mask in a view, m.
+    #[must_use]
+    pub fn offsets_of(&self, view: usize) -> &[f64] {
+        self.view_offsets.get(view).unwrap_or(&self.mask_offsets)
     }
 }

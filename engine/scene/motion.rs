@@ -39,7 +39,11 @@ impl Motion {
         let unit = DVec3::from_array(axis).try_normalize();
         let Some(unit) = unit.filter(|_| angle.is_finite()) else {
             let found = format!("the axis {axis:?} and the angle {angle} rad");
-            return Err(Error::argument("motion", found, "an axis with a direction, finite numbers"));
+            return Err(Error::argument(
+                "motion",
+                found,
+                "an axis with a direction, finite numbers",
+            ));
         };
         let [x, y, z] = (unit * libm::sin(angle / 2.0)).to_array();
         let turn = DQuat::from_xyzw(x, y, z, libm::cos(angle / 2.0)).normalize();

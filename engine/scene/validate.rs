@@ -44,7 +44,8 @@ impl Scene {
         faults.note(self.validate_periods());
         check(&self.sampling, &below("sampling"), &mut faults);
         check(&self.scan, &below("scan"), &mut faults);
-        faults.note(self.validate_offsets());
+        faults.note(self.validate_offsets("scan.mask_offsets", &self.scan.mask_offsets));
+        faults.note(self.validate_view_offsets());
         faults.note(self.validate_motions());
         for (name, spec) in &self.materials {
             faults.note(named("materials", name));
@@ -166,24 +167,47 @@ impl Scene {
         }
     }
 
-    fn validate_offsets(&self) -> Result<()> {
+    /// Lists of offsets of views are one for each angle, each with the steps of the scan.
+    fn validate_view_offsets(&self) -> Result<()> {
+        let (lists, steps) = (&self.scan.view_offsets, self.scan.mask_offsets.len());
+        let views = self.scan.angles.len();
+        if !lists.is_empty() && lists.len() != views {
+            let found = format!("{} lists", lists.len());
+            let allowed = format!("{views}, one for each angle, or none");
+            return Err(Error::scene("scan.view_offsets", found, allowed));
+        }
+        for (view, list) in lists.iter().enumerate() {
+            let key = format!("scan.view_offsets[{view}]");
+            if list.len() != steps {
+                let allowed = format!("{steps}, as many as scan.mask_offsets");
+                return Err(Error::scene(key, format!("{} offsets", list.len()), allowed));
+            }
+            if let Some(offset) = list.iter().find(|offset| !offset.is_finite()) {
+                return Err(Error::scene(key, format!("{offset}"), "finite numbers"));
+            }
+            self.validate_offsets(&key, list)?;
+        }
+        Ok(())
+    }
+
+    fn validate_offsets(&self, key: &str, offsets: &[f64]) -> Result<()> {
         if let Some(mask) = &self.sample_mask {
             let most = limits::OFFSET_PERIODS * mask.period;
-            let far = self.scan.mask_offsets.iter().find(|offset| offset.abs() > most);
+            let far = offsets.iter().find(|offset| offset.abs() > most);
             return far.map_or(Ok(()), |offset| {
                 let allowed = format!(
                     "up to {}, {:e} periods of the sample mask",
                     Length.format(most),
                     limits::OFFSET_PERIODS
                 );
-                Err(Error::scene("scan.mask_offsets", Length.format(*offset), allowed))
+                Err(Error::scene(key, Length.format(*offset), allowed))
             });
         }
-        let moved = self.scan.mask_offsets.iter().find(|offset| offset.abs() > 0.0);
+        let moved = offsets.iter().find(|offset| offset.abs() > 0.0);
         let Some(offset) = moved else { return Ok(()) };
         let found = format!("{} without a sample mask", Length.format(*offset));
         let allowed = "only \"0 m\" where there is no [sample_mask] to move";
-        Err(Error::scene("scan.mask_offsets", found, allowed))
+        Err(Error::scene(key, found, allowed))
     }
 }
 

@@ -52,18 +52,24 @@ impl Scene {
             across: world_from_beam.direction([1.0, 0.0, 0.0]),
             along: world_from_beam.direction([0.0, 0.0, 1.0]),
         };
-        let column = [self.detector.pitch[0], 0.0, 0.0];
-        let [x, y, _] = set_up.direction(column);
-        let turn = Motion::onto_x([x, y]);
+        let column = self.detector.pitch[0];
         View {
             source: world_from_beam.point([0.0, -centre, 0.0]),
             detector: world_from_beam.point([0.0, self.detector.distance - centre, 0.0]),
-            column: world_from_beam.direction(column),
+            column: world_from_beam.direction([column, 0.0, 0.0]),
             row: world_from_beam.direction([0.0, 0.0, -self.detector.pitch[1]]),
             sample_mask: self.sample_mask.as_ref().map(pose),
             detector_mask: self.detector_mask.as_ref().map(pose),
-            motion: moved.map_or(turn, |moved| moved.then(&turn)),
+            motion: self.motion(index, column),
         }
+    }
+
+    /// The motion from the world to the beam frame of a view, whose x runs along the columns of a
+    /// detector of this pitch: its rounding depends on the pitch.
+    pub(crate) fn motion(&self, index: usize, pitch: f64) -> Motion {
+        let [x, y, _] = Motion::about_z(self.scan.angles[index]).direction([pitch, 0.0, 0.0]);
+        let turn = Motion::onto_x([x, y]);
+        self.scan.motions.get(index).map_or(turn, |moved| moved.then(&turn))
     }
 
     /// The views of the scan, in order.

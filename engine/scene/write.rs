@@ -49,6 +49,12 @@ pub(super) fn to_toml(
                        take the frames from an array or callback sink";
         return Err(Error::scene("scan.motions", found, allowed));
     }
+    if scene.scan.view_offsets.iter().any(|list| *list != scene.scan.mask_offsets) {
+        let found = "other mask offsets in some views";
+        let allowed = "scan.mask_offsets alone: a scene file has no key for those of views, and would lose \
+                       them; take the frames from an array or callback sink";
+        return Err(Error::scene("scan.view_offsets", found, allowed));
+    }
     let base = &Base { scene, directory };
     let mut out = Text::default();
     out.comment(concat!("Resolved scene, beamlet ", env!("CARGO_PKG_VERSION")));

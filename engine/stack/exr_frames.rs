@@ -317,10 +317,11 @@ impl About {
     fn of_frame(&self, view: Exposure, step: u32) -> String {
         let mut about = self.shared.clone();
         about.insert("mask_step".into(), step.into());
-        about.insert(
-            "mask_offset".into(),
-            self.scene.scan.mask_offsets.get(step as usize).copied().into(),
-        );
+        let offsets = match view {
+            Exposure::Sample(index) => self.scene.scan.offsets_of(index as usize),
+            _ => &self.scene.scan.mask_offsets,
+        };
+        about.insert("mask_offset".into(), offsets.get(step as usize).copied().into());
         if let Exposure::Sample(index) = view {
             about.insert("view".into(), index.into());
             if let Some(&angle) = self.scene.scan.angles.get(index as usize) {

@@ -26,4 +26,5 @@ mod rough;
 mod sample;
 mod spots;
 mod transport;
+mod view_offsets;
 mod worst;

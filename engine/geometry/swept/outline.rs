@@ -26,10 +26,8 @@ pub(super) struct Seen {
 
 impl Seen {
     /// No point yet.
-    const NOTHING: Self = Self {
-        extent: BeamExtent { x: NONE, y: NONE, z: NONE },
-        slopes: [0.0; 2],
-    };
+    const NOTHING: Self =
+        Self { extent: BeamExtent { x: NONE, y: NONE, z: NONE }, slopes: [0.0; 2] };
 
     fn add(&mut self, point: DVec3, source: f64) {
         let BeamExtent { x, y, z } = &mut self.extent;

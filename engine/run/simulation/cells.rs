@@ -3,6 +3,7 @@
 use super::Simulation;
 use crate::Result;
 use crate::sampling::{self, CellBatch};
+use crate::scene::Exposure;
 use crate::trace::Tracer;
 use std::ops::Range;
 
@@ -14,7 +15,8 @@ use std::ops::Range;
 pub fn cells_of_rows(simulation: &Simulation, view: u32, rows: Range<i64>) -> Result<CellBatch> {
     let projected_bounds = simulation.projected_bounds(view);
     let mut tracer = simulation.tracer(simulation.start.backend)?;
-    let view = simulation.view(view, &projected_bounds);
+    let response = simulation.response(Exposure::Sample(view));
+    let view = simulation.view(view, &projected_bounds, &response);
     let mut parts = Vec::new();
     let room = simulation.room();
     let mut keep = |_: &mut Tracer, part: &CellBatch| {

@@ -137,7 +137,13 @@ impl Simulation {
         let SimulationParts { detector, media, lattice, spectral, stored, delta_ratio } = parts;
         let optics = detector.optics();
         let leaks = optics::mean_leaks(&scene, optics, (&media.energies, &media.weights))?;
-        let response = Response::new(optics, &lattice, leaks, options.keep_moments);
+        let response = Response::new(
+            optics,
+            &lattice,
+            leaks,
+            options.keep_moments,
+            &optics.offsets.lists()[0],
+        );
         let budget = error_budget(&scene, detector.optics());
         let of = scene.clone();
         let Built { sample, media, bvh, facets } =
@@ -161,7 +167,8 @@ impl Simulation {
             media,
             lattice,
             spectral,
-            response,
+            response: Arc::new(response),
+            leaks,
             budget,
             recording,
             stored,
@@ -209,21 +216,15 @@ struct Built {
     facets: Option<sampling::SampleFacets>,
 }
 
-fn build(
-    scene: &Scene,
-    sample: Sample,
-    media: MaterialTable,
-    delta_ratio: f64,
-) -> Result<Built> {
+fn build(scene: &Scene, sample: Sample, media: MaterialTable, delta_ratio: f64) -> Result<Built> {
     let across = geometry::across_edges(&sample);
     let bvh = Bvh::build(&sample, &across, scene.displacement())?;
     // Means over facets know no other normals.
     let smooth = sample.components.iter().any(|component| component.smooth);
-    let facets = (!media.rough && !smooth)
-        .then(|| {
-            let transport = scene.sampling.transport;
-            sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across)
-        });
+    let facets = (!media.rough && !smooth).then(|| {
+        let transport = scene.sampling.transport;
+        sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across)
+    });
     Ok(Built { sample, media, bvh, facets })
 }
 

@@ -16,7 +16,7 @@ use crate::illuminate::{
 };
 use crate::numbers;
 use crate::run::{Control, Progress, ViewProgress};
-use crate::sampling::{self, CellBatch, ProjectedBounds};
+use crate::sampling::{self, CellBatch, ProjectedBounds, Response};
 use crate::scene::{Exposure, Scheme};
 use crate::stack::Sink;
 use crate::trace::Tally;
@@ -59,6 +59,8 @@ pub(super) struct ViewWork<'s> {
     rows_total: u64,
     share: Share,
     cancel: Cancel,
+    /// Index of the list of mask offsets of the view, and the response at these.
+    response: (usize, Arc<Response>),
 }
 
 impl<'s> ViewWork<'s> {
@@ -123,6 +125,7 @@ impl<'s> ViewWork<'s> {
                 as u64,
             share: Share::new([blank, lit_views - blank], traced),
             cancel: cancel.clone(),
+            response: (0, simulation.response.clone()),
             device,
             simulation,
         })
@@ -141,6 +144,7 @@ impl<'s> ViewWork<'s> {
             return self.dark(sink);
         }
         let detector = &self.simulation.detector;
+        let list = self.take_offsets(view);
         let projected_bounds = match view {
             Exposure::Sample(i)
                 if !self.simulation.sample.is_empty() && self.simulation.stored.is_none() =>
@@ -160,7 +164,7 @@ impl<'s> ViewWork<'s> {
         for band in bands(rows, self.band) {
             let lit = detector.grid().lit_rows(&band);
             self.sums.clear(&lit)?;
-            self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
+            self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, list))?;
             self.band(view, &projected_bounds, &lit, &detector.grid().own_rows(&band), control)?;
             let begin = Instant::now();
             let intensities =
@@ -178,6 +182,15 @@ impl<'s> ViewWork<'s> {
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
         Ok(())
+    }
+
+    /// Takes the response at the mask offsets of a view; index of their list.
+    fn take_offsets(&mut self, view: Exposure) -> usize {
+        let list = self.simulation.detector.optics().offsets.list_of(view);
+        if self.response.0 != list {
+            self.response = (list, self.simulation.response(view));
+        }
+        list
     }
 
     fn count_clipped(&mut self, clipped: Clipped) {
@@ -286,6 +299,7 @@ impl<'s> ViewWork<'s> {
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = numbers::count(self.simulation.scene.scan.mask_offsets.len());
         let Self { cells, bars, lights, sums, tally, tracer, simulation, cancel, share, .. } = self;
+        let (_, response) = &self.response;
         let counted = [self.rows_done, self.rows_total];
         let mut advance = share::advance(&mut control.progress, share, (view, rows), counted);
         let illuminating = std::cell::Cell::new(0.0);
@@ -327,7 +341,7 @@ impl<'s> ViewWork<'s> {
                 stored.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
             (Exposure::Sample(index), ..) if !projected_bounds.is_empty() => {
-                let view = simulation.view(index, projected_bounds);
+                let view = simulation.view(index, projected_bounds, response);
                 let room = simulation.room();
                 sampling::sample_rows(
                     &view,
@@ -367,7 +381,8 @@ impl<'s> ViewWork<'s> {
         let (band, view) = (row..row + 1, Exposure::Sample(view));
         let lit = simulation.detector.grid().lit_rows(&band);
         self.sums.clear(&lit)?;
-        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
+        let list = self.take_offsets(view);
+        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, list))?;
         let inner = i64::from(lit.start)..i64::from(lit.end);
         let beside = simulation.lattice.rows_blurred_into();
         let rows = inner.start - beside..inner.end + beside;

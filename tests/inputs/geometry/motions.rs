@@ -101,3 +101,26 @@ fn resolved_scene_with_a_motion_is_refused() {
     let text = scene.to_toml(".", &BTreeMap::new(), &[]).unwrap_err().to_string();
     assert!(text.contains("scan.motions") && text.contains("no key"), "{text}");
 }
+
+#[test]
+fn offsets_of_views_are_lists_for_each_view_and_have_no_key() {
+    let mut scene = scene(vec![shape("a", Shape::Box { size: [1e-3; 3] })]);
+    scene.scan.angles = vec![0.0, 1.0];
+    scene.scan.mask_offsets = vec![0.0, 1e-6];
+    let refusal = |scene: &Scene| scene.validate().unwrap_err().to_string();
+    scene.scan.view_offsets = vec![vec![0.0, 1e-6]];
+    assert!(refusal(&scene).contains("1 lists"), "{}", refusal(&scene));
+    scene.scan.view_offsets = vec![vec![0.0, 1e-6], vec![0.0]];
+    assert!(refusal(&scene).contains("scan.view_offsets[1]"), "{}", refusal(&scene));
+    scene.scan.view_offsets[1] = vec![0.0, f64::INFINITY];
+    assert!(refusal(&scene).contains("inf"), "{}", refusal(&scene));
+    scene.scan.view_offsets[1] = vec![0.0, 1e6];
+    assert!(refusal(&scene).contains("periods"), "{}", refusal(&scene));
+    scene.scan.view_offsets[1] = vec![0.0, 1e-6];
+    scene.validate().unwrap();
+    scene.to_toml(".", &BTreeMap::new(), &[]).unwrap();
+    scene.scan.view_offsets[1] = vec![0.0, 2e-6];
+    scene.validate().unwrap();
+    let text = scene.to_toml(".", &BTreeMap::new(), &[]).unwrap_err().to_string();
+    assert!(text.contains("scan.view_offsets") && text.contains("no key"), "{text}");
+}

@@ -111,7 +111,7 @@ impl ViewWork<'_> {
         }
         // What light there is before does not matter to what more of it costs.
         self.sums.set_rows(&lit);
-        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit))?;
+        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, 0))?;
         Ok(i64::from(lit.start)..i64::from(lit.end))
     }
 
@@ -226,7 +226,8 @@ impl ViewWork<'_> {
             cells.add(lights.iter().zip(lists), sums, steps)?;
             Ok(left_out * begin.elapsed().as_secs_f64())
         };
-        let view = simulation.view(view, projected_bounds);
+        let response = simulation.response(Exposure::Sample(view));
+        let view = simulation.view(view, projected_bounds, &response);
         sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
     }
 

@@ -1,0 +1,66 @@
+//! Mask offsets of the views of a scan, each list of them once.
+
+use crate::numbers;
+use crate::scene::{Exposure, Scan};
+use std::collections::HashMap;
+
+/// Displacements of the sample mask by list and mask step, less whole periods, m.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ViewOffsets {
+    /// That of the flat first, then each other one.
+    lists: Vec<Vec<f64>>,
+    /// Index of the list of each view; none where all have the first.
+    of_view: Vec<u32>,
+}
+
+impl ViewOffsets {
+    /// `within`: an offset less whole periods.
+    pub(super) fn new(scan: &Scan, within: impl Fn(f64) -> f64) -> Self {
+        let reduced = |list: &Vec<f64>| list.iter().map(|offset| within(*offset)).collect();
+        let bits = |list: &Vec<f64>| list.iter().map(|it| it.to_bits()).collect::<Vec<_>>();
+        let mut lists = vec![reduced(&scan.mask_offsets)];
+        let mut known = HashMap::from([(bits(&lists[0]), 0)]);
+        let of_view = scan.view_offsets.iter().map(|list| {
+            let list = reduced(list);
+            *known.entry(bits(&list)).or_insert_with(|| {
+                lists.push(list);
+                numbers::count(lists.len() - 1)
+            })
+        });
+        let of_view = of_view.collect();
+        Self { lists, of_view }
+    }
+
+    /// All lists, in the order of their indices.
+    pub(crate) fn lists(&self) -> &[Vec<f64>] {
+        &self.lists
+    }
+
+    /// Index of the list of a view.
+    pub(crate) fn list_of(&self, view: Exposure) -> usize {
+        match view {
+            Exposure::Sample(view) => self.of_view.get(view as usize).map_or(0, |it| *it as usize),
+            _ => 0,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_lists_are_kept_once() {
+        let mut scan = Scan::new(vec![-1.0, 2.0], vec![0.0; 4]);
+        let of = |scan: &Scan| ViewOffsets::new(scan, |offset| libm::remainder(offset, 10.0));
+        assert_eq!(of(&scan).lists(), [[-1.0, 2.0]]);
+        assert_eq!(of(&scan).list_of(Exposure::Sample(3)), 0);
+        // The third is the first, but for a period.
+        scan.view_offsets = vec![vec![3.0, 4.0], vec![-1.0, 2.0], vec![9.0, 2.0], vec![3.0, 4.0]];
+        let offsets = of(&scan);
+        assert_eq!(offsets.lists(), [[-1.0, 2.0], [3.0, 4.0]]);
+        let lists = (0..4).map(|view| offsets.list_of(Exposure::Sample(view)));
+        assert_eq!(lists.collect::<Vec<_>>(), [1, 0, 0, 1]);
+        assert_eq!(offsets.list_of(Exposure::Flat), 0);
+    }
+}
