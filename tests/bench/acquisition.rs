@@ -1,8 +1,9 @@
 //! Whole acquisitions: the first experiment, at reduced size, and how time grows with mask steps,
 //! pixels, triangles and views. Reading the mesh, building the tree and compiling kernels are
-//! left out except where the name says so; frames go to memory.
+//! left out except where the name says so; frames go to memory. The best time of the attempts counts.
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first fault")]
+#![allow(clippy::print_stdout, reason = "a table is the result")]
 
 #[path = "../reference/mod.rs"]
 mod reference;
@@ -10,9 +11,11 @@ mod reference;
 use beamlet::scene::{Mesh, Scene, ShapeOrMesh};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, Engine, EngineOptions};
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use reference::surfaces;
-use std::time::Duration;
+use std::time::Instant;
+
+/// Repetitions of each acquisition.
+const ATTEMPTS: usize = 10;
 
 /// The first experiment with fewer pixels and steps.
 fn experiment(pixels: u32, steps: u32) -> Scene {
@@ -37,33 +40,33 @@ fn ball(levels: u32) -> Scene {
     scene
 }
 
-fn run(c: &mut Criterion) {
+/// Prints the shortest time of `acquire`, in ms, and that time per unit of `size`, in us.
+fn time(name: &str, size: u64, mut acquire: impl FnMut()) {
+    acquire();
+    let attempts = (0..ATTEMPTS).map(|_| {
+        let began = Instant::now();
+        acquire();
+        began.elapsed().as_secs_f64()
+    });
+    let best = attempts.fold(f64::INFINITY, f64::min);
+    println!("{name:40}{size:>10}{:>12.2}{:>12.3}", 1e3 * best, 1e6 * best / size as f64);
+}
+
+fn main() {
     let options = EngineOptions::default().with_backend(Backend::Bvh);
     let engine = Engine::open(&options).unwrap();
-    let mut group = c.benchmark_group("acquisition");
-    group.sample_size(10).warm_up_time(Duration::from_millis(500));
-    group.measurement_time(Duration::from_secs(4));
+    println!("{:40}{:>10}{:>12}{:>12}", "acquisition", "size", "ms", "us / size");
     let whole = experiment(128, 11);
-    group.bench_function("experiment, mesh read and prepared", |b| {
-        b.iter(|| engine.simulate(&whole).unwrap());
-    });
-    group.finish();
-    let mut slope = |over: &str, scenes: Vec<(u64, Scene)>| {
-        let mut group = c.benchmark_group(over);
-        group.sample_size(10).warm_up_time(Duration::from_millis(300));
-        group.measurement_time(Duration::from_secs(2));
+    time("experiment, mesh read and prepared", 1, || drop(engine.simulate(&whole).unwrap()));
+    let slope = |over: &str, scenes: Vec<(u64, Scene)>| {
         for (size, scene) in scenes {
             let simulation = engine.prepare(&scene).unwrap();
-            group.throughput(Throughput::Elements(size));
-            group.bench_function(BenchmarkId::from_parameter(size), |b| {
-                b.iter(|| {
-                    let mut sink = ArraySink::new();
-                    simulation.run(&mut sink, Control::default()).unwrap();
-                    sink.into_stacks()
-                });
+            time(over, size, || {
+                let mut sink = ArraySink::new();
+                simulation.run(&mut sink, Control::default()).unwrap();
+                drop(sink.into_stacks());
             });
         }
-        group.finish();
     };
     slope("steps", [1, 11, 21].map(|n| (n.into(), experiment(64, n))).into());
     slope("pixels", [64, 128, 256].map(|n| (u64::from(n).pow(2), experiment(n, 1))).into());
@@ -75,6 +78,3 @@ fn run(c: &mut Criterion) {
     });
     slope("views", views.into());
 }
-
-criterion_group!(benches, run);
-criterion_main!(benches);

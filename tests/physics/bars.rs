@@ -4,7 +4,7 @@ use crate::reference::masks::{Bars, Mask};
 use crate::reference::rays::Order;
 use crate::reference::scenes;
 use crate::reference::stack::{Quadrature, Setup};
-use crate::support::{Checked, GOLD, Worst, backends, engine};
+use crate::support::{Checked, GOLD, Worst, backends, engine, sample};
 use beamlet::Backend;
 use beamlet::internals::trace::MaterialTable;
 use beamlet::material::constants_at;
@@ -162,7 +162,7 @@ fn bars_of_every_width_are_boxes() {
         [99e-6, 1e-6],
     ];
     let engine = engine(Backend::Bvh);
-    for case in cases(&bars) {
+    for case in sample(cases(&bars), 11) {
         let setup = case.setup();
         compare_columns(&engine, &setup, PLACES, &steps(47e-6, 5), |column, off, place| {
             worst.at(&setup, column).take(off, || format!("{case:?}, {}", place()));
@@ -235,32 +235,25 @@ fn shadows_of_more_than_a_period_are_boxes() {
     );
     let columns = || PLACES.into_iter().chain(BETWEEN);
     let engine = engine(Backend::Bvh);
+    let fine = [(12e-6, 5e-6), (10e-6, 7e-6), (6e-6, 3e-6)].map(|mask| [(0, mask), (1, mask)]);
+    let mut all = Vec::new();
     for mu in ATTENUATIONS {
         for spot in SPOTS {
-            for (period, aperture) in [(12e-6, 5e-6), (10e-6, 7e-6), (6e-6, 3e-6)] {
-                for fine in [0, 1] {
-                    let case = Case { bars: [80e-6, 120e-6], thickness: [300e-6; 2], mu, spot };
-                    let mut setup = case.setup();
-                    let masks = [&mut setup.sample_mask, &mut setup.detector_mask];
-                    let Some(mask) = masks.into_iter().nth(fine).and_then(Option::as_mut) else {
-                        unreachable!("there are two masks")
-                    };
-                    (mask.period, mask.aperture, mask.origin) = (period, aperture, 0.5 * period);
-                    let place_of = |place: &dyn Fn() -> String| {
-                        format!("{mu}, {spot:e}, {fine}, {period:e}, {}", place())
-                    };
-                    compare_columns(
-                        &engine,
-                        &setup,
-                        columns(),
-                        &steps(47e-6, 5),
-                        |column, off, place| {
-                            worst.at(&setup, column).take(off, || place_of(place));
-                        },
-                    );
-                }
-            }
+            let case = Case { bars: [80e-6, 120e-6], thickness: [300e-6; 2], mu, spot };
+            all.extend(fine.as_flattened().iter().map(|fine| (case, *fine)));
         }
+    }
+    for (case, (fine, (period, aperture))) in sample(all, 5) {
+        let mut setup = case.setup();
+        let masks = [&mut setup.sample_mask, &mut setup.detector_mask];
+        let Some(mask) = masks.into_iter().nth(fine).and_then(Option::as_mut) else {
+            unreachable!("there are two masks")
+        };
+        (mask.period, mask.aperture, mask.origin) = (period, aperture, 0.5 * period);
+        compare_columns(&engine, &setup, columns(), &steps(47e-6, 5), |column, off, place| {
+            let place = || format!("{case:?}, {fine}, {period:e}, {}", place());
+            worst.at(&setup, column).take(off, place);
+        });
     }
     worst.holds();
 }
@@ -270,17 +263,15 @@ fn bars_before_a_column_on_the_axis_are_boxes() {
     // The middle of its beamlet is seen under no angle, what stands across its borders under some.
     let mut worst = Worst::new("bars, a column on the axis", WIDE);
     let engine = engine(Backend::Bvh);
-    for bars in [[80e-6, 120e-6], [80e-6, 0.0], [3e-6, 40e-6]] {
-        for case in cases(&[bars]) {
-            let mut setup = case.setup();
-            setup.pixels[0] = 5;
-            for mask in setup.sample_mask.iter_mut().chain(&mut setup.detector_mask) {
-                mask.origin = 0.0;
-            }
-            compare_columns(&engine, &setup, 0..5, &steps(50e-6, 11), |_, off, place| {
-                worst.take(off, || format!("{case:?}, {}", place()));
-            });
+    for case in sample(cases(&[[80e-6, 120e-6], [80e-6, 0.0], [3e-6, 40e-6]]), 7) {
+        let mut setup = case.setup();
+        setup.pixels[0] = 5;
+        for mask in setup.sample_mask.iter_mut().chain(&mut setup.detector_mask) {
+            mask.origin = 0.0;
         }
+        compare_columns(&engine, &setup, 0..5, &steps(50e-6, 11), |_, off, place| {
+            worst.take(off, || format!("{case:?}, {}", place()));
+        });
     }
     worst.holds();
 }
@@ -293,16 +284,14 @@ fn bars_of_two_apertures_in_a_pixel_are_boxes() {
         "bars, two apertures in a pixel, others",
     );
     let engine = engine(Backend::Bvh);
-    for bars in [[2e-6, 30e-6], [2e-6, 2e-6], [15e-6, 25e-6]] {
-        for case in cases(&[bars]) {
-            let mut setup = case.setup();
-            let mask = setup.sample_mask.as_mut().expect("a sample mask");
-            (mask.period, mask.origin) = (50e-6, 25e-6);
-            mask.aperture = 50e-6 - bars[0];
-            compare_columns(&engine, &setup, PLACES, &steps(47e-6, 5), |column, off, place| {
-                worst.at(&setup, column).take(off, || format!("{case:?}, {}", place()));
-            });
-        }
+    for case in sample(cases(&[[2e-6, 30e-6], [2e-6, 2e-6], [15e-6, 25e-6]]), 7) {
+        let mut setup = case.setup();
+        let mask = setup.sample_mask.as_mut().expect("a sample mask");
+        (mask.period, mask.origin) = (50e-6, 25e-6);
+        mask.aperture = 50e-6 - case.bars[0];
+        compare_columns(&engine, &setup, PLACES, &steps(47e-6, 5), |column, off, place| {
+            worst.at(&setup, column).take(off, || format!("{case:?}, {}", place()));
+        });
     }
     worst.holds();
 }
@@ -391,19 +380,19 @@ fn bars_under_a_spectrum_are_boxes() {
     );
     let engine = engine(Backend::Bvh);
     let narrow = [[0.0, 120e-6], [1e-6, 120e-6], [80e-6, 1e-6], [3e-6, 3e-6]];
-    for bars in narrow {
-        let case = Case { bars, thickness: [225e-6; 2], mu: GOLD, spot: 30e-6 };
-        compare_energies(&engine, &case, (Light::Tube(3), "gold"), &mut worst);
-    }
+    let mut all: Vec<(Case, Light)> = narrow
+        .map(|bars| Case { bars, thickness: [225e-6; 2], mu: GOLD, spot: 30e-6 })
+        .map(|case| (case, Light::Tube(3)))
+        .into();
     for bars in [[80e-6, 120e-6], [40e-6, 40e-6], [97e-6, 145e-6]] {
         for thickness in THICKNESSES {
-            for spot in SPOTS {
-                let case = Case { bars, thickness, mu: GOLD, spot };
-                compare_energies(&engine, &case, (Light::Two, "gold"), &mut worst);
-            }
-            let case = Case { bars, thickness, mu: GOLD, spot: 30e-6 };
-            compare_energies(&engine, &case, (Light::Tube(4), "gold"), &mut worst);
+            let case = |spot| Case { bars, thickness, mu: GOLD, spot };
+            all.extend(SPOTS.map(|spot| (case(spot), Light::Two)));
+            all.push((case(30e-6), Light::Tube(4)));
         }
+    }
+    for (case, light) in sample(all, 5) {
+        compare_energies(&engine, &case, (light, "gold"), &mut worst);
     }
     worst.holds();
 }
@@ -417,17 +406,19 @@ fn bars_of_light_materials_under_a_spectrum_are_boxes() {
         "bars of light materials, others, spectra",
     );
     let engine = engine(Backend::Bvh);
+    let mut all = Vec::new();
     for bars_of in ["Al", "Cu"] {
         for bars in [[1e-6, 120e-6], [3e-6, 3e-6], [80e-6, 120e-6], [40e-6, 40e-6]] {
             for (thickness, spot) in THICKNESSES.into_iter().zip(SPOTS) {
                 let case = Case { bars, thickness, mu: GOLD, spot };
-                for light in [Light::Two, Light::Tube(4)] {
-                    compare_energies(&engine, &case, (light, bars_of), &mut worst);
-                }
+                all.extend([Light::Two, Light::Tube(4)].map(|light| (case, light, bars_of)));
             }
             let case = Case { bars, thickness: [225e-6; 2], mu: GOLD, spot: 0.0 };
-            compare_energies(&engine, &case, (Light::Two, bars_of), &mut worst);
+            all.push((case, Light::Two, bars_of));
         }
+    }
+    for (case, light, bars_of) in sample(all, 5) {
+        compare_energies(&engine, &case, (light, bars_of), &mut worst);
     }
     worst.holds();
 }

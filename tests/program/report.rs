@@ -133,7 +133,9 @@ fn explore(program: &Path, folder: &Path, page: &str, width: u32, counts: bool) 
     );
     let file = folder.join("explored.html");
     fs::write(&file, framed).unwrap();
+    // The browser brings a Vulkan driver of its own, which the layer of the tests would listen to.
     let output = Command::new(program)
+        .env_remove("VK_INSTANCE_LAYERS")
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"])
         .args(["--enable-logging=stderr", "--window-size=1440,1000"])
         .arg(format!("--user-data-dir={}", folder.join("profile").display()))

@@ -93,6 +93,17 @@ pub(crate) fn backends() -> Vec<Backend> {
     all
 }
 
+/// Whether every case is asked for, as `.ci/long` does, in place of a sample of them.
+pub(crate) fn everything() -> bool {
+    std::env::var_os("BEAMLET_ALL").is_some()
+}
+
+/// Every `every`-th case; all of them where everything is asked for. A list of combinations keeps
+/// each value of each of its lists where `every` has no factor in common with their lengths.
+pub(crate) fn sample<T>(cases: Vec<T>, every: usize) -> impl Iterator<Item = T> {
+    cases.into_iter().step_by(if everything() { 1 } else { every })
+}
+
 /// Largest of some deviations, with where it was found. A test ends it with `holds`.
 #[must_use = "without `holds` nothing is compared"]
 #[derive(Debug)]

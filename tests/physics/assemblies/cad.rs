@@ -6,7 +6,7 @@ use crate::reference::rays::{Order, Sample};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{Body, Mesh, Random, body};
-use crate::support::{backends, engine};
+use crate::support::{backends, engine, everything, sample};
 use beamlet::geometry::{ContactKind, load};
 use beamlet::internals::geometry::load_lenient;
 use beamlet::scene::{Scene, ShapeOrMesh, Transport};
@@ -68,15 +68,20 @@ fn turns() -> Vec<([f64; 3], f64)> {
 
 #[test]
 fn cad_assembly_as_exported_runs_in_balance_at_any_angle() {
-    for backend in backends() {
-        let engine = engine(backend);
-        for turn in turns() {
-            let stacks = engine.simulate(&assembly(turn)).expect("a stack");
-            let tally = &stacks.record.tally;
-            let failed = [tally.unbalanced, tally.unordered, tally.dropped, tally.not_finite];
-            assert_eq!(failed, [0; 4], "{backend}, {turn:?}");
-            println!("measured {backend}: {} rays, {} again", tally.rays, tally.retraced);
+    let pairs = backends()
+        .into_iter()
+        .flat_map(|backend| turns().into_iter().map(move |turn| (backend, turn)));
+    for (backend, turn) in sample(pairs.collect(), 3) {
+        let mut scene = assembly(turn);
+        if !everything() {
+            // The balance is that of each ray: fewer rays than a fine picture takes try it.
+            scene.sampling.tolerance = 1e-3;
         }
+        let stacks = engine(backend).simulate(&scene).expect("a stack");
+        let tally = &stacks.record.tally;
+        let failed = [tally.unbalanced, tally.unordered, tally.dropped, tally.not_finite];
+        assert_eq!(failed, [0; 4], "{backend}, {turn:?}");
+        println!("measured {backend}: {} rays, {} again", tally.rays, tally.retraced);
     }
 }
 

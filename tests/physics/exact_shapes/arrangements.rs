@@ -1,4 +1,4 @@
-//! Hundreds of random arrangements (`BEAMLET_SCENES` times 64 of each of four kinds)
+//! Random arrangements (`BEAMLET_SCENES` times 16 of each of four kinds, 64 with `BEAMLET_ALL`)
 //! of boxes, prisms, cylinders and spheres, each apart from the others in one of a few scenes, against
 //! what lies inside along every ray in f64.
 
@@ -8,14 +8,18 @@ use super::{direction, ray_through, scene};
 use crate::assemblies::{Bench, paths_of};
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, add, length, scaled, turned};
-use crate::support::{CARBON, WATER, backends};
+use crate::support::{CARBON, WATER, backends, everything};
 use beamlet::internals::interface::{MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PER_MATERIAL};
 use beamlet::internals::trace::Ray;
 use beamlet::scene::{MaterialSpec, Scene, Transport};
 use beamlet::{Backend, SurfaceCrossing, geometry};
 
-/// Arrangements of a scene stand in a square of this many, so far apart that no ray meets two.
-const ACROSS: usize = 8;
+/// Columns and rows of the square of arrangements of a scene, which are so far apart that no ray
+/// crosses two.
+fn across() -> usize {
+    if everything() { 8 } else { 4 }
+}
+
 const PITCH: f64 = 80e-6;
 
 /// Scenes of one kind: how large solids are, over the micrometres below, and the middle of the scene.
@@ -145,7 +149,7 @@ fn enlarged(solid: Solid, by: f64) -> Solid {
 
 fn arrangements(setting: &Setting, random: &mut Random) -> Vec<Arrangement> {
     let mut first = 0;
-    (0..ACROSS * ACROSS)
+    (0..across() * across())
         .map(|number| {
             let solids = match number % 4 {
                 0 => anyhow(random, 8e-6),
@@ -156,8 +160,8 @@ fn arrangements(setting: &Setting, random: &mut Random) -> Vec<Arrangement> {
             // Every other one as a whole in a direction of its own.
             let turn =
                 (direction(random), random.between(0.0, 3.0) * f64::from(number as u32 / 4 % 2));
-            let off = |it: usize| setting.scale * PITCH * (it as f64 - 0.5 * ACROSS as f64);
-            let middle = add(setting.middle, [off(number % ACROSS), 0.0, off(number / ACROSS)]);
+            let off = |it: usize| setting.scale * PITCH * (it as f64 - 0.5 * across() as f64);
+            let middle = add(setting.middle, [off(number % across()), 0.0, off(number / across())]);
             let place = |solid: Solid| {
                 let solid = enlarged(solid, setting.scale);
                 let at = add(turned(solid.position, turn.0, turn.1), middle);
@@ -274,7 +278,7 @@ fn ways_and_interfaces_of_random_arrangements_are_those_of_points_in_solids() {
             "measured arrangements of {}: {} of {} cut, {} of {} ways and {} of {} lists differ",
             setting.name,
             found.cut,
-            scenes * ACROSS * ACROSS,
+            scenes * across() * across(),
             found.ways.len(),
             found.compared[0],
             found.lists.len(),
@@ -283,7 +287,7 @@ fn ways_and_interfaces_of_random_arrangements_are_those_of_points_in_solids() {
         for it in found.ways.iter().chain(&found.lists).take(4) {
             println!("{it}");
         }
-        assert!(found.cut > scenes * ACROSS * ACROSS / 2);
+        assert!(found.cut > scenes * across() * across() / 2);
         wrong += found.ways.len() + found.lists.len();
     }
     assert_eq!(wrong, 0);
