@@ -180,6 +180,7 @@ fn kept_moments_serve_another_detector() {
     // A mesh of arrays does not stand in scene.toml.
     base.objects[0].geometry =
         ShapeOrMesh::Shape(Shape::Sphere { radius: 0.25e-3, sides: Some(24) });
+    base.scan.angles = vec![0.7];
     let noisy = base.clone();
     // The kept run is finer than what the detector that takes it asks for.
     base.sampling.tolerance = 1e-5;
