@@ -36,7 +36,7 @@ def about_frame(path):
 
 def read_stack(place):
     """A stack by its path without ending, such as run/flat: from PATH.npy (mapped, not loaded), from
-    PATH.tif, or from the folder PATH of EXR frames or of views of them. None where there is none."""
+    PATH.tif, or from the folder PATH of EXR frames, of views of them, or of one frame per view. None where there is none."""
     place = Path(place)
     if place.with_name(place.name + ".npy").exists():
         return np.load(place.with_name(place.name + ".npy"), mmap_mode="r")
@@ -48,7 +48,9 @@ def read_stack(place):
         return None
     views = sorted(place.glob("view_*"))
     if views:
-        return np.stack([read_frames(view) for view in views])
+        # A view of a stack is a folder of steps; a view of retrieved images is one frame.
+        read = read_frames if views[0].is_dir() else read_frame
+        return np.stack([read(view) for view in views])
     return read_frames(place)
 
 
@@ -104,8 +106,8 @@ class Run:
 
 
 class Retrieved:
-    """A directory of retrieved images, written with --format npy or tiff: images by name, each
-    [view, row, column], in the units of `units`."""
+    """A directory of retrieved images: images by name, each [view, row, column], in the units of
+    `units`."""
 
     def __init__(self, path):
         self.path = Path(path)

@@ -19,7 +19,9 @@ for format in exr npy tiff; do
         --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }' \
         --set detector.photons=20000 --set detector.offset=100 --set detector.electronic_noise=3
 done
-"$beamlet" retrieve run_npy --format npy -q
+for format in exr npy tiff; do
+    "$beamlet" retrieve "run_$format" --format "$format" -q
+done
 
 awk '/^```python$/ { inside = 1; next } /^```$/ { inside = 0 } inside' \
     "$root/docs/reading.md" > reading.py

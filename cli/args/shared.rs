@@ -42,10 +42,10 @@ impl EngineArguments {
     }
 }
 
-/// How much goes to stderr. Results go to stdout all the same.
+/// How much is printed. Verbs whose output is the answer print it all the same.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct Messages {
-    /// No progress, errors only
+    /// No progress and no summary, errors only
     #[arg(short, long, conflicts_with = "verbose")]
     pub(crate) quiet: bool,
     /// More of what is going on

@@ -113,6 +113,9 @@ pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Fa
             match done {
                 Ok(Done { title, extent, sink, record, seconds }) => {
                     unfinished.remove(&index);
+                    if arguments.messages.quiet {
+                        continue;
+                    }
                     let printed = summary(title.as_deref(), &sink, extent, &record, seconds, out);
                     failed.fetch_or(printed.is_err(), Ordering::Relaxed);
                     printed?;

@@ -72,6 +72,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     reporter.finish();
     match done {
         Ok(record) if arguments.json => super::write_json(&record, out),
+        Ok(_) if arguments.messages.quiet => Ok(()),
         Ok(record) => summary(&record, &path, began.elapsed().as_secs_f64(), has_counts, out),
         Err(Error::Interrupted) => {
             Err(Failure::Interrupted { advice: "nothing was written".into() })
@@ -105,6 +106,11 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let flat = arguments.flat.as_ref().ok_or_else(|| missing("--flat"))?;
     let sample = arguments.sample.as_ref().ok_or_else(|| missing("--sample"))?;
     let geometry = arguments.geometry.as_ref().ok_or_else(|| missing("--geometry"))?;
+    // A run is the set-up of its scene.
+    let geometry = match geometry.join("run.json").exists() {
+        true => &geometry.join("scene.toml"),
+        false => geometry,
+    };
     let output = arguments.output.as_ref().ok_or_else(|| missing("--output"))?;
     let mut scene = Scene::load_with(geometry, &arguments.sets)?;
     if let Some(list) = &arguments.offsets {

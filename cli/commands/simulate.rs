@@ -31,7 +31,9 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         && sink.problems().is_empty()
         && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
-        writeln!(out, "{} is complete already", beamlet::cli_support::printed::path(sink.path()))?;
+        if !arguments.messages.quiet {
+            writeln!(out, "{} is complete already", beamlet::cli_support::printed::path(sink.path()))?;
+        }
         return Ok(());
     }
     let recorded_backend = sink.recorded().map(|file| file.record.backend);
@@ -53,6 +55,7 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
     let done = engine.run(&scene, &mut sink, control);
     reporter.finish();
     match done {
+        Ok(_) if arguments.messages.quiet => Ok(()),
         Ok(record) => {
             let seconds = began.elapsed().as_secs_f64();
             summary(scene.title.as_deref(), &sink, extent, &record, seconds, out)

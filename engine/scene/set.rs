@@ -83,7 +83,12 @@ fn target<'a>(
             (TreeValue::List(items), Step::Index(index)) => {
                 let count = items.len();
                 items.get_mut(*index).ok_or_else(|| {
-                    (format!("index {index} of a list of {count}"), "an index from 0".to_owned())
+                    let allowed = match count {
+                        0 => "no index, for the list is empty".to_owned(),
+                        1 => "index 0".to_owned(),
+                        _ => format!("an index of 0 to {}", count - 1),
+                    };
+                    (format!("index {index} of a list of {count}"), allowed)
                 })?
             }
             (TreeValue::List(items), Step::Key(name)) => {

@@ -388,6 +388,34 @@ fn arguments_that_do_not_go_together_are_usage_errors() {
     assert!(!place.join("run/retrieved").exists());
 }
 
+#[test]
+fn quiet_verbs_print_nothing_and_a_run_is_a_geometry() {
+    let (folder, run) = copy();
+    let here = folder.path();
+    let again = [
+        "simulate",
+        SCENE,
+        "-o",
+        "again",
+        "--format",
+        "npy",
+        "-q",
+        "--set",
+        "detector.pixels=[4, 1]",
+    ];
+    let of_run = ["retrieve", "run", "--format", "npy", "-q"];
+    let of_files =
+        ["retrieve", "--flat", "run/flat.npy", "--sample", "run/sample.npy", "--geometry", "run"];
+    let of_files = [&of_files[..], &["-o", "images", "--format", "npy", "-q"]].concat();
+    for words in [&again[..], &of_run[..], &of_files[..]] {
+        let output = beamlet(here, words);
+        assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+        assert_eq!(told(&output), "", "{words:?}");
+    }
+    let image = |place: &Path| fs::read(place.join("refraction.npy")).unwrap();
+    assert_eq!(image(&run.join("retrieved")), image(&here.join("images")));
+}
+
 /// A run of the cylinder whose detector makes numbers, `[step][row][column]` of 6,144 pixels.
 fn noisy(folder: &Path, name: &str, sets: &[&str]) {
     let mut words = vec!["simulate", SCENE, "-o", name, "--format", "npy", "-q"];

@@ -12,7 +12,7 @@ const DELTA: Range = Range { low: Some((-0.1, false)), high: Some((0.1, false)) 
 
 keys! { MATERIALS: MaterialSpec, "materials.NAME",
     [Forms(&[&["table"], &["formula", "density"], &["mixture", "density"], &["mu", "delta"]], 1)],
-    ["rho" => "density", "weights" => "mixture", "composition" => "mixture", "file" => "table"];
+    ["rho" => "density", "weights" => "mixture", "composition" => "mixture", "file" => "table", "beta" => "mu"];
     formula at MaterialSpec::Formula { formula, .. } =>
         Name("a chemical formula, such as \"H2O\""), Required, r#""H2O""#,
         "Chemical formula, up to 200 characters, with 1e-6 to 1e6 atoms of an element.";
