@@ -1,5 +1,6 @@
 //! What is retrieved from: a run of beamlet, or measured stacks with their geometry.
 
+mod faults;
 mod reopened;
 
 use super::retriever::Retriever;
@@ -93,8 +94,10 @@ impl Input {
     /// The dark is averaged over its frames and subtracted from both.
     ///
     /// # Errors
-    /// [`Error::File`] where shapes do not agree, naming both files; where a file that the scene
-    /// refers to does not have the hash that the scene has of it.
+    /// [`Error::File`] where shapes do not agree, naming both files; where the sample has the values of
+    /// the flat, or the dark is brighter than the flat in its darkest steps; where a file that the scene
+    /// refers to does not have the hash that the scene has of it. [`Error::Argument`] where mask offsets
+    /// span less than a tenth or more than ten periods of the sample mask.
     pub fn measured(
         scene: &Scene,
         flat: StackFile,
@@ -105,6 +108,7 @@ impl Input {
             return Err(error);
         }
         let scene = scene.with_file_hashes()?;
+        faults::check_offsets(&scene)?;
         let [views, _, rows, columns] = flat.shape();
         if views != 1 {
             let problem = format!("has {views} views; a flat has one");
@@ -125,7 +129,15 @@ impl Input {
         let names = |s: &StackFile| Some((s.path().display().to_string(), s.frame_names()?));
         let frames = [&flat, &sample].into_iter().chain(dark).filter_map(names).collect();
         let dark_path = dark.map(|dark| dark.path().to_path_buf());
-        let dark = dark.map(mean).transpose()?;
+        faults::check_sample(&flat, &sample)?;
+        let dark = match dark {
+            Some(dark) => {
+                let mean = mean(dark)?;
+                faults::check_dark(&flat, dark, &mean)?;
+                Some(mean)
+            }
+            None => None,
+        };
         let (saturation, noise, counts) = (None, None, true);
         Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read, frames })
     }

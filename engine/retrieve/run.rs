@@ -1,6 +1,6 @@
 //! A whole retrieval: from an input to a directory of images.
 
-use super::images::{FLAGS, OF_FLAT, unit};
+use super::images::{FLAGS, Images, OF_FLAT, unit};
 use super::input::Input;
 use super::misfit::median;
 use super::options::RetrieveOptions;
@@ -115,6 +115,7 @@ pub fn retrieve(
         images.put(name, unit(name, value), 1, image)?;
     }
     let mut residuals = Vec::new();
+    let mut brighter = 0;
     for view in 0..input.views() {
         let mut read = |band| input.sample_rows(view, band);
         let retrieved = retriever.retrieve(columns, &mut read, &mut inner)?;
@@ -123,9 +124,11 @@ pub fn retrieve(
             images.put(name, unit(name, value), input.views(), image.view())?;
         }
         count(&mut record, retrieved.get(FLAGS));
+        brighter += above_one(&retrieved);
         let left = retrieved.get("residual_sample").into_iter().flatten();
         residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
     }
+    warn_of_light(brighter, input.views() * rows * across);
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.inputs = hashes.wait(&cancel, &mut || {})??;
     record.command = to.command.map(str::to_owned);
@@ -224,6 +227,31 @@ fn about(record: &Record) -> serde_json::Value {
         "row_0": "top (largest z); columns run along +x",
         "sign": "refraction > 0 deflects towards +x",
     })
+}
+
+/// Transmission above which a pixel has more light than the flat: refraction at edges adds a few per cent.
+const BRIGHT: f32 = 1.05;
+/// Share of the pixels of such transmission from which on a warning speaks of them.
+const MANY: f64 = 0.05;
+
+/// Pixels whose transmission exceeds 1.05 by four of their deviations, where these are known.
+fn above_one(retrieved: &Images) -> usize {
+    let Some(transmission) = retrieved.get("transmission") else { return 0 };
+    let sigmas = retrieved.get("transmission_sigma");
+    let sigma = |at| sigmas.map_or(0.0, |sigmas| sigmas[at]);
+    transmission.indexed_iter().filter(|(at, t)| **t > BRIGHT + 4.0 * sigma(*at)).count()
+}
+
+/// Warns where the sample has more light than the flat in many of `pixels` pixels.
+fn warn_of_light(brighter: usize, pixels: usize) {
+    let share = brighter as f64 / pixels.max(1) as f64;
+    if share > MANY {
+        log::warn!(
+            "transmission exceeds {BRIGHT} in {:.0} % of the pixels: flat and sample may be swapped, or the \
+             dose of the sample may be higher",
+            100.0 * share
+        );
+    }
 }
 
 /// Counts flagged pixels and those without an answer.

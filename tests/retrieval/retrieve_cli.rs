@@ -276,6 +276,19 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
     let flagged = Maps::open(place.join("clipped")).unwrap().map("flags", 0).unwrap();
     assert!(flagged.iter().all(|bits| *bits as u32 & 4 == 4), "{flagged:?}");
 
+    // A sample in the place of the flat is warned of, the other way round nothing is.
+    let view: Array4<f32> = read_npy(run.join("sample.npy")).unwrap();
+    write_npy(place.join("view.npy"), &view.index_axis(ndarray::Axis(0), 1)).unwrap();
+    for (flat, sample, warns) in
+        [("run/flat.npy", "view.npy", false), ("view.npy", "run/flat.npy", true)]
+    {
+        let words =
+            ["retrieve", "--flat", flat, "--sample", sample, "--geometry", SCENE, "-o", "light"];
+        let output = beamlet(place, &[words.as_slice(), &["--overwrite"]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", told(&output));
+        assert_eq!(told(&output).contains("may be swapped"), warns, "{}", told(&output));
+    }
+
     // Bad input: each named, and nothing written.
     let swap = |from: &str, to: &str| -> Vec<String> {
         measured.iter().map(|word| if *word == from { to.into() } else { (*word).into() }).collect()
@@ -293,7 +306,11 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
     write_npy(place.join("small.npy"), &Array3::<f32>::zeros((11, 4, 32))).unwrap();
     refuse(swap("sample.tif", "small.npy"), 1, "small.npy");
     write_npy(place.join("zero.npy"), &Array3::<f32>::zeros((11, 4, 64))).unwrap();
-    refuse(swap("flat.tif", "zero.npy"), 1, "no pixel with an answer");
+    refuse(swap("flat.tif", "zero.npy"), 1, "without beam");
+    refuse(swap("dark.tif", "flat.tif"), 1, "without beam");
+    refuse(swap("sample.tif", "flat.tif"), 1, "has the values of the flat");
+    refuse(swap(&list_in_one, &list_in_one.replace("um", "mm")), 1, "periods of the sample mask");
+    refuse(swap(&list_in_one, &list_in_one.replace("um", "nm")), 1, "periods of the sample mask");
     write_npy(place.join("nan.npy"), &Array3::from_elem((11, 4, 64), f32::NAN)).unwrap();
     refuse(swap("flat.tif", "nan.npy"), 1, "not a number");
     refuse(swap("dark.tif", "nan.npy"), 1, "not finite");
