@@ -32,7 +32,11 @@ pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Fail
         && stack::views(&scene).map_err(failed)?.all(|view| sink.committed().contains(&view))
     {
         if !arguments.messages.quiet {
-            writeln!(out, "{} is complete already", beamlet::cli_support::printed::path(sink.path()))?;
+            writeln!(
+                out,
+                "{} is complete already",
+                beamlet::cli_support::printed::path(sink.path())
+            )?;
         }
         return Ok(());
     }
