@@ -1,9 +1,11 @@
 //! Differences of two stacks, runs or retrievals, simulated or measured, image by image.
 
 use crate::numbers;
-use crate::retrieve::{ImageDirectory, ImageFormat};
+use crate::retrieve::ImageDirectory;
 use crate::run::RowsControl;
-use crate::stack::{Maps, OpenRun, StackFile, refuse_overlap};
+use crate::scene::Exposure;
+use crate::stack::layout::{self, RETRIEVED, stack_of};
+use crate::stack::{Format, Maps, OpenRun, StackFile, refuse_overlap};
 use crate::{Error, Result};
 use ndarray::{Array2, Zip};
 use rayon::prelude::*;
@@ -73,13 +75,13 @@ pub struct DifferencesTo<'a> {
     /// A directory that does not exist yet, or is empty.
     pub path: &'a Path,
     /// The format of the images.
-    pub format: ImageFormat,
+    pub format: Format,
 }
 
 impl<'a> DifferencesTo<'a> {
     /// Images of a format in a directory.
     #[must_use]
-    pub const fn new(path: &'a Path, format: ImageFormat) -> Self {
+    pub const fn new(path: &'a Path, format: Format) -> Self {
         Self { path, format }
     }
 }
@@ -158,20 +160,21 @@ fn pairs(a: &Path, b: &Path) -> Result<Vec<Pair>> {
     match kinds {
         [ComparedKind::Run, ComparedKind::Run] => {
             let runs = [OpenRun::open(a)?, OpenRun::open(b)?];
+            let [flat, sample] = [Exposure::Flat, Exposure::Sample(0)];
             let mut all = vec![
-                ("flat".to_owned(), [runs[0].flat()?, runs[1].flat()?]),
-                ("sample".to_owned(), [runs[0].sample()?, runs[1].sample()?]),
+                (stack_of(flat, false), [runs[0].flat()?, runs[1].flat()?]),
+                (stack_of(sample, false), [runs[0].sample()?, runs[1].sample()?]),
             ];
             let [flats, samples] = [
                 [runs[0].counts_flat()?, runs[1].counts_flat()?],
                 [runs[0].counts_sample()?, runs[1].counts_sample()?],
             ];
-            for (name, pair) in [("counts/flat", flats), ("counts/sample", samples)] {
+            for (stack, pair) in [(flat, flats), (sample, samples)] {
                 if let [Some(a), Some(b)] = pair {
-                    all.push((name.to_owned(), [a, b]));
+                    all.push((stack_of(stack, true), [a, b]));
                 }
             }
-            let retrieved = [a.join("retrieved"), b.join("retrieved")];
+            let retrieved = [a, b].map(|run| run.join(RETRIEVED));
             if retrieved.iter().all(|path| path.is_dir()) {
                 all.extend(maps(&retrieved[0], &retrieved[1])?);
             }
@@ -225,9 +228,9 @@ impl ComparedKind {
 }
 
 fn kind(path: &Path) -> ComparedKind {
-    if path.join("run.json").exists() {
+    if layout::is_run(path) {
         ComparedKind::Run
-    } else if path.join("retrieved.json").exists() {
+    } else if layout::is_retrieved(path) {
         ComparedKind::Maps
     } else {
         ComparedKind::Stack

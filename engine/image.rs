@@ -1,7 +1,7 @@
 //! Images of one channel from files, as a detector, a kernel or a focal spot was measured:
 //! NPY, TIFF or PNG by the extension.
 
-use crate::array_file::{NpyFile, TiffPages};
+use crate::array_file::{ArrayFile, Format, endings};
 use crate::{Error, Result, input_file, reserve};
 use ndarray::Array2;
 use std::io::BufReader;
@@ -17,12 +17,14 @@ const PIXELS: u64 = 1 << 26;
 /// [`Error::File`] where the file cannot be read or holds no such image; [`Error::Memory`] for
 /// one of more than 2^26 pixels.
 pub fn read(path: &Path) -> Result<Array2<f64>> {
-    let extension = path.extension().map(|text| text.to_string_lossy().to_lowercase());
-    match extension.as_deref() {
-        Some("npy") => read_npy(path),
-        Some("tif" | "tiff") => read_tiff(path),
-        Some("png") => read_png(path),
-        _ => Err(refused(path, "has to end in .npy, .tif, .tiff or .png")),
+    let is_png = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+    match Format::of(path) {
+        _ if is_png => read_png(path),
+        None | Some(Format::Exr) => {
+            let endings = endings(|format| format != Format::Exr);
+            Err(refused(path, format!("has to end in {endings} or .png")))
+        }
+        Some(format) => read_array(path, format),
     }
 }
 
@@ -54,24 +56,18 @@ fn check_size(path: &Path, rows: u64, columns: u64) -> Result<usize> {
     }
 }
 
-fn read_npy(path: &Path) -> Result<Array2<f64>> {
-    let array = NpyFile::open(path)?;
-    let &[rows, columns] = array.sides() else {
-        let shape = array.sides();
-        return Err(refused(path, format!("has the shape {shape:?}; two dimensions are allowed")));
+fn read_array(path: &Path, format: Format) -> Result<Array2<f64>> {
+    let array = ArrayFile::first(path, format)?;
+    let sides = array.sides();
+    let &[rows, columns] = sides.as_slice() else {
+        return Err(refused(path, format!("has the shape {sides:?}; two dimensions are allowed")));
     };
-    let values = array.read(0, check_size(path, rows, columns)?)?;
+    check_size(path, rows, columns)?;
+    let values = array.read(0, 0..crate::numbers::length(rows))?;
     if array.is_fortran() {
         return Ok(shaped(path, columns, rows, values)?.reversed_axes());
     }
     shaped(path, rows, columns, values)
-}
-
-fn read_tiff(path: &Path) -> Result<Array2<f64>> {
-    let pages = TiffPages::first(path)?;
-    let [rows, columns] = pages.frame_shape();
-    check_size(path, rows as u64, columns as u64)?;
-    shaped(path, rows as u64, columns as u64, pages.read(0, 0..rows)?)
 }
 
 fn read_png(path: &Path) -> Result<Array2<f64>> {

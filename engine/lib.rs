@@ -71,5 +71,6 @@ pub use run::{
     Control, EdgeBlur, Engine, EngineOptions, MemoryEstimate, Progress, RowsControl, RunEstimate,
     Simulation, ViewProgress, devices, load_sample,
 };
+pub(crate) use stack::layout;
 pub use stack::{RunRecord, SamplingSummary, SearchCounts};
 pub use trace::{Ray, SurfaceCrossing, Tally};

@@ -1,9 +1,10 @@
 //! What a scene or run amounts to: `check` and `compare`.
 
 use super::SceneArguments;
-use super::names::ImageFormatName;
+use super::names::format;
 use super::shared::{EngineArguments, Messages};
 use super::values::from_zero;
+use beamlet::stack::Format;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -62,8 +63,8 @@ pub(crate) struct Compare {
     #[arg(long, value_name = "DIR")]
     pub(crate) difference: Option<PathBuf>,
     /// File format of the images of differences
-    #[arg(long, value_enum, default_value_t = ImageFormatName::Exr, requires = "difference")]
-    pub(crate) format: ImageFormatName,
+    #[arg(long, value_parser = format(), default_value_t = Format::Exr, requires = "difference")]
+    pub(crate) format: Format,
     /// Print JSON
     #[arg(long)]
     pub(crate) json: bool,

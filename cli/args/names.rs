@@ -1,50 +1,22 @@
 //! Words that stand for a choice of the engine.
 
 use beamlet::Backend;
-use beamlet::retrieve::{ImageFormat, Method, Weights};
+use beamlet::retrieve::{Method, Weights};
 use beamlet::stack::Format;
 use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 /// `--format`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FormatName {
-    /// One 32-bit float EXR file per frame
-    Exr,
-    /// Two arrays for numpy: flat.npy and sample.npy
-    Npy,
-    /// Two calibrated stacks for Fiji and other viewers: flat.tif and sample.tif
-    Tiff,
-}
-
-impl From<FormatName> for Format {
-    fn from(name: FormatName) -> Self {
-        match name {
-            FormatName::Exr => Self::Exr,
-            FormatName::Npy => Self::Npy,
-            FormatName::Tiff => Self::Tiff,
-        }
-    }
-}
-
-/// `--format` of images
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ImageFormatName {
-    /// One 32-bit float EXR file per view
-    Exr,
-    /// One array for numpy per image: (view, row, column)
-    Npy,
-    /// One 32-bit float TIFF per image, a page per view
-    Tiff,
-}
-
-impl From<ImageFormatName> for ImageFormat {
-    fn from(name: ImageFormatName) -> Self {
-        match name {
-            ImageFormatName::Exr => Self::Exr,
-            ImageFormatName::Npy => Self::Npy,
-            ImageFormatName::Tiff => Self::Tiff,
-        }
-    }
+pub(crate) fn format() -> impl TypedValueParser<Value = Format> {
+    let value = |format: Format| {
+        let abilities = format.abilities();
+        PossibleValue::new(abilities.name).help(abilities.summary)
+    };
+    let named = |name: String| {
+        let has = |format: &Format| format.abilities().name == name;
+        Format::ALL.into_iter().find(has).unwrap_or_default()
+    };
+    PossibleValuesParser::new(Format::ALL.map(value)).map(named)
 }
 
 /// `--method`

@@ -1,8 +1,9 @@
 //! `retrieve`.
 
-use super::names::{ImageFormatName, MethodName, WeightsName};
+use super::names::{MethodName, WeightsName, format};
 use super::shared::{DeviceArguments, Messages};
 use super::values::{above_zero, from_zero, key_value, single, two_steps};
+use beamlet::stack::Format;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -70,8 +71,8 @@ pub(crate) struct Retrieve {
     #[arg(long, value_name = "LIST|FILE", allow_hyphen_values = true)]
     pub(crate) sample_offsets: Option<String>,
     /// File format of the images
-    #[arg(long, value_enum, default_value_t = ImageFormatName::Exr)]
-    pub(crate) format: ImageFormatName,
+    #[arg(long, value_parser = format(), default_value_t = Format::Exr)]
+    pub(crate) format: Format,
     #[command(flatten)]
     pub(crate) device: DeviceArguments,
     /// Replace images that are there

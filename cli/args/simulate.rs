@@ -1,9 +1,10 @@
 //! What makes a run: `simulate` and `illuminate`.
 
 use super::SceneArguments;
-use super::names::FormatName;
+use super::names::format;
 use super::shared::{EngineArguments, Messages};
 use super::values::key_value;
+use beamlet::stack::Format;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -22,8 +23,8 @@ pub(crate) struct Simulate {
     #[arg(short, long, value_name = "RUN")]
     pub(crate) output: PathBuf,
     /// File format of the frames [default: exr; with --resume that of the run]
-    #[arg(long, value_enum)]
-    pub(crate) format: Option<FormatName>,
+    #[arg(long, value_parser = format())]
+    pub(crate) format: Option<Format>,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
     /// Go on with an interrupted run
@@ -66,8 +67,8 @@ pub(crate) struct Illuminate {
     #[arg(short, long, value_name = "OUT")]
     pub(crate) output: PathBuf,
     /// File format of the frames [default: exr]
-    #[arg(long, value_enum)]
-    pub(crate) format: Option<FormatName>,
+    #[arg(long, value_parser = format())]
+    pub(crate) format: Option<Format>,
     #[command(flatten)]
     pub(crate) engine: EngineArguments,
     /// Replace earlier runs; files that are not of a run stay

@@ -9,7 +9,7 @@ use crate::picture::illumination;
 use crate::progress::Reporter;
 use beamlet::check::CheckReport;
 use beamlet::scene::Scene;
-use beamlet::stack::check_run;
+use beamlet::stack::{check_run, layout};
 use beamlet::{Control, Engine, Error};
 use std::io::Write;
 use std::path::Path;
@@ -17,7 +17,7 @@ use std::path::Path;
 pub(super) fn run(arguments: &Check, out: &mut impl Write) -> Result<(), Failure> {
     // What is left of a run that lost one of them is a run, too.
     let is_run = |name: &str| arguments.scene.scene.join(name).is_file();
-    if is_run("run.json") || is_run("progress.log") {
+    if is_run(layout::RUN) || is_run(layout::LOG) {
         return run_directory(arguments, out);
     }
     if arguments.no_estimate && arguments.plot.is_none() && chooses_device(arguments) {

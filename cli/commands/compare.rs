@@ -12,8 +12,7 @@ use beamlet::compare::{Difference, DifferencesTo, compare};
 use std::io::Write;
 
 pub(super) fn run(arguments: &Compare, out: &mut impl Write) -> Result<(), Failure> {
-    let to =
-        arguments.difference.as_ref().map(|path| DifferencesTo::new(path, arguments.format.into()));
+    let to = arguments.difference.as_ref().map(|path| DifferencesTo::new(path, arguments.format));
     let cancel = interrupt::listen();
     let mut reporter = Reporter::new(arguments.messages);
     let mut progress = |done, all| reporter.rows(done, all);

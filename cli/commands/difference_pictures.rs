@@ -11,10 +11,13 @@ use crate::picture::text::{capital, joined, rough};
 use crate::subject::trusted;
 use beamlet::compare::Difference;
 use beamlet::retrieve::Record;
-use beamlet::scene::Scene;
-use beamlet::stack::{Maps, OpenRun, StackFile};
+use beamlet::scene::{Exposure, Scene};
+use beamlet::stack::{Maps, OpenRun, StackFile, layout};
 use ndarray::Array2;
 use std::path::Path;
+
+/// Series of two stacks that belong to no run.
+const ALONE: &str = "stack";
 
 /// One of the two, and where its pixels stand.
 enum Compared {
@@ -25,10 +28,10 @@ enum Compared {
 
 impl Compared {
     fn open(path: &Path) -> Result<Self, Failure> {
-        if path.join("run.json").exists() {
+        if layout::is_run(path) {
             Ok(Self::Run(Box::new(OpenRun::open(path)?)))
-        } else if path.join("retrieved.json").exists() {
-            let record = Record::read(&path.join("retrieved.json"))?;
+        } else if layout::is_retrieved(path) {
+            let record = Record::read(&path.join(layout::RECORD))?;
             Ok(Self::Images { maps: Maps::open(path)?, record: Box::new(record) })
         } else {
             Ok(Self::Stack(StackFile::open(path)?))
@@ -59,21 +62,22 @@ impl Compared {
         match self {
             Self::Stack(stack) => frame(stack),
             Self::Images { maps, .. } => Ok(maps.map(name, step)?.mapv(f64::from)),
-            Self::Run(run) => match name {
-                "flat" => frame(&run.flat()?),
-                "sample" => frame(&run.sample()?),
-                "counts/flat" | "counts/sample" => {
-                    let stack = if name == "counts/flat" {
-                        run.counts_flat()?
-                    } else {
-                        run.counts_sample()?
+            Self::Run(run) => match layout::stack_named(name) {
+                Some((Exposure::Flat, false)) => frame(&run.flat()?),
+                Some((_, false)) => frame(&run.sample()?),
+                Some((stack, true)) => {
+                    let stack = match stack {
+                        Exposure::Flat => run.counts_flat()?,
+                        _ => run.counts_sample()?,
                     };
                     frame(&stack.ok_or_else(|| Failure::File {
                         path: path.to_path_buf(),
                         problem: "has no counts".into(),
                     })?)
                 }
-                _ => Ok(Maps::open(path.join("retrieved"))?.map(name, step)?.mapv(f64::from)),
+                None => {
+                    Ok(Maps::open(path.join(layout::RETRIEVED))?.map(name, step)?.mapv(f64::from))
+                }
             },
         }
     }
@@ -82,7 +86,9 @@ impl Compared {
     fn flags(&self, path: &Path, view: usize) -> Option<Array2<bool>> {
         let flags = match self {
             Self::Images { maps, .. } => maps.map("flags", view).ok()?,
-            Self::Run(_) => Maps::open(path.join("retrieved")).ok()?.map("flags", view).ok()?,
+            Self::Run(_) => {
+                Maps::open(path.join(layout::RETRIEVED)).ok()?.map("flags", view).ok()?
+            }
             Self::Stack(_) => return None,
         };
         Some(flags.mapv(|bits| numbers::whole::<u32>(f64::from(bits)) != 0))
@@ -101,22 +107,22 @@ pub(super) fn draw(
         let Difference { name, largest_at: [view, step, ..], .. } = series;
         let at = [*view, *step];
         let images = [pair[0].image(a, name, at)?, pair[1].image(b, name, at)?];
-        let of_frames = ["flat", "sample", "counts/flat", "counts/sample", "stack"];
-        let is_map = !of_frames.contains(&name.as_str());
-        let quantity = match name.as_str() {
-            "stack" => Quantity { label: "value".into(), ..Quantity::intensity() },
-            "counts/flat" | "counts/sample" => Quantity::counts(),
-            name if is_map => Quantity::of_map(name),
-            _ => Quantity::intensity(),
+        let stack = layout::stack_named(name);
+        let is_map = stack.is_none() && name != ALONE;
+        let quantity = match stack {
+            _ if name == ALONE => Quantity { label: "value".into(), ..Quantity::intensity() },
+            Some((_, true)) => Quantity::counts(),
+            Some(_) => Quantity::intensity(),
+            None => Quantity::of_map(name),
         }
         .of_difference();
         let flagged = if is_map { flagged(&pair, [a, b], *step) } else { None };
         let grid = Grid::of_pixels(pair[0].pitch(a), [images[0].nrows(), images[0].ncols()]);
         let values = (&images[1] - &images[0]).mapv(|value| value * quantity.factor);
         let plot = plot(series, &values, &quantity, flagged.as_ref(), &grid, [a, b]);
-        let place = match (is_map, name.as_str()) {
-            (true, _) => format!("view_{step:04}"),
-            (_, "flat" | "counts/flat") => format!("step_{step:03}"),
+        let place = match stack {
+            _ if is_map => format!("view_{step:04}"),
+            Some((Exposure::Flat, _)) => format!("step_{step:03}"),
             _ => format!("view_{view:04}_step_{step:03}"),
         };
         let file = format!("difference_{}_{place}", name.replace('/', "_"));

@@ -7,7 +7,7 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::moments::StoredMoments;
 use beamlet::scene::Scene;
-use beamlet::stack::{Format, RunDirectory, RunFile, StackShape, is_same_place};
+use beamlet::stack::{RunDirectory, RunFile, StackShape, is_same_place, layout};
 use beamlet::{Cancel, Control, Engine, Error, RunRecord};
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -47,7 +47,7 @@ fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failu
     for (path, output) in arguments.scene.iter().zip(outputs) {
         let scene = beamlet::cli_support::load_scene(path, &arguments.sets)?;
         let extent = StackShape::of(&scene)?;
-        let format = arguments.format.map(Into::into).unwrap_or_default();
+        let format = arguments.format.unwrap_or_default();
         // What is read is not replaced: the run with the moments, scenes and their files.
         let mut read = scene.input_files();
         read.push(arguments.run.clone());
@@ -62,7 +62,7 @@ fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failu
 
 pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Failure> {
     let outputs = outputs(arguments)?;
-    let record = arguments.run.join("run.json");
+    let record = arguments.run.join(layout::RUN);
     if record.exists() {
         // Moments lie in a run directory whose layout has to be known.
         RunFile::read(&record)?;
@@ -178,7 +178,7 @@ fn advice(arguments: &Illuminate, left: &[&(PathBuf, PathBuf)]) -> String {
     for set in &arguments.sets {
         command.extend(["--set".into(), quoted(set)]);
     }
-    if let Some(format) = arguments.format.map(Format::from) {
+    if let Some(format) = arguments.format {
         command.extend(["--format".into(), format.to_string()]);
     }
     command.push("--overwrite".into());

@@ -6,6 +6,7 @@ use crate::failure::Failure;
 use crate::progress::Reporter;
 use crate::report::{self, PageOptions};
 use crate::subject::Subject;
+use beamlet::stack::layout;
 use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -16,7 +17,7 @@ const MOST: u64 = 24 << 20;
 pub(super) fn run(arguments: &Report, out: &mut impl Write) -> Result<(), Failure> {
     let path = match &arguments.output {
         Some(path) => path.clone(),
-        None if arguments.run.join("run.json").exists() => arguments.run.join("report.html"),
+        None if layout::is_run(&arguments.run) => arguments.run.join(layout::REPORT),
         // A directory of images holds nothing else.
         None => beside(&arguments.run),
     };

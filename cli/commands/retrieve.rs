@@ -10,7 +10,7 @@ use beamlet::retrieve::{
     ImagesTo, Input, Method, Record, RetrieveOptions, Weights, flags, offsets, retrieve,
 };
 use beamlet::scene::Scene;
-use beamlet::stack::{OpenRun, StackFile, refuse_overlap};
+use beamlet::stack::{OpenRun, StackFile, layout, refuse_overlap};
 use beamlet::{Engine, Error};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ use std::time::Instant;
 pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Failure> {
     let began = Instant::now();
     let (input, path) = match &arguments.run {
-        Some(run) => (of_run(arguments, run)?, run.join("retrieved")),
+        Some(run) => (of_run(arguments, run)?, run.join(layout::RETRIEVED)),
         None => measured(arguments)?,
     };
     let path = arguments.output.clone().unwrap_or(path);
@@ -65,7 +65,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     let mut progress = |done, all| reporter.rows(done, all);
     let mut control = RowsControl::default().with_progress(&mut progress).with_cancel(cancel);
     let command = command_line();
-    let to = ImagesTo::new(&path, arguments.format.into())
+    let to = ImagesTo::new(&path, arguments.format)
         .with_overwrite(arguments.overwrite)
         .with_command(Some(&command));
     let done = retrieve(&engine, input, &options, to, &mut control);
@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
 
 /// Files that are read beside the stacks of flat and sample.
 fn read(arguments: &Retrieve) -> Vec<PathBuf> {
-    let scene = arguments.run.as_ref().map(|run| run.join("scene.toml"));
+    let scene = arguments.run.as_ref().map(|run| run.join(layout::SCENE));
     let files = [arguments.geometry.clone(), arguments.dark.clone(), scene];
     files.into_iter().flatten().chain(lists(arguments)).collect()
 }

@@ -6,7 +6,8 @@ use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::moments::MomentWriter;
 use beamlet::scene::{Scene, Scheme};
-use beamlet::stack::{self, Format, RunDirectory, RunState, StackShape};
+use beamlet::stack::layout::RUN;
+use beamlet::stack::{self, RunDirectory, RunState, StackShape};
 use beamlet::{Control, Engine, Error, RunRecord, SamplingSummary, Tally};
 use std::io::Write;
 use std::time::Instant;
@@ -81,12 +82,12 @@ fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failu
     let path = beamlet::cli_support::printed::path(sink.path());
     match sink.keeps_moments() {
         Some(false) if wanted => Err(Failure::Usage(format!(
-            "{path} was begun without --keep-moments (run.json: \"keep_moments\": false); it cannot \
+            "{path} was begun without --keep-moments ({RUN}: \"keep_moments\": false); it cannot \
              go on with --keep-moments"
         ))),
         Some(keeps) => Ok(keeps),
         None if wanted && !sink.committed().is_empty() => Err(Failure::Usage(format!(
-            "{path} has no moments, and its run.json, of an earlier version, does not say anything of \
+            "{path} has no moments, and its {RUN}, of an earlier version, does not say anything of \
              --keep-moments; it cannot go on with --keep-moments"
         ))),
         None => Ok(wanted),
@@ -94,7 +95,7 @@ fn keep_moments(arguments: &Simulate, sink: &RunDirectory) -> Result<bool, Failu
 }
 
 fn directory(arguments: &Simulate, scene: &Scene) -> Result<RunDirectory, Failure> {
-    let format = arguments.format.map(Format::from);
+    let format = arguments.format;
     let sink = if arguments.resume {
         let mut reporter = Reporter::new(arguments.messages);
         reporter.doing("comparing frames with their checksums");
@@ -248,7 +249,7 @@ fn advice(arguments: &Simulate, began: bool) -> String {
     }
     if !began {
         // A resumed run finds these in its directory.
-        if let Some(format) = arguments.format.map(Format::from) {
+        if let Some(format) = arguments.format {
             command.extend(["--format".into(), format.to_string()]);
         }
         if let Some(backend) = arguments.engine.backend.choice() {

@@ -5,6 +5,7 @@ use crate::picture::text::short;
 use crate::subject::Subject;
 use beamlet::SamplingSummary;
 use beamlet::cli_support::count;
+use beamlet::stack::layout;
 use serde_json::Value;
 
 /// The run in one line.
@@ -35,7 +36,7 @@ pub(super) fn scene_text(run: &Subject) -> Result<String, Failure> {
         let geometry = run.record().and_then(|record| record.geometry.clone());
         return Ok(geometry.unwrap_or_default());
     };
-    let path = file.path().join("scene.toml");
+    let path = file.path().join(layout::SCENE);
     std::fs::read_to_string(&path)
         .map_err(|error| Failure::File { path, problem: format!("cannot be read: {error}") })
 }

@@ -4,13 +4,9 @@ use super::Subject;
 use crate::failure::Failure;
 use beamlet::retrieve::{Input, Method, Record};
 use beamlet::scene::Scene;
+use beamlet::stack::layout::{self, RECORD, RETRIEVED, RUN};
 use beamlet::stack::{Maps, OpenRun};
 use std::path::{Path, PathBuf};
-
-/// Directory of the retrieved images in a run.
-const RETRIEVED: &str = "retrieved";
-/// File that describes retrieved images.
-const RECORD: &str = "retrieved.json";
 
 /// Images, of pixels or of beamlets, and their record.
 struct Images {
@@ -36,14 +32,14 @@ impl Subject {
     /// Opens a run, with its retrieved images or those in another directory, or a directory of
     /// retrieved images. Images must be whole and fit the run.
     pub(crate) fn open(path: &Path, retrieved: Option<&Path>) -> Result<Self, Failure> {
-        if path.join("run.json").exists() {
+        if layout::is_run(path) {
             return Self::of_run(path, retrieved);
         }
         if retrieved.is_some() {
-            let problem = "--retrieved belongs to a run; this is none: it has no run.json";
-            return Err(Failure::Usage(problem.into()));
+            let problem = format!("--retrieved belongs to a run; this is none: it has no {RUN}");
+            return Err(Failure::Usage(problem));
         }
-        if path.join(RECORD).exists() {
+        if layout::is_retrieved(path) {
             return Self::of_images(path);
         }
         if !path.exists() {
@@ -51,9 +47,10 @@ impl Subject {
         }
         Err(Failure::File {
             path: path.to_path_buf(),
-            problem: "is neither a run directory (it has no run.json) nor a directory of \
-                      retrieved images (it has no retrieved.json)"
-                .into(),
+            problem: format!(
+                "is neither a run directory (it has no {RUN}) nor a directory of retrieved images \
+                 (it has no {RECORD})"
+            ),
         })
     }
 

@@ -1,78 +1,20 @@
-//! Arrays of numbers in NPY and TIFF files, and any part of their values.
+//! Arrays in NPY, TIFF and EXR files: frames, and any rows of them, read and written.
 //!
-//! Samples are f32, f64, or whole numbers of 8, 16 or 32 bits.
+//! Samples that are read are f32, f64, or whole numbers of 8, 16 or 32 bits (EXR: f16, f32, u32). A
+//! new format is a file here, its row in `format.rs`, and its branches in `file.rs`.
 
+mod exr;
+mod file;
+mod format;
+mod limits;
 mod npy;
-mod npy_header;
+mod parts;
+mod ranges;
 mod tiff;
-mod tiff_stored;
 
-pub(crate) use npy::NpyFile;
-pub(crate) use tiff::TiffPages;
-
-use crate::{Error, Result, numbers};
-use std::path::Path;
-
-/// What samples become.
-pub(crate) trait Value: Copy {
-    /// The nearest value.
-    fn rounded(sample: f64) -> Self;
-}
-
-impl Value for f64 {
-    fn rounded(sample: f64) -> Self {
-        sample
-    }
-}
-
-impl Value for f32 {
-    fn rounded(sample: f64) -> Self {
-        numbers::single(sample)
-    }
-}
-
-/// Bytes of a frame that any file may claim.
-const LEAST: u64 = 1 << 30;
-
-/// Pixels of a side of a frame, and so of a detector: rows are read whole.
-pub(crate) const LONGEST_SIDE: u32 = 65_536;
-
-/// Refuses frames with more pixels on a side than a detector has.
-pub(crate) fn refuse_wide(path: &Path, frame: [usize; 2]) -> Result<()> {
-    if frame.iter().all(|side| *side as u64 <= u64::from(LONGEST_SIDE)) {
-        return Ok(());
-    }
-    let [rows, columns] = frame;
-    let problem = format!(
-        "has frames of {rows} rows and {columns} columns; allowed: up to {LONGEST_SIDE} each"
-    );
-    Err(Error::file(path, problem, None))
-}
-
-/// Refuses frames that claim more than their file holds, before memory is taken for them: more
-/// pixels than any compression makes of it, or more than 1 GiB of 64 times its length.
-pub(crate) fn refuse_hollow(path: &Path, [rows, columns]: [usize; 2]) -> Result<()> {
-    let found = std::fs::metadata(path)
-        .map_err(|error| Error::file(path, "cannot be read", Some(error)))?
-        .len();
-    let claimed = rows as f64 * columns as f64;
-    let most = (64 * found.min(1 << 56)).max(LEAST) as f64;
-    if claimed <= 4096.0 * found as f64 && 4.0 * claimed <= most {
-        return refuse_wide(path, [rows, columns]);
-    }
-    let problem =
-        format!("claims {rows} rows of {columns} columns in {found} bytes: cut short, or no frame");
-    Err(Error::file(path, problem, None))
-}
-
-/// Refuses a frame of another shape than the rest.
-pub(crate) fn refuse_shape(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Result<()> {
-    if found == expected {
-        return Ok(());
-    }
-    let problem = format!(
-        "has {} rows of {} columns; the first frame has {} rows of {}",
-        found[0], found[1], expected[0], expected[1]
-    );
-    Err(Error::file(path, problem, None))
-}
+pub(crate) use file::{ArrayFile, append};
+pub(crate) use format::endings;
+pub use format::{Abilities, Format};
+pub(crate) use limits::{LONGEST_SIDE, refuse_wide};
+pub(crate) use parts::{Append, Sample, le_bytes};
+pub(crate) use ranges::{RangeFile, RangeLayout};

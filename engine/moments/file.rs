@@ -1,4 +1,4 @@
-//! Moments of a view on disk: `RUN/moments/view_0000.bin`.
+//! Moments of a view on disk.
 //!
 //! A header, then blocks of cell rows with their cells, then the SHA-256 of all that. Numbers are
 //! little-endian words of 32 bits; docs/kept.md says what they are. A file is written
@@ -13,14 +13,12 @@ use crate::interface::{CellRow, MOMENTS_PER_MATERIAL};
 use crate::numbers;
 use crate::sampling::{CellBatch, ExactCell};
 use crate::whole_file::refuse_link;
-use crate::{Error, Result, folder, input_file, open_file};
+use crate::{Error, Result, folder, input_file, layout, open_file};
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
 use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// Folder in the run directory.
-pub(crate) const DIRECTORY: &str = "moments";
 const MAGIC: [u8; 16] = *b"beamlet moments\0";
 const VERSION: u32 = 2;
 /// Magic, version, words of a ray's moments, hash of the run's scene.
@@ -36,15 +34,10 @@ const RAY: usize = 5;
 
 /// What ties moments to their run: the hash of its scene.toml.
 pub(super) fn scene_digest(run: &Path) -> Result<[u8; 32]> {
-    let path = run.join("scene.toml");
+    let path = run.join(layout::SCENE);
     let text = input_file::read(&path, input_file::TEXT)
         .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
     Ok(Sha256::digest(text).into())
-}
-
-/// The file of a view.
-pub(crate) fn path_of(directory: &Path, view: u32) -> PathBuf {
-    directory.join(format!("view_{view:04}.bin"))
 }
 
 /// Writes the moments of a run, view by view.
@@ -65,7 +58,7 @@ struct RunScene {
 
 impl RunScene {
     fn open(run: &Path) -> Result<Self> {
-        let path = run.join("scene.toml");
+        let path = run.join(layout::SCENE);
         let file = input_file::open(&path)
             .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
         Ok(Self { file, path, digest: scene_digest(run)? })
@@ -172,13 +165,13 @@ impl MomentWriter {
 
     fn begin(&mut self, view: u32, words: usize) -> Result<()> {
         self.open = None;
-        let directory = self.run.join(DIRECTORY);
+        let directory = self.run.join(layout::MOMENTS);
         let Some(scene) = &self.scene else {
             return Err(Error::file(&self.run, "no run has begun here", None));
         };
         scene.refuse_moved()?;
-        let path = path_of(&directory, view);
-        let partial = path.with_extension("partial");
+        let path = layout::moments(&directory, view);
+        let partial = layout::moments_partial(&directory, view);
         [&directory, &path, &partial].into_iter().try_for_each(|path| refuse_link(path))?;
         for path in [&path, &partial] {
             if !is_of_beamlet(path)? {
@@ -210,8 +203,8 @@ impl MomentWriter {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         open_file::refuse_moved(open.file.get_ref(), &open.partial, open_file::RESUME)?;
         let hash = open.hash.clone().finalize();
-        let directory = self.run.join(DIRECTORY);
-        let path = path_of(&directory, open.view);
+        let directory = self.run.join(layout::MOMENTS);
+        let path = layout::moments(&directory, open.view);
         let partial = open.partial.clone();
         open.file
             .write_all(&hash)
@@ -228,7 +221,7 @@ impl MomentWriter {
 /// # Errors
 /// [`Error::File`].
 pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
-    MomentFile::open(&run.join(DIRECTORY), view, &scene_digest(run)?).map(|_| ())
+    MomentFile::open(&run.join(layout::MOMENTS), view, &scene_digest(run)?).map(|_| ())
 }
 
 /// Refuses a run that keeps moments and lacks those of a view.
@@ -236,18 +229,18 @@ pub(crate) fn check(run: &Path, view: u32) -> Result<()> {
 /// # Errors
 /// [`Error::File`].
 pub(crate) fn refuse_missing(run: &Path, views: u32) -> Result<()> {
-    let directory = run.join(DIRECTORY);
+    let directory = run.join(layout::MOMENTS);
     let found = open_file::names_of_run(&directory)?;
     let is_there = |path: &PathBuf| {
         path.file_name().is_some_and(|name| found.binary_search(&name.to_owned()).is_ok())
     };
-    let mut paths = (0..views).map(|view| path_of(&directory, view));
+    let mut paths = (0..views).map(|view| layout::moments(&directory, view));
     paths.find(|path| !is_there(path)).map_or(Ok(()), |path| Err(open_file::lost(&path)))
 }
 
 /// Whether the run has a folder for moments.
 pub(crate) fn is_there(run: &Path) -> bool {
-    run.join(DIRECTORY).is_dir()
+    run.join(layout::MOMENTS).is_dir()
 }
 
 impl Drop for MomentWriter {
@@ -277,7 +270,7 @@ impl ViewInWork {
 /// # Errors
 /// [`Error::File`].
 pub(crate) fn remove(run: &Path, views: u32) -> Result<()> {
-    let directory = run.join(DIRECTORY);
+    let directory = run.join(layout::MOMENTS);
     let names = match folder::names(&directory) {
         Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
             return Ok(());
@@ -285,17 +278,9 @@ pub(crate) fn remove(run: &Path, views: u32) -> Result<()> {
         names => names.map_err(|error| Error::file(&directory, "cannot be read", Some(error)))?,
     };
     for name in names {
-        let view = name.to_str().and_then(|name| {
-            let (stem, ending) = name.strip_prefix("view_")?.rsplit_once('.')?;
-            let view = stem.parse().ok().filter(|view| *view < views)?;
-            let whole = path_of(&directory, view);
-            let ours = match ending {
-                "bin" => whole,
-                _ => whole.with_extension("partial"),
-            };
-            (ours == directory.join(name)).then_some(ours)
-        });
-        if let Some(path) = view {
+        let view = name.to_str().and_then(layout::view_of_moments);
+        let path = directory.join(&name);
+        if view.is_some_and(|view| view < views) {
             refuse_link(&path)?;
             if !is_of_beamlet(&path)? {
                 continue;

@@ -13,7 +13,6 @@ pub(crate) mod file;
 mod finer;
 mod resample;
 
-pub(crate) use file::DIRECTORY;
 pub use file::MomentWriter;
 
 use crate::detector::DetectorModel;
@@ -24,7 +23,7 @@ use crate::optics::Optics;
 use crate::sampling::{CellBatch, Lattice};
 use crate::scene::{Scene, Transport};
 use crate::trace::MaterialTable;
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, layout};
 use cell_cache::{CellCache, Part};
 use content::Bounds;
 use file::MomentFile;
@@ -72,9 +71,10 @@ impl StoredMoments {
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn open(run: &Path) -> Result<Self> {
-        let scene_path = run.join("scene.toml");
+        let scene_path = run.join(layout::SCENE);
         if !scene_path.is_file() {
-            return Err(Error::file(run, "is not a run directory: it has no scene.toml", None));
+            let problem = format!("is not a run directory: it has no {}", layout::SCENE);
+            return Err(Error::file(run, problem, None));
         }
         let scene = Scene::load(&scene_path)?;
         for path in scene.files_without_hash() {
@@ -84,7 +84,7 @@ impl StoredMoments {
                 path.display()
             );
         }
-        let directory = run.join(DIRECTORY);
+        let directory = run.join(layout::MOMENTS);
         if !directory.is_dir() {
             let problem = "has no moments: simulate with --keep-moments";
             return Err(Error::file(run, problem, None));
@@ -189,7 +189,7 @@ impl StoredMoments {
 
 /// Locks a run for readers, where it has a log to lock.
 fn lock(run: &Path) -> Result<Option<LockedFile>> {
-    let path = run.join("progress.log");
+    let path = run.join(layout::LOG);
     let Ok(file) = input_file::open(&path) else { return Ok(None) };
     match LockedFile::shared(file) {
         None => Err(Error::file(path, "another beamlet is writing this run", None)),

@@ -32,4 +32,4 @@ pub use options::{ReadRows, RetrieveOptions};
 pub use retriever::Retriever;
 pub use run::{ImagesTo, retrieve};
 pub(crate) use write::ImageDirectory;
-pub use write::{ImageFormat, Record};
+pub use write::Record;

@@ -5,11 +5,11 @@ use super::input::Input;
 use super::misfit::median;
 use super::options::RetrieveOptions;
 use super::retriever::Retriever;
-use super::write::{ImageDirectory, ImageFormat, Record};
+use super::write::{ImageDirectory, Record};
 use super::{Curves, Weights, flags};
 use crate::numbers;
 use crate::run::RowsControl;
-use crate::stack::{now, refuse_overlap};
+use crate::stack::{Format, now, refuse_overlap};
 use crate::{Engine, Error, Result};
 use ndarray::ArrayView2;
 use std::collections::BTreeMap;
@@ -23,7 +23,7 @@ pub struct ImagesTo<'a> {
     /// Directory of the images: `RUN/retrieved`, or any other.
     pub path: &'a Path,
     /// Their format.
-    pub format: ImageFormat,
+    pub format: Format,
     /// Replace images that are there.
     pub overwrite: bool,
     /// Command line, for the record.
@@ -33,7 +33,7 @@ pub struct ImagesTo<'a> {
 impl<'a> ImagesTo<'a> {
     /// A directory that must not hold images yet.
     #[must_use]
-    pub const fn new(path: &'a Path, format: ImageFormat) -> Self {
+    pub const fn new(path: &'a Path, format: Format) -> Self {
         Self { path, format, overwrite: false, command: None }
     }
 
@@ -55,13 +55,13 @@ impl<'a> ImagesTo<'a> {
 ///
 /// ```no_run
 /// use beamlet::RowsControl;
-/// use beamlet::retrieve::{ImageFormat, ImagesTo, Input, RetrieveOptions, retrieve};
+/// use beamlet::retrieve::{ImagesTo, Input, RetrieveOptions, retrieve};
 /// use beamlet::{Engine, EngineOptions, stack::OpenRun};
 ///
 /// let engine = Engine::open(&EngineOptions::default())?;
 /// // Intensities; `true` takes the counts of a detector with noise.
 /// let input = Input::of_run(&OpenRun::open("run")?, false)?;
-/// let to = ImagesTo::new("run/retrieved".as_ref(), ImageFormat::Npy);
+/// let to = ImagesTo::new("run/retrieved".as_ref(), Format::Npy);
 /// let options = RetrieveOptions::default();
 /// let record = retrieve(&engine, input, &options, to, &mut RowsControl::default())?;
 /// println!("{} pixels without an answer", record.without_answer);

@@ -107,8 +107,7 @@ impl Scene {
                 }
                 let problem = match path.is_dir() {
                     true => {
-                        "the scene file has to end in .toml or .json; this is a directory, and no run: \
-                         it has no run.json"
+                        "the scene file has to end in .toml or .json; this is a directory without a run"
                     }
                     false => "the scene file has to end in .toml or .json",
                 };

@@ -1,7 +1,7 @@
 //! What a command reads must not be what it replaces.
 
-use super::RunDirectory;
-use super::own_files::owned_names;
+use super::layout;
+use super::run_directory::RunDirectory;
 use crate::{Error, Result, printed};
 use std::path::{Component, Path, PathBuf};
 
@@ -37,8 +37,8 @@ pub fn is_of_run(run: &Path, path: &Path) -> bool {
     let path = canonical(path);
     let Ok(inside) = path.strip_prefix(&run) else { return false };
     let first = inside.components().next();
-    let owned = |name: &str| first.is_some_and(|first| first.as_os_str() == name);
-    owned_names().chain(["retrieved"]).any(owned)
+    let owned = |name: String| first.is_some_and(|first| first.as_os_str() == name.as_str());
+    layout::owned().chain([layout::RETRIEVED.to_owned()]).any(owned)
 }
 
 /// Refuses to write a file or folder at `written` that is one of `read`, holds one or lies in one.

@@ -1,10 +1,38 @@
 //! Stacks in memory, for callers that go on computing with them.
 
-use super::{CountStacks, Exposure, RunStart, Sink, StackShape, Stacks};
-use crate::scene::Scene;
-use crate::{Error, Result, RunRecord};
+use super::record::{RunRecord, RunStart};
+use super::shape::StackShape;
+use super::sink::Sink;
+use crate::scene::{Exposure, Scene};
+use crate::{Error, Result};
 use ndarray::{Array3, Array4, ArrayView3, ArrayViewMut3, Axis, s};
 use std::ops::Range;
+
+/// Stacks in memory, with the record of their run.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Stacks {
+    /// Without the sample, `[step][row][column]`.
+    pub flat: Array3<f32>,
+    /// With the sample, `[view][step][row][column]`.
+    pub sample: Array4<f32>,
+    /// Detector numbers, where the scene asks for noise.
+    pub counts: Option<CountStacks>,
+    /// Provenance and counts.
+    pub record: RunRecord,
+}
+
+/// Detector numbers in memory.
+#[derive(Debug, Clone, Default)]
+#[non_exhaustive]
+pub struct CountStacks {
+    /// Without the sample, `[step][row][column]`.
+    pub flat: Array3<f32>,
+    /// With the sample, `[view][step][row][column]`.
+    pub sample: Array4<f32>,
+    /// Without light, `[step][row][column]`.
+    pub dark: Array3<f32>,
+}
 
 /// Collects a run into `ndarray` arrays. All views are held at once.
 #[derive(Debug, Default)]

@@ -1,8 +1,9 @@
 //! Bands handed to a closure, for callers that consume frames as they come.
 
-use super::{Exposure, RunStart, Sink};
-use crate::scene::Scene;
-use crate::{Result, RunRecord};
+use super::record::{RunRecord, RunStart};
+use super::sink::Sink;
+use crate::Result;
+use crate::scene::{Exposure, Scene};
 use ndarray::ArrayView3;
 use std::fmt;
 use std::ops::Range;

@@ -8,8 +8,9 @@
 //! (`counts/sample/0`) stands before the line of the view, and the view counts with both.
 //! A fourth word, `tally:` and JSON, has the counts of the view's rays that are not zero.
 
-use super::Exposure;
+use super::layout;
 use crate::locked_file::LockedFile;
+use crate::scene::Exposure;
 use crate::whole_file::refuse_link;
 use crate::{Error, Result, Tally, input_file, open_file};
 use std::collections::BTreeMap;
@@ -19,8 +20,6 @@ use std::path::{Path, PathBuf};
 
 /// Most bytes of a log: two lines for each of the most views that a scene may have.
 const MOST: u64 = 4 << 30;
-/// What lines of counts begin with.
-const COUNTS: &str = "counts/";
 /// What the word of a view's tally begins with.
 const TALLY: &str = "tally:";
 
@@ -122,12 +121,13 @@ impl ProgressLog {
 
     /// Appends a line and syncs it.
     pub(super) fn append(&mut self, view: Exposure, entry: &Entry) -> Result<()> {
-        let (name, bytes) = (name(view), entry.bytes);
+        let bytes = entry.bytes;
         let mut lines = String::new();
         if let Some(counts) = &entry.counts {
-            lines = format!("{COUNTS}{name} {bytes} sha256:{counts}\n");
+            lines = format!("{} {bytes} sha256:{counts}\n", layout::view(view, true));
         }
         let tally = entry.tally.as_ref().map(tally_word).unwrap_or_default();
+        let name = layout::view(view, false);
         lines.push_str(&format!("{name} {bytes} sha256:{}{tally}\n", entry.sha256));
         self.file
             .write_all(lines.as_bytes())
@@ -168,13 +168,7 @@ pub(super) fn read(path: &Path) -> Result<BTreeMap<Exposure, Entry>> {
 /// Exposure, entry, and whether the line is one of counts.
 fn parse(line: &str) -> Option<(Exposure, Entry, bool)> {
     let mut words = line.split(' ');
-    let name = words.next()?;
-    let of_counts = name.starts_with(COUNTS);
-    let view = match name.strip_prefix(COUNTS).unwrap_or(name) {
-        "flat" => Exposure::Flat,
-        "dark" => Exposure::Dark,
-        word => Exposure::Sample(word.strip_prefix("sample/")?.parse().ok()?),
-    };
+    let (view, of_counts) = layout::view_named(words.next()?)?;
     let bytes = words.next()?.parse().ok()?;
     let sha256 = words.next()?.strip_prefix("sha256:")?.to_owned();
     let tally = match words.next() {
@@ -194,15 +188,6 @@ fn tally_word(tally: &Tally) -> String {
         .map(|(name, count)| (name.clone(), count.clone()))
         .collect();
     format!(" {TALLY}{}", serde_json::Value::Object(counted))
-}
-
-/// The view's name in the log.
-pub(super) fn name(view: Exposure) -> String {
-    match view {
-        Exposure::Flat => "flat".into(),
-        Exposure::Dark => "dark".into(),
-        Exposure::Sample(index) => format!("sample/{index}"),
-    }
 }
 
 #[cfg(test)]

@@ -1,10 +1,47 @@
 //! What run.json records.
 
-use super::RunStart;
 use crate::accel::Backend;
 use crate::trace::Tally;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// What is known when a run begins: the part of its record that does not depend on its outcome.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct RunStart {
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Backend used.
+    pub backend: Backend,
+    /// Why that backend.
+    pub backend_reason: String,
+    /// What the backend was chosen by; `None` where there was nothing to choose.
+    pub search: Option<SearchCounts>,
+    /// SHA-256 of the meshes by the name of their object, as
+    /// [`crate::geometry::ObjectSummary::hash`]; shapes have none.
+    pub mesh_hashes: BTreeMap<String, String>,
+}
+
+impl RunStart {
+    /// A run on a device and backend, for reasons in words; nothing was counted, and no mesh read.
+    pub fn new(
+        device: impl Into<String>,
+        driver: impl Into<String>,
+        backend: Backend,
+        backend_reason: impl Into<String>,
+    ) -> Self {
+        Self {
+            device: device.into(),
+            driver: driver.into(),
+            backend,
+            backend_reason: backend_reason.into(),
+            search: None,
+            mesh_hashes: BTreeMap::new(),
+        }
+    }
+}
 
 /// Provenance of a run, stored as run.json.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

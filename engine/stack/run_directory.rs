@@ -5,58 +5,30 @@
 //! begins, and nothing that beamlet did not write is ever removed.
 
 mod begun;
-mod frames;
 mod resume;
 
-use super::array_frames;
-use super::exr_frames::{PARTIAL, Values};
+use super::frames::Frames;
+use super::layout::{self, COUNTS, LOG, PARTIAL, RUN, SCENE};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::progress_log::ProgressLog;
+use super::record::{RunRecord, RunStart};
 use super::run_file::{RunFile, RunState};
-use super::{Exposure, RunStart, Sink, StackShape, scene_file};
+use super::scene_file;
+use super::shape::StackShape;
+use super::sink::Sink;
+use super::values::Values;
+use crate::array_file::Format;
 use crate::numbers;
-use crate::scene::Scene;
+use crate::scene::{Exposure, Scene};
 use crate::whole_file::{sync_directory, write_whole};
-use crate::{Error, Result, RunRecord, Tally, folder, moments};
+use crate::{Error, Result, Tally, folder, moments};
 use begun::Begun;
-use frames::Frames;
 use ndarray::ArrayView3;
 use resume::{Resumed, refuse_other_scene};
-use serde::{Deserialize, Serialize};
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-pub(crate) const SCENE: &str = "scene.toml";
-pub(super) const RUN: &str = "run.json";
-pub(crate) const LOG: &str = "progress.log";
-/// Directory of the stacks of detector numbers.
-pub(super) const COUNTS: &str = "counts";
-
-/// File format of frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum Format {
-    /// One 32-bit float EXR file per frame.
-    #[default]
-    Exr,
-    /// flat.npy and sample.npy.
-    Npy,
-    /// flat.tif and sample.tif, calibrated for `ImageJ`; counts of up to 16 bits as such.
-    Tiff,
-}
-
-impl std::fmt::Display for Format {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Exr => "exr",
-            Self::Npy => "npy",
-            Self::Tiff => "tiff",
-        })
-    }
-}
 
 /// Sink that keeps a run in a directory. One that may overwrite or resume a run holds its lock
 /// from the first look on, as long as it lives.
@@ -92,10 +64,17 @@ impl RunDirectory {
             log = ProgressLog::lock_if_there(&path.join(LOG))?;
         }
         own_files::look(&path, overwrite)?;
-        Ok(Self {
+        let mut run = Self::at(path, format, log);
+        run.overwrite = overwrite;
+        Ok(run)
+    }
+
+    /// A run in a place that was looked at.
+    const fn at(path: PathBuf, format: Format, log: Option<ProgressLog>) -> Self {
+        Self {
             path,
             format,
-            overwrite,
+            overwrite: false,
             allow_mixed: false,
             allow_unhashed: false,
             keep_moments: false,
@@ -104,7 +83,7 @@ impl RunDirectory {
             resumed: None,
             log,
             open: None,
-        })
+        }
     }
 
     /// Lets a run be resumed on another device, driver, backend or version. The result is then
@@ -203,8 +182,8 @@ impl RunDirectory {
             // that what a crash leaves is still known for a run.
             log.clear()?;
             moments::file::remove(&self.path, earlier.views)?;
-            for name in array_frames::FILES {
-                remove_file(&self.path.join(name))?;
+            for name in layout::stack_files() {
+                remove_file(&self.path.join(&name))?;
                 remove_file(&counts.join(name))?;
             }
         }
@@ -212,8 +191,8 @@ impl RunDirectory {
         let recorded = self.resumed.as_ref().filter(|run| run.file.keep_moments == Some(true));
         for view in recorded.map_or(&[][..], |resumed| &resumed.again) {
             if let Exposure::Sample(index) = view {
-                let directory = self.path.join(moments::DIRECTORY);
-                remove_file(&moments::file::path_of(&directory, *index))?;
+                let directory = self.path.join(layout::MOMENTS);
+                remove_file(&layout::moments(&directory, *index))?;
             }
         }
         remove_stacks(&counts, earlier, keep)?;

@@ -1,8 +1,10 @@
 //! run.json: the provenance of a run, written when it begins and again when it ends.
 
-use super::{Format, RunStart, StackShape};
+use super::record::{RunRecord, RunStart};
+use super::shape::StackShape;
+use crate::array_file::Format;
 use crate::input_file;
-use crate::{Error, Result, RunRecord};
+use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use std::time::SystemTime;

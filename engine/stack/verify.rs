@@ -1,12 +1,14 @@
 //! Whether what a run directory holds is still what was committed.
 
-use super::array_frames::{self, ArrayLayout};
-use super::exr_frames::{self, Values};
+use super::frames::StoredFrames;
+use super::layout::{self, COUNTS, LOG, RUN, SCENE};
 use super::progress_log::{self, Entry};
 use super::read::read_scene;
-use super::run_directory::{COUNTS, LOG, RUN, SCENE};
-use super::{Exposure, Format, RunFile, RunState, StackShape};
-use crate::scene::Scene;
+use super::run_file::{RunFile, RunState};
+use super::shape::{StackShape, views};
+use super::values::Values;
+use crate::array_file::Format;
+use crate::scene::{Exposure, Scene};
 use crate::{Result, moments};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -53,14 +55,14 @@ pub fn check_run(path: &Path) -> Result<RunCheck> {
     let mut problems = Vec::new();
     if extent != file.extent {
         let found = file.extent;
-        problems.push(format!("{place}: run.json has {found:?}; its scene has {extent:?}"));
+        problems.push(format!("{place}: {RUN} has {found:?}; its scene has {extent:?}"));
     }
     let found = frames(path, file.format, extent, &scene, &entries);
     problems.extend(found.problems.into_iter().map(|(_, problem)| problem));
-    let all: Vec<Exposure> = super::views(&scene)?.collect();
+    let all: Vec<Exposure> = views(&scene)?.collect();
     let missing: Vec<&Exposure> = all.iter().filter(|view| !entries.contains_key(view)).collect();
     if let Some(first) = missing.first() {
-        let (count, first) = (missing.len(), progress_log::name(**first));
+        let (count, first) = (missing.len(), layout::view(**first, false));
         let of = all.len();
         problems.push(format!("{place}: {count} of {of} views are not committed, first {first}"));
     } else if file.state != RunState::Done {
@@ -102,18 +104,18 @@ pub(super) fn frames(
     let mut found = Verified::default();
     // Views have detector numbers beside their intensities.
     let counts = scene.detector.counts.is_some();
-    let layout = ArrayLayout::of(format, extent, scene);
-    if let Some(layout) = layout.filter(|_| !entries.is_empty()) {
-        let of = array_frames::header_problems;
-        let mut problems = of(path, layout, Values::Intensities, counts);
+    let stored = StoredFrames::of(format, extent, scene);
+    if !entries.is_empty() {
+        let mut problems = stored.header_problems(path, Values::Intensities, counts);
         if counts {
-            problems.extend(of(&path.join(COUNTS), layout, Values::Numbers, false));
+            let of_counts = stored.header_problems(&path.join(COUNTS), Values::Numbers, false);
+            problems.extend(of_counts);
         }
         found.problems = problems.into_iter().map(|problem| (None, problem)).collect();
     }
     let of_view = |(view, entry): (&Exposure, &Entry)| {
         let counts = counts && *view != Exposure::Dark;
-        (*view, problem_of_view(path, layout, extent, counts, *view, entry))
+        (*view, problem_of_view(path, &stored, extent, counts, *view, entry))
     };
     let views: Vec<_> = entries.par_iter().map(of_view).collect();
     for (view, problem) in views {
@@ -130,7 +132,7 @@ pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)
     let of_view = |view: &Exposure| match view {
         Exposure::Sample(index) => {
             let error = moments::file::check(path, *index).err()?;
-            Some((*view, format!("{error} ({})", progress_log::name(*view))))
+            Some((*view, format!("{error} ({})", layout::view(*view, false))))
         }
         Exposure::Flat | Exposure::Dark => None,
     };
@@ -140,20 +142,17 @@ pub(super) fn moments(path: &Path, views: &[Exposure]) -> Vec<(Exposure, String)
 /// What is wrong with a view, where anything is.
 fn problem_of_view(
     path: &Path,
-    layout: Option<ArrayLayout>,
+    stored: &StoredFrames,
     extent: StackShape,
     counts: bool,
     view: Exposure,
     entry: &Entry,
 ) -> Option<String> {
-    let name = progress_log::name(view);
+    let name = layout::view(view, false);
     if !extent.has(view) {
         return Some(format!("{}: {name} is no view of this run", path.display()));
     }
-    let checksum = |root: &Path, values| match layout {
-        None => exr_frames::checksum(root, extent, view),
-        Some(layout) => array_frames::checksum(root, layout, values, view),
-    };
+    let checksum = |root: &Path, values| stored.checksum(root, values, view);
     let is_whole = || -> Result<bool> {
         let numbers =
             if counts { Some(checksum(&path.join(COUNTS), Values::Numbers)?) } else { None };

@@ -11,7 +11,7 @@ use std::path::Path;
 /// Most files of a circle.
 const MOST: usize = 4;
 /// Modules with a longer circle, and its files.
-const EXCEPTIONS: [(&str, usize); 2] = [("sampling", 16), ("stack", 10)];
+const EXCEPTIONS: [(&str, usize); 1] = [("sampling", 16)];
 
 /// Names from the root of the engine to a module or an item.
 type ItemPath = Vec<String>;

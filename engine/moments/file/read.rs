@@ -1,10 +1,10 @@
 //! The moments of a view, read: its blocks found and checked, then any rows of them.
 
 use super::super::content::Bounds;
-use super::{BLOCK, EXACT_WORDS, HASH, HEADER, MAGIC, RAY, VERSION, WORDS, path_of};
+use super::{BLOCK, EXACT_WORDS, HASH, HEADER, MAGIC, RAY, VERSION, WORDS};
 use crate::interface::{Cell, CellRow, Ray, RayResult};
 use crate::sampling::{CellBatch, CellMoments, ExactCell};
-use crate::{Error, Result, input_file};
+use crate::{Error, Result, input_file, layout};
 use sha2::{Digest, Sha256};
 use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
@@ -47,7 +47,7 @@ impl MomentFile {
         view: u32,
         scene_digest: &[u8; 32],
     ) -> Result<Self> {
-        let path = path_of(directory, view);
+        let path = layout::moments(directory, view);
         let failed = |error| Error::file(&path, "cannot be read", Some(error));
         let damaged = |what: &str| Error::file(&path, format!("{what}: simulate again"), None);
         let file = input_file::open(&path).map_err(failed)?;
@@ -70,7 +70,8 @@ impl MomentFile {
             return Err(damaged(&format!("has version {found} of moments, this is {VERSION}")));
         }
         if head[24..] != *scene_digest {
-            return Err(damaged("belongs to another scene than the run's scene.toml"));
+            let problem = format!("belongs to another scene than the run's {}", layout::SCENE);
+            return Err(damaged(&problem));
         }
         let words = word(20) as usize;
         if words > WORDS {

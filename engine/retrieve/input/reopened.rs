@@ -4,6 +4,7 @@ use super::{Input, mean};
 use crate::retrieve::Record;
 use crate::scene::Scene;
 use crate::stack::StackFile;
+use crate::stack::layout::RECORD;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -19,12 +20,12 @@ impl Input {
     pub fn reopened(record: &Record, directory: &Path) -> Result<Self> {
         let refused = |problem: String| Error::file(directory, problem, None);
         let Some(text) = &record.geometry else {
-            return Err(refused("retrieved.json keeps no geometry: retrieve again".into()));
+            return Err(refused(format!("{RECORD} keeps no geometry: retrieve again")));
         };
         let scene = Scene::from_toml(text, directory)?;
         let [flat, sample] = record.sources.as_slice() else {
             let count = record.sources.len();
-            return Err(refused(format!("retrieved.json names {count} stacks; allowed: 2")));
+            return Err(refused(format!("{RECORD} names {count} stacks; allowed: 2")));
         };
         let open = |source: &String| StackFile::open(place(source, directory));
         let (flat, mut sample) = (open(flat)?, open(sample)?);

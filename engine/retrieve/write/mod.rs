@@ -6,47 +6,28 @@ mod sheet;
 
 pub use record::Record;
 
+use crate::array_file::Format;
 use crate::locked_file::LockedFile;
+use crate::stack::layout::{
+    self, IMAGES_MARK as MARK, IMAGES_PARTIAL as PARTIAL, IMAGES_REPLACED as REPLACED, RECORD,
+};
 use crate::whole_file::{refuse_link, sibling, sync_directory};
 use crate::{Error, Result, folder, open_file};
 use ndarray::ArrayView2;
-use serde::{Deserialize, Serialize};
 use sheet::Sheet;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// The file that describes the images.
-pub(super) const RECORD: &str = "retrieved.json";
 const OF_OTHERS: &str = "is not of the retrieval and would be lost; choose another directory";
-/// Ending of the folder in the making.
-const PARTIAL: &str = ".partial";
-/// Ending of the folder that is replaced.
-const REPLACED: &str = ".replaced";
-/// File that says that a folder in the making is of beamlet.
-const MARK: &str = ".beamlet-partial";
-
-/// File format of retrieved images.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum ImageFormat {
-    /// `NAME/view_0000.exr`, 32-bit float, channel `Y`.
-    #[default]
-    Exr,
-    /// `NAME.npy`, (view, row, column), f32.
-    Npy,
-    /// `NAME.tif`, 32-bit float, a page per view.
-    Tiff,
-}
 
 /// A directory of images in the making.
 #[derive(Debug)]
 pub(crate) struct ImageDirectory {
     path: PathBuf,
     partial: PathBuf,
-    format: ImageFormat,
+    format: Format,
     /// Stands in the images' own metadata.
     about: serde_json::Value,
     sheets: BTreeMap<String, Sheet>,
@@ -70,7 +51,7 @@ impl ImageDirectory {
         if names.is_empty() {
             return Ok(());
         }
-        if !path.join(RECORD).exists() {
+        if !layout::is_retrieved(path) {
             let problem = "is not empty and holds no retrieved images; choose another directory";
             return Err(Error::file(path, problem, None));
         }
@@ -86,7 +67,7 @@ impl ImageDirectory {
     /// Begins beside `path`; where that is a link, beside what it leads to.
     pub(crate) fn begin(
         path: &Path,
-        format: ImageFormat,
+        format: Format,
         overwrite: bool,
         about: serde_json::Value,
     ) -> Result<Self> {
@@ -144,10 +125,7 @@ impl ImageDirectory {
             let sheet = Sheet::begin(&self.partial, name, self.format, shape, about)?;
             self.sheets.insert(name.to_owned(), sheet);
         }
-        match self.sheets.get_mut(name) {
-            Some(sheet) => sheet.put(&image.as_standard_layout()),
-            None => Ok(()),
-        }
+        self.sheets.get_mut(name).map_or(Ok(()), |sheet| sheet.put(image))
     }
 
     /// Writes the record and puts everything in its place.
@@ -242,15 +220,12 @@ fn refuse_others(path: &Path, is_name: &dyn Fn(&str) -> bool) -> Result<()> {
         let place = path.join(&name);
         let kind = fs::symlink_metadata(&place).map_err(&unread)?;
         let name = name.to_str().unwrap_or_default();
-        let ours = match name.rsplit_once('.') {
-            _ if kind.is_dir() && is_name(name) => {
-                refuse_beside_views(&place)?;
-                true
-            }
-            _ if !kind.is_file() => false,
-            _ if name == RECORD || name == MARK => true,
-            Some((stem, "npy" | "tif")) => is_name(stem),
-            _ => false,
+        let ours = if kind.is_dir() && is_name(name) {
+            refuse_beside_views(&place)?;
+            true
+        } else {
+            let is_image = || layout::array_name(name).is_some_and(is_name);
+            kind.is_file() && (name == RECORD || name == MARK || is_image())
         };
         if !ours {
             return Err(Error::file(place, OF_OTHERS, None));
@@ -264,10 +239,7 @@ fn refuse_beside_views(folder: &Path) -> Result<()> {
     let unread = failed(folder, "cannot be read");
     for name in folder::names(folder).map_err(&unread)? {
         let place = folder.join(&name);
-        let is_view = name
-            .to_str()
-            .and_then(|name| name.strip_prefix("view_")?.strip_suffix(".exr"))
-            .is_some_and(|digits| digits.bytes().all(|digit| digit.is_ascii_digit()));
+        let is_view = name.to_str().is_some_and(layout::is_image_of_view);
         if !is_view || !fs::symlink_metadata(&place).map_err(&unread)?.is_file() {
             return Err(Error::file(place, OF_OTHERS, None));
         }
@@ -286,7 +258,7 @@ mod tests {
 
     fn begin(path: &Path) -> ImageDirectory {
         let about = serde_json::json!({});
-        ImageDirectory::begin(path, ImageFormat::Exr, true, about).unwrap()
+        ImageDirectory::begin(path, Format::Exr, true, about).unwrap()
     }
 
     #[cfg(unix)]

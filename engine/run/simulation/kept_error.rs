@@ -8,7 +8,7 @@ use crate::numbers;
 use crate::run::Control;
 use crate::sampling::{Lattice, ProjectedBounds, projected_bounds, touches_pixel};
 use crate::scene::Exposure;
-use crate::stack::{RunFile, SamplingSummary};
+use crate::stack::{RunFile, SamplingSummary, layout};
 use crate::{Error, Result};
 use ndarray::Array3;
 use std::ops::Range;
@@ -58,7 +58,7 @@ impl Simulation {
     pub(super) fn kept_error(&self, control: &Control<'_>) -> Result<Option<SamplingSummary>> {
         let Some(stored) = &self.stored else { return Ok(None) };
         let Some(finer) = &stored.finer else {
-            let record = stored.run().join("run.json");
+            let record = stored.run().join(layout::RUN);
             return Ok(RunFile::read(&record).ok().and_then(|file| file.record.sampling));
         };
         if self.scene.objects.is_empty() {

@@ -1,5 +1,7 @@
 //! Checksums of the views of a run, compared when the views are read.
 
+use crate::stack::layout;
+use crate::stack::values::hex;
 use crate::{Error, Result, reserve};
 use ndarray::Array3;
 use rayon::prelude::*;
@@ -13,16 +15,14 @@ const KEPT: usize = 256 << 20;
 /// Frames that are decoded side by side.
 const AT_ONCE: usize = 8;
 
-/// Views that were compared already, by stack and number.
-pub(super) type Compared = Arc<Mutex<BTreeSet<(String, usize)>>>;
+/// Views that were compared already, by name.
+pub(super) type Compared = Arc<Mutex<BTreeSet<String>>>;
 
 /// What the views of a stack were committed with.
 #[derive(Debug)]
 pub(super) struct Checksums {
-    /// Name of the stack: `flat`, `counts/sample`, ….
-    stack: String,
-    /// SHA-256 of each view.
-    views: Vec<String>,
+    /// Name and SHA-256 of each view.
+    views: Vec<[String; 2]>,
     /// Frames of a view.
     steps: usize,
     /// Shared by the stacks of a run, so that each view is compared once.
@@ -32,9 +32,9 @@ pub(super) struct Checksums {
 }
 
 impl Checksums {
-    pub(super) fn new(stack: &str, views: Vec<String>, steps: usize, compared: &Compared) -> Self {
+    pub(super) fn new(views: Vec<[String; 2]>, steps: usize, compared: &Compared) -> Self {
         let compared = Arc::clone(compared);
-        Self { stack: stack.to_owned(), views, steps, compared, last: Mutex::default() }
+        Self { views, steps, compared, last: Mutex::default() }
     }
 
     /// The view that a frame belongs to, if it still has its checksum; whole where it was read
@@ -54,8 +54,8 @@ impl Checksums {
         if let Some((_, values)) = last {
             return Ok(Some(values));
         }
-        let key = (self.stack.clone(), view);
-        if lock(&self.compared).contains(&key) {
+        let Some([name, recorded]) = self.views.get(view) else { return Ok(None) };
+        if lock(&self.compared).contains(name) {
             return Ok(None);
         }
         let [rows, columns] = shape;
@@ -73,8 +73,15 @@ impl Checksums {
                 }
             }
         }
-        self.compare(path, view, &crate::stack::npy::hex(&hasher.finalize()))?;
-        lock(&self.compared).insert(key);
+        if hex(&hasher.finalize()) != *recorded {
+            let problem = format!(
+                "{name} is not what was committed: its values do not have the checksum of {}; \
+                 resume the run to make it again",
+                layout::LOG
+            );
+            return Err(Error::file(path, problem, None));
+        }
+        lock(&self.compared).insert(name.clone());
         if !keeps {
             return Ok(None);
         }
@@ -83,21 +90,6 @@ impl Checksums {
         let whole = Arc::new(whole);
         *lock(&self.last) = Some((view, Arc::clone(&whole)));
         Ok(Some(whole))
-    }
-
-    fn compare(&self, path: &Path, view: usize, found: &str) -> Result<()> {
-        if self.views.get(view).is_some_and(|recorded| recorded == found) {
-            return Ok(());
-        }
-        let problem = format!(
-            "{} is not what was committed: its values do not have the checksum of progress.log; \
-             resume the run to make it again",
-            match self.stack.as_str() {
-                stack if stack.ends_with("sample") => format!("{stack}/{view}"),
-                stack => stack.to_owned(),
-            }
-        );
-        Err(Error::file(path, problem, None))
     }
 }
 

@@ -1,6 +1,7 @@
 //! Retrieved images of a run.
 
-use super::{StackFile, extension};
+use super::stack_file::StackFile;
+use crate::stack::layout;
 use crate::{Error, Result, folder};
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -25,7 +26,9 @@ impl Maps {
         let unread = |error| Error::file(path, "cannot be read", Some(error));
         let mut maps = BTreeMap::new();
         for entry in folder::paths(path).map_err(unread)? {
-            let is_map = entry.is_dir() || matches!(extension(&entry).as_str(), "npy" | "tif");
+            let name = entry.file_name().map(|name| name.to_string_lossy().to_lowercase());
+            let is_file = name.is_some_and(|name| layout::array_name(&name).is_some());
+            let is_map = entry.is_dir() || is_file;
             let name = entry.file_stem().map(|name| name.to_string_lossy().into_owned());
             if let (true, Some(name)) = (is_map, name.filter(|name| !name.starts_with('.'))) {
                 maps.insert(name, StackFile::open(&entry)?);

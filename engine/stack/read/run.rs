@@ -1,12 +1,13 @@
 //! Reading a run directory: its scene, its record, and the views that are committed.
 
-use super::StackFile;
 use super::checksums::{Checksums, Compared};
+use super::stack_file::StackFile;
 use crate::numbers;
-use crate::scene::Scene;
+use crate::scene::{Exposure, Scene};
+use crate::stack::layout::{self, COUNTS, LOG, RUN, SCENE};
 use crate::stack::progress_log::{self, Entry};
-use crate::stack::run_directory::{COUNTS, LOG, RUN, SCENE};
-use crate::stack::{Exposure, Format, RunFile, StackShape};
+use crate::stack::run_file::RunFile;
+use crate::stack::shape::StackShape;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -43,8 +44,8 @@ impl OpenRun {
     /// ```
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        if !path.join(RUN).exists() {
-            let problem = "is no run directory: it has no run.json";
+        if !layout::is_run(path) {
+            let problem = format!("is no run directory: it has no {RUN}");
             return Err(Error::file(path, problem, None));
         }
         let file = RunFile::read(&path.join(RUN))?;
@@ -100,7 +101,7 @@ impl OpenRun {
         if !self.is_committed(Exposure::Flat) {
             return Err(Error::file(&self.path, "the flat is not committed: resume the run", None));
         }
-        self.stack("flat", 1)
+        self.stack(Exposure::Flat, false, 1)
     }
 
     /// The committed views with the sample.
@@ -111,7 +112,7 @@ impl OpenRun {
         if self.views == 0 {
             return Err(Error::file(&self.path, "no view is committed: resume the run", None));
         }
-        self.stack("sample", self.views)
+        self.stack(Exposure::Sample(0), false, self.views)
     }
 
     /// Detector numbers of the flat, where the scene asks for noise.
@@ -119,7 +120,7 @@ impl OpenRun {
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn counts_flat(&self) -> Result<Option<StackFile>> {
-        self.optional("counts/flat", 1, self.is_committed(Exposure::Flat))
+        self.optional(Exposure::Flat, true, usize::from(self.is_committed(Exposure::Flat)))
     }
 
     /// Detector numbers with the sample, where the scene asks for noise.
@@ -127,7 +128,7 @@ impl OpenRun {
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn counts_sample(&self) -> Result<Option<StackFile>> {
-        self.optional("counts/sample", self.views, self.views > 0)
+        self.optional(Exposure::Sample(0), true, self.views)
     }
 
     /// Detector numbers without beam, where the scene asks for noise.
@@ -135,78 +136,82 @@ impl OpenRun {
     /// # Errors
     /// As [`OpenRun::flat`].
     pub fn dark(&self) -> Result<Option<StackFile>> {
-        self.optional("dark", 1, self.is_committed(Exposure::Dark))
+        self.optional(Exposure::Dark, false, usize::from(self.is_committed(Exposure::Dark)))
     }
 
     fn is_committed(&self, view: Exposure) -> bool {
         self.committed.contains_key(&view)
     }
 
-    /// What progress.log says of the views of a stack.
-    fn checksums(&self, name: &str, views: usize, steps: usize) -> Result<Checksums> {
+    /// Checksums of the log of the first `views` views of a stack.
+    fn checksums(
+        &self,
+        stack: Exposure,
+        counts: bool,
+        views: usize,
+        steps: usize,
+    ) -> Result<Checksums> {
         let of_view = |index: usize| {
-            let view = match name {
-                "flat" | "counts/flat" => Exposure::Flat,
-                "dark" => Exposure::Dark,
-                _ => Exposure::Sample(numbers::count(index)),
+            let view = match stack {
+                Exposure::Sample(_) => Exposure::Sample(numbers::count(index)),
+                other => other,
             };
             let entry = self.committed.get(&view);
-            let counts = name.starts_with(COUNTS);
             let found =
                 entry.and_then(|e| if counts { e.counts.as_ref() } else { Some(&e.sha256) });
-            found.cloned().ok_or_else(|| {
+            let checksum = found.cloned().ok_or_else(|| {
+                let name = layout::stack_of(stack, counts);
                 let problem = format!("has no checksum of view {index} of {name}: resume the run");
                 Error::file(self.path.join(LOG), problem, None)
-            })
+            })?;
+            Ok([layout::view(view, counts), checksum])
         };
         let views = (0..views).map(of_view).collect::<Result<_>>()?;
-        Ok(Checksums::new(name, views, steps, &self.compared))
+        Ok(Checksums::new(views, steps, &self.compared))
     }
 
-    fn optional(&self, name: &str, views: usize, committed: bool) -> Result<Option<StackFile>> {
-        if !committed || !self.file_of(name).exists() {
+    /// The first `views` views of a stack that is there.
+    fn optional(&self, stack: Exposure, counts: bool, views: usize) -> Result<Option<StackFile>> {
+        if views == 0 || !self.file_of(stack, counts).exists() {
             return Ok(None);
         }
-        self.stack(name, views).map(Some)
+        self.stack(stack, counts, views).map(Some)
     }
 
-    fn file_of(&self, name: &str) -> PathBuf {
-        match self.file.format {
-            Format::Exr => self.path.join(name),
-            Format::Npy => self.path.join(format!("{name}.npy")),
-            Format::Tiff => self.path.join(format!("{name}.tif")),
-        }
+    fn file_of(&self, stack: Exposure, counts: bool) -> PathBuf {
+        let root = if counts { self.path.join(COUNTS) } else { self.path.clone() };
+        layout::array(&root, &layout::stack(stack), self.file.format)
     }
 
-    fn stack(&self, name: &str, views: usize) -> Result<StackFile> {
-        let path = self.file_of(name);
+    fn stack(&self, stack: Exposure, counts: bool, views: usize) -> Result<StackFile> {
+        let path = self.file_of(stack, counts);
         let extent = self.file.extent;
-        let stack = StackFile::open(&path)?;
+        let file = StackFile::open(&path)?;
+        let is_dark = stack == Exposure::Dark;
         // Pages do not say where a view ends.
-        let stack = match self.file.format {
-            Format::Tiff if name != "dark" => stack.with_steps(extent.steps as usize)?,
-            _ => stack,
+        let file = match is_dark || self.file.format.abilities().sides {
+            true => file,
+            false => file.with_steps(extent.steps as usize)?,
         };
-        let stack = stack.first_views(views);
+        let file = file.first_views(views);
         let [steps, rows, columns] =
             [extent.steps, extent.rows, extent.columns].map(|side| side as usize);
         // The number of dark frames is the detector's own.
-        let expected =
-            [views, if name == "dark" { stack.shape()[1] } else { steps }, rows, columns];
-        if stack.shape() != expected {
+        let expected = [views, if is_dark { file.shape()[1] } else { steps }, rows, columns];
+        if file.shape() != expected {
             let problem = format!(
-                "has {:?} views, steps, rows and columns; run.json says {expected:?}",
-                stack.shape()
+                "has {:?} views, steps, rows and columns; {RUN} says {expected:?}",
+                file.shape()
             );
             return Err(Error::file(path, problem, None));
         }
-        let checksums = self.checksums(name, views, stack.shape()[1])?;
-        Ok(stack.with_checksums(checksums))
+        let checksums = self.checksums(stack, counts, views, file.shape()[1])?;
+        Ok(file.with_checksums(checksums))
     }
 }
 
 /// The resolved scene; one whose meshes were arrays does not load, and is read without objects.
-pub(in crate::stack) fn read_scene(path: &Path) -> Result<Scene> {
+pub(crate) fn read_scene(path: &Path) -> Result<Scene> {
     let error = match Scene::load(path) {
         Ok(scene) => return Ok(scene),
         Err(error) => error,

@@ -1,11 +1,12 @@
 //! A run between its beginning and its end.
 
-use super::RUN;
-use super::frames::Frames;
-use crate::stack::exr_frames::Values;
+use crate::scene::Exposure;
+use crate::stack::frames::Frames;
+use crate::stack::layout::RUN;
 use crate::stack::progress_log::{Entry, ProgressLog};
 use crate::stack::run_file::{RunFile, RunState};
-use crate::stack::{Exposure, StackShape};
+use crate::stack::shape::StackShape;
+use crate::stack::values::Values;
 use crate::{Error, Result, Tally, moments};
 use ndarray::ArrayView3;
 use std::ops::Range;

@@ -1,11 +1,15 @@
 //! Going on with a run: what of it is as it was committed, and whether it may go on.
 
-use super::{LOG, RUN, RunDirectory, SCENE};
+use super::RunDirectory;
 use crate::numbers;
-use crate::scene::Scene;
+use crate::scene::{Exposure, Scene};
+use crate::stack::layout::{self, LOG, RUN, SCENE};
 use crate::stack::progress_log::{self, ProgressLog};
-use crate::stack::{Exposure, RunFile, StackShape, own_files, scene_file, verify};
-use crate::{Error, Result, RunRecord, Tally, moments};
+use crate::stack::record::RunRecord;
+use crate::stack::run_file::RunFile;
+use crate::stack::shape::StackShape;
+use crate::stack::{own_files, scene_file, verify};
+use crate::{Error, Result, Tally, moments};
 use std::path::{Path, PathBuf};
 
 /// What stood in the directory when the run was resumed.
@@ -32,10 +36,10 @@ impl RunDirectory {
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
-        if !path.join(RUN).exists() {
+        if !layout::is_run(&path) {
             let problem = match path.exists() {
-                true => "holds no run to go on with: it has no run.json",
-                false => "is not there: it has no run.json to go on from",
+                true => format!("holds no run to go on with: it has no {RUN}"),
+                false => format!("is not there: it has no {RUN} to go on from"),
             };
             return Err(Error::file(path, problem, None));
         }
@@ -67,8 +71,9 @@ impl RunDirectory {
         let counted = committed.iter().filter_map(|view| entries[view].tally);
         let (uncounted, counted) = (committed.len() - counted.clone().count(), counted.sum());
         let again = entries.into_keys().filter(|view| !committed.contains(view)).collect();
-        let format = file.format;
-        let resumed = Some(Resumed {
+        let mut run = Self::at(path, file.format, log);
+        run.keep_moments = keep_moments;
+        run.resumed = Some(Resumed {
             file,
             committed,
             intact: found.whole,
@@ -77,19 +82,7 @@ impl RunDirectory {
             counted,
             uncounted: numbers::count(uncounted),
         });
-        Ok(Self {
-            path,
-            format,
-            overwrite: false,
-            allow_mixed: false,
-            allow_unhashed: false,
-            keep_moments,
-            overrides: Vec::new(),
-            command: None,
-            resumed,
-            log,
-            open: None,
-        })
+        Ok(run)
     }
 
     /// Views that are committed already, for [`crate::Control::skip`].

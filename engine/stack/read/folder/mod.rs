@@ -3,7 +3,7 @@
 mod name;
 mod order;
 
-use super::extension;
+use crate::array_file::{Format, endings};
 use crate::{Error, Result, folder};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 /// The frames of a folder.
 #[derive(Debug)]
 pub(super) struct FolderFrames {
+    /// Format of the files.
+    pub(super) format: Format,
     pub(super) views: usize,
     /// Files of all frames, the views one after another.
     pub(super) files: Vec<PathBuf>,
@@ -22,9 +24,9 @@ pub(super) struct FolderFrames {
 /// Finds the frames of a folder, or of its folders.
 pub(super) fn frames(path: &Path) -> Result<FolderFrames> {
     let (files, folders) = listing(path)?;
-    if !files.is_empty() {
+    if let Some(format) = files.first().and_then(|file| Format::of(file)) {
         let order::Order { paths: files, sides } = order::in_order(path, files)?;
-        return Ok(FolderFrames { views: 1, files, sides });
+        return Ok(FolderFrames { format, views: 1, files, sides });
     }
     let mut views: BTreeMap<PathBuf, Vec<PathBuf>> = BTreeMap::new();
     for folder in folders {
@@ -50,11 +52,12 @@ pub(super) fn frames(path: &Path) -> Result<FolderFrames> {
         }
         all.extend(files);
     }
-    if all.is_empty() {
-        let problem = "holds no frames: .exr or .tif files, or folders of them";
-        return Err(Error::file(path, problem, None));
-    }
-    Ok(FolderFrames { views: count, files: all, sides: Vec::new() })
+    let format = all.first().and_then(|file| Format::of(file)).ok_or_else(|| {
+        let endings = endings(|format| format.abilities().folders);
+        let problem = format!("holds no frames: files that end in {endings}, or folders of them");
+        Error::file(path, problem, None)
+    })?;
+    Ok(FolderFrames { format, views: count, files: all, sides: Vec::new() })
 }
 
 /// Frames and folders of a folder, by their names.
@@ -68,13 +71,16 @@ fn listing(path: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
         }
         if entry.is_dir() {
             folders.push(entry);
-        } else if matches!(extension(&entry).as_str(), "exr" | "tif" | "tiff") {
+        } else if Format::of(&entry).is_some_and(|format| format.abilities().folders) {
             frames.push(entry);
         }
     }
-    let exr = frames.iter().filter(|frame| extension(frame) == "exr").count();
-    if exr != 0 && exr != frames.len() {
-        return Err(Error::file(path, "holds EXR and TIFF frames; allowed is one format", None));
+    let of = |format: &Format| frames.iter().any(|frame| Format::of(frame) == Some(*format));
+    let formats: Vec<Format> = Format::ALL.into_iter().filter(of).collect();
+    if let [one, other, ..] = formats[..] {
+        let [one, other] = [one, other].map(|format| format.to_string().to_uppercase());
+        let problem = format!("holds {one} and {other} frames; allowed is one format");
+        return Err(Error::file(path, problem, None));
     }
     Ok((frames, folders))
 }

@@ -1,54 +1,53 @@
-//! EXR: one 32-bit float file per frame, for every image viewer.
+//! Frames in a file each, of a format without pages.
 //!
-//! A view is built in `partial/` and renamed into place, so that a directory of frames is whole
-//! or not there. A view that comes in one band is converted as it comes; one in several bands is
-//! spooled to a raw file first, because an EXR file is written once from top to bottom.
+//! A view is built in a folder of its own and renamed into place, so that a directory of frames is
+//! whole or not there. A view that comes in one band is converted as it comes; one in several bands
+//! is spooled to a raw file first, because such a file is written once from top to bottom.
 
-use super::npy::{hex, le_bytes};
-use super::read::read_exr;
-use super::{Exposure, StackShape};
+use super::layout;
+use super::shape::StackShape;
+use super::values::{Values, hex};
+use crate::array_file::{ArrayFile, Format, append, le_bytes};
 use crate::optics::{Mask, Optics};
-use crate::scene::Scene;
-use crate::{Error, Result, folder, open_file, parallel, reserve};
-use exr::prelude::*;
+use crate::scene::{Exposure, Scene};
+use crate::{Error, Result, folder, open_file, reserve};
 use ndarray::{ArrayView2, ArrayView3};
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Frames of a view in the making, and the spool.
-pub(super) const PARTIAL: &str = "partial";
-
-/// The frames of a run directory as EXR files.
+/// The frames of a run directory as files.
 #[derive(Debug)]
-pub(super) struct ExrFrames {
+pub(super) struct FrameFiles {
     root: PathBuf,
+    format: Format,
     extent: StackShape,
     /// Whether there are dark frames.
     dark: bool,
     about: About,
     /// Raw values `[step][row][column]` of the view in work, when it comes in several bands.
     spool: Option<File>,
-    /// Checksum of the view in work once its frames stand in `partial/`.
+    /// Checksum of the view in work once its frames are in the folder of partial frames.
     converted: Option<String>,
 }
 
-impl ExrFrames {
+impl FrameFiles {
     /// Frames under `root` with these values: intensities, or detector numbers; with dark frames
     /// or without.
     pub(super) fn begin(
         root: &Path,
+        format: Format,
         extent: StackShape,
         scene: &Scene,
         values: Values,
         dark: bool,
     ) -> Self {
-        let about = About::of(scene, values);
-        Self { root: root.to_path_buf(), extent, dark, about, spool: None, converted: None }
+        let (root, about) = (root.to_path_buf(), About::of(scene, values));
+        Self { root, format, extent, dark, about, spool: None, converted: None }
     }
 
     pub(super) fn write(
@@ -61,7 +60,7 @@ impl ExrFrames {
             self.make_partial()?;
             let frames: Vec<_> = (0_u32..).zip(data.outer_iter()).collect();
             let write = |(step, frame): &(u32, ArrayView2<'_, f32>)| {
-                self.write_frame(view, *step, reserve::collected(frame.iter().copied(), "a frame")?)
+                self.write_frame(view, *step, frame.view())
             };
             let hash = || {
                 let mut hasher = Sha256::new();
@@ -71,7 +70,7 @@ impl ExrFrames {
                 Ok::<_, Error>(hex(&hasher.finalize()))
             };
             // Large frames are compressed by threads of their own.
-            let write_all = || match self.is_small() {
+            let write_all = || match self.extent.frame_bytes() < SMALL {
                 true => frames.par_iter().try_for_each(write),
                 false => frames.iter().try_for_each(write),
             };
@@ -106,7 +105,7 @@ impl ExrFrames {
             self.converted = Some(self.convert(view, spool)?);
         }
         let checksum = self.converted.take().unwrap_or_default();
-        let partial = self.root.join(PARTIAL);
+        let partial = self.root.join(layout::PARTIAL);
         let frames: Vec<PathBuf> =
             (0..self.extent.steps).map(|step| partial.join(self.step_name(step))).collect();
         // Journalling file systems settle syncs that wait at the same time together.
@@ -123,54 +122,31 @@ impl ExrFrames {
         let unread = failed(&path, "cannot be read");
         let mut hasher = Sha256::new();
         spool.seek(SeekFrom::Start(0)).map_err(&unread)?;
-        let frame_bytes = self.extent.rows as usize * self.extent.columns as usize * 4;
-        let mut bytes = reserve::zeroed::<u8>(frame_bytes, "a frame as bytes")?;
+        let shape = [self.extent.rows as usize, self.extent.columns as usize];
+        let mut values = reserve::zeroed::<f32>(shape[0] * shape[1], "a frame")?;
         for step in 0..self.extent.steps {
-            spool.read_exact(&mut bytes).map_err(&unread)?;
-            hasher.update(&bytes);
-            let mut values = reserve::zeroed::<f32>(frame_bytes / 4, "a frame")?;
-            let bytes = bytes.as_chunks().0.iter();
-            values.iter_mut().zip(bytes).for_each(|(to, from)| *to = f32::from_le_bytes(*from));
-            self.write_frame(view, step, values)?;
+            let bytes = bytemuck::cast_slice_mut::<f32, u8>(&mut values);
+            spool.read_exact(bytes).map_err(&unread)?;
+            hasher.update(&*bytes);
+            values.iter_mut().for_each(|value| *value = f32::from_le_bytes(value.to_ne_bytes()));
+            let frame = ArrayView2::from_shape(shape, &values)
+                .map_err(|error| Error::file(&path, format!("cannot be read: {error}"), None))?;
+            self.write_frame(view, step, frame)?;
         }
         drop(spool);
         fs::remove_file(&path).map_err(failed(&path, "cannot be removed"))?;
         Ok(hex(&hasher.finalize()))
     }
 
-    fn write_frame(&self, view: Exposure, step: u32, values: Vec<f32>) -> Result<()> {
-        let path = self.root.join(PARTIAL).join(self.step_name(step));
-        let size = (self.extent.columns as usize, self.extent.rows as usize);
-        let software_name = Some(Text::from(concat!("beamlet ", env!("CARGO_PKG_VERSION"))));
-        let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
-        // One attribute, not many: the crate writes custom ones in the random order of a hash
-        // map, and the same frame is to be the same bytes.
-        let about = Text::new_or_none(self.about.of_frame(view, step)).unwrap_or_default();
-        attributes.other.insert(Text::from("beamlet"), AttributeValue::Text(about));
-        let channel = AnyChannel::new("Y", FlatSamples::F32(values));
-        let layer = Layer::new(
-            size,
-            attributes,
-            ENCODING,
-            AnyChannels::sort([channel].into_iter().collect()),
-        );
-        let image = Image::from_layer(layer);
-        let written = File::create(&path).map_err(exr::error::Error::Io).and_then(|file| {
-            // The crate starts threads for every file.
-            let write = image.write();
-            let alone = self.is_small() || !parallel::is_bounded();
-            let write = if alone { write.non_parallel() } else { write };
-            write.to_buffered(BufWriter::new(file))
-        });
-        written.map_err(|error| match error {
-            exr::error::Error::Io(source) => Error::file(&path, "cannot be written", Some(source)),
-            other => Error::file(&path, format!("cannot be written: {other}"), None),
-        })
+    fn write_frame(&self, view: Exposure, step: u32, frame: ArrayView2<'_, f32>) -> Result<()> {
+        let path = self.root.join(layout::PARTIAL).join(self.step_name(step));
+        let about = self.about.of_frame(view, step);
+        append(&path, self.format, [1, self.extent.rows, self.extent.columns])?.put(frame, &about)
     }
 
     /// Renames the frames to where they belong.
     fn put_in_place(&self, view: Exposure, partial: &Path) -> Result<()> {
-        let target = self.root.join(view_directory(self.extent, view));
+        let target = layout::view_folder(&self.root, self.extent.views, view);
         let parent = target.parent().unwrap_or(&self.root).to_path_buf();
         folder::make(&parent).map_err(failed(&parent, "cannot be created"))?;
         if target.exists() {
@@ -187,12 +163,8 @@ impl ExrFrames {
         crate::whole_file::sync_directory(&parent)
     }
 
-    fn is_small(&self) -> bool {
-        self.extent.frame_bytes() < SMALL
-    }
-
     fn make_partial(&self) -> Result<()> {
-        let path = self.root.join(PARTIAL);
+        let path = self.root.join(layout::PARTIAL);
         folder::make(&path).map_err(failed(&path, "cannot be created"))
     }
 
@@ -200,7 +172,7 @@ impl ExrFrames {
     pub(super) fn refuse_missing(&self) -> Result<()> {
         let dark = self.dark.then_some(Exposure::Dark);
         for view in self.extent.all_views().chain(dark) {
-            let directory = self.root.join(view_directory(self.extent, view));
+            let directory = layout::view_folder(&self.root, self.extent.views, view);
             let found = open_file::names_of_run(&directory)?;
             // Names are sorted; files of others may be among them.
             let is_there = |step: &u32| found.binary_search(&self.step_name(*step).into()).is_ok();
@@ -212,56 +184,31 @@ impl ExrFrames {
     }
 
     fn spool_path(&self) -> PathBuf {
-        self.root.join(PARTIAL).join(super::own_files::SPOOL)
+        self.root.join(layout::PARTIAL).join(layout::SPOOL)
     }
 
     fn step_name(&self, step: u32) -> String {
-        step_file(self.extent, step)
+        layout::frame(self.extent.steps, step, self.format)
     }
 }
 
-/// Frames of fewer bytes are compressed sooner than threads are started for it.
+/// Frames of fewer bytes are written side by side.
 const SMALL: u64 = 1 << 20;
 
-/// Zip, lossless: noise-free frames shrink to a fifth (measured on the bracket of the examples, 512
-/// x 256 pixels) and take 0.2 s instead of 0.08 s per 22 MiB on two cores.
-const ENCODING: Encoding = Encoding {
-    compression: Compression::ZIP16,
-    blocks: Blocks::ScanLines,
-    line_order: LineOrder::Increasing,
-};
-
-/// Directory of a view's frames, relative to the run directory.
-pub(super) fn view_directory(extent: StackShape, view: Exposure) -> PathBuf {
-    match view {
-        Exposure::Flat => "flat".into(),
-        Exposure::Dark => "dark".into(),
-        Exposure::Sample(index) => {
-            let width = digits(extent.views).max(4);
-            Path::new("sample").join(format!("view_{index:0width$}"))
-        }
-    }
-}
-
-/// File name of a step's frame.
-pub(super) fn step_file(extent: StackShape, step: u32) -> String {
-    let width = digits(extent.steps).max(3);
-    format!("step_{step:0width$}.exr")
-}
-
-/// Digits of the largest index below `count`.
-fn digits(count: u32) -> usize {
-    count.saturating_sub(1).checked_ilog10().map_or(1, |log| log as usize + 1)
-}
-
-/// SHA-256 of a view as it stands in its frames under `root`.
-pub(super) fn checksum(root: &Path, extent: StackShape, view: Exposure) -> Result<String> {
-    let directory = root.join(view_directory(extent, view));
+/// SHA-256 of a view as it is in its frames under `root`.
+pub(super) fn checksum(
+    root: &Path,
+    format: Format,
+    extent: StackShape,
+    view: Exposure,
+) -> Result<String> {
+    let directory = layout::view_folder(root, extent.views, view);
     let mut hasher = Sha256::new();
     let shape = [extent.rows as usize, extent.columns as usize];
     for step in 0..extent.steps {
-        let path = directory.join(step_file(extent, step));
-        hasher.update(le_bytes(read_exr(&path, shape, 0..shape[0])?.into_iter())?);
+        let path = directory.join(layout::frame(extent.steps, step, format));
+        let values = ArrayFile::read_frame(&path, format, shape, 0..shape[0])?;
+        hasher.update(le_bytes(values.into_iter())?);
     }
     Ok(hex(&hasher.finalize()))
 }
@@ -276,15 +223,6 @@ struct About {
     /// What all frames share.
     shared: serde_json::Map<String, serde_json::Value>,
     scene: Box<Scene>,
-}
-
-/// What the values of frames are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Values {
-    /// 1 is an open pixel.
-    Intensities,
-    /// What the detector reads out.
-    Numbers,
 }
 
 impl About {

@@ -1,36 +1,55 @@
-//! EXR frames: the channel `Y`, or the only channel, of the first layer.
+//! EXR: a frame per file, 32-bit float, for every image viewer. Of files of others the channel `Y`, or
+//! the only channel, of the first layer is the frame.
 
-use crate::array_file::{refuse_hollow, refuse_shape};
-use crate::{Error, Result, input_file, reserve};
+use super::limits::{refuse_hollow, refuse_shape};
+use super::parts::{Append, unwritten};
+use crate::{Error, Result, input_file, parallel, reserve};
 use exr::block::lines::LineRef;
 use exr::block::reader::{ChunksReader, Reader};
 use exr::compression::Compression;
 use exr::meta::attribute::SampleType;
 use exr::meta::header::Header;
-use exr::prelude::f16;
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Blocks, Encoding, FlatSamples, Image, Layer,
+    LayerAttributes, LineOrder, Text, WritableImage, f16,
+};
+use ndarray::ArrayView2;
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, BufWriter, Write};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 type FrameReader = Reader<BufReader<File>>;
 
-/// Rows and columns of a frame.
-pub(super) fn frame_shape(path: &Path) -> Result<[usize; 2]> {
-    let reader = open(path)?;
-    let header = first(path, reader.headers())?;
-    channel(path, header)?;
-    let shape = [header.layer_size.height(), header.layer_size.width()];
-    refuse_hollow(path, shape)?;
-    Ok(shape)
+/// A frame whose header was read.
+#[derive(Debug)]
+pub(crate) struct ExrFrame {
+    path: PathBuf,
+    /// Rows and columns.
+    shape: [usize; 2],
+}
+
+impl ExrFrame {
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let reader = open(path)?;
+        let header = first(path, reader.headers())?;
+        channel(path, header)?;
+        let shape = [header.layer_size.height(), header.layer_size.width()];
+        refuse_hollow(path, shape)?;
+        Ok(Self { path: path.to_path_buf(), shape })
+    }
+
+    pub(super) const fn shape(&self) -> [usize; 2] {
+        self.shape
+    }
+
+    pub(super) fn read(&self, rows: Range<usize>) -> Result<Vec<f32>> {
+        read(&self.path, self.shape, rows)
+    }
 }
 
 /// Some rows of a frame that has this shape.
-pub(in crate::stack) fn read(
-    path: &Path,
-    shape: [usize; 2],
-    rows: Range<usize>,
-) -> Result<Vec<f32>> {
+pub(super) fn read(path: &Path, shape: [usize; 2], rows: Range<usize>) -> Result<Vec<f32>> {
     let reader = open(path)?;
     let header = first(path, reader.headers())?;
     refuse_shape(path, [header.layer_size.height(), header.layer_size.width()], shape)?;
@@ -137,5 +156,61 @@ fn failed(path: &Path, error: exr::error::Error) -> Error {
             Error::file(path, "cannot be read (cut short?)", Some(source))
         }
         other => Error::file(path, format!("is no EXR frame that can be read: {other}"), None),
+    }
+}
+
+/// A file that takes one frame, which is flushed at once and synced at the end.
+pub(super) fn append(path: &Path) -> Box<dyn Append> {
+    Box::new(ExrWriter { path: path.to_path_buf() })
+}
+
+struct ExrWriter {
+    path: PathBuf,
+}
+
+/// Frames of fewer bytes are compressed sooner than threads are started for it.
+const SMALL: usize = 1 << 20;
+
+/// Zip, lossless: noise-free frames shrink to a fifth (measured on the bracket of the examples, 512
+/// x 256 pixels) and take 0.2 s instead of 0.08 s per 22 MiB on two cores.
+const ENCODING: Encoding = Encoding {
+    compression: Compression::ZIP16,
+    blocks: Blocks::ScanLines,
+    line_order: LineOrder::Increasing,
+};
+
+impl Append for ExrWriter {
+    fn put(&mut self, frame: ArrayView2<'_, f32>, about: &str) -> Result<()> {
+        let path = &self.path;
+        let software_name = Some(Text::from(concat!("beamlet ", env!("CARGO_PKG_VERSION"))));
+        let mut attributes = LayerAttributes { software_name, ..LayerAttributes::default() };
+        // One attribute, not many: the crate writes custom ones in the random order of a hash
+        // map, and the same frame is to be the same bytes.
+        let text = Text::new_or_none(about).unwrap_or_default();
+        attributes.other.insert(Text::from("beamlet"), AttributeValue::Text(text));
+        let values = reserve::collected(frame.iter().copied(), "a frame")?;
+        let channel = AnyChannel::new("Y", FlatSamples::F32(values));
+        let channels = AnyChannels::sort([channel].into_iter().collect());
+        let image = Image::from_layer(Layer::new(
+            (frame.ncols(), frame.nrows()),
+            attributes,
+            ENCODING,
+            channels,
+        ));
+        let mut out = BufWriter::new(File::create(path).map_err(|error| unwritten(path, error))?);
+        // The crate starts threads for every file.
+        let write = image.write();
+        let alone = 4 * frame.len() < SMALL || !parallel::is_bounded();
+        let write = if alone { write.non_parallel() } else { write };
+        let written = write.to_buffered(&mut out);
+        // A buffer that is dropped keeps its last error to itself.
+        written.and_then(|()| Ok(out.flush()?)).map_err(|error| match error {
+            exr::error::Error::Io(source) => unwritten(path, source),
+            other => Error::file(path, format!("cannot be written: {other}"), None),
+        })
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        crate::whole_file::sync_path(&self.path)
     }
 }

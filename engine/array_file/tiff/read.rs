@@ -2,8 +2,9 @@
 //! that are stored, whether black or white is zero. Pages that are reduced copies of others are no
 //! frames.
 
-use super::tiff_stored::{self, Replaced};
-use super::{LEAST, Value, refuse_hollow, refuse_shape};
+use super::stored::{self, Replaced};
+use crate::array_file::limits::{LEAST, refuse_hollow, refuse_shape};
+use crate::array_file::parts::Value;
 use crate::numbers;
 use crate::{Error, Result, input_file, reserve};
 use std::fmt;
@@ -111,7 +112,7 @@ impl TiffPages {
         let mut pages = self.pages.lock().unwrap_or_else(PoisonError::into_inner);
         let unread = |error| failed(&self.path, error);
         let page = self.frames.get(frame).copied().unwrap_or(usize::MAX);
-        tiff_stored::seek(&mut pages, page).map_err(unread)?;
+        stored::seek(&mut pages, page).map_err(unread)?;
         refuse_shape(&self.path, frame_of(&self.path, &mut pages)?, self.frame)?;
         let columns = self.frame[1];
         let (width, height) = pages.chunk_dimensions();

@@ -4,41 +4,22 @@
 //! pages behind them without a gap, as `ImageJ` expects of its own stacks: its description has slices
 //! (mask steps), frames (views) and the unit of the resolution. Beyond 4 GiB it is a `BigTIFF`.
 
-use super::StackShape;
+use crate::array_file::parts::Sample;
 use std::fmt::Write;
 
 /// Bytes of a strip, at most, unless a single row has more.
 const STRIP: u64 = 16 << 20;
 
-/// One value of a pixel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Sample {
-    F32,
-    U16,
-}
-
-impl Sample {
-    pub(super) const fn bytes(self) -> u64 {
-        match self {
-            Self::F32 => 4,
-            Self::U16 => 2,
-        }
-    }
-}
-
-/// Everything before the values of `views` views. `pitch`: of a pixel, x and z, m.
-pub(super) fn header(extent: StackShape, views: u32, pitch: [f64; 2], sample: Sample) -> Vec<u8> {
-    let values = extent.view_bytes() / 4 * sample.bytes() * u64::from(views);
-    let classic = Pages::new(extent, views, pitch, sample, false);
-    match classic.header_bytes() + values <= u64::from(u32::MAX) {
-        true => classic.header(),
-        false => Pages::new(extent, views, pitch, sample, true).header(),
-    }
+/// Everything before the values of an array `[view][step][row][column]`, or of the last two or three
+/// sides of one. `pitch`: of a pixel, x and z, m.
+pub(crate) fn header(sides: &[u32], pitch: [f64; 2], sample: Sample) -> Vec<u8> {
+    TiffHeader::new(sides, pitch, sample).bytes()
 }
 
 /// The pages of a file.
-struct Pages {
-    extent: StackShape,
+struct TiffHeader {
+    rows: u32,
+    columns: u32,
     pages: u64,
     sample: Sample,
     /// Offsets of 8 bytes.
@@ -59,23 +40,33 @@ const LONG8: u16 = 16;
 /// Entries of a directory without a description, which is that of the first page.
 const ENTRIES: u64 = 15;
 
-impl Pages {
-    fn new(extent: StackShape, views: u32, pitch: [f64; 2], sample: Sample, big: bool) -> Self {
-        let row = sample.bytes() * u64::from(extent.columns);
-        let rows = (STRIP / row.max(1)).clamp(1, u64::from(extent.rows.max(1)));
-        Self {
-            extent,
-            pages: u64::from(views) * u64::from(extent.steps),
+impl TiffHeader {
+    fn new(sides: &[u32], pitch: [f64; 2], sample: Sample) -> Self {
+        let mut sides = sides.iter().rev().copied();
+        let [columns, rows, steps, views] = [0; 4].map(|_| sides.next().unwrap_or(1));
+        let row = sample.bytes() * u64::from(columns);
+        let rows_per_strip = (STRIP / row.max(1)).clamp(1, u64::from(rows.max(1)));
+        let mut header = Self {
+            rows,
+            columns,
+            pages: u64::from(views) * u64::from(steps),
             sample,
-            big,
-            description: description(extent, views),
+            big: false,
+            description: description(steps, views),
             resolution: pitch.map(per_micrometre),
-            rows_per_strip: u32::try_from(rows).unwrap_or(u32::MAX),
-        }
+            rows_per_strip: u32::try_from(rows_per_strip).unwrap_or(u32::MAX),
+        };
+        header.big = header.len() + header.pages * header.page_bytes() > u64::from(u32::MAX);
+        header
+    }
+
+    /// Bytes of the values of a page.
+    fn page_bytes(&self) -> u64 {
+        self.sample.bytes() * u64::from(self.rows) * u64::from(self.columns)
     }
 
     fn strips(&self) -> u64 {
-        u64::from(self.extent.rows.div_ceil(self.rows_per_strip))
+        u64::from(self.rows.div_ceil(self.rows_per_strip))
     }
 
     /// Bytes of an offset.
@@ -106,16 +97,16 @@ impl Pages {
     }
 
     /// Bytes before the first value.
-    fn header_bytes(&self) -> u64 {
+    fn len(&self) -> u64 {
         (self.shared() + 16 + self.description.len() as u64 + 1).next_multiple_of(64)
     }
 
-    fn header(&self) -> Vec<u8> {
-        let end = self.header_bytes();
+    fn bytes(&self) -> Vec<u8> {
+        let end = self.len();
         let mut out = Vec::with_capacity(usize::try_from(end).unwrap_or(0));
         out.extend(if self.big { b"II\x2b\0\x08\0\0\0".as_slice() } else { b"II\x2a\0" });
         self.offset(&mut out, self.first_directory());
-        let page_bytes = self.extent.frame_bytes() / 4 * self.sample.bytes();
+        let page_bytes = self.page_bytes();
         let mut at = self.first_directory();
         for page in 0..self.pages {
             let entries = ENTRIES + u64::from(page == 0);
@@ -137,7 +128,7 @@ impl Pages {
 
     /// The entries of a page whose values begin at `data`.
     fn directory(&self, out: &mut Vec<u8>, page: u64, lists: u64, data: u64) {
-        let StackShape { rows, columns, .. } = self.extent;
+        let Self { rows, columns, .. } = *self;
         let (bits, format) = match self.sample {
             Sample::F32 => (32, 3),
             Sample::U16 => (16, 1),
@@ -205,7 +196,7 @@ impl Pages {
         if self.strips() == 1 {
             return;
         }
-        let StackShape { rows, columns, .. } = self.extent;
+        let Self { rows, columns, .. } = *self;
         let row_bytes = self.sample.bytes() * u64::from(columns);
         let strip_bytes = row_bytes * u64::from(self.rows_per_strip);
         for strip in 0..self.strips() {
@@ -219,8 +210,7 @@ impl Pages {
 }
 
 /// The description by which `ImageJ` knows its own stacks: pages of steps (slices) of views (frames).
-fn description(extent: StackShape, views: u32) -> String {
-    let steps = extent.steps;
+fn description(steps: u32, views: u32) -> String {
     let mut text = String::from("ImageJ=1.53t\n");
     if u64::from(steps) * u64::from(views) > 1 {
         let _ = writeln!(text, "images={}", u64::from(steps) * u64::from(views));
@@ -252,17 +242,16 @@ fn per_micrometre(pitch: f64) -> [u32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::array_file::TiffPages;
+    use crate::array_file::tiff::TiffPages;
     use std::fs::File;
     use std::io::{Seek, SeekFrom, Write};
 
     /// Writes a file with this header, and 7 into the last value; as far as files may have holes it
     /// takes no room.
-    fn file(extent: StackShape, views: u32, path: &std::path::Path) -> u64 {
-        let header = header(extent, views, [150e-6; 2], Sample::F32);
-        let len = header.len() as u64 + extent.view_bytes() * u64::from(views);
+    fn file(header: &TiffHeader, path: &std::path::Path) -> u64 {
+        let len = header.len() + header.pages * header.page_bytes();
         let mut file = File::create(path).unwrap();
-        file.write_all(&header).unwrap();
+        file.write_all(&header.bytes()).unwrap();
         file.set_len(len).unwrap();
         file.seek(SeekFrom::Start(len - 4)).unwrap();
         file.write_all(&7_f32.to_le_bytes()).unwrap();
@@ -273,12 +262,11 @@ mod tests {
     fn files_beyond_4_gib_are_big_tiff_and_their_last_value_is_found() {
         let place = tempfile::tempdir().unwrap();
         let path = place.path().join("big.tif");
-        let shape = |rows| StackShape { views: 20, steps: 5, rows, columns: 4096 };
         for (rows, is_big) in [(1024, false), (4096, true)] {
-            let len = file(shape(rows), 20, &path);
+            let header = TiffHeader::new(&[20, 5, rows, 4096], [150e-6; 2], Sample::F32);
+            let len = file(&header, &path);
             assert_eq!(len > u64::from(u32::MAX), is_big);
-            let magic = &header(shape(rows), 20, [150e-6; 2], Sample::F32)[..4];
-            assert_eq!(magic, if is_big { b"II\x2b\0" } else { b"II\x2a\0" });
+            assert_eq!(&header.bytes()[..4], if is_big { b"II\x2b\0" } else { b"II\x2a\0" });
             let pages = TiffPages::open(&path).unwrap();
             assert_eq!((pages.count(), pages.frame_shape()), (100, [rows as usize, 4096]));
             let last = pages.read::<f32>(99, rows as usize - 1..rows as usize).unwrap();

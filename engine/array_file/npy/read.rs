@@ -1,6 +1,7 @@
 //! NPY files: any of the sample types, either byte order.
 
-use super::{Value, npy_header};
+use super::header;
+use crate::array_file::parts::Value;
 use crate::{Error, Result, input_file, reserve};
 use npyz::{DType, Endianness, Order, TypeChar};
 use std::fs::File;
@@ -46,7 +47,7 @@ impl NpyFile {
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let unread = |error| Error::file(path, "cannot be read", Some(error));
         let mut file = BufReader::new(input_file::open(path).map_err(unread)?);
-        let header = npy_header::read(&mut file).map_err(|error| {
+        let header = header::read(&mut file).map_err(|error| {
             // A parser's message may hold the whole of what it did not understand.
             let error: String = error.to_string().chars().take(120).collect();
             Error::file(path, format!("has no header of an NPY array: {error}"), None)

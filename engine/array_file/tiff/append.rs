@@ -1,0 +1,88 @@
+//! Files of pages that come one after another, each with its own description.
+
+use crate::array_file::parts::{Append, unwritten};
+use crate::{Error, Result, numbers, reserve};
+use ndarray::ArrayView2;
+use std::fs::File;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use tiff::encoder::colortype::Gray32Float;
+use tiff::encoder::{TiffEncoder, TiffKind};
+use tiff::tags::Tag;
+
+/// Files above this many bytes are `BigTIFF`.
+const CLASSIC: u64 = 4_000_000_000;
+
+/// A file that the encoder writes to and that is flushed and synced behind its back: it gives no
+/// writer back, and a buffer that is dropped keeps its last error to itself.
+#[derive(Clone)]
+struct Out(Arc<Mutex<BufWriter<File>>>);
+
+impl Out {
+    fn lock(&self) -> MutexGuard<'_, BufWriter<File>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Write for Out {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.lock().write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.lock().flush()
+    }
+}
+
+impl Seek for Out {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.lock().seek(to)
+    }
+}
+
+struct TiffWriter<K: TiffKind> {
+    path: PathBuf,
+    encoder: TiffEncoder<Out, K>,
+    out: Out,
+}
+
+/// Begins a file of pages: their number, rows and columns.
+pub(crate) fn append(path: &Path, sides: [u32; 3]) -> Result<Box<dyn Append>> {
+    let file = File::create(path).map_err(|error| unwritten(path, error))?;
+    let out = Out(Arc::new(Mutex::new(BufWriter::new(file))));
+    let failed = |error| refused(path, error);
+    let (path, file) = (path.to_path_buf(), out.clone());
+    let bytes = sides.iter().fold(4, |bytes: u64, side| bytes.saturating_mul((*side).into()));
+    Ok(if bytes < CLASSIC {
+        Box::new(TiffWriter { encoder: TiffEncoder::new(file).map_err(failed)?, path, out })
+    } else {
+        Box::new(TiffWriter { encoder: TiffEncoder::new_big(file).map_err(failed)?, path, out })
+    })
+}
+
+impl<K: TiffKind + Send + 'static> Append for TiffWriter<K> {
+    fn put(&mut self, frame: ArrayView2<'_, f32>, about: &str) -> Result<()> {
+        let values = reserve::collected(frame.iter().copied(), "an image")?;
+        let mut write = || {
+            let [columns, rows] = [frame.ncols(), frame.nrows()].map(numbers::count);
+            let mut page = self.encoder.new_image::<Gray32Float>(columns, rows)?;
+            page.encoder().write_tag(Tag::ImageDescription, about)?;
+            page.write_data(&values)
+        };
+        write().map_err(|error| refused(&self.path, error))
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        let Self { path, encoder, out } = *self;
+        // What the encoder writes as it goes.
+        drop(encoder);
+        let mut file = out.lock();
+        let synced = file.flush().and_then(|()| file.get_ref().sync_all());
+        synced.map_err(|error| unwritten(&path, error))
+    }
+}
+
+fn refused(path: &Path, error: tiff::TiffError) -> Error {
+    Error::file(path, format!("cannot be written: {error}"), None)
+}

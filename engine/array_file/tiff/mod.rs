@@ -1,0 +1,10 @@
+//! TIFF: pages of one sample per pixel.
+
+mod ahead;
+mod append;
+mod read;
+mod stored;
+
+pub(super) use ahead::header;
+pub(super) use append::append;
+pub(super) use read::TiffPages;

@@ -1,0 +1,291 @@
+//! Names of the files of a run directory and of retrieved images: no other file spells one.
+//!
+//! ```text
+//! RUN/scene.toml  run.json  progress.log  report.html
+//! RUN/flat.npy  sample.npy  dark.npy  counts/flat.npy  counts/sample.npy      a file per stack
+//! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
+//! RUN/moments/view_0000.bin
+//! RUN/retrieved/retrieved.json  NAME.npy  or  NAME/view_0000.exr
+//! ```
+//!
+//! A volume is an array with a name, as a retrieved image is ([`array`]).
+
+use crate::array_file::Format;
+use crate::scene::Exposure;
+use std::path::{Path, PathBuf};
+
+/// Resolved scene of a run.
+pub const SCENE: &str = "scene.toml";
+/// Provenance of a run, and how far it came.
+pub const RUN: &str = "run.json";
+/// Views of a run that are committed.
+pub const LOG: &str = "progress.log";
+/// Page of `beamlet report` in a run.
+pub const REPORT: &str = "report.html";
+/// Folder of the images that were retrieved from a run.
+pub const RETRIEVED: &str = "retrieved";
+/// Description of retrieved images, in their folder.
+pub const RECORD: &str = "retrieved.json";
+/// Folder of the stacks of detector numbers.
+pub(crate) const COUNTS: &str = "counts";
+/// Folder of kept moments.
+pub(crate) const MOMENTS: &str = "moments";
+/// Folder of the frames of a view in the making, with its spool.
+pub(crate) const PARTIAL: &str = "partial";
+/// Spool of a view in the making, in the folder of partial frames.
+pub(crate) const SPOOL: &str = "spool.f32";
+/// Endings of the folders of retrieved images in the making, and of those that are replaced.
+pub(crate) const IMAGES_PARTIAL: &str = ".partial";
+/// See [`IMAGES_PARTIAL`].
+pub(crate) const IMAGES_REPLACED: &str = ".replaced";
+/// File that marks a folder of images in the making as one of beamlet.
+pub(crate) const IMAGES_MARK: &str = ".beamlet-partial";
+/// Ending of files that are not whole yet ([`crate::whole_file`]).
+const NEW: &str = ".new";
+const SAMPLE: &str = "sample";
+const DARK: &str = "dark";
+/// Beginnings of the names of views and steps.
+const VIEW: &str = "view_";
+const STEP: &str = "step_";
+/// Endings of kept moments, and of those in the making.
+const BIN: &str = ".bin";
+const BIN_PARTIAL: &str = ".partial";
+
+/// Whether a folder holds a run.
+#[must_use]
+pub fn is_run(folder: &Path) -> bool {
+    folder.join(RUN).exists()
+}
+
+/// Whether a folder holds retrieved images.
+#[must_use]
+pub fn is_retrieved(folder: &Path) -> bool {
+    folder.join(RECORD).exists()
+}
+
+/// Name of a flat: the first is `flat`, one that was taken before a later view has its number.
+fn flat(view: u32) -> String {
+    if view == 0 { "flat".to_owned() } else { format!("flat_{view:04}") }
+}
+
+/// Name of the stack that a view belongs to: `flat`, `sample` or `dark`.
+pub(crate) fn stack(view: Exposure) -> String {
+    match view {
+        Exposure::Flat => flat(0),
+        Exposure::Sample(_) => SAMPLE.to_owned(),
+        Exposure::Dark => DARK.to_owned(),
+    }
+}
+
+/// Name of a stack, of intensities or of counts: `sample`, `counts/sample`.
+#[must_use]
+pub fn stack_of(view: Exposure, counts: bool) -> String {
+    if counts { format!("{COUNTS}/{}", stack(view)) } else { stack(view) }
+}
+
+/// The stack of such a name, and whether it is one of counts.
+#[must_use]
+pub fn stack_named(name: &str) -> Option<(Exposure, bool)> {
+    let stacks = [Exposure::Flat, Exposure::Sample(0), Exposure::Dark];
+    let mut all = stacks.into_iter().flat_map(|view| [(view, false), (view, true)]);
+    all.find(|(view, counts)| stack_of(*view, *counts) == name)
+}
+
+/// Name of a view, as intensities or as counts, in the log: `sample/3`, `counts/flat`.
+pub(crate) fn view(view: Exposure, counts: bool) -> String {
+    match view {
+        Exposure::Sample(index) => format!("{}/{index}", stack_of(view, counts)),
+        _ => stack_of(view, counts),
+    }
+}
+
+/// The view of such a name, and whether it is one of counts.
+pub(crate) fn view_named(name: &str) -> Option<(Exposure, bool)> {
+    let counted = name.strip_prefix(COUNTS).and_then(|name| name.strip_prefix('/'));
+    let name = counted.unwrap_or(name);
+    let view = match name.split_once('/') {
+        Some((SAMPLE, index)) => Exposure::Sample(index.parse().ok()?),
+        Some(_) => return None,
+        None => [Exposure::Flat, Exposure::Dark].into_iter().find(|view| stack(*view) == name)?,
+    };
+    Some((view, counted.is_some()))
+}
+
+/// An array with a name: a file, or a folder of files of frames.
+pub(crate) fn array(folder: &Path, name: &str, format: Format) -> PathBuf {
+    match format.abilities().pages {
+        true => folder.join(format!("{name}.{}", format.ending())),
+        false => folder.join(name),
+    }
+}
+
+/// Name of an array by its file, which has the ending that is written.
+pub(crate) fn array_name(file: &str) -> Option<&str> {
+    let (name, ending) = file.rsplit_once('.')?;
+    paged().any(|format| format.ending() == ending).then_some(name)
+}
+
+/// Formats whose files hold all frames.
+fn paged() -> impl Iterator<Item = Format> {
+    Format::ALL.into_iter().filter(|format| format.abilities().pages)
+}
+
+/// Formats with a file per frame.
+fn single() -> impl Iterator<Item = Format> {
+    Format::ALL.into_iter().filter(|format| !format.abilities().pages)
+}
+
+/// Name of a view among `views`.
+fn numbered_view(views: u32, view: u32) -> String {
+    let width = digits(views).max(4);
+    format!("{VIEW}{view:0width$}")
+}
+
+/// Folder of a view's frames, of a format with a file per frame.
+pub(crate) fn view_folder(root: &Path, views: u32, view: Exposure) -> PathBuf {
+    let stack = root.join(stack(view));
+    match view {
+        Exposure::Sample(index) => stack.join(numbered_view(views, index)),
+        _ => stack,
+    }
+}
+
+/// Folder of the views of the sample.
+pub(crate) fn sample_folder(root: &Path) -> PathBuf {
+    root.join(SAMPLE)
+}
+
+/// The view of a folder among those of the sample.
+pub(crate) fn view_of_folder(name: &str, views: u32) -> Option<u32> {
+    number(name, VIEW, "").filter(|view| *view < views && numbered_view(views, *view) == name)
+}
+
+/// File of a step's frame.
+pub(crate) fn frame(steps: u32, step: u32, format: Format) -> String {
+    let width = digits(steps).max(3);
+    format!("{STEP}{step:0width$}.{}", format.ending())
+}
+
+/// Whether a file is the frame of one of `steps` steps.
+pub(crate) fn is_frame(name: &str, steps: u32) -> bool {
+    single().any(|format| {
+        let step = number(name, STEP, &format!(".{}", format.ending()));
+        step.is_some_and(|step| step < steps && frame(steps, step, format) == name)
+    })
+}
+
+/// File of the image of a view, of a format with a file per frame.
+pub(crate) fn image_of_view(views: u32, view: u32, format: Format) -> String {
+    format!("{}.{}", numbered_view(views, view), format.ending())
+}
+
+/// Whether a file is the image of a view.
+pub(crate) fn is_image_of_view(name: &str) -> bool {
+    let digits =
+        |format: Format| name.strip_prefix(VIEW)?.strip_suffix(format.ending())?.strip_suffix('.');
+    single().filter_map(digits).any(|digits| digits.bytes().all(|digit| digit.is_ascii_digit()))
+}
+
+/// File of the moments of a view.
+pub(crate) fn moments(folder: &Path, view: u32) -> PathBuf {
+    folder.join(format!("{VIEW}{view:04}{BIN}"))
+}
+
+/// File of the moments of a view in the making.
+pub(crate) fn moments_partial(folder: &Path, view: u32) -> PathBuf {
+    folder.join(format!("{VIEW}{view:04}{BIN_PARTIAL}"))
+}
+
+/// The view of a file of moments, whole or in the making.
+pub(crate) fn view_of_moments(name: &str) -> Option<u32> {
+    [BIN, BIN_PARTIAL].into_iter().find_map(|ending| {
+        number(name, VIEW, ending).filter(|view| format!("{VIEW}{view:04}{ending}") == name)
+    })
+}
+
+/// Folders of a run.
+pub(crate) fn folders() -> impl Iterator<Item = String> {
+    let stacks = [Exposure::Flat, Exposure::Sample(0), Exposure::Dark].map(stack);
+    stacks.into_iter().chain([COUNTS, PARTIAL, MOMENTS].map(str::to_owned))
+}
+
+/// Files of the stacks of a run, and of its counts, in every format.
+pub(crate) fn stack_files() -> impl Iterator<Item = String> {
+    let stacks = [Exposure::Flat, Exposure::Sample(0), Exposure::Dark].map(stack);
+    paged()
+        .flat_map(move |format| stacks.clone().map(|stack| format!("{stack}.{}", format.ending())))
+}
+
+/// Files that a crash leaves where another file was being written.
+pub(crate) fn unfinished() -> impl Iterator<Item = String> {
+    [SCENE, RUN].into_iter().map(|name| format!("{name}{NEW}"))
+}
+
+/// Names in a run directory.
+pub(crate) fn owned() -> impl Iterator<Item = String> {
+    let records = [RUN, SCENE, LOG].map(str::to_owned);
+    records.into_iter().chain(stack_files()).chain(unfinished()).chain(folders())
+}
+
+/// Whether beamlet gives this name to anything in a folder of a run.
+pub(crate) fn is_of_folder(name: &str) -> bool {
+    let numbered = [(VIEW, ""), (VIEW, BIN), (VIEW, BIN_PARTIAL)];
+    let is_step = |format: Format| number(name, STEP, &format!(".{}", format.ending())).is_some();
+    [flat(0).as_str(), SAMPLE, PARTIAL, SPOOL].contains(&name)
+        || stack_files().any(|file| file == name)
+        || single().any(is_step)
+        || numbered.iter().any(|(start, end)| number(name, start, end).is_some())
+}
+
+/// The number between two ends of a name.
+fn number(name: &str, start: &str, end: &str) -> Option<u32> {
+    let digits = name.strip_prefix(start)?.strip_suffix(end)?;
+    let plain = !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit());
+    if plain { digits.parse().ok() } else { None }
+}
+
+/// Digits of the largest index below `count`.
+fn digits(count: u32) -> usize {
+    count.saturating_sub(1).checked_ilog10().map_or(1, |log| log as usize + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_recognised_and_those_of_others_are_not() {
+        let folder = Path::new("");
+        for view in [Exposure::Flat, Exposure::Dark, Exposure::Sample(12_345)] {
+            for counts in [false, true] {
+                assert_eq!(view_named(&super::view(view, counts)), Some((view, counts)));
+            }
+        }
+        for name in ["sample", "sample/", "sample/x", "flat/0", "flat_0001", ""] {
+            assert_eq!(view_named(name), None, "{name}");
+        }
+        for format in Format::ALL {
+            let file = array(folder, "volume", format);
+            let name = file.to_str().unwrap();
+            assert_eq!(array_name(name), format.abilities().pages.then_some("volume"));
+            assert_eq!(is_frame(&frame(12, 11, format), 12), !format.abilities().pages);
+            assert_eq!(is_image_of_view(&image_of_view(9, 3, format)), !format.abilities().pages);
+        }
+        assert!(!is_frame("step_012.exr", 12) && !is_frame("step_11.exr", 12));
+        assert!(!is_image_of_view("view_00x0.exr") && !is_image_of_view("view_0000exr"));
+        assert_eq!(view_of_folder("view_0011", 12), Some(11));
+        assert_eq!(view_of_folder("view_11", 12), None);
+        for path in [moments(folder, 10_000), moments_partial(folder, 7)] {
+            assert!(view_of_moments(path.to_str().unwrap()).is_some());
+        }
+        assert_eq!(view_of_moments("view_7.bin"), None);
+        assert_eq!(array_name("flat.bin"), None);
+    }
+
+    #[test]
+    fn flats_of_later_views_have_names_of_their_own() {
+        let names: Vec<String> = [0, 1, 20_000].map(flat).into();
+        assert_eq!(names, ["flat", "flat_0001", "flat_20000"]);
+        assert!(names[1..].iter().all(|name| !owned().any(|owned| owned == *name)));
+    }
+}
