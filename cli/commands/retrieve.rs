@@ -107,8 +107,8 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let sample = arguments.sample.as_ref().ok_or_else(|| missing("--sample"))?;
     let geometry = arguments.geometry.as_ref().ok_or_else(|| missing("--geometry"))?;
     // A run is the set-up of its scene.
-    let geometry = match geometry.join("run.json").exists() {
-        true => &geometry.join("scene.toml"),
+    let geometry = match layout::is_run(geometry) {
+        true => &geometry.join(layout::SCENE),
         false => geometry,
     };
     let output = arguments.output.as_ref().ok_or_else(|| missing("--output"))?;

@@ -14,7 +14,7 @@ use std::path::Path;
 #[derive(Debug)]
 pub(super) enum Frames {
     Files(FrameFiles),
-    Arrays(ArrayFrames),
+    Arrays(Box<ArrayFrames>),
 }
 
 impl Frames {
@@ -29,7 +29,7 @@ impl Frames {
     ) -> Result<Self> {
         Ok(match ArrayLayout::of(format, extent, scene) {
             None => Self::Files(FrameFiles::begin(root, format, extent, scene, values, dark)),
-            Some(layout) => Self::Arrays(ArrayFrames::begin(root, layout, values, dark)?),
+            Some(layout) => Self::Arrays(Box::new(ArrayFrames::begin(root, layout, values, dark)?)),
         })
     }
 
