@@ -130,6 +130,10 @@ mod tests {
         turn.then(&Motion::translation([1e-3, -2e-3, 5e-3])).then(&Motion::about_z(2.0))
     }
 
+    fn bits(vector: [f64; 3]) -> [u64; 3] {
+        vector.map(f64::to_bits)
+    }
+
     fn near(a: [f64; 3], b: [f64; 3]) -> bool {
         a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-15)
     }
@@ -144,7 +148,7 @@ mod tests {
             assert_eq!(motion.then(&Motion::IDENTITY), motion);
         }
         let point = [0.1, -0.2, 1.0 / 3.0];
-        assert_eq!(Motion::IDENTITY.point(point), point);
+        assert_eq!(bits(Motion::IDENTITY.point(point)), bits(point));
     }
 
     #[test]
@@ -168,8 +172,8 @@ mod tests {
         assert!(near(first.inverse().then(&first).point(point), point));
         // Directions do not see a translation.
         let moved = Motion::translation([1.0, 2.0, 3.0]);
-        assert_eq!(moved.direction(point), point);
-        assert_eq!(moved.point([0.0; 3]), [1.0, 2.0, 3.0]);
+        assert_eq!(bits(moved.direction(point)), bits(point));
+        assert_eq!(bits(moved.point([0.0; 3])), bits([1.0, 2.0, 3.0]));
     }
 
     #[test]
