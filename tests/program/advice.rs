@@ -113,14 +113,14 @@ fn a_scan_that_settles_nothing_is_told_once_with_what_would() {
     );
     std::fs::write(here.join("scene.toml"), scene).unwrap();
     done(here, "simulate scene.toml -o run -q");
-    let told = done(here, "retrieve run -q");
+    let told = done(here, "retrieve run");
     let notes: Vec<&str> = told.lines().filter(|line| line.contains("ill")).collect();
     let [note] = notes[..] else { panic!("{told}") };
     // Sigma of this set-up is 9.8 um; the fit of so few steps finds it about.
     assert!(note.contains("every pixel is ill-conditioned: 4 offsets cover"), "{note}");
     assert!(note.contains("would settle width and background"), "{note}");
     assert!(told.contains("the run has counts, too: --counts --weights poisson"), "{told}");
-    let told = done(here, "retrieve run --counts --weights poisson -q --overwrite");
+    let told = done(here, "retrieve run --counts --weights poisson --overwrite");
     assert!(!told.contains("has counts, too"), "{told}");
 }
 

@@ -189,7 +189,7 @@ fn scenes_illuminated_side_by_side_have_the_files_of_each_by_itself() {
     succeeds(&["simulate", "30.toml", "-o", "run", "-q", "--format", "npy", "--keep-moments"]);
     let names = apertures.map(|aperture| format!("{aperture}.toml"));
     let scenes = names.iter().flat_map(|name| ["--scene", name]);
-    let common = ["-q", "--format", "npy"];
+    let common = ["--format", "npy"];
     let together: Vec<&str> =
         ["illuminate", "run"].into_iter().chain(scenes).chain(common).collect();
     let told = succeeds(&[&together[..], &["-o", "together"]].concat());
