@@ -93,7 +93,7 @@ impl Fitter {
     /// # Example
     ///
     /// ```no_run
-    /// use beamlet::retrieve::{FitOptions, Fitter};
+    /// use beamlet::internals::retrieve::{FitOptions, Fitter};
     /// use beamlet::{Cancel, Engine, EngineOptions, ndarray::Array2};
     ///
     /// let engine = Engine::open(&EngineOptions::default())?;

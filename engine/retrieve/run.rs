@@ -56,7 +56,8 @@ impl<'a> ImagesTo<'a> {
 /// ```no_run
 /// use beamlet::RowsControl;
 /// use beamlet::retrieve::{ImagesTo, Input, RetrieveOptions, retrieve};
-/// use beamlet::{Engine, EngineOptions, stack::OpenRun};
+/// use beamlet::stack::{Format, OpenRun};
+/// use beamlet::{Engine, EngineOptions};
 ///
 /// let engine = Engine::open(&EngineOptions::default())?;
 /// // Intensities; `true` takes the counts of a detector with noise.

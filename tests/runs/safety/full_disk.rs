@@ -113,7 +113,7 @@ fn results_that_stdout_does_not_take_are_an_error() {
         "retrieve run --json -q",
         "report run",
         "view run -o pictures",
-        "simulate scene.toml -q -o run --resume",
+        "simulate scene.toml -o run --resume",
     ] {
         let full = fs::File::options().write(true).open("/dev/full").unwrap();
         let output = beamlet(place.path(), line).stdout(full).output().unwrap();
