@@ -6,7 +6,7 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{cuboid, prism, star};
-use crate::support::{CARBON, WATER, Worst, backends, engine};
+use crate::support::{CARBON, WATER, Worst, backends, engine, sample};
 use beamlet::Backend;
 use beamlet::internals::trace::{Moment, Ray, moments, trace};
 use beamlet::scene::{
@@ -134,10 +134,16 @@ fn rays(view: u32) -> Vec<Ray> {
     (0..1200).map(of).collect()
 }
 
-/// Path lengths and displacement sums of the rays of one view, by material.
-fn sums(backend: Backend, scene: &Scene, view: u32) -> Vec<[f64; 3]> {
+/// Displacement of a ray that f32 does not resolve a few times over, m: coordinates of 0.2 mm are rounded
+/// by 1.5e-11 m, slopes over 1.2 m by as much. Where it changes the sums of a ray, the ray grazes a surface.
+const BESIDE: f32 = 1e-10;
+
+/// Path lengths and displacement sums of the rays of one view, displaced in x and z, by material.
+fn sums(backend: Backend, scene: &Scene, view: u32, [x, z]: [f32; 2]) -> Vec<[f64; 3]> {
     let simulation = engine(backend).prepare(scene).unwrap();
-    let (results, moments) = moments(&simulation, &rays(view)).unwrap();
+    let mut rays = rays(view);
+    rays.iter_mut().for_each(|ray| (ray.x, ray.z) = (ray.x + x, ray.z + z));
+    let (results, moments) = moments(&simulation, &rays).unwrap();
     let sums = |Moment { path, lever: [x, z], .. }: Moment| [path, x, z].map(f64::from);
     (0..results.len())
         .flat_map(|ray| (1..moments.materials()).map(move |material| (ray, material)))
@@ -146,24 +152,62 @@ fn sums(backend: Backend, scene: &Scene, view: u32) -> Vec<[f64; 3]> {
 }
 
 #[test]
-#[ignore = "minutes: kernels of every kind of sample are made for both backends"]
-fn moved_samples_have_the_sums_of_tilted_ones_to_1e_4() {
+fn moved_samples_have_the_sums_of_tilted_ones_to_1e_6() {
     let directory = tempfile::tempdir().unwrap();
-    let mut worst = Worst::new("moved against placed, sums, share of the largest", 1e-4);
     for (name, rest) in cases(directory.path()) {
+        // f32 holds placements of instances, and corners of a rod of 3 mm, to a few 1e-7 of them.
+        let rounded = name.contains("many places") || name.contains("upright");
+        let limit = if rounded { 3e-6 } else { 1e-6 };
+        let mut worst = Worst::new(name, limit);
         for backend in backends() {
             for view in [0, 1] {
-                let got = sums(backend, &moved(&rest), view);
-                let want = sums(backend, &placed(&rest, view as usize), 0);
+                let got = sums(backend, &moved(&rest), view, [0.0; 2]);
+                let scene = placed(&rest, view as usize);
+                let [want, beside, above] =
+                    [[0.0; 2], [BESIDE, 0.0], [0.0, BESIDE]].map(|by| sums(backend, &scene, 0, by));
                 assert_eq!(got.len(), want.len());
                 for sum in 0..3 {
                     let largest = want.iter().fold(0.0_f64, |m, s| m.max(s[sum].abs()));
                     assert!(largest > 0.0, "{name}, {backend}, view {view}: no ray has sum {sum}");
+                    let mut loose = 0;
                     for (ray, (a, b)) in got.iter().zip(&want).enumerate() {
+                        let off = |other: &[f64; 3]| (other[sum] - b[sum]).abs();
+                        let slack = off(&beside[ray]).max(off(&above[ray]));
+                        loose += usize::from(slack > 1e-5 * largest);
                         let place = || format!("{name}, {backend}, view {view}, {ray}, sum {sum}");
-                        worst.take((a[sum] - b[sum]) / largest, place);
+                        worst.take((off(a) - slack).max(0.0) / largest, place);
                     }
+                    assert!(
+                        loose < want.len() / 10,
+                        "{name}: {loose} of {} rays graze",
+                        want.len()
+                    );
                 }
+            }
+        }
+        worst.holds();
+    }
+}
+
+#[test]
+fn moved_samples_have_the_stacks_of_tilted_ones_to_5e_5() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut worst = Worst::new("moved against placed, stacks at tolerance 1e-5", 5e-5);
+    let cases: Vec<_> = cases(directory.path())
+        .into_iter()
+        .flat_map(|(name, rest)| backends().into_iter().map(move |it| (name, rest.clone(), it)))
+        .collect();
+    for (name, mut rest, backend) in sample(cases, 3) {
+        rest.sampling.tolerance = 1e-5;
+        let got = engine(backend).simulate(&moved(&rest)).unwrap().sample;
+        for view in [0, 1] {
+            let want = engine(backend).simulate(&placed(&rest, view)).unwrap().sample;
+            let least = want.iter().fold(1.0_f32, |m, v| m.min(*v));
+            assert!(least < 0.16, "{name}: no pixel sees the sample: {least}");
+            for ((_, step, row, column), value) in want.indexed_iter() {
+                let place =
+                    || format!("{name}, {backend}, view {view}, step {step}, {column}, {row}");
+                worst.take(f64::from(got[[view, step, row, column]] - value), place);
             }
         }
     }
