@@ -1,10 +1,10 @@
-//! A check of a scene, and what it may use.
+//! Builder of a check: the scene, and the engine, memory limit and estimate that it may use.
 
 use super::{CheckReport, estimate, load_lenient};
 use crate::scene::Scene;
 use crate::{Control, Engine, Result};
 
-/// A check of a scene: everything that a run would load is loaded, and reported with what it amounts to.
+/// Check of a scene: loads everything that a run would load, and reports sizes, costs and doubts.
 ///
 /// # Example
 ///

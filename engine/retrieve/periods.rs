@@ -4,6 +4,17 @@
 use crate::optics::Optics;
 use crate::scene::Scene;
 
+/// Least and greatest mask offset of a scene, m.
+pub(super) fn ends(scene: &Scene) -> [f64; 2] {
+    let wider = |[low, high]: [f64; 2], at: &f64| [low.min(*at), high.max(*at)];
+    scene.scan.mask_offsets.iter().fold([f64::INFINITY, f64::NEG_INFINITY], wider)
+}
+
+/// Period of the illumination curves of a scene, m; infinite without a sample mask.
+pub(super) fn period(scene: &Scene) -> f64 {
+    Optics::of(scene).curve_period()
+}
+
 /// The number of periods, and their length.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct WholePeriods {
@@ -15,10 +26,7 @@ pub(super) struct WholePeriods {
 impl WholePeriods {
     /// Periods nearest to the middle of a scene's mask offsets; none without a sample mask.
     pub(super) fn of(scene: &Scene) -> Self {
-        let ends = |[low, high]: [f64; 2], at: &f64| [low.min(*at), high.max(*at)];
-        let [low, high] =
-            scene.scan.mask_offsets.iter().fold([f64::INFINITY, f64::NEG_INFINITY], ends);
-        let period = Optics::of(scene).curve_period();
+        let ([low, high], period) = (ends(scene), period(scene));
         let count = (f64::midpoint(low, high) / period).round();
         if count.is_finite() && period.is_finite() {
             Self { count, period }

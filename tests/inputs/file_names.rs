@@ -2,8 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use super::layers::sources;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Names that no other literal contains.
 const NAMES: [&str; 13] = [
@@ -29,17 +30,6 @@ const FOLDERS: [&str; 7] = ["flat", "sample", "dark", "counts", "moments", "part
 const STACKS: [&str; 3] = ["flat", "sample", "dark"];
 /// Files of shipped examples, which are no runs.
 const EXAMPLES: &str = "cli/commands/example.rs";
-
-fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.is_dir() {
-            sources(&path, out);
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
-            out.push(path);
-        }
-    }
-}
 
 /// String literals of a source, each with the code before it on its line; without comments, tests
 /// and attributes, which hold help texts and examples.

@@ -1,5 +1,5 @@
 //! Modules of the engine use one another as the table of docs/architecture.md ("Layers") says: a
-//! row uses those below it, and within a row what stands left may use what stands right.
+//! row uses those below it, and within a row a module may use those to its right.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 

@@ -2,8 +2,8 @@
 //!
 //! Open, non-manifold and wrongly wound edges (`edges`), vertices where fans of triangles meet
 //! in a point (`vertices`), triangles without area or given twice (`triangles`), and
-//! triangles that pass through each other (`crossings`, `overlap`). `found` holds what they find,
-//! `words` describes it.
+//! triangles that pass through each other (`crossings`, `overlap`). `found` holds the defects,
+//! `words` describes them.
 
 mod crossings;
 mod edges;

@@ -2,38 +2,33 @@
 //! another.
 
 use super::Scene;
+use crate::retrieve::periods;
 use crate::stack::StackFile;
+use crate::units::Dimension::Length;
 use crate::{Error, Result, numbers};
 use ndarray::Array2;
 
 /// Fewest and most periods of the sample mask that offsets span.
 const SPAN: [f64; 2] = [0.1, 10.0];
-/// Share of the range of the flat's frame means that the mean of the dark may exceed the darkest frame by.
+/// Greatest excess of the mean of the dark over the mean of the darkest frame of the flat, as a share of
+/// the range of the means of the flat's frames.
 const DARK: f64 = 0.1;
 
 /// Refuses mask offsets whose span is no scan of the sample mask.
 pub(super) fn check_offsets(scene: &Scene) -> Result<()> {
-    let offsets = &scene.scan.mask_offsets;
-    let Some(mask) = &scene.sample_mask else { return Ok(()) };
-    if offsets.len() < 2 {
-        return Ok(());
-    }
-    let [low, high] = offsets
-        .iter()
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(*at), high.max(*at)]);
-    let periods = (high - low) / mask.period;
+    let ([low, high], period) = (periods::ends(scene), periods::period(scene));
     let [least, most] = SPAN;
-    if (least..=most).contains(&periods) {
+    let is_scan = (least..=most).contains(&((high - low) / period));
+    if scene.scan.mask_offsets.len() < 2 || !period.is_finite() || is_scan {
         return Ok(());
     }
-    let um = 1e6;
     Err(Error::argument(
         "offsets",
-        format!("a span of {:.4} um", um * (high - low)),
+        format!("a span of {}", Length.format(high - low)),
         format!(
-            "{least} to {most} periods of the sample mask ({:.4} um): check the unit of the offsets, \
-             and sample_mask.period",
-            um * mask.period
+            "{least} to {most} periods of the sample mask ({}): check the unit of the offsets, and \
+             sample_mask.period",
+            Length.format(period)
         ),
     ))
 }
