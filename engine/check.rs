@@ -223,7 +223,7 @@ fn load_lenient(
 impl CheckReport {
     /// Takes the error of edges off the rotation centre, with its warning.
     fn add_edges(&mut self, scene: &Scene, edges: Option<&EdgeBlur>) {
-        self.warnings.extend(edges.and_then(|it| it.warning(scene.sampling.tolerance)));
+        self.warnings.extend(edges.and_then(|it| it.warning(scene.sampling.tolerances().light)));
         self.edges = edges.cloned();
     }
 }

@@ -14,7 +14,10 @@ use std::time::Instant;
 
 pub(super) fn run(arguments: &Simulate, out: &mut impl Write) -> Result<(), Failure> {
     let began = Instant::now();
-    let scene = arguments.scene.load()?;
+    let mut scene = arguments.scene.load()?;
+    if arguments.resume {
+        scene = RunDirectory::scene_of_resumed(&arguments.output, &scene)?;
+    }
     let failed = |error| Failure::from(arguments.scene.locate(error));
     let extent = StackShape::of(&scene).map_err(failed)?;
     if arguments.keep_moments && scene.sampling.scheme == Scheme::Random {

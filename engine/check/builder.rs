@@ -1,6 +1,7 @@
 //! Builder of a check: the scene, and the engine, memory limit and estimate that it may use.
 
 use super::{CheckReport, estimate, load_lenient};
+use crate::run::quality;
 use crate::scene::Scene;
 use crate::{Control, Engine, Result};
 
@@ -77,6 +78,9 @@ impl<'a> Check<'a> {
     /// As [`Self::run`]; [`crate::Error::Interrupted`] when `control.cancel` was set.
     pub fn run_with(self, control: &mut Control<'_>) -> Result<CheckReport> {
         let Self { scene, engine, memory_limit, estimates } = self;
+        scene.validate()?;
+        let keeps = engine.is_some_and(|engine| engine.options().keep_moments);
+        let scene = &quality::resolved(scene, keeps)?;
         let of_engine = engine.and_then(|engine| engine.options().memory_limit);
         let limit = memory_limit.or(of_engine);
         match engine {

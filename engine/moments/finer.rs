@@ -22,7 +22,6 @@ pub(crate) struct Finer {
 
 /// One side of the comparison.
 pub(super) struct SetUp<'a> {
-    scene: &'a Scene,
     optics: &'a Optics,
     lattice: &'a Lattice,
     media: &'a MaterialTable,
@@ -51,7 +50,7 @@ impl<'a> SetUp<'a> {
         let leaks = optics::mean_leaks(scene, optics, (&media.energies, &media.weights))?;
         // Bars that stop nothing have no edge that would need finer cells.
         let stopped = leaks.map(|leak| (1.0 - leak).max(SAME));
-        Ok(Self { scene, optics, lattice, media, stopped })
+        Ok(Self { optics, lattice, media, stopped })
     }
 
     /// Blur of what lies at the rotation centre over the lever arm: angle of refraction that windows tell
@@ -97,26 +96,13 @@ pub(super) fn finer(was: &SetUp<'_>, now: &SetUp<'_>, cut: bool) -> Option<Finer
         scale("sample_mask", "bars that stop a share of", ("", 1.0), stopped(0)),
         scale("detector_mask", "bars that stop a share of", ("", 1.0), stopped(1)),
         scale("source.spot", "a blur over lever arm of", micro, both.map(SetUp::angle)),
-        scale(
-            "sampling.tolerance",
-            "a tolerance of",
-            ("of open beam", 1.0),
-            both.map(|it| it.scene.sampling.tolerance),
-        ),
-        scale(
-            "sampling.angle_tolerance",
-            "an angle tolerance of",
-            micro,
-            both.map(|it| it.scene.sampling.angle_tolerance),
-        ),
         scale("source", "an inverse of delta of", ("", 1.0), inverse(of(strongest, 0))),
         scale("source", "an attenuation length of", ("um", 1e6), inverse(of(strongest, 1))),
     ];
     let part = |scale: &Scale| (scale.values[1] / scale.values[0]).min(1.0);
     let all: f64 = scales.iter().map(part).product();
-    let tighter = now.scene.sampling.tolerance < was.scene.sampling.tolerance * (1.0 - SAME);
     let finest = scales.into_iter().min_by(|a, b| part(a).total_cmp(&part(b)));
-    let finest = finest.filter(|_| all < SERVED || tighter);
+    let finest = finest.filter(|_| all < SERVED);
     let text = |scale: &Scale, value: f64| {
         let (unit, per) = scale.unit;
         match value.is_finite() {

@@ -223,7 +223,7 @@ impl StoredSource {
 
     /// Tolerance of the sampling of that run.
     pub(crate) fn base_tolerance(&self) -> f64 {
-        self.kept.scene.sampling.tolerance
+        self.kept.scene.sampling.tolerances().light
     }
 
     /// Lists of the cell rows of some rows of a view, those without a sample among them, handed over

@@ -5,6 +5,7 @@ pub(crate) mod edge_blur;
 mod engine;
 mod estimate;
 pub(crate) mod memory;
+pub(crate) mod quality;
 pub(crate) mod simulation;
 
 pub(crate) use control::watching;

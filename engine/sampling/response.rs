@@ -74,7 +74,7 @@ impl Response {
     ) -> Self {
         let Optics { rotation, analyser, detector, .. } = optics;
         let beamlets = lattice.beamlet_geometry(optics);
-        let least = NEGLIGIBLE_LEAK * optics.sampling.tolerance;
+        let least = NEGLIGIBLE_LEAK * optics.sampling.tolerances().light;
         let [leak, window_leak] = leaks.map(|leak| if leak < least { 0.0 } else { single(leak) });
         // Of the whole spot: recorded values are sums over its parts.
         let spot = |part: &crate::spot::PlacedPart| {

@@ -45,7 +45,9 @@ pub(crate) use keys::docs;
 pub(crate) mod schema {
     pub use super::keys::schema::json_schema;
 }
-pub use model::{MaskBody, MaskSpec, Sampling, Scan, Scene, Scheme, Source, Transport};
+pub use model::{
+    MaskBody, MaskSpec, Quality, Sampling, Scan, Scene, Scheme, Source, Tolerances, Transport,
+};
 pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub use targets::RandomRays;

@@ -231,11 +231,15 @@ pub struct Sampling {
     pub cells: Option<u32>,
     /// Cells: traced rows per pixel in z before refinement. >= 1.
     pub rows: u32,
-    /// Cells: error that sampling may leave in a recorded value, share of open beam. 1e-6 to 1e-2.
-    pub tolerance: f64,
+    /// Cells: rule of the tolerances that have no number; `None`: [`Quality::Noise`] where the detector
+    /// has photons, else [`Quality::Standard`].
+    pub quality: Option<Quality>,
+    /// Cells: error that sampling may leave in a recorded value, share of open beam. 1e-6 to 1e-2;
+    /// `None`: by `quality`.
+    pub tolerance: Option<f64>,
     /// Cells, with a sample mask: error of the mean refraction angle of the light that a mask step
-    /// lets through, where no silhouette crosses the pixel, rad. > 0.
-    pub angle_tolerance: f64,
+    /// lets through, where no silhouette crosses the pixel, rad. > 0; `None`: by `quality`.
+    pub angle_tolerance: Option<f64>,
     /// Cells: most rays of a pixel in a view. >= 1.
     pub max_rays: u32,
     /// Random: rays of a pixel and their targets.
@@ -252,13 +256,60 @@ impl Default for Sampling {
             scheme: Scheme::Cells,
             cells: None,
             rows: 1,
-            tolerance: 1e-4,
-            angle_tolerance: 2e-9,
+            quality: None,
+            tolerance: None,
+            angle_tolerance: None,
             max_rays: 200_000,
             rays: RandomRays::Count(5000),
             transport: Transport::Auto,
             seed: 1,
         }
+    }
+}
+
+/// Rule of the tolerances of a scene that gives no numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Quality {
+    /// A tenth of the noise of an open pixel, and of the expected deviation of the refraction angle.
+    Noise,
+    /// [`Tolerances::STANDARD`].
+    Standard,
+    /// [`Tolerances::FINE`].
+    Fine,
+}
+
+/// Errors that sampling may leave.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerances {
+    /// Of a recorded value, share of open beam.
+    pub light: f64,
+    /// Of the mean refraction angle where no silhouette crosses the pixel, rad.
+    pub angle: f64,
+}
+
+impl Tolerances {
+    /// 1e-4 of open beam and 30 nrad.
+    pub const STANDARD: Self = Self { light: 1e-4, angle: 30e-9 };
+    /// 1e-5 of open beam and 2 nrad.
+    pub const FINE: Self = Self { light: 1e-5, angle: 2e-9 };
+}
+
+impl Sampling {
+    /// The tolerances of a scene that a run has resolved; [`Tolerances::STANDARD`] for a missing number.
+    #[must_use]
+    pub fn tolerances(&self) -> Tolerances {
+        let Tolerances { light, angle } = Tolerances::STANDARD;
+        Tolerances {
+            light: self.tolerance.unwrap_or(light),
+            angle: self.angle_tolerance.unwrap_or(angle),
+        }
+    }
+
+    /// Takes these tolerances where there is no number.
+    pub(crate) fn fill(&mut self, tolerances: Tolerances) {
+        self.tolerance.get_or_insert(tolerances.light);
+        self.angle_tolerance.get_or_insert(tolerances.angle);
     }
 }
 

@@ -6,7 +6,7 @@ use super::derived::AT_DETECTOR;
 use super::keys::detector::validate_thresholds;
 use super::keys::faults::{Faults, named};
 use super::keys::record::check;
-use super::{Beam, MaskSpec, Scene, SpectrumOrigin, SpectrumSpec, limits, path};
+use super::{Beam, MaskSpec, Quality, Scene, SpectrumOrigin, SpectrumSpec, limits, path};
 use crate::spot::Spot;
 use crate::units::Dimension::Length;
 use crate::{Error, Result};
@@ -43,6 +43,10 @@ impl Scene {
         faults.note(self.validate_detector_mask());
         faults.note(self.validate_periods());
         check(&self.sampling, &below("sampling"), &mut faults);
+        if self.sampling.quality == Some(Quality::Noise) && self.detector.counts.is_none() {
+            let allowed = "\"standard\", \"fine\", or detector.photons, whose noise counts";
+            faults.add(Error::scene("sampling.quality", "\"noise\" without photons", allowed));
+        }
         check(&self.scan, &below("scan"), &mut faults);
         faults.note(self.validate_offsets("scan.mask_offsets", &self.scan.mask_offsets));
         faults.note(self.validate_view_offsets());

@@ -89,7 +89,7 @@ fn stacks_of_100_thousand_triangles_are_the_same() {
 fn stacks_of_a_million_triangles_are_the_same() {
     let mut scene = ball(1010);
     // Each facet has a result of its own: a wider tolerance keeps the number of rays down.
-    scene.sampling.tolerance = 3e-4;
+    scene.sampling.tolerance = Some(3e-4);
     let count = triangles(&scene);
     assert!((900_000..2_000_000).contains(&count), "{count}");
     compare("backends, 1,000,000 triangles", &scene);

@@ -71,7 +71,7 @@ fn rays_of_views_that_differ_are_estimated_within_a_factor_of_two() {
     ];
     let mut scene = scenes::scene(&Setup::paper([16, 6]), &bodies, &OFFSETS);
     scene.scan.angles = (0..5).map(|view| 0.3 * f64::from(view)).collect();
-    scene.sampling.tolerance = 1e-3;
+    scene.sampling.tolerance = Some(1e-3);
     compare("estimate, five views (factor, as its logarithm)", &scene);
 }
 

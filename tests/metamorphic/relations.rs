@@ -76,7 +76,7 @@ impl Relation {
             Self::Finer => {
                 let sampling = &mut changed.scene.sampling;
                 (sampling.cells, sampling.rows) = (Some(CELLS[0]), CELLS[1]);
-                sampling.tolerance /= 4.0;
+                sampling.tolerance = Some(sampling.tolerances().light / 4.0);
             }
             Self::Exact => changed.scene.sampling.transport = Transport::Exact,
             Self::Facets => {

@@ -106,7 +106,7 @@ fn both(directory: &Path, prototype: ShapeOrMesh, mesh: &Mesh) -> [Scene; 2] {
     let offsets = [-20e-6, 9e-6];
     let mut flat = scenes::scene(&Setup::paper([6, 3]), &bodies, &offsets);
     flat.scan.angles = vec![0.0, 1.1];
-    flat.sampling.tolerance = 1e-3;
+    flat.sampling.tolerance = Some(1e-3);
     let mut many = flat.clone();
     many.objects[1].geometry = prototype;
     many.objects[1].instances = Some(Instances::File(path));

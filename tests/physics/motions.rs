@@ -198,7 +198,7 @@ fn moved_samples_have_the_stacks_of_tilted_ones_to_5e_5() {
         .flat_map(|(name, rest)| backends().into_iter().map(move |it| (name, rest.clone(), it)))
         .collect();
     for (name, mut rest, backend) in sample(cases, 3) {
-        rest.sampling.tolerance = 1e-5;
+        rest.sampling.tolerance = Some(1e-5);
         let got = engine(backend).simulate(&moved(&rest)).unwrap().sample;
         for view in [0, 1] {
             let want = engine(backend).simulate(&placed(&rest, view)).unwrap().sample;

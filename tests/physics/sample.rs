@@ -313,7 +313,7 @@ fn first_order_stack_is_the_exact_one_but_for_grazing_rays() {
         let mut scene = scenes::scene(&setup, &bodies, &offsets);
         scene.sampling.transport = transport;
         // Rays in order and sums over facets make different cells: finer than what is compared.
-        scene.sampling.tolerance = 2e-6;
+        scene.sampling.tolerance = Some(2e-6);
         engine.simulate(&scene).expect("a stack").sample
     });
     // Second order in delta: 1e-9 rad where rays are not flagged, 0.6 nm on the detector and

@@ -323,7 +323,7 @@ fn gaussian_as_a_weighted_superposition_of_point_sources() {
     let run = |spot| {
         let mut scene = with_spot(&setup, &bodies, &OFFSETS, spot);
         // Every stack has its own cells: they leave a tenth of what is compared.
-        (scene.sampling.tolerance, scene.sampling.angle_tolerance) = (3e-6, 1e-9);
+        (scene.sampling.tolerance, scene.sampling.angle_tolerance) = (Some(3e-6), Some(1e-9));
         engine.simulate(&scene).expect("stacks")
     };
     let want = run([30e-6, 0.0].into());
@@ -408,7 +408,7 @@ fn spectrum_of_a_lopsided_spot_is_the_sum_over_its_energies() {
         let mut scene = Scene::from_toml(&text, place.path()).unwrap();
         scene.source.spot = Spot::gaussians(LOPSIDED.to_vec());
         // Every stack has its own cells: they leave a tenth of what is compared.
-        (scene.sampling.tolerance, scene.sampling.angle_tolerance) = (3e-6, 1e-9);
+        (scene.sampling.tolerance, scene.sampling.angle_tolerance) = (Some(3e-6), Some(1e-9));
         scene
     };
     let engine = engine(Backend::Bvh);

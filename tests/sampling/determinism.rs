@@ -24,7 +24,7 @@ fn scene(scheme: Scheme) -> Scene {
     scene.sampling.scheme = scheme;
     scene.sampling.rays = RandomRays::Count(360);
     // Enough refinement for every branch, few enough rays for many runs.
-    scene.sampling.tolerance = 3e-4;
+    scene.sampling.tolerance = Some(3e-4);
     scene
 }
 

@@ -114,7 +114,7 @@ fn scene_of(shape: Shape, turns: &[([f64; 3], f64)], setup: &Setup) -> Scene {
     scene.objects[0].geometry = shape.into();
     scene.objects[0].placement.position = Ellipsoid::PLACE;
     scene.objects[0].placement.rotate = turns.to_vec();
-    scene.sampling.tolerance = 1e-4;
+    scene.sampling.tolerance = Some(1e-4);
     scene
 }
 

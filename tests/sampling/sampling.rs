@@ -244,7 +244,7 @@ fn finer_cells_and_more_rows_change_next_to_nothing() {
     let run = |cells: Option<u32>, rows: u32, tolerance: f64| {
         let mut scene = scene.clone();
         (scene.sampling.cells, scene.sampling.rows) = (cells, rows);
-        scene.sampling.tolerance = tolerance;
+        scene.sampling.tolerance = Some(tolerance);
         sample(&engine, &scene)
     };
     let fine = run(Some(40), 4, 3e-6);
@@ -308,7 +308,7 @@ fn many_rays_of_a_pixel_lose_no_light() {
     let bodies = [body(star(0.1e-3, 0.2e-3, 3, 3).rounded(), 0.0, CARBON[1])];
     let mut scene = scenes::scene(&setup, &bodies, &[0.0]);
     scene.sampling.transport = Transport::Exact;
-    scene.sampling.tolerance = 3e-4;
+    scene.sampling.tolerance = Some(3e-4);
     scene.sampling.max_rays = 1_000_000;
     let engine = engine(Backend::Bvh);
     let mut sink = ArraySink::new();

@@ -68,7 +68,7 @@ fn taken_by_sheets(setup: &Setup, sheets: &[Extent]) -> Vec<Vec<f64>> {
 fn check(name: &'static str, bodies: &[Body], want: &[Vec<f64>]) {
     let setup = Setup::paper([COLUMNS, ROWS]);
     let mut scene = scenes::scene(&setup, bodies, &OFFSETS);
-    scene.sampling.tolerance = 1e-4;
+    scene.sampling.tolerance = Some(1e-4);
     let stacks = engine(Backend::Bvh).simulate(&scene).expect("a stack");
     let mut worst = Worst::new(name, 2e-4);
     let mut seen = 0.0_f64;

@@ -67,7 +67,7 @@ impl Simulation {
             return Ok(None);
         };
         let mut largest = EdgeBlur { error: bound, traced: false, object, y };
-        let tolerance = self.scene.sampling.tolerance;
+        let tolerance = self.scene.sampling.tolerances().light;
         if bound <= tolerance {
             return Ok(Some(largest));
         }

@@ -64,7 +64,7 @@ impl Simulation {
         if self.scene.objects.is_empty() {
             return Ok(None);
         }
-        let tolerance = self.scene.sampling.tolerance;
+        let tolerance = self.scene.sampling.tolerances().light;
         let Some(found) = self.differences(stored, control)?.summary(tolerance) else {
             return Ok(None);
         };
@@ -92,7 +92,8 @@ impl Simulation {
         let mut own = Control::default().with_cancel(control.cancel.clone());
         let mut scene = (*self.scene).clone();
         // Its own error is no larger than that of a run's cells in the run's set-up.
-        scene.sampling.tolerance = scene.sampling.tolerance.min(stored.base_tolerance());
+        scene.sampling.tolerance =
+            Some(scene.sampling.tolerances().light.min(stored.base_tolerance()));
         let fresh = Self::new(&self.engine, &scene, &mut own)?;
         let count = numbers::count(self.scene.scan.angles.len());
         let looks = count.min(MOST_VIEWS);
@@ -136,7 +137,7 @@ impl Simulation {
         differences: &mut Differences,
     ) {
         let [kept, fresh] = values else { return };
-        let tolerance = self.scene.sampling.tolerance;
+        let tolerance = self.scene.sampling.tolerances().light;
         for column in 0..self.scene.detector.pixels[0] {
             if !touches_pixel(seen, lattice, [column.into(), row.into()]) {
                 continue;

@@ -9,6 +9,7 @@ use crate::moments::{self, StoredMoments, StoredSource};
 use crate::optics::{self, Optics};
 use crate::run::engine::Engine;
 use crate::run::memory;
+use crate::run::quality;
 use crate::run::{self, Control};
 use crate::sampling::{self, ErrorBudget, Lattice, Response};
 use crate::scene::{Scene, Scheme};
@@ -42,6 +43,7 @@ impl Simulation {
         control: &mut Control<'_>,
     ) -> Result<Self> {
         scene.validate()?;
+        let scene = quality::resolved(scene, engine.options().keep_moments)?;
         // From here on every reader of a file compares it with its hash.
         let scene = Arc::new(scene.with_file_hashes()?);
         let detector = DetectorModel::of(&scene)?;
@@ -76,7 +78,7 @@ impl Simulation {
         if scene.sampling.scheme != Scheme::Cells {
             return Err(Error::scene("sampling.scheme", "random", "cells, which moments are of"));
         }
-        let scene = Arc::new(scene.with_file_hashes()?);
+        let scene = Arc::new(quality::as_traced(scene, moments.scene())?.with_file_hashes()?);
         let detector = DetectorModel::of(&scene)?;
         let optics = detector.optics();
         let own = MaterialTable::of(&scene)?;
@@ -262,7 +264,7 @@ const BLURRED: f64 = 0.5;
 /// What sampling may leave in a value of the grid that takes the light, so that pixels of the
 /// detector hold the tolerance.
 fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
-    let sampling = &scene.sampling;
+    let tolerances = scene.sampling.tolerances();
     let [columns, rows] =
         [0, 1].map(|axis| scene.detector.pitch[axis] / optics.detector.pitch[axis]);
     let angles = scene.sample_mask.is_some();
@@ -271,14 +273,14 @@ fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
     let by_grid = rows.sqrt() * if angles { columns } else { columns.sqrt() };
     let blurred = if by_grid > 1.0 { BLURRED } else { 1.0 };
     ErrorBudget {
-        light: blurred * sampling.tolerance * by_grid,
+        light: blurred * tolerances.light * by_grid,
         by_grid,
-        tolerance: sampling.tolerance,
+        tolerance: tolerances.light,
         displacement: if angles {
-            sampling.angle_tolerance * scene.lever_arm()
+            tolerances.angle * scene.lever_arm()
         } else {
             f64::INFINITY
         },
-        max_rays: sampling.max_rays,
+        max_rays: scene.sampling.max_rays,
     }
 }

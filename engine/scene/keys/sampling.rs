@@ -1,7 +1,7 @@
 //! Keys of sampling.
 
 use super::prelude::*;
-use crate::scene::{RandomRays, Sampling, Scheme, Transport};
+use crate::scene::{Quality, RandomRays, Sampling, Scheme, Transport};
 
 keys! { SAMPLING: Sampling, "sampling", [], [];
     scheme => Word(SCHEMES), Default(r#""cells""#), r#""random""#,
@@ -10,9 +10,11 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
         "Cells per period in x before refinement; `cells` × `rows` up to 10000.";
     rows => Count(1, limits::ROWS as u64), Default("1"), "4",
         "Parts of a row of pixels in z before refinement.";
+    quality => Word(QUALITIES), Without("\"noise\" with `detector.photons`, else \"standard\""), r#""fine""#,
+        "Rule of the two tolerances below, where they have no number.";
     tolerance => Number("a share of open beam", within(*limits::TOLERANCE.start(), *limits::TOLERANCE.end())),
-        Default("1e-4"), "1e-3", "Error that sampling may leave in a recorded value.";
-    angle_tolerance => Quantity(Angle, POSITIVE), Default(r#""2 nrad""#), r#""1 nrad""#,
+        Without("by `quality`"), "1e-3", "Error that sampling may leave in a recorded value.";
+    angle_tolerance => Quantity(Angle, POSITIVE), Without("by `quality`"), r#""1 nrad""#,
         "Error of the mean refraction of the light that a mask step lets through, where no silhouette crosses the pixel.";
     max_rays => Count(1, limits::RAYS as u64), Default("200000"), "20000",
         "Most rays of a beamlet and row in a view.";
@@ -24,6 +26,7 @@ keys! { SAMPLING: Sampling, "sampling", [], [];
 }
 
 words!(Scheme, SCHEMES: "cells" => Cells, "random" => Random);
+words!(Quality, QUALITIES: "noise" => Noise, "standard" => Standard, "fine" => Fine);
 words!(Transport, TRANSPORTS: "auto" => Auto, "first-order" => FirstOrder, "exact" => Exact);
 
 impl Record for Sampling {

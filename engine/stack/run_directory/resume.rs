@@ -29,20 +29,27 @@ pub(super) struct Resumed {
 }
 
 impl RunDirectory {
-    /// The directory of an interrupted run of `scene`. Only looks; what is committed, and still
-    /// has its checksum, is listed by [`RunDirectory::committed`].
+    /// The scene with the tolerances of an interrupted run where it has no numbers: the scene that a
+    /// resumed run goes on with.
+    ///
+    /// # Errors
+    /// [`Error::File`] where there is no run; [`Error::Scene`] where its scene cannot be read.
+    pub fn scene_of_resumed(path: &Path, scene: &Scene) -> Result<Scene> {
+        require_run(path)?;
+        let began = Scene::load(path.join(SCENE))?;
+        let mut scene = scene.clone();
+        scene.sampling.fill(began.sampling.tolerances());
+        Ok(scene)
+    }
+
+    /// The directory of an interrupted run of `scene` ([`RunDirectory::scene_of_resumed`]). Only looks; what
+    /// is committed, and still has its checksum, is listed by [`RunDirectory::committed`].
     ///
     /// # Errors
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
-        if !layout::is_run(&path) {
-            let problem = match path.exists() {
-                true => format!("holds no run to go on with: it has no {RUN}"),
-                false => format!("is not there: it has no {RUN} to go on from"),
-            };
-            return Err(Error::file(path, problem, None));
-        }
+        require_run(&path)?;
         let log = ProgressLog::lock_if_there(&path.join(LOG))?;
         own_files::refuse_links(&path)?;
         let file = RunFile::read(&path.join(RUN))?;
@@ -154,6 +161,18 @@ impl RunDirectory {
         }
         Ok(())
     }
+}
+
+/// Refuses a place without a run.
+fn require_run(path: &Path) -> Result<()> {
+    if layout::is_run(path) {
+        return Ok(());
+    }
+    let problem = match path.exists() {
+        true => format!("holds no run to go on with: it has no {RUN}"),
+        false => format!("is not there: it has no {RUN} to go on from"),
+    };
+    Err(Error::file(path, problem, None))
 }
 
 pub(super) fn refuse_other_scene(path: &Path, differences: &[String]) -> Result<()> {

@@ -75,7 +75,7 @@ fn cad_assembly_as_exported_runs_in_balance_at_any_angle() {
         let mut scene = assembly(turn);
         if !everything() {
             // The balance is that of each ray: fewer rays than a fine picture takes try it.
-            scene.sampling.tolerance = 1e-3;
+            scene.sampling.tolerance = Some(1e-3);
         }
         let stacks = engine(backend).simulate(&scene).expect("a stack");
         let tally = &stacks.record.tally;

@@ -122,7 +122,7 @@ fn hundred_plates_face_to_face_are_the_one_block() {
         let stack = |bodies: &[Body]| {
             let mut scene = scenes::scene(&setup, bodies, &offsets);
             if !crate::support::everything() {
-                scene.sampling.tolerance = 1e-4;
+                scene.sampling.tolerance = Some(1e-4);
             }
             let stacks = engine.simulate(&scene).expect("a stack");
             let tally = &stacks.record.tally;

@@ -34,7 +34,7 @@ fn scene(place: &Path) -> Scene {
         Counts::of_photons(500.0).with_electronic_noise(3.0).with_offset(20.0).with_bit_depth(12),
     );
     scene.scan.angles = vec![0.0, 0.7, 1.4];
-    scene.sampling.tolerance = 1e-3;
+    scene.sampling.tolerance = Some(1e-3);
     scene
 }
 
@@ -183,7 +183,7 @@ fn kept_moments_serve_another_detector() {
     base.scan.angles = vec![0.7];
     let noisy = base.clone();
     // The kept run is finer than what the detector that takes it asks for.
-    base.sampling.tolerance = 1e-5;
+    base.sampling.tolerance = Some(1e-5);
     base.detector.blur = Some(Blur::Gaussian { sigma: [70e-6, 0.0] });
     (base.detector.scatter, base.detector.counts) = (None, None);
     let options = EngineOptions::default().with_backend(Backend::Bvh).with_keep_moments(true);
@@ -194,7 +194,7 @@ fn kept_moments_serve_another_detector() {
     engine.run(&base, &mut sink, Control::default().with_keep(&mut keep)).unwrap();
     let kept = StoredMoments::open(&run).unwrap();
     let mut blurred = noisy;
-    blurred.sampling.tolerance = 3e-5;
+    blurred.sampling.tolerance = Some(3e-5);
     blurred.detector.blur = Some(Blur::Gaussian { sigma: [50e-6, 80e-6] });
     let mut sink = ArraySink::new();
     engine.reilluminate(&kept, &blurred).unwrap().run(&mut sink, Control::default()).unwrap();

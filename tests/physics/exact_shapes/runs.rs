@@ -81,8 +81,8 @@ fn refraction_of_an_exact_cylinder_is_retrieved_to_1e_9() {
         let of = [(solid.clone(), [0.0, CARBON[1]])];
         let mut scene = with(scenes::scene(&setup, &[], &offsets()), &of);
         // The default of 2 nrad leaves about 0.3 nrad.
-        scene.sampling.angle_tolerance = 1e-10;
-        scene.sampling.tolerance = 1e-5;
+        scene.sampling.angle_tolerance = Some(1e-10);
+        scene.sampling.tolerance = Some(1e-5);
         let engine = engine(backend);
         let stacks = engine.simulate(&scene).expect("a stack");
         let options = RetrieveOptions::default();
@@ -144,7 +144,7 @@ fn crowd(directory: &std::path::Path) -> Scene {
     let beads = scene.objects.last_mut().expect("beads");
     beads.instances = Some(Instances::File(directory.join("beads.csv")));
     scene.scan.angles = vec![0.0, 1.5];
-    scene.sampling.tolerance = 2e-3;
+    scene.sampling.tolerance = Some(2e-3);
     scene
 }
 

@@ -32,8 +32,8 @@ pub(crate) fn run(engine: &Engine, scene: &Scene) -> Run {
 /// The scene of a case with this budget.
 pub(crate) fn with_budget(case: &Case, tolerance: f64, angle_tolerance: f64) -> Scene {
     let mut scene = case.scene.clone();
-    scene.sampling.tolerance = tolerance;
-    scene.sampling.angle_tolerance = angle_tolerance;
+    scene.sampling.tolerance = Some(tolerance);
+    scene.sampling.angle_tolerance = Some(angle_tolerance);
     scene
 }
 
