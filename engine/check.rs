@@ -16,6 +16,7 @@ use std::sync::Arc;
 
 mod builder;
 mod contacts;
+mod costs;
 pub(crate) mod display;
 mod estimate;
 mod illumination;
@@ -25,6 +26,7 @@ mod materials;
 pub use crate::detector::SubpixelGrid;
 pub use builder::Check;
 pub use contacts::CheckedContact;
+pub use costs::CheckedTolerances;
 pub use illumination::{ExpectedUncertainty, IlluminationCurve};
 use materials::materials;
 
@@ -155,6 +157,8 @@ pub struct CheckedObject {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Work {
+    /// Errors that sampling may leave.
+    pub tolerances: CheckedTolerances,
     /// Rays and time, from a sparse look at the scene with the refinement of a run.
     pub estimate: Option<RunEstimate>,
     /// Why there is no estimate, where there is none.
@@ -199,12 +203,13 @@ fn load_lenient(
     if scene.listed_objects().is_empty() {
         warnings.push("there is no object: the sample stack will equal the flat".into());
     }
-    let report = CheckReport {
+    let mut report = CheckReport {
         title: scene.title.clone(),
         setup: setup(scene, &swept, extent, nodes, &detector),
         illumination: None,
         edges: None,
         work: Work {
+            tolerances: costs::tolerances(scene)?,
             estimate: None,
             no_estimate: None,
             memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
@@ -216,6 +221,7 @@ fn load_lenient(
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
+    report.warnings.extend(costs::warnings(scene, &report));
     let edges = run::edge_blur::bounded(scene, &swept);
     Ok((report, sample, edges))
 }

@@ -36,6 +36,7 @@ impl Display for CheckReport {
         self.contacts.iter().try_for_each(|contact| writeln!(f, "  {contact}"))?;
         let work = &self.work;
         writeln!(f, "\nwork")?;
+        line(f, "tolerances", work.tolerances.text())?;
         write_estimate(f, work)?;
         let memory = &work.memory;
         let [peak, host, device] =

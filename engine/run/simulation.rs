@@ -205,7 +205,8 @@ impl Simulation {
         }
         let begin = Instant::now();
         let edges = self.edge_blur(&control.cancel)?;
-        let warning = edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerances().light));
+        let warning =
+            edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerances().light));
         warning.into_iter().for_each(|text| log::warn!("{text}"));
         let kept = self.kept_error(&control)?;
         let views: Vec<Exposure> =

@@ -136,7 +136,8 @@ def make(case, folder):
     stl = lambda name, mesh: write_stl(os.path.join(folder, name + '.stl'), *mesh)
     if case in ('cylinder', 'bracket'):
         return [os.path.join(ROOT, 'docs', 'experiments', case, 'scene.toml')]
-    arguments = [scene]
+    # Fixed, so that figures compare.
+    arguments = [scene, '--set', 'sampling.angle_tolerance=2 nrad']
     if case == 'tilted':
         vertices, triangles = prism(4.0, 24.0, 2048)
         cos, sin = math.cos(math.radians(10)), math.sin(math.radians(10))

@@ -13,6 +13,7 @@ mod hostile;
 mod mesh;
 mod mistakes;
 mod pictures;
+mod quality;
 mod report;
 mod screw;
 mod view;

@@ -276,11 +276,7 @@ fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
         light: blurred * tolerances.light * by_grid,
         by_grid,
         tolerance: tolerances.light,
-        displacement: if angles {
-            tolerances.angle * scene.lever_arm()
-        } else {
-            f64::INFINITY
-        },
+        displacement: if angles { tolerances.angle * scene.lever_arm() } else { f64::INFINITY },
         max_rays: scene.sampling.max_rays,
     }
 }

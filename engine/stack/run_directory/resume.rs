@@ -33,12 +33,14 @@ impl RunDirectory {
     /// resumed run goes on with.
     ///
     /// # Errors
-    /// [`Error::File`] where there is no run; [`Error::Scene`] where its scene cannot be read.
+    /// [`Error::File`] where there is no run.
     pub fn scene_of_resumed(path: &Path, scene: &Scene) -> Result<Scene> {
         require_run(path)?;
-        let began = Scene::load(path.join(SCENE))?;
         let mut scene = scene.clone();
-        scene.sampling.fill(began.sampling.tolerances());
+        // A scene that cannot be read is an error of `resume`, which compares the two.
+        if let Ok(began) = Scene::load(path.join(SCENE)) {
+            scene.sampling.fill(began.sampling.tolerances());
+        }
         Ok(scene)
     }
 
@@ -49,7 +51,7 @@ impl RunDirectory {
     /// [`Error::File`] where there is no run, or one of another scene (says what differs).
     pub fn resume(path: impl Into<PathBuf>, scene: &Scene) -> Result<Self> {
         let path = path.into();
-        require_run(&path)?;
+        let scene = &Self::scene_of_resumed(&path, scene)?;
         let log = ProgressLog::lock_if_there(&path.join(LOG))?;
         own_files::refuse_links(&path)?;
         let file = RunFile::read(&path.join(RUN))?;

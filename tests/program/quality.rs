@@ -1,0 +1,165 @@
+//! `sampling.quality`: the tolerances of runs, by the real binary.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use crate::support::program::{done, ended, run, stderr};
+use std::fs;
+use std::path::Path;
+
+const MASKS: &str = include_str!("../support/masks.toml");
+const ROD: &str = include_str!("../support/rod.toml");
+
+/// A scene of a rod with these keys of the detector and of sampling.
+fn scene(detector: &str, sampling: &str) -> String {
+    format!(
+        "{MASKS}\n[scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n[detector]\n\
+         distance = \"1.8 m\"\npixels = [6, 2]\npitch = \"150 um\"\n{detector}\n[sampling]\n{sampling}\n{ROD}"
+    )
+}
+
+/// Tolerance and angle tolerance (rad) of the scene.toml of a run.
+fn of_run(run: &Path) -> [f64; 2] {
+    let text = fs::read_to_string(run.join("scene.toml")).unwrap();
+    let scene: toml::Table = text.parse().unwrap();
+    let sampling = scene["sampling"].as_table().unwrap();
+    let (angle, unit) = sampling["angle_tolerance"].as_str().unwrap().split_once(' ').unwrap();
+    assert_eq!(unit, "rad");
+    [sampling["tolerance"].as_float().unwrap(), angle.parse().unwrap()]
+}
+
+/// Tolerances of a new run of a scene with these options.
+fn traced(here: &Path, [detector, sampling]: [&str; 2], options: &str) -> [f64; 2] {
+    fs::write(here.join("scene.toml"), scene(detector, sampling)).unwrap();
+    done(here, &format!("simulate scene.toml -o run --overwrite --format npy {options}"));
+    of_run(&here.join("run"))
+}
+
+/// 80,000 photons have a noise of 3.5e-3 of open beam; sigma of the angle of this set-up is 0.13 urad.
+#[test]
+fn runs_have_the_tolerances_of_their_quality() {
+    let directory = tempfile::tempdir().unwrap();
+    let tolerances = |scene, options| traced(directory.path(), scene, options);
+    assert_eq!(tolerances(["", ""], ""), [1e-4, 30e-9]);
+    assert_eq!(tolerances(["photons = 80000", ""], ""), [4e-4, 10e-9]);
+    assert_eq!(tolerances(["photons = 80000", "angle_tolerance = \"5 nrad\""], ""), [4e-4, 5e-9]);
+    assert_eq!(tolerances(["photons = 80000", ""], "--keep-moments"), [1e-4, 30e-9]);
+    let noise = ["photons = 80000", "quality = \"noise\""];
+    assert_eq!(tolerances(noise, "--keep-moments"), [4e-4, 10e-9]);
+    let set = "--set sampling.quality=fine";
+    assert_eq!(tolerances(["photons = 80000", "tolerance = 1e-3"], set), [1e-3, 2e-9]);
+    // Two offsets settle no angle.
+    let offsets = "--set scan.mask_offsets=[\"0um\",\"9um\"]";
+    assert_eq!(tolerances(["photons = 80000", ""], offsets), [4e-4, 30e-9]);
+}
+
+#[test]
+fn noise_without_photons_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    fs::write(directory.path().join("scene.toml"), scene("", "quality = \"noise\"")).unwrap();
+    let output = run(directory.path(), "simulate scene.toml -o run");
+    let text = ended(&output, 1);
+    assert!(text.contains("sampling.quality") && text.contains("detector.photons"), "{text}");
+    assert!(!directory.path().join("run").exists());
+}
+
+/// The rays of a run have its tolerances, whatever another scene needs.
+#[test]
+fn illuminate_keeps_the_tolerances_of_the_run_and_names_smaller_ones() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    traced(here, ["", ""], "--keep-moments");
+    let again = |sampling: &str| {
+        fs::write(here.join("other.toml"), scene("", sampling)).unwrap();
+        let output = run(here, "illuminate run --scene other.toml -o other --overwrite");
+        (ended(&output, 0), of_run(&here.join("other")))
+    };
+    let (text, tolerances) = again("quality = \"fine\"");
+    assert_eq!(tolerances, [1e-4, 30e-9]);
+    for part in
+        ["sampling.tolerance", "1e-5", "1e-4", "sampling.angle_tolerance", "2 nrad", "30 nrad"]
+    {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    let (text, tolerances) = again("tolerance = 1e-3");
+    assert_eq!(tolerances, [1e-3, 30e-9]);
+    assert!(!text.contains("sampling."), "{text}");
+}
+
+/// A run goes on with its own numbers, also where the rule of the scene has others by now.
+#[test]
+fn a_resumed_run_keeps_its_tolerances() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let began = traced(here, ["", "quality = \"fine\""], "--set scan.angles=[\"0deg\",\"9deg\"]");
+    let path = here.join("run/scene.toml");
+    // As an earlier version resolved it.
+    let text = fs::read_to_string(&path).unwrap().replace("quality = \"fine\"\n", "");
+    fs::write(&path, text).unwrap();
+    let log = fs::read_to_string(here.join("run/progress.log")).unwrap();
+    let first: Vec<&str> = log.lines().filter(|line| !line.starts_with("sample/1")).collect();
+    fs::write(here.join("run/progress.log"), first.join("\n") + "\n").unwrap();
+    fs::write(here.join("scene.toml"), scene("", "")).unwrap();
+    let set = "--set scan.angles=[\"0deg\",\"9deg\"]";
+    let output = run(here, &format!("simulate scene.toml -o run --resume {set}"));
+    ended(&output, 0);
+    assert_eq!(of_run(&here.join("run")), began);
+    // A number of its own is another scene.
+    fs::write(here.join("scene.toml"), scene("", "tolerance = 1e-3")).unwrap();
+    let output = run(here, &format!("simulate scene.toml -o run --resume {set}"));
+    assert!(ended(&output, 1).contains("sampling.tolerance"), "{}", stderr(&output));
+}
+
+/// Deviation of the angle by thin masks against the Fisher information of the real curve and fit: 15 %,
+/// since a Gaussian is not the shape of the curve. A spot of 60 um, four offsets, bars that leak, and three
+/// offsets beside the paper's set-up.
+#[test]
+fn the_closed_form_is_the_expected_uncertainty_of_check() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    fs::write(here.join("scene.toml"), scene("photons = 80000", "")).unwrap();
+    let cases = [
+        "",
+        "--set source.spot=60um",
+        "--set scan.mask_offsets=[\"-22um\",\"-7um\",\"8um\",\"21um\"]",
+        "--set source.energy=60keV",
+        "--set scan.mask_offsets=[\"-12um\",\"0um\",\"12um\"]",
+        "--set sample_mask.projected_aperture=20um --set detector.electronic_noise=20",
+    ];
+    for case in cases {
+        let text = done(here, &format!("check scene.toml --json {case}"));
+        let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let closed = report["work"]["tolerances"]["expected_angle"].as_f64().unwrap();
+        let fitted = report["illumination"]["expected"]["refraction"].as_f64();
+        let Some(fitted) = fitted else { panic!("{case}: no curve") };
+        println!(
+            "measured sigma of the angle, {case}: {closed:.3e} by thin masks, {fitted:.3e} by the fit"
+        );
+        assert!((closed / fitted - 1.0).abs() < 0.15, "{case}: {closed:e} for {fitted:e}");
+    }
+}
+
+#[test]
+fn check_names_needless_tolerances_and_shapes_that_cross() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let checked = |text: &str| {
+        fs::write(here.join("scene.toml"), text).unwrap();
+        done(here, "check scene.toml --no-estimate")
+    };
+    let plain = scene("photons = 80000", "");
+    let text = checked(&plain);
+    assert!(text.contains("4.0e-4 of open beam, angles 10 nrad"), "{text}");
+    assert!(!text.contains("warning: sampling"), "{text}");
+    let text = checked(&scene("photons = 80000", "tolerance = 1e-6\nangle_tolerance = \"2 nrad\""));
+    assert_eq!(text.matches("times below the noise").count(), 2, "{text}");
+    let bore = "[[object]]\nname = \"bore\"\nmaterial = \"air\"\nshape = { cylinder = { radius = \"0.1 mm\", \
+                height = \"20 mm\" } }\n";
+    let solid = plain.replace(", sides = 16", "");
+    let text = checked(&[&*solid, bore].concat());
+    assert!(
+        text.contains("\"bore\" crosses \"rod\": exact shapes that cross become meshes"),
+        "{text}"
+    );
+    let text = checked(&[&*solid, &*bore.replace("20 mm", "15 mm")].concat());
+    assert!(!text.contains("crosses"), "{text}");
+}
