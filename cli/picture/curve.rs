@@ -111,7 +111,7 @@ fn residuals(
         axes.curve(drawing, points(), Paint::line(colour, 0.8));
         axes.dots(drawing, points(), dot(colour));
     }
-    axes.frame(drawing, "mask offset [µm]", "less fit");
+    axes.frame(drawing, "mask offset [µm]", "data − fit");
 }
 
 fn legend(drawing: &mut Drawing, [left, mut y]: [f64; 2], curves: &[CurvePlot], notes: &[String]) {

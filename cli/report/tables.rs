@@ -98,7 +98,7 @@ const WORDS: [(&str, &str); 8] = [
         "one standard deviation of the noise of counts. Noise-free intensities have none: what tells \
          of them is the rms residual, as a share of open beam.",
     ),
-    ("residual", "value less fit; the rms residual is its root mean square over the mask steps."),
+    ("residual", "data − fit; the rms residual is its root mean square over the mask steps."),
     (
         "flags",
         "what stands against the values of a pixel. Misfit: they are not those of the neighbours on \

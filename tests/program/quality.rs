@@ -17,18 +17,23 @@ fn scene(detector: &str, sampling: &str) -> String {
     )
 }
 
+/// Tolerance and angle tolerance (rad), which are compared by bits.
+fn bits(tolerances: [f64; 2]) -> [u64; 2] {
+    tolerances.map(f64::to_bits)
+}
+
 /// Tolerance and angle tolerance (rad) of the scene.toml of a run.
-fn of_run(run: &Path) -> [f64; 2] {
+fn of_run(run: &Path) -> [u64; 2] {
     let text = fs::read_to_string(run.join("scene.toml")).unwrap();
     let scene: toml::Table = text.parse().unwrap();
     let sampling = scene["sampling"].as_table().unwrap();
     let (angle, unit) = sampling["angle_tolerance"].as_str().unwrap().split_once(' ').unwrap();
     assert_eq!(unit, "rad");
-    [sampling["tolerance"].as_float().unwrap(), angle.parse().unwrap()]
+    bits([sampling["tolerance"].as_float().unwrap(), angle.parse().unwrap()])
 }
 
 /// Tolerances of a new run of a scene with these options.
-fn traced(here: &Path, [detector, sampling]: [&str; 2], options: &str) -> [f64; 2] {
+fn traced(here: &Path, [detector, sampling]: [&str; 2], options: &str) -> [u64; 2] {
     fs::write(here.join("scene.toml"), scene(detector, sampling)).unwrap();
     done(here, &format!("simulate scene.toml -o run --overwrite --format npy {options}"));
     of_run(&here.join("run"))
@@ -39,17 +44,20 @@ fn traced(here: &Path, [detector, sampling]: [&str; 2], options: &str) -> [f64; 
 fn runs_have_the_tolerances_of_their_quality() {
     let directory = tempfile::tempdir().unwrap();
     let tolerances = |scene, options| traced(directory.path(), scene, options);
-    assert_eq!(tolerances(["", ""], ""), [1e-4, 30e-9]);
-    assert_eq!(tolerances(["photons = 80000", ""], ""), [4e-4, 10e-9]);
-    assert_eq!(tolerances(["photons = 80000", "angle_tolerance = \"5 nrad\""], ""), [4e-4, 5e-9]);
-    assert_eq!(tolerances(["photons = 80000", ""], "--keep-moments"), [1e-4, 30e-9]);
+    assert_eq!(tolerances(["", ""], ""), bits([1e-4, 30e-9]));
+    assert_eq!(tolerances(["photons = 80000", ""], ""), bits([4e-4, 10e-9]));
+    assert_eq!(
+        tolerances(["photons = 80000", "angle_tolerance = \"5 nrad\""], ""),
+        bits([4e-4, 5e-9])
+    );
+    assert_eq!(tolerances(["photons = 80000", ""], "--keep-moments"), bits([1e-4, 30e-9]));
     let noise = ["photons = 80000", "quality = \"noise\""];
-    assert_eq!(tolerances(noise, "--keep-moments"), [4e-4, 10e-9]);
+    assert_eq!(tolerances(noise, "--keep-moments"), bits([4e-4, 10e-9]));
     let set = "--set sampling.quality=fine";
-    assert_eq!(tolerances(["photons = 80000", "tolerance = 1e-3"], set), [1e-3, 2e-9]);
+    assert_eq!(tolerances(["photons = 80000", "tolerance = 1e-3"], set), bits([1e-3, 2e-9]));
     // Two offsets settle no angle.
     let offsets = "--set scan.mask_offsets=[\"0um\",\"9um\"]";
-    assert_eq!(tolerances(["photons = 80000", ""], offsets), [4e-4, 30e-9]);
+    assert_eq!(tolerances(["photons = 80000", ""], offsets), bits([4e-4, 30e-9]));
 }
 
 #[test]
@@ -74,14 +82,14 @@ fn illuminate_keeps_the_tolerances_of_the_run_and_names_smaller_ones() {
         (ended(&output, 0), of_run(&here.join("other")))
     };
     let (text, tolerances) = again("quality = \"fine\"");
-    assert_eq!(tolerances, [1e-4, 30e-9]);
+    assert_eq!(tolerances, bits([1e-4, 30e-9]));
     for part in
         ["sampling.tolerance", "1e-5", "1e-4", "sampling.angle_tolerance", "2 nrad", "30 nrad"]
     {
         assert!(text.contains(part), "{part}: {text}");
     }
     let (text, tolerances) = again("tolerance = 1e-3");
-    assert_eq!(tolerances, [1e-3, 30e-9]);
+    assert_eq!(tolerances, bits([1e-3, 30e-9]));
     assert!(!text.contains("sampling."), "{text}");
 }
 

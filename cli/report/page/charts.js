@@ -133,8 +133,8 @@ function addCurves() {
   addChart(element("curve"), "curve", title, 640, 300, fitted ? series.concat(fits) : series,
     { legend, where, across: label, down: images.flat.label });
   if (!fitted) return;
-  const left = ["flat", "sample"].map((name) => ({ label: name + " less fit", ink: name, width: 1, points: { show: true, size: 5 } }));
-  addChart(element("residuals"), "residuals", "Residual: value less fit", 640, 150, [{ label: "offset" }, ...left],
+  const left = ["flat", "sample"].map((name) => ({ label: name + " − fit", ink: name, width: 1, points: { show: true, size: 5 } }));
+  addChart(element("residuals"), "residuals", "Residual: data − fit", 640, 150, [{ label: "offset" }, ...left],
     { legend, where, across: label, down: "residual" });
 }
 
