@@ -6,7 +6,7 @@ use beamlet::EngineOptions;
 use clap::Args;
 
 /// The device of verbs that trace or fit.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct DeviceArguments {
     /// Vulkan device, by its number or part of its name (see `beamlet devices`)
     #[arg(long, value_name = "N|NAME")]
@@ -21,7 +21,7 @@ impl DeviceArguments {
 }
 
 /// What walks the rays of a run, and in how much memory.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub(crate) struct EngineArguments {
     /// How rays find triangles: auto chooses by the device and counts of the scene
     #[arg(long, value_enum, default_value_t = BackendName::Auto)]

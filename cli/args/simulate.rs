@@ -46,10 +46,11 @@ pub(crate) struct Simulate {
     pub(crate) messages: Messages,
 }
 
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(after_help = "Examples:\n  \
     beamlet simulate scene.toml -o run --keep-moments\n  \
     beamlet illuminate run --scene wider.toml -o wider\n  \
+    beamlet illuminate run --set 'source.spot=60 um' -o blurred\n  \
     beamlet illuminate run --scene a.toml --scene b.toml -o designs\n\n\
     Source distance, angles and the place and shape of every object must be those of the run; \
     masks, mask offsets, spot, spectrum, the materials' constants and the detector may differ. \
@@ -57,8 +58,8 @@ pub(crate) struct Simulate {
 pub(crate) struct Illuminate {
     /// Run directory with moments (`simulate --keep-moments`)
     pub(crate) run: PathBuf,
-    /// Scene to illuminate them with, TOML or JSON (may be repeated)
-    #[arg(long, value_name = "SCENE", required = true)]
+    /// Scene to illuminate them with, TOML or JSON (may be repeated) [default: the scene of RUN]
+    #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Vec<PathBuf>,
     /// Change a value of every scene: key.path=value (may be repeated)
     #[arg(long = "set", value_name = "KEY=VALUE", value_parser = key_value)]

@@ -61,6 +61,11 @@ fn jobs(arguments: &Illuminate, outputs: Vec<PathBuf>) -> Result<Vec<Job>, Failu
 }
 
 pub(super) fn run(arguments: &Illuminate, out: &mut impl Write) -> Result<(), Failure> {
+    let mut arguments = arguments.clone();
+    if arguments.scene.is_empty() {
+        arguments.scene.push(arguments.run.join(layout::SCENE));
+    }
+    let arguments = &arguments;
     let outputs = outputs(arguments)?;
     let record = arguments.run.join(layout::RUN);
     if record.exists() {

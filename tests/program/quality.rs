@@ -171,3 +171,20 @@ fn check_names_needless_tolerances_and_shapes_that_cross() {
     let text = checked(&[&*solid, &*bore.replace("20 mm", "15 mm")].concat());
     assert!(!text.contains("crosses"), "{text}");
 }
+
+/// Without a scene the run's own is changed, with its photons; without a change its bits are the run's.
+#[test]
+fn illuminate_takes_the_scene_of_the_run_by_default() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    traced(here, ["photons = 80000", ""], "--keep-moments");
+    fs::remove_file(here.join("scene.toml")).unwrap();
+    done(here, "illuminate run -o same --format npy");
+    done(here, "illuminate run --set source.spot=60um -o blurred --format npy");
+    let bytes = |name: &str| fs::read(here.join(name)).unwrap();
+    assert!(bytes("run/sample.npy") == bytes("same/sample.npy"));
+    assert!(bytes("run/counts/sample.npy") == bytes("same/counts/sample.npy"));
+    assert!(bytes("run/counts/flat.npy") != bytes("blurred/counts/flat.npy"));
+    let text = fs::read_to_string(here.join("blurred/scene.toml")).unwrap();
+    assert!(text.contains("photons = 80000"), "{text}");
+}

@@ -56,8 +56,8 @@ impl ImageDirectory {
             return Err(Error::file(path, problem, None));
         }
         if !overwrite {
-            let problem = "holds retrieved images already; overwrite them or choose another \
-                           directory";
+            let problem = "holds retrieved images already; overwrite them (--overwrite) or choose \
+                           another directory";
             return Err(Error::file(path, problem, None));
         }
         let names = Record::names(&path.join(RECORD))?;
