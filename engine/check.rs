@@ -18,6 +18,7 @@ mod builder;
 mod contacts;
 mod costs;
 pub(crate) mod display;
+mod doubts;
 mod estimate;
 mod illumination;
 pub(crate) mod inputs;
@@ -221,6 +222,7 @@ fn load_lenient(
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
+    report.warnings.extend(doubts::doubts(scene, &report));
     report.warnings.extend(costs::warnings(scene, &report));
     let edges = run::edge_blur::bounded(scene, &swept);
     Ok((report, sample, edges))

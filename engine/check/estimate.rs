@@ -51,6 +51,6 @@ pub(super) fn add_curve(engine: &Engine, scene: &Scene, report: &mut CheckReport
     let curve = illumination::illumination(engine, scene, &report.setup.nodes);
     report.illumination = curve.unwrap_or(None);
     if let Some(curve) = &report.illumination {
-        report.warnings.extend(illumination::warnings(scene, curve));
+        report.warnings.extend(illumination::warnings(curve));
     }
 }

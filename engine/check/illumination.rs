@@ -5,7 +5,7 @@ use crate::detector::DetectorModel;
 use crate::numbers::single;
 use crate::optics::{MaskShape, Optics};
 use crate::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
-use crate::scene::{Counts, Object, Scatter, Scene, Scheme, limits};
+use crate::scene::{Counts, Object, Scatter, Scene, Scheme};
 use crate::spectrum::Nodes;
 use crate::{Engine, Result};
 use ndarray::{Array2, ArrayView2, Axis};
@@ -239,40 +239,14 @@ fn expected(
 }
 
 /// What is odd about the masks and the offsets, in words.
-pub(super) fn warnings(scene: &Scene, curve: &IlluminationCurve) -> Vec<String> {
+pub(super) fn warnings(curve: &IlluminationCurve) -> Vec<String> {
     let mut warnings = Vec::new();
-    let optics = Optics::of(scene);
-    let masks = [&optics.sample_mask, &optics.detector_mask];
-    if let [Some(first), Some(second)] = masks {
-        let plane = scene.detector.distance;
-        let [a, b] = [first, second].map(|mask| mask.openings(plane).period[0]);
-        let columns = f64::from(scene.detector.pixels[0]);
-        let ratio = (a / b).max(b / a);
-        let fringes = (ratio - ratio.round()).abs() / ratio.round() * columns;
-        if fringes > 1.0 {
-            warnings.push(format!(
-                "the projected periods of the masks, {:.3} um and {:.3} um, differ so that {fringes:.1} \
-                 moire fringes cross the detector; periods that fit are in proportion to the distances",
-                a * 1e6,
-                b * 1e6
-            ));
-        }
-    }
     for (name, leak) in ["sample_mask", "detector_mask"].into_iter().zip(curve.leak) {
         if leak > 0.01 {
             warnings.push(format!(
                 "the bars of {name} let {:.1} % of the light through; above 1 % they take visibility: \
                  are material and thickness the right ones?",
                 leak * 100.0
-            ));
-        }
-    }
-    for (name, mask) in scene.masks() {
-        let thickness = mask.body.thickness();
-        if thickness > limits::THICK_BARS {
-            warnings.push(format!(
-                "{name}.thickness of {} mm is more than any mask has, about 1 mm: is its unit right?",
-                crate::printed::number(thickness * 1e3)
             ));
         }
     }

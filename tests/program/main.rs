@@ -9,6 +9,7 @@ mod assemblies;
 mod cli;
 mod cli_beam;
 mod clipping;
+mod doubts;
 mod hostile;
 mod mesh;
 mod mistakes;

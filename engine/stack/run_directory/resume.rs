@@ -39,7 +39,9 @@ impl RunDirectory {
         let mut scene = scene.clone();
         // A scene that cannot be read is an error of `resume`, which compares the two.
         if let Ok(began) = Scene::load(path.join(SCENE)) {
-            scene.sampling.fill(began.sampling.tolerances());
+            let (own, began) = (&mut scene.sampling, began.sampling);
+            own.tolerance = own.tolerance.or(began.tolerance);
+            own.angle_tolerance = own.angle_tolerance.or(began.angle_tolerance);
         }
         Ok(scene)
     }

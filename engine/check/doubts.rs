@@ -1,0 +1,231 @@
+//! What is odd about a set-up: values that are allowed, and that nobody means.
+
+use super::CheckReport;
+use crate::optics::{Mask, Optics};
+use crate::printed::number;
+use crate::scene::{Beam, Counts, MaterialSpec, Scene, SpectrumOrigin, limits};
+use crate::{material, spot};
+use std::f64::consts::PI;
+
+/// Fringes across the detector from which on periods do not fit.
+const FRINGES: f64 = 0.1;
+/// Energy, keV, below which air counts, and the share of the light that it has to take.
+const SOFT: f64 = 30.0;
+const TAKEN_BY_AIR: f64 = 0.1;
+/// Mean energy over the tube voltage below which a beam is hardly filtered, keV/kV.
+const SOFT_TUBE: f64 = 0.45;
+/// Density of a gas at most, g/cm3.
+const GAS: f64 = 0.01;
+/// Photons of an open pixel below which no curve can be fitted.
+const FEW_PHOTONS: f64 = 50.0;
+/// Blur of the projected apertures over the period beyond which visibility is below 9 %.
+const BLURRED_AWAY: f64 = 0.4;
+/// Relative difference from whole turns of angles that were meant as radians.
+const TURN: f64 = 0.005;
+
+/// The doubts about a scene.
+pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
+    let optics = Optics::of(scene);
+    let masks = [&optics.sample_mask, &optics.detector_mask].map(Option::as_ref);
+    let mut doubts: Vec<String> = [
+        periods_of_masks(&optics, masks),
+        period_of_pixels(&optics),
+        slits_on_borders(&optics),
+        blurred_away(scene, &optics),
+        air(scene, report.setup.energy),
+        unfiltered(scene, report.setup.energy),
+        radians(&scene.scan.angles),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    doubts.extend(thick_bars(scene));
+    doubts.extend(odd_materials(scene));
+    doubts.extend(scene.detector.counts.iter().flat_map(photons));
+    doubts
+}
+
+/// Fringes across the columns of two periods whose ratio, or its inverse, is nearly whole.
+fn fringes(a: f64, b: f64, columns: f64) -> f64 {
+    let ratio = (a / b).max(b / a);
+    (ratio - ratio.round()).abs() / ratio.round() * columns
+}
+
+/// Projected periods of the two masks that do not fit one another.
+fn periods_of_masks(optics: &Optics, masks: [Option<&Mask>; 2]) -> Option<String> {
+    let [Some(first), Some(second)] = masks else { return None };
+    let plane = optics.detector.distance;
+    let [a, b] = [first, second].map(|mask| mask.openings(plane).period[0]);
+    let fringes = fringes(a, b, f64::from(optics.detector.pixels[0]));
+    (fringes > FRINGES).then(|| {
+        format!(
+            "the projected periods of the masks, {:.3} um and {:.3} um, differ so that {fringes:.1} moire \
+             fringes cross the detector; periods that fit are in proportion to the distances",
+            a * 1e6,
+            b * 1e6
+        )
+    })
+}
+
+/// Projected period of the detector mask that does not fit the pixels.
+fn period_of_pixels(optics: &Optics) -> Option<String> {
+    let detector = &optics.detector;
+    let period = optics.detector_mask.as_ref()?.openings(detector.distance).period[0];
+    let fringes = fringes(period, detector.pitch[0], f64::from(detector.pixels[0]));
+    (fringes > FRINGES).then(|| {
+        format!(
+            "the projected period of detector_mask, {:.3} um, and detector.pitch, {:.3} um, differ so that \
+             {fringes:.1} fringes cross the detector: set detector_mask.period to {:.4} um, or leave it out",
+            period * 1e6,
+            detector.pitch[0] * 1e6,
+            detector.pitch[0] * 1e6 * (period / detector.pitch[0]).round().max(1.0)
+                / (detector.distance / optics.analyser)
+        )
+    })
+}
+
+/// Slits of the detector mask on the border of two pixels.
+fn slits_on_borders(optics: &Optics) -> Option<String> {
+    let detector = &optics.detector;
+    let mask = optics.detector_mask.as_ref()?;
+    let slit = mask.openings(detector.distance).narrowest(0);
+    let middle = if detector.pixels[0].is_multiple_of(2) { 0.0 } else { 0.5 };
+    let crossed = [middle, middle + 1.0].into_iter().any(|border| {
+        let slope = border * detector.pitch[0] / detector.distance;
+        mask.off_centre(slope, detector.distance).abs() < 0.5 * slit
+    });
+    // A slit of a pixel's width crosses borders wherever it is.
+    (crossed && slit < 0.9 * detector.pitch[0]).then(|| {
+        "slits of detector_mask are in front of pixel borders, so that two pixels share the light of a slit: \
+         detector_mask.offset moves the slits in front of pixel centres"
+            .into()
+    })
+}
+
+/// A spot that leaves next to no illumination curve.
+fn blurred_away(scene: &Scene, optics: &Optics) -> Option<String> {
+    let mask = optics.sample_mask.as_ref().filter(|_| optics.detector_mask.is_some())?;
+    let period = mask.openings(optics.analyser).period[0];
+    let blur = (scene.magnification() - 1.0) * spot::deviation(scene.source.spot.fwhm()[0]);
+    (blur > BLURRED_AWAY * period).then(|| {
+        format!(
+            "the spot blurs the illumination curve away: its standard deviation is {:.1} um on the detector \
+             mask, where the sample mask has a period of {:.1} um; a smaller source.spot or sample_mask nearer \
+             to the sample keeps the curve",
+            blur * 1e6,
+            period * 1e6
+        )
+    })
+}
+
+/// A long path of soft light in vacuum.
+fn air(scene: &Scene, energy: f64) -> Option<String> {
+    if scene.path_material != "vacuum" || scene.surroundings != "vacuum" || energy >= SOFT {
+        return None;
+    }
+    let air = material::constants_at(scene, "air", energy).ok()?;
+    let taken = 1.0 - (-air.mu * scene.detector.distance).exp();
+    (taken > TAKEN_BY_AIR).then(|| {
+        format!(
+            "the beam of {} keV on average runs through {} m of vacuum; air takes {:.0} % of it and hardens a \
+             spectrum: surroundings.material = \"air\" unless the path is evacuated",
+            number(energy),
+            number(scene.detector.distance),
+            100.0 * taken
+        )
+    })
+}
+
+/// A tube without a filter.
+fn unfiltered(scene: &Scene, energy: f64) -> Option<String> {
+    let Beam::Spectrum(spectrum) = &scene.source.beam else { return None };
+    let SpectrumOrigin::Tube { kvp, .. } = &spectrum.origin else { return None };
+    (spectrum.filters.is_empty() && energy < SOFT_TUBE * kvp).then(|| {
+        format!(
+            "the beam of the tube has no filter beside its window, and a mean energy of {} keV: most set-ups \
+             have a filter (source.spectrum.filters), if only of air",
+            number(energy)
+        )
+    })
+}
+
+/// Angles that cover half a turn or a turn if their degrees are radians.
+fn radians(angles: &[f64]) -> Option<String> {
+    let [first, .., last] = angles else { return None };
+    let count = angles.len() as f64;
+    let degrees = (last - first).abs().to_degrees();
+    // With the end and without it.
+    let spans = [degrees, degrees * count / (count - 1.0)];
+    let whole = [PI, 2.0 * PI];
+    let odd = whole.iter().any(|turn| spans.iter().any(|span| (span / turn - 1.0).abs() < TURN));
+    (odd && angles.len() > 2).then(|| {
+        format!(
+            "scan.angles cover {} deg, which is {} turns if the numbers are radians: is their unit right?",
+            number(degrees),
+            if degrees > 4.0 { "1" } else { "1/2" }
+        )
+    })
+}
+
+/// Bars beyond any mask.
+fn thick_bars(scene: &Scene) -> Vec<String> {
+    let thick = scene.masks().filter(|(_, mask)| mask.body.thickness() > limits::THICK_BARS);
+    thick
+        .map(|(name, mask)| {
+            format!(
+                "{name}.thickness of {} mm is more than any mask has, about 1 mm: is its unit right?",
+                number(mask.body.thickness() * 1e3)
+            )
+        })
+        .collect()
+}
+
+/// Materials of objects with the density of a gas, or that refract as light optics does.
+fn odd_materials(scene: &Scene) -> Vec<String> {
+    let mut doubts = Vec::new();
+    for (name, spec) in &scene.materials {
+        let used = scene.objects.iter().any(|object| object.material == *name);
+        match spec {
+            MaterialSpec::Formula { density, .. } | MaterialSpec::Mixture { density, .. }
+                if used && *density < GAS =>
+            {
+                doubts.push(format!(
+                    "materials.{name}.density of {} g/cm3 ({} kg/m3) is that of a gas: is its unit right?",
+                    number(*density),
+                    number(density * 1e3)
+                ));
+            }
+            MaterialSpec::Constants { delta, .. } if *delta < 0.0 => doubts.push(format!(
+                "materials.{name}.delta of {delta:e} is negative: X-rays away from absorption edges have \
+                 delta > 0, with n = 1 - delta"
+            )),
+            _ => {}
+        }
+    }
+    doubts
+}
+
+/// Too few photons for a fit, or more than the numbers of the detector hold.
+fn photons(counts: &Counts) -> Vec<String> {
+    let mut doubts = Vec::new();
+    if counts.photons < FEW_PHOTONS {
+        doubts.push(format!(
+            "detector.photons of {} is too few for a fit: it is the mean number of photons of an open pixel \
+             in a frame",
+            number(counts.photons)
+        ));
+    }
+    if let Some(bits) = counts.bit_depth {
+        let most = 2_f64.powf(f64::from(bits)) - 1.0;
+        let open = counts.photons * counts.gain + counts.number_without_light();
+        if open > most {
+            doubts.push(format!(
+                "an open pixel has the detector number {}, and {bits} bits hold {} at most: brighter pixels \
+                 are clipped; a smaller detector.gain avoids it",
+                number(open.round()),
+                number(most)
+            ));
+        }
+    }
+    doubts
+}

@@ -1,0 +1,107 @@
+//! Doubts of `check` about set-ups, by the real binary: each fault has its warning, and the shipped scenes
+//! have none.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use crate::support::program::done;
+use std::fs;
+use std::path::Path;
+
+const MASKS: &str = include_str!("../support/masks.toml");
+const ROD: &str = include_str!("../support/rod.toml");
+/// Words of every doubt.
+const DOUBTS: [&str; 11] = [
+    "moire fringes",
+    "detector.pitch",
+    "pixel borders",
+    "blurs the illumination curve away",
+    "of vacuum",
+    "no filter",
+    "are radians",
+    "density of",
+    "is negative",
+    "too few for a fit",
+    "bits hold",
+];
+
+fn checked(here: &Path, text: &str, options: &str) -> String {
+    fs::write(here.join("scene.toml"), text).unwrap();
+    done(here, &format!("check scene.toml --no-estimate {options}"))
+}
+
+fn found(text: &str) -> Vec<&str> {
+    let warned =
+        |word: &&str| text.lines().any(|it| it.starts_with("warning") && it.contains(word));
+    DOUBTS.into_iter().filter(|word| warned(word)).collect()
+}
+
+#[test]
+fn each_fault_has_its_warning_and_no_other() {
+    let directory = tempfile::tempdir().unwrap();
+    let plain = format!(
+        "{MASKS}\n[scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n[detector]\n\
+         distance = \"1.8 m\"\npixels = [96, 2]\npitch = \"150 um\"\n{ROD}"
+    );
+    assert_eq!(found(&checked(directory.path(), &plain, "")), [""; 0]);
+    let tube = "--set source.spectrum.anode=\"tungsten\" --set source.spectrum.kvp=40kVp";
+    let soft = "--set source.energy=15keV";
+    let cases = [
+        // 0.96 fringes of the masks against one another, which the detector mask alone brings.
+        ("--set detector_mask.period=151.5um", vec!["moire fringes", "detector.pitch"]),
+        ("--set sample_mask.period=101um", vec!["moire fringes"]),
+        ("--set detector_mask.offset=75um", vec!["pixel borders"]),
+        ("--set source.spot=400um", vec!["blurs the illumination curve away"]),
+        (soft, vec!["of vacuum"]),
+        (tube, vec!["of vacuum", "no filter"]),
+        ("--set scan.angles={from=\"0deg\",to=\"6.2832deg\",count=360}", vec!["are radians"]),
+        ("--set scan.angles={from=\"0deg\",to=\"3.1416deg\",count=20}", vec!["are radians"]),
+        ("--set materials.plastic.delta=-2.4e-7", vec!["is negative"]),
+        ("--set detector.photons=3", vec!["too few for a fit"]),
+        ("--set detector.photons=70000 --set detector.bit_depth=16", vec!["bits hold"]),
+    ];
+    for (options, want) in cases {
+        let text = match options == tube {
+            // Constants hold at one energy.
+            true => plain.replace("energy = \"30 keV\"\n", "").replace(
+                "mu = \"0.25 /cm\"\ndelta = 2.4e-7",
+                "formula = \"C\"\ndensity = \"1 g/cm3\"",
+            ),
+            false => plain.clone(),
+        };
+        assert_eq!(found(&checked(directory.path(), &text, options)), want, "{options}");
+    }
+    // A solid of 2 kg/m3.
+    let light = plain.replace(
+        "mu = \"0.25 /cm\"\ndelta = 2.4e-7",
+        "formula = \"C5H8O2\"\ndensity = \"2 kg/m3\"",
+    );
+    assert_eq!(found(&checked(directory.path(), &light, "")), ["density of"]);
+    // Sound beside the faults: air in the path, a half turn, a limited range, one slit per two pixels.
+    for options in [
+        "--set source.energy=15keV --set surroundings.material=\"air\"",
+        "--set scan.angles={from=\"0deg\",to=\"180deg\",count=20}",
+        "--set scan.angles={from=\"-5deg\",to=\"5deg\",count=11}",
+        "--set detector.photons=60000 --set detector.bit_depth=16",
+        "--set detector_mask.period=300um --set detector_mask.offset=75um --set sample_mask.period=200um",
+    ] {
+        assert_eq!(found(&checked(directory.path(), &plain, options)), [""; 0], "{options}");
+    }
+}
+
+#[test]
+fn shipped_scenes_leave_no_doubt() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/experiments");
+    let mut scenes = 0;
+    for entry in fs::read_dir(&root).unwrap() {
+        let folder = entry.unwrap().path();
+        if folder.join("scene.toml").is_file() {
+            scenes += 1;
+            assert_eq!(
+                found(&done(&folder, "check scene.toml --no-estimate")),
+                [""; 0],
+                "{folder:?}"
+            );
+        }
+    }
+    assert!(scenes >= 4, "{scenes} scenes");
+}
