@@ -1,5 +1,5 @@
-"""Reads what beamlet writes: run directories and retrieved images. Needs numpy, and OpenEXR or
-tifffile for runs in those formats.
+"""Reads what beamlet writes: run directories and retrieved images. Needs numpy, OpenEXR or tifffile
+for runs in those formats, and h5py to write DXchange files.
 
     import beamlet_run
     run = beamlet_run.Run("run")
@@ -13,6 +13,7 @@ run.counts_sample and run.dark, which are None where the scene has no noise.
 
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -123,3 +124,53 @@ class Retrieved:
     def flagged(self, bit):
         """Whether a flag is set, [view, row, column]."""
         return self["flags"].astype(int) & int(bit) != 0
+
+    def to_dxchange(self, path, theta):
+        """Writes the contrasts of all views as a new DXchange file (HDF5, contiguous, unfiltered).
+
+        theta: angle of each view, degrees. /exchange has the transmission, with a white frame of 1
+        and a dark frame of 0; /exchange1 the refraction angle, rad; /exchange2 the dark field, rad^2,
+        where the method gives one. Data are [view, row, column], float32, row 0 on top; pixels
+        without an answer are NaN. ValueError where theta does not fit the views; FileExistsError
+        where there is such a file; an error leaves no file behind.
+        """
+        import h5py
+
+        transmission = np.asarray(self["transmission"], dtype=np.float32)
+        theta = np.asarray(theta, dtype=np.float64)
+        if theta.shape != transmission.shape[:1] or not np.isfinite(theta).all():
+            raise ValueError(
+                f"theta: found {theta.size} values of shape {theta.shape}; "
+                f"allowed: {len(transmission)} finite angles in degrees, one per view"
+            )
+        new = Path(f"{path}.part")
+        with open(new, "xb"):
+            pass
+        try:
+            with h5py.File(new, "w") as file:
+                file["implements"] = "exchange"
+                self._exchange(file, "exchange", "transmission", theta)
+                frame = (1, *transmission.shape[1:])
+                file["exchange/data_white"] = np.ones(frame, dtype=np.float32)
+                file["exchange/data_dark"] = np.zeros(frame, dtype=np.float32)
+                self._exchange(file, "exchange1", "refraction", theta)
+                if "dark_field" in self.units:
+                    self._exchange(file, "exchange2", "dark_field", theta)
+            os.link(new, path)
+        finally:
+            new.unlink()
+
+    CONTRASTS = {
+        "transmission": "transmission T, 1 without sample",
+        "refraction": "refraction angle alpha, positive towards +x",
+        "dark_field": "variance of the scattering angle, sigma_DF^2",
+    }
+
+    def _exchange(self, file, group, name, theta):
+        data = file.create_dataset(f"{group}/data", data=np.asarray(self[name], dtype=np.float32))
+        data.attrs["axes"] = "theta:y:x"
+        data.attrs["units"] = self.units[name]
+        data.attrs["description"] = self.CONTRASTS[name]
+        file[f"{group}/title"] = name
+        angles = file.create_dataset(f"{group}/theta", data=theta)
+        angles.attrs["units"] = "degrees"

@@ -26,6 +26,6 @@ done
 awk '/^```python$/ { inside = 1; next } /^```$/ { inside = 0 } inside' \
     "$root/docs/reading.md" > reading.py
 python3 -m venv venv
-venv/bin/pip install --quiet --disable-pip-version-check numpy OpenEXR tifffile
+venv/bin/pip install --quiet --disable-pip-version-check numpy OpenEXR tifffile h5py
 cp "$root/docs/beamlet_run.py" .
 venv/bin/python reading.py
