@@ -30,6 +30,10 @@ pub(crate) struct Retrieve {
     /// Frames without beam; their mean is subtracted
     #[arg(long, value_name = "FILE", requires = "flat")]
     pub(crate) dark: Option<PathBuf>,
+    /// Pixels that measure nothing: an image (NPY, EXR, TIFF) with 0 for each good pixel, or a text
+    /// with row,column on each line, counted from 0; they have no answer and a flag of their own
+    #[arg(long, value_name = "FILE")]
+    pub(crate) bad_pixels: Option<PathBuf>,
     /// Offsets of the sample mask: a list with units, or a file with one on each line
     /// [default: those of the geometry's scan]
     #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]

@@ -25,7 +25,10 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     let path = arguments.output.clone().unwrap_or(path);
     refuse_overlap(&path, &read(arguments))?;
     let has_counts = arguments.run.is_some() && input.scene().detector.counts.is_some();
-    let input = input.saturated_at(arguments.saturation);
+    let mut input = input.saturated_at(arguments.saturation);
+    if let Some(file) = &arguments.bad_pixels {
+        input = input.with_bad_pixels(file)?;
+    }
     let of_scene = input.noise();
     let gain = match (input.counts(), arguments.gain) {
         (true, gain) => gain.or(of_scene.map(|[gain, _]| gain)).or(Some(1.0)),
@@ -84,7 +87,8 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
 /// Files that are read beside the stacks of flat and sample.
 fn read(arguments: &Retrieve) -> Vec<PathBuf> {
     let scene = arguments.run.as_ref().map(|run| run.join(layout::SCENE));
-    let files = [arguments.geometry.clone(), arguments.dark.clone(), scene];
+    let bad_pixels = arguments.bad_pixels.clone();
+    let files = [arguments.geometry.clone(), arguments.dark.clone(), bad_pixels, scene];
     files.into_iter().flatten().chain(lists(arguments)).collect()
 }
 

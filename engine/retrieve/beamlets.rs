@@ -88,7 +88,7 @@ impl Beamlets {
     }
 
     /// `[pixel of the window][row][beamlet]` of a single frame `[1][row][column]`.
-    pub(super) fn gather(&self, frame: ArrayView3<'_, f32>) -> Array3<f32> {
+    pub(super) fn gather<T: Copy>(&self, frame: ArrayView3<'_, T>) -> Array3<T> {
         let (_, rows, _) = frame.dim();
         Array3::from_shape_fn((self.pixels, rows, self.starts.len()), |(pixel, row, beamlet)| {
             frame[[0, row, self.starts[beamlet] + pixel]]

@@ -33,6 +33,8 @@ pub const MISFIT: u32 = 1 << 20;
 /// then, or of the sample, whose dark field is NaN (`beamlet`). The refraction is NaN where they do
 /// not determine its centre. A bit of a pixel.
 pub const UNRESOLVED: u32 = 1 << 21;
+/// A pixel that is named as bad, or a beamlet of such pixels: it has no answer. A bit of a pixel, alone.
+pub const BAD_PIXEL: u32 = 1 << 22;
 
 /// Bits of a curve: the sample's bits in an image are those of the flat, shifted by this.
 pub const BITS: u32 = 10;
@@ -41,7 +43,7 @@ pub const BITS: u32 = 10;
 pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_PEAK;
 
 /// Each bit of a pixel with its name and meaning.
-pub const OF_PIXEL: [(u32, &str, &str); 2] = [
+pub const OF_PIXEL: [(u32, &str, &str); 3] = [
     (
         MISFIT,
         "misfit",
@@ -52,6 +54,7 @@ pub const OF_PIXEL: [(u32, &str, &str); 2] = [
         "unresolved",
         "pixels too wide, or counts too few, to determine the width of the beamlet",
     ),
+    (BAD_PIXEL, "bad_pixel", "named as bad (--bad-pixels): its values are left out"),
 ];
 
 /// Each bit of a curve with its name and meaning, for files and tables.

@@ -1,5 +1,6 @@
 //! What is retrieved from: a run of beamlet, or measured stacks with their geometry.
 
+mod bad_pixels;
 mod faults;
 mod reopened;
 
@@ -28,6 +29,8 @@ pub struct Input {
     dark: Option<Array2<f32>>,
     /// File or folder of the dark frames.
     dark_path: Option<PathBuf>,
+    /// File of bad pixels, and these, `[row][column]`.
+    bad: Option<(PathBuf, Array2<bool>)>,
     /// Values from here on, before the dark is subtracted, are left out.
     saturation: Option<f32>,
     /// Detector number of one photon, and the noise of no light, where the scene has them.
@@ -64,6 +67,7 @@ impl Input {
                 sample,
                 dark: None,
                 dark_path: None,
+                bad: None,
                 saturation: None,
                 noise: None,
                 counts,
@@ -72,7 +76,12 @@ impl Input {
             });
         }
         let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
-            let problem = "has no counts: its scene has no detector.photons";
+            let problem = match scene.detector.counts {
+                Some(_) => {
+                    "has no committed counts of flat and sample yet: wait for the run, or resume it"
+                }
+                None => "has no counts: its scene has no detector.photons",
+            };
             return Err(Error::file(run.path(), problem, None));
         };
         let dark = run.dark()?;
@@ -88,7 +97,19 @@ impl Input {
             None => None,
         };
         let frames = BTreeMap::new();
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read, frames })
+        Ok(Self {
+            scene,
+            flat,
+            sample,
+            dark,
+            dark_path,
+            bad: None,
+            saturation,
+            noise,
+            counts,
+            read,
+            frames,
+        })
     }
 
     /// Measured stacks. `scene` gives the geometry; its mask offsets are those of the frames.
@@ -140,7 +161,19 @@ impl Input {
             None => None,
         };
         let (saturation, noise, counts) = (None, None, true);
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read, frames })
+        Ok(Self {
+            scene,
+            flat,
+            sample,
+            dark,
+            dark_path,
+            bad: None,
+            saturation,
+            noise,
+            counts,
+            read,
+            frames,
+        })
     }
 
     /// Names other files that were read for it, such as that of the geometry, for the record.
@@ -240,8 +273,10 @@ impl Input {
     /// Splits the sample's frames into views of as many steps as `retriever` has offsets.
     ///
     /// # Errors
-    /// [`Error::File`] where frames and offsets do not agree in number, naming the file.
+    /// [`Error::File`] where frames and offsets do not agree in number, naming the file, and where the
+    /// mean of the dark is not finite in a pixel that is not a bad one.
     pub(crate) fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
+        self.check_dark()?;
         let [flat, sample] = retriever.steps();
         let frames = self.flat.shape()[1];
         if frames != flat {
@@ -278,7 +313,22 @@ impl Input {
         self.corrected(self.sample.rows(view, rows.clone())?, &rows)
     }
 
-    /// Marks what is saturated and subtracts the dark.
+    /// Refuses a dark without a value in a pixel that is not a bad one.
+    fn check_dark(&self) -> Result<()> {
+        let (Some(dark), Some(path)) = (&self.dark, &self.dark_path) else { return Ok(()) };
+        let is_bad = |at| self.bad_pixels().is_some_and(|bad| bad[at]);
+        match dark.indexed_iter().find(|(at, value)| !value.is_finite() && !is_bad(*at)) {
+            None => Ok(()),
+            Some(((row, column), _)) => {
+                let problem = format!(
+                    "is not finite in row {row}, column {column}: --bad-pixels leaves out such pixels"
+                );
+                Err(Error::file(path, problem, None))
+            }
+        }
+    }
+
+    /// Marks what is saturated and what is bad, and subtracts the dark.
     fn corrected(&self, mut data: Array3<f32>, rows: &Range<u32>) -> Result<Array3<f32>> {
         let dark = self
             .dark
@@ -292,6 +342,14 @@ impl Input {
                 Zip::from(&mut frame).and(dark).for_each(|y, dark| {
                     if *y < LEFT_OUT {
                         *y -= dark;
+                    }
+                });
+            }
+            if let Some(bad) = self.bad_pixels() {
+                let bad = bad.slice(ndarray::s![rows.start as usize..rows.end as usize, ..]);
+                Zip::from(&mut frame).and(&bad).for_each(|y, bad| {
+                    if *bad {
+                        *y = f32::NAN;
                     }
                 });
             }
@@ -329,14 +387,7 @@ fn mean(stack: &StackFile) -> Result<Array2<f32>> {
         }
     }
     let count = (views * steps) as f64;
-    let mean = sum.mapv(|sum| numbers::single(sum / count));
-    match mean.iter().position(|value| !value.is_finite()) {
-        None => Ok(mean),
-        Some(at) => {
-            let problem = format!("is not finite in row {}, column {}", at / columns, at % columns);
-            Err(Error::file(stack.path(), problem, None))
-        }
-    }
+    Ok(sum.mapv(|sum| numbers::single(sum / count)))
 }
 
 /// Mask offsets from a list such as "-10 um, 0 um, 10 um", or from a file with one per line.

@@ -5,6 +5,7 @@ mod fits;
 use super::beamlets::Beamlets;
 use super::curves::Curves;
 use super::fitter::{FitOptions, Fitter, Weights};
+use super::flags;
 use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
 use super::method::Method;
 use super::misfit::{self, Noise};
@@ -15,7 +16,7 @@ use crate::numbers;
 use crate::run::RowsControl;
 use crate::scene::Scene;
 use crate::{Engine, Error, Result, reserve};
-use ndarray::{Array3, ArrayView3, s};
+use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 use std::ops::Range;
 
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
@@ -264,11 +265,8 @@ impl Retriever {
             let mut data = read(band.clone())?;
             let mut offsets = self.sample_offsets.clone();
             if let Some([i, j]) = chosen {
-                data = ndarray::stack![
-                    ndarray::Axis(0),
-                    data.slice(s![i, .., ..]),
-                    data.slice(s![j, .., ..])
-                ];
+                data =
+                    ndarray::stack![Axis(0), data.slice(s![i, .., ..]), data.slice(s![j, .., ..])];
                 offsets = vec![offsets[i], offsets[j]];
             }
             let pixels = band.start as usize * across..band.end as usize * across;
@@ -284,6 +282,26 @@ impl Retriever {
         };
         misfit::mark(&mut images, &flat.curves, self.angle_per_shift, noise);
         Ok(images)
+    }
+
+    /// Flags bad pixels of the frames, `[row][column]`, in the images of a view: pixels, or beamlets that
+    /// have one. They hold this flag alone.
+    pub(super) fn mark_bad(&self, images: &mut Images, bad: &Array2<bool>) {
+        let of_images = match &self.beamlets {
+            Some(beamlets) => beamlets.gather(bad.view().insert_axis(Axis(0))).fold_axis(
+                Axis(0),
+                false,
+                |any, bad| *any || *bad,
+            ),
+            None => bad.clone(),
+        };
+        if let Some(bits) = images.get_mut(FLAGS) {
+            bits.zip_mut_with(&of_images, |bits, bad| {
+                if *bad {
+                    *bits = numbers::single(f64::from(flags::BAD_PIXEL));
+                }
+            });
+        }
     }
 
     /// The flat, from an array `[step][row][column]`.

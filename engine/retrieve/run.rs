@@ -119,7 +119,10 @@ pub fn retrieve(
     let mut brighter = 0;
     for view in 0..input.views() {
         let mut read = |band| input.sample_rows(view, band);
-        let retrieved = retriever.retrieve(columns, &mut read, &mut inner)?;
+        let mut retrieved = retriever.retrieve(columns, &mut read, &mut inner)?;
+        if let Some(bad) = input.bad_pixels() {
+            retriever.mark_bad(&mut retrieved, bad);
+        }
         for (name, image) in retrieved.iter() {
             cancel.check()?;
             images.put(name, unit(name, value), input.views(), image.view())?;
@@ -190,6 +193,7 @@ fn begun(
         sources: input.sources(),
         frames: input.frames().clone(),
         dark: input.dark_source(),
+        bad_pixels: input.bad_pixels_source(),
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
         inputs: BTreeMap::new(),
@@ -257,7 +261,7 @@ fn warn_of_light(brighter: usize, pixels: usize) {
 
 /// Counts flagged pixels and those without an answer.
 fn count(record: &mut Record, flag_image: Option<&ndarray::Array2<f32>>) {
-    let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER);
+    let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER) | flags::BAD_PIXEL;
     for value in flag_image.into_iter().flatten() {
         let bits = numbers::whole::<u32>(f64::from(*value));
         if bits == 0 {

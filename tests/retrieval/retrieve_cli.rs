@@ -391,6 +391,75 @@ fn comparisons_tell_what_differs_and_by_how_much() {
 }
 
 #[test]
+fn bad_pixels_have_a_flag_of_their_own_and_change_no_other_pixel() {
+    let (folder, run) = copy();
+    let place = folder.path();
+    good(place, &["retrieve", "run", "--format", "npy", "-o", "clean"]);
+    let mut flat: Array3<f32> = read_npy(run.join("flat.npy")).unwrap();
+    let sample: Array4<f32> = read_npy(run.join("sample.npy")).unwrap();
+    let mut view = sample.index_axis(ndarray::Axis(0), 0).to_owned();
+    let mut dark = Array3::<f32>::zeros((1, 4, 64));
+    // A gap of two columns, of which one is at the cylinder, and a hot pixel.
+    let is_bad =
+        |(row, column): (usize, usize)| [20, 21].contains(&column) || (row, column) == (2, 50);
+    let mut mask = ndarray::Array2::<u8>::zeros((4, 64));
+    let mut list = String::from("# row,column\n");
+    for (at, value) in mask.indexed_iter_mut().filter(|(at, _)| is_bad(*at)) {
+        *value = 1;
+        list += &format!("{}, {}\n", at.0, at.1);
+        for step in 0..11 {
+            flat[[step, at.0, at.1]] = f32::NAN;
+            view[[step, at.0, at.1]] = if step % 2 == 0 { 1e6 } else { f32::NAN };
+        }
+        dark[[0, at.0, at.1]] = f32::NAN;
+    }
+    write_npy(place.join("flat.npy"), &flat).unwrap();
+    write_npy(place.join("view.npy"), &view).unwrap();
+    write_npy(place.join("dark.npy"), &dark).unwrap();
+    write_npy(place.join("mask.npy"), &mask).unwrap();
+    fs::write(place.join("list.txt"), &list).unwrap();
+    let stacks = ["--flat", "flat.npy", "--sample", "view.npy", "--dark", "dark.npy"];
+    let words =
+        [["retrieve"].as_slice(), &stacks, &["--geometry", SCENE, "--format", "npy"]].concat();
+    let clean = Maps::open(place.join("clean")).unwrap();
+    for file in ["mask.npy", "list.txt"] {
+        let out = format!("{}_images", &file[..4]);
+        good(place, &[words.as_slice(), &["--bad-pixels", file, "-o", &out]].concat());
+        let images = Maps::open(place.join(&out)).unwrap();
+        for name in ["transmission", "refraction", "dark_field", "flags"] {
+            let [a, b] = [&clean, &images].map(|maps| maps.map(name, 0).unwrap());
+            for (at, value) in b.indexed_iter() {
+                match (is_bad(at), name) {
+                    (true, "flags") => assert_eq!(*value as u32, flags::BAD_PIXEL, "{at:?}"),
+                    (true, _) => assert!(value.is_nan(), "{name} {at:?}"),
+                    (false, _) => assert_eq!(value.to_bits(), a[at].to_bits(), "{name} {at:?}"),
+                }
+            }
+        }
+        let record = Record::read(&place.join(&out).join("retrieved.json")).unwrap();
+        assert_eq!(record.bad_pixels.as_deref(), Some(file));
+        assert_eq!((record.without_answer, record.flagged[&flags::BAD_PIXEL]), (9, 9));
+        assert!(record.inputs.contains_key(file));
+    }
+    // NaN of the dark is an error where no mask names its pixel.
+    bad(place, &[words.as_slice(), &["-o", "none"]].concat(), 1, "row 0, column 20: --bad-pixels");
+    write_npy(place.join("wide.npy"), &ndarray::Array2::<u8>::zeros((4, 65))).unwrap();
+    write_npy(place.join("all.npy"), &ndarray::Array2::<u8>::ones((4, 64))).unwrap();
+    fs::write(place.join("outside.txt"), "0,1\n4,1\n").unwrap();
+    fs::write(place.join("word.txt"), "3;1\n").unwrap();
+    for (file, word) in [
+        ("wide.npy", "1 images of 4 x 65 pixels; allowed: one of 4 x 64"),
+        ("all.npy", "every pixel"),
+        ("outside.txt", "line 2: \"4,1\"; allowed: row,column, rows 0 to 3, columns 0 to 63"),
+        ("word.txt", "line 1"),
+        ("gone.txt", "gone.txt"),
+    ] {
+        bad(place, &[words.as_slice(), &["--bad-pixels", file, "-o", "none"]].concat(), 1, word);
+        assert!(!place.join("none").exists());
+    }
+}
+
+#[test]
 fn arguments_that_do_not_go_together_are_usage_errors() {
     let (folder, _run) = copy();
     let place = folder.path();

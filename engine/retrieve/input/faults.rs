@@ -41,7 +41,10 @@ pub(super) fn check_sample(flat: &StackFile, sample: &StackFile) -> Result<()> {
     let [_, steps, rows, _] = flat.shape();
     for step in 0..steps {
         let rows = 0..numbers::count(rows);
-        if flat.frame(0, step, rows.clone())? != sample.frame(0, step, rows)? {
+        let (flat, sample) = (flat.frame(0, step, rows.clone())?, sample.frame(0, step, rows)?);
+        // Gaps of a detector hold NaN in both.
+        let is_same = |(a, b): (&f32, &f32)| a == b || (a.is_nan() && b.is_nan());
+        if !flat.iter().zip(&sample).all(is_same) {
             return Ok(());
         }
     }
@@ -60,7 +63,7 @@ pub(super) fn check_dark(flat: &StackFile, dark: &StackFile, mean: &Array2<f32>)
     let [darkest, brightest] = ends;
     let of_dark = level(mean);
     if !(darkest.is_finite() && brightest.is_finite()) {
-        // Reported where curves are read, with the pixel.
+        // No pixel has a value: reported where curves are read.
         return Ok(());
     }
     // Also where all frames are equal: a dark as bright as the flat leaves nothing.
@@ -75,7 +78,10 @@ pub(super) fn check_dark(flat: &StackFile, dark: &StackFile, mean: &Array2<f32>)
     Err(Error::file(dark.path(), problem, None))
 }
 
-/// Mean over the pixels of a frame.
+/// Mean over the pixels of a frame that have a value; NaN where none has.
 fn level(frame: &Array2<f32>) -> f64 {
-    frame.iter().map(|value| f64::from(*value)).sum::<f64>() / frame.len() as f64
+    let values = frame.iter().filter(|value| value.is_finite());
+    let (sum, count) =
+        values.fold((0.0, 0_usize), |(sum, count), value| (sum + f64::from(*value), count + 1));
+    sum / count as f64
 }

@@ -52,7 +52,19 @@ impl Input {
         let dark = dark.as_ref().map(mean).transpose()?;
         let (saturation, noise, counts) = (None, None, record.counts);
         let frames = record.frames.clone();
-        Ok(Self { scene, flat, sample, dark, dark_path, saturation, noise, counts, read, frames })
+        Ok(Self {
+            scene,
+            flat,
+            sample,
+            dark,
+            dark_path,
+            bad: None,
+            saturation,
+            noise,
+            counts,
+            read,
+            frames,
+        })
     }
 }
 

@@ -52,6 +52,10 @@ pub struct Record {
     /// Frames without beam that were subtracted; `None` where there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<String>,
+    /// File of the pixels that were left out as bad; `None` where there was none, and in records of
+    /// earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bad_pixels: Option<String>,
     /// The scene whose geometry the frames have, as TOML with absolute paths; `None` in records of
     /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
