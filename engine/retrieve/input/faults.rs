@@ -43,7 +43,8 @@ pub(super) fn check_sample(flat: &StackFile, sample: &StackFile) -> Result<()> {
         let rows = 0..numbers::count(rows);
         let (flat, sample) = (flat.frame(0, step, rows.clone())?, sample.frame(0, step, rows)?);
         // Gaps of a detector hold NaN in both.
-        let is_same = |(a, b): (&f32, &f32)| a == b || (a.is_nan() && b.is_nan());
+        let is_same =
+            |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
         if !flat.iter().zip(&sample).all(is_same) {
             return Ok(());
         }
