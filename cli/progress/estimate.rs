@@ -1,5 +1,6 @@
 //! The time that work will still take, from the share of it that is done.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 /// Share and time of the work before which nobody knows.
@@ -7,9 +8,14 @@ const LEAST_SHARE: f64 = 0.03;
 const LEAST_SECONDS: f64 = 5.0;
 /// New ends of the work count over this part of the time gone: a few slow rows move little.
 const MEMORY: f64 = 0.15;
+/// Where this share, or half of the work done where that is less, took longer than the work after
+/// it, the pace leaves it out: a slow beginning tells nothing of the rest.
+const BEGINNING: f64 = 0.03;
+/// Steps of less than this share are not kept apart.
+const LEAST_STEP: f64 = 0.001;
 /// An end is moved farther away where it is this much later than shown, and these seconds.
 const LATER: f64 = 1.25;
-const LATER_SECONDS: f64 = 5.0;
+const LATER_SECONDS: f64 = 2.0;
 
 /// When work will end. Times are those since any fixed moment, so that tests have a clock of their
 /// own.
@@ -17,6 +23,8 @@ const LATER_SECONDS: f64 = 5.0;
 pub(super) struct Estimate {
     /// Time and share when it began: what went before, at another pace, tells nothing.
     began: Option<[f64; 2]>,
+    /// Times and shares of steps, from the one that the pace is counted from.
+    steps: VecDeque<[f64; 2]>,
     /// Time and share of the last step.
     at: [f64; 2],
     /// Seconds that will be left after the next one.
@@ -31,7 +39,7 @@ impl Estimate {
     /// The work begins, with this share of it done before.
     pub(super) fn begin(&mut self, now: Duration, share: f64) {
         let at = [now.as_secs_f64(), share];
-        *self = Self { began: Some(at), at, ..Self::default() };
+        *self = Self { began: Some(at), at, steps: [at].into(), ..Self::default() };
     }
 
     /// This share of the work is done.
@@ -43,8 +51,15 @@ impl Estimate {
         if share <= self.at[1] {
             return;
         }
-        let (gone, since) = (now - began, now - self.at[0]);
-        let end = now + gone * (1.0 - share) / (share - before);
+        let since = now - self.at[0];
+        let [from, from_share] = self.recent(before + BEGINNING.min(0.5 * (share - before)));
+        let gone = now - from;
+        // A quick beginning counts: of waves it is one.
+        let pace = (gone / (share - from_share)).min((now - began) / (share - before));
+        let end = now + pace * (1.0 - share);
+        if self.steps.back().is_none_or(|last| share - last[1] >= LEAST_STEP) {
+            self.steps.push_back([now, share]);
+        }
         let first = self.end <= 0.0;
         let weight = since / (since + MEMORY * gone).max(1e-9);
         self.end = if first { end } else { self.end + weight * (end - self.end) };
@@ -52,6 +67,14 @@ impl Estimate {
         let after = (1.0 - 2.0 * share + self.at[1]).max(0.0) / (1.0 - share).max(1e-9);
         self.then = (self.shown.unwrap_or(self.end) - now).max(0.0) * after;
         self.at = [now, share];
+    }
+
+    /// The last step that does not go beyond a share; those before it are forgotten.
+    fn recent(&mut self, share: f64) -> [f64; 2] {
+        while self.steps.get(1).is_some_and(|step| step[1] <= share) {
+            self.steps.pop_front();
+        }
+        self.steps.front().copied().unwrap_or(self.at)
     }
 
     /// Time that is left; `None` where it is too early to tell.
@@ -79,9 +102,10 @@ impl Estimate {
 pub(super) fn words(left: Duration) -> String {
     let seconds = left.as_secs();
     match seconds {
-        0..5 => "a few seconds left".to_owned(),
-        5..56 => format!("about {} s left", seconds.div_ceil(5) * 5),
-        56..3540 => format!("about {} min left", seconds.div_ceil(60)),
+        0..10 => "a few seconds left".to_owned(),
+        10..56 => format!("about {} s left", seconds.div_ceil(5) * 5),
+        56..180 => format!("about {} s left", seconds.div_ceil(10) * 10),
+        180..3540 => format!("about {} min left", seconds.div_ceil(60)),
         _ => {
             let minutes = seconds.div_ceil(600) * 10;
             format!("about {} h {:02} min left", minutes / 60, minutes % 60)
@@ -167,6 +191,37 @@ mod tests {
     }
 
     #[test]
+    fn a_slow_beginning_and_other_work_leave_the_rest_within_a_third() {
+        // 120 views of 0.35 s or 2 s, the first one slow; beside other work a view takes up to twice
+        // as long, in waves.
+        for (view, first, busy) in [
+            (0.35, 0.0, 0.0),
+            (0.35, 4.0, 0.0),
+            (2.0, 30.0, 0.0),
+            (0.35, 4.0, 1.0),
+            (2.0, 9.0, 1.0),
+        ] {
+            let cost = |n: u32| {
+                let wave = (f64::from(n) * 2.1).sin() + 0.5 * (f64::from(n) * 0.9).sin();
+                view * (1.0 + busy * (0.5 + wave / 3.0)) + if n == 0 { first } else { 0.0 }
+            };
+            let total: f64 = (0..120).map(cost).sum();
+            let (mut estimate, mut now) = (Estimate::default(), 0.0);
+            estimate.begin(at(0.0), 0.0);
+            for n in 0..119 {
+                now += cost(n);
+                estimate.reach(at(now), f64::from(n + 1) / 120.0);
+                let Some(left) = estimate.left(at(now)) else { continue };
+                let (left, rest) = (left.as_secs_f64(), total - now);
+                // Below ten seconds it says no number.
+                if n >= 12 && rest >= 10.0 {
+                    assert!((0.7..1.4).contains(&(left / rest)), "{left} of {rest} s, view {n}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn a_long_step_makes_it_wait_and_not_run_out() {
         let mut estimate = Estimate::default();
         estimate.begin(at(0.0), 0.0);
@@ -186,8 +241,9 @@ mod tests {
         let of = |seconds: u64| words(Duration::from_secs(seconds));
         assert_eq!(of(0), "a few seconds left");
         assert_eq!(of(31), "about 35 s left");
-        assert_eq!(of(58), "about 1 min left");
-        assert_eq!(of(61), "about 2 min left");
+        assert_eq!(of(58), "about 60 s left");
+        assert_eq!(of(61), "about 70 s left");
+        assert_eq!(of(181), "about 4 min left");
         assert_eq!(of(3600), "about 1 h 00 min left");
         assert_eq!(of(3601), "about 1 h 10 min left");
     }
