@@ -70,6 +70,7 @@ const PERMUTATIONS: &[Permutation] = &[
     ("random_rays", "random_rays.comp", &[]),
     ("random_light", "random_light.comp", &[]),
     ("fit", "retrieve/fit.comp", &[]),
+    ("back_project", "reconstruct/back_project.comp", &[]),
 ];
 
 /// The shaders of the tests, from tests/device/shaders/; they are not part of the library.

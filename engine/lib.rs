@@ -47,6 +47,7 @@ mod optics;
 mod parallel;
 mod printed;
 mod random;
+pub mod reconstruct;
 mod reserve;
 pub mod retrieve;
 mod run;

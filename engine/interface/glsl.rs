@@ -55,11 +55,13 @@ mod constants;
 mod fit;
 #[path = "light.rs"]
 mod light;
+#[path = "reconstruct.rs"]
+mod reconstruct;
 #[path = "walk.rs"]
 mod walk;
 
 /// Buffer references to arrays of numbers: name, type, access.
-const NUMBERS: [(&str, &str, &str); 8] = [
+const NUMBERS: [(&str, &str, &str); 9] = [
     ("Words", "uint", ""),
     ("Floats", "float", ""),
     ("ObjectMaterials", "uint", "readonly"),
@@ -68,6 +70,7 @@ const NUMBERS: [(&str, &str, &str); 8] = [
     ("Offsets", "float", "readonly"),
     ("Curves", "float", "readonly"),
     ("Fits", "float", "writeonly"),
+    ("Projections", "float", "readonly"),
 ];
 
 /// The files that shaders include, by the name in their `#include`.
@@ -86,7 +89,10 @@ pub(crate) fn files() -> BTreeMap<String, String> {
         line(&mut all, &reference(name, element, access, 4));
     }
     let structs: Vec<Struct> =
-        [walk::structs(), light::structs(), fit::structs()].into_iter().flatten().collect();
+        [walk::structs(), light::structs(), fit::structs(), reconstruct::structs()]
+            .into_iter()
+            .flatten()
+            .collect();
     for shared in &structs {
         if shared.name.ends_with("Push") {
             let head = format!("layout(push_constant, scalar) uniform {}", shared.name);

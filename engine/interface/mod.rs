@@ -76,6 +76,7 @@ macro_rules! shared_constants {
 mod constants;
 mod fit;
 mod light;
+mod reconstruct;
 mod walk;
 
 pub use constants::*;
@@ -84,13 +85,15 @@ pub use light::{
     Aperture, BeamletGeometry, Cell, CellRow, IlluminatePush, IlluminationParams, Mask, Pixel,
     RandomLightPush, RandomRaysPush, SpotPart,
 };
+pub use reconstruct::{BackProjectPush, ViewTurn};
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed, Prototype,
     Ray, RayResult, Sample, Surface, SurfaceCrossing, TracePush, ViewTransform,
 };
 
 /// Every shared struct, by topic.
-pub const LAYOUTS: &[&[Layout]] = &[walk::LAYOUTS, light::LAYOUTS, fit::LAYOUTS];
+pub const LAYOUTS: &[&[Layout]] =
+    &[walk::LAYOUTS, light::LAYOUTS, fit::LAYOUTS, reconstruct::LAYOUTS];
 
 /// Address of a buffer on the device.
 pub type Address = u64;

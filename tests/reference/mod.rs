@@ -14,6 +14,7 @@
 )]
 #![allow(clippy::float_cmp, reason = "media of the very same constants do not deflect")]
 
+pub(crate) mod blobs;
 pub(crate) mod bundle;
 pub(crate) mod closed_form;
 pub(crate) mod draws;

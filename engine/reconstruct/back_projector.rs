@@ -1,0 +1,151 @@
+//! Back-projection on the device: slab by slab of the volume, part by part of the views.
+
+use super::geometry::ScanGeometry;
+use super::grid::VolumeGrid;
+use crate::gpu::{Device, Kernel, Memory, Pace, shaders};
+use crate::interface::{BackProjectPush, GROUP, ViewTurn};
+use crate::numbers::{count, single};
+use crate::run::RowsControl;
+use crate::trace::push_bytes;
+use crate::{Engine, Result, reserve};
+use ndarray::{Array3, ArrayView3};
+use std::sync::Arc;
+
+/// Values of a slab, and of the projections that are on the device with it: 256 MiB each, or one
+/// slice and one view.
+const AT_ONCE: usize = 64 << 20;
+
+/// Sums filtered projections over views.
+#[derive(Debug)]
+pub(super) struct BackProjector<'a> {
+    device: Arc<Device>,
+    kernel: Kernel,
+    /// What differs from dispatch to dispatch is left at 0.
+    push: BackProjectPush,
+    grid: &'a VolumeGrid,
+    turns: Vec<ViewTurn>,
+    at_once: usize,
+}
+
+impl<'a> BackProjector<'a> {
+    /// For projections at even columns, the first at `first` and of this `pitch` on the detector, m.
+    pub(super) fn new(
+        engine: &Engine,
+        geometry: &ScanGeometry,
+        [first, pitch]: [f64; 2],
+        grid: &'a VolumeGrid,
+        is_squared: bool,
+    ) -> Result<Self> {
+        let scale = geometry.magnification();
+        let row_pitch = geometry.row_pitch();
+        let push = BackProjectPush {
+            size_x: count(grid.size[0]),
+            size_y: count(grid.size[1]),
+            rows: count(geometry.rows.len()),
+            is_squared: is_squared.into(),
+            origin: grid.origin.map(single),
+            voxel: grid.voxel.map(single),
+            axis: single(geometry.axis),
+            per_distance: single(geometry.per_distance()),
+            column_scale: single(scale / pitch),
+            column_zero: single(-first / pitch),
+            row_scale: single(-scale / row_pitch),
+            row_zero: single(geometry.rows[0] / row_pitch),
+            ..bytemuck::Zeroable::zeroed()
+        };
+        let turn = |angle: &f64| ViewTurn {
+            cosine: single(libm::cos(*angle)),
+            sine: single(libm::sin(*angle)),
+        };
+        let device = engine.device().clone();
+        Ok(Self {
+            kernel: device.kernel(
+                "back_project",
+                shaders::BACK_PROJECT,
+                push_bytes::<BackProjectPush>(),
+            )?,
+            device,
+            push,
+            grid,
+            turns: geometry.angles.iter().map(turn).collect(),
+            at_once: AT_ONCE,
+        })
+    }
+
+    /// Changes how many values are on the device at once; no bit of a volume depends on it.
+    pub(super) const fn with_at_once(mut self, at_once: usize) -> Self {
+        self.at_once = at_once;
+        self
+    }
+
+    /// The sum over all views, `[z][y][x]`, of projections `[view][row][column]`.
+    pub(super) fn sum(
+        &self,
+        projections: ArrayView3<'_, f32>,
+        control: &mut RowsControl<'_>,
+    ) -> Result<Array3<f32>> {
+        let [x, y, z] = self.grid.size;
+        let (views, rows, columns) = projections.dim();
+        let slices = (self.at_once / (x * y)).clamp(1, z);
+        let at_once = (self.at_once / (rows * columns)).clamp(1, views);
+        let mut values: Vec<f32> = reserve::zeroed(x * y * z, "a volume")?;
+        let volume = self.device.buffer("a slab", (slices * x * y * 4) as u64, Memory::Device)?;
+        let room = (at_once * rows * columns * 4) as u64;
+        let images = self.device.buffer("filtered projections", room, Memory::Device)?;
+        let mut pace = Pace::new(1 << 12, 256, 1 << 20);
+        let total = (y * z * views) as u64;
+        let mut done = 0;
+        for (number, slab) in values.chunks_mut(slices * x * y).enumerate() {
+            volume.write(0, slab)?;
+            for start in (0..views).step_by(at_once) {
+                let n = at_once.min(views - start);
+                let part = projections.slice(ndarray::s![start..start + n, .., ..]);
+                images.write(0, part.as_standard_layout().as_slice().unwrap_or_default())?;
+                let turns = self.device.upload("views", &self.turns[start..start + n])?;
+                let push = BackProjectPush {
+                    views: turns.address(),
+                    projections: images.address(),
+                    volume: volume.address(),
+                    view_count: count(n),
+                    columns: count(columns),
+                    first_slice: count(number * slices),
+                    ..self.push
+                };
+                let mut report = |voxels: usize| {
+                    if let Some(progress) = &mut control.progress {
+                        progress(done + (voxels * n / x) as u64, total);
+                    }
+                };
+                self.dispatch(push, slab.len(), &mut pace, &control.cancel, &mut report)?;
+                done += (slab.len() * n / x) as u64;
+            }
+            volume.read_into(0, slab)?;
+        }
+        let shape = (z, y, x);
+        Ok(Array3::from_shape_vec(shape, values).unwrap_or_else(|_| Array3::zeros(shape)))
+    }
+
+    fn dispatch(
+        &self,
+        push: BackProjectPush,
+        voxels: usize,
+        pace: &mut Pace,
+        cancel: &crate::Cancel,
+        report: &mut dyn FnMut(usize),
+    ) -> Result<()> {
+        let (mut first, voxels) = (0, count(voxels));
+        while first < voxels {
+            cancel.check()?;
+            let n = pace.size().min(voxels - first);
+            let push = BackProjectPush { first, end: first + n, ..push };
+            let groups = [n.div_ceil(GROUP), 1, 1];
+            let time = self.device.run(|r| {
+                r.dispatch(&self.kernel, bytemuck::bytes_of(&push), groups);
+            })?;
+            first += n;
+            pace.adapt(time);
+            report(first as usize);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,126 @@
+//! The geometry of a scan on a circle.
+
+use crate::scene::{Motion, Scene};
+use crate::{Error, Result};
+
+/// A scan on a circle: source and detector turn about an axis along z, at right angles to the optical
+/// axis. Lengths in m, angles in rad; frame and signs are those of docs/physics.md.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ScanGeometry {
+    /// Source to axis of rotation along the optical axis. Infinite: a parallel beam.
+    pub source_distance: f64,
+    /// Source to detector; counts for nothing in a parallel beam.
+    pub detector_distance: f64,
+    /// x of the centres of the columns on the detector from the optical axis, ascending. They may be
+    /// uneven: sinograms are interpolated linearly at even places then.
+    pub columns: Vec<f64>,
+    /// z of the centres of the rows on the detector, top row first, even.
+    pub rows: Vec<f64>,
+    /// x of the axis of rotation from the optical axis.
+    pub axis: f64,
+    /// Angles of the views, in any order.
+    pub angles: Vec<f64>,
+}
+
+impl ScanGeometry {
+    /// A scan with its axis of rotation on the optical axis. Distances: source to axis, source to
+    /// detector.
+    #[must_use]
+    pub const fn new(
+        distances: [f64; 2],
+        columns: Vec<f64>,
+        rows: Vec<f64>,
+        angles: Vec<f64>,
+    ) -> Self {
+        let [source_distance, detector_distance] = distances;
+        Self { source_distance, detector_distance, columns, rows, axis: 0.0, angles }
+    }
+
+    /// The scan of a scene: columns and rows are the centres of its pixels.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] where its views move the sample: these are no circle.
+    pub fn of_scene(scene: &Scene) -> Result<Self> {
+        if scene.scan.motions.iter().any(|motion| *motion != Motion::IDENTITY) {
+            let found = "motions of the sample";
+            return Err(Error::scene("scan.motions", found, "none: reconstruction needs a circle"));
+        }
+        let [columns, rows] = [0, 1].map(|axis| {
+            let count = scene.detector.pixels[axis];
+            let middle = f64::from(count) / 2.0;
+            let place = move |n| (f64::from(n) + 0.5 - middle) * scene.detector.pitch[axis];
+            (0..count).map(place).collect::<Vec<_>>()
+        });
+        let rows = rows.into_iter().rev().collect();
+        let distances = [scene.source.distance, scene.detector.distance];
+        Ok(Self::new(distances, columns, rows, scene.scan.angles.clone()))
+    }
+
+    /// Magnification from the axis of rotation to the detector.
+    #[must_use]
+    pub fn magnification(&self) -> f64 {
+        if self.is_parallel() { 1.0 } else { self.detector_distance / self.source_distance }
+    }
+
+    /// One over the distance from the source to the axis, 0 in a parallel beam.
+    pub(super) fn per_distance(&self) -> f64 {
+        if self.is_parallel() { 0.0 } else { 1.0 / self.source_distance }
+    }
+
+    fn is_parallel(&self) -> bool {
+        self.source_distance.is_infinite()
+    }
+
+    /// Checks what the fields promise.
+    ///
+    /// # Errors
+    /// [`Error::Argument`].
+    pub(super) fn check(&self) -> Result<()> {
+        let wrong =
+            |name: &str, found: String, allowed: &str| Err(Error::argument(name, found, allowed));
+        let [near, far] = [self.source_distance, self.detector_distance];
+        if !(near > 0.0 && (self.is_parallel() || (far.is_finite() && far > near))) {
+            let found = format!("the axis at {near} m, the detector at {far} m");
+            return wrong("distances", found, "the axis behind the source, the detector behind it");
+        }
+        if !self.axis.is_finite() {
+            return wrong("axis", self.axis.to_string(), "a finite number");
+        }
+        let is_finite = |list: &[f64]| list.iter().all(|value| value.is_finite());
+        if self.columns.len() < 2
+            || !is_finite(&self.columns)
+            || !self.columns.is_sorted_by(|a, b| a < b)
+        {
+            let found = format!("{} columns", self.columns.len());
+            return wrong("columns", found, "two or more finite places, ascending");
+        }
+        let pitch = self.row_pitch();
+        let is_even = |pair: &[f64]| (pair[0] - pair[1] - pitch).abs() <= 1e-6 * pitch;
+        if self.rows.is_empty() || !is_finite(&self.rows) || !self.rows.windows(2).all(is_even) {
+            let found = format!("{} rows", self.rows.len());
+            return wrong("rows", found, "one or more finite places, descending and even");
+        }
+        if self.angles.len() < 3 || !is_finite(&self.angles) {
+            let found = format!("{} angles", self.angles.len());
+            return wrong("angles", found, "three or more finite angles");
+        }
+        Ok(())
+    }
+
+    /// Distance of the rows on the detector; of the columns, where there is one row.
+    pub(super) fn row_pitch(&self) -> f64 {
+        match self.rows[..] {
+            [first, .., last] => (first - last) / (self.rows.len() - 1) as f64,
+            _ => self.column_pitch(),
+        }
+    }
+
+    /// Mean distance of the columns on the detector.
+    pub(super) fn column_pitch(&self) -> f64 {
+        match self.columns[..] {
+            [first, .., last] => (last - first) / (self.columns.len() - 1) as f64,
+            _ => 0.0,
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! Voxels in space, and their values.
+
+use super::geometry::ScanGeometry;
+use super::quantity::Quantity;
+use crate::{Error, Result};
+use ndarray::Array3;
+
+/// Where voxels lie. The axis of rotation is at x = y = 0; z is that of the optical axis at 0.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VolumeGrid {
+    /// Voxels along x, y, z.
+    pub size: [usize; 3],
+    /// Side of a voxel along x, y, z, m.
+    pub voxel: [f64; 3],
+    /// Centre of voxel (0, 0, 0), m.
+    pub origin: [f64; 3],
+}
+
+impl VolumeGrid {
+    /// A grid about the axis of rotation with a voxel for each column and row as the axis sees them.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] for a geometry that cannot be.
+    pub fn of(geometry: &ScanGeometry) -> Result<Self> {
+        geometry.check()?;
+        let shrink = 1.0 / geometry.magnification();
+        let [columns, rows] = [geometry.columns.len(), geometry.rows.len()];
+        let side = geometry.column_pitch() * shrink;
+        let edge = -side * (columns - 1) as f64 / 2.0;
+        Ok(Self {
+            size: [columns, columns, rows],
+            voxel: [side, side, geometry.row_pitch() * shrink],
+            origin: [edge, edge, geometry.rows[rows - 1] * shrink],
+        })
+    }
+
+    /// Checks sizes, and that the voxels lie between source and detector in every view.
+    ///
+    /// # Errors
+    /// [`Error::Argument`].
+    pub(super) fn check(&self, geometry: &ScanGeometry) -> Result<()> {
+        let is_wrong = self.size.contains(&0)
+            || self.voxel.iter().any(|side| !(side.is_finite() && *side > 0.0))
+            || self.origin.iter().any(|place| !place.is_finite());
+        if is_wrong {
+            let allowed = "one voxel or more along each axis, sides above zero, a finite origin";
+            return Err(Error::argument("grid", format!("{self:?}"), allowed));
+        }
+        let far = |axis: usize| {
+            let end = self.origin[axis] + self.voxel[axis] * (self.size[axis] - 1) as f64;
+            self.origin[axis].abs().max(end.abs())
+        };
+        let radius = far(0).hypot(far(1));
+        let room =
+            geometry.source_distance.min(geometry.detector_distance - geometry.source_distance);
+        if room.is_finite() && radius >= room {
+            let found = format!("voxels up to {radius} m from the axis of rotation");
+            let allowed =
+                format!("less than {room} m, the way from the axis to source or detector");
+            return Err(Error::argument("grid", found, allowed));
+        }
+        Ok(())
+    }
+}
+
+/// Values on a grid.
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Volume {
+    /// Where the voxels lie.
+    pub grid: VolumeGrid,
+    /// What the values are; it names their unit.
+    pub quantity: Quantity,
+    /// `[z][y][x]`, all ascending.
+    pub values: Array3<f32>,
+}
+
+impl Volume {
+    pub(super) const fn new(grid: VolumeGrid, quantity: Quantity, values: Array3<f32>) -> Self {
+        Self { grid, quantity, values }
+    }
+}

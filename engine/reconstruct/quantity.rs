@@ -1,0 +1,24 @@
+//! What a volume holds.
+
+/// What a volume holds, and with it what its sinograms hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Linear attenuation, 1/m, from −ln T.
+    Mu,
+    /// Decrement of the refractive index, from refraction angles along x, rad.
+    Delta,
+    /// Dark field per length, rad²/m, from variances of the refraction angle, rad².
+    DarkField,
+}
+
+impl Quantity {
+    /// Unit of a volume.
+    #[must_use]
+    pub const fn unit(self) -> &'static str {
+        match self {
+            Self::Mu => "1/m",
+            Self::Delta => "1",
+            Self::DarkField => "rad²/m",
+        }
+    }
+}

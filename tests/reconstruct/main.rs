@@ -1,0 +1,12 @@
+//! What is reconstructed from sinograms: volumes against closed forms.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+#[path = "../reference/mod.rs"]
+mod reference;
+#[path = "../support/mod.rs"]
+mod support;
+
+mod fbp;
+mod refused;
+mod set_up;

@@ -1,0 +1,54 @@
+//! Scans, sinograms and grids that cannot be reconstructed.
+
+use crate::set_up::{PIXEL, fan, grid, places, reconstruct, views};
+use beamlet::ndarray::Array3;
+use beamlet::reconstruct::{FbpOptions, Quantity, ScanGeometry, VolumeGrid};
+use beamlet::scene::{Beam, Detector, Motion, Scene, Source};
+
+#[track_caller]
+fn refused(geometry: &ScanGeometry, sinograms: &Array3<f32>, grid: &VolumeGrid, words: &str) {
+    let options = FbpOptions::default();
+    let made = reconstruct(geometry, sinograms, Quantity::Mu, grid, &options);
+    let message = made.unwrap_err().to_string();
+    assert!(message.contains(words), "{message}");
+}
+
+#[test]
+fn what_cannot_be_reconstructed_is_named() {
+    let (good, grid) = (fan(180), grid([8, 8, 1]));
+    let zeros = |geometry: &ScanGeometry| Array3::zeros((geometry.angles.len(), 1, 96));
+    let few = fan(110);
+    refused(&few, &zeros(&few), &grid, "half a turn and the fan");
+    let long = fan(200);
+    refused(&long, &zeros(&long), &grid, "at most a turn");
+    let mut torn = fan(180);
+    torn.angles.drain(40..60);
+    refused(&torn, &zeros(&torn), &grid, "a gap of 42");
+    refused(&good, &Array3::zeros((180, 2, 96)), &grid, "(180, 1, 96)");
+    let mut sinograms = zeros(&good);
+    sinograms[[7, 0, 5]] = f32::NAN;
+    refused(&good, &sinograms, &grid, "view 7, row 0, column 5");
+    let far = VolumeGrid { origin: [-200.0 * PIXEL; 3], ..grid };
+    refused(&good, &zeros(&good), &far, "from the axis of rotation");
+    let mut unsorted = fan(180);
+    unsorted.columns.swap(3, 4);
+    refused(&unsorted, &zeros(&good), &grid, "ascending");
+    let two = ScanGeometry::new([0.01, 0.02], places(96, PIXEL), vec![0.0], views(2));
+    refused(&two, &zeros(&two), &grid, "three or more");
+}
+
+#[test]
+fn the_scan_of_a_scene_has_its_pixels_and_no_motions() {
+    let source = Source::new(1.2, [30e-6; 2], Beam::Energy(30.0));
+    let mut scene = Scene::new(source, Detector::new(1.8, [4, 2], [150e-6, 100e-6]));
+    scene.scan.angles = views(180);
+    let geometry = ScanGeometry::of_scene(&scene).unwrap();
+    assert_eq!(geometry.columns, places(4, 150e-6));
+    assert_eq!(geometry.rows, [50e-6, -50e-6]);
+    let grid = VolumeGrid::of(&geometry).unwrap();
+    assert_eq!(grid.size, [4, 4, 2]);
+    assert!((grid.voxel[0] - 100e-6).abs() < 1e-12 && (grid.origin[2] + 50e-6 / 1.5).abs() < 1e-12);
+    scene.scan.motions = vec![Motion::translation([1e-3, 0.0, 0.0]); 180];
+    let message = ScanGeometry::of_scene(&scene).unwrap_err().to_string();
+    assert!(message.contains("motions"), "{message}");
+}
