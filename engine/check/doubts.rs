@@ -21,7 +21,7 @@ const FEW_PHOTONS: f64 = 50.0;
 /// Blur of the projected apertures over the period beyond which visibility is below 9 %.
 const BLURRED_AWAY: f64 = 0.4;
 /// Relative difference from whole turns of angles that were meant as radians.
-const TURN: f64 = 0.005;
+const TURN: f64 = 1e-3;
 
 /// The doubts about a scene.
 pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
@@ -41,7 +41,8 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
     .collect();
     doubts.extend(thick_bars(scene));
     doubts.extend(odd_materials(scene));
-    doubts.extend(scene.detector.counts.iter().flat_map(photons));
+    let passed = masks.into_iter().flatten().map(open_share).fold(1.0, f64::min);
+    doubts.extend(scene.detector.counts.iter().flat_map(|counts| photons(counts, passed)));
     doubts
 }
 
@@ -118,17 +119,18 @@ fn blurred_away(scene: &Scene, optics: &Optics) -> Option<String> {
     })
 }
 
-/// A long path of soft light in vacuum.
+/// A long path of a soft spectrum in vacuum; a single energy is not hardened.
 fn air(scene: &Scene, energy: f64) -> Option<String> {
-    if scene.path_material != "vacuum" || scene.surroundings != "vacuum" || energy >= SOFT {
+    let spectrum = matches!(scene.source.beam, Beam::Spectrum(_));
+    if !spectrum || scene.path_material != "vacuum" || energy >= SOFT {
         return None;
     }
     let air = material::constants_at(scene, "air", energy).ok()?;
     let taken = 1.0 - (-air.mu * scene.detector.distance).exp();
     (taken > TAKEN_BY_AIR).then(|| {
         format!(
-            "the beam of {} keV on average runs through {} m of vacuum; air takes {:.0} % of it and hardens a \
-             spectrum: surroundings.material = \"air\" unless the path is evacuated",
+            "the beam of {} keV on average runs through {} m of vacuum; air takes {:.0} % of it and hardens \
+             the spectrum: surroundings.path_material = \"air\" unless the path is evacuated",
             number(energy),
             number(scene.detector.distance),
             100.0 * taken
@@ -205,8 +207,15 @@ fn odd_materials(scene: &Scene) -> Vec<String> {
     doubts
 }
 
-/// Too few photons for a fit, or more than the numbers of the detector hold.
-fn photons(counts: &Counts) -> Vec<String> {
+/// Share of a mask that is open.
+fn open_share(mask: &Mask) -> f64 {
+    let openings = mask.openings(mask.distance());
+    openings.narrowest(0) / openings.period[0]
+}
+
+/// Too few photons for a fit, or more than the numbers of the detector hold; `passed`: most light of a pixel
+/// behind the masks, share of open beam.
+fn photons(counts: &Counts, passed: f64) -> Vec<String> {
     let mut doubts = Vec::new();
     if counts.photons < FEW_PHOTONS {
         doubts.push(format!(
@@ -217,12 +226,12 @@ fn photons(counts: &Counts) -> Vec<String> {
     }
     if let Some(bits) = counts.bit_depth {
         let most = 2_f64.powf(f64::from(bits)) - 1.0;
-        let open = counts.photons * counts.gain + counts.number_without_light();
-        if open > most {
+        let brightest = passed * counts.photons * counts.gain + counts.number_without_light();
+        if brightest > most {
             doubts.push(format!(
-                "an open pixel has the detector number {}, and {bits} bits hold {} at most: brighter pixels \
-                 are clipped; a smaller detector.gain avoids it",
-                number(open.round()),
+                "aligned masks light a pixel with the detector number {}, and {bits} bits hold {} at most: \
+                 brighter pixels are clipped; a smaller detector.gain avoids it",
+                number(brightest.round()),
                 number(most)
             ));
         }

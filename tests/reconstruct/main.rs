@@ -1,6 +1,7 @@
 //! What is reconstructed from sinograms: volumes against closed forms.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![expect(clippy::cast_possible_truncation, reason = "sinograms are f32")]
 
 #[path = "../reference/mod.rs"]
 mod reference;
