@@ -1,6 +1,7 @@
 //! scene.toml of a run: the resolved scene, and how another one differs from it.
 
 use crate::scene::Scene;
+use crate::units::Dimension::Angle;
 use crate::{Error, Result, input_file};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,6 +16,19 @@ pub(super) fn resolved(
     overrides: &[String],
 ) -> Result<String> {
     scene.to_toml(directory, mesh_hashes, overrides)
+}
+
+/// Takes the tolerances of the scene stored at `path` where `scene` has no number. Of the text alone: meshes
+/// of arrays are not in it.
+pub(super) fn keep_tolerances(path: &Path, scene: &mut Scene) {
+    let stored = input_file::text(path).ok().and_then(|text| text.parse::<toml::Table>().ok());
+    let sampling = stored.as_ref().and_then(|scene| scene.get("sampling")?.as_table());
+    let value = |key: &str| sampling.and_then(|sampling| sampling.get(key));
+    let angle = value("angle_tolerance").and_then(Value::as_str);
+    let angle = angle.and_then(|text| Angle.parse(text).ok());
+    let own = &mut scene.sampling;
+    own.tolerance = own.tolerance.or(value("tolerance").and_then(Value::as_float));
+    own.angle_tolerance = own.angle_tolerance.or(angle);
 }
 
 /// How a scene differs from a stored one.

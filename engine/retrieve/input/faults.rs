@@ -63,6 +63,9 @@ pub(super) fn check_dark(flat: &StackFile, dark: &StackFile, mean: &Array2<f32>)
     }
     let [darkest, brightest] = ends;
     let of_dark = level(mean);
+    if of_dark.is_nan() {
+        return Err(Error::file(dark.path(), "is not finite in any pixel", None));
+    }
     if !(darkest.is_finite() && brightest.is_finite()) {
         // No pixel has a value: reported where curves are read.
         return Ok(());

@@ -38,11 +38,7 @@ impl RunDirectory {
         require_run(path)?;
         let mut scene = scene.clone();
         // A scene that cannot be read is an error of `resume`, which compares the two.
-        if let Ok(began) = Scene::load(path.join(SCENE)) {
-            let (own, began) = (&mut scene.sampling, began.sampling);
-            own.tolerance = own.tolerance.or(began.tolerance);
-            own.angle_tolerance = own.angle_tolerance.or(began.angle_tolerance);
-        }
+        scene_file::keep_tolerances(&path.join(SCENE), &mut scene);
         Ok(scene)
     }
 
