@@ -1,10 +1,10 @@
 //! The illumination curve of a set-up, and what its scan makes of it.
 
 use crate::cancel::Cancel;
-use crate::detector::DetectorModel;
 use crate::numbers::single;
 use crate::optics::{MaskShape, Optics};
 use crate::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
+use crate::run::quality;
 use crate::scene::{Counts, Object, Scatter, Scene, Scheme};
 use crate::spectrum::Nodes;
 use crate::{Engine, Result};
@@ -214,17 +214,13 @@ fn expected(
     counts: &Counts,
     light: &[f64],
 ) -> Result<Option<ExpectedUncertainty>> {
-    // Of intensities, in which an open pixel has 1.
-    let per_open = counts.gain * counts.photons;
-    let gain = DetectorModel::variance_per_value(scene)? / per_open;
-    let read_noise = counts.electronic_noise / per_open;
+    let variance = quality::open_variance(scene, counts)?;
     let offsets = &scene.scan.mask_offsets;
     let fit = if offsets.len() == 3 {
-        let variance = |light: f64| gain * light + read_noise * read_noise;
-        three_step_uncertainties(offsets, light, variance)
+        three_step_uncertainties(offsets, light, |light| variance.of(light))
             .map(|(sigma, uncertainties)| CurveFit { sigma, uncertainties })
     } else {
-        fitted(engine, offsets, light, Some([gain, read_noise]))?
+        fitted(engine, offsets, light, Some([variance.per_light, variance.read_noise]))?
     };
     let Some(fit) = fit else { return Ok(None) };
     let both = std::f64::consts::SQRT_2;

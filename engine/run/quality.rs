@@ -100,8 +100,10 @@ const SAME: f64 = 1e-9;
 /// Variance of a value of the detector by its light, shares of open beam.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Variance {
-    per_light: f64,
-    read_noise: f64,
+    /// Variance per light.
+    pub(crate) per_light: f64,
+    /// Standard deviation of the electronic noise.
+    pub(crate) read_noise: f64,
 }
 
 impl Variance {
