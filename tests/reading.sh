@@ -1,31 +1,77 @@
-#!/bin/sh
-# Runs the Python of docs/reading.md against fresh runs, so that the page stays true.
+#!/bin/bash
+# Runs the lines of README.md and the lines and the Python of docs/reading.md on runs of few pixels,
+# in every format, so that both pages stay true.
 # Usage: tests/reading.sh [BEAMLET]   (default: target/release/beamlet)
-set -eu
+set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
-beamlet=${1:-$root/target/release/beamlet}
-case $beamlet in /*) ;; *) beamlet=$PWD/$beamlet ;; esac
+program=${1:-$root/target/release/beamlet}
+case $program in /*) ;; *) program=$PWD/$program ;; esac
 place=$(mktemp -d)
 trap 'rm -rf "$place"' EXIT
 cd "$place"
 
-"$beamlet" example cylinder -o scene
-for format in exr npy tiff; do
-    "$beamlet" simulate scene/scene.toml -o "run_$format" --format "$format" -q \
-        --set 'detector.pixels=[16, 4]' \
-        --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }'
-    "$beamlet" simulate scene/scene.toml -o "noisy_$format" --format "$format" -q \
-        --set 'detector.pixels=[16, 4]' \
-        --set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }' \
-        --set detector.photons=20000 --set detector.offset=100 --set detector.electronic_noise=3
-done
-for format in exr npy tiff; do
-    "$beamlet" retrieve "run_$format" --format "$format" -q
-done
+# The program as the pages name it. What reads a scene gets $few; where a page names no format, runs
+# and retrieved images get $format, if there is one.
+few=()
+format=
+beamlet() {
+    local more=()
+    case $1 in simulate | check) more=("${few[@]}") ;; esac
+    case " $* " in
+        *" --format "*) ;;
+        " simulate "* | " illuminate "* | " retrieve "*) [ -z "$format" ] || more+=(--format "$format") ;;
+    esac
+    local code=0
+    "$program" "$@" "${more[@]}" </dev/null >>"$place/log" 2>&1 || code=$?
+    # 1: what was compared differs.
+    [ $code = 0 ] || [ "$1 $code" = "compare 1" ] || {
+        echo "failed: beamlet $* ${more[*]}" >&2
+        tail -5 "$place/log" >&2
+        return 1
+    }
+}
 
-awk '/^```python$/ { inside = 1; next } /^```$/ { inside = 0 } inside' \
-    "$root/docs/reading.md" > reading.py
+# lines LANGUAGE FILE: the lines of a language's blocks.
+lines() {
+    awk -v begin="\`\`\`$1" '$0 == begin { inside = 1; next } /^```$/ { inside = 0 } inside' "$2"
+}
+
+few=(--set 'detector.pixels=[48, 4]')
+lines sh "$root/README.md" | grep '^beamlet ' >readme.sh
+for format in exr npy tiff; do
+    mkdir "readme_$format"
+    # shellcheck source=/dev/null
+    (cd "readme_$format" && set -e && . ../readme.sh)
+done
+format=
+few+=(--set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }')
+few[1]='detector.pixels=[16, 4]'
+beamlet example cylinder -o .
+lines sh "$root/docs/reading.md" >reading_lines.sh
+# shellcheck source=/dev/null
+. ./reading_lines.sh
+
+lines python "$root/docs/reading.md" >reading.py
 python3 -m venv venv
 venv/bin/pip install --quiet --disable-pip-version-check numpy OpenEXR tifffile h5py
 cp "$root/docs/beamlet_run.py" .
 venv/bin/python reading.py
+
+# Kept moments, retrieved images and another set-up, from the lines of README.md.
+venv/bin/python - <<'PYTHON'
+import numpy as np
+
+import beamlet_run
+
+for run in ["run", "narrow"]:
+    runs = [beamlet_run.Run(f"readme_{format}/{run}") for format in ["exr", "npy", "tiff"]]
+    assert all(one.done and one.check() == [] for one in runs)
+    assert all(np.array_equal(one.sample, runs[0].sample) for one in runs)
+# They have other masks.
+assert not np.array_equal(runs[0].flat, beamlet_run.Run("readme_exr/run").flat)
+images = [beamlet_run.Retrieved(f"readme_{format}/run/retrieved") for format in ["exr", "npy", "tiff"]]
+for name in images[0].units:
+    assert images[0][name].shape == (1, 4, 48), name
+    assert all(np.array_equal(one[name], images[0][name], equal_nan=True) for one in images), name
+PYTHON
+echo "README.md: $(grep -c . readme.sh) lines in each of 3 formats"
