@@ -1,11 +1,10 @@
 //! Differences of two stacks, runs or retrievals, simulated or measured, image by image.
 
 use crate::numbers;
-use crate::retrieve::ImageDirectory;
 use crate::run::RowsControl;
 use crate::scene::Exposure;
 use crate::stack::layout::{self, RETRIEVED, stack_of};
-use crate::stack::{Format, Maps, OpenRun, StackFile, refuse_overlap};
+use crate::stack::{Format, ImageDirectory, Kind, Maps, OpenRun, StackFile, refuse_overlap};
 use crate::{Error, Result};
 use ndarray::{Array2, Zip};
 use rayon::prelude::*;
@@ -134,7 +133,7 @@ pub fn compare(
             let about = serde_json::json!({
                 "difference": "b - a", "a": a.display().to_string(), "b": b.display().to_string(),
             });
-            Some(ImageDirectory::begin(to.path, to.format, false, about)?)
+            Some(ImageDirectory::begin(to.path, Kind::Images, to.format, false, about)?)
         }
         None => None,
     };

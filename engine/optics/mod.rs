@@ -6,6 +6,7 @@
 //! written takes the [`Scene`].
 
 mod bars;
+mod column_places;
 mod detector_plane;
 mod mask;
 mod mask_mesh;

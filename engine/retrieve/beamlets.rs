@@ -22,6 +22,8 @@ pub(super) struct Beamlets {
     columns: usize,
     /// Width of a pixel, m.
     pitch: f64,
+    /// Centres of the beamlets, x from the optical axis on the detector, m.
+    places: Vec<f64>,
 }
 
 impl Beamlets {
@@ -63,7 +65,13 @@ impl Beamlets {
             pixels: numbers::whole::<usize>(pixels),
             columns: numbers::whole::<usize>(columns),
             pitch: optics.detector.pitch[0],
+            places: centres.iter().map(|c| from_axis(*c) * optics.detector.pitch[0]).collect(),
         })
+    }
+
+    /// Centres of the beamlets, x from the optical axis on the detector, m.
+    pub(super) fn places(&self) -> &[f64] {
+        &self.places
     }
 
     /// Number of beamlets along a row.

@@ -9,7 +9,7 @@ use crate::cancel::{Aside, Cancel};
 use crate::detector::DetectorModel;
 use crate::numbers;
 use crate::scene::{Scene, hash_until, text_hash};
-use crate::stack::layout::{LOG, SCENE};
+use crate::stack::layout::{GEOMETRY, LOG, SCENE};
 use crate::stack::{OpenRun, StackFile};
 use crate::{Error, Result, folder, input_file, reserve};
 use ndarray::{Array2, Array3, Zip};
@@ -36,6 +36,8 @@ pub struct Input {
     /// Detector number of one photon, and the noise of no light, where the scene has them.
     noise: Option<[f64; 2]>,
     counts: bool,
+    /// The views are the first of the scene's; measured ones have angles where there are as many.
+    is_run: bool,
     /// Everything that was read, files and folders.
     read: Vec<PathBuf>,
     /// Files of each folder of measured frames, in their order.
@@ -71,6 +73,7 @@ impl Input {
                 saturation: None,
                 noise: None,
                 counts,
+                is_run: true,
                 read,
                 frames: BTreeMap::new(),
             });
@@ -107,6 +110,7 @@ impl Input {
             saturation,
             noise,
             counts,
+            is_run: true,
             read,
             frames,
         })
@@ -171,6 +175,7 @@ impl Input {
             saturation,
             noise,
             counts,
+            is_run: false,
             read,
             frames,
         })
@@ -249,6 +254,18 @@ impl Input {
     #[must_use]
     pub const fn views(&self) -> usize {
         self.sample.shape()[0]
+    }
+
+    /// Whether the scene has the angle of each view; warns where it has other angles.
+    pub(super) fn has_angles(&self) -> bool {
+        let (views, angles) = (self.views(), self.scene.scan.angles.len());
+        let has = angles == views || self.is_run;
+        if !has {
+            log::warn!(
+                "{views} views, and {angles} angles in scan.angles: the images have no {GEOMETRY}"
+            );
+        }
+        has
     }
 
     /// Mask steps of the flat and of each view of the sample.

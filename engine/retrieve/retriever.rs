@@ -13,8 +13,10 @@ use super::options::{ReadRows, RetrieveOptions};
 use super::periods::WholePeriods;
 use super::shape::CurveGeometry;
 use crate::numbers;
+use crate::optics::Optics;
 use crate::run::RowsControl;
 use crate::scene::Scene;
+use crate::stack::GeometryFile;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
 use std::ops::Range;
@@ -152,6 +154,15 @@ impl Retriever {
             sample_offsets,
             flat: None,
         })
+    }
+
+    /// Geometry of the images of the first `views` views of a scene: columns of pixels, or beamlets.
+    pub(super) fn geometry(&self, scene: &Scene, views: usize) -> GeometryFile {
+        let columns = match &self.beamlets {
+            Some(beamlets) => beamlets.places().to_vec(),
+            None => Optics::of(scene).column_places(),
+        };
+        GeometryFile::with_columns(scene, columns, views)
     }
 
     /// Frames of the flat, and of a view of the sample.

@@ -4,12 +4,14 @@ use super::images::{FLAGS, Images, OF_FLAT, unit};
 use super::input::Input;
 use super::misfit::median;
 use super::options::RetrieveOptions;
+use super::record::Record;
 use super::retriever::Retriever;
-use super::write::{ImageDirectory, Record};
 use super::{Curves, Weights, flags};
 use crate::numbers;
 use crate::run::RowsControl;
-use crate::stack::{Format, now, refuse_overlap};
+use crate::stack::layout::GEOMETRY;
+use crate::stack::{Format, ImageDirectory, Kind, now, refuse_overlap};
+use crate::whole_file::write_file;
 use crate::{Engine, Error, Result};
 use ndarray::ArrayView2;
 use std::collections::BTreeMap;
@@ -77,7 +79,7 @@ pub fn retrieve(
 ) -> Result<Record> {
     let (began, since) = (now(), Instant::now());
     refuse_overlap(to.path, &input.paths())?;
-    ImageDirectory::check(to.path, to.overwrite)?;
+    ImageDirectory::check(to.path, Kind::Images, to.overwrite)?;
     let saturation = input.saturation().or(options.saturation);
     let options = options.clone().with_saturation(saturation);
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
@@ -108,7 +110,8 @@ pub fn retrieve(
     for name in names.iter().copied().chain(OF_FLAT) {
         record.units.insert(name.to_owned(), unit(name, value).to_owned());
     }
-    let mut images = ImageDirectory::begin(to.path, to.format, to.overwrite, about(&record))?;
+    let mut images =
+        ImageDirectory::begin(to.path, Kind::Images, to.format, to.overwrite, about(&record))?;
     for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
         cancel.check()?;
         let image = ArrayView2::from_shape((rows, across), values)
@@ -139,7 +142,11 @@ pub fn retrieve(
     record.began = Some(began);
     record.written = Some(now());
     record.duration_s = since.elapsed().as_secs_f64();
-    images.finish(Some(&record))?;
+    if input.has_angles() {
+        let geometry = retriever.geometry(input.scene(), input.views());
+        write_file(&images.file(GEOMETRY)?, geometry.text()?.as_bytes())?;
+    }
+    images.finish(Some(&record.text()?))?;
     Ok(record)
 }
 

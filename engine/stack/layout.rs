@@ -1,11 +1,12 @@
 //! Names of the files of a run directory and of retrieved images: no other file spells one.
 //!
 //! ```text
-//! RUN/scene.toml  run.json  progress.log  report.html
+//! RUN/scene.toml  geometry.json  run.json  progress.log  report.html
 //! RUN/flat.npy  sample.npy  dark.npy  counts/flat.npy  counts/sample.npy      a file per stack
 //! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
 //! RUN/moments/view_0000.bin
-//! RUN/retrieved/retrieved.json  NAME.npy  or  NAME/view_0000.exr
+//! RUN/retrieved/retrieved.json  geometry.json  NAME.npy  or  NAME/view_0000.exr
+//! VOLUME/volume.json  NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
 //! ```
 //!
 //! A volume is an array with a name, as a retrieved image is ([`array`]).
@@ -16,6 +17,8 @@ use std::path::{Path, PathBuf};
 
 /// Resolved scene of a run.
 pub const SCENE: &str = "scene.toml";
+/// Geometry of the views of a run or of retrieved images.
+pub const GEOMETRY: &str = "geometry.json";
 /// Provenance of a run, and how far it came.
 pub const RUN: &str = "run.json";
 /// Views of a run that are committed.
@@ -26,6 +29,8 @@ pub const REPORT: &str = "report.html";
 pub const RETRIEVED: &str = "retrieved";
 /// Description of retrieved images, in their folder.
 pub const RECORD: &str = "retrieved.json";
+/// Description of a reconstruction, in the folder of its volumes.
+pub const VOLUME: &str = "volume.json";
 /// Folder of the stacks of detector numbers.
 pub(crate) const COUNTS: &str = "counts";
 /// Folder of kept moments.
@@ -47,6 +52,9 @@ const DARK: &str = "dark";
 /// Beginnings of the names of views and steps.
 const VIEW: &str = "view_";
 const STEP: &str = "step_";
+const SLICE: &str = "slice_";
+/// Endings of files beside the arrays of a folder of volumes.
+const BESIDE: [&str; 4] = [".csv", ".mhd", ".raw", ".png"];
 /// Endings of kept moments, and of those in the making.
 const BIN: &str = ".bin";
 const BIN_PARTIAL: &str = ".partial";
@@ -137,8 +145,12 @@ fn single() -> impl Iterator<Item = Format> {
 
 /// Name of a view among `views`.
 fn numbered_view(views: u32, view: u32) -> String {
-    let width = digits(views).max(4);
-    format!("{VIEW}{view:0width$}")
+    numbered(VIEW, views, view)
+}
+
+fn numbered(beginning: &str, count: u32, index: u32) -> String {
+    let width = digits(count).max(4);
+    format!("{beginning}{index:0width$}")
 }
 
 /// Folder of a view's frames, of a format with a file per frame.
@@ -179,11 +191,21 @@ pub(crate) fn image_of_view(views: u32, view: u32, format: Format) -> String {
     format!("{}.{}", numbered_view(views, view), format.ending())
 }
 
-/// Whether a file is the image of a view.
-pub(crate) fn is_image_of_view(name: &str) -> bool {
-    let digits =
-        |format: Format| name.strip_prefix(VIEW)?.strip_suffix(format.ending())?.strip_suffix('.');
+/// File of a slice of a volume, of a format with a file per frame.
+pub(crate) fn image_of_slice(slices: u32, slice: u32, format: Format) -> String {
+    format!("{}.{}", numbered(SLICE, slices, slice), format.ending())
+}
+
+/// Whether a file is the image of a view or slice.
+pub(crate) fn is_image_of_folder(name: &str) -> bool {
+    let index = [VIEW, SLICE].into_iter().find_map(|beginning| name.strip_prefix(beginning));
+    let digits = |format: Format| index?.strip_suffix(format.ending())?.strip_suffix('.');
     single().filter_map(digits).any(|digits| digits.bytes().all(|digit| digit.is_ascii_digit()))
+}
+
+/// Whether a file may lie beside the arrays of a folder of volumes in the making.
+pub(crate) fn is_beside_arrays(name: &str) -> bool {
+    BESIDE.iter().any(|ending| name.ends_with(ending))
 }
 
 /// File of the moments of a view.
@@ -218,12 +240,12 @@ pub(crate) fn stack_files() -> impl Iterator<Item = String> {
 
 /// Files that a crash leaves where another file was being written.
 pub(crate) fn unfinished() -> impl Iterator<Item = String> {
-    [SCENE, RUN].into_iter().map(|name| format!("{name}{NEW}"))
+    [SCENE, GEOMETRY, RUN].into_iter().map(|name| format!("{name}{NEW}"))
 }
 
 /// Names in a run directory.
 pub(crate) fn owned() -> impl Iterator<Item = String> {
-    let records = [RUN, SCENE, LOG].map(str::to_owned);
+    let records = [RUN, SCENE, GEOMETRY, LOG].map(str::to_owned);
     records.into_iter().chain(stack_files()).chain(unfinished()).chain(folders())
 }
 
@@ -269,10 +291,12 @@ mod tests {
             let name = file.to_str().unwrap();
             assert_eq!(array_name(name), format.abilities().pages.then_some("volume"));
             assert_eq!(is_frame(&frame(12, 11, format), 12), !format.abilities().pages);
-            assert_eq!(is_image_of_view(&image_of_view(9, 3, format)), !format.abilities().pages);
+            for image in [image_of_view(9, 3, format), image_of_slice(9, 3, format)] {
+                assert_eq!(is_image_of_folder(&image), !format.abilities().pages);
+            }
         }
         assert!(!is_frame("step_012.exr", 12) && !is_frame("step_11.exr", 12));
-        assert!(!is_image_of_view("view_00x0.exr") && !is_image_of_view("view_0000exr"));
+        assert!(!is_image_of_folder("view_00x0.exr") && !is_image_of_folder("slice_0000exr"));
         assert_eq!(view_of_folder("view_0011", 12), Some(11));
         assert_eq!(view_of_folder("view_11", 12), None);
         for path in [moments(folder, 10_000), moments_partial(folder, 7)] {

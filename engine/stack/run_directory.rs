@@ -1,4 +1,4 @@
-//! A run on disk: scene.toml, run.json, progress.log and the frames, view by view.
+//! A run on disk: scene.toml, geometry.json, run.json, progress.log and the frames, view by view.
 //!
 //! Long runs get interrupted, so a run directory can always be resumed: a view is there with
 //! all its steps or it is not, and progress.log says which. Nothing is written before the run
@@ -8,7 +8,8 @@ mod begun;
 mod resume;
 
 use super::frames::Frames;
-use super::layout::{self, COUNTS, LOG, PARTIAL, RUN, SCENE};
+use super::geometry_file::GeometryFile;
+use super::layout::{self, COUNTS, GEOMETRY, LOG, PARTIAL, RUN, SCENE};
 use super::own_files::{self, remove_file, remove_frames, remove_stacks};
 use super::progress_log::ProgressLog;
 use super::record::{RunRecord, RunStart};
@@ -231,6 +232,7 @@ impl Sink for RunDirectory {
         if self.resumed.is_none() {
             write_whole(&scene_path, resolved.as_bytes())?;
         }
+        write_whole(&self.path.join(GEOMETRY), GeometryFile::of(scene).text()?.as_bytes())?;
         file.write(&self.path.join(RUN))?;
         let noisy = scene.detector.counts.is_some();
         let frames = |root: &Path, values: Values, dark: bool| {

@@ -7,8 +7,9 @@ use std::fs;
 use std::path::Path;
 
 /// Names that no other literal contains.
-const NAMES: [&str; 13] = [
+const NAMES: [&str; 14] = [
     "scene.toml",
+    "geometry.json",
     "run.json",
     "progress.log",
     "report.html",

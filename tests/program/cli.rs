@@ -214,7 +214,10 @@ fn a_small_scene_is_simulated_once_and_not_overwritten_unasked() {
     let text = stdout(&output);
     assert!(text.contains("run ") && text.contains("2 x 3 steps of 16 x 4 pixels"), "{text}");
     let path = place.path().join("run");
-    assert_eq!(names(&path), ["flat", "progress.log", "run.json", "sample", "scene.toml"]);
+    assert_eq!(
+        names(&path),
+        ["flat", "geometry.json", "progress.log", "run.json", "sample", "scene.toml"]
+    );
     assert_eq!(names(&path.join("sample/view_0001")).len(), 3);
     let record: serde_json::Value =
         serde_json::from_slice(&fs::read(path.join("run.json")).unwrap()).unwrap();
@@ -224,7 +227,10 @@ fn a_small_scene_is_simulated_once_and_not_overwritten_unasked() {
     ended(&output, 1);
     assert!(stderr(&output).contains("holds a run already"));
     ended(&run(place.path(), "simulate scene.toml -o run --overwrite -q --format npy"), 0);
-    assert_eq!(names(&path), ["flat.npy", "progress.log", "run.json", "sample.npy", "scene.toml"]);
+    assert_eq!(
+        names(&path),
+        ["flat.npy", "geometry.json", "progress.log", "run.json", "sample.npy", "scene.toml"]
+    );
     let output = run(place.path(), "simulate scene.toml -o run --resume");
     ended(&output, 0);
     assert!(stdout(&output).contains("complete already"));

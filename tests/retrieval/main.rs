@@ -8,6 +8,7 @@ mod support;
 mod dark_field;
 mod expected;
 mod fits;
+mod geometry_file;
 mod misfit;
 #[cfg(feature = "cli")]
 mod provenance;

@@ -162,7 +162,7 @@ fn a_finished_run_leaves_nothing_but_its_files() {
         .map(|path| path.display().to_string())
         .filter(|name| !name.ends_with(".exr"))
         .collect();
-    assert_eq!(names, ["progress.log", "scene.toml"]);
+    assert_eq!(names, ["geometry.json", "progress.log", "scene.toml"]);
     assert_eq!(RunFile::read(&temporary.path().join("run.json")).unwrap().state, RunState::Done);
     assert!(!temporary.path().join("partial").exists());
 }

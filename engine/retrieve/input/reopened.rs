@@ -62,6 +62,7 @@ impl Input {
             saturation,
             noise,
             counts,
+            is_run: false,
             read,
             frames,
         })

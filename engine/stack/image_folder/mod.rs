@@ -1,33 +1,34 @@
-//! Writing retrieved images: into a directory beside, which takes the place of the right one
-//! when everything stands. A retrieval that ends early leaves nothing.
+//! Writing folders of images and volumes: into a folder beside, which takes the place of the right
+//! one when everything is there. Work that ends early leaves nothing.
 
-mod record;
+mod own;
 mod sheet;
 
-pub use record::Record;
+pub(crate) use own::Kind;
 
 use crate::array_file::Format;
 use crate::locked_file::LockedFile;
 use crate::stack::layout::{
-    self, IMAGES_MARK as MARK, IMAGES_PARTIAL as PARTIAL, IMAGES_REPLACED as REPLACED, RECORD,
+    IMAGES_MARK as MARK, IMAGES_PARTIAL as PARTIAL, IMAGES_REPLACED as REPLACED,
 };
-use crate::whole_file::{refuse_link, sibling, sync_directory};
-use crate::{Error, Result, folder, open_file};
+use crate::whole_file::{sibling, sync_directory, sync_path, write_file};
+use crate::{Error, Result, open_file};
 use ndarray::ArrayView2;
+use own::{check, claim, remove, sweep};
 use sheet::Sheet;
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::ErrorKind;
+use std::fs;
 use std::path::{Path, PathBuf};
-
-const OF_OTHERS: &str = "is not of the retrieval and would be lost; choose another directory";
 
 /// A directory of images in the making.
 #[derive(Debug)]
 pub(crate) struct ImageDirectory {
+    kind: Kind,
     path: PathBuf,
     partial: PathBuf,
     format: Format,
+    /// Files beside the arrays.
+    files: Vec<PathBuf>,
     /// Stands in the images' own metadata.
     about: serde_json::Value,
     sheets: BTreeMap<String, Sheet>,
@@ -39,34 +40,14 @@ pub(crate) struct ImageDirectory {
 
 impl ImageDirectory {
     /// Refuses a place that is taken, before any work is done.
-    pub(super) fn check(path: &Path, overwrite: bool) -> Result<()> {
-        let names = match folder::names(path) {
-            Ok(names) => names,
-            Err(error) if error.kind() == ErrorKind::NotADirectory => {
-                return Err(Error::file(path, "is not a directory", None));
-            }
-            Err(_) if fs::symlink_metadata(path).is_err() => return Ok(()),
-            Err(error) => return Err(Error::file(path, "cannot be read", Some(error))),
-        };
-        if names.is_empty() {
-            return Ok(());
-        }
-        if !layout::is_retrieved(path) {
-            let problem = "is not empty and holds no retrieved images; choose another directory";
-            return Err(Error::file(path, problem, None));
-        }
-        if !overwrite {
-            let problem = "holds retrieved images already; overwrite them (--overwrite) or choose \
-                           another directory";
-            return Err(Error::file(path, problem, None));
-        }
-        let names = Record::names(&path.join(RECORD))?;
-        refuse_others(path, &|name| names.contains(name))
+    pub(crate) fn check(path: &Path, kind: Kind, overwrite: bool) -> Result<()> {
+        check(path, kind, overwrite)
     }
 
     /// Begins beside `path`; where that is a link, beside what it leads to.
     pub(crate) fn begin(
         path: &Path,
+        kind: Kind,
         format: Format,
         overwrite: bool,
         about: serde_json::Value,
@@ -77,18 +58,20 @@ impl ImageDirectory {
             }
             _ => path.to_path_buf(),
         };
-        Self::check(&place, overwrite)?;
+        check(&place, kind, overwrite)?;
         if place.file_name().is_none() {
             return Err(Error::file(path, "has no name of its own: name a directory", None));
         }
         let replaced = sibling(&place, REPLACED);
         if fs::symlink_metadata(&replaced).is_ok() {
             // What a crash left; anything else there is of others.
-            Self::check(&replaced, true)?;
+            check(&replaced, kind, true)?;
         }
         let partial = sibling(&place, PARTIAL);
         let mark = claim(&partial)?;
         Ok(Self {
+            kind,
+            files: Vec::new(),
             path: place,
             partial,
             format,
@@ -122,27 +105,36 @@ impl ImageDirectory {
                 about.insert("unit".into(), unit.into());
             }
             let shape = [views, image.nrows(), image.ncols()];
-            let sheet = Sheet::begin(&self.partial, name, self.format, shape, about)?;
+            let sheet = Sheet::begin(&self.partial, name, self.format, self.kind, shape, about)?;
             self.sheets.insert(name.to_owned(), sheet);
         }
         self.sheets.get_mut(name).map_or(Ok(()), |sheet| sheet.put(image))
     }
 
-    /// Writes the record and puts everything in its place.
-    pub(crate) fn finish(mut self, record: Option<&Record>) -> Result<()> {
+    /// Path of a file beside the arrays, for the caller to write now.
+    pub(crate) fn file(&mut self, name: &str) -> Result<PathBuf> {
+        self.refuse_moved()?;
+        let path = self.partial.join(name);
+        self.files.push(path.clone());
+        Ok(path)
+    }
+
+    /// Writes the text of the record and puts everything in its place.
+    pub(crate) fn finish(mut self, record: Option<&str>) -> Result<()> {
         self.refuse_moved()?;
         for sheet in std::mem::take(&mut self.sheets).into_values() {
             sheet.finish()?;
         }
         if let Some(record) = record {
-            record.write(&self.partial.join(RECORD))?;
+            write_file(&self.partial.join(self.kind.record()), record.as_bytes())?;
         }
+        self.files.iter().try_for_each(|path| sync_path(path))?;
         sync_directory(&self.partial)?;
         self.refuse_moved()?;
         // Somebody may have put files there since the beginning.
-        Self::check(&self.path, self.overwrite)?;
+        check(&self.path, self.kind, self.overwrite)?;
         let replaced = sibling(&self.path, REPLACED);
-        remove_images(&replaced)?;
+        remove(&replaced, self.kind)?;
         if fs::remove_dir(&self.path).is_err() && self.path.exists() {
             fs::rename(&self.path, &replaced).map_err(failed(&self.path, "cannot be moved"))?;
         }
@@ -153,7 +145,7 @@ impl ImageDirectory {
         fs::remove_file(&mark).map_err(failed(&mark, "cannot be removed"))?;
         sync_directory(&self.path)?;
         sync_directory(self.path.parent().unwrap_or(&self.path))?;
-        remove_images(&replaced)
+        remove(&replaced, self.kind)
     }
 }
 
@@ -169,84 +161,6 @@ impl Drop for ImageDirectory {
     }
 }
 
-/// Makes the folder of images in the making ours: marks and locks it, and removes what a crash
-/// left in it.
-fn claim(partial: &Path) -> Result<LockedFile> {
-    refuse_link(partial)?;
-    fs::create_dir_all(partial).map_err(failed(partial, "cannot be created"))?;
-    let mark = partial.join(MARK);
-    let empty = folder::names(partial).is_ok_and(|names| names.is_empty());
-    if !empty && !mark.is_file() {
-        let problem = "is not of beamlet, and its name is needed for images in the making; move \
-                       it, or choose another directory for the images";
-        return Err(Error::file(partial, problem, None));
-    }
-    refuse_link(&mark)?;
-    let file = File::create(&mark).map_err(failed(&mark, "cannot be created"))?;
-    let file = LockedFile::exclusive(file)
-        .ok_or_else(|| Error::file(partial, "another beamlet is making images here", None))?;
-    sweep(partial)?;
-    Ok(file)
-}
-
-/// Removes images from a folder of images in the making; it is an error where anything else is
-/// in it.
-fn sweep(partial: &Path) -> Result<()> {
-    refuse_others(partial, &|_| true)?;
-    for path in folder::paths(partial).map_err(failed(partial, "cannot be read"))? {
-        let done = match path.is_dir() {
-            true => folder::remove(&path),
-            false if path.file_name().is_some_and(|name| name == MARK) => Ok(()),
-            false => fs::remove_file(&path),
-        };
-        done.map_err(failed(&path, "cannot be removed"))?;
-    }
-    Ok(())
-}
-
-/// Removes a folder of retrieved images, where there is one with nothing else in it.
-fn remove_images(path: &Path) -> Result<()> {
-    if fs::symlink_metadata(path).is_err() {
-        return Ok(());
-    }
-    ImageDirectory::check(path, true)?;
-    folder::remove(path).map_err(failed(path, "cannot be removed"))
-}
-
-/// Refuses what is not an image with one of these names, the record or the mark.
-fn refuse_others(path: &Path, is_name: &dyn Fn(&str) -> bool) -> Result<()> {
-    let unread = failed(path, "cannot be read");
-    for name in folder::names(path).map_err(&unread)? {
-        let place = path.join(&name);
-        let kind = fs::symlink_metadata(&place).map_err(&unread)?;
-        let name = name.to_str().unwrap_or_default();
-        let ours = if kind.is_dir() && is_name(name) {
-            refuse_beside_views(&place)?;
-            true
-        } else {
-            let is_image = || layout::array_name(name).is_some_and(is_name);
-            kind.is_file() && (name == RECORD || name == MARK || is_image())
-        };
-        if !ours {
-            return Err(Error::file(place, OF_OTHERS, None));
-        }
-    }
-    Ok(())
-}
-
-/// Refuses what is not the EXR image of a view.
-fn refuse_beside_views(folder: &Path) -> Result<()> {
-    let unread = failed(folder, "cannot be read");
-    for name in folder::names(folder).map_err(&unread)? {
-        let place = folder.join(&name);
-        let is_view = name.to_str().is_some_and(layout::is_image_of_view);
-        if !is_view || !fs::symlink_metadata(&place).map_err(&unread)?.is_file() {
-            return Err(Error::file(place, OF_OTHERS, None));
-        }
-    }
-    Ok(())
-}
-
 fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Error + 'a {
     move |error| Error::file(path, problem, Some(error))
 }
@@ -254,11 +168,12 @@ fn failed<'a>(path: &'a Path, problem: &'a str) -> impl Fn(std::io::Error) -> Er
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::folder;
     use ndarray::Array2;
 
     fn begin(path: &Path) -> ImageDirectory {
         let about = serde_json::json!({});
-        ImageDirectory::begin(path, Format::Exr, true, about).unwrap()
+        ImageDirectory::begin(path, Kind::Images, Format::Exr, true, about).unwrap()
     }
 
     #[cfg(unix)]

@@ -1,9 +1,9 @@
 //! retrieved.json: what the images are, in which units, and what their flags say.
 
-use crate::whole_file::write_file;
+use crate::stack::layout::RECORD;
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Contents of retrieved.json.
@@ -102,11 +102,6 @@ pub struct Record {
 }
 
 impl Record {
-    /// Names of the images that a retrieved.json lists.
-    pub(super) fn names(path: &Path) -> Result<BTreeSet<String>> {
-        Ok(Self::read(path)?.units.into_keys().collect())
-    }
-
     /// Reads a retrieved.json.
     ///
     /// # Errors
@@ -119,11 +114,12 @@ impl Record {
         })
     }
 
-    pub(super) fn write(&self, path: &Path) -> Result<()> {
+    /// The text of a retrieved.json.
+    pub(super) fn text(&self) -> Result<String> {
         let mut text = serde_json::to_string_pretty(self)
-            .map_err(|error| Error::file(path, format!("cannot be written: {error}"), None))?;
+            .map_err(|error| Error::file(RECORD, format!("cannot be written: {error}"), None))?;
         text.push('\n');
-        write_file(path, text.as_bytes())
+        Ok(text)
     }
 }
 

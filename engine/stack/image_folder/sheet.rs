@@ -1,5 +1,6 @@
 //! The images of one name, view after view.
 
+use super::own::Kind;
 use crate::array_file::{Append, Format, append};
 use crate::stack::layout;
 use crate::whole_file::{sync_directory, sync_path};
@@ -13,6 +14,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct Sheet {
     path: PathBuf,
     format: Format,
+    kind: Kind,
     about: serde_json::Value,
     /// Views, rows and columns.
     sides: [u32; 3],
@@ -33,6 +35,7 @@ impl Sheet {
         folder: &Path,
         name: &str,
         format: Format,
+        kind: Kind,
         sides: [usize; 3],
         about: serde_json::Value,
     ) -> Result<Self> {
@@ -44,7 +47,7 @@ impl Sheet {
             folder::make(&path).map_err(unwritten)?;
             None
         };
-        Ok(Self { path, format, about, sides, next: 0, file })
+        Ok(Self { path, format, kind, about, sides, next: 0, file })
     }
 
     /// The next view.
@@ -53,7 +56,11 @@ impl Sheet {
         if self.sides[0] > 1
             && let Some(about) = about.as_object_mut()
         {
-            about.insert("view".into(), self.next.into());
+            let key = match self.kind {
+                Kind::Images => "view",
+                Kind::Volume => "slice",
+            };
+            about.insert(key.into(), self.next.into());
         }
         let path = self.path_of(self.next);
         self.next += 1;
@@ -65,7 +72,11 @@ impl Sheet {
 
     /// The file of a view, where each has one.
     fn path_of(&self, view: u32) -> PathBuf {
-        self.path.join(layout::image_of_view(self.sides[0], view, self.format))
+        let name = match self.kind {
+            Kind::Images => layout::image_of_view(self.sides[0], view, self.format),
+            Kind::Volume => layout::image_of_slice(self.sides[0], view, self.format),
+        };
+        self.path.join(name)
     }
 
     /// The last view was put: everything is on disk.

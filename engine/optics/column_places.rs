@@ -1,0 +1,86 @@
+//! Places on the detector that the columns of an image measure.
+
+use super::{Openings, Optics};
+
+/// Widths below this share of a column are rounding, and no opening.
+const LEAST_PART: f64 = 1e-6;
+
+impl Optics {
+    /// Centres of the light of the columns, x from the optical axis on the detector, m, ascending: of
+    /// the parts of the pixels behind openings of the detector mask; of whole pixels without a mask, and
+    /// where a pixel lies behind bars.
+    pub(crate) fn column_places(&self) -> Vec<f64> {
+        let (half, columns) = (self.detector.half(0), self.detector.pixels[0]);
+        let windows =
+            self.detector_mask.as_ref().map(|mask| mask.openings_in_columns(&self.detector, 0.0));
+        let place = |column: u32| {
+            let left = f64::from(column) - half;
+            let behind = windows.as_ref().and_then(|windows| centre(windows, left, half));
+            behind.unwrap_or(left + 0.5) * self.detector.pitch[0]
+        };
+        (0..columns).map(place).collect()
+    }
+}
+
+/// Centre of the openings between `left` and `left` + 1, columns from the optical axis. `half`: of the
+/// apertures, which number as the columns do.
+fn centre(windows: &Openings, left: f64, half: f64) -> Option<f64> {
+    let period = windows.period[0];
+    let number = |place: f64| (place - windows.offset) / period + half - 0.5;
+    let mut number_of = number(left).floor() - 1.0;
+    let (last, mut width, mut moment) = (number(left + 1.0).ceil() + 1.0, 0.0, 0.0);
+    while number_of <= last {
+        let shift = (number_of + 0.5 - half) * period + windows.offset;
+        for [low, high] in windows.displaced(shift, 0.0) {
+            let [low, high] = [low.max(left), high.min(left + 1.0)];
+            if high > low {
+                width += high - low;
+                moment += (high - low) * f64::midpoint(low, high);
+            }
+        }
+        number_of += 1.0;
+    }
+    (width > LEAST_PART).then(|| moment / width)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+
+    fn places(columns: u32, mask: &str) -> Vec<f64> {
+        let text = format!(
+            "[source]\ndistance = \"1.2 m\"\nspot = \"0 um\"\nenergy = \"30 keV\"\n\
+             [detector]\ndistance = \"2 m\"\npixels = [{columns}, 1]\npitch = \"50 um\"\n{mask}"
+        );
+        let scene = Scene::from_toml(&text, ".").unwrap();
+        Optics::of(&scene).column_places().iter().map(|place| place * 1e6).collect()
+    }
+
+    #[track_caller]
+    fn assert_near(found: &[f64], expected: &[f64]) {
+        let near = found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(near && found.len() == expected.len(), "{found:?}");
+    }
+
+    const MASK: &str =
+        "[detector_mask]\ndistance = \"1.6 m\"\nmaterial = \"gold\"\nthickness = \"100 um\"\n";
+
+    #[test]
+    fn columns_lie_behind_the_openings_of_the_detector_mask() {
+        let centres = [-75.0, -25.0, 25.0, 75.0];
+        assert_near(&places(4, ""), &centres);
+        assert_near(&places(3, ""), &[-50.0, 0.0, 50.0]);
+        let with = |keys: &str| places(4, &format!("{MASK}{keys}"));
+        assert_near(&with("aperture = \"8 um\""), &centres);
+        // Moved by 8 um, which are 10 um on the detector.
+        let moved = centres.map(|place| place + 10.0);
+        assert_near(&with("aperture = \"8 um\"\noffset = \"8 um\""), &moved);
+        // An opening of 10 um on the detector at each second border: half of it before each pixel.
+        let halves = [-52.5, -47.5, 47.5, 52.5];
+        assert_near(&with("aperture = \"8 um\"\nperiod = \"80 um\""), &halves);
+        // One at each second pixel: the others lie behind bars.
+        let skipped = "aperture = \"8 um\"\nperiod = \"80 um\"\noffset = \"24 um\"";
+        assert_near(&with(skipped), &[-70.0 + 50.0 - 50.0, -20.0 - 5.0, 30.0, 75.0]);
+    }
+}

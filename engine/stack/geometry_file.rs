@@ -1,0 +1,150 @@
+//! geometry.json: where source, detector and the columns of the images are in each view, for beamlet
+//! and other reconstruction tools.
+
+use super::layout;
+use crate::optics::Optics;
+use crate::scene::{Motion, Scene};
+use crate::{Error, Result, input_file};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Contents of geometry.json. Frame and signs: docs/physics.md.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct GeometryFile {
+    /// Version of beamlet.
+    pub version: String,
+    /// Order of the sides of arrays, by kind.
+    pub order: Order,
+    /// Angle of each view in degrees: source and detector turn by it about +z.
+    pub angles_deg: Vec<f64>,
+    /// The same in radians.
+    pub angles_rad: Vec<f64>,
+    /// Source to axis of rotation, m.
+    pub source_to_axis_m: f64,
+    /// Source to detector, m.
+    pub source_to_detector_m: f64,
+    /// Source to the centre plane of the sample mask, m; `null` without the mask.
+    pub source_to_sample_mask_m: Option<f64>,
+    /// Source to the plane where displacements are analysed, m: the detector mask, or the detector.
+    pub source_to_analyser_m: f64,
+    /// Column of the axis of rotation, counted from 0 at the centre of the first; `null` where views
+    /// move the sample: these have no axis in common.
+    pub axis_column: Option<f64>,
+    /// Place u of each column: x from the optical axis on the detector, m, ascending.
+    pub columns_m: Vec<f64>,
+    /// z of each row on the detector, m, descending.
+    pub rows_m: Vec<f64>,
+    /// Row of ASTRA's `cone_vec` for each view, mm: source, centre of the detector, from a column to
+    /// the next, from a row to the next. `null` where the columns are uneven.
+    pub astra_cone_vec_mm: Option<Vec<[f64; 12]>>,
+}
+
+/// Order of the sides of arrays.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Order {
+    /// Frames of the sample.
+    pub sample: String,
+    /// Retrieved images.
+    pub images: String,
+    /// Projections as ASTRA takes them.
+    pub astra_projections: String,
+    /// Volumes of ASTRA and of beamlet: every side ascending.
+    pub volumes: String,
+}
+
+impl GeometryFile {
+    /// The geometry of the views of a scene, whose columns measure what the openings of its detector
+    /// mask let through.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        Self::with_columns(scene, Optics::of(scene).column_places(), scene.scan.angles.len())
+    }
+
+    /// The geometry of the first `views` views of a scene with columns at these places, x from the
+    /// optical axis on the detector, m.
+    #[must_use]
+    pub fn with_columns(scene: &Scene, columns: Vec<f64>, views: usize) -> Self {
+        let optics = Optics::of(scene);
+        let angles: Vec<f64> = scene.scan.angles.iter().copied().take(views).collect();
+        let [_, rows] = scene.detector.pixels;
+        let row =
+            |row: u32| (f64::from(rows) / 2.0 - f64::from(row) - 0.5) * scene.detector.pitch[1];
+        let is_circle = scene.scan.motions.iter().all(|motion| *motion == Motion::IDENTITY);
+        let text = |sides: &str| sides.to_owned();
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            order: Order {
+                sample: text("[view][step][row][column]"),
+                images: text("[view][row][column], row 0 at the largest z"),
+                astra_projections: text("[row][view][column]"),
+                volumes: text("[z][y][x], each ascending"),
+            },
+            angles_deg: angles.iter().map(|angle| angle.to_degrees()).collect(),
+            source_to_axis_m: optics.rotation,
+            source_to_detector_m: optics.detector.distance,
+            source_to_sample_mask_m: scene.sample_mask.as_ref().map(|mask| mask.distance),
+            source_to_analyser_m: optics.analyser,
+            axis_column: if is_circle { index_of(0.0, &columns) } else { None },
+            astra_cone_vec_mm: even(&columns).map(|even| vectors(scene, even, angles.len())),
+            angles_rad: angles,
+            columns_m: columns,
+            rows_m: (0..rows).map(row).collect(),
+        }
+    }
+
+    /// Reads the geometry.json of a folder.
+    ///
+    /// # Errors
+    /// [`Error::File`] where it is missing or is no such file.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join(layout::GEOMETRY);
+        let text = input_file::text(&path)
+            .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
+        serde_json::from_str(&text)
+            .map_err(|error| Error::file(&path, format!("is no geometry of views: {error}"), None))
+    }
+
+    /// The text of the file, a key on each line.
+    pub(crate) fn text(&self) -> Result<String> {
+        let failed =
+            |error| Error::file(layout::GEOMETRY, format!("cannot be written: {error}"), None);
+        let value = serde_json::to_value(self).map_err(failed)?;
+        let lines = value.as_object().into_iter().flatten();
+        let lines: Vec<String> =
+            lines.map(|(key, value)| format!("  \"{key}\": {value}")).collect();
+        Ok(format!("{{\n{}\n}}\n", lines.join(",\n")))
+    }
+}
+
+/// Centre and distance of even columns, m.
+fn even(columns: &[f64]) -> Option<[f64; 2]> {
+    let [first, .., last] = columns else { return None };
+    let pitch = (last - first) / (columns.len() - 1) as f64;
+    let is_even = |pair: &[f64]| (pair[1] - pair[0] - pitch).abs() <= 1e-6 * pitch.abs();
+    columns.windows(2).all(is_even).then_some([f64::midpoint(*first, *last), pitch])
+}
+
+/// Index of a place among ascending ones, with its fraction; beyond the ends by the last distance.
+fn index_of(place: f64, columns: &[f64]) -> Option<f64> {
+    if columns.len() < 2 {
+        return None;
+    }
+    let after = columns.partition_point(|column| *column < place).clamp(1, columns.len() - 1);
+    let [before, behind] = [columns[after - 1], columns[after]];
+    Some((after - 1) as f64 + (place - before) / (behind - before))
+}
+
+/// Rows of `cone_vec`, of columns with this centre and distance.
+fn vectors(scene: &Scene, [centre, pitch]: [f64; 2], views: usize) -> Vec<[f64; 12]> {
+    let of_view = |view: crate::scene::View| {
+        let along = view.column.map(|part| part / scene.detector.pitch[0]);
+        let detector = [0, 1, 2].map(|axis| view.detector[axis] + centre * along[axis]);
+        let all = [view.source, detector, along.map(|part| part * pitch), view.row];
+        let mut row = [0.0; 12];
+        row.iter_mut().zip(all.as_flattened()).for_each(|(to, from)| *to = 1e3 * from);
+        row
+    };
+    scene.views().take(views).map(of_view).collect()
+}
