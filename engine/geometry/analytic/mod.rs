@@ -125,6 +125,11 @@ impl AnalyticShape {
         }
     }
 
+    /// Whether it holds all that lies between its points.
+    pub(crate) const fn is_convex(self) -> bool {
+        !matches!(self, Self::Torus { .. })
+    }
+
     /// A point well inside.
     pub(crate) fn inner_point(self) -> DVec3 {
         match self.form() {

@@ -14,6 +14,20 @@ use crate::geometry::tree::Tree;
 const FINEST: f64 = 1e-9;
 
 impl Group {
+    /// Whether the convex shape of a place holds all of a box of another place's own frame, farther from
+    /// its surface than a limit, m.
+    fn holds(&self, place: &Place, [low, high]: [DVec3; 2], there: &Place, limit: f64) -> bool {
+        let Some(shape) = self.prototype.shape.filter(|shape| shape.is_convex()) else {
+            return false;
+        };
+        let least = -limit / place.least_scale();
+        (0..8_u32).all(|corner| {
+            let at = |bit: u32, axis: usize| if corner & bit == 0 { low[axis] } else { high[axis] };
+            let corner = there.world_from_own(DVec3::new(at(1, 0), at(2, 1), at(4, 2)));
+            shape.distance_bound(place.own_from_world(corner)) < least
+        })
+    }
+
     /// Whether corners of one of some triangles lie on both sides of the exact surface of a place:
     /// it is then certain that the surfaces meet, without fine facets.
     fn is_crossed_by(&self, place: &Place, triangles: &[[DVec3; 3]]) -> bool {
@@ -95,7 +109,10 @@ pub(super) fn meets_place(
     bounds: [[DVec3; 2]; 2],
 ) -> bool {
     let limit = tolerance(bounds[0], bounds[1]);
-    if are_apart((group, place), (others, there), limit) {
+    if are_apart((group, place), (others, there), limit)
+        || group.holds(place, others.prototype.bounds(), there, limit)
+        || others.holds(there, group.prototype.bounds(), place, limit)
+    {
         return false;
     }
     let least = standing(group, place).clearance_of(&standing(others, there));

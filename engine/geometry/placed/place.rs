@@ -65,6 +65,11 @@ impl Place {
         self.scale * self.stretch.max(1.0)
     }
 
+    /// The smallest of its scales.
+    pub(crate) const fn least_scale(&self) -> f64 {
+        self.scale * self.stretch.min(1.0)
+    }
+
     /// Ranges of z that are not upright, of the own frame and then of the world; nothing where its z
     /// is not that of the world.
     pub(crate) fn lids(&self, [lower, upper]: Lids) -> Option<Lids> {
