@@ -54,7 +54,8 @@ void give_up(uint index, uint flags) {
 void write(uint index, Walk walk) {
     vec2 displacement = walk.ray.displacement;
     RayResult result = RayResult(walk.depth, displacement.x, displacement.y, walk.ray.before.x, walk.ray.before.y,
-                  walk.signature, walk.flags, walk.crossings);
+                  walk.signature, walk.flags, walk.crossings,
+                  push.results.at[index].displacement_variance);
     float sum = abs(walk.depth) + abs(displacement.x) + abs(displacement.y);
     if (!(sum < 1e30)) {
         result.flags |= FLAG_NOT_FINITE;

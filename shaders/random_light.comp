@@ -61,7 +61,7 @@ void main() {
     uvec2 own = uvec2(0u); // sum of the pixel's own light
     for (uint r = 0u; r < push.batch; r++) {
         Draw d = draw(light, pixel, push.view, push.seed, push.first_ray + r, push.rays_per_pixel);
-        RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u);
+        RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0.0);
         if (push.empty == 0u) result = push.results.at[p * push.batch + r];
         if ((result.flags & FLAG_NOT_FINITE) != 0u) continue;
         float slope = beamlet.slope + (d.target.x - d.source.x) / light.detector;

@@ -18,6 +18,9 @@ layout(local_size_x = GROUP) in;
 #include "walk/node.glsl"
 #include "walk/subgroup.glsl"
 #include "walk/bundle.glsl"
+#ifdef PLACED
+#include "walk/cross_rough.glsl"
+#endif
 
 // A ray of a lane.
 struct Member {
@@ -102,13 +105,33 @@ void next_node(inout Search search) {
     } while (search.more && search.leaves == 0u);
 }
 
-// A surface; its object is left out, and it has the normals of its facets: bundles meet no others.
+// A surface; its object is left out.
 Surface surface_of(uint index) {
     Words surfaces = Words(uvec2(sample_.surfaces));
     Record sides = record_at(surfaces, index, SURFACE_WORDS);
+    float roughness = 0.0;
+    uint smooth_ = 0u;
+#ifdef PLACED
+    if ((KINDS & KIND_ROUGH) != 0u) roughness = number_of(sides, SURFACE_ROUGHNESS);
+    if ((KINDS & KIND_SMOOTH) != 0u) smooth_ = word_of(sides, SURFACE_SMOOTH_);
+#endif
     return Surface(0u, word_of(sides, SURFACE_INSIDE), word_of(sides, SURFACE_OUTSIDE),
-                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING), 0.0, 0u);
+                   word_of(sides, SURFACE_HASH), number_of(sides, SURFACE_GRAZING), roughness, smooth_);
 }
+
+#ifdef PLACED
+// What a surface does that refracts by other normals than its own, at y: slopes that it spreads to first
+// order are summed here; a ray that needs a normal for itself is left to the kernel without bundles.
+void meet_other_normals(Beam beam, Surface surface, vec3 normal_, float y, inout Gathered all) {
+    if (surface.inside == surface.outside) return;
+    if ((KINDS & KIND_SMOOTH) != 0u && surface.smooth_ != 0u) all.left = true;
+    if ((KINDS & KIND_ROUGH) != 0u && surface.roughness > 0.0) {
+        bool draws = draws_at(beam, surface, normal_, all);
+        all.left = all.left || draws;
+        if (!draws) spread_slopes(beam, surface, normal_, y, all);
+    }
+}
+#endif
 
 // Index of the first of the leaves that are left.
 uint leaf_of(Search search) {
@@ -174,7 +197,13 @@ bool visit_triangles(inout Search search, Beam frame, out bool ending[RAYS_PER_L
         vec3 normal_ = beam_from_world_direction(frame, numbers_of(leaf, LEAF_NORMAL));
         search.triangles += 1u;
         EACH_RAY {
-            if (crossed[k]) visit(rays[k].beam, facets[k], surface, normal_, rays[k].all);
+            if (crossed[k]) {
+                visit(rays[k].beam, facets[k], surface, normal_, rays[k].all);
+#ifdef PLACED
+                float y = place_of(slope_of(rays[k].beam), facets[k], normal_);
+                meet_other_normals(rays[k].beam, surface, normal_, y, rays[k].all);
+#endif
+            }
         }
     } while (search.leaves != 0u && !shape);
     return ends;
@@ -229,6 +258,8 @@ void next_shape(inout Search search, Beam frame, out uint surface,
 void cross_chord(Beam beam, Chord chord, Surface surface, inout Gathered all) {
     run_cross(all.run, beam, all.stretch, surface, chord.entry_normal, chord.enter, true);
     run_cross(all.run, beam, all.stretch, surface, chord.exit_normal, chord.leave, false);
+    meet_other_normals(beam, surface, chord.entry_normal, chord.enter, all);
+    meet_other_normals(beam, surface, chord.exit_normal, chord.leave, all);
 }
 
 // As visit_triangles(), of shapes, up to a triangle.
@@ -309,6 +340,9 @@ void main() {
         rays[k].view = ray.view;
         rays[k].beam = beam_of(ray);
         rays[k].all = gathered_begin(rays[k].beam, index, rays[k].waits);
+#ifdef PLACED
+        if ((KINDS & KIND_ROUGH) != 0u) rays[k].all.draws = ray.key != 0u;
+#endif
     }
     bool left;
     do { // one view after another, where a bundle has several

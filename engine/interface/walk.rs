@@ -142,6 +142,8 @@ shared_structs! {
         pub signature: u32,
         pub flags: u32,
         pub crossings: u32,
+        /// Variance of the displacement along x by rough surfaces whose normals are not drawn, m2.
+        pub displacement_variance: f32,
     }
 
     /// A crossing of a straight ray, on its list.

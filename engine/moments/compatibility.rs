@@ -127,7 +127,7 @@ pub(super) fn media(
         weights: new.weights.clone(),
         constants,
         of_object: old.of_object.clone(),
-        rough: old.rough,
+        rough: old.rough.clone(),
     };
     for (index, name) in media.names.iter().enumerate() {
         let (now, was) = (media.delta(index), old.delta(index));

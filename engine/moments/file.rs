@@ -31,6 +31,10 @@ const WORDS: usize = 10_000 * MOMENTS_PER_MATERIAL;
 const BLOCK: usize = 6;
 /// Words of a ray: its place and view. Rays of cells have no key.
 const RAY: usize = 5;
+/// Words of its result.
+const RESULT: usize = 8;
+/// Words of the ray at an end, and of its result.
+const END: usize = RAY + RESULT;
 
 /// What ties moments to their run: the hash of its scene.toml.
 pub(super) fn scene_digest(run: &Path) -> Result<[u8; 32]> {
@@ -316,14 +320,16 @@ fn is_blank(cell_rows: &CellBatch, cell_row: &CellRow, words: usize) -> bool {
 }
 
 /// An exact cell as words: cell, and for both ends ray and result.
-const EXACT_WORDS: usize = 1 + 2 * (5 + 8);
+const EXACT_WORDS: usize = 1 + 2 * END;
 
 fn words_of(cell: &ExactCell) -> Vec<u32> {
     let mut words = vec![cell.cell];
     for (ray, result) in cell.ends.iter().zip(&cell.results) {
         let ray: &[u32] = bytemuck::cast_slice(bytemuck::bytes_of(ray));
         words.extend_from_slice(&ray[..RAY]);
-        words.extend_from_slice(bytemuck::cast_slice(bytemuck::bytes_of(result)));
+        // What rough surfaces spread is in the moments.
+        let result: &[u32] = bytemuck::cast_slice(bytemuck::bytes_of(result));
+        words.extend_from_slice(&result[..RESULT]);
     }
     words
 }

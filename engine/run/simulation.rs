@@ -43,7 +43,7 @@ pub struct Simulation {
     sample: Sample,
     on_device: Arc<DeviceSample>,
     /// Surfaces of the sample, for means over facets.
-    facets: Option<sampling::SampleFacets>,
+    facets: sampling::SampleFacets,
     media: MaterialTable,
     lattice: Lattice,
     /// For a spectrum or kept moments, by cells.
@@ -153,7 +153,7 @@ impl Simulation {
             optics,
             motion: self.scene.motion(index as usize, optics.detector.pitch[0]),
             sample: &self.sample,
-            facets: self.facets.as_ref(),
+            facets: &self.facets,
             lattice: &self.lattice,
             index,
             projected_bounds,

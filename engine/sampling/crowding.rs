@@ -14,7 +14,7 @@ pub(super) fn bundles(view: &ViewContext<'_>, grid: &PatchGrid) -> (Vec<bool>, V
             grid.in_row(row, beamlets.clone()).for_each(&mut *visit);
         }
     };
-    let counts = view.facets.map_or(&[][..], |facets| &facets.triangles);
+    let counts = &view.facets.triangles;
     let mut least = vec![0.0_f32; grid.count()];
     for (shadow, count) in view.projected_bounds.iter().zip(counts) {
         let [rows, beamlets] = shadow.patches(view.lattice);

@@ -131,7 +131,12 @@ impl<'a> Emitter<'a> {
                     } else {
                         Slopes::default()
                     };
-                    (slopes, 0.0, [node.result.landing_z(self.estimator.gap); 2], [None; 2])
+                    // Otherwise it is in the moments.
+                    let variance = match self.view.recording {
+                        None => node.result.displacement_variance,
+                        Some(_) => 0.0,
+                    };
+                    (slopes, variance, [node.result.landing_z(self.estimator.gap); 2], [None; 2])
                 };
             rectangles.push(Rectangle {
                 x: node.x,

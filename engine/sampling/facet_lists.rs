@@ -18,6 +18,8 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 /// Patches with more facets than this are sampled by rays alone: their facets are finer than any
 /// rectangle, and sums over them take longer than rays.
 pub(super) const MOST_FACETS: u32 = 1024;
+/// Number of the facets of a patch that is left to rays.
+const CROWDED: u32 = 1 << 31;
 /// Triangles that one task takes.
 const TRIANGLES_OF_A_TASK: usize = 1 << 12;
 
@@ -41,6 +43,8 @@ pub(crate) struct SampleFacets {
     pub(super) by_rays_alone: bool,
     /// By component.
     pub(super) steps: Vec<SurfaceStep>,
+    /// By component: rays draw its normals, or smooth ones refract them, which means do not know of.
+    by_rays: Vec<bool>,
     /// Number of triangles by component.
     pub(super) triangles: Vec<u32>,
     /// Triangles across the edges of each, of the sample itself.
@@ -84,9 +88,11 @@ impl SampleFacets {
             }
         }
         let numbers = FacetNumbers::new(sample);
+        let by_rays = sample.components.iter();
+        let by_rays = by_rays.map(|it| it.smooth || media.rough[it.object as usize]).collect();
         let steps = (0..).zip(&sample.components).map(step).collect();
         let by_rays_alone = transport == Transport::Exact;
-        Self { by_rays_alone, steps, triangles, across, numbers }
+        Self { by_rays_alone, steps, by_rays, triangles, across, numbers }
     }
 }
 
@@ -264,9 +270,9 @@ pub(super) struct FacetLists<'a> {
 }
 
 impl<'a> FacetLists<'a> {
-    /// Of a view; nothing where the sample keeps no facets.
+    /// Of a view; nothing where its facets are too many to be listed.
     pub(super) fn new(view: &ViewContext<'a>, rows: &Range<i64>) -> Option<Self> {
-        let facets = view.facets?;
+        let facets = view.facets;
         let lattice = view.lattice;
         let triangles = Triangles {
             sample: view.sample,
@@ -283,10 +289,15 @@ impl<'a> FacetLists<'a> {
         curved(view, &grid, &mut crowded);
         triangles.each(&left_out, &|(_, facet), corners, places| {
             let mut met = false;
+            let by_rays = facets.by_rays[view.sample.component_of(facet) as usize];
             touched(lattice, rows, places, |row, beamlets| {
                 met = true;
                 for patch in grid.in_row(row, beamlets) {
-                    counts[patch].fetch_add(1, Ordering::Relaxed);
+                    if by_rays {
+                        counts[patch].fetch_or(CROWDED, Ordering::Relaxed);
+                    } else {
+                        counts[patch].fetch_add(1, Ordering::Relaxed);
+                    }
                 }
             });
             if !met {

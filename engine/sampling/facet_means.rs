@@ -79,6 +79,7 @@ pub(super) fn result_of(
         signature,
         flags,
         crossings,
+        displacement_variance: 0.0,
     }
 }
 

@@ -31,8 +31,6 @@ pub(crate) struct MomentRecording {
     single: Vec<(u32, u32)>,
     /// Words of a ray's moments.
     words: usize,
-    /// Whether surfaces are rough: results do not say what they spread.
-    rough: bool,
 }
 
 impl MomentRecording {
@@ -50,24 +48,23 @@ impl MomentRecording {
             .map(|(node, reference)| (node.delta / reference.delta).abs())
             .fold(1.0, f64::max);
         let twice = |component| component_hash(component).wrapping_mul(2);
-        let body = |(index, component): (u32, &Component)| {
-            (twice(index), media.of_object[component.object as usize])
-        };
-        let mut single: Vec<_> = (0..).zip(components).map(body).collect();
-        single.sort_unstable();
+        let body = |(index, component): (u32, &Component)| (twice(index), component.object);
+        let mut of_bodies: Vec<_> = (0..).zip(components).map(body).collect();
+        of_bodies.sort_unstable();
         // A signature that two bodies share identifies neither.
-        single = single
+        let single = of_bodies
             .chunk_by(|a, b| a.0 == b.0)
             .filter(|same| same.len() == 1)
             .flatten()
-            .copied()
+            // Results do not say what rough surfaces spread.
+            .filter(|(_, object)| !media.rough[*object as usize])
+            .map(|(signature, object)| (*signature, media.of_object[*object as usize]))
             .collect();
         Self {
             reference: reference.to_vec(),
             delta_ratio: in_hand * delta_ratio,
             single,
             words: media.moment_words(),
-            rough: media.rough,
         }
     }
 
@@ -83,7 +80,7 @@ impl MomentRecording {
             return Some(0);
         }
         let unlike = FLAG_EXACT | FLAG_UNBALANCED | FLAG_NOT_FINITE;
-        if self.rough || result.crossings != 2 || result.flags & unlike != 0 {
+        if result.crossings != 2 || result.flags & unlike != 0 {
             return None;
         }
         let at = self.single.binary_search_by_key(&result.signature, |(signature, _)| *signature);

@@ -106,12 +106,12 @@ impl<'a> Refiner<'a> {
             gap: single(optics.gap()),
             other_energies: view.recording.is_some(),
             pieces: error_of_pieces(optics, view.budget.tolerance),
-            by_rays_alone: view.by_rays_alone(),
+            by_rays_alone: view.facets.by_rays_alone,
             recorded_rows: view.recorded_rows(),
             detector_rows: 0..i64::from(detector.pixels[1]),
         };
-        let facets = view.facets.zip(FacetLists::new(view, rows));
-        let facets = facets.map(|(all, lists)| (lists, FacetMeans::new(view, &all.steps)));
+        let facets = FacetLists::new(view, rows)
+            .map(|lists| (lists, FacetMeans::new(view, &view.facets.steps)));
         Self { view, estimator, facets, narrow, recorded_rows }
     }
 

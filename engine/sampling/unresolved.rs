@@ -309,6 +309,7 @@ fn mean(a: &RayResult, b: &RayResult) -> RayResult {
     RayResult {
         optical_depth: 0.5 * (a.optical_depth + b.optical_depth),
         displacement_x: 0.5 * (a.displacement_x + b.displacement_x),
+        displacement_variance: 0.5 * (a.displacement_variance + b.displacement_variance),
         ..*a
     }
 }

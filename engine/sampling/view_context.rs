@@ -21,8 +21,8 @@ pub(crate) struct ViewContext<'a> {
     pub motion: Motion,
     /// Its sample.
     pub sample: &'a Sample,
-    /// Surfaces of the sample, where its facets say what is between rays.
-    pub facets: Option<&'a SampleFacets>,
+    /// Surfaces of the sample, whose facets say what is between rays.
+    pub facets: &'a SampleFacets,
     /// Its lattice.
     pub lattice: &'a Lattice,
     /// Index of the view.
@@ -38,11 +38,6 @@ pub(crate) struct ViewContext<'a> {
 }
 
 impl ViewContext<'_> {
-    /// No means over facets take the place of rays.
-    pub(super) fn by_rays_alone(&self) -> bool {
-        self.facets.is_none_or(|facets| facets.by_rays_alone)
-    }
-
     /// The ray through a place of a beamlet (m from its centre) and row (share of it).
     pub(super) fn ray(&self, beamlet: i64, row: i64, x: f32, z: f32) -> Ray {
         self.lattice.ray(beamlet, f64::from(x), row as f64 + f64::from(z), self.index)

@@ -31,11 +31,6 @@ impl Scene {
         self.analyser_distance() / self.cell_plane_distance()
     }
 
-    /// Whether some object is rough.
-    pub(crate) fn is_rough(&self) -> bool {
-        self.objects.iter().any(|object| object.roughness > 0.0)
-    }
-
     /// Lever arm `z = z_a - z_c` of a deflection at the rotation centre, m.
     pub fn lever_arm(&self) -> f64 {
         self.analyser_distance() - self.source.distance

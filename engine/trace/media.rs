@@ -20,8 +20,8 @@ pub struct MaterialTable {
     pub constants: Vec<Vec<Constants>>,
     /// Material of each object.
     pub of_object: Vec<u32>,
-    /// Whether some object is rough.
-    pub rough: bool,
+    /// Whether each object is rough.
+    pub rough: Vec<bool>,
 }
 
 impl MaterialTable {
@@ -53,14 +53,14 @@ impl MaterialTable {
             weights: nodes.weights,
             constants,
             of_object,
-            rough: scene.is_rough(),
+            rough: scene.objects.iter().map(|object| object.roughness > 0.0).collect(),
         })
     }
 
     /// Words of the moments of a ray through them.
     #[must_use]
     pub(crate) fn moment_words(&self) -> usize {
-        moment_words(self.names.len(), self.rough)
+        moment_words(self.names.len(), self.rough.contains(&true))
     }
 
     /// Constants averaged over the spectrum, by material: those that refinement goes by.

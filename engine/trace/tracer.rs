@@ -128,7 +128,7 @@ impl Tracer {
     /// The kernels that results take: a run that cannot have them does not begin.
     pub(crate) fn wanted_kernels(&self) -> [&LazyKernel; 2] {
         let walks = self.walks(self.backend);
-        [self.order_free(&walks.order_free, false), &walks.exact]
+        [self.order_free(walks.order_free(true), false), &walks.exact]
     }
 
     fn walks(&self, backend: Backend) -> &Walks {
@@ -229,7 +229,7 @@ impl Tracer {
             self.cancel.check()?;
             let n = (rays.len() - first).min(self.batch.capacity as usize);
             self.batch.rays.write(0, &rays[first..first + n])?;
-            let time = self.trace_batch(numbers::count(n), wanted)?;
+            let time = self.trace_batch(numbers::count(n), wanted, true)?;
             if wanted != Wanted::Moments {
                 self.batch.results.read_into(0, &mut results[first..first + n])?;
             }
@@ -259,14 +259,17 @@ impl Tracer {
     /// # Errors
     /// [`crate::Error::Device`].
     pub fn trace_on_device(&self, n: u32) -> Result<Duration> {
-        self.trace_batch(n, Wanted::RayResults)
+        // Random rays draw normals at every rough surface.
+        self.trace_batch(n, Wanted::RayResults, false)
     }
 
-    fn trace_batch(&self, n: u32, wanted: Wanted) -> Result<Duration> {
+    /// `bundled`: as bundles, where the device walks these.
+    fn trace_batch(&self, n: u32, wanted: Wanted, bundled: bool) -> Result<Duration> {
         let moments = wanted != Wanted::RayResults;
         let walks = self.walks(self.backend);
-        let software = &self.walks(Backend::Bvh).order_free;
-        let mut time = self.pass(&walks.order_free, moments, n, false, 0.0, false)?;
+        let software = self.walks(Backend::Bvh).order_free(false);
+        let mut time = self.pass(walks.order_free(bundled), moments, n, false, 0.0, false)?;
+        let leaves_rays = bundled && walks.leaves_rays();
         self.counts.rays.fetch_add(u64::from(n), Ordering::Relaxed);
         // Whatever the driver's search or the rounding at an edge lost is traced again by the
         // software BVH, at last a hair beside.
@@ -275,10 +278,11 @@ impl Tracer {
             if unbalanced == 0 {
                 break;
             }
-            if i == 0 && self.backend == Backend::Bvh {
+            if i > 0 || self.backend != Backend::Bvh {
+                self.counts.retraced.fetch_add(u64::from(unbalanced), Ordering::Relaxed);
+            } else if !leaves_rays {
                 continue;
             }
-            self.counts.retraced.fetch_add(u64::from(unbalanced), Ordering::Relaxed);
             let last = i + 1 == RAY_OFFSETS.len();
             time += self.pass(software, moments, unbalanced, true, ray_offset, last)?;
             unbalanced = if last { 0 } else { self.batch.unbalanced.read::<u32>(0, 1)?[0] };

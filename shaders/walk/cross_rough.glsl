@@ -1,9 +1,15 @@
 // The order-free walk at surfaces that may be rough.
 
-#ifndef SUMS_IN_REGISTERS
-// Adds to the moments of the pair of materials what a rough surface spreads slopes along x, to first
-// order: a change u of the normal n across it changes (n_x - n_y slope_x) / (n d) by v u.
-void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, Gathered all) {
+// Whether a ray draws its normal at a surface: random rays at any incidence, those of cells near
+// grazing, where a draw changes the slope by far from a Gaussian.
+bool draws_at(Beam beam, Surface surface, vec3 normal_, Gathered all) {
+    return all.draws
+        || incidence(slope_of(beam), normal_, all.stretch.inverse) < ROUGH_GRAZING * surface.roughness;
+}
+
+// Adds what a rough surface spreads slopes along x, to first order: a change u of the normal n across it
+// changes (n_x - n_y slope_x) / (n d) by v u.
+void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, inout Gathered all) {
     vec3 direction = vec3(beam.slope_x, 1.0, beam.slope_z);
     vec3 across = vec3(1.0, -beam.slope_x, 0.0);
     float along = dot(normal_, direction);
@@ -11,6 +17,9 @@ void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, Gathered a
     float deviation = surface.roughness * dot(direction, direction);
     float variance = deviation * deviation * dot(v, v);
     float lever = beam.analyser - y;
+    float step_ = sample_.constants.at[surface.inside].delta - sample_.constants.at[surface.outside].delta;
+    all.run.variance += variance * (step_ * lever) * (step_ * lever);
+#ifndef SUMS_IN_REGISTERS
     uint high = max(surface.inside, surface.outside);
     uint pair = high * (high - 1u) / 2u + min(surface.inside, surface.outside);
     uint at = all.sums.head + MOMENTS_HEAD + push.materials * MOMENTS_PER_MATERIAL
@@ -19,27 +28,23 @@ void spread_slopes(Beam beam, Surface surface, vec3 normal_, float y, Gathered a
     moments.at[at] += variance;
     moments.at[at + 1u] += variance * lever;
     moments.at[at + 2u] += variance * lever * lever;
-}
 #endif
+}
 
-// A ray crosses a surface that may be rough, at y; `normal_`: of the surface, beam frame. Random rays
-// draw another normal. Rays of cells draw one near grazing, where a draw changes the slope by far from a
-// Gaussian; elsewhere the variance is a moment.
+// A ray crosses a surface that may be rough, at y; `normal_`: of the surface, beam frame. What it does not
+// draw is a variance.
 void cross_rough(Beam beam, Surface surface, uint primitive, vec3 normal_, float y, bool entering,
                  inout Gathered all) {
     vec3 met = normal_;
     if (surface.roughness > 0.0 && surface.inside != surface.outside) {
-        float cosine = incidence(slope_of(beam), normal_, all.stretch.inverse);
-        bool near = cosine < ROUGH_GRAZING * surface.roughness;
-        if (all.draws || near) {
+        if (draws_at(beam, surface, normal_, all)) {
+            float cosine = incidence(slope_of(beam), normal_, all.stretch.inverse);
             vec3 direction = vec3(beam.slope_x, 1.0, beam.slope_z);
             met = drawn_normal(normal_, direction, surface, all.key, primitive, 0u);
             all.run.grazing = min(all.run.grazing, cosine / max(surface.grazing, 1e-30));
             if (!all.draws) all.run.flags |= FLAG_DRAWN;
-#ifndef SUMS_IN_REGISTERS
         } else {
             spread_slopes(beam, surface, normal_, y, all);
-#endif
         }
     }
     run_cross(all.run, beam, all.stretch, surface, met, y, entering);

@@ -29,12 +29,13 @@ struct Gathered {
 #ifdef PLACED
     uint key;   // of the normals that its ray draws
     bool draws; // at any incidence
+    bool left;  // to a kernel that walks its rays one by one
 #endif
 };
 
 Gathered gathered_begin(Beam beam, uint index, bool live) {
 #ifdef PLACED
-    return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live), 0u, false);
+    return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live), 0u, false, false);
 #else
     return Gathered(stretch_of(beam), run_begin(), sums_begin(index, live));
 #endif
@@ -64,6 +65,13 @@ bool finite(RayResult result) {
 
 // Writes the result of a ray, and puts it on the list of those that need more.
 void finish(uint index, inout Gathered all) {
+#ifdef PLACED
+    if (all.left) {
+        uint slot = atomicAdd(push.unbalanced.at[0], 1u);
+        push.unbalanced.at[1u + slot] = index;
+        return;
+    }
+#endif
     run_flush(all.sums, all.run);
     if (all.run.balance != 0u) all.run.flags |= FLAG_UNBALANCED;
     if (is_in_order(all.run)) all.run.flags |= FLAG_GRAZING;

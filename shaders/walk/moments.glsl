@@ -12,10 +12,11 @@ struct Run {
     float path;
     vec2 lever;
     vec2 slope;
+    float variance; // of the displacement along x, by rough surfaces, of all runs
 };
 
 Run run_begin() {
-    return Run(0u, 0u, 0u, 0u, 0u, 0u, 1e30, 0.0, vec2(0.0), vec2(0.0));
+    return Run(0u, 0u, 0u, 0u, 0u, 0u, 1e30, 0.0, vec2(0.0), vec2(0.0), 0.0);
 }
 
 // By way of uvec2: SwiftShader ends the process on a cast of one reference to another.
@@ -70,7 +71,8 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
 }
 
 RayResult result_of(Sums sums, Run run) {
-    RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
+    RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings,
+                                 run.variance);
     EACH_MATERIAL {
         Constants k = sample_.constants.at[min(m, push.materials - 1u)];
         if (m < push.materials) {
@@ -130,7 +132,8 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
 
 RayResult result_of(Sums sums, Run run) {
     Floats moments = floats_of(push.moments);
-    RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings);
+    RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings,
+                                 run.variance);
     for (uint m = 0u; m < push.materials; m++) {
         Constants k = sample_.constants.at[m];
         uint base = sums_place(sums, m);

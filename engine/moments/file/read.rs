@@ -1,7 +1,7 @@
 //! The moments of a view, read: its blocks found and checked, then any rows of them.
 
 use super::super::content::Bounds;
-use super::{BLOCK, EXACT_WORDS, HASH, HEADER, MAGIC, RAY, VERSION, WORDS};
+use super::{BLOCK, END, EXACT_WORDS, HASH, HEADER, MAGIC, RAY, RESULT, VERSION, WORDS};
 use crate::interface::{Cell, CellRow, Ray, RayResult};
 use crate::sampling::{CellBatch, CellMoments, ExactCell};
 use crate::{Error, Result, input_file, layout};
@@ -182,14 +182,17 @@ fn check_hash(path: &Path, mut file: &File, bytes: u64) -> Result<()> {
 }
 
 fn exact_of(words: &[u32]) -> ExactCell {
-    let end = |i: usize| &words[1 + 13 * i..1 + 13 * (i + 1)];
+    let end = |i: usize| &words[1 + END * i..1 + END * (i + 1)];
     let ray = |i: usize| {
         let mut words = [0_u32; size_of::<Ray>() / 4];
         words[..RAY].copy_from_slice(&end(i)[..RAY]);
         bytemuck::cast(words)
     };
-    let result =
-        |i: usize| bytemuck::pod_read_unaligned::<RayResult>(bytemuck::cast_slice(&end(i)[RAY..]));
+    let result = |i: usize| {
+        let mut words = [0_u32; size_of::<RayResult>() / 4];
+        words[..RESULT].copy_from_slice(&end(i)[RAY..]);
+        bytemuck::cast(words)
+    };
     ExactCell {
         cell: words[0],
         ends: [ray(0), ray(1)],

@@ -51,8 +51,7 @@ impl Simulation {
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
         let delta_ratio = if engine.options().keep_moments { moments::DELTA_HEADROOM } else { 1.0 };
-        // What rough surfaces spread is a moment.
-        let several = media.energies.len() > 1 || engine.options().keep_moments || media.rough;
+        let several = media.energies.len() > 1 || engine.options().keep_moments;
         let spectral = if several && scene.sampling.scheme == Scheme::Cells {
             let flagged = delta_ratio * media.strongest();
             Some(EnergyBinning::new(&scene, optics, &media, &lattice, &media.mean(), flagged)?)
@@ -215,18 +214,14 @@ struct Built {
     sample: Sample,
     media: MaterialTable,
     bvh: Bvh,
-    facets: Option<sampling::SampleFacets>,
+    facets: sampling::SampleFacets,
 }
 
 fn build(scene: &Scene, sample: Sample, media: MaterialTable, delta_ratio: f64) -> Result<Built> {
     let across = geometry::across_edges(&sample);
     let bvh = Bvh::build(&sample, &across, scene.displacement())?;
-    // Means over facets know no other normals.
-    let smooth = sample.components.iter().any(|component| component.smooth);
-    let facets = (!media.rough && !smooth).then(|| {
-        let transport = scene.sampling.transport;
-        sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across)
-    });
+    let transport = scene.sampling.transport;
+    let facets = sampling::SampleFacets::new(transport, &sample, &media, delta_ratio, across);
     Ok(Built { sample, media, bvh, facets })
 }
 

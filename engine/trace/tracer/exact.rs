@@ -62,7 +62,7 @@ impl Tracer {
         self.batch.rays.write(0, &rays.iter().map(|(_, ray)| *ray).collect::<Vec<_>>())?;
         self.batch.nodes.write(0, &rays.iter().map(|(n, _)| constants(*n)).collect::<Vec<_>>())?;
         // The first order is the answer for rays that cannot be followed.
-        self.pass(&walks.order_free, false, n, false, 0.0, false)?;
+        self.pass(walks.order_free(false), false, n, false, 0.0, false)?;
         let mut list = vec![0];
         let mut end = 0;
         for run in rays.chunk_by(|a, b| a.1 == b.1) {

@@ -5,7 +5,7 @@ use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_MOVED,
-    KIND_TORUS, RAYS_PER_LANE, TracePush,
+    KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
 use std::ops::RangeInclusive;
@@ -25,13 +25,18 @@ pub struct TraceKernels {
     pub(in crate::trace) crossings: LazyKernel,
 }
 
+/// Surfaces that refract by other normals than those of their facets or shapes.
+const OTHER_NORMALS: u32 = KIND_ROUGH | KIND_SMOOTH;
+
 /// Combinations of `KIND_` bits.
 const KINDS: usize = 2 * KIND_MOVED as usize;
 
 /// The walks of a backend.
 #[derive(Debug)]
 pub(super) struct Walks {
-    pub(super) order_free: OrderFree,
+    order_free: OrderFree,
+    /// For rays one by one, where some kinds of surfaces need that and `order_free` walks bundles.
+    one_by_one: Option<OrderFree>,
     pub(super) exact: LazyKernel,
 }
 
@@ -77,20 +82,35 @@ impl TraceKernels {
     }
 }
 
-/// Kernels by name: for few materials, for many, and exact.
-type Named = [(&'static str, &'static [u32]); 3];
+/// Kernels by name.
+type Named = (&'static str, &'static [u32]);
+
+impl OrderFree {
+    fn new(device: &Arc<Device>, kinds: u32, rays: u32, [few, many]: [Named; 2]) -> Self {
+        let kernel = |named| kernel_of(device, kinds, named, push_bytes::<TracePush>());
+        Self { few: kernel(few), many: kernel(many), rays }
+    }
+}
+
+fn kernel_of(
+    device: &Arc<Device>,
+    kinds: u32,
+    (name, spirv): Named,
+    push_bytes: u32,
+) -> LazyKernel {
+    let kernel = LazyKernel::new(device, name, spirv, push_bytes);
+    if kinds == 0 { kernel } else { kernel.with_constant(kinds) }
+}
 
 impl Walks {
-    fn new(device: &Arc<Device>, kinds: u32, rays: u32, [few, many, exact]: Named) -> Self {
-        let kernel = |(name, spirv), push_bytes| {
-            let kernel = LazyKernel::new(device, name, spirv, push_bytes);
-            if kinds == 0 { kernel } else { kernel.with_constant(kinds) }
-        };
-        let order_free = |named| kernel(named, push_bytes::<TracePush>());
-        Self {
-            order_free: OrderFree { few: order_free(few), many: order_free(many), rays },
-            exact: kernel(exact, push_bytes::<ExactPush>()),
-        }
+    /// The order-free walk of rays that come in the order of a list; `bundled`: as they are traced first.
+    pub(super) fn order_free(&self, bundled: bool) -> &OrderFree {
+        self.one_by_one.as_ref().filter(|_| !bundled).unwrap_or(&self.order_free)
+    }
+
+    /// Whether the walk of bundles leaves some rays to that of single ones.
+    pub(super) const fn leaves_rays(&self) -> bool {
+        self.one_by_one.is_some()
     }
 
     fn bvh(device: &Arc<Device>, kinds: u32, bundles: bool) -> Self {
@@ -100,34 +120,41 @@ impl Walks {
             _ if torus => ("exact_bvh_torus", shaders::EXACT_BVH_TORUS),
             _ => ("exact_bvh_placed", shaders::EXACT_BVH_PLACED),
         };
-        let convex = kinds & !(KIND_FRUSTUM | KIND_ELLIPSOID | KIND_MOVED) == 0;
-        let [few, many] = match (kinds, bundles && convex) {
-            (0, true) => [
-                ("trace_bundles", shaders::TRACE_BUNDLES),
-                ("trace_bundles_many", shaders::TRACE_BUNDLES_MANY),
-            ],
-            (0, false) => {
-                [("trace_bvh", shaders::TRACE_BVH), ("trace_bvh_many", shaders::TRACE_BVH_MANY)]
-            }
-            (_, true) => [
-                ("trace_bundles_placed", shaders::TRACE_BUNDLES_PLACED),
-                ("trace_bundles_placed_many", shaders::TRACE_BUNDLES_PLACED_MANY),
-            ],
-            (_, false) if torus => [
+        let bundled = KIND_FRUSTUM | KIND_ELLIPSOID | KIND_MOVED | OTHER_NORMALS;
+        let bundles = bundles && kinds & !bundled == 0;
+        let single = match kinds {
+            0 => [("trace_bvh", shaders::TRACE_BVH), ("trace_bvh_many", shaders::TRACE_BVH_MANY)],
+            _ if torus => [
                 ("trace_bvh_torus", shaders::TRACE_BVH_TORUS),
                 ("trace_bvh_torus_many", shaders::TRACE_BVH_TORUS_MANY),
             ],
-            (_, false) => [
+            _ => [
                 ("trace_bvh_placed", shaders::TRACE_BVH_PLACED),
                 ("trace_bvh_placed_many", shaders::TRACE_BVH_PLACED_MANY),
             ],
         };
-        let rays = if bundles && convex { GROUP * RAYS_PER_LANE } else { GROUP };
-        Self::new(device, kinds, rays, [few, many, exact])
+        let bundle = match kinds {
+            0 => [
+                ("trace_bundles", shaders::TRACE_BUNDLES),
+                ("trace_bundles_many", shaders::TRACE_BUNDLES_MANY),
+            ],
+            _ => [
+                ("trace_bundles_placed", shaders::TRACE_BUNDLES_PLACED),
+                ("trace_bundles_placed_many", shaders::TRACE_BUNDLES_PLACED_MANY),
+            ],
+        };
+        let single = OrderFree::new(device, kinds, GROUP, single);
+        let exact = kernel_of(device, kinds, exact, push_bytes::<ExactPush>());
+        if !bundles {
+            return Self { order_free: single, one_by_one: None, exact };
+        }
+        let order_free = OrderFree::new(device, kinds, GROUP * RAYS_PER_LANE, bundle);
+        let leaves = kinds & OTHER_NORMALS != 0;
+        Self { order_free, one_by_one: leaves.then_some(single), exact }
     }
 
     fn ray_query(device: &Arc<Device>, kinds: u32) -> Self {
-        let named = match kinds {
+        let [few, many, exact] = match kinds {
             0 => [
                 ("trace_ray_query", shaders::TRACE_RAY_QUERY),
                 ("trace_ray_query_many", shaders::TRACE_RAY_QUERY_MANY),
@@ -144,6 +171,10 @@ impl Walks {
                 ("exact_ray_query_placed", shaders::EXACT_RAY_QUERY_PLACED),
             ],
         };
-        Self::new(device, kinds, GROUP, named)
+        Self {
+            order_free: OrderFree::new(device, kinds, GROUP, [few, many]),
+            one_by_one: None,
+            exact: kernel_of(device, kinds, exact, push_bytes::<ExactPush>()),
+        }
     }
 }

@@ -4,6 +4,7 @@ mod grazing;
 mod kept;
 mod keys;
 mod light;
+mod local;
 mod slopes;
 mod smooth;
 
