@@ -5,6 +5,7 @@ mod beam;
 mod look;
 mod mesh;
 mod names;
+mod reconstruct;
 mod retrieve;
 mod shared;
 mod simulate;
@@ -14,6 +15,7 @@ mod view;
 pub(crate) use beam::{Material, Spectrum};
 pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
+pub(crate) use reconstruct::{QuantityName, Reconstruct, ReconstructionName};
 pub(crate) use retrieve::Retrieve;
 pub(crate) use shared::Messages;
 pub(crate) use simulate::{Illuminate, Simulate};
@@ -49,6 +51,7 @@ impl Arguments {
             Verb::Simulate(simulate) => simulate.messages,
             Verb::Illuminate(illuminate) => illuminate.messages,
             Verb::Retrieve(retrieve) => retrieve.messages,
+            Verb::Reconstruct(reconstruct) => reconstruct.messages,
             Verb::Compare(compare) => compare.messages,
             Verb::Check(check) => check.messages,
             Verb::View(view) => view.messages,
@@ -74,6 +77,8 @@ pub(crate) enum Verb {
     Illuminate(Illuminate),
     /// Retrieve transmission, refraction and dark field from a run or from measured stacks
     Retrieve(Box<Retrieve>),
+    /// Reconstruct volumes of attenuation, delta and dark field from a run or retrieved images
+    Reconstruct(Box<Reconstruct>),
     /// Compare two stacks, runs or retrievals
     Compare(Compare),
     /// Check a scene without simulating it, or the files of a run against their checksums

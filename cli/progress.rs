@@ -129,6 +129,12 @@ impl Reporter {
         self.show(Phase::Rows, Some(share), |_| format!("row {done} of {total}"));
     }
 
+    /// Progress of a reconstruction, in parts of the whole.
+    pub(crate) fn volumes(&mut self, done: u64, total: u64) {
+        let share = done as f64 / total.max(1) as f64;
+        self.show(Phase::Rows, Some(share), |_| "reconstructing".to_owned());
+    }
+
     /// Work begins that is not counted.
     pub(crate) fn doing(&mut self, what: &str) {
         self.show(Phase::Other, None, |_| what.to_owned());

@@ -30,6 +30,42 @@ pub(super) fn single(text: &str) -> Result<f32, String> {
     Ok(value)
 }
 
+pub(super) fn finite(text: &str) -> Result<f64, String> {
+    number(text, "a finite number", |_| true)
+}
+
+/// A length above 0, m.
+pub(super) fn length(text: &str) -> Result<f64, String> {
+    match any_length(text)? {
+        length if length > 0.0 => Ok(length),
+        _ => Err("allowed: a length above 0".into()),
+    }
+}
+
+/// Three lengths, m.
+pub(super) fn lengths(text: &str) -> Result<[f64; 3], String> {
+    three(text.split(',').map(any_length).collect::<Result<_, _>>()?)
+        .ok_or_else(|| "write three lengths, as in '-2 mm, -2 mm, 0 mm'".into())
+}
+
+/// Three numbers of voxels.
+pub(super) fn sizes(text: &str) -> Result<[usize; 3], String> {
+    let words = text.split(',').map(|word| word.trim().parse::<usize>().ok().filter(|n| *n > 0));
+    words
+        .collect::<Option<Vec<usize>>>()
+        .and_then(three)
+        .ok_or_else(|| "write three whole numbers above 0, as in 256,256,4".into())
+}
+
+fn three<T: Copy>(list: Vec<T>) -> Option<[T; 3]> {
+    list.try_into().ok()
+}
+
+fn any_length(text: &str) -> Result<f64, String> {
+    let length = beamlet::cli_support::units::Dimension::Length;
+    length.parse(text).map_err(|error| error.to_string())
+}
+
 pub(super) fn memory_size(text: &str) -> Result<u64, String> {
     beamlet::cli_support::units::memory_size(text).map_err(|error| error.to_string())
 }

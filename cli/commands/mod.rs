@@ -13,6 +13,7 @@ mod mask;
 mod material;
 mod mesh;
 mod pictures;
+mod reconstruct;
 mod report;
 mod retrieve;
 mod schema;
@@ -37,6 +38,7 @@ fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
         Verb::Simulate(arguments) => simulate::run(&arguments, out),
         Verb::Illuminate(arguments) => illuminate::run(&arguments, out),
         Verb::Retrieve(arguments) => retrieve::run(&arguments, out),
+        Verb::Reconstruct(arguments) => reconstruct::run(&arguments, out),
         Verb::Compare(arguments) => compare::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
         Verb::View(arguments) => view::run(&arguments, out),

@@ -153,6 +153,15 @@ pub(super) fn header(
     }
 }
 
+/// As [`header`], of a volume `[z][y][x]` with these sides and voxels, x, y, z, m.
+pub(super) fn volume_header(format: Format, sides: [u32; 3], voxel: [f64; 3]) -> Option<Vec<u8>> {
+    match format {
+        Format::Exr => None,
+        Format::Npy => Some(npy::header(&sides)),
+        Format::Tiff => Some(tiff::volume_header(sides, voxel)),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -3,7 +3,7 @@
 //! A file is made at its full length. Ranges of rows are written at their offsets in any order, also
 //! by several processes.
 
-use super::file::header;
+use super::file::{header, volume_header};
 use super::format::Format;
 use super::parts::{Sample, unwritten};
 use crate::{Error, Result, input_file, open_file};
@@ -44,6 +44,14 @@ impl RangeLayout {
         let header = header(format, sides, pitch, sample)?;
         let start = header.len() as u64;
         Some(Self { header, start, sample, frames, rows: *rows, columns: *columns })
+    }
+
+    /// The layout of a volume `[z][y][x]` of f32 with these sides and voxels, x, y, z, m; `None` where
+    /// the format has no such files.
+    pub(crate) fn volume(format: Format, sides: [u32; 3], voxel: [f64; 3]) -> Option<Self> {
+        let header = volume_header(format, sides, voxel)?;
+        let (start, [slices, rows, columns]) = (header.len() as u64, sides);
+        Some(Self { header, start, sample: Sample::F32, frames: slices.into(), rows, columns })
     }
 
     fn row_bytes(&self) -> u64 {

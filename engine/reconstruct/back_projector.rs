@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 /// Values of a slab, and of the projections that are on the device with it: 256 MiB each, or one
 /// slice and one view.
-const AT_ONCE: usize = 64 << 20;
+pub(super) const AT_ONCE: usize = 64 << 20;
 
 /// Sums filtered projections over views.
 #[derive(Debug)]

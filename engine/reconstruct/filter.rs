@@ -20,6 +20,19 @@ pub enum Filter {
 }
 
 impl Filter {
+    /// Every filter, the default first.
+    pub const ALL: [Self; 3] = [Self::RamLak, Self::SheppLogan, Self::Hann];
+
+    /// Name on the command line and in records.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::RamLak => "ram-lak",
+            Self::SheppLogan => "shepp-logan",
+            Self::Hann => "hann",
+        }
+    }
+
     /// Factor at a frequency, as a share of the cut-off.
     fn factor(self, share: f64) -> f64 {
         match self {

@@ -1,6 +1,7 @@
 //! The geometry of a scan on a circle.
 
 use crate::scene::{Motion, Scene};
+use crate::stack::GeometryFile;
 use crate::{Error, Result};
 
 /// A scan on a circle: source and detector turn about an axis along z, at right angles to the optical
@@ -37,7 +38,8 @@ impl ScanGeometry {
         Self { source_distance, detector_distance, columns, rows, axis: 0.0, angles }
     }
 
-    /// The scan of a scene: columns and rows are the centres of its pixels.
+    /// The scan of a scene: columns are the centres of the openings of the detector mask before each
+    /// pixel, rows those of the pixels.
     ///
     /// # Errors
     /// [`Error::Scene`] where its views move the sample: these are no circle.
@@ -46,15 +48,9 @@ impl ScanGeometry {
             let found = "motions of the sample";
             return Err(Error::scene("scan.motions", found, "none: reconstruction needs a circle"));
         }
-        let [columns, rows] = [0, 1].map(|axis| {
-            let count = scene.detector.pixels[axis];
-            let middle = f64::from(count) / 2.0;
-            let place = move |n| (f64::from(n) + 0.5 - middle) * scene.detector.pitch[axis];
-            (0..count).map(place).collect::<Vec<_>>()
-        });
-        let rows = rows.into_iter().rev().collect();
+        let file = GeometryFile::of(scene);
         let distances = [scene.source.distance, scene.detector.distance];
-        Ok(Self::new(distances, columns, rows, scene.scan.angles.clone()))
+        Ok(Self::new(distances, file.columns_m, file.rows_m, file.angles_rad))
     }
 
     /// Magnification from the axis of rotation to the detector.

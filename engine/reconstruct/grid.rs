@@ -34,6 +34,22 @@ impl VolumeGrid {
         })
     }
 
+    /// Centre of the voxel `[z][y][x]`, m.
+    #[must_use]
+    pub fn centre(&self, (z, y, x): (usize, usize, usize)) -> [f64; 3] {
+        let place = |axis: usize, at: usize| self.origin[axis] + at as f64 * self.voxel[axis];
+        [place(0, x), place(1, y), place(2, z)]
+    }
+
+    /// Centres of the first and the last voxel along x, y, z, m.
+    #[must_use]
+    pub fn ends(&self) -> [[f64; 2]; 3] {
+        [0, 1, 2].map(|axis| {
+            let last = self.size[axis].saturating_sub(1) as f64;
+            [self.origin[axis], self.origin[axis] + last * self.voxel[axis]]
+        })
+    }
+
     /// Checks sizes, and that the voxels lie between source and detector in every view.
     ///
     /// # Errors

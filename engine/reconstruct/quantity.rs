@@ -12,6 +12,29 @@ pub enum Quantity {
 }
 
 impl Quantity {
+    /// Every quantity.
+    pub const ALL: [Self; 3] = [Self::Mu, Self::Delta, Self::DarkField];
+
+    /// Name on the command line, in files and in records.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Mu => "mu",
+            Self::Delta => "delta",
+            Self::DarkField => "dark-field",
+        }
+    }
+
+    /// Retrieved image that it is reconstructed from.
+    #[must_use]
+    pub const fn image(self) -> &'static str {
+        match self {
+            Self::Mu => "transmission",
+            Self::Delta => "refraction",
+            Self::DarkField => "dark_field",
+        }
+    }
+
     /// Unit of a volume.
     #[must_use]
     pub const fn unit(self) -> &'static str {

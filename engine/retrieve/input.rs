@@ -192,7 +192,7 @@ impl Input {
     pub(super) fn hashes(&self) -> Aside<Result<BTreeMap<String, String>>> {
         let read = self.read.clone();
         Aside::begin(move |end| {
-            let hash = |path: &PathBuf| Ok((path.display().to_string(), hash_of(path, end)?));
+            let hash = |path: &PathBuf| Ok((path.display().to_string(), path_hash(path, end)?));
             read.iter().map(hash).collect()
         })
     }
@@ -376,7 +376,7 @@ impl Input {
 }
 
 /// SHA-256 of a file, or of what a folder holds: lines of hash and name.
-fn hash_of(path: &Path, cancel: &Cancel) -> Result<String> {
+pub(crate) fn path_hash(path: &Path, cancel: &Cancel) -> Result<String> {
     if !path.is_dir() {
         return hash_until(path, cancel);
     }
@@ -384,7 +384,7 @@ fn hash_of(path: &Path, cancel: &Cancel) -> Result<String> {
     let paths = folder::paths(path).map_err(unread)?;
     let line = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().display().to_string();
-        Ok(format!("{}  {name}\n", hash_of(path, cancel)?))
+        Ok(format!("{}  {name}\n", path_hash(path, cancel)?))
     };
     let lines = paths.iter().map(line).collect::<Result<String>>()?;
     Ok(text_hash(&lines))

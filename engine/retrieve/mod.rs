@@ -26,6 +26,7 @@ pub(crate) use curves::Curves;
 pub use fitter::Weights;
 pub(crate) use fitter::{FitOptions, Fitter};
 pub use images::Images;
+pub(crate) use input::path_hash;
 pub use input::{Input, offsets};
 pub use method::Method;
 pub use options::{ReadRows, RetrieveOptions};

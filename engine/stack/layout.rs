@@ -31,6 +31,10 @@ pub const RETRIEVED: &str = "retrieved";
 pub const RECORD: &str = "retrieved.json";
 /// Description of a reconstruction, in the folder of its volumes.
 pub const VOLUME: &str = "volume.json";
+/// Means of regions, in the folder of a reconstruction.
+pub const REGIONS: &str = "regions.csv";
+/// Errors by object, in the folder of a reconstruction with its truth.
+pub const ERRORS: &str = "errors.csv";
 /// Folder of the stacks of detector numbers.
 pub(crate) const COUNTS: &str = "counts";
 /// Folder of kept moments.
@@ -54,7 +58,10 @@ const VIEW: &str = "view_";
 const STEP: &str = "step_";
 const SLICE: &str = "slice_";
 /// Endings of files beside the arrays of a folder of volumes.
-const BESIDE: [&str; 4] = [".csv", ".mhd", ".raw", ".png"];
+const BESIDE: [&str; 3] = [".csv", HEADER, RAW];
+/// Endings of a `MetaImage`: its header, and its values.
+const HEADER: &str = ".mhd";
+const RAW: &str = ".raw";
 /// Endings of kept moments, and of those in the making.
 const BIN: &str = ".bin";
 const BIN_PARTIAL: &str = ".partial";
@@ -63,6 +70,12 @@ const BIN_PARTIAL: &str = ".partial";
 #[must_use]
 pub fn is_run(folder: &Path) -> bool {
     folder.join(RUN).exists()
+}
+
+/// Whether a folder holds a reconstruction.
+#[must_use]
+pub fn is_volume(folder: &Path) -> bool {
+    folder.join(VOLUME).exists()
 }
 
 /// Whether a folder holds retrieved images.
@@ -201,6 +214,11 @@ pub(crate) fn is_image_of_folder(name: &str) -> bool {
     let index = [VIEW, SLICE].into_iter().find_map(|beginning| name.strip_prefix(beginning));
     let digits = |format: Format| index?.strip_suffix(format.ending())?.strip_suffix('.');
     single().filter_map(digits).any(|digits| digits.bytes().all(|digit| digit.is_ascii_digit()))
+}
+
+/// Files of a volume as `MetaImage`: header and values.
+pub(crate) fn meta_image(name: &str) -> [String; 2] {
+    [HEADER, RAW].map(|ending| format!("{name}{ending}"))
 }
 
 /// Whether a file may lie beside the arrays of a folder of volumes in the making.

@@ -13,7 +13,12 @@ const STRIP: u64 = 16 << 20;
 /// Everything before the values of an array `[view][step][row][column]`, or of the last two or three
 /// sides of one. `pitch`: of a pixel, x and z, m.
 pub(crate) fn header(sides: &[u32], pitch: [f64; 2], sample: Sample) -> Vec<u8> {
-    TiffHeader::new(sides, pitch, sample).bytes()
+    TiffHeader::new(sides, pitch, sample, None).bytes()
+}
+
+/// Everything before the values of a volume `[z][y][x]` with these sides and voxels, x, y, z, m.
+pub(crate) fn volume_header(sides: [u32; 3], [x, y, z]: [f64; 3]) -> Vec<u8> {
+    TiffHeader::new(&sides, [x, y], Sample::F32, Some(z)).bytes()
 }
 
 /// The pages of a file.
@@ -41,7 +46,8 @@ const LONG8: u16 = 16;
 const ENTRIES: u64 = 15;
 
 impl TiffHeader {
-    fn new(sides: &[u32], pitch: [f64; 2], sample: Sample) -> Self {
+    /// `spacing`: of the pages, m, where these are slices of a volume.
+    fn new(sides: &[u32], pitch: [f64; 2], sample: Sample, spacing: Option<f64>) -> Self {
         let mut sides = sides.iter().rev().copied();
         let [columns, rows, steps, views] = [0; 4].map(|_| sides.next().unwrap_or(1));
         let row = sample.bytes() * u64::from(columns);
@@ -52,7 +58,7 @@ impl TiffHeader {
             pages: u64::from(views) * u64::from(steps),
             sample,
             big: false,
-            description: description(steps, views),
+            description: description(steps, views, spacing),
             resolution: pitch.map(per_micrometre),
             rows_per_strip: u32::try_from(rows_per_strip).unwrap_or(u32::MAX),
         };
@@ -210,7 +216,7 @@ impl TiffHeader {
 }
 
 /// The description by which `ImageJ` knows its own stacks: pages of steps (slices) of views (frames).
-fn description(steps: u32, views: u32) -> String {
+fn description(steps: u32, views: u32, spacing: Option<f64>) -> String {
     let mut text = String::from("ImageJ=1.53t\n");
     if u64::from(steps) * u64::from(views) > 1 {
         let _ = writeln!(text, "images={}", u64::from(steps) * u64::from(views));
@@ -224,7 +230,11 @@ fn description(steps: u32, views: u32) -> String {
     if steps > 1 && views > 1 {
         text.push_str("hyperstack=true\nmode=grayscale\n");
     }
-    text.push_str("unit=um\nloop=false\n");
+    text.push_str("unit=um\n");
+    if let Some(spacing) = spacing {
+        let _ = writeln!(text, "spacing={}", spacing * 1e6);
+    }
+    text.push_str("loop=false\n");
     text
 }
 
@@ -263,7 +273,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let path = place.path().join("big.tif");
         for (rows, is_big) in [(1024, false), (4096, true)] {
-            let header = TiffHeader::new(&[20, 5, rows, 4096], [150e-6; 2], Sample::F32);
+            let header = TiffHeader::new(&[20, 5, rows, 4096], [150e-6; 2], Sample::F32, None);
             let len = file(&header, &path);
             assert_eq!(len > u64::from(u32::MAX), is_big);
             assert_eq!(&header.bytes()[..4], if is_big { b"II\x2b\0" } else { b"II\x2a\0" });

@@ -5,6 +5,6 @@ mod append;
 mod read;
 mod stored;
 
-pub(super) use ahead::header;
+pub(super) use ahead::{header, volume_header};
 pub(super) use append::append;
 pub(super) use read::TiffPages;

@@ -20,7 +20,6 @@ pub(crate) enum Kind {
     /// Retrieved images, or differences of images: an image per view.
     Images,
     /// Volumes: an image per slice.
-    #[expect(dead_code, reason = "volumes follow with the verb that writes them")]
     Volume,
 }
 

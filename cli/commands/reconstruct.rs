@@ -1,0 +1,298 @@
+//! `beamlet reconstruct`: retrieved images or sinograms to volumes.
+
+use super::simulate::command_line;
+use crate::args::{QuantityName, Reconstruct, ReconstructionName};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::progress::Reporter;
+use beamlet::cli_support::printed;
+use beamlet::reconstruct::{
+    FbpOptions, GridChoice, Input, Method, Quantity, Reconstructed, Truth, VolumeEstimate,
+    VolumePlan, VolumesTo, estimate, reconstruct,
+};
+use beamlet::retrieve::{self, ImagesTo, Record, RetrieveOptions};
+use beamlet::scene::Scene;
+use beamlet::stack::{Format, OpenRun, layout};
+use beamlet::{Cancel, Engine, Error, RowsControl};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+pub(super) fn run(arguments: &Reconstruct, out: &mut impl Write) -> Result<(), Failure> {
+    let cancel = interrupt::listen();
+    let mut reporter = Reporter::new(arguments.messages);
+    let done = work(arguments, &cancel, &mut reporter, out);
+    reporter.finish();
+    match done {
+        Err(Failure::Engine(Error::Interrupted)) => {
+            Err(Failure::Interrupted { advice: "no volume was written".into() })
+        }
+        other => other,
+    }
+}
+
+fn work(
+    arguments: &Reconstruct,
+    cancel: &Cancel,
+    reporter: &mut Reporter,
+    out: &mut impl Write,
+) -> Result<(), Failure> {
+    let began = Instant::now();
+    let engine = Engine::open(&arguments.device.options())?;
+    let mut source = Source::of(arguments, &engine, cancel, reporter)?;
+    if let Some(column) = arguments.centre {
+        source.input = source.input.with_centre(column);
+    }
+    let plan = plan(arguments, &source.input)?;
+    let mut to = VolumesTo::new(&arguments.output, arguments.format);
+    to = to.with_overwrite(arguments.overwrite);
+    to.check(&source.input)?;
+    plan.regions.iter().try_for_each(|region| region.check(&plan.grid))?;
+    let geometry = source.input.geometry();
+    if arguments.dry_run {
+        reporter.doing("measuring a part of the back-projection");
+        let mut control = RowsControl::default().with_cancel(cancel.clone());
+        let found = estimate(&engine, geometry, &plan.grid, &mut control)?;
+        reporter.finish();
+        return describe(arguments, &plan, &source.input, found, out);
+    }
+    let truth = match (arguments.truth, &source.scene) {
+        (false, _) => None,
+        (true, Some(scene)) => {
+            reporter.doing("finding the objects at the voxels");
+            Some(Truth::of(&engine, scene, geometry, &plan.grid, cancel)?)
+        }
+        (true, None) => {
+            let path = arguments.inputs[0].clone();
+            let problem = "does not name its scene, which --truth needs: retrieve again".into();
+            return Err(Failure::File { path, problem });
+        }
+    };
+    let command = command_line();
+    let mut progress = |done, all| reporter.volumes(done, all);
+    let mut control =
+        RowsControl::default().with_progress(&mut progress).with_cancel(cancel.clone());
+    let to = to.with_command(Some(&command));
+    let done = reconstruct(&engine, &source.input, &plan, truth.as_ref(), to, &mut control)?;
+    reporter.finish();
+    if arguments.json {
+        return super::write_json(&done.record, out);
+    }
+    if arguments.messages.quiet {
+        return Ok(());
+    }
+    summary(arguments, &done, source.retrieved.as_deref(), began.elapsed().as_secs_f64(), out)
+}
+
+/// What is reconstructed, and the scene that it is of.
+struct Source {
+    input: Input,
+    scene: Option<Scene>,
+    /// Images that were made on the way.
+    retrieved: Option<PathBuf>,
+}
+
+impl Source {
+    fn of(
+        arguments: &Reconstruct,
+        engine: &Engine,
+        cancel: &Cancel,
+        reporter: &mut Reporter,
+    ) -> Result<Self, Failure> {
+        if let Some(geometry) = &arguments.geometry {
+            return Self::of_file(arguments, geometry);
+        }
+        let (mut folders, mut scene, mut retrieved) = (Vec::new(), None, None);
+        for input in &arguments.inputs {
+            if layout::is_run(input) {
+                let images = input.join(layout::RETRIEVED);
+                if !layout::is_retrieved(&images) {
+                    if arguments.dry_run {
+                        let problem = "is not retrieved yet, and --dry-run writes nothing: beamlet retrieve \
+                                       comes first";
+                        return Err(Failure::File { path: input.clone(), problem: problem.into() });
+                    }
+                    retrieve_run(engine, input, &images, cancel, reporter)?;
+                    retrieved = Some(images.clone());
+                }
+                folders.push(images);
+                if scene.is_none() {
+                    scene = Some(OpenRun::open(input)?.scene().clone());
+                }
+            } else if input.is_file() {
+                let problem =
+                    "is a file: sinograms need --geometry SCENE, for angles and distances";
+                return Err(Failure::File { path: input.clone(), problem: problem.into() });
+            } else {
+                folders.push(input.clone());
+            }
+        }
+        let input = Input::of_images(&folders)?;
+        if arguments.truth && scene.is_none() {
+            let record = Record::read(&folders[0].join(layout::RECORD))?;
+            scene = record.geometry.map(|text| Scene::from_toml(&text, &folders[0])).transpose()?;
+        }
+        Ok(Self { input, scene, retrieved })
+    }
+
+    fn of_file(arguments: &Reconstruct, geometry: &Path) -> Result<Self, Failure> {
+        let usage = |problem: &str| Err(Failure::Usage(problem.into()));
+        let [path] = arguments.inputs.as_slice() else {
+            return usage("--geometry belongs to one file of sinograms");
+        };
+        if path.is_dir() {
+            return usage("--geometry belongs to a file of sinograms; folders have their own");
+        }
+        let [QuantityName::One(quantity)] = arguments.quantity.as_slice() else {
+            return usage(
+                "a file of sinograms needs --quantity: mu (-ln of the transmission), delta (rad) \
+                          or dark-field (rad^2)",
+            );
+        };
+        // A run is the set-up of its scene.
+        let geometry = match layout::is_run(geometry) {
+            true => &geometry.join(layout::SCENE),
+            false => geometry,
+        };
+        let scene = Scene::load_with(geometry, &arguments.sets)?;
+        let input = Input::of_file(path, *quantity, &scene)
+            .map_err(|error| Scene::locate(geometry, &arguments.sets, error))?;
+        Ok(Self { input, scene: Some(scene), retrieved: None })
+    }
+}
+
+/// Retrieves a run as `beamlet retrieve RUN` does.
+fn retrieve_run(
+    engine: &Engine,
+    run: &Path,
+    images: &Path,
+    cancel: &Cancel,
+    reporter: &mut Reporter,
+) -> Result<(), Failure> {
+    let input = retrieve::Input::of_run(&OpenRun::open(run)?, false)?;
+    let mut progress = |done, all| reporter.rows(done, all);
+    let mut control =
+        RowsControl::default().with_progress(&mut progress).with_cancel(cancel.clone());
+    let command = command_line();
+    let to = ImagesTo::new(images, Format::default()).with_command(Some(&command));
+    retrieve::retrieve(engine, input, &RetrieveOptions::default(), to, &mut control)?;
+    Ok(())
+}
+
+fn plan(arguments: &Reconstruct, input: &Input) -> Result<VolumePlan, Failure> {
+    let has = input.quantities();
+    let mut quantities: Vec<Quantity> = Vec::new();
+    for name in &arguments.quantity {
+        let named = match name {
+            QuantityName::All => has.clone(),
+            QuantityName::One(quantity) => vec![*quantity],
+        };
+        for quantity in named {
+            if !has.contains(&quantity) {
+                let path = input.paths().into_iter().next().unwrap_or_default();
+                let problem = format!(
+                    "has no image {}, which {} is made of",
+                    quantity.image(),
+                    quantity.name()
+                );
+                return Err(Failure::File { path, problem });
+            }
+            if !quantities.contains(&quantity) {
+                quantities.push(quantity);
+            }
+        }
+    }
+    let choice = GridChoice::default()
+        .with_voxel(arguments.voxel)
+        .with_size(arguments.size)
+        .with_origin(arguments.origin);
+    let method = match arguments.method {
+        ReconstructionName::Fbp => Method::Fbp(
+            FbpOptions::default().with_filter(arguments.filter).with_cut_off(arguments.cut_off),
+        ),
+    };
+    let grid = choice.grid(input.geometry())?;
+    Ok(VolumePlan::new(quantities, grid, method).with_regions(arguments.regions.clone()))
+}
+
+/// Where the voxels lie, in words.
+fn grid_words(grid: &beamlet::reconstruct::VolumeGrid) -> String {
+    let [x, y, z] = grid.size;
+    let [a, b, c] = grid.voxel.map(|side| side * 1e6);
+    let [[left, right], [front, back], [low, high]] =
+        grid.ends().map(|ends| ends.map(|end| end * 1e3));
+    format!(
+        "{x} x {y} x {z} voxels of {a:.4} x {b:.4} x {c:.4} um, centres at x {left:.4} to {right:.4}, y \
+         {front:.4} to {back:.4}, z {low:.4} to {high:.4} mm"
+    )
+}
+
+fn names(quantities: &[Quantity]) -> String {
+    quantities.iter().map(|quantity| quantity.name()).collect::<Vec<_>>().join(", ")
+}
+
+/// What a reconstruction would be.
+fn describe(
+    arguments: &Reconstruct,
+    plan: &VolumePlan,
+    input: &Input,
+    found: VolumeEstimate,
+    out: &mut impl Write,
+) -> Result<(), Failure> {
+    let [views, rows, columns] = input.geometry().shape();
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    writeln!(out, "volumes  {} ({})", names(&plan.quantities), arguments.format)?;
+    writeln!(
+        out,
+        "views    {views} of {columns} x {rows} pixels, axis of rotation in column {:.3}",
+        input.geometry().axis_column()
+    )?;
+    writeln!(out, "grid     {}", grid_words(&plan.grid))?;
+    writeln!(
+        out,
+        "memory   {:.1} MiB on the host and {:.1} MiB on the device; each volume {:.1} MiB",
+        mib(found.host_bytes),
+        mib(found.device_bytes),
+        mib(found.volume_bytes)
+    )?;
+    let seconds = found.seconds * plan.quantities.len() as f64;
+    writeln!(out, "time     {seconds:.1} s of back-projection, by a part of it on this device")?;
+    writeln!(out, "nothing was written")?;
+    Ok(())
+}
+
+/// What the user wants to know at the end.
+fn summary(
+    arguments: &Reconstruct,
+    done: &Reconstructed,
+    retrieved: Option<&Path>,
+    seconds: f64,
+    out: &mut impl Write,
+) -> Result<(), Failure> {
+    let record = &done.record;
+    if let Some(path) = retrieved {
+        let note = "retrieved on the way, as beamlet retrieve does";
+        writeln!(out, "images   {} ({note})", printed::path(path))?;
+    }
+    writeln!(out, "volumes  {}", printed::path(&arguments.output))?;
+    for (name, unit) in &record.units {
+        writeln!(out, "         {name} ({unit})")?;
+    }
+    writeln!(out, "method   {} {}", record.method, record.options)?;
+    let [views, rows, columns] = record.sinograms;
+    writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
+    writeln!(out, "grid     {}", grid_words(&record.grid()))?;
+    for (name, counts) in &record.pixels {
+        let filled = counts.without_answer + counts.dark;
+        writeln!(
+            out,
+            "pixels   {name}: {filled} of {} filled ({} without an answer, {} with T <= 0), {} misfits kept",
+            counts.pixels, counts.without_answer, counts.dark, counts.misfits
+        )?;
+    }
+    for table in [&done.regions, &done.errors].into_iter().flatten() {
+        writeln!(out)?;
+        write!(out, "{table}")?;
+    }
+    Ok(())
+}

@@ -1,0 +1,237 @@
+//! What is reconstructed: images of one or several retrievals, or sinograms in files.
+
+use super::geometry::ScanGeometry;
+use super::prepare::{PixelCounts, Preparation};
+use super::quantity::Quantity;
+use crate::array_file::{ArrayFile, Format, endings};
+use crate::cancel::Cancel;
+use crate::scene::Scene;
+use crate::stack::layout::{self, GEOMETRY, RECORD};
+use crate::stack::{GeometryFile, Maps};
+use crate::{Error, Result, reserve};
+use ndarray::Array3;
+use std::path::{Path, PathBuf};
+
+/// Image of the flags of a retrieval.
+const FLAGS: &str = "flags";
+
+/// Sinograms of one or more quantities, with the geometry of their views.
+#[derive(Debug)]
+pub struct Input {
+    geometry: ScanGeometry,
+    source: Source,
+}
+
+#[derive(Debug)]
+enum Source {
+    /// Folders of retrieved images. Columns of all, ascending by place: folder and column.
+    Images { folders: Vec<(PathBuf, Maps)>, columns: Vec<[usize; 2]> },
+    /// A file `[view][row][column]`.
+    File { path: PathBuf, quantity: Quantity, file: ArrayFile },
+}
+
+impl Input {
+    /// Folders of retrieved images with their geometry.json. The columns of several folders (dithers)
+    /// interleave by their places.
+    ///
+    /// # Errors
+    /// [`Error::File`] where a folder has no images or geometry, or views, rows or distances that are
+    /// not those of the first; where two columns measure the same place.
+    pub fn of_images(folders: &[PathBuf]) -> Result<Self> {
+        let open = |path: &PathBuf| {
+            if !layout::is_retrieved(path) {
+                let problem = format!("holds no retrieved images: it has no {RECORD}");
+                return Err(Error::file(path, problem, None));
+            }
+            let maps = Maps::open(path)?;
+            let file = GeometryFile::read(path)?;
+            let views = maps.views();
+            if views != file.angles_rad.len() {
+                let problem = format!(
+                    "has images of {views} views; {GEOMETRY} has {} angles",
+                    file.angles_rad.len()
+                );
+                return Err(Error::file(path, problem, None));
+            }
+            Ok((path.clone(), maps, file))
+        };
+        let opened = folders.iter().map(open).collect::<Result<Vec<_>>>()?;
+        let Some((first_path, _, first)) = opened.first() else {
+            return Err(Error::argument("images", "no folder", "one or more"));
+        };
+        for (path, _, other) in &opened[1..] {
+            if let Some(differs) = difference(first, other) {
+                let problem = format!("has other {differs} than {}", first_path.display());
+                return Err(Error::file(path.join(GEOMETRY), problem, None));
+            }
+        }
+        let mut places: Vec<(f64, [usize; 2])> = Vec::new();
+        for (folder, (_, _, file)) in opened.iter().enumerate() {
+            let of_folder = file.columns_m.iter().enumerate();
+            places.extend(of_folder.map(|(column, place)| (*place, [folder, column])));
+        }
+        places.sort_by(|a, b| a.0.total_cmp(&b.0));
+        if let Some(pair) = places.windows(2).find(|pair| pair[1].0 - pair[0].0 < 1e-9) {
+            let name =
+                |at: [usize; 2]| format!("column {} of {}", at[1], opened[at[0]].0.display());
+            let problem =
+                format!("measures the place of {}; dithers have to differ", name(pair[0].1));
+            return Err(Error::file(name(pair[1].1), problem, None));
+        }
+        let mut geometry = ScanGeometry::of_file(first, first_path)?;
+        geometry.columns = places.iter().map(|(place, _)| *place).collect();
+        let columns = places.iter().map(|(_, at)| *at).collect();
+        let folders = opened.into_iter().map(|(path, maps, _)| (path, maps)).collect();
+        Ok(Self { geometry, source: Source::Images { folders, columns } })
+    }
+
+    /// A file of sinograms, `[view][row][column]`, NPY or TIFF with a page for each view; `[view][column]`
+    /// where the detector has one row. Values: −ln of the transmission, refraction angles in rad, or
+    /// variances in rad², as `quantity` says. The scene has the angles, distances and pixels.
+    ///
+    /// # Errors
+    /// [`Error::File`] for a file of another shape, naming the shape of the scene; [`Error::Scene`] where
+    /// the views are no circle.
+    pub fn of_file(path: &Path, quantity: Quantity, scene: &Scene) -> Result<Self> {
+        let geometry = ScanGeometry::of_scene(scene)?;
+        let Some(format) = Format::of(path).filter(|format| format.abilities().pages) else {
+            let allowed = endings(|format| format.abilities().pages);
+            return Err(Error::file(
+                path,
+                format!("is no file of sinograms; allowed: {allowed}"),
+                None,
+            ));
+        };
+        let file = ArrayFile::open(path, format)?;
+        let found = file.sides();
+        let shape = geometry.shape().map(|side| side as u64);
+        let [views, rows, columns] = shape;
+        let is_flat = rows == 1 && found == [views, columns];
+        let is_one = views == 1 && found == [rows, columns];
+        if file.is_fortran() || !(found == shape || is_flat || is_one) {
+            let order = if file.is_fortran() { " in Fortran order" } else { "" };
+            let problem = format!(
+                "has the shape {found:?}{order}; the scene has {views} angles, {rows} rows and {columns} \
+                 columns: allowed is {shape:?}, [view][row][column]"
+            );
+            return Err(Error::file(path, problem, None));
+        }
+        Ok(Self { geometry, source: Source::File { path: path.to_owned(), quantity, file } })
+    }
+
+    /// The geometry of the sinograms.
+    #[must_use]
+    pub const fn geometry(&self) -> &ScanGeometry {
+        &self.geometry
+    }
+
+    /// The same with the axis of rotation on a column, counted from 0 at the centre of the first and
+    /// between columns by fractions.
+    #[must_use]
+    pub fn with_centre(mut self, column: f64) -> Self {
+        self.geometry.set_axis_column(column);
+        self
+    }
+
+    /// Quantities that there are sinograms of.
+    #[must_use]
+    pub fn quantities(&self) -> Vec<Quantity> {
+        match &self.source {
+            Source::File { quantity, .. } => vec![*quantity],
+            Source::Images { folders, .. } => {
+                let has = |quantity: &Quantity| {
+                    folders
+                        .iter()
+                        .all(|(_, maps)| maps.names().any(|name| name == quantity.image()))
+                };
+                Quantity::ALL.into_iter().filter(has).collect()
+            }
+        }
+    }
+
+    /// Files and folders that are read.
+    #[must_use]
+    pub fn paths(&self) -> Vec<PathBuf> {
+        match &self.source {
+            Source::File { path, .. } => vec![path.clone()],
+            Source::Images { folders, .. } => {
+                folders.iter().map(|(path, _)| path.clone()).collect()
+            }
+        }
+    }
+
+    /// The sinograms of a quantity, `[view][row][column]`, ready to be reconstructed: −ln of the
+    /// transmission, and every pixel with a value. Says how many had none.
+    ///
+    /// # Errors
+    /// [`Error::File`] where the quantity is not there, a file cannot be read, or a view has no pixel
+    /// with a value; [`Error::Memory`], [`Error::Interrupted`].
+    pub fn sinograms(
+        &self,
+        quantity: Quantity,
+        cancel: &Cancel,
+    ) -> Result<(Array3<f32>, PixelCounts)> {
+        let [views, rows, columns] = self.geometry.shape();
+        let values = reserve::zeroed(views * rows * columns, "sinograms")?;
+        let mut all = Array3::from_shape_vec((views, rows, columns), values)
+            .map_err(|error| Error::argument("sinograms", error.to_string(), "their shape"))?;
+        let is_transmission =
+            matches!(self.source, Source::Images { .. }) && quantity == Quantity::Mu;
+        let mut preparation = Preparation::new(&self.geometry, is_transmission);
+        for (view, mut image) in all.outer_iter_mut().enumerate() {
+            cancel.check()?;
+            match &self.source {
+                Source::File { file, .. } => self.read_view(file, view, &mut image)?,
+                Source::Images { folders, columns } => {
+                    let read = |(_, maps): &(PathBuf, Maps), name| maps.map(name, view);
+                    let maps = folders.iter().map(|of| read(of, quantity.image()));
+                    let maps = maps.collect::<Result<Vec<_>>>()?;
+                    let has_flags = |of: &&(PathBuf, Maps)| of.1.names().any(|name| name == FLAGS);
+                    for of in folders.iter().filter(has_flags) {
+                        preparation.count_flags(&read(of, FLAGS)?);
+                    }
+                    for (to, [folder, column]) in columns.iter().enumerate() {
+                        image.column_mut(to).assign(&maps[*folder].column(*column));
+                    }
+                }
+            }
+            preparation.view(&mut image).map_err(|problem| {
+                let path = self.paths().into_iter().next().unwrap_or_default();
+                Error::file(path, format!("{}: view {view} {problem}", quantity.name()), None)
+            })?;
+        }
+        Ok((all, preparation.counts()))
+    }
+
+    fn read_view(
+        &self,
+        file: &ArrayFile,
+        view: usize,
+        image: &mut ndarray::ArrayViewMut2<'_, f32>,
+    ) -> Result<()> {
+        let [_, rows, columns] = self.geometry.shape();
+        // Frames of a file [view][column] are the rows of one.
+        let values: Vec<f32> = match file.frames() {
+            (1, [lines, _]) if lines != rows => file.read(0, view..view + 1)?,
+            _ => file.read(view, 0..rows)?,
+        };
+        let read = ndarray::ArrayView2::from_shape((rows, columns), &values);
+        read.map(|read| image.assign(&read))
+            .map_err(|error| Error::argument("sinograms", error.to_string(), "rows and columns"))
+    }
+}
+
+/// What two scans of one sample do not share, where they do not.
+fn difference(a: &GeometryFile, b: &GeometryFile) -> Option<&'static str> {
+    let near = |a: &[f64], b: &[f64], least: f64| {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= least)
+    };
+    let distances = |file: &GeometryFile| [file.source_to_axis_m, file.source_to_detector_m];
+    match () {
+        () if !near(&a.angles_rad, &b.angles_rad, 1e-9) => Some("angles"),
+        () if !near(&a.rows_m, &b.rows_m, 1e-9) => Some("rows"),
+        () if !near(&distances(a), &distances(b), 1e-9) => Some("distances"),
+        () if a.axis_column.is_none() != b.axis_column.is_none() => Some("motions"),
+        () => None,
+    }
+}

@@ -1,0 +1,158 @@
+//! Images of a retrieval made ready: −ln of the transmission, and pixels without a value filled.
+
+use super::geometry::ScanGeometry;
+use crate::numbers::{single, whole};
+use crate::retrieve::flags;
+use ndarray::{Array2, ArrayViewMut2};
+use serde::{Deserialize, Serialize};
+
+/// Pixels of the sinograms of one quantity, over all views.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct PixelCounts {
+    /// All pixels.
+    pub pixels: u64,
+    /// Pixels without an answer of the retrieval (NaN), filled from the pixels beside them.
+    pub without_answer: u64,
+    /// Pixels whose transmission is not above 0, filled likewise.
+    pub dark: u64,
+    /// Pixels that are flagged as misfits. Their values count: silhouettes are among them, which hold
+    /// much of the integral of refraction.
+    pub misfits: u64,
+}
+
+/// Makes the views of a scan ready one after another.
+#[derive(Debug)]
+pub(super) struct Preparation<'a> {
+    geometry: &'a ScanGeometry,
+    is_transmission: bool,
+    counts: PixelCounts,
+}
+
+impl<'a> Preparation<'a> {
+    /// `is_transmission`: values are transmissions, and become their −ln.
+    pub(super) fn new(geometry: &'a ScanGeometry, is_transmission: bool) -> Self {
+        Self { geometry, is_transmission, counts: PixelCounts::default() }
+    }
+
+    pub(super) const fn counts(&self) -> PixelCounts {
+        self.counts
+    }
+
+    /// Counts the misfits of an image of flags.
+    pub(super) fn count_flags(&mut self, image: &Array2<f32>) {
+        let is_misfit = |value: &&f32| whole::<u32>(f64::from(**value)) & flags::MISFIT != 0;
+        self.counts.misfits += image.iter().filter(is_misfit).count() as u64;
+    }
+
+    /// Makes a view ready, `[row][column]`.
+    ///
+    /// # Errors
+    /// Why it cannot be, in words: no pixel has a value.
+    pub(super) fn view(&mut self, image: &mut ArrayViewMut2<'_, f32>) -> Result<(), &'static str> {
+        self.counts.pixels += image.len() as u64;
+        for value in image.iter_mut() {
+            if !value.is_finite() {
+                self.counts.without_answer += 1;
+                *value = f32::NAN;
+            } else if self.is_transmission && *value <= 0.0 {
+                self.counts.dark += 1;
+                *value = f32::NAN;
+            } else if self.is_transmission {
+                *value = single(-libm::log(f64::from(*value)));
+            }
+        }
+        if image.iter().all(|value| value.is_nan()) {
+            return Err("has no pixel with a value");
+        }
+        let mut empty = Vec::new();
+        for (row, mut values) in image.outer_iter_mut().enumerate() {
+            let mut line: Vec<f32> = values.to_vec();
+            if !fill(&mut line, &self.geometry.columns) {
+                empty.push(row);
+            }
+            values.iter_mut().zip(line).for_each(|(to, from)| *to = from);
+        }
+        // Rows without any value take those of the rows above and below.
+        if !empty.is_empty() {
+            let places: Vec<f64> = self.geometry.rows.iter().map(|place| -place).collect();
+            for mut column in image.columns_mut() {
+                let mut line = column.to_vec();
+                fill(&mut line, &places);
+                column.iter_mut().zip(line).for_each(|(to, from)| *to = from);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Fills NaN between two values linearly by ascending places, and beyond the first and the last with
+/// these. Returns whether there is any value.
+fn fill(values: &mut [f32], places: &[f64]) -> bool {
+    let known: Vec<usize> = (0..values.len()).filter(|at| !values[*at].is_nan()).collect();
+    let (Some(&first), Some(&last)) = (known.first(), known.last()) else { return false };
+    for at in 0..values.len() {
+        if !values[at].is_nan() {
+            continue;
+        }
+        let next = known.partition_point(|known| *known < at);
+        values[at] = if at < first {
+            values[first]
+        } else if at > last {
+            values[last]
+        } else {
+            let [before, behind] = [known[next - 1], known[next]];
+            let share = (places[at] - places[before]) / (places[behind] - places[before]);
+            let [a, b] = [values[before], values[behind]].map(f64::from);
+            single(a + share * (b - a))
+        };
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ndarray::array;
+
+    fn geometry() -> ScanGeometry {
+        let columns = vec![0.0, 1.0, 2.0, 4.0];
+        ScanGeometry::new([1.0, 2.0], columns, vec![0.5, -0.5], vec![0.0, 1.0, 2.0])
+    }
+
+    #[test]
+    fn pixels_without_a_value_are_filled_by_place_and_counted() {
+        let geometry = geometry();
+        let e = std::f32::consts::E;
+        // −ln: 0, none, none, −1 and none, 1, none, none.
+        let mut image = array![[1.0, f32::NAN, -0.5, e], [f32::INFINITY, 1.0 / e, 0.0, f32::NAN]];
+        let mut preparation = Preparation::new(&geometry, true);
+        preparation.view(&mut image.view_mut()).unwrap();
+        let expected = array![[0.0_f32, -0.25, -0.5, -1.0], [1.0, 1.0, 1.0, 1.0]];
+        assert!((&image - &expected).iter().all(|left| left.abs() < 1e-6), "{image}");
+        let counts = preparation.counts();
+        assert_eq!([counts.pixels, counts.without_answer, counts.dark], [8, 3, 2]);
+    }
+
+    #[test]
+    fn rows_without_a_value_take_their_neighbours_and_views_without_one_are_refused() {
+        let geometry = geometry();
+        let mut preparation = Preparation::new(&geometry, false);
+        let none = f32::NAN;
+        let mut image = array![[none, none, none, none], [-2.0, 0.0, none, 3.0]];
+        preparation.view(&mut image.view_mut()).unwrap();
+        // Angles at or below 0 are values.
+        assert_eq!(image, array![[-2.0, 0.0, 1.0, 3.0], [-2.0, 0.0, 1.0, 3.0]]);
+        let mut image = Array2::from_elem((2, 4), none);
+        assert!(preparation.view(&mut image.view_mut()).is_err());
+    }
+
+    #[test]
+    fn misfits_are_counted_and_keep_their_values() {
+        let geometry = geometry();
+        let mut preparation = Preparation::new(&geometry, false);
+        let misfit = single(f64::from(flags::MISFIT));
+        preparation.count_flags(&array![[0.0, misfit, misfit + 1.0, 1.0]]);
+        assert_eq!(preparation.counts().misfits, 2);
+    }
+}

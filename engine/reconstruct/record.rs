@@ -1,0 +1,143 @@
+//! volume.json: what the volumes are, where their voxels lie, and how they were made.
+
+use super::geometry::ScanGeometry;
+use super::grid::VolumeGrid;
+use super::plan::VolumePlan;
+use super::prepare::PixelCounts;
+use super::write::VolumeFormat;
+use crate::stack::layout::VOLUME;
+use crate::{Error, Result, input_file};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Contents of volume.json.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct VolumeRecord {
+    /// Version of beamlet.
+    pub version: String,
+    /// Commit of its repository that it was built from; `None` in packages and incremental builds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub commit: Option<String>,
+    /// When the reconstruction began: UTC, RFC 3339.
+    pub began: String,
+    /// When the record was written.
+    pub written: String,
+    /// Seconds that the reconstruction took by the clock on the wall.
+    pub duration_s: f64,
+    /// Command line; `None` where another program called the library.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command: Option<String>,
+    /// Device name.
+    pub device: String,
+    /// Driver name and version.
+    pub driver: String,
+    /// Method.
+    pub method: String,
+    /// Its options.
+    pub options: serde_json::Value,
+    /// SHA-256 of what was read, by its path, as retrieved.json has it.
+    pub inputs: BTreeMap<String, String>,
+    /// Views, rows and columns of the sinograms.
+    pub sinograms: [usize; 3],
+    /// Column of the axis of rotation among these columns, counted from 0.
+    pub axis_column: f64,
+    /// Pixels of the sinograms by quantity.
+    pub pixels: BTreeMap<String, PixelCounts>,
+    /// File format of the volumes.
+    pub format: VolumeFormat,
+    /// Order of the sides of the arrays.
+    pub order: String,
+    /// Directions of the sides.
+    pub axes: String,
+    /// Voxels along x, y, z.
+    pub size: [usize; 3],
+    /// Side of a voxel along x, y, z, m.
+    pub voxel_m: [f64; 3],
+    /// Centre of voxel (0, 0, 0) from the axis of rotation and the optical axis, m.
+    pub origin_m: [f64; 3],
+    /// Unit of each volume by its name.
+    pub units: BTreeMap<String, String>,
+    /// Object and material of each label of the truth; empty without one.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub labels: BTreeMap<u32, String>,
+    /// Files beside the volumes.
+    pub files: Vec<String>,
+}
+
+impl VolumeRecord {
+    /// The record of a reconstruction that begins.
+    pub(super) fn begin(
+        engine: &crate::Engine,
+        geometry: &ScanGeometry,
+        plan: &VolumePlan,
+        format: VolumeFormat,
+    ) -> Self {
+        let about = engine.description();
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            commit: option_env!("BEAMLET_COMMIT").map(str::to_owned),
+            began: crate::stack::now(),
+            written: String::new(),
+            duration_s: 0.0,
+            command: None,
+            device: about.name.clone(),
+            driver: about.driver.clone(),
+            method: plan.method.name().to_owned(),
+            options: plan.method.options(),
+            inputs: BTreeMap::new(),
+            sinograms: geometry.shape(),
+            axis_column: geometry.axis_column(),
+            pixels: BTreeMap::new(),
+            format,
+            order: "[z][y][x]".to_owned(),
+            axes: "x, y and z of the scene, each ascending; x = y = 0 on the axis of rotation, z = 0 on \
+                   the optical axis"
+                .to_owned(),
+            size: plan.grid.size,
+            voxel_m: plan.grid.voxel,
+            origin_m: plan.grid.origin,
+            units: BTreeMap::new(),
+            labels: BTreeMap::new(),
+            files: Vec::new(),
+        }
+    }
+
+    /// Reads the volume.json of a folder.
+    ///
+    /// # Errors
+    /// [`Error::File`] where it is missing or was not written by beamlet.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let path = folder.join(VOLUME);
+        let text = input_file::text(&path)
+            .map_err(|error| Error::file(&path, "cannot be read", Some(error)))?;
+        serde_json::from_str(&text).map_err(|error| {
+            Error::file(&path, format!("is not the record of a reconstruction: {error}"), None)
+        })
+    }
+
+    /// Where the voxels lie.
+    #[must_use]
+    pub const fn grid(&self) -> VolumeGrid {
+        VolumeGrid { size: self.size, voxel: self.voxel_m, origin: self.origin_m }
+    }
+
+    /// The metadata of every image of a volume.
+    pub(super) fn about(&self) -> serde_json::Value {
+        serde_json::json!({
+            "beamlet": self.version,
+            "method": self.method,
+            "order": self.order,
+            "voxel_m": self.voxel_m,
+            "origin_m": self.origin_m,
+        })
+    }
+
+    pub(super) fn text(&self) -> Result<String> {
+        let mut text = serde_json::to_string_pretty(self)
+            .map_err(|error| Error::file(VOLUME, format!("cannot be written: {error}"), None))?;
+        text.push('\n');
+        Ok(text)
+    }
+}

@@ -1,0 +1,209 @@
+//! Means of regions of a volume.
+
+use super::grid::{Volume, VolumeGrid};
+use crate::units::Dimension;
+use crate::{Error, Result};
+use std::fmt::Write;
+use std::str::FromStr;
+
+/// A region with a name; lengths in m, coordinates of the volume.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Region {
+    /// Name in tables.
+    pub name: String,
+    /// Its voxels are those whose centres lie in it.
+    pub shape: RegionShape,
+}
+
+/// Shape of a region, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum RegionShape {
+    /// Along z, without ends: x and y of its axis, radius.
+    Cylinder([f64; 3]),
+    /// x, y, z of its centre, radius.
+    Sphere([f64; 4]),
+    /// x, y, z of its centre, and its sides along them.
+    Box([f64; 6]),
+}
+
+/// Values of a volume in a region.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct RegionMean {
+    /// Name of the region.
+    pub name: String,
+    /// Voxels in it.
+    pub voxels: u64,
+    /// Mean of their values, in the unit of the volume.
+    pub mean: f64,
+    /// Standard deviation of single voxels about the mean. It is no uncertainty of the mean: noise of
+    /// voxels is correlated.
+    pub deviation: f64,
+    /// Least and largest value.
+    pub range: [f64; 2],
+}
+
+const ALLOWED: &str = "NAME=cylinder:X,Y,RADIUS, NAME=sphere:X,Y,Z,RADIUS or \
+                       NAME=box:X,Y,Z,WIDTH,DEPTH,HEIGHT, lengths with units as in rod=cylinder:1 mm,0 mm,2 mm";
+
+impl FromStr for Region {
+    type Err = Error;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let refused =
+            |problem: String| Error::argument("region", format!("{text:?}{problem}"), ALLOWED);
+        let (name, rest) = text.split_once('=').ok_or_else(|| refused(String::new()))?;
+        let (kind, list) = rest.split_once(':').ok_or_else(|| refused(String::new()))?;
+        let lengths = list
+            .split(',')
+            .map(|word| {
+                Dimension::Length.parse(word).map_err(|error| refused(format!(": {error}")))
+            })
+            .collect::<Result<Vec<f64>>>()?;
+        let shape = match (kind.trim(), lengths.as_slice()) {
+            ("cylinder", &[x, y, radius]) if radius > 0.0 => RegionShape::Cylinder([x, y, radius]),
+            ("sphere", &[x, y, z, radius]) if radius > 0.0 => {
+                RegionShape::Sphere([x, y, z, radius])
+            }
+            ("box", &[x, y, z, a, b, c]) if a > 0.0 && b > 0.0 && c > 0.0 => {
+                RegionShape::Box([x, y, z, a, b, c])
+            }
+            _ => return Err(refused(String::new())),
+        };
+        let name = name.trim();
+        if name.is_empty() || name.contains([',', '"', '\n']) {
+            return Err(refused(": a name of one or more characters, without commas".into()));
+        }
+        Ok(Self { name: name.to_owned(), shape })
+    }
+}
+
+impl Region {
+    /// Whether a point lies in the region, m.
+    #[must_use]
+    pub fn holds(&self, [x, y, z]: [f64; 3]) -> bool {
+        match self.shape {
+            RegionShape::Cylinder([a, b, radius]) => (x - a).hypot(y - b) <= radius,
+            RegionShape::Sphere([a, b, c, radius]) => (x - a).hypot(y - b).hypot(z - c) <= radius,
+            RegionShape::Box([a, b, c, width, depth, height]) => {
+                [(x - a, width), (y - b, depth), (z - c, height)]
+                    .iter()
+                    .all(|(from, side)| from.abs() <= side / 2.0)
+            }
+        }
+    }
+
+    /// Mean and spread of a volume in the region.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where no voxel has its centre in the region.
+    pub fn mean(&self, volume: &Volume) -> Result<RegionMean> {
+        let (mut voxels, mut sum, mut squares) = (0_u64, 0.0, 0.0);
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        for (at, value) in volume.values.indexed_iter() {
+            if self.holds(volume.grid.centre(at)) {
+                let value = f64::from(*value);
+                (voxels, sum) = (voxels + 1, sum + value);
+                squares += value * value;
+                range = [range[0].min(value), range[1].max(value)];
+            }
+        }
+        self.refuse_empty(voxels, &volume.grid)?;
+        let mean = sum / voxels as f64;
+        let deviation = (squares / voxels as f64 - mean * mean).max(0.0).sqrt();
+        Ok(RegionMean { name: self.name.clone(), voxels, mean, deviation, range })
+    }
+
+    /// Refuses a region without a voxel of a grid, before any work is done.
+    ///
+    /// # Errors
+    /// [`Error::Argument`].
+    pub fn check(&self, grid: &VolumeGrid) -> Result<()> {
+        let [x, y, z] = grid.size;
+        let mut all = (0..z).flat_map(|z| (0..y).flat_map(move |y| (0..x).map(move |x| (z, y, x))));
+        let has = all.any(|at| self.holds(grid.centre(at)));
+        self.refuse_empty(u64::from(has), grid)
+    }
+
+    fn refuse_empty(&self, voxels: u64, grid: &VolumeGrid) -> Result<()> {
+        if voxels > 0 {
+            return Ok(());
+        }
+        let [x, y, z] =
+            grid.ends().map(|[low, high]| format!("{:.4} to {:.4} mm", low * 1e3, high * 1e3));
+        let found = format!("{:?} without a voxel", self.name);
+        Err(Error::argument("region", found, format!("regions with a voxel; x {x}, y {y}, z {z}")))
+    }
+}
+
+/// Means of regions as CSV: one line for each region and volume.
+///
+/// # Errors
+/// [`Error::Argument`] where a region has no voxel.
+pub fn region_table(regions: &[Region], volumes: &[&Volume]) -> Result<String> {
+    let mut text =
+        String::from("region,quantity,unit,voxels,mean,standard_deviation,least,largest\n");
+    for volume in volumes {
+        for region in regions {
+            let RegionMean { name, voxels, mean, deviation, range: [least, largest] } =
+                region.mean(volume)?;
+            let (quantity, unit) = (volume.quantity.name(), volume.quantity.unit());
+            let _ = writeln!(
+                text,
+                "{name},{quantity},{unit},{voxels},{mean:e},{deviation:e},{least:e},{largest:e}"
+            );
+        }
+    }
+    Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reconstruct::Quantity;
+    use ndarray::Array3;
+
+    fn volume() -> Volume {
+        let grid = VolumeGrid { size: [4, 3, 2], voxel: [1e-3; 3], origin: [-1.5e-3, -1e-3, 0.0] };
+        let values = Array3::from_shape_fn((2, 3, 4), |(z, y, x)| (100 * z + 10 * y + x) as f32);
+        Volume::new(grid, Quantity::Mu, values)
+    }
+
+    fn mean(text: &str) -> Result<RegionMean> {
+        text.parse::<Region>()?.mean(&volume())
+    }
+
+    #[test]
+    fn regions_hold_the_voxels_whose_centres_lie_in_them() {
+        // y = 0 and x = ±0.5 mm, in both slices.
+        let of = mean("a=cylinder:0 mm, 0 mm, 0.6 mm").unwrap();
+        assert_eq!((of.voxels, of.range), (4, [11.0, 112.0]));
+        assert!((of.mean - (11.0 + 12.0 + 111.0 + 112.0) / 4.0).abs() < 1e-9);
+        assert!((of.deviation - 50.0_f64.hypot(0.5)).abs() < 1e-9);
+        assert_eq!(mean("a=sphere:0.5 mm,0 mm,1 mm,0.1 mm").unwrap().range, [112.0; 2]);
+        assert_eq!(mean("a=box:0 mm,1 mm,0 mm,4 mm,1 um,1 um").unwrap().voxels, 4);
+        let table =
+            region_table(&["a=sphere:0.5 mm,0 mm,1 mm,0.1 mm".parse().unwrap()], &[&volume()]);
+        assert!(table.unwrap().ends_with("\na,mu,1/m,1,1.12e2,0e0,1.12e2,1.12e2\n"));
+    }
+
+    #[test]
+    fn regions_that_cannot_be_are_refused_with_the_reason() {
+        for (text, word) in [
+            ("rod", "NAME=cylinder"),
+            ("rod=cube:1 mm", "NAME=cylinder"),
+            ("rod=cylinder:1 mm,1 mm", "NAME=cylinder"),
+            ("rod=cylinder:1 mm,1 mm,0 mm", "NAME=cylinder"),
+            ("rod=cylinder:1,1 mm,1 mm", "without a unit"),
+            ("=cylinder:1 mm,1 mm,1 mm", "one or more characters"),
+            ("rod=cylinder:20 mm,0 mm,1 mm", "x -1.5000 to 1.5000 mm"),
+        ] {
+            let message = mean(text).unwrap_err().to_string();
+            assert!(message.contains(word), "{message}");
+        }
+        let region: Region = "rod=sphere:0 mm,0 mm,9 mm,1 mm".parse().unwrap();
+        assert!(region.check(&volume().grid).is_err());
+    }
+}

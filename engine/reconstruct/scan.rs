@@ -1,0 +1,50 @@
+//! The geometry of a scan from geometry.json, and its axis by columns.
+
+use super::geometry::ScanGeometry;
+use crate::stack::GeometryFile;
+use crate::stack::layout::GEOMETRY;
+use crate::{Error, Result};
+use std::path::Path;
+
+impl ScanGeometry {
+    /// The scan of a geometry.json in `folder`.
+    ///
+    /// # Errors
+    /// [`Error::File`] where its views move the sample, or where it holds no scan.
+    pub fn of_file(file: &GeometryFile, folder: &Path) -> Result<Self> {
+        let refused = |problem: String| Error::file(folder.join(GEOMETRY), problem, None);
+        if file.axis_column.is_none() {
+            let problem = "has no axis of rotation (axis_column): reconstruction needs a circle of views, \
+                           and two columns";
+            return Err(refused(problem.into()));
+        }
+        let made = Self::new(
+            [file.source_to_axis_m, file.source_to_detector_m],
+            file.columns_m.clone(),
+            file.rows_m.clone(),
+            file.angles_rad.clone(),
+        );
+        made.check().map_err(|error| refused(error.to_string()))?;
+        Ok(made)
+    }
+
+    /// Views, rows and columns.
+    #[must_use]
+    pub const fn shape(&self) -> [usize; 3] {
+        [self.angles.len(), self.rows.len(), self.columns.len()]
+    }
+
+    /// Column of the axis of rotation, counted from 0 at the centre of the first, by the mean distance
+    /// of the columns.
+    #[must_use]
+    pub fn axis_column(&self) -> f64 {
+        let first = self.columns.first().copied().unwrap_or_default();
+        (self.axis * self.magnification() - first) / self.column_pitch()
+    }
+
+    /// Puts the axis of rotation on a column.
+    pub(super) fn set_axis_column(&mut self, column: f64) {
+        let first = self.columns.first().copied().unwrap_or_default();
+        self.axis = (first + column * self.column_pitch()) / self.magnification();
+    }
+}

@@ -1,0 +1,250 @@
+//! The scene on the voxels of a volume, and the errors of a reconstruction by object.
+
+use super::geometry::ScanGeometry;
+use super::grid::{Volume, VolumeGrid};
+use super::quantity::Quantity;
+use crate::cancel::Cancel;
+use crate::material::Constants;
+use crate::numbers::single;
+use crate::run::Control;
+use crate::scene::Scene;
+use crate::trace::{MaterialTable, Ray, SurfaceCrossing};
+use crate::{Engine, Error, Result, reserve};
+use ndarray::{Array3, s};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// Surfaces along a line of voxels, at most: first, and where these are not enough.
+const MOST: [u32; 2] = [64, 1024];
+
+/// Objects of a scene at the centres of voxels, with their constants.
+#[derive(Debug, Clone)]
+pub struct Truth {
+    /// `[z][y][x]`: 0 in the surroundings, 1 + the index of the object.
+    labels: Array3<f32>,
+    /// Names and materials by label.
+    names: Vec<[String; 2]>,
+    /// Constants less those of the surroundings, by label.
+    constants: Vec<Constants>,
+    /// Distance from the axis up to which every view sees a voxel, m.
+    radius: f64,
+}
+
+impl Truth {
+    /// The objects of a scene as a run has them: overlaps resolved, inner ones inside of outer ones.
+    /// Constants are those of the energy, or the mean over the spectrum, less those of the surroundings.
+    ///
+    /// # Errors
+    /// As [`Engine::prepare`]; [`Error::Argument`] for lines through more than 1024 surfaces;
+    /// [`Error::Interrupted`].
+    pub fn of(
+        engine: &Engine,
+        scene: &Scene,
+        geometry: &ScanGeometry,
+        grid: &VolumeGrid,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        // Lines along y are rays of the view at 0.
+        let mut upright = scene.clone();
+        upright.scan.angles = vec![0.0];
+        upright.scan.motions.clear();
+        let media = MaterialTable::of(&upright)?;
+        let mean = media.mean();
+        let around = mean[0];
+        let less =
+            |c: &Constants| Constants { mu: c.mu - around.mu, delta: c.delta - around.delta };
+        let of_object = media.of_object.iter().map(|medium| less(&mean[*medium as usize]));
+        let constants = std::iter::once(less(&around)).chain(of_object).collect();
+        let surroundings = ["surroundings".to_owned(), scene.surroundings.clone()];
+        let objects =
+            scene.objects.iter().map(|object| [object.name.clone(), object.material.clone()]);
+        let names = std::iter::once(surroundings).chain(objects).collect();
+        let labels = labels(engine, &upright, grid, cancel)?;
+        Ok(Self { labels, names, constants, radius: geometry.seen_radius() })
+    }
+
+    /// Labels of the voxels, `[z][y][x]`: 0 in the surroundings, 1 + the index of the object.
+    #[must_use]
+    pub const fn labels(&self) -> &Array3<f32> {
+        &self.labels
+    }
+
+    /// Object and material of each label.
+    #[must_use]
+    pub fn names(&self) -> BTreeMap<u32, String> {
+        let name = |[object, material]: &[String; 2]| format!("{object} ({material})");
+        (0..).zip(self.names.iter().map(name)).collect()
+    }
+
+    /// True values of a quantity; `None` for the dark field, which no constant of a material gives.
+    #[must_use]
+    pub fn values(&self, quantity: Quantity) -> Option<Array3<f32>> {
+        let by_label: Vec<f32> = self.by_label(quantity)?.map(single).collect();
+        Some(self.labels.mapv(|label| by_label[label_index(label)]))
+    }
+
+    fn by_label(&self, quantity: Quantity) -> Option<impl Iterator<Item = f64> + '_> {
+        let of = match quantity {
+            Quantity::Mu => |constants: &Constants| constants.mu,
+            Quantity::Delta => |constants: &Constants| constants.delta,
+            Quantity::DarkField => return None,
+        };
+        Some(self.constants.iter().map(of))
+    }
+
+    /// Errors of a volume on the same grid as CSV, one line for each object with voxels whose
+    /// neighbours all have its label, and which every view sees.
+    #[must_use]
+    pub fn errors(&self, volume: &Volume) -> String {
+        let mut text = String::from(
+            "object,material,quantity,unit,inner_voxels,truth,mean,error_percent,rms_error\n",
+        );
+        let Some(by_label) = self.by_label(volume.quantity) else { return text };
+        let truths: Vec<f64> = by_label.collect();
+        let mut sums = vec![(0_u64, 0.0, 0.0); truths.len()];
+        for ((at, label), value) in self.labels.indexed_iter().zip(&volume.values) {
+            let [x, y, _] = volume.grid.centre(at);
+            if x.hypot(y) <= self.radius && self.is_inner(at) {
+                let label = label_index(*label);
+                let off = f64::from(*value) - truths[label];
+                let (voxels, sum, squares) = sums[label];
+                sums[label] = (voxels + 1, sum + off, squares + off * off);
+            }
+        }
+        let (quantity, unit) = (volume.quantity.name(), volume.quantity.unit());
+        for (([object, material], truth), (voxels, sum, squares)) in
+            self.names.iter().zip(&truths).zip(sums)
+        {
+            if voxels == 0 {
+                continue;
+            }
+            let (error, rms) = (sum / voxels as f64, (squares / voxels as f64).sqrt());
+            let percent = match truth.abs() > 0.0 {
+                true => format!("{:.4}", 100.0 * error / truth),
+                false => String::new(),
+            };
+            let [object, material] = [object, material].map(|name| quoted(name));
+            let _ = writeln!(
+                text,
+                "{object},{material},{quantity},{unit},{voxels},{truth:e},{:e},{percent},{rms:e}",
+                truth + error
+            );
+        }
+        text
+    }
+
+    /// Whether a voxel and its neighbours have one label; neighbours beyond the volume do not count.
+    fn is_inner(&self, (z, y, x): (usize, usize, usize)) -> bool {
+        let (depth, height, width) = self.labels.dim();
+        let around = |at: usize, most: usize| at.saturating_sub(1)..(at + 2).min(most);
+        let [z_range, y_range, x_range] = [around(z, depth), around(y, height), around(x, width)];
+        let own = self.labels[[z, y, x]].to_bits();
+        self.labels.slice(s![z_range, y_range, x_range]).iter().all(|label| label.to_bits() == own)
+    }
+}
+
+/// A label, which is a whole number.
+fn label_index(label: f32) -> usize {
+    crate::numbers::whole(f64::from(label))
+}
+
+/// A field of CSV.
+fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_owned(),
+    }
+}
+
+/// Objects at the centres of the voxels, by lines along y.
+fn labels(
+    engine: &Engine,
+    scene: &Scene,
+    grid: &VolumeGrid,
+    cancel: &Cancel,
+) -> Result<Array3<f32>> {
+    let [x, y, z] = grid.size;
+    let values = reserve::zeroed(x * y * z, "labels of voxels")?;
+    let mut labels = Array3::from_shape_vec((z, y, x), values)
+        .map_err(|error| Error::argument("grid", error.to_string(), "its number of voxels"))?;
+    if scene.objects.is_empty() {
+        return Ok(labels);
+    }
+    let simulation =
+        engine.prepare_with(scene, &mut Control::default().with_cancel(cancel.clone()))?;
+    for slice in 0..z {
+        cancel.check()?;
+        let line = |column: usize| {
+            let [at_x, _, at_z] = grid.centre((slice, 0, column));
+            Ray::new(0, [single(at_x), single(at_z)], [0.0; 2])
+        };
+        let rays: Vec<Ray> = (0..x).map(line).collect();
+        let mut plane = labels.index_axis_mut(ndarray::Axis(0), slice);
+        for most in MOST {
+            let mut full = false;
+            simulation.crossings(&rays, most, |ray, met| {
+                full |= met.len() >= most as usize;
+                let mut column = plane.column_mut(ray);
+                let places = (0..y).map(|row| grid.centre((slice, row, ray))[1]);
+                let along = along(met, places);
+                column.iter_mut().zip(along).for_each(|(to, label)| *to = label);
+            })?;
+            match (full, most == MOST[1]) {
+                (false, _) => break,
+                (true, false) => {}
+                (true, true) => {
+                    let found = format!("a line through {most} surfaces or more in slice {slice}");
+                    return Err(Error::argument("truth", found, "lines through fewer surfaces"));
+                }
+            }
+        }
+    }
+    Ok(labels)
+}
+
+/// Labels at ascending places of a line, by its crossings in order: of the object that was entered last
+/// and is not left.
+fn along<'a>(
+    met: &'a [SurfaceCrossing],
+    places: impl Iterator<Item = f64> + 'a,
+) -> impl Iterator<Item = f32> + 'a {
+    let (mut next, mut inside) = (0, Vec::new());
+    places.map(move |place| {
+        while let Some(crossing) = met.get(next).filter(|met| f64::from(met.y) <= place) {
+            if crossing.entering {
+                inside.push(crossing.object);
+            } else if let Some(at) = inside.iter().rposition(|object| *object == crossing.object) {
+                inside.remove(at);
+            }
+            next += 1;
+        }
+        inside.last().map_or(0.0, |object| single(f64::from(*object) + 1.0))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_along_a_line_are_of_the_innermost_object() {
+        let at = |y: f32, object: u32, entering: bool| SurfaceCrossing {
+            y,
+            object,
+            entering,
+            normal: [0.0, 1.0, 0.0],
+        };
+        // Object 0 holds 1, and 2 begins where 0 ends, found before that.
+        let met = [
+            at(1.0, 0, true),
+            at(2.0, 1, true),
+            at(3.0, 1, false),
+            at(4.0, 2, true),
+            at(4.0, 0, false),
+            at(5.0, 2, false),
+        ];
+        let places = [0.5, 1.5, 2.5, 3.5, 4.5, 5.5];
+        let found: Vec<f32> = along(&met, places.into_iter()).collect();
+        assert_eq!(found, [0.0, 1.0, 2.0, 1.0, 3.0, 0.0]);
+    }
+}
