@@ -19,28 +19,48 @@ mod subject;
 
 use clap::Parser;
 use printed::{Printed, Results};
+use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
+/// Words of the command line behind the name of the program.
+static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+#[allow(dead_code, reason = "the Python package calls `run` alone")]
 fn main() -> ExitCode {
+    ExitCode::from(run(std::env::args_os().skip(1).collect()))
+}
+
+/// Runs the program once in this process and returns its exit code. `words`: its arguments, without
+/// the name of the program.
+#[allow(unreachable_pub, reason = "public where the Python package has the program as a library")]
+pub fn run(words: Vec<OsString>) -> u8 {
     interrupt::let_large_writes_fail();
-    let arguments = match args::Arguments::try_parse() {
+    let words = WORDS.get_or_init(|| words);
+    let name = OsString::from("beamlet");
+    let arguments = match args::Arguments::try_parse_from(std::iter::once(&name).chain(words)) {
         Ok(arguments) => arguments,
         Err(error) => {
             // Help and version come this way too, with code 0; a closed pipe is no failure.
             print(&error);
-            return ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2));
+            return u8::try_from(error.exit_code()).unwrap_or(2);
         }
     };
     log_to_stderr(arguments.messages());
     let mut out = Printed::new(Results::new(std::io::stdout().lock()));
     match commands::run(arguments, &mut out) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(failure) => {
             let _ = writeln!(Printed::new(std::io::stderr()), "{failure}");
-            ExitCode::from(failure.exit_code())
+            failure.exit_code()
         }
     }
+}
+
+/// Words of the command line behind the name of the program.
+fn words() -> &'static [OsString] {
+    WORDS.get().map_or(&[], Vec::as_slice)
 }
 
 /// Help in colour where there is a terminal; what the user typed, escaped.

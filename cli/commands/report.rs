@@ -51,10 +51,10 @@ fn beside(directory: &Path) -> PathBuf {
 
 /// The line that asked for the page; words with spaces in quotes.
 fn command() -> String {
-    let word = |word: OsString| {
+    let word = |word: &OsString| {
         let word = word.to_string_lossy().into_owned();
         if word.contains(' ') { format!("'{word}'") } else { word }
     };
-    let words: Vec<String> = std::env::args_os().skip(1).map(word).collect();
+    let words: Vec<String> = crate::words().iter().map(word).collect();
     format!("beamlet {}", words.join(" "))
 }

@@ -269,7 +269,7 @@ fn advice(arguments: &Simulate, began: bool) -> String {
 
 /// The command line as it was entered, as a shell takes it.
 pub(super) fn command_line() -> String {
-    let words = std::env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy()));
+    let words = crate::words().iter().map(|word| quoted(&word.to_string_lossy()));
     std::iter::once("beamlet".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
 

@@ -60,59 +60,70 @@ impl Input {
                 run.views()
             );
         }
-        let read = [SCENE, LOG].map(|name| run.path().join(name)).to_vec();
-        if !counts {
-            let (flat, sample) = (run.flat()?, run.sample()?);
-            return Ok(Self {
-                scene,
-                flat,
-                sample,
-                dark: None,
-                dark_path: None,
-                bad: None,
-                saturation: None,
-                noise: None,
-                counts,
-                is_run: true,
-                read,
-                frames: BTreeMap::new(),
-            });
-        }
-        let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
-            let problem = match scene.detector.counts {
-                Some(_) => {
-                    "has no committed counts of flat and sample yet: wait for the run, or resume it"
-                }
-                None => "has no counts: its scene has no detector.photons",
+        let read = [SCENE, LOG].map(|name| run.path().join(name));
+        let input = if counts {
+            let (Some(flat), Some(sample)) = (run.counts_flat()?, run.counts_sample()?) else {
+                let problem = match scene.detector.counts {
+                    Some(_) => {
+                        "has no committed counts of flat and sample yet: wait for the run, or resume it"
+                    }
+                    None => "has no counts: its scene has no detector.photons",
+                };
+                return Err(Error::file(run.path(), problem, None));
             };
-            return Err(Error::file(run.path(), problem, None));
+            Self::simulated_counts(&scene, flat, sample, run.dark()?.as_ref())?
+        } else {
+            Self::simulated(&scene, run.flat()?, run.sample()?)
         };
-        let dark = run.dark()?;
-        let dark_path = dark.as_ref().map(|dark| dark.path().to_path_buf());
-        let dark = dark.map(|dark| mean(&dark)).transpose()?;
+        Ok(input.with_read(&read))
+    }
+
+    /// Simulated intensities of a scene.
+    #[must_use]
+    pub fn simulated(scene: &Scene, flat: StackFile, sample: StackFile) -> Self {
+        Self {
+            scene: scene.clone(),
+            flat,
+            sample,
+            dark: None,
+            dark_path: None,
+            bad: None,
+            saturation: None,
+            noise: None,
+            counts: false,
+            is_run: true,
+            read: Vec::new(),
+            frames: BTreeMap::new(),
+        }
+    }
+
+    /// Simulated detector numbers of a scene. Noise and saturation are those of its detector; the mean
+    /// of the dark frames is subtracted.
+    ///
+    /// # Errors
+    /// [`Error::File`] where the dark cannot be read; [`Error::Scene`] for materials of the detector.
+    pub fn simulated_counts(
+        scene: &Scene,
+        flat: StackFile,
+        sample: StackFile,
+        dark: Option<&StackFile>,
+    ) -> Result<Self> {
         let numbers = scene.detector.counts;
         // The largest number stands for all that was clipped to it.
         let saturation = numbers
             .and_then(|n| n.bit_depth)
             .map(|bits| numbers::single(libm::exp2(f64::from(bits)) - 1.0));
         let noise = match numbers {
-            Some(n) => Some([DetectorModel::variance_per_value(&scene)?, n.electronic_noise]),
+            Some(n) => Some([DetectorModel::variance_per_value(scene)?, n.electronic_noise]),
             None => None,
         };
-        let frames = BTreeMap::new();
         Ok(Self {
-            scene,
-            flat,
-            sample,
-            dark,
-            dark_path,
-            bad: None,
+            dark: dark.map(mean).transpose()?,
+            dark_path: dark.map(|dark| dark.path().to_path_buf()),
             saturation,
             noise,
-            counts,
-            is_run: true,
-            read,
-            frames,
+            counts: true,
+            ..Self::simulated(scene, flat, sample)
         })
     }
 
@@ -151,7 +162,8 @@ impl Input {
                 return Err(Error::file(other.path(), problem, None));
             }
         }
-        let read = [&flat, &sample].into_iter().chain(dark).map(|s| s.path().to_owned()).collect();
+        let files = [&flat, &sample].into_iter().chain(dark).filter_map(StackFile::file);
+        let read = files.map(Path::to_owned).collect();
         let names = |s: &StackFile| Some((s.path().display().to_string(), s.frame_names()?));
         let frames = [&flat, &sample].into_iter().chain(dark).filter_map(names).collect();
         let dark_path = dark.map(|dark| dark.path().to_path_buf());

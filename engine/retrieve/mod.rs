@@ -32,4 +32,4 @@ pub use method::Method;
 pub use options::{ReadRows, RetrieveOptions};
 pub use record::Record;
 pub use retriever::Retriever;
-pub use run::{ImagesTo, retrieve};
+pub use run::{ImagesTo, RetrievedArrays, retrieve, retrieve_arrays};

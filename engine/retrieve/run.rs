@@ -12,9 +12,10 @@ use crate::run::RowsControl;
 use crate::stack::layout::GEOMETRY;
 use crate::stack::{Format, ImageDirectory, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
-use crate::{Engine, Error, Result};
-use ndarray::ArrayView2;
+use crate::{Engine, Error, Result, reserve};
+use ndarray::{Array3, ArrayView2};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::Path;
 use std::time::Instant;
 
@@ -77,9 +78,111 @@ pub fn retrieve(
     to: ImagesTo<'_>,
     control: &mut RowsControl<'_>,
 ) -> Result<Record> {
-    let (began, since) = (now(), Instant::now());
     refuse_overlap(to.path, &input.paths())?;
     ImageDirectory::check(to.path, Kind::Images, to.overwrite)?;
+    let mut directory = None;
+    let begin = |record: &Record| {
+        ImageDirectory::begin(to.path, Kind::Images, to.format, to.overwrite, about(record))
+    };
+    let mut put = |record: &Record, image: Image<'_>| {
+        let directory = match &mut directory {
+            Some(directory) => directory,
+            none => none.insert(begin(record)?),
+        };
+        directory.put(image.name, image.unit, image.views, image.values)
+    };
+    let (mut record, geometry) = retrieve_to(engine, input, options, control, &mut put)?;
+    record.command = to.command.map(str::to_owned);
+    if let Some(mut images) = directory {
+        if let Some(geometry) = geometry {
+            write_file(&images.file(GEOMETRY)?, geometry.as_bytes())?;
+        }
+        images.finish(Some(&record.text()?))?;
+    }
+    Ok(record)
+}
+
+/// Retrieved images in memory.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct RetrievedArrays {
+    /// Images by name, `[view][row][column]`; images of the flat have one view.
+    pub images: BTreeMap<String, Array3<f32>>,
+    /// Units by name, flags and their counts.
+    pub record: Record,
+    /// Text of geometry.json: angles, vectors and columns of the images; `None` where the scene has
+    /// other angles than the input has views.
+    pub geometry: Option<String>,
+}
+
+/// Retrieves every view of an input into memory.
+///
+/// # Errors
+/// As [`Retriever::new`] and [`Retriever::retrieve`]; [`Error::Memory`]; [`Error::Interrupted`].
+///
+/// # Example
+///
+/// ```no_run
+/// use beamlet::retrieve::{Input, RetrieveOptions, retrieve_arrays};
+/// use beamlet::{Engine, EngineOptions, RowsControl, stack::OpenRun};
+///
+/// let engine = Engine::open(&EngineOptions::default())?;
+/// let input = Input::of_run(&OpenRun::open("run")?, false)?;
+/// let options = RetrieveOptions::default();
+/// let found = retrieve_arrays(&engine, input, &options, &mut RowsControl::default())?;
+/// println!("{:?}", found.images["transmission"].dim());
+/// # Ok::<(), beamlet::Error>(())
+/// ```
+pub fn retrieve_arrays(
+    engine: &Engine,
+    input: Input,
+    options: &RetrieveOptions,
+    control: &mut RowsControl<'_>,
+) -> Result<RetrievedArrays> {
+    let mut values: BTreeMap<String, Vec<f32>> = BTreeMap::new();
+    let mut put = |_: &Record, image: Image<'_>| {
+        let all = match values.entry(image.name.to_owned()) {
+            Entry::Occupied(found) => found.into_mut(),
+            Entry::Vacant(none) => {
+                let needed = image.views * image.values.len();
+                none.insert(reserve::room(needed, "retrieved images")?)
+            }
+        };
+        all.extend(image.values.iter());
+        Ok(())
+    };
+    let (record, geometry) = retrieve_to(engine, input, options, control, &mut put)?;
+    let [_, rows, columns] = record.shape;
+    let shaped = |(name, values): (String, Vec<f32>)| {
+        let views = values.len() / (rows * columns).max(1);
+        let image = Array3::from_shape_vec((views, rows, columns), values)
+            .map_err(|error| Error::argument(&name, error.to_string(), "one shape of all views"))?;
+        Ok((name, image))
+    };
+    let images = values.into_iter().map(shaped).collect::<Result<_>>()?;
+    Ok(RetrievedArrays { images, record, geometry })
+}
+
+/// An image of a view.
+struct Image<'a> {
+    name: &'a str,
+    unit: &'a str,
+    /// Views that there will be of this name.
+    views: usize,
+    /// `[row][column]`.
+    values: ArrayView2<'a, f32>,
+}
+
+/// Retrieves every view of an input and hands over each image, those of the flat first. Returns the
+/// record, and the text of geometry.json where the angles of the views are known.
+fn retrieve_to(
+    engine: &Engine,
+    input: Input,
+    options: &RetrieveOptions,
+    control: &mut RowsControl<'_>,
+    put: &mut dyn FnMut(&Record, Image<'_>) -> Result<()>,
+) -> Result<(Record, Option<String>)> {
+    let (began, since) = (now(), Instant::now());
     let saturation = input.saturation().or(options.saturation);
     let options = options.clone().with_saturation(saturation);
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
@@ -110,13 +213,11 @@ pub fn retrieve(
     for name in names.iter().copied().chain(OF_FLAT) {
         record.units.insert(name.to_owned(), unit(name, value).to_owned());
     }
-    let mut images =
-        ImageDirectory::begin(to.path, Kind::Images, to.format, to.overwrite, about(&record))?;
     for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
         cancel.check()?;
-        let image = ArrayView2::from_shape((rows, across), values)
-            .map_err(|error| Error::file(to.path, error.to_string(), None))?;
-        images.put(name, unit(name, value), 1, image)?;
+        let values = ArrayView2::from_shape((rows, across), values)
+            .map_err(|error| Error::argument(name, error.to_string(), "a value for each pixel"))?;
+        put(&record, Image { name, unit: unit(name, value), views: 1, values })?;
     }
     let mut residuals = Vec::new();
     let mut brighter = 0;
@@ -128,7 +229,8 @@ pub fn retrieve(
         }
         for (name, image) in retrieved.iter() {
             cancel.check()?;
-            images.put(name, unit(name, value), input.views(), image.view())?;
+            let (unit, views) = (unit(name, value), input.views());
+            put(&record, Image { name, unit, views, values: image.view() })?;
         }
         count(&mut record, retrieved.get(FLAGS));
         brighter += above_one(&retrieved);
@@ -138,16 +240,14 @@ pub fn retrieve(
     warn_of_light(brighter, input.views() * rows * across);
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.inputs = hashes.wait(&cancel, &mut || {})??;
-    record.command = to.command.map(str::to_owned);
     record.began = Some(began);
     record.written = Some(now());
     record.duration_s = since.elapsed().as_secs_f64();
-    if input.has_angles() {
-        let geometry = retriever.geometry(input.scene(), input.views());
-        write_file(&images.file(GEOMETRY)?, geometry.text()?.as_bytes())?;
-    }
-    images.finish(Some(&record.text()?))?;
-    Ok(record)
+    let geometry = match input.has_angles() {
+        true => Some(retriever.geometry(input.scene(), input.views()).text()?),
+        false => None,
+    };
+    Ok((record, geometry))
 }
 
 /// Images of the flat, in the order of [`OF_FLAT`].

@@ -118,11 +118,7 @@ impl Scene {
         };
         let text = input_file::text(path)
             .map_err(|source| Error::file(path, "cannot read the scene", Some(source)))?;
-        let mut document = parse(&text, file)?;
-        for set in sets {
-            set::apply(&mut document, set)?;
-        }
-        Ok(document)
+        with_sets(parse(&text, file)?, sets)
     }
 
     /// Reads and validates TOML text; relative paths in it start from `directory`.
@@ -131,7 +127,7 @@ impl Scene {
     ///
     /// [`Error::Scene`] with place, key, what was found and what is allowed.
     pub fn from_toml(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
-        Self::from_document(parse::toml(text, None)?, directory.as_ref())
+        Self::from_toml_with(text, directory, &[])
     }
 
     /// Reads and validates JSON text; relative paths in it start from `directory`.
@@ -140,7 +136,33 @@ impl Scene {
     ///
     /// [`Error::Scene`] with place, key, what was found and what is allowed.
     pub fn from_json(text: &str, directory: impl AsRef<Path>) -> Result<Self> {
-        Self::from_document(parse::json(text, None)?, directory.as_ref())
+        Self::from_json_with(text, directory, &[])
+    }
+
+    /// As [`Self::from_toml`], with overrides as in [`Self::load_with`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::load_with`].
+    pub fn from_toml_with(
+        text: &str,
+        directory: impl AsRef<Path>,
+        sets: &[String],
+    ) -> Result<Self> {
+        Self::from_document(with_sets(parse::toml(text, None)?, sets)?, directory.as_ref())
+    }
+
+    /// As [`Self::from_json`], with overrides as in [`Self::load_with`].
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::load_with`].
+    pub fn from_json_with(
+        text: &str,
+        directory: impl AsRef<Path>,
+        sets: &[String],
+    ) -> Result<Self> {
+        Self::from_document(with_sets(parse::json(text, None)?, sets)?, directory.as_ref())
     }
 
     fn from_document(document: Document, directory: &Path) -> Result<Self> {
@@ -201,6 +223,14 @@ impl Scene {
     ) -> Result<String> {
         write::to_toml(self, directory.as_ref(), hashes, sets)
     }
+}
+
+/// A document with overrides applied to it in their order.
+fn with_sets(mut document: Document, sets: &[String]) -> Result<Document> {
+    for set in sets {
+        set::apply(&mut document, set)?;
+    }
+    Ok(document)
 }
 
 /// Where relative paths of a scene file start.

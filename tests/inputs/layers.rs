@@ -18,6 +18,10 @@ fn ranks() -> BTreeMap<String, usize> {
 pub(crate) fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
+        // The Python package is a workspace of its own above the engine.
+        if path == Path::new("engine/python") {
+            continue;
+        }
         if path.is_dir() {
             sources(&path, out);
         } else if path.extension().is_some_and(|extension| extension == "rs") {

@@ -254,3 +254,16 @@ fn deep_nesting_is_an_error_and_not_a_stack_overflow() {
     let text = format!("{{\"a\": {}", "[".repeat(100_000));
     assert!(Scene::from_json(&text, ".").is_err());
 }
+
+#[test]
+fn overrides_of_texts_are_those_of_files() {
+    let set = |text: &str| vec![text.to_owned()];
+    let scene = Scene::from_toml_with(PAPER, ".", &set("detector.pixels=[7, 3]")).expect("a scene");
+    assert_eq!(scene.detector.pixels, [7, 3]);
+    let json = r#"{ "source": { "distance": "1 m", "spot": "0 um", "energy": "30 keV" },
+        "detector": { "distance": "2 m", "pixels": [4, 4], "pitch": "0.1 mm" } }"#;
+    let scene = Scene::from_json_with(json, ".", &set("source.energy=20 keV")).expect("a scene");
+    assert_eq!(scene.source.beam.single_energy(), Some(20.0));
+    let wrong = Scene::from_json_with(json, ".", &set("source.enery=20 keV")).unwrap_err();
+    assert!(matches!(&wrong, Error::Scene { key, .. } if key == "source.enery"), "{wrong}");
+}

@@ -7,6 +7,7 @@ use crate::numbers;
 use crate::{Error, Result, reserve};
 use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
 use rayon::prelude::*;
+use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -38,9 +39,51 @@ enum StackSource {
     /// A file per frame, the views one after another, and the frames by the numbers in the names of
     /// the files, the last changing fastest.
     Frames(FolderFrames),
+    /// Values of the caller's.
+    Values(StackValues),
+}
+
+/// Reads rows of a frame, counted over all views, `[row][column]`.
+type ReadFrame = dyn Fn(usize, Range<usize>) -> Result<Vec<f32>> + Send + Sync;
+
+/// Values that a function gives.
+struct StackValues(Box<ReadFrame>);
+
+impl fmt::Debug for StackValues {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("StackValues").finish_non_exhaustive()
+    }
 }
 
 impl StackFile {
+    /// A stack of values in memory, views, steps, rows and columns. `read` gives rows of a frame,
+    /// counted over all views, `[row][column]`; `name` stands for the file in errors and records.
+    ///
+    /// # Errors
+    /// [`Error::File`] where a side is zero or a frame has too many pixels.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use beamlet::stack::StackFile;
+    ///
+    /// // One view of two steps of 3 x 4 pixels.
+    /// let read = |frame: usize, rows: std::ops::Range<usize>| Ok(vec![frame as f32; 4 * rows.len()]);
+    /// let stack = StackFile::of_values("flat", [1, 2, 3, 4], read)?;
+    /// assert_eq!(stack.frame(0, 1, 0..3)?[[2, 3]], 1.0);
+    /// # Ok::<(), beamlet::Error>(())
+    /// ```
+    pub fn of_values(
+        name: &str,
+        shape: [usize; 4],
+        read: impl Fn(usize, Range<usize>) -> Result<Vec<f32>> + Send + Sync + 'static,
+    ) -> Result<Self> {
+        let path = PathBuf::from(name);
+        refuse_wide(&path, [shape[2], shape[3]])?;
+        let source = StackSource::Values(StackValues(Box::new(read)));
+        Self { path, shape, source, checksums: None }.refuse_empty()
+    }
+
     /// Opens a stack: reads headers, no values.
     ///
     /// # Errors
@@ -167,6 +210,14 @@ impl StackFile {
         &self.path
     }
 
+    /// The file or folder; `None` where the values are in memory.
+    pub(crate) fn file(&self) -> Option<&Path> {
+        match self.source {
+            StackSource::Values(_) => None,
+            _ => Some(&self.path),
+        }
+    }
+
     /// Names of the files that a folder has as frames, in their order, the views one after another;
     /// `None` where the stack is a file.
     #[must_use]
@@ -273,6 +324,7 @@ impl StackFile {
             StackSource::Frames(frames) => {
                 ArrayFile::read_frame(&frames.files[index], frames.format, frame, rows)
             }
+            StackSource::Values(StackValues(read)) => read(index, rows),
         }
     }
 

@@ -1,0 +1,282 @@
+"""The device, and simulations on it."""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import tempfile
+import threading
+import weakref
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _beamlet, _vulkan
+from ._scene import Path, Scene
+
+if TYPE_CHECKING:
+    from ._run import Run
+
+#: Called with the step in work and the share of it that is done, from 0 to 1, or ``None`` where it is
+#: not known; about 20 times a second, in the thread of the call. An exception ends the work.
+Progress = Callable[[str, float | None], object]
+Backend = Literal["auto", "bvh", "ray-query"]
+Format = Literal["exr", "npy", "tiff"]
+
+_open: weakref.WeakSet[Engine] = weakref.WeakSet()
+_lock = threading.Lock()
+_default: Engine | None = None
+
+
+@dataclass(frozen=True)
+class Device:
+    """A Vulkan device. `problem` says why it cannot serve, where it cannot."""
+
+    index: int
+    name: str
+    kind: str
+    driver: str
+    api_version: str
+    problem: str | None
+    ray_query: bool
+    memory_bytes: int
+
+    @classmethod
+    def _of(cls, found: dict[str, Any]) -> Device:
+        return cls(**{name: found[name] for name in cls.__dataclass_fields__})
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What a scene amounts to: ``print`` it; `values` holds the numbers in SI units."""
+
+    text: str
+    values: dict[str, Any]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What looks odd but does not stop a run."""
+        return list(self.values["warnings"])
+
+    @property
+    def refusals(self) -> list[str]:
+        """Why a run refuses objects, where it does."""
+        return list(self.values["refusals"])
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def devices() -> list[Device]:
+    """Every device that Vulkan shows, usable or not.
+
+    Raises:
+        DeviceError: Without Vulkan loader, driver or device.
+    """
+    _vulkan.find_driver()
+    return [Device._of(found) for found in json.loads(_beamlet.devices())]
+
+
+def _bytes(limit: int | str | None) -> int | None:
+    """Bytes of a memory limit, also as text: ``"2 GiB"``."""
+    limit = limit if limit is not None else os.environ.get("BEAMLET_MEMORY_LIMIT") or None
+    return _beamlet.memory_size(limit) if isinstance(limit, str) else limit
+
+
+class Engine:
+    """A Vulkan device that serves many scenes, from any thread, one after another or at once.
+
+    Args:
+        device: Index or part of the name; default: ``BEAMLET_DEVICE``, then the best device.
+        backend: How rays find surfaces; default: ``BEAMLET_BACKEND``, then by device and scene.
+        memory_limit: Bytes on host and device together, or text such as ``"2 GiB"``; default:
+            ``BEAMLET_MEMORY_LIMIT``, then what the geometry needs and up to 1 GiB for a band.
+        keep_moments: Keep what :meth:`Run.illuminate` needs, in a temporary folder.
+        validation: Request the Khronos validation layer.
+
+    Raises:
+        DeviceError: No device can serve; also in a fork of a process that used beamlet.
+    """
+
+    def __init__(
+        self,
+        device: str | int | None = None,
+        backend: Backend | None = None,
+        memory_limit: int | str | None = None,
+        keep_moments: bool = False,
+        validation: bool = False,
+    ) -> None:
+        _vulkan.find_driver()
+        backend = backend or os.environ.get("BEAMLET_BACKEND") or None  # type: ignore[assignment]
+        name = None if device is None else str(device)
+        self.keep_moments = keep_moments
+        self._engine = _beamlet.Engine(
+            name, backend, _bytes(memory_limit), keep_moments, validation
+        )
+        _open.add(self)
+
+    @property
+    def device(self) -> Device:
+        """The device in use."""
+        return Device._of(json.loads(self._engine.description()))
+
+    def simulate(
+        self,
+        scene: Scene,
+        seed: int | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
+        """Simulates a scene into arrays.
+
+        Ctrl-C ends it within a second, with ``KeyboardInterrupt``; the engine goes on to serve.
+
+        Args:
+            scene: The scene.
+            seed: Seed in place of the scene's ``sampling.seed``.
+            progress: Callback.
+
+        Raises:
+            SceneError, MeshError, DeviceError, OutOfMemoryError, TallyError
+        """
+        from ._run import Run
+
+        scene = scene if seed is None else scene.replace("sampling.seed", seed)
+        folder = tempfile.TemporaryDirectory(prefix="beamlet-") if self.keep_moments else None
+        kept = None if folder is None else folder.name
+        found = self._engine.simulate(scene._scene, kept, progress)
+        return Run._of_arrays(self, scene, found, folder)
+
+    def simulate_to(
+        self,
+        scene: Scene,
+        path: Path,
+        seed: int | None = None,
+        format: Format = "npy",
+        overwrite: bool = False,
+        resume: bool = False,
+        progress: Progress | None = None,
+    ) -> Run:
+        """Simulates a scene into a run directory, view by view: for stacks that exceed the memory.
+
+        What is interrupted is resumed with ``resume=True``. Meshes given as arrays are written to
+        the folder ``PATH.meshes``, to which the scene of the run refers.
+
+        Args:
+            scene: The scene.
+            path: Directory of the run.
+            seed: Seed in place of the scene's.
+            format: Format of the stacks; ``npy`` can be mapped into memory.
+            overwrite: Replace a run that is there.
+            resume: Go on with a run that is there.
+            progress: Callback.
+
+        Returns:
+            The run, opened as by :meth:`Run.open`.
+
+        Raises:
+            FileError: The place is taken or cannot be written.
+            SceneError, MeshError, DeviceError, OutOfMemoryError, TallyError
+        """
+        from ._run import Run
+
+        scene = scene if seed is None else scene.replace("sampling.seed", seed)
+        path = os.path.abspath(path)
+        meshes = f"{path}.meshes"
+        if scene._meshes:
+            os.makedirs(meshes, exist_ok=True)
+        self._engine.simulate_to(
+            scene._scene, path, meshes, format, overwrite, resume, progress
+        )
+        return Run.open(path, engine=self)
+
+    def check(self, scene: Scene, progress: Progress | None = None) -> CheckReport:
+        """Checks a scene: set-up, illumination curve, materials, meshes, doubts, rays, time and memory.
+
+        Raises:
+            SceneError, MeshError: For what would stop a run before its first ray.
+        """
+        text, values = self._engine.check(scene._scene, progress)
+        return CheckReport(text, json.loads(values))
+
+    def simulate_many(
+        self,
+        scenes: Iterable[Scene],
+        seeds: Iterable[int] | None = None,
+    ) -> Iterator[Run]:
+        """Simulates scenes one after another, as they are asked for; kernels are made once.
+
+        Args:
+            scenes: Scenes, also without end.
+            seeds: Seed of each; default: those of the scenes.
+
+        Yields:
+            The run of each scene, in order.
+        """
+        if seeds is None:
+            for scene in scenes:
+                yield self.simulate(scene)
+        else:
+            for scene, seed in zip(scenes, seeds, strict=False):
+                yield self.simulate(scene, seed=seed)
+
+    def close(self) -> bool:
+        """Closes the device; the end of the process does so too.
+
+        Returns:
+            Whether it is destroyed; ``False`` while work in another thread uses it.
+        """
+        _open.discard(self)
+        return self._engine.close()
+
+    def __enter__(self) -> Engine:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<Engine {self.device.name}>"
+
+
+def default_engine() -> Engine:
+    """The engine that functions without one share; opened by the first of them."""
+    global _default
+    with _lock:
+        if _default is None:
+            _default = Engine()
+        return _default
+
+
+def simulate_many(scenes: Iterable[Scene], seeds: Iterable[int] | None = None) -> Iterator[Run]:
+    """As :meth:`Engine.simulate_many`, on the shared engine."""
+    return default_engine().simulate_many(scenes, seeds)
+
+
+def check(scene: Scene, progress: Progress | None = None) -> CheckReport:
+    """As :meth:`Engine.check`, on the shared engine."""
+    return default_engine().check(scene, progress)
+
+
+def _end() -> None:
+    """Ends work and closes devices: some drivers crash where one is left at the end of a process."""
+    global _default
+    if _beamlet.stop():
+        for engine in list(_open):
+            engine.close()
+    _default = None
+
+
+atexit.register(_end)
+
+
+def pixels(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centres of the columns (x, ascending) and rows (z, from the top) on the detector, m."""
+    columns, rows = scene._scene.pixels
+    across, down = scene._scene.pitch
+    x = (np.arange(columns) + 0.5 - columns / 2) * across
+    z = (rows / 2 - np.arange(rows) - 0.5) * down
+    return x, z

@@ -1,0 +1,244 @@
+"""Stacks of a run, in memory or in a run directory."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _beamlet
+from ._engine import Engine, Progress, default_engine, pixels
+from ._errors import ArgumentError, FileError
+from ._scene import Path, Scene
+
+if TYPE_CHECKING:
+    from ._images import Images, Method, Weights
+
+Stack = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of stacks: name, the places of its entries, and their unit."""
+
+    name: str
+    values: NDArray[np.float64]
+    unit: str
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Detector numbers, float32: flat and dark ``[step][row][column]``, sample ``[view][step][row][column]``."""
+
+    flat: Stack
+    sample: Stack
+    dark: Stack | None
+
+
+class Run:
+    """Stacks of a simulation.
+
+    Attributes:
+        scene: The scene.
+        flat: Intensities without sample, float32 ``[step][row][column]``; 1 is the open beam.
+        sample: Intensities with sample, float32 ``[view][step][row][column]``.
+        counts: Detector numbers, where the scene has ``detector.photons``.
+        record: Device, driver, seed, counts of rays, and times.
+        path: Directory of the run; ``None`` for a run in memory.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        flat: Stack,
+        sample: Stack,
+        counts: Counts | None,
+        record: Mapping[str, Any],
+        path: str | None,
+        engine: Engine | None,
+        kept: str | None,
+        folder: tempfile.TemporaryDirectory[str] | None = None,
+    ) -> None:
+        self.scene = scene
+        self.flat = flat
+        self.sample = sample
+        self.counts = counts
+        self.record = dict(record)
+        self.path = path
+        self._engine = engine
+        self._kept = kept
+        # Removed with the last run that uses it.
+        self._folder = folder
+
+    @classmethod
+    def _of_arrays(
+        cls,
+        engine: Engine,
+        scene: Scene,
+        found: tuple[Stack, Stack, tuple[Stack, Stack, Stack] | None, str],
+        folder: tempfile.TemporaryDirectory[str] | None,
+    ) -> Run:
+        flat, sample, numbers, record = found
+        counts = None if numbers is None else Counts(*numbers)
+        kept = None if folder is None else folder.name
+        return cls(scene, flat, sample, counts, json.loads(record), None, engine, kept, folder)
+
+    @classmethod
+    def open(cls, path: Path, engine: Engine | None = None) -> Run:
+        """Opens a run directory. NPY stacks are mapped into memory; others are read whole.
+
+        Args:
+            path: The directory.
+            engine: Engine for what follows; default: the shared one.
+
+        Raises:
+            FileError: No run is there, or no view is committed.
+        """
+        path = os.fspath(path)
+        of_flat, of_sample, of_counts, record = _beamlet.open_run(path)
+        counts = None
+        if of_counts is not None:
+            flat, sample, dark = of_counts
+            frames = None if dark is None else _mapped(*dark)[0]
+            counts = Counts(_mapped(*flat)[0], _mapped(*sample), frames)
+        scene = Scene.load(os.path.join(path, "scene.toml"))
+        kept = path if os.path.isdir(os.path.join(path, "moments")) else None
+        flat, sample = _mapped(*of_flat)[0], _mapped(*of_sample)
+        return cls(scene, flat, sample, counts, json.loads(record), path, engine, kept)
+
+    @property
+    def engine(self) -> Engine:
+        """The engine that made the run, or the shared one."""
+        return self._engine or default_engine()
+
+    @property
+    def axes(self) -> tuple[Axis, Axis, Axis, Axis]:
+        """Axes of the sample: views (rad), steps (mask offsets, m), rows (z, m), columns (x, m).
+
+        The flat has the last three. Rows begin at the top; x and z are those of the pixel centres on
+        the detector.
+        """
+        x, z = pixels(self.scene)
+        return (
+            Axis("view", self.scene.angles[: len(self.sample)], "rad"),
+            Axis("step", self.scene.mask_offsets, "m"),
+            Axis("row", z, "m"),
+            Axis("column", x, "m"),
+        )
+
+    def to_xarray(self) -> Any:
+        """Flat and sample with their axes as an ``xarray.Dataset``; needs xarray."""
+        import xarray
+
+        axes = self.axes
+        names = [axis.name for axis in axes]
+        coords = {axis.name: (axis.name, axis.values, {"units": axis.unit}) for axis in axes}
+        of_values = {"units": "1", "long_name": "intensity, 1 is the open beam"}
+        stacks = {"flat": (names[1:], self.flat, of_values), "sample": (names, self.sample, of_values)}
+        return xarray.Dataset(stacks, coords=coords, attrs={"record": json.dumps(self.record)})
+
+    def retrieve(
+        self,
+        method: Method = "gaussian",
+        counts: bool = False,
+        weights: Weights = "none",
+        steps: tuple[int, int] | None = None,
+        progress: Progress | None = None,
+    ) -> Images:
+        """Retrieves transmission, refraction and dark field.
+
+        Args:
+            method: The estimator (docs/retrieval.md).
+            counts: Retrieve from detector numbers, with uncertainties.
+            weights: ``poisson`` weights counts by their noise.
+            steps: Steps of the sample for ``two-step``.
+            progress: Callback.
+
+        Raises:
+            SceneError: The method cannot serve the set-up or its mask offsets.
+            ArgumentError: The run has no counts, or options do not go together.
+        """
+        from ._images import _retrieve
+
+        if not counts:
+            flat, sample, dark, kind = self.flat, self.sample, None, "intensities"
+        elif self.counts is None:
+            found = "a run without counts"
+            allowed = "a scene with detector.photons"
+            raise ArgumentError(
+                f"counts: found {found}; allowed: {allowed}",
+                key="counts",
+                found=found,
+                allowed=allowed,
+            )
+        else:
+            flat, sample, dark = self.counts.flat, self.counts.sample, self.counts.dark
+            kind = "counts"
+        return _retrieve(
+            self.engine,
+            self.scene,
+            kind,
+            flat,
+            sample,
+            dark=dark,
+            progress=progress,
+            method=method,
+            weights=weights,
+            steps=steps,
+        )
+
+    def illuminate(self, scene: Scene, progress: Progress | None = None) -> Run:
+        """The stacks of other masks, steps, spectra, materials or detectors on the same rays.
+
+        Args:
+            scene: A scene with the sample and the views of this run (docs/kept.md).
+            progress: Callback.
+
+        Raises:
+            ArgumentError: The run kept no moments.
+            SceneError: The scene differs in more than moments can follow.
+        """
+        if self._kept is None:
+            found, allowed = "a run without moments", "Engine(keep_moments=True)"
+            raise ArgumentError(
+                f"keep_moments: found {found}; allowed: {allowed}",
+                key="keep_moments",
+                found=found,
+                allowed=allowed,
+            )
+        engine = self.engine
+        found_stacks = engine._engine.illuminate(self._kept, scene._scene, progress)
+        run = Run._of_arrays(engine, scene, found_stacks, None)
+        run._kept, run._folder = self._kept, self._folder
+        return run
+
+    def view(self, width: int | None = None) -> list[Any]:
+        """Pictures of the run, of its directory alone. See :func:`beamlet.view`."""
+        from ._view import view
+
+        return view(self, width=width)
+
+    def __repr__(self) -> str:
+        views, steps, rows, columns = self.sample.shape
+        place = f" in {self.path}" if self.path else ""
+        return f"<Run of {views} views x {steps} steps of {columns} x {rows} pixels{place}>"
+
+
+def _mapped(file: str | os.PathLike[str], shape: tuple[int, int, int, int]) -> Stack:
+    """A stack of a run directory, ``[view][step][row][column]``."""
+    path = os.fspath(file)
+    views, steps, rows, columns = shape
+    if path.endswith(".npy"):
+        try:
+            stack: Stack = np.load(path, mmap_mode="r")
+        except (OSError, ValueError) as error:
+            raise FileError(f"{path}: cannot be mapped: {error}", file=path) from error
+        # Views that are not committed have their place in the file.
+        return stack.reshape(-1, steps, rows, columns)[:views]
+    return _beamlet.read_stack(path, steps, views)

@@ -1,0 +1,301 @@
+"""Scenes: from files, from dicts, and with meshes from arrays."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _beamlet
+from ._errors import ArgumentError
+
+Path = str | os.PathLike[str]
+#: Vertices and triangles by the name of the file that stands for them.
+Meshes = dict[str, tuple[NDArray[np.float64], NDArray[np.uint32]]]
+
+
+def _plain(value: object) -> object:
+    """A value for JSON: arrays and numbers of numpy as lists and numbers, paths as text."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise ArgumentError(
+        f"scene: found {type(value).__name__}; allowed: numbers, text, lists and dicts",
+        key="scene",
+        found=type(value).__name__,
+        allowed="numbers, text, lists and dicts",
+    )
+
+
+def _toml(value: object) -> str:
+    """A value of an override as TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, Mapping):
+        items = (f"{json.dumps(str(key))} = {_toml(item)}" for key, item in value.items())
+        return "{ " + ", ".join(items) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(_toml(item) for item in value) + "]"
+    return _toml(_plain(value))
+
+
+def _wrong(name: str, found: str, allowed: str) -> ArgumentError:
+    return ArgumentError(
+        f"{name}: found {found}; allowed: {allowed}", key=name, found=found, allowed=allowed
+    )
+
+
+def _triangles(mesh: Any, name: str) -> Any:
+    """Triangles of a mesh: ``faces``, or those of pyvista."""
+    regular = getattr(mesh, "regular_faces", None)
+    if regular is not None:
+        return regular
+    faces = getattr(mesh, "faces", None)
+    if faces is None:
+        raise _wrong(f"{name}.mesh", type(mesh).__name__, "an object with vertices and faces")
+    return faces
+
+
+def arrays_of(
+    mesh: Any, name: str = "object"
+) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
+    """Vertices and triangles of a mesh, checked.
+
+    Args:
+        mesh: A pair (vertices, faces) of arrays, or an object with ``vertices`` and ``faces``
+            (trimesh) or ``points`` and ``faces`` (pyvista).
+        name: Its name in errors.
+
+    Returns:
+        Vertices ``(n, 3)`` as float64 and triangles ``(m, 3)`` as uint32.
+
+    Raises:
+        ArgumentError: For other shapes or types, indices out of range, or values that are not finite.
+    """
+    if isinstance(mesh, tuple | list):
+        if len(mesh) != 2:
+            raise _wrong(f"{name}.mesh", f"{len(mesh)} items", "vertices and faces")
+        points, faces = mesh
+    else:
+        points = getattr(mesh, "vertices", None)
+        if points is None:
+            points = getattr(mesh, "points", None)
+        if points is None:
+            raise _wrong(f"{name}.mesh", type(mesh).__name__, "an object with vertices and faces")
+        faces = _triangles(mesh, name)
+    vertices, triangles = np.asarray(points), np.asarray(faces)
+    for array, what in ((vertices, "vertices"), (triangles, "faces")):
+        if array.ndim != 2 or array.shape[1] != 3:
+            raise _wrong(f"{name}.{what}", f"shape {array.shape}", "shape (n, 3)")
+    if vertices.dtype.kind not in "fiu":
+        raise _wrong(f"{name}.vertices", f"dtype {vertices.dtype}", "real numbers")
+    if triangles.dtype.kind not in "iu":
+        raise _wrong(f"{name}.faces", f"dtype {triangles.dtype}", "whole numbers")
+    if not np.isfinite(vertices).all():
+        raise _wrong(f"{name}.vertices", "values that are not finite", "finite numbers")
+    if triangles.size and not (0 <= triangles.min() and triangles.max() < len(vertices)):
+        found = f"{triangles.min()} to {triangles.max()}"
+        raise _wrong(f"{name}.faces", found, f"indices from 0 to {len(vertices) - 1}")
+    return (
+        np.ascontiguousarray(vertices, dtype=np.float64),
+        np.ascontiguousarray(triangles, dtype=np.uint32),
+    )
+
+
+def _taken_out(value: object, name: str, meshes: Meshes) -> object:
+    """A copy in which names of files stand for meshes of arrays, which are put into `meshes`."""
+    if isinstance(value, Mapping):
+        table = {str(key): _taken_out(item, str(key), meshes) for key, item in value.items()
+                 if key != "mesh"}
+        if "mesh" in value:
+            table["mesh"] = mesh = value["mesh"]
+            if not isinstance(mesh, str | os.PathLike):
+                label = f"object.{value.get('name', name)}"
+                arrays = arrays_of(mesh, label)
+                unit = table.get("unit") or getattr(mesh, "units", None)
+                if unit is None:
+                    raise _wrong(f"{label}.unit", "nothing", 'the length of 1.0, as unit = "mm"')
+                digest = hashlib.sha256(arrays[0].tobytes() + arrays[1].tobytes()).hexdigest()
+                table |= {"mesh": f"mesh-{digest[:20]}.ply", "unit": unit}
+                meshes[str(table["mesh"])] = arrays
+        return table
+    if isinstance(value, list | tuple):
+        return [_taken_out(item, f"{name}[{index}]", meshes) for index, item in enumerate(value)]
+    return value
+
+
+class Scene:
+    """What is simulated: source, masks, detector, materials, objects and scan.
+
+    Keys and units are those of scene files (docs/scene.md). Quantities are text with a unit, as
+    ``"20 um"``; numbers are used where scene files have numbers.
+
+    Args:
+        sections: Sections of a scene by name: ``source={...}, detector={...}, object=[{...}]``
+            (``objects`` is another word for ``object``). An object's ``mesh`` is a file, a pair
+            (vertices, faces) of arrays, or an object with these attributes (trimesh, pyvista); its
+            ``unit`` is the length of 1.0 in it.
+
+    Raises:
+        SceneError: With key, what was found and what is allowed.
+
+    Example:
+        >>> scene = Scene(
+        ...     source={"distance": "1.2 m", "spot": "30 um", "energy": "30 keV"},
+        ...     detector={"distance": "1.8 m", "pixels": [8, 2], "pitch": "150 um"},
+        ...     object=[{"name": "rod", "shape": "cylinder", "radius": "0.2 mm",
+        ...              "height": "9 mm", "material": "nylon 6"}],
+        ... )
+        >>> scene.shape
+        (1, 1, 2, 8)
+        >>> scene.replace("detector.pixels", [16, 2]).shape
+        (1, 1, 2, 16)
+    """
+
+    def __init__(self, **sections: Any) -> None:
+        if "objects" in sections:
+            sections["object"] = sections.pop("objects")
+        meshes: Meshes = {}
+        table = _taken_out(sections, "scene", meshes)
+        text = json.dumps(table, default=_plain, indent=1, ensure_ascii=False)
+        self._text: tuple[str, bool, str] | None = (text, True, os.getcwd())
+        self._path: str | None = None
+        self._meshes = meshes
+        self._read(())
+
+    def _read(self, sets: tuple[str, ...]) -> None:
+        self._sets = sets
+        if self._text is None:
+            assert self._path is not None
+            self._scene = _beamlet.Scene.load(self._path, list(sets))
+        else:
+            text, is_json, directory = self._text
+            self._scene = _beamlet.Scene.parse(text, is_json, directory, list(sets), self._meshes)
+
+    @classmethod
+    def load(cls, path: Path, **changes: Any) -> Scene:
+        """Loads a scene file, TOML or JSON.
+
+        Args:
+            path: The file.
+            changes: As of :meth:`replace`, with ``__`` for dots: ``detector__photons=20000``.
+
+        Raises:
+            FileError: The file cannot be read.
+            SceneError: With file, line, key, what was found and what is allowed.
+        """
+        self = cls.__new__(cls)
+        self._text, self._path, self._meshes = None, os.fspath(path), {}
+        self._read(tuple(f"{key.replace('__', '.')}={_toml(v)}" for key, v in changes.items()))
+        return self
+
+    @classmethod
+    def from_dict(cls, scene: Mapping[str, Any]) -> Scene:
+        """The scene of a dict with the sections of a scene file.
+
+        Raises:
+            SceneError: As of the constructor; unknown keys are errors.
+        """
+        return cls(**{str(key): value for key, value in scene.items()})
+
+    @classmethod
+    def from_toml(cls, text: str, directory: Path = ".") -> Scene:
+        """The scene of TOML text; relative paths in it start from `directory`.
+
+        Raises:
+            SceneError: With line, key, what was found and what is allowed.
+        """
+        self = cls.__new__(cls)
+        self._text, self._path, self._meshes = (text, False, os.fspath(directory)), None, {}
+        self._read(())
+        return self
+
+    def replace(self, key: str, value: Any) -> Scene:
+        """The same scene with another value of a key.
+
+        Args:
+            key: Path of the key: ``detector_mask.projected_aperture``, ``object.rod.material``,
+                ``object[0].material``.
+            value: Text with a unit, number, list or dict, as the scene file has it.
+
+        Raises:
+            SceneError: The key leads nowhere, or the value cannot be.
+        """
+        other = Scene.__new__(Scene)
+        other._text, other._path, other._meshes = self._text, self._path, self._meshes
+        other._read((*self._sets, f"{key}={_toml(value)}"))
+        return other
+
+    @property
+    def shape(self) -> tuple[int, int, int, int]:
+        """Views, mask steps, rows and columns of its stacks."""
+        columns, rows = self._scene.pixels
+        return (len(self._scene.angles), len(self._scene.mask_offsets), rows, columns)
+
+    @property
+    def title(self) -> str | None:
+        """Title of the scene."""
+        return self._scene.title
+
+    @property
+    def mask_offsets(self) -> NDArray[np.float64]:
+        """Mask offsets of the steps, m."""
+        return np.array(self._scene.mask_offsets)
+
+    @property
+    def angles(self) -> NDArray[np.float64]:
+        """Angles of the views, rad."""
+        return np.array(self._scene.angles)
+
+    def save(self, directory: Path) -> str:
+        """Writes the resolved scene, with every default, as ``scene.toml``, and its meshes of arrays.
+
+        Returns:
+            The path of the file.
+        """
+        os.makedirs(directory, exist_ok=True)
+        path = os.path.join(directory, "scene.toml")
+        text = self._scene.to_toml(os.path.abspath(directory))
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(text)
+        return path
+
+    def view(self, width: int | None = None) -> list[Any]:
+        """Pictures of set-up and sample, which Jupyter shows. See :func:`beamlet.view`."""
+        from ._view import view
+
+        return view(self, width=width)
+
+    def _repr_png_(self) -> bytes | None:
+        pictures = self.view()
+        return pictures[0]._repr_png_() if pictures else None
+
+    def __repr__(self) -> str:
+        views, steps, rows, columns = self.shape
+        title = f"{self.title!r}, " if self.title else ""
+        return f"<Scene {title}{views} views x {steps} steps of {columns} x {rows} pixels>"
+
+
+def Object(*, mesh: Any = None, material: str, **keys: Any) -> dict[str, Any]:
+    """An object of a scene, as a dict of its keys (docs/scene.md, ``[[object]]``).
+
+    Args:
+        mesh: File, (vertices, faces), or an object of trimesh or pyvista; ``shape=...`` in its place.
+        material: Name of its material.
+        keys: Other keys: ``name``, ``unit``, ``position``, ``rotate``, ...
+    """
+    table = {"material": material, **keys}
+    if mesh is not None:
+        table["mesh"] = mesh
+    table.setdefault("name", "object")
+    return table

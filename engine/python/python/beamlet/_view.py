@@ -1,0 +1,75 @@
+"""Pictures, as the program draws them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Literal
+
+from ._errors import ArgumentError, Error
+from ._scene import Path, Scene
+
+if TYPE_CHECKING:
+    from ._run import Run
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture, which Jupyter shows: its name and its bytes as PNG or SVG."""
+
+    name: str
+    data: bytes
+
+    def _repr_png_(self) -> bytes | None:
+        return self.data if self.name.endswith(".png") else None
+
+    def _repr_svg_(self) -> str | None:
+        return self.data.decode() if self.name.endswith(".svg") else None
+
+    def save(self, path: Path) -> None:
+        """Writes the picture to a file."""
+        FilePath(path).write_bytes(self.data)
+
+
+def view(
+    what: Scene | Run | Path,
+    format: Literal["png", "svg"] = "png",
+    width: int | None = None,
+    options: tuple[str, ...] = (),
+) -> list[Picture]:
+    """Draws a scene, or the run or images of a directory (docs/pictures.md).
+
+    Args:
+        what: A scene, a run in a directory, or the path of a scene, run or images.
+        format: Format of the pictures.
+        width: Width in pixels.
+        options: Other options of ``beamlet view``.
+
+    Raises:
+        Error: With the message of ``beamlet view``.
+    """
+    with tempfile.TemporaryDirectory(prefix="beamlet-") as folder:
+        if isinstance(what, Scene):
+            subject = what.save(os.path.join(folder, "scene"))
+        elif isinstance(what, str | os.PathLike):
+            subject = os.fspath(what)
+        elif what.path is None:
+            found, allowed = "a run in memory", "a run directory: Engine.simulate_to"
+            raise ArgumentError(
+                f"run: found {found}; allowed: {allowed}", key="run", found=found, allowed=allowed
+            )
+        else:
+            subject = what.path
+        out = os.path.join(folder, "pictures")
+        words = [sys.executable, "-m", "beamlet", "view", subject, "-o", out, "--format", format, "-q"]
+        if width is not None:
+            words += ["--width", str(width)]
+        done = subprocess.run([*words, *options], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise Error(done.stderr.strip().removeprefix("error: "))
+        names = sorted(os.listdir(out))
+        return [Picture(name, (FilePath(out) / name).read_bytes()) for name in names]

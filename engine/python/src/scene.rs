@@ -1,0 +1,157 @@
+//! Scenes, and meshes given as arrays.
+
+use crate::errors::raised;
+use beamlet::geometry::{NamedMesh, write_meshes};
+use beamlet::scene::{Mesh, ShapeOrMesh};
+use numpy::PyReadonlyArray2;
+use pyo3::prelude::*;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A validated scene.
+#[pyclass(frozen, module = "beamlet._beamlet")]
+pub(crate) struct Scene {
+    scene: beamlet::scene::Scene,
+    /// Its file and the changes of it, for places in errors.
+    file: Option<(PathBuf, Vec<String>)>,
+    /// Meshes given as arrays, by the name of the file that stands for them.
+    meshes: BTreeMap<String, Arrays>,
+}
+
+/// Vertices in a unit of their own, and triangles.
+struct Arrays {
+    vertices: Vec<[f64; 3]>,
+    triangles: Vec<[u32; 3]>,
+}
+
+impl Scene {
+    /// The scene with its arrays.
+    pub(crate) fn scene(&self) -> beamlet::Result<beamlet::scene::Scene> {
+        self.with_meshes(|_, mesh| Ok(mesh))
+    }
+
+    /// The scene with its arrays as PLY files in `folder`.
+    pub(crate) fn scene_with_files(&self, folder: &Path) -> beamlet::Result<beamlet::scene::Scene> {
+        self.with_meshes(|name, mesh| {
+            let Mesh::Arrays { vertices, triangles } = mesh else { return Ok(mesh) };
+            let path = folder.join(name);
+            write_meshes(&path, &[NamedMesh::new(name, vertices, triangles)], 1.0)?;
+            Ok(Mesh::file(path, 1.0))
+        })
+    }
+
+    fn with_meshes(
+        &self,
+        mut place: impl FnMut(&str, Mesh) -> beamlet::Result<Mesh>,
+    ) -> beamlet::Result<beamlet::scene::Scene> {
+        let mut scene = self.scene.clone();
+        for object in &mut scene.objects {
+            let ShapeOrMesh::Mesh(Mesh::File { path, unit, .. }) = &object.geometry else {
+                continue;
+            };
+            let name = path.to_string_lossy().into_owned();
+            let Some(arrays) = self.meshes.get(&name) else { continue };
+            let unit = unit.unwrap_or(1.0);
+            let vertices = arrays.vertices.iter().map(|at| at.map(|x| x * unit)).collect();
+            let mesh = Mesh::Arrays { vertices, triangles: arrays.triangles.clone() };
+            object.geometry = place(&name, mesh)?.into();
+        }
+        Ok(scene)
+    }
+
+    /// Gives an error that came up after loading its place in the scene file.
+    pub(crate) fn located(&self, error: beamlet::Error) -> beamlet::Error {
+        match &self.file {
+            Some((path, sets)) => beamlet::scene::Scene::locate(path, sets, error),
+            None => error,
+        }
+    }
+}
+
+#[pymethods]
+impl Scene {
+    /// Loads a scene file with overrides `key.path=value`.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf, sets: Vec<String>) -> PyResult<Self> {
+        let scene = py
+            .detach(|| beamlet::scene::Scene::load_with(&path, &sets))
+            .map_err(|error| raised(py, &error))?;
+        Ok(Self { scene, file: Some((path, sets)), meshes: BTreeMap::new() })
+    }
+
+    /// Reads a scene from text, JSON or TOML. `meshes`: vertices and triangles by the name of the mesh
+    /// file that stands for them in the text.
+    #[staticmethod]
+    fn parse(
+        py: Python<'_>,
+        text: &str,
+        json: bool,
+        directory: PathBuf,
+        sets: Vec<String>,
+        meshes: BTreeMap<String, (PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, u32>)>,
+    ) -> PyResult<Self> {
+        let scene = match json {
+            true => beamlet::scene::Scene::from_json_with(text, directory, &sets),
+            false => beamlet::scene::Scene::from_toml_with(text, directory, &sets),
+        };
+        let scene = scene.map_err(|error| raised(py, &error))?;
+        let arrays = |(name, (vertices, triangles)): (
+            String,
+            (PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, u32>),
+        )| {
+            let vertices = vertices.as_array().outer_iter().map(|v| [v[0], v[1], v[2]]).collect();
+            let triangles = triangles.as_array().outer_iter().map(|t| [t[0], t[1], t[2]]).collect();
+            (name, Arrays { vertices, triangles })
+        };
+        Ok(Self { scene, file: None, meshes: meshes.into_iter().map(arrays).collect() })
+    }
+
+    /// The resolved scene as TOML for a file in `directory`, where meshes given as arrays are written.
+    fn to_toml(&self, py: Python<'_>, directory: PathBuf) -> PyResult<String> {
+        self.scene_with_files(&directory)
+            .and_then(|scene| scene.to_toml(directory, &BTreeMap::new(), &[]))
+            .map_err(|error| raised(py, &error))
+    }
+
+    /// Mask offsets, m.
+    #[getter]
+    fn mask_offsets(&self) -> Vec<f64> {
+        self.scene.scan.mask_offsets.clone()
+    }
+
+    /// Angles of the views, rad.
+    #[getter]
+    fn angles(&self) -> Vec<f64> {
+        self.scene.scan.angles.clone()
+    }
+
+    /// Columns and rows of the detector.
+    #[getter]
+    fn pixels(&self) -> [u32; 2] {
+        self.scene.detector.pixels
+    }
+
+    /// Distances of columns and of rows, m.
+    #[getter]
+    fn pitch(&self) -> [f64; 2] {
+        self.scene.detector.pitch
+    }
+
+    /// Distances from the source to the axis of rotation and to the detector, m.
+    #[getter]
+    fn distances(&self) -> [f64; 2] {
+        [self.scene.source.distance, self.scene.detector.distance]
+    }
+
+    /// Whether the detector counts photons.
+    #[getter]
+    fn has_counts(&self) -> bool {
+        self.scene.detector.counts.is_some()
+    }
+
+    /// Title; `None` without one.
+    #[getter]
+    fn title(&self) -> Option<String> {
+        self.scene.title.clone()
+    }
+}
