@@ -46,7 +46,10 @@ pub(crate) fn listen() -> Cancel {
             end();
         }
         CANCEL.cancel();
-        let _ = writeln!(std::io::stderr(), "\nstopping; press Ctrl-C again to stop at once");
+        // Quiet: errors alone.
+        if log::max_level() >= log::LevelFilter::Warn {
+            let _ = writeln!(std::io::stderr(), "\nstopping; press Ctrl-C again to stop at once");
+        }
         let _ = thread::Builder::new().spawn(|| {
             thread::sleep(GRACE);
             let seconds = GRACE.as_secs();

@@ -9,7 +9,7 @@ use crate::run::{EdgeBlur, RunEstimate};
 use crate::scene::Scene;
 use crate::spectrum::{self, Nodes};
 use crate::spot::SpotFit;
-use crate::stack::StackShape;
+use crate::stack::{StackShape, ViewAngles};
 use crate::{Control, Result, run};
 use serde::Serialize;
 use std::sync::Arc;
@@ -85,12 +85,16 @@ pub struct Setup {
     /// Distances from the source that the sample sweeps over all views, nearest and farthest,
     /// m; `None` without a sample.
     pub swept: Option<[f64; 2]>,
+    /// Objects that pass through the field of view along the slits in every view, as standing rods do.
+    pub passing: Vec<String>,
     /// Distances from the source between which it may be: the faces of the masks that are
     /// there, or source and detector, m.
     #[serde(rename = "room")]
     pub clearance: [f64; 2],
     /// Shape of the stacks.
     pub extent: StackShape,
+    /// Angles of the views.
+    pub view_angles: ViewAngles,
     /// Where the detector blurs, the grid that takes the light.
     #[serde(rename = "light_grid")]
     pub subpixel_grid: Option<SubpixelGrid>,
@@ -229,6 +233,13 @@ fn load_lenient(
 }
 
 impl CheckReport {
+    /// Adds what is odd about the masks and the offsets of the scan.
+    fn add_doubts_of_scan(&mut self, scene: &Scene) -> Result<()> {
+        let curve = self.illumination.as_ref();
+        self.warnings.extend(illumination::warnings(scene, &self.setup.nodes, curve)?);
+        Ok(())
+    }
+
     /// Takes the error of edges off the rotation centre, with its warning.
     fn add_edges(&mut self, scene: &Scene, edges: Option<&EdgeBlur>) {
         self.warnings.extend(edges.and_then(|it| it.warning(scene.sampling.tolerances().light)));
@@ -268,8 +279,10 @@ fn setup(
         sample_mask: mask(&optics.sample_mask),
         detector_mask: mask(&optics.detector_mask),
         swept: reach,
+        passing: swept.passing(scene),
         clearance: scene.clearance().map(|(distance, _)| distance),
         extent,
+        view_angles: ViewAngles::of(scene),
         subpixel_grid: scene.detector.blur.as_ref().map(|_| *detector.grid()),
     }
 }

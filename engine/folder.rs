@@ -3,6 +3,7 @@
 //! [`std::fs::read_dir`] panics where the system reports an error when it closes a folder; by then
 //! the folder is read, and the error concerns nobody.
 
+use crate::{Error, Result};
 use std::ffi::OsString;
 use std::fs;
 use std::io;
@@ -29,6 +30,24 @@ pub(crate) fn remove(folder: &Path) -> io::Result<()> {
         }
     }
     fs::remove_dir(folder)
+}
+
+/// Makes a folder with those that it is in.
+///
+/// # Errors
+/// [`Error::File`] where it cannot be made.
+pub(crate) fn make_all(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|error| failed(folder, "cannot be created", error))
+}
+
+/// The error of a folder that cannot be made or read: names the file in its place, or in the place
+/// of a folder that it would be in.
+pub(crate) fn failed(folder: &Path, problem: &str, error: io::Error) -> Error {
+    let is_other = |path: &&Path| fs::symlink_metadata(path).is_ok() && !path.is_dir();
+    match folder.ancestors().find(is_other) {
+        Some(path) => Error::file(path, "is not a directory", None),
+        None => Error::file(folder, problem, Some(error)),
+    }
 }
 
 /// Makes a folder in one that is there already; it may be there, too.
@@ -88,6 +107,10 @@ mod tests {
         let file = at("a file with a name of some length 7");
         assert_eq!(names(&file).unwrap_err().kind(), io::ErrorKind::NotADirectory);
         assert!(make(&file).is_err());
+        let message = make_all(&file.join("one/two")).unwrap_err().to_string();
+        assert!(message.contains("length 7: is not a directory"), "{message}");
+        make_all(&at("new/one/two")).unwrap();
+        assert!(at("new/one/two").is_dir());
     }
 
     #[cfg(unix)]

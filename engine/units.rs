@@ -206,6 +206,20 @@ impl Dimension {
         same.map_or_else(String::new, |entry| format!(" (did you mean {:?}?)", entry.0))
     }
 
+    /// Writes a value as [`Dimension::format`] does, rounded to 12 significant digits: for messages,
+    /// where a computed 99.99999999999999 um is 100 um. Degrees where they have nine decimals at
+    /// most.
+    pub fn rounded(self, value: f64) -> String {
+        if self == Self::Angle {
+            let degrees = (value.to_degrees() * 1e9).round() / 1e9;
+            if (degrees.to_radians() - value).abs() <= 1e-12 * value.abs() {
+                return format!("{} deg", decimal(degrees, 0));
+            }
+        }
+        // Values that are not finite read back as they are.
+        self.format(format!("{value:.11e}").parse().unwrap_or(value))
+    }
+
     /// Writes a value in metres, keV, g/cm3, radians or 1/m so that it reads back to the same
     /// bits. Lengths get the largest of m, mm, um, nm that leaves at least 1.
     pub fn format(self, value: f64) -> String {
@@ -313,6 +327,18 @@ mod tests {
         assert_eq!(written, expected);
         assert_eq!(Dimension::Angle.format(30_f64.to_radians()), "30 deg");
         assert_eq!(length("0.1 mm").to_bits(), 1e-4_f64.to_bits());
+    }
+
+    #[test]
+    fn messages_round_what_was_computed() {
+        let lengths =
+            [1.5e-4 / 1.5, 0.1 + 0.2, 99.99999999999999e-6, 100.000000001e-6, 1.0 - 1e-14];
+        let written = lengths.map(|value| Dimension::Length.rounded(value));
+        assert_eq!(written, ["100 um", "300 mm", "100 um", "100.000000001 um", "1 m"]);
+        let angles = [0.1_f64.to_radians() * 300.0, 1e-7, 0.0];
+        let written = angles.map(|value| Dimension::Angle.rounded(value));
+        assert_eq!(written, ["30 deg", "1e-7 rad", "0 deg"]);
+        assert_eq!(Dimension::Energy.rounded(f64::INFINITY), "inf keV");
     }
 
     proptest! {

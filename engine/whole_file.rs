@@ -3,7 +3,7 @@
 //! The bytes go to a file of another name, which is flushed and synced and then renamed into
 //! place: a full disk or a crash leaves the file that was there before.
 
-use crate::{Error, Result};
+use crate::{Error, Result, folder};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -25,7 +25,7 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     }
     // Links such as /dev/stdout are not replaced.
     let real = path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
-    fs::create_dir_all(real.parent().unwrap_or(path)).map_err(failed)?;
+    folder::make_all(real.parent().unwrap_or(path))?;
     // A name of its own: files of others are not written over.
     let new = sibling(&real, &format!(".new-{}", std::process::id()));
     let file = OpenOptions::new().write(true).create_new(true).open(&new).map_err(failed)?;

@@ -1,6 +1,6 @@
 #!/bin/bash
 # Runs the lines of README.md and the lines and the Python of docs/reading.md on runs of few pixels,
-# in every format, so that both pages stay true.
+# in every format, and those of docs/how-to, so that these pages stay true.
 # Usage: tests/reading.sh [BEAMLET]   (default: target/release/beamlet)
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
@@ -22,7 +22,7 @@ beamlet() {
         " simulate "* | " illuminate "* | " retrieve "*) [ -z "$format" ] || more+=(--format "$format") ;;
     esac
     local code=0
-    "$program" "$@" "${more[@]}" </dev/null >>"$place/log" 2>&1 || code=$?
+    "$program" "$@" "${more[@]}" </dev/null 2>>"$place/log" || code=$?
     # 1: what was compared differs.
     [ $code = 0 ] || [ "$1 $code" = "compare 1" ] || {
         echo "failed: beamlet $* ${more[*]}" >&2
@@ -41,15 +41,15 @@ lines sh "$root/README.md" | grep '^beamlet ' >readme.sh
 for format in exr npy tiff; do
     mkdir "readme_$format"
     # shellcheck source=/dev/null
-    (cd "readme_$format" && set -e && . ../readme.sh)
+    (cd "readme_$format" && set -e && . ../readme.sh) >>log
 done
 format=
 few+=(--set 'scan.angles={ from = "0 deg", to = "360 deg", count = 3 }')
 few[1]='detector.pixels=[16, 4]'
-beamlet example cylinder -o .
+beamlet example cylinder -o . >>log
 lines sh "$root/docs/reading.md" >reading_lines.sh
 # shellcheck source=/dev/null
-. ./reading_lines.sh
+. ./reading_lines.sh >>log
 
 lines python "$root/docs/reading.md" >reading.py
 python3 -m venv venv
@@ -74,4 +74,18 @@ for name in images[0].units:
     assert images[0][name].shape == (1, 4, 48), name
     assert all(np.array_equal(one[name], images[0][name], equal_nan=True) for one in images), name
 PYTHON
+few=(--set 'detector.pixels=[16, 2]')
+mkdir how-to
+cp "$root/docs/how-to/tube.toml" how-to
+for page in design faster; do
+    lines sh "$root/docs/how-to/$page.md" >"$page.sh"
+    # shellcheck source=/dev/null
+    (cd how-to && set -e && . "../$page.sh") >"$page.log"
+done
+lines python "$root/docs/how-to/design.md" >design.py
+(cd how-to && python3 ../design.py) | tee design.table
+# Five apertures, and the offsets of a page that says that check warns of them.
+[ "$(grep -c '^ *[0-9]' design.table)" = 5 ]
+grep -q 'warning: scan.mask_offsets cover' design.log
+grep -q 'exact shapes that cross become meshes' faster.log
 echo "README.md: $(grep -c . readme.sh) lines in each of 3 formats"

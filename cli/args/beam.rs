@@ -115,7 +115,7 @@ fn density(text: &str) -> Result<f64, String> {
     match positive(Dimension::Density, text)? {
         value if value <= 100.0 => Ok(value),
         value => {
-            Err(format!("found {}; allowed: up to 100 g/cm3", Dimension::Density.format(value)))
+            Err(format!("found {}; allowed: up to 100 g/cm3", Dimension::Density.rounded(value)))
         }
     }
 }
@@ -131,6 +131,6 @@ fn angle(text: &str) -> Result<f64, String> {
 fn positive(dimension: Dimension, text: &str) -> Result<f64, String> {
     match dimension.parse(text).map_err(|error| error.to_string())? {
         value if value > 0.0 => Ok(value),
-        value => Err(format!("found {}; allowed: a value > 0", dimension.format(value))),
+        value => Err(format!("found {}; allowed: a value > 0", dimension.rounded(value))),
     }
 }

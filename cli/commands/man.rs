@@ -1,9 +1,9 @@
 //! `beamlet man`: manual pages, one for the program and one for each verb.
 
+use super::pictures::refuse_existing;
 use crate::args::{Arguments, Man};
 use crate::failure::Failure;
 use clap::{Command, CommandFactory};
-use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -15,19 +15,10 @@ pub(super) fn run(arguments: &Man, out: &mut impl Write) -> Result<(), Failure> 
     for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
         pages.push(page(verb, &arguments.output)?);
     }
-    if !arguments.overwrite
-        && let Some((path, _)) = pages.iter().find(|(path, _)| path.symlink_metadata().is_ok())
-    {
-        let problem = "exists already; --overwrite replaces it".to_owned();
-        return Err(Failure::File { path: path.clone(), problem });
-    }
-    let failed = |path: &Path, error: std::io::Error| Failure::File {
-        path: path.to_owned(),
-        problem: format!("cannot be written: {error}"),
-    };
-    fs::create_dir_all(&arguments.output).map_err(|error| failed(&arguments.output, error))?;
+    let paths: Vec<_> = pages.iter().map(|(path, _)| path.clone()).collect();
+    refuse_existing(&paths, arguments.overwrite)?;
     for (path, text) in pages {
-        fs::write(&path, text).map_err(|error| failed(&path, error))?;
+        beamlet::cli_support::write_file(&path, &text)?;
         writeln!(out, "{}", beamlet::cli_support::printed::path(&path))?;
     }
     Ok(())

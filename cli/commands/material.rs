@@ -205,7 +205,7 @@ fn critical_angle(delta: f64) -> f64 {
 fn write_text(report: &MaterialReport, out: &mut impl Write) -> std::io::Result<()> {
     write!(out, "{}", report.name)?;
     if let (Some(formula), Some(density)) = (&report.formula, report.density_g_cm3) {
-        write!(out, "  {formula}, {}", Density.format(density))?;
+        write!(out, "  {formula}, {}", Density.rounded(density))?;
     }
     writeln!(out)?;
     for value in &report.values {
@@ -221,7 +221,7 @@ fn write_text(report: &MaterialReport, out: &mut impl Write) -> std::io::Result<
         line("beta", number(value.beta))?;
         line("critical angle", format!("{} mrad", number(1e3 * value.critical_angle_rad)))?;
         if let (Some(transmission), Some(thickness)) = (value.transmission, report.thickness_m) {
-            let text = format!("{} of {}", number(transmission), Length.format(thickness));
+            let text = format!("{} of {}", number(transmission), Length.rounded(thickness));
             line("transmission", text)?;
         }
     }
@@ -244,7 +244,7 @@ fn list(json: bool, out: &mut impl Write) -> Result<(), Failure> {
         return super::write_json(&known.collect::<Vec<_>>(), out);
     }
     for BuiltIn { name, formula, density_g_cm3, aliases } in known {
-        let density = Density.format(density_g_cm3);
+        let density = Density.rounded(density_g_cm3);
         writeln!(out, "{name:<20}{density:<18}{formula:<38} {}", aliases.join(", "))?;
     }
     writeln!(out, "\n{TABLES}; 0.1 keV to 800 keV at most.")?;

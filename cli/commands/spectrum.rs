@@ -114,7 +114,7 @@ fn source(spec: &SpectrumSpec) -> String {
     match &spec.origin {
         SpectrumOrigin::File { path } => beamlet::cli_support::printed::path(path),
         SpectrumOrigin::Tube { anode, kvp, anode_angle, .. } => {
-            format!("{} anode, {kvp} kV, {}", anode.name(), Angle.format(*anode_angle))
+            format!("{} anode, {kvp} kV, {}", anode.name(), Angle.rounded(*anode_angle))
         }
         _ => "spectrum".to_owned(),
     }
@@ -122,7 +122,7 @@ fn source(spec: &SpectrumSpec) -> String {
 
 fn listed(filters: &[beamlet::scene::Filter]) -> Vec<String> {
     let text = |filter: &beamlet::scene::Filter| {
-        format!("{} {}", Length.format(filter.thickness), filter.material)
+        format!("{} {}", Length.rounded(filter.thickness), filter.material)
     };
     filters.iter().map(text).collect()
 }

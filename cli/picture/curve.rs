@@ -3,6 +3,7 @@
 use super::axes::{Axes, BELOW, LEFT, roomy};
 use super::colour::{Rgb, SET, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
+use super::text::{cut, wrapped};
 
 /// Parameters of a fitted curve: `A exp(-(f - mu)^2 / (2 sigma^2)) + b`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,19 +34,26 @@ pub(crate) struct CurvePlot {
     pub(crate) fit: Option<Fit>,
 }
 
-/// Draws curves over mask offsets (m); `label` is what they are, `notes` are lines beside them.
+/// Room of the legend beside the curves.
+const LEGEND: f64 = 250.0;
+
+/// Draws curves over mask offsets (m); `label` is what they are, `note` stands below the title,
+/// `notes` are lines beside them.
 pub(crate) fn draw(
-    [title, label]: [&str; 2],
+    [title, note, label]: [&str; 3],
     offsets: &[f64],
     curves: &[CurvePlot],
     notes: &[String],
 ) -> Drawing {
     let fitted = curves.iter().any(|curve| curve.fit.is_some());
-    let area = Area::new(LEFT + 14.0, 48.0, 560.0, 330.0);
+    let top = if note.is_empty() { 48.0 } else { 62.0 };
+    let area = Area::new(LEFT + 14.0, top, 560.0, 330.0);
     let below = Area::new(area.left, area.bottom() + 16.0, area.width, 84.0);
     let bottom = if fitted { below.bottom() } else { area.bottom() };
-    let mut drawing = Drawing::new(area.right() + 250.0, bottom + BELOW + 8.0);
+    let mut drawing = Drawing::new(area.right() + LEGEND, bottom + BELOW + 8.0);
     drawing.text([area.left, 28.0], title, 17.0, INK, Anchor::Start);
+    let note = cut(note, area.width + LEGEND - 10.0, SMALL);
+    drawing.text([area.left, 47.0], note, SMALL, GREY, Anchor::Start);
 
     let micro: Vec<f64> = offsets.iter().map(|offset| 1e6 * offset).collect();
     let x = match roomy(micro.iter().copied()) {
@@ -132,8 +140,10 @@ fn legend(drawing: &mut Drawing, [left, mut y]: [f64; 2], curves: &[CurvePlot], 
         y += 8.0;
     }
     y += 6.0;
-    for note in notes {
-        drawing.text([left, y], note.clone(), SMALL, INK, Anchor::Start);
+    // From where the legend begins to the edge of the paper.
+    let width = LEGEND - 18.0 - 8.0;
+    for line in notes.iter().flat_map(|note| wrapped(note, width, SMALL)) {
+        drawing.text([left, y], line, SMALL, INK, Anchor::Start);
         y += 17.0;
     }
 }

@@ -3,6 +3,7 @@
 use super::axes::{Axes, BELOW, LEFT, roomy};
 use super::colour::{Rgb, SET, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
+use super::text::cut;
 
 /// A line of a panel.
 #[derive(Debug, Clone)]
@@ -66,7 +67,7 @@ pub(crate) fn draw([title, note]: [&str; 2], x: &[f64], across: &str, panels: &[
     let count = panels.len() as f64;
     let height = TOP + count * (HEIGHT + GAP) + BELOW - 6.0;
     let mut drawing = Drawing::new(LEFT + 14.0 + 700.0 + 24.0, height);
-    drawing.text([LEFT + 14.0, 28.0], title, 17.0, INK, Anchor::Start);
+    drawing.text([LEFT + 14.0, 28.0], cut(title, 700.0, 17.0), 17.0, INK, Anchor::Start);
     drawing.text([LEFT + 14.0, 47.0], note, SMALL, GREY, Anchor::Start);
     let range = x.first().zip(x.last()).map_or([0.0, 1.0], |(a, b)| match a < b {
         true => [*a, *b],

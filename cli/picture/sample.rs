@@ -1,9 +1,9 @@
 //! The sample, ray-traced: materials in colours, what is around other things translucent.
 
 use super::colour::{Rgb, SMALL};
-use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
+use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
 use super::palette::{colour_of, colour_of_object, materials};
-use super::text::length;
+use super::text::{cut, length, wrapped};
 use crate::numbers::{self, single};
 use beamlet::cli_support::require_memory;
 use beamlet::geometry::Sample;
@@ -40,6 +40,8 @@ const WHILE_MADE: u64 = 192 << 20;
 const FULL: usize = 10;
 const CLOSE: usize = 21;
 const SIZE: f64 = 760.0;
+/// Lines of the title of a scene.
+const MOST_LINES: usize = 4;
 const SCALE: f64 = 1.5;
 
 /// Draws the sample; no rays are traced where there is none.
@@ -258,6 +260,11 @@ fn legend(drawing: &mut Drawing, scene: &Scene, sample: &Sample, picture: &Pictu
     let left = SIZE + 22.0;
     drawing.text([left, 30.0], "Sample", 19.0, INK, Anchor::Start);
     let mut y = 62.0;
+    let title = scene.title.as_deref().unwrap_or_default();
+    for line in wrapped(title, 215.0, SMALL).into_iter().take(MOST_LINES) {
+        drawing.text([left, y - 12.0], cut(&line, 215.0, SMALL), SMALL, GREY, Anchor::Start);
+        y += 16.0;
+    }
     let all = materials(scene);
     // Many materials leave no room for the names of their objects.
     let (row, most) = if all.len() > FULL { (20.0, CLOSE) } else { (42.0, FULL) };
@@ -302,18 +309,6 @@ fn legend(drawing: &mut Drawing, scene: &Scene, sample: &Sample, picture: &Pictu
     drawing.text([left, y + 6.0], text, 11.0, GREY, Anchor::Start);
     triad(drawing, picture, [left + 74.0, SIZE - 176.0]);
     scale_bar(drawing, picture, left);
-}
-
-/// A text, shortened to a width.
-fn cut(text: &str, width: f64, size: f64) -> String {
-    if text_width(text, size) <= width {
-        return text.to_owned();
-    }
-    let mut text = text.to_owned();
-    while !text.is_empty() && text_width(&text, size) > width - size {
-        text.pop();
-    }
-    text + "…"
 }
 
 /// Directions of the axes of the world; the beam runs along y at angle 0.

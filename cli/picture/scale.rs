@@ -3,6 +3,7 @@
 use super::axes::ticks;
 use super::colour::{Map, NO_VALUE, Rgb, SMALL};
 use super::drawing::{Anchor, Area, Drawing, INK, Paint, text_width};
+use super::text::wrapped;
 use crate::numbers;
 
 /// Share of the values on either side that may lie beyond a scale.
@@ -21,6 +22,10 @@ const SPIKES: f64 = 2e-4;
 const APART: f64 = 3.0;
 /// unless the others are this share of them: a wire alone in the picture.
 const ALONE: f64 = 1e-3;
+/// Height on paper of a number beside the bar, with the room around it.
+const NUMBER: f64 = 20.0;
+/// Distance of lines of the bar's label.
+const LINE: f64 = 15.0;
 /// Values beyond a scale by less than this share of it are not counted as beyond.
 const ROUNDING: f64 = 1e-3;
 
@@ -168,14 +173,22 @@ impl Scale {
         }
         drawing.area(area, Paint::line(INK, 0.8));
         let mut widest = 0.0_f64;
-        for (value, text) in ticks(self.low, self.high, 6) {
+        let most = numbers::whole::<usize>(area.height / NUMBER).clamp(1, 6);
+        // Round steps make more numbers than were asked for.
+        let choices = (1..=most).rev().map(|count| ticks(self.low, self.high, count));
+        let numbers = choices.into_iter().find(|it| it.len() <= most + 1).unwrap_or_default();
+        for (value, text) in numbers {
             let y = area.bottom() - area.height * (value - self.low) / (self.high - self.low);
             drawing.line([area.right(), y], [area.right() + 4.0, y], Paint::line(INK, 0.8));
             widest = widest.max(text_width(&text, SMALL));
             drawing.text([area.right() + 7.0, y + 4.2], text, SMALL, INK, Anchor::Start);
         }
         let x = area.right() + 7.0 + widest + 17.0;
-        drawing.text_upwards([x, area.top + area.height / 2.0], label, 13.0);
+        let lines = wrapped(label, area.height + 24.0, 13.0);
+        for (at, line) in lines.into_iter().enumerate() {
+            let at = [x + LINE * at as f64, area.top + area.height / 2.0];
+            drawing.text_upwards(at, line, 13.0);
+        }
     }
 }
 

@@ -66,6 +66,18 @@ pub(crate) fn wrapped(text: &str, width: f64, size: f64) -> Vec<String> {
     lines
 }
 
+/// A text, shortened to a width.
+pub(crate) fn cut(text: &str, width: f64, size: f64) -> String {
+    if text_width(text, size) <= width {
+        return text.to_owned();
+    }
+    let mut text = text.to_owned();
+    while !text.is_empty() && text_width(&text, size) > width - size {
+        text.pop();
+    }
+    text + "…"
+}
+
 /// Parts that are not empty, with dots between.
 pub(crate) fn joined(parts: &[String]) -> String {
     let parts: Vec<&str> =

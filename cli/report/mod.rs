@@ -29,10 +29,11 @@ const OF_FRAME: u64 = 32;
 
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/page.css");
-const SCRIPTS: [&str; 4] = [
+const SCRIPTS: [&str; 5] = [
     include_str!("page/state.js"),
     include_str!("page/images.js"),
     include_str!("page/charts.js"),
+    include_str!("page/sinograms.js"),
     include_str!("page/controls.js"),
 ];
 /// uPlot, as it comes from npm: version, hashes and licence stand beside it.
@@ -121,7 +122,8 @@ fn rendered(context: &Value) -> Result<String, Failure> {
 
 /// The title of the scene, or the name of the directory.
 fn title(run: &Subject) -> String {
-    if let Some(title) = run.scene().and_then(|scene| scene.title.clone()) {
+    let title = run.title();
+    if !title.is_empty() {
         return title;
     }
     let path = run.path();

@@ -62,6 +62,13 @@ impl Subject {
         self.scene.as_ref()
     }
 
+    /// Title of the scene; empty where it has none.
+    pub(crate) fn title(&self) -> String {
+        let of_scene = self.scene.as_ref().and_then(|scene| scene.title.clone());
+        let of_record = || self.record.as_ref().and_then(|record| record.title.clone());
+        of_scene.or_else(of_record).unwrap_or_default()
+    }
+
     /// Intensities of a run: flat and sample.
     pub(crate) const fn frames(&self) -> Option<&[StackFile; 2]> {
         self.frames.as_ref()

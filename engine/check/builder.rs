@@ -93,6 +93,7 @@ impl<'a> Check<'a> {
                 if let Some(engine) = engine {
                     estimate::add_curve(engine, scene, &mut report);
                 }
+                report.add_doubts_of_scan(scene)?;
                 Ok(report)
             }
         }

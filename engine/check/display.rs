@@ -5,6 +5,9 @@ use crate::numbers;
 use crate::printed::number;
 use std::fmt::{self, Display, Formatter};
 
+/// Most objects of a list by name.
+const NAMED: usize = 4;
+
 impl Display for CheckReport {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         self.write_setup(f)?;
@@ -102,6 +105,10 @@ impl CheckReport {
             format!("{} to {} from the source", distance(low), distance(high))
         });
         line(f, "sample sweeps", format!("{text}, room from {near} to {far}"))?;
+        if !setup.passing.is_empty() {
+            let text = format!("along z through the field: {}", named(&setup.passing));
+            line(f, "", text)?;
+        }
         let (views, steps) = (extent.views, extent.steps);
         let frames = format!("{views} x {steps} of {} x {} pixels", extent.columns, extent.rows);
         line(f, "views x steps", frames)
@@ -188,6 +195,14 @@ fn write_object(f: &mut Formatter<'_>, object: &CheckedObject) -> fmt::Result {
 
 fn line(f: &mut Formatter<'_>, label: &str, text: String) -> fmt::Result {
     writeln!(f, "  {label:<22}{text}")
+}
+
+/// Names of objects; of many the number.
+fn named(names: &[String]) -> String {
+    match names.len() {
+        ..=NAMED => names.join(", "),
+        count => format!("{}, {} in all", names[..NAMED].join(", "), count),
+    }
 }
 
 /// A length in the unit that suits it.

@@ -21,6 +21,7 @@ pub(super) fn estimated(
     let (mut report, sample, bounded) = load_lenient(scene, limit, control)?;
     let loaded_in = begin.elapsed().as_secs_f64();
     add_curve(engine, scene, &mut report);
+    report.add_doubts_of_scan(scene)?;
     if !report.refusals.is_empty() {
         report.add_edges(scene, bounded.as_ref());
         report.work.no_estimate = Some("a run refuses the sample".into());
@@ -46,11 +47,8 @@ pub(super) fn estimated(
     Ok(report)
 }
 
-/// Adds the curve and what is odd about it; a device that fails takes it away.
+/// Adds the curve; a device that fails takes it away.
 pub(super) fn add_curve(engine: &Engine, scene: &Scene, report: &mut CheckReport) {
     let curve = illumination::illumination(engine, scene, &report.setup.nodes);
     report.illumination = curve.unwrap_or(None);
-    if let Some(curve) = &report.illumination {
-        report.warnings.extend(illumination::warnings(curve));
-    }
 }

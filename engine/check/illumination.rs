@@ -2,7 +2,7 @@
 
 use crate::cancel::Cancel;
 use crate::numbers::single;
-use crate::optics::{MaskShape, Optics};
+use crate::optics::{self, Optics, ThinCurve};
 use crate::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
 use crate::run::quality;
 use crate::scene::{Counts, Object, Scatter, Scene, Scheme};
@@ -64,8 +64,7 @@ impl IlluminationCurve {
     /// Least and greatest offset of the scan from the curve's centre, over its σ.
     #[must_use]
     pub fn reach(&self) -> [f64; 2] {
-        let offsets = || self.scan.iter().map(|[offset, _]| offset / self.sigma);
-        [offsets().fold(f64::INFINITY, f64::min), offsets().fold(f64::NEG_INFINITY, f64::max)]
+        reach(self.scan.iter().map(|[offset, _]| *offset), self.sigma)
     }
 
     /// Whether the scan has three different offsets and no more: they settle area, centre and width
@@ -88,17 +87,10 @@ pub(super) fn illumination(
     nodes: &Nodes,
 ) -> Result<Option<IlluminationCurve>> {
     let optics = Optics::of(scene);
-    let (Some(sample_mask), Some(detector_mask)) = (&optics.sample_mask, &optics.detector_mask)
-    else {
+    if optics.sample_mask.is_none() || optics.detector_mask.is_none() {
         return Ok(None);
-    };
-    let mut leak = [0.0; 2];
-    for (leak, mask) in leak.iter_mut().zip([sample_mask, detector_mask]) {
-        for (energy, weight) in nodes.energies.iter().zip(&nodes.weights) {
-            let bars = MaskShape::of(scene, mask, mask.distance(), Some(*energy))?;
-            *leak += weight * bars.leak(1.0);
-        }
     }
+    let leak = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;
     let period = optics.curve_period();
     let step = period / f64::from(OFFSETS);
     let offsets: Vec<f64> = (0..OFFSETS).map(|i| f64::from(i) * step - 0.5 * period).collect();
@@ -234,10 +226,30 @@ fn expected(
     Ok(expected.transmission.is_finite().then_some(expected))
 }
 
-/// What is odd about the masks and the offsets, in words.
-pub(super) fn warnings(curve: &IlluminationCurve) -> Vec<String> {
+/// What is odd about the masks and the offsets, in words: by the curve, or without one by that of thin
+/// masks in closed form.
+///
+/// # Errors
+/// Those of the materials of masks and beam.
+pub(super) fn warnings(
+    scene: &Scene,
+    nodes: &Nodes,
+    curve: Option<&IlluminationCurve>,
+) -> Result<Vec<String>> {
+    let optics = Optics::of(scene);
+    let leaks = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;
+    let thin = || ThinCurve::of(&optics, leaks).and_then(|curve| curve.fitted_sigma());
+    let mut warnings = leak_warnings(leaks);
+    if let Some(sigma) = curve.map(|curve| curve.sigma).or_else(thin) {
+        warnings.extend(scan_warning(&scene.scan.mask_offsets, sigma, optics.curve_period()));
+    }
+    Ok(warnings)
+}
+
+/// Bars that pass too much light.
+fn leak_warnings(leaks: [f64; 2]) -> Vec<String> {
     let mut warnings = Vec::new();
-    for (name, leak) in ["sample_mask", "detector_mask"].into_iter().zip(curve.leak) {
+    for (name, leak) in ["sample_mask", "detector_mask"].into_iter().zip(leaks) {
         if leak > 0.01 {
             warnings.push(format!(
                 "the bars of {name} let {:.1} % of the light through; above 1 % they take visibility: \
@@ -246,15 +258,22 @@ pub(super) fn warnings(curve: &IlluminationCurve) -> Vec<String> {
             ));
         }
     }
-    warnings.extend(scan_warning(curve));
     warnings
 }
 
-/// Offsets that say little of the curve.
-fn scan_warning(curve: &IlluminationCurve) -> Option<String> {
-    let [low, high] = curve.reach();
-    let (sigma, half) = (curve.sigma * 1e6, 0.5 * curve.period);
-    let farthest = low.abs().max(high.abs()) * curve.sigma;
+/// Least and greatest of these offsets over the σ of a curve.
+fn reach(offsets: impl Iterator<Item = f64>, sigma: f64) -> [f64; 2] {
+    let ends = [f64::INFINITY, f64::NEG_INFINITY];
+    let ends = offsets.fold(ends, |[low, high], offset| [low.min(offset), high.max(offset)]);
+    ends.map(|offset| offset / sigma)
+}
+
+/// Offsets that say little of a curve with this σ, m, and this period, m.
+fn scan_warning(offsets: &[f64], sigma: f64, period: f64) -> Option<String> {
+    let [low, high] = reach(offsets.iter().copied(), sigma);
+    let half = 0.5 * period;
+    let farthest = low.abs().max(high.abs()) * sigma;
+    let sigma = sigma * 1e6;
     // Half a period to the digits of a scene file.
     if farthest > half * (1.0 + 1e-6) {
         return Some(format!(
@@ -265,7 +284,7 @@ fn scan_warning(curve: &IlluminationCurve) -> Option<String> {
         ));
     }
     // Three offsets settle no background however far they reach: the report says so.
-    (curve.scan.len() > 3 && (low > -2.2 || high < 2.2)).then(|| {
+    (offsets.len() > 3 && (low > -2.2 || high < 2.2)).then(|| {
         format!(
             "scan.mask_offsets cover {low:.1} to {high:.1} sigma of the illumination curve (sigma \
              {sigma:.2} um); -{0:.0} to {0:.0} um, 2.5 sigma, would settle width and background",

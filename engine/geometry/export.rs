@@ -105,8 +105,8 @@ impl Sample {
                 if !(error.is_finite() && error >= least) {
                     return Err(Error::argument(
                         "error",
-                        Length.format(error),
-                        format!("{} or more, for the facets around a shape", Length.format(least)),
+                        Length.rounded(error),
+                        format!("{} or more, for the facets around a shape", Length.rounded(least)),
                     ));
                 }
                 let each = shape.triangles(error / largest);
@@ -149,7 +149,7 @@ impl Sample {
 /// [`Error::Memory`]; [`Error::File`] where it cannot be written.
 pub fn write_meshes(path: &Path, meshes: &[NamedMesh], unit: f64) -> Result<()> {
     if !(unit.is_finite() && unit > 0.0) {
-        return Err(Error::argument("unit", Length.format(unit), "a length above 0"));
+        return Err(Error::argument("unit", Length.rounded(unit), "a length above 0"));
     }
     let triangles = meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>();
     let corners = meshes.iter().map(|mesh| mesh.vertices.len()).sum::<usize>();

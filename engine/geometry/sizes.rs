@@ -45,7 +45,7 @@ pub(super) fn unit_doubt(
     let meant = unit.and_then(|unit| {
         let fits = |across: f64| !is_small(across) && !is_large(across);
         let meant = UNITS.into_iter().find(|it| fits(across * it / unit))?;
-        let word = Length.format(meant);
+        let word = Length.rounded(meant);
         let word = word.strip_prefix("1 ").unwrap_or(&word).to_owned();
         Some(format!(" With unit = \"{word}\" it would be {}", rounded(across * meant / unit)))
     });
@@ -60,5 +60,5 @@ pub(super) fn unit_doubt(
 /// A length to three digits.
 fn rounded(length: f64) -> String {
     let three = format!("{length:.2e}").parse().unwrap_or(length);
-    Length.format(three)
+    Length.rounded(three)
 }

@@ -94,7 +94,8 @@ pub fn check_clearance(scene: &Scene, sample: &Sample) -> Result<()> {
     swept(scene, sample).check_clearance(scene, sample)
 }
 
-/// A body that passes through the field along the slits may reach so many times as far.
+/// A body that passes through the field along the slits reaches at most this many times as far as the
+/// longer side of the detector.
 const PASSING: f64 = 4.0;
 
 impl Swept {
@@ -153,57 +154,71 @@ impl Swept {
     }
 
     /// What of the sample may lie outside the field of view, in words; at most one sentence for
-    /// each object and direction.
+    /// each object and direction. Objects of [`Self::passing`] are as they should be along the slits.
     #[must_use]
     pub fn fov_warnings(&self, scene: &Scene) -> Vec<String> {
         let half = scene.detector.size().map(|side| side / 2.0);
-        let centre = scene.source.distance;
         let mut warnings = Vec::new();
         for object in self.listed(scene) {
             let name = &self.names[object];
-            // Greatest distance from the detector's centre over the views, and its view.
-            let mut worst = [(0.0, 0); 2];
-            // Fibres and rods pass through the field along the slits: nothing changes along them. An
-            // object that is many times as long has the wrong unit.
-            let least = scene.detector.distance / (centre + self.far(object));
-            let mut passes = true;
-            for view in self.views() {
-                let Seen { extent, slopes } = self.seen(view, object);
-                for (worst, slope) in worst.iter_mut().zip(slopes) {
-                    let reach = slope * scene.detector.distance;
-                    if reach > worst.0 {
-                        *worst = (reach, view);
-                    }
-                }
-                let [low, high] = extent.z.map(|z| z * least);
-                passes = passes && low < -half[1] && high > half[1];
-            }
-            let is_meant =
-                |axis: &str, reach: f64| axis == "z" && passes && reach < PASSING * half[1];
+            let is_mesh = |o: &&Object| matches!(o.geometry, ShapeOrMesh::Mesh(_));
+            let doubt = match scene.objects.iter().filter(is_mesh).any(|it| it.name == *name) {
+                true => "is its `unit` (or `scale`) the right one",
+                false => "are its size and place the right ones",
+            };
+            let Reach { worst, passes } = self.reach(scene, object);
             for (((reach, view), half), axis) in worst.into_iter().zip(half).zip(["x", "z"]) {
-                if reach > half && !is_meant(axis, reach) {
-                    let is_mesh = |o: &&Object| matches!(o.geometry, ShapeOrMesh::Mesh(_));
-                    let of_file =
-                        scene.objects.iter().filter(is_mesh).any(|object| object.name == *name);
+                if reach > half && !(axis == "z" && passes) {
                     warnings.push(format!(
-                        "\"{}\" reaches outside the field of view: {:.3} mm from the centre of the \
-                     detector in {axis} {}, where the detector ends at {:.3} mm; if \
-                     it should not, {}?",
-                        name,
+                        "\"{name}\" reaches outside the field of view: {:.3} mm from the centre of the \
+                         detector in {axis} {}, where the detector ends at {:.3} mm; if it should not, \
+                         {doubt}?",
                         reach * 1e3,
                         at(scene, view),
                         half * 1e3,
-                        if of_file {
-                            "is its `unit` (or `scale`) the right one"
-                        } else {
-                            "are its size and place the right ones"
-                        }
                     ));
                 }
             }
         }
         warnings
     }
+
+    /// Names of the objects that pass through the field of view along the slits in every view, as fibres
+    /// and standing rods do: nothing changes along them.
+    #[must_use]
+    pub fn passing(&self, scene: &Scene) -> Vec<String> {
+        let passing = self.listed(scene).filter(|object| self.reach(scene, *object).passes);
+        passing.map(|object| self.names[object].clone()).collect()
+    }
+
+    fn reach(&self, scene: &Scene, object: usize) -> Reach {
+        let half = scene.detector.size().map(|side| side / 2.0);
+        let mut worst = [(0.0, 0); 2];
+        let least = scene.detector.distance / (scene.source.distance + self.far(object));
+        let mut passes = true;
+        for view in self.views() {
+            let Seen { extent, slopes } = self.seen(view, object);
+            for (worst, slope) in worst.iter_mut().zip(slopes) {
+                let reach = slope * scene.detector.distance;
+                if reach > worst.0 {
+                    *worst = (reach, view);
+                }
+            }
+            let [low, high] = extent.z.map(|z| z * least);
+            passes = passes && low < -half[1] && high > half[1];
+        }
+        // One that is many times as long as the detector is large has the wrong unit.
+        let passes = passes && worst[1].0 < PASSING * half[0].max(half[1]);
+        Reach { worst, passes }
+    }
+}
+
+/// How far an object reaches on the detector.
+struct Reach {
+    /// Greatest distance from the detector's centre in x and z over the views, m, and its view.
+    worst: [(f64, usize); 2],
+    /// Whether it passes through the field along the slits in every view.
+    passes: bool,
 }
 
 /// The view in words.

@@ -30,7 +30,7 @@ pub(super) fn constants(
         let is_outside = |energy: &&f64| !(low..=high).contains(&(**energy * 1e3));
         if let Some(energy) = energies.iter().find(is_outside) {
             return Err(outside(
-                Dimension::Energy.format(*energy),
+                Dimension::Energy.rounded(*energy),
                 format!(
                     "{} keV to {} keV, the range of the tables for {element} in \"{name}\"",
                     low / 1e3,

@@ -131,7 +131,7 @@ pub fn mask_meshes(
 fn above_zero(name: &'static str, length: Option<f64>) -> Result<()> {
     match length {
         Some(length) if !(length.is_finite() && length > 0.0) => {
-            Err(Error::argument(name, Length.format(length), "a length above 0"))
+            Err(Error::argument(name, Length.rounded(length), "a length above 0"))
         }
         _ => Ok(()),
     }
@@ -155,14 +155,15 @@ fn bars(mask: &Mask, extent: f64) -> Result<Vec<[f64; 2]>> {
     let openings = mask.openings(mask.distance());
     let period = openings.period[0];
     if openings.bar() <= 0.0 {
-        let found = Length.format(openings.narrowest(0));
-        let allowed = format!("less than the period, {}: there are no bars", Length.format(period));
+        let found = Length.rounded(openings.narrowest(0));
+        let allowed =
+            format!("less than the period, {}: there are no bars", Length.rounded(period));
         return Err(Error::scene(format!("{}.aperture", mask.name()), found, allowed));
     }
     let count = (extent / period).ceil().max(1.0);
     if count > MOST_BARS {
-        let allowed = format!("up to {}", Length.format(MOST_BARS * period));
-        return Err(Error::argument("size", Length.format(extent), allowed));
+        let allowed = format!("up to {}", Length.rounded(MOST_BARS * period));
+        return Err(Error::argument("size", Length.rounded(extent), allowed));
     }
     // The period nearest to the axis, and as many on either side.
     let reach: i32 = numbers::whole((count / 2.0).ceil());

@@ -103,8 +103,8 @@ impl Method {
                 "detector_mask.aperture",
                 format!(
                     "projected apertures of {} and {}",
-                    Length.format(shape.projected[0]),
-                    Length.format(shape.projected[1])
+                    Length.rounded(shape.projected[0]),
+                    Length.rounded(shape.projected[1])
                 ),
                 "triangle needs projected apertures of one width: use trapezoid",
             )),
@@ -154,7 +154,7 @@ impl fmt::Display for Method {
 }
 
 fn spot(scene: &Scene) -> String {
-    format!("a spot of {} across the slits", Length.format(scene.source.spot.fwhm()[0]))
+    format!("a spot of {} across the slits", Length.rounded(scene.source.spot.fwhm()[0]))
 }
 
 fn check_beamlets(scene: &Scene, offsets: &[f64]) -> Result<()> {

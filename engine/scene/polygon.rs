@@ -21,7 +21,7 @@ pub(super) fn validate(key: &str, points: &[[f64; 2]], faults: &mut Faults) {
         for (axis, length) in point.iter().enumerate() {
             if !length.is_finite() {
                 let key = format!("{key}[{index}][{axis}]");
-                faults.add(Error::scene(key, Length.format(*length), "a finite value"));
+                faults.add(Error::scene(key, Length.rounded(*length), "a finite value"));
             }
         }
     }

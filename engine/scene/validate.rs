@@ -79,8 +79,8 @@ impl Scene {
     fn validate_order(&self, faults: &mut Faults) {
         let (source, detector) = (&self.source, &self.detector);
         if detector.distance > 0.0 && detector.distance <= source.distance {
-            let found = Length.format(detector.distance);
-            let allowed = format!("more than source.distance, {}", Length.format(source.distance));
+            let found = Length.rounded(detector.distance);
+            let allowed = format!("more than source.distance, {}", Length.rounded(source.distance));
             faults.add(Error::scene("detector.distance", found, allowed));
         }
     }
@@ -105,10 +105,10 @@ impl Scene {
             if pixel / mask.period > most {
                 return Err(Error::scene(
                     format!("{table}.period"),
-                    Length.format(mask.period),
+                    Length.rounded(mask.period),
                     format!(
                         "at least {}, {most:.0} apertures in a pixel",
-                        Length.format(pixel / most)
+                        Length.rounded(pixel / most)
                     ),
                 ));
             }
@@ -128,7 +128,7 @@ impl Scene {
         }
         let allowed = format!(
             "bars between the source and the rotation centre at source.distance, {}",
-            Length.format(centre)
+            Length.rounded(centre)
         );
         misplaced("sample_mask", mask, [0.0, centre], allowed)
     }
@@ -148,8 +148,8 @@ impl Scene {
         let allowed = format!(
             "bars between the rotation centre at source.distance, {}, and the detector at {}; the \
              distance is that of the centre plane of the bars",
-            Length.format(centre),
-            Length.format(end)
+            Length.rounded(centre),
+            Length.rounded(end)
         );
         misplaced("detector_mask", mask, [centre, end], allowed)
     }
@@ -201,15 +201,15 @@ impl Scene {
             return far.map_or(Ok(()), |offset| {
                 let allowed = format!(
                     "up to {}, {:e} periods of the sample mask",
-                    Length.format(most),
+                    Length.rounded(most),
                     limits::OFFSET_PERIODS
                 );
-                Err(Error::scene(key, Length.format(*offset), allowed))
+                Err(Error::scene(key, Length.rounded(*offset), allowed))
             });
         }
         let moved = offsets.iter().find(|offset| offset.abs() > 0.0);
         let Some(offset) = moved else { return Ok(()) };
-        let found = format!("{} without a sample mask", Length.format(*offset));
+        let found = format!("{} without a sample mask", Length.rounded(*offset));
         let allowed = "only \"0 m\" where there is no [sample_mask] to move";
         Err(Error::scene(key, found, allowed))
     }
@@ -227,13 +227,13 @@ fn misplaced(table: &str, mask: &MaskSpec, [low, high]: [f64; 2], allowed: Strin
     if distance > low && distance < high - AT_DETECTOR && thickness > limits::THICK_BARS {
         let most = 2.0 * (distance - low).min(high - distance);
         // Without the rounding of a difference.
-        let most = Length.format((most * 1e9).round() / 1e9);
+        let most = Length.rounded((most * 1e9).round() / 1e9);
         let key = format!("{table}.thickness");
         let allowed =
-            format!("up to {most} at {table}.distance = {}: {allowed}", Length.format(distance));
-        return Err(Error::scene(key, Length.format(thickness), allowed));
+            format!("up to {most} at {table}.distance = {}: {allowed}", Length.rounded(distance));
+        return Err(Error::scene(key, Length.rounded(thickness), allowed));
     }
-    Err(Error::scene(format!("{table}.distance"), Length.format(distance), allowed))
+    Err(Error::scene(format!("{table}.distance"), Length.rounded(distance), allowed))
 }
 
 /// Wider spots blur all pixels into one another, and take time without end.
@@ -245,8 +245,8 @@ fn spot_in_view(spot: &Spot, pitch: [f64; 2], pixels: [u32; 2]) -> Result<()> {
         None => Ok(()),
         Some(size) => Err(Error::scene(
             "source.spot",
-            Length.format(size),
-            format!("up to {}, the field of view", Length.format(most)),
+            Length.rounded(size),
+            format!("up to {}, the field of view", Length.rounded(most)),
         )),
     }
 }

@@ -29,12 +29,12 @@ pub(super) fn spectrum(anode: Anode, kvp: f64, anode_angle: f64) -> Result<Spect
     let [low, high] = anode.kvp_range();
     if !(low..=high).contains(&kvp) {
         let allowed = format!("{low} kV to {high} kV for an anode of {}", anode.name());
-        return Err(Error::scene("source.spectrum.kvp", Voltage.format(kvp), allowed));
+        return Err(Error::scene("source.spectrum.kvp", Voltage.rounded(kvp), allowed));
     }
     let [least, most] = ANODE_ANGLES;
     if !(least..=most).contains(&anode_angle) {
-        let allowed = format!("{} to {}", Angle.format(least), Angle.format(most));
-        let found = Angle.format(anode_angle);
+        let allowed = format!("{} to {}", Angle.rounded(least), Angle.rounded(most));
+        let found = Angle.rounded(anode_angle);
         return Err(Error::scene("source.spectrum.anode_angle", found, allowed));
     }
     let table = table(anode)?;

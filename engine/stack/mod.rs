@@ -37,6 +37,6 @@ pub use record::{RunRecord, RunStart, SamplingSummary, SearchCounts};
 pub use run_directory::RunDirectory;
 pub(crate) use run_file::now;
 pub use run_file::{FORMAT_VERSION, RunFile, RunState};
-pub use shape::{StackShape, views};
+pub use shape::{StackShape, ViewAngles, views};
 pub use sink::Sink;
 pub use verify::{RunCheck, check_run};

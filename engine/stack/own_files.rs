@@ -19,7 +19,7 @@ pub(super) fn look(path: &Path, overwrite: bool) -> Result<()> {
     let names = match folder::names(path) {
         Ok(names) => names,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(Error::file(path, "cannot hold a run", Some(error))),
+        Err(error) => return Err(folder::failed(path, "cannot hold a run", error)),
     };
     let empty = names.is_empty() || has_only_begun(path);
     let is_run = RunFile::read(&path.join(RUN)).is_ok();

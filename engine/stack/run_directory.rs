@@ -15,7 +15,7 @@ use super::progress_log::ProgressLog;
 use super::record::{RunRecord, RunStart};
 use super::run_file::{RunFile, RunState};
 use super::scene_file;
-use super::shape::StackShape;
+use super::shape::{StackShape, ViewAngles};
 use super::sink::Sink;
 use super::values::Values;
 use crate::array_file::Format;
@@ -149,8 +149,7 @@ impl RunDirectory {
         if let Some(log) = self.log.take() {
             return Ok(log);
         }
-        fs::create_dir_all(&self.path)
-            .map_err(|error| Error::file(&self.path, "cannot be created", Some(error)))?;
+        folder::make_all(&self.path)?;
         let path = self.path.join(LOG);
         let fresh = fs::symlink_metadata(&path).is_err();
         let log = ProgressLog::lock(&path)?;
@@ -210,6 +209,7 @@ impl Sink for RunDirectory {
         let mut file = RunFile::begin(self.format, extent, scene.sampling.seed, start);
         file.keep_moments = Some(self.keep_moments);
         file.title.clone_from(&scene.title);
+        file.view_angles = Some(ViewAngles::of(scene));
         let scene_path = self.path.join(SCENE);
         let resolved =
             scene_file::resolved(&self.path, scene, &start.mesh_hashes, &self.overrides)?;

@@ -1,7 +1,7 @@
 //! run.json: the provenance of a run, written when it begins and again when it ends.
 
 use super::record::{RunRecord, RunStart};
-use super::shape::StackShape;
+use super::shape::{StackShape, ViewAngles};
 use crate::array_file::Format;
 use crate::input_file;
 use crate::{Error, Result};
@@ -60,6 +60,9 @@ pub struct RunFile {
     /// Title of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub title: Option<String>,
+    /// Angles of the views; `None` in runs of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view_angles: Option<ViewAngles>,
     /// Command line of each part of the run, the first first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub commands: Vec<String>,
@@ -100,6 +103,7 @@ impl RunFile {
             written: None,
             duration_s: 0.0,
             title: None,
+            view_angles: None,
             commands: Vec::new(),
             resumed_views: 0,
             uncounted_views: 0,

@@ -18,6 +18,26 @@ pub fn views(scene: &Scene) -> Result<impl Iterator<Item = Exposure> + use<>> {
         .chain((0..extent.views).map(Exposure::Sample)))
 }
 
+/// Angles of the views of a scene, in order.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct ViewAngles {
+    /// To a billionth of a degree.
+    pub degrees: Vec<f64>,
+    /// As the run takes them.
+    pub radians: Vec<f64>,
+}
+
+impl ViewAngles {
+    /// Angles of the views of `scene`.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        let radians = scene.scan.angles.clone();
+        let degrees = radians.iter().map(|angle| (angle.to_degrees() * 1e9).round() / 1e9);
+        Self { degrees: degrees.collect(), radians }
+    }
+}
+
 /// Shape of the stacks of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]

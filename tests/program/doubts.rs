@@ -109,3 +109,55 @@ fn shipped_scenes_leave_no_doubt() {
     }
     assert!(scenes >= 4, "{scenes} scenes");
 }
+
+#[test]
+fn check_warns_without_an_estimate_as_with_one() {
+    let directory = tempfile::tempdir().unwrap();
+    let scene = format!(
+        "{MASKS}\n[scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n[detector]\n\
+         distance = \"1.8 m\"\npixels = [16, 1]\npitch = \"150 um\"\n{ROD}"
+    );
+    fs::write(directory.path().join("scene.toml"), scene).unwrap();
+    let warnings = |options: &str| -> Vec<String> {
+        let text = done(directory.path(), &format!("check scene.toml {options}"));
+        // Sigma by a fit of light in f32 and by the closed form: to two digits.
+        let rounded = |line: &str| line.split("(sigma").next().unwrap_or_default().to_owned();
+        text.lines().filter(|line| line.starts_with("warning")).map(rounded).collect()
+    };
+    for (options, words) in [
+        ("--set scan.mask_offsets={from=\"-12um\",to=\"12um\",count=5}", "cover -1."),
+        ("--set scan.mask_offsets={from=\"-60um\",to=\"60um\",count=13}", "beyond half a period"),
+        ("--set sample_mask.thickness=4um", "the bars of sample_mask let"),
+        ("--set detector_mask.thickness=4um", "the bars of detector_mask let"),
+    ] {
+        let with = warnings(options);
+        let without = warnings(&format!("{options} --no-estimate"));
+        assert!(with.iter().any(|warning| warning.contains(words)), "{options}: {with:?}");
+        assert_eq!(with, without, "{options}");
+    }
+}
+
+#[test]
+fn standing_rods_are_named_once_and_angles_are_numbers() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = format!(
+        "{MASKS}\n[scan]\nmask_offsets = [\"0 um\"]\nangles = [\"0 deg\", \"30 deg\"]\n[detector]\n\
+         distance = \"1.8 m\"\npixels = [64, 1]\npitch = \"150 um\"\n\
+         [[object]]\nname = \"first\"\nshape = {{ cylinder = {{ radius = \"1 mm\", height = \"16 mm\" }} }}\n\
+         material = \"water\"\n[[object]]\nname = \"second\"\nmaterial = \"water\"\n\
+         shape = {{ cylinder = {{ radius = \"0.2 mm\", height = \"16 mm\" }} }}\n\
+         position = [\"2 mm\", \"0 mm\", \"0 mm\"]\n"
+    );
+    let report = checked(directory.path(), &text, "");
+    assert_eq!(report.matches("along z through the field: first, second\n").count(), 1, "{report}");
+    assert!(!report.contains("outside the field"), "{report}");
+    let json = checked(directory.path(), &text, "--json");
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let angles = &json["setup"]["view_angles"];
+    assert_eq!(angles["degrees"], serde_json::json!([0.0, 30.0]));
+    assert_eq!(angles["radians"][1].as_f64(), Some(30_f64.to_radians()));
+    done(directory.path(), "simulate scene.toml -o run -q --set detector.pixels=[4,1]");
+    let run = fs::read_to_string(directory.path().join("run/run.json")).unwrap();
+    let run: serde_json::Value = serde_json::from_str(&run).unwrap();
+    assert_eq!(&run["view_angles"], angles);
+}

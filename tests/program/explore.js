@@ -154,6 +154,19 @@
     check("charts zoom by dragging", Math.abs(x() / span - .5) < .03, x() / span);
     await press(charts.curve.place, "0");
 
+    const { area } = sinograms[0], turned = by("sinogram-transmission").getBoundingClientRect();
+    await fire(by("sinogram-transmission"), new PointerEvent("click", { bubbles: true,
+      clientX: turned.left + area.left + 7.5 * area.width / 16, clientY: turned.top + area.top + .75 * area.height }));
+    check("a click in a sinogram chooses column and view", text("cursor-told") === "pixel 7, 2" && text("view-told") === "1: 90°",
+      text("cursor-told") + text("view-told"));
+    await press(by("sinogram-transmission"), "ArrowUp");
+    check("arrow keys move its view", text("view-told") === "0: 0°", text("view-told"));
+    await point("pointermove", "sample", 3, 1);
+    const { min, max } = charts["profile-dark_field"].plot.scales.y;
+    check("a flagged spike does not set the range of a profile", min > -2 && max < 4
+      && charts["profile-dark_field"].plot.data[1][5] > 400, [min, max].join());
+    await point("pointermove", "sample", 3, 2);
+
     // What is saved, without the waits of files, which a browser with virtual time does not make.
     const saved = [];
     window.Blob = class { constructor(parts, { type }) { Object.assign(this, { text: parts.join(""), type }); } };
@@ -169,6 +182,11 @@
     await click([...document.querySelectorAll("button")].find((one) => (one.getAttribute("aria-label") || "").endsWith("lines) as CSV")));
     const curves = saved[4] ? saved[4].text.trim().split("\n") : [];
     check("a curve is saved as CSV", curves[0] === '"offset","flat","sample","flat fit","sample fit"' && curves.length > 100, curves[0]);
+
+    await click(document.querySelector('[aria-label="Save the sinogram of Transmission as CSV"]'));
+    const rowsOfViews = saved[6] ? saved[6].text.trim().split("\n") : [];
+    check("a sinogram is saved as CSV, a line per view", rowsOfViews.length === 3
+      && Math.abs(Number(rowsOfViews[2].split(",")[4]) - .675) < 1e-4, rowsOfViews.join(" | "));
 
     const paper = () => getComputedStyle(document.body).backgroundColor;
     await put("theme", "light", "change");

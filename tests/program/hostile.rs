@@ -526,9 +526,9 @@ fn paths_that_cannot_be_read_or_written_are_named() {
     place.scene = "scene.toml";
     // A file in the way, as the run directory and as a folder above it.
     place.output = "part.stl";
-    place.refused(&["part.stl", "cannot hold a run"]);
+    place.refused(&["part.stl", "is not a directory"]);
     place.output = "part.stl/run";
-    place.refused(&["part.stl/run", "cannot hold a run"]);
+    place.refused(&["part.stl", "is not a directory"]);
     place.output = "/proc/run";
     if cfg!(target_os = "linux") {
         place.refused(&["/proc/run"]);

@@ -28,6 +28,23 @@ function addChart(parent, id, title, widest, height, series, options) {
   return chart;
 }
 
+// Range of y: values of flagged places do not set it, unless all in sight are flagged.
+function reach(chart, plot, low, high) {
+  if (low === null) return [null, null];
+  const { unset } = chart;
+  const [from, to] = plot.series[0].idxs || [0, 0];
+  let [least, most] = [Infinity, -Infinity];
+  for (let i = from; unset && i <= to; i++) {
+    if (unset[i]) continue;
+    for (const values of plot.data.slice(1)) {
+      if (!Number.isFinite(values[i])) continue;
+      least = Math.min(least, values[i]);
+      most = Math.max(most, values[i]);
+    }
+  }
+  return uPlot.rangeNum(...(least <= most ? [least, most] : [low, high]), .1, true);
+}
+
 function whole(chart) {
   chart.zoomed = false;
   chart.plot.setData(chart.plot.data, true);
@@ -65,7 +82,7 @@ function draw(chart, data) {
     width, height: chart.height, padding: [8, 14, 0, 0],
     series: chart.series.map(paint),
     bands: (chart.options.bands || []).map((series) => ({ series, fill: colour("band") })),
-    scales: { x: { time: false, ...chart.options.x }, y: chart.options.y || {} },
+    scales: { x: { time: false, ...chart.options.x }, y: { range: (plot, low, high) => reach(chart, plot, low, high) } },
     axes: [axis(chart.options.across(), 2), axis(chart.options.down, 3)],
     legend: { show: false },
     cursor: { y: false, drag: { x: true, y: true, uni: 30 } },
@@ -183,7 +200,8 @@ function drawProfile(name) {
     data.push(...[1, -1].map((sign) => values.map((value, i) => value === null ? null : finite(value + sign * sigma[i]))));
   }
   const chart = charts["profile-" + name];
-  chart.flagged = x.filter((_, i) => flagsAt(pixel(places[i])));
+  chart.unset = places.map((i) => Boolean(flagsAt(pixel(i))));
+  chart.flagged = x.filter((_, i) => chart.unset[i]);
   draw(chart, data);
 }
 

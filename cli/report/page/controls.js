@@ -53,6 +53,7 @@ function show() {
   element("cursor-told").textContent =
     `pixel ${at.column * bin}, ${at.row * bin}${at.held ? " (held)" : ""}`;
   panels.forEach(drawImage);
+  sinograms.forEach(drawSinogram);
   if (charts.curve) drawCurves();
   contrasts.forEach(drawProfile);
   contrasts.forEach(remark);
@@ -108,6 +109,10 @@ function begin() {
     addProfile(name);
     addHistogram(name);
   }
+  // Of images, or of the frames where there are none; one view has no sinogram.
+  const turning = views < 2 ? [] : contrasts.length > 0 ? contrasts : meta.frames ? ["sample"] : [];
+  turning.forEach((name) => addSinogram(name, images[name].label[0].toUpperCase() + images[name].label.slice(1)));
+  element("sinogram-section").hidden = turning.length === 0;
   for (const id of ["retrieved", "distributions", "profile-section"]) element(id).hidden = contrasts.length === 0;
   const step = element("step"), view = element("view");
   step.max = Math.max(0, offsets.length - 1);

@@ -46,7 +46,7 @@ function axes(context, area, x, y, labels) {
   context.fillText(labels[0], area.left + area.width / 2, area.top + area.height + 22);
   context.textAlign = "right";
   context.textBaseline = "middle";
-  for (const [v, text] of ticks(y[0], y[1], Math.max(2, area.height / 45))) {
+  for (const [v, text] of ticks(Math.min(...y), Math.max(...y), Math.max(2, area.height / 45))) {
     context.moveTo(area.left - 4, down(v));
     context.lineTo(area.left, down(v));
     context.fillText(text, area.left - 7, down(v));
@@ -131,6 +131,7 @@ function redraw(panel) {
   colours(images[panel.name]);
   panel.shown = -1;
   drawImage(panel);
+  sinograms.filter((one) => one.name === panel.name).forEach(drawSinogram);
   if (panel.name === "flat" || panel.name === "sample") return;
   drawHistogram(panel.name);
 }
@@ -167,7 +168,7 @@ function drawImage(panel) {
   const x = [xOf(sight.column - .5), xOf(sight.column + sight.columns - .5)];
   const z = [zOf(sight.row + sight.rows - .5), zOf(sight.row - .5)];
   axes(context, area, x, z, [ACROSS, UP]);
-  if (at.crosshair) drawCrosshair(context, area);
+  if (at.crosshair) drawCrosshair(context, area, sight, at.row);
   drawBar(context, image, { left: area.left + area.width + 12, top: area.top, width: 12, height: area.height });
   const sigma = images[name + "_sigma"] ? now(name + "_sigma") : NaN;
   panel.line.textContent = measured(valueAt(name, number, pixelOf()), sigma, image.unit);
@@ -176,11 +177,10 @@ function drawImage(panel) {
   panel.ends.forEach((field, end) => { field.value = Number(image.scale[end].toPrecision(4)); });
 }
 
-// Lines through the pixel, open at it.
-function drawCrosshair(context, area) {
-  const { sight } = at;
+// Lines through the pixel, open at it; `row`: of what is in sight.
+function drawCrosshair(context, area, sight, row) {
   const wide = area.width / sight.columns, high = area.height / sight.rows;
-  const x = area.left + (at.column - sight.column + .5) * wide, y = area.top + (at.row - sight.row + .5) * high;
+  const x = area.left + (at.column - sight.column + .5) * wide, y = area.top + (row - sight.row + .5) * high;
   const open = Math.max(5, wide, high);
   context.save();
   context.beginPath();

@@ -155,7 +155,7 @@ pub(super) fn pack(
         }
         PackingKind::ParallelFibres => {
             let Some(section) = Region::cross_section(&spec.region, body.height) else {
-                let found = Length.format(body.height);
+                let found = Length.rounded(body.height);
                 let allowed = "no more than the height of instances.region: fibres stay inside";
                 return Err(refused(key, "shape.cylinder.height", found, allowed.into()));
             };
@@ -282,8 +282,8 @@ impl<const D: usize> Filling<'_, D> {
         if self.region.volume(body.margin(largest)) <= 0.0 {
             let found = format!(
                 "bodies of up to {} in diameter with a gap of {}",
-                Length.format(2.0 * body.outer_radius(largest)),
-                Length.format(body.gap)
+                Length.rounded(2.0 * body.outer_radius(largest)),
+                Length.rounded(body.gap)
             );
             let allowed = "a region in which the largest fits";
             return Err(refused(self.key, "instances.region", found, allowed.into()));

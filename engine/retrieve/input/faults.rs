@@ -24,11 +24,11 @@ pub(super) fn check_offsets(scene: &Scene) -> Result<()> {
     }
     Err(Error::argument(
         "offsets",
-        format!("a span of {}", Length.format(high - low)),
+        format!("a span of {}", Length.rounded(high - low)),
         format!(
             "{least} to {most} periods of the sample mask ({}): check the unit of the offsets, and \
              sample_mask.period",
-            Length.format(period)
+            Length.rounded(period)
         ),
     ))
 }

@@ -75,16 +75,16 @@ impl Record for Detector {
         if let DetectorMode::Counting { low: Some(low), high: Some(high) } = self.mode
             && low >= high
         {
-            let allowed = format!("more than threshold_low, {}", Energy.format(low));
-            faults.add(Error::scene(key("threshold_high"), Energy.format(high), allowed));
+            let allowed = format!("more than threshold_low, {}", Energy.rounded(low));
+            faults.add(Error::scene(key("threshold_high"), Energy.rounded(high), allowed));
         }
         if let Some(Blur::Gaussian { sigma }) = &self.blur {
             let mut wide =
                 sigma.iter().zip(self.pitch).map(|(it, pitch)| (*it, limits::BLUR * pitch));
             if let Some((sigma, most)) = wide.find(|(sigma, most)| sigma > most) {
                 let allowed =
-                    format!("no more than {} pixels, {}", limits::BLUR, Length.format(most));
-                faults.add(Error::scene(key("blur.sigma"), Length.format(sigma), allowed));
+                    format!("no more than {} pixels, {}", limits::BLUR, Length.rounded(most));
+                faults.add(Error::scene(key("blur.sigma"), Length.rounded(sigma), allowed));
             }
         }
         if let Some(Noise { swank, .. }) = self.counts
@@ -114,8 +114,8 @@ pub(crate) fn validate_thresholds(detector: &Detector, highest: f64) -> Result<(
         let Some(threshold) = threshold.filter(|threshold| *threshold > highest) else { continue };
         return Err(Error::scene(
             format!("detector.{key}"),
-            Energy.format(threshold),
-            format!("no more than the highest energy of the beam, {}", Energy.format(highest)),
+            Energy.rounded(threshold),
+            format!("no more than the highest energy of the beam, {}", Energy.rounded(highest)),
         ));
     }
     Ok(())

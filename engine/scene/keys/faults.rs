@@ -23,7 +23,7 @@ pub(crate) fn in_range(key: &str, kind: &Kind, value: f64) -> Result<()> {
     if range.contains(value) {
         return Ok(());
     }
-    let found = dimension.map_or_else(|| format!("{value:?}"), |it| it.format(value));
+    let found = dimension.map_or_else(|| format!("{value:?}"), |it| it.rounded(value));
     Err(Error::scene(key, found, kind.range_allowed()))
 }
 

@@ -41,8 +41,8 @@ impl Record for MaskSpec {
 
     fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         if self.aperture > self.period {
-            let found = format!("{} in the mask plane", Length.format(self.aperture));
-            let allowed = format!("no more than the period, {}", Length.format(self.period));
+            let found = format!("{} in the mask plane", Length.rounded(self.aperture));
+            let allowed = format!("no more than the period, {}", Length.rounded(self.period));
             faults.add(Error::scene(key("aperture"), found, allowed));
         }
     }

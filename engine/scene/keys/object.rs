@@ -110,7 +110,7 @@ fn check_mesh(mesh: &Mesh, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
         }
         (Some(unit), true) => {
             let allowed = "no unit: 3MF files state it; `scale` corrects a wrong one";
-            faults.add(Error::scene(key("unit"), Length.format(*unit), allowed));
+            faults.add(Error::scene(key("unit"), Length.rounded(*unit), allowed));
         }
         (None, false) if !path.as_os_str().is_empty() => {
             faults.add(Error::scene(key("unit"), "nothing: the key is missing", NO_SIZE));

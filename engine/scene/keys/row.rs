@@ -185,7 +185,8 @@ impl Kind {
             Self::Counts(_, low, high) => Some(format!("{low} to {high} each")),
             _ => {
                 let (dimension, _, range) = self.measure();
-                let words = range.words(|it| dimension.map_or_else(|| plain(it), |d| d.format(it)));
+                let words =
+                    range.words(|it| dimension.map_or_else(|| plain(it), |d| d.rounded(it)));
                 (!words.is_empty()).then_some(words)
             }
         }

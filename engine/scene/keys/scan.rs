@@ -85,7 +85,7 @@ impl Value for Vec<f64> {
             let found = format!("{} of them", self.len());
             faults.add(Error::scene(key, found, format!("1 to {most} of them")));
         } else if let Some(value) = self.iter().find(|value| !value.is_finite()) {
-            faults.add(Error::scene(key, dimension.format(*value), "a finite value"));
+            faults.add(Error::scene(key, dimension.rounded(*value), "a finite value"));
         }
     }
 }
@@ -115,8 +115,8 @@ fn read_count(
     {
         return Ok(crate::numbers::whole(count));
     }
-    let span = dimension.format(to - from);
-    let found = dimension.format(step);
+    let span = dimension.rounded(to - from);
+    let found = dimension.rounded(step);
     let allowed =
         format!("a step of which a whole number, up to {most} values in all, makes {span}");
     item.refuse(item.error(found, allowed), 1)

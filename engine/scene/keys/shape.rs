@@ -110,9 +110,9 @@ impl Value for Shape {
             && *tube_radius > 0.0
             && tube_radius >= radius
         {
-            let allowed = format!("less than radius, {}", Length.format(*radius));
+            let allowed = format!("less than radius, {}", Length.rounded(*radius));
             let key = format!("{key}.torus.tube_radius");
-            faults.add(Error::scene(key, Length.format(*tube_radius), allowed));
+            faults.add(Error::scene(key, Length.rounded(*tube_radius), allowed));
         }
     }
 }

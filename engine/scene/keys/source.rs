@@ -89,7 +89,7 @@ impl Record for SpectrumSpec {
         let [low, high] = anode.kvp_range();
         if !(low..=high).contains(kvp) {
             let allowed = format!("{low} kV to {high} kV for an anode of {}", anode.name());
-            faults.add(Error::scene(key("kvp"), Voltage.format(*kvp), allowed));
+            faults.add(Error::scene(key("kvp"), Voltage.rounded(*kvp), allowed));
         }
     }
 }

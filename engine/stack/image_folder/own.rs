@@ -52,11 +52,12 @@ struct Listed {
 pub(super) fn check(path: &Path, kind: Kind, overwrite: bool) -> Result<()> {
     let names = match folder::names(path) {
         Ok(names) => names,
-        Err(error) if error.kind() == ErrorKind::NotADirectory => {
-            return Err(Error::file(path, "is not a directory", None));
+        Err(error)
+            if error.kind() == ErrorKind::NotFound && fs::symlink_metadata(path).is_err() =>
+        {
+            return Ok(());
         }
-        Err(_) if fs::symlink_metadata(path).is_err() => return Ok(()),
-        Err(error) => return Err(Error::file(path, "cannot be read", Some(error))),
+        Err(error) => return Err(folder::failed(path, "cannot be read", error)),
     };
     if names.is_empty() {
         return Ok(());
@@ -87,7 +88,7 @@ pub(super) fn check(path: &Path, kind: Kind, overwrite: bool) -> Result<()> {
 /// left in it.
 pub(super) fn claim(partial: &Path) -> Result<LockedFile> {
     refuse_link(partial)?;
-    fs::create_dir_all(partial).map_err(failed(partial, "cannot be created"))?;
+    folder::make_all(partial)?;
     let mark = partial.join(MARK);
     let empty = folder::names(partial).is_ok_and(|names| names.is_empty());
     if !empty && !mark.is_file() {

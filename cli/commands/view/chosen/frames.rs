@@ -79,12 +79,17 @@ impl Chosen<'_> {
         };
         let (view, step) = (self.view, self.step);
         for (file, title, frame, note) in [
-            (format!("{prefix}flat_step_{step:03}"), "Flat", flat, self.at_step()),
+            (
+                format!("{prefix}flat_step_{step:03}"),
+                "Flat",
+                flat,
+                joined(&[self.run.title(), self.at_step()]),
+            ),
             (
                 format!("{prefix}sample_view_{view:04}_step_{step:03}"),
                 "With the sample",
                 sample,
-                joined(&[self.at_view(), self.at_step()]),
+                joined(&[self.run.title(), self.at_view(), self.at_step()]),
             ),
         ] {
             let own = Scale::between(scale.map, [scale.low, scale.high], frame.iter().copied());

@@ -62,7 +62,7 @@ impl Chosen<'_> {
                 quantity,
             };
             let title = capital(&values.quantity.label);
-            let note = joined(&[self.at_view(), self.run.method_words()]);
+            let note = joined(&[self.run.title(), self.at_view(), self.run.method_words()]);
             let file = format!("{}_view_{:04}", values.name, self.view);
             self.draw_values(pictures, file, &grid, &values, [title, note])?;
         }
@@ -140,7 +140,8 @@ impl Chosen<'_> {
                 let frames = self.run.fitted_rows(Some(view), row..row + 1)?;
                 line.assign(&frames.slice(ndarray::s![self.step, 0, ..]).mapv(f64::from));
             }
-            let words = [format!("Sinogram of row {row}"), self.at_step()];
+            let note = joined(&[self.run.title(), self.at_step()]);
+            let words = [format!("Sinogram of row {row}"), note];
             let values = plain("intensity", self.run.fitted_quantity(), values);
             return self.draw_values(pictures, file("intensity"), &grid, &values, words);
         }
@@ -170,7 +171,7 @@ impl Chosen<'_> {
                 values.flagged = Some(flagged.clone());
             }
             let title = format!("Sinogram of row {row}: {}", quantity.label);
-            let words = [title, self.run.method_words()];
+            let words = [title, joined(&[self.run.title(), self.run.method_words()])];
             self.draw_values(pictures, file(&name), &grid, &values, words)?;
         }
         Ok(())

@@ -47,7 +47,7 @@ impl Chosen<'_> {
         }
         panels.extend(self.contrast_panels()?);
         let (x, label) = self.grid.across(columns);
-        let title = joined(&[format!("Row {}", self.row), self.at_view()]);
+        let title = joined(&[format!("Row {}", self.row), self.at_view(), self.run.title()]);
         let words = if self.run.maps().is_some() { self.run.method_words() } else { String::new() };
         let step = if self.run.has_fitted() { self.at_step() } else { String::new() };
         let note = joined(&[step, words]);
@@ -116,7 +116,7 @@ impl Chosen<'_> {
         let title = format!("Illumination curves of column {column}, row {row}");
         let title = joined(&[title, self.at_view()]);
         let label = self.run.fitted_quantity().label;
-        let drawing = curve::draw([&title, &label], &offsets, &curves, &notes);
+        let drawing = curve::draw([&title, &self.run.title(), &label], &offsets, &curves, &notes);
         let view = self.view;
         pictures.add(format!("curve_view_{view:04}_column_{column:04}_row_{row:04}"), &drawing)
     }
