@@ -94,6 +94,7 @@ pub struct Setup {
     /// Shape of the stacks.
     pub extent: StackShape,
     /// Angles of the views.
+    #[serde(flatten)]
     pub view_angles: ViewAngles,
     /// Where the detector blurs, the grid that takes the light.
     #[serde(rename = "light_grid")]

@@ -23,18 +23,18 @@ pub fn views(scene: &Scene) -> Result<impl Iterator<Item = Exposure> + use<>> {
 #[non_exhaustive]
 pub struct ViewAngles {
     /// To a billionth of a degree.
-    pub degrees: Vec<f64>,
+    pub angles_deg: Vec<f64>,
     /// As the run takes them.
-    pub radians: Vec<f64>,
+    pub angles_rad: Vec<f64>,
 }
 
 impl ViewAngles {
     /// Angles of the views of `scene`.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
-        let radians = scene.scan.angles.clone();
-        let degrees = radians.iter().map(|angle| (angle.to_degrees() * 1e9).round() / 1e9);
-        Self { degrees: degrees.collect(), radians }
+        let angles_rad = scene.scan.angles.clone();
+        let degrees = angles_rad.iter().map(|angle| (angle.to_degrees() * 1e9).round() / 1e9);
+        Self { angles_deg: degrees.collect(), angles_rad }
     }
 }
 

@@ -153,11 +153,14 @@ fn standing_rods_are_named_once_and_angles_are_numbers() {
     assert!(!report.contains("outside the field"), "{report}");
     let json = checked(directory.path(), &text, "--json");
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
-    let angles = &json["setup"]["view_angles"];
-    assert_eq!(angles["degrees"], serde_json::json!([0.0, 30.0]));
-    assert_eq!(angles["radians"][1].as_f64(), Some(30_f64.to_radians()));
+    let setup = &json["setup"];
+    assert_eq!(setup["angles_deg"], serde_json::json!([0.0, 30.0]));
+    assert_eq!(setup["angles_rad"][1].as_f64(), Some(30_f64.to_radians()));
     done(directory.path(), "simulate scene.toml -o run -q --set detector.pixels=[4,1]");
     let run = fs::read_to_string(directory.path().join("run/run.json")).unwrap();
     let run: serde_json::Value = serde_json::from_str(&run).unwrap();
-    assert_eq!(&run["view_angles"], angles);
+    assert_eq!(
+        [&run["angles_deg"], &run["angles_rad"]],
+        [&setup["angles_deg"], &setup["angles_rad"]]
+    );
 }
