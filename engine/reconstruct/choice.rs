@@ -143,7 +143,7 @@ mod tests {
         let at =
             |origin| GridChoice::default().with_size([2, 2, 2]).with_origin(origin).grid(&geometry);
         assert!(at([9e-4, 0.0, 0.0]).is_ok());
-        for origin in [[11e-4, 0.0, 0.0], [-8e-4, -8e-4, 0.0], [0.0, 0.0, 3e-4], [0.0, 0.0, -4e-4]]
+        for origin in [[11e-4, 0.0, 0.0], [-9e-4, -9e-4, 0.0], [0.0, 0.0, 3e-4], [0.0, 0.0, -4e-4]]
         {
             let message = at(origin).unwrap_err().to_string();
             assert!(message.contains("that the views see"), "{message}");
