@@ -227,10 +227,10 @@ Placed placed_at(uint index, out AnalyticShape shape) {
                   word_of(place, PLACED_SURFACE));
 }
 
-// Takes leaves of a node until some ray crosses a convex shape, a triangle comes, which is left, or no
+// Takes leaves of a node until some ray crosses a shape, a triangle comes, which is left, or no
 // leaf is left. `surface`: index of the shape's.
-void next_shape(inout Search search, Beam frame, out uint surface,
-                out Chord chords[RAYS_PER_LANE], out bool triangle, out uint before) {
+void next_shape(inout Search search, Beam frame, out uint surface, out Chord chords[RAYS_PER_LANE],
+                out Chord seconds[RAYS_PER_LANE], out bool triangle, out uint before) {
     Words leaves = Words(uvec2(sample_.leaves));
     bool some;
     do {
@@ -245,7 +245,7 @@ void next_shape(inout Search search, Beam frame, out uint surface,
         Convex convex = convex_of(frame, placed, analytic);
         some = false;
         EACH_RAY {
-            chords[k] = chord_of(convex, rays[k].beam, vec2(0.0), vec2(0.0));
+            chords_of(convex, rays[k].beam, vec2(0.0), vec2(0.0), chords[k], seconds[k]);
             chords[k].crossed = chords[k].crossed && rays[k].walks && !triangle;
             some = some || chords[k].crossed;
         }
@@ -254,7 +254,7 @@ void next_shape(inout Search search, Beam frame, out uint surface,
     if (triangle) search.leaves = before;
 }
 
-// Adds the crossings of a convex shape.
+// Adds the crossings of a chord.
 void cross_chord(Beam beam, Chord chord, Surface surface, inout Gathered all) {
     run_cross(all.run, beam, all.stretch, surface, chord.entry_normal, chord.enter, true);
     run_cross(all.run, beam, all.stretch, surface, chord.exit_normal, chord.leave, false);
@@ -269,8 +269,9 @@ bool visit_shapes(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE
     do {
         uint index;
         Chord chords[RAYS_PER_LANE];
+        Chord seconds[RAYS_PER_LANE];
         uint before;
-        next_shape(search, frame, index, chords, triangle, before);
+        next_shape(search, frame, index, chords, seconds, triangle, before);
         Surface surface = surface_of(index);
         bool crossed[RAYS_PER_LANE];
         EACH_RAY crossed[k] = chords[k].crossed;
@@ -282,6 +283,9 @@ bool visit_shapes(inout Search search, Beam frame, out bool ending[RAYS_PER_LANE
         search.triangles += 1u;
         EACH_RAY {
             if (crossed[k]) cross_chord(rays[k].beam, chords[k], surface, rays[k].all);
+            if (TUBES && crossed[k] && seconds[k].crossed) {
+                cross_chord(rays[k].beam, seconds[k], surface, rays[k].all);
+            }
         }
     } while (search.leaves != 0u && !triangle);
     return ends;

@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec3};
 
 use crate::geometry::{AnalyticForm, AnalyticShape, Placed};
-use crate::interface::{self, SHAPE_ELLIPSOID, SHAPE_FRUSTUM, SHAPE_TORUS};
+use crate::interface::{self, SHAPE_ELLIPSOID, SHAPE_FRUSTUM, SHAPE_TORUS, SHAPE_TUBE};
 use crate::numbers::single;
 
 /// Lengths of a quaternion that are tried.
@@ -17,6 +17,7 @@ pub(super) fn shape_record(shape: AnalyticShape) -> interface::AnalyticShape {
         }
         AnalyticForm::Ellipsoid(axes) => (SHAPE_ELLIPSOID, axes.recip()),
         AnalyticForm::Torus(radius, tube) => (SHAPE_TORUS, DVec3::new(radius, tube, 0.0)),
+        AnalyticForm::Tube(it) => (SHAPE_TUBE, DVec3::new(it.outer, it.half_height, it.inner)),
     };
     let [high, low] = parts(parameters);
     interface::AnalyticShape { kind, high, low }

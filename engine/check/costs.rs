@@ -80,7 +80,8 @@ fn is_exact(geometry: &ShapeOrMesh) -> bool {
         | Shape::Cone { sides, .. }
         | Shape::Sphere { sides, .. }
         | Shape::Ellipsoid { sides, .. }
-        | Shape::Torus { sides, .. } => sides.is_none(),
+        | Shape::Torus { sides, .. }
+        | Shape::Tube { sides, .. } => sides.is_none(),
         Shape::Box { .. } | Shape::Prism { .. } | Shape::Extrusion { .. } => false,
     }
 }

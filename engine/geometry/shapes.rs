@@ -53,6 +53,9 @@ pub(super) fn surface(shape: &Shape) -> Result<Surface, Defect> {
             within("sides", sides, 4, MOST_SIDES_SPHERE)?;
             Ok(torus(*radius, *tube_radius, sides))
         }
+        Shape::Tube { outer, inner, height, sides } => {
+            tube([*outer, *inner], *height, facets(*sides)?)
+        }
     }
 }
 
@@ -68,6 +71,7 @@ pub(super) fn triangles(shape: &Shape) -> u64 {
         Shape::Extrusion { points, .. } => 4 * points.len() as u64,
         Shape::Sphere { sides, .. } | Shape::Ellipsoid { sides, .. } => square(*sides),
         Shape::Torus { sides, .. } => 2 * square(*sides),
+        Shape::Tube { sides, .. } => 8 * u64::from(sides.unwrap_or(0)),
     }
 }
 
@@ -127,6 +131,57 @@ pub(super) fn frustum(corners: &[[f64; 2]], [lower, upper]: [f64; 2], z: f64) ->
     vertices.push(DVec3::new(0.0, 0.0, z));
     let mut triangles: Vec<[u32; 3]> = (0..n).map(|side| [side, (side + 1) % n, n]).collect();
     triangles.extend(lid((0..n).collect()).map(|[a, b, c]| [a, c, b]));
+    Surface::new(vertices, triangles)
+}
+
+/// A cylinder with a bore, whose facets keep the areas of both sections.
+fn tube([outer, inner]: [f64; 2], height: f64, sides: u32) -> Result<Surface, Defect> {
+    positive("inner", inner)?;
+    positive("height", height)?;
+    within("sides", sides, 3, MOST_SIDES)?;
+    if !(outer.is_finite() && outer > inner) {
+        let problem = format!("outer is {outer} m; it must be above inner");
+        return Err(Defect::new(problem, "shape"));
+    }
+    let kept = area_kept(sides);
+    Ok(pipe([(outer * kept, sides), (inner * kept, sides)], height / 2.0))
+}
+
+/// A tube from -z to +z: radius of the corners of its outer and of its inner wall, and facets around
+/// each.
+pub(super) fn pipe([(outer, n), (inner, m)]: [(f64, u32); 2], z: f64) -> Surface {
+    let mut vertices = Vec::new();
+    for (radius, sides) in [(outer, n), (inner, m)] {
+        for z in [-z, z] {
+            vertices.extend(ring(sides, radius).into_iter().map(|[x, y]| DVec3::new(x, y, z)));
+        }
+    }
+    let mut triangles = walls(n);
+    let bore = 2 * n;
+    triangles.extend(
+        walls(m).into_iter().map(|it| it.map(|vertex| bore + vertex)).map(|[a, b, c]| [a, c, b]),
+    );
+    // Around the upper end: of the next corners of both rings the one that comes first.
+    let (mut a, mut b) = (0, 0);
+    let upper = |ring: u32, corner: u32| match ring {
+        0 => n + corner % n,
+        _ => bore + m + corner % m,
+    };
+    let mut end = Vec::new();
+    while a < n || b < m {
+        let [here, there] = [upper(0, a), upper(1, b)];
+        let goes_on = u64::from(a + 1) * u64::from(m) <= u64::from(b + 1) * u64::from(n);
+        if b == m || (a < n && goes_on) {
+            a += 1;
+            end.push([here, upper(0, a), there]);
+        } else {
+            b += 1;
+            end.push([here, upper(1, b), there]);
+        }
+    }
+    let lower = |vertex: u32| if vertex < bore { vertex - n } else { vertex - m };
+    triangles.extend(end.iter().map(|it| it.map(lower)).map(|[a, b, c]| [a, c, b]));
+    triangles.extend(end);
     Surface::new(vertices, triangles)
 }
 

@@ -23,20 +23,24 @@ shared_constants! {
     KIND_FRUSTUM: u32 = 2;
     /// ellipsoids and spheres,
     KIND_ELLIPSOID: u32 = 4;
-    /// tori;
+    /// tori,
     KIND_TORUS: u32 = 8;
+    /// tubes;
+    KIND_TUBE: u32 = 16;
     /// rough surfaces, of these or of the sample's own triangles;
-    KIND_ROUGH: u32 = 16;
+    KIND_ROUGH: u32 = 32;
     /// surfaces that refract by normals between their corners;
-    KIND_SMOOTH: u32 = 32;
+    KIND_SMOOTH: u32 = 64;
     /// and views that move the sample otherwise than by a turn about z.
-    KIND_MOVED: u32 = 64;
+    KIND_MOVED: u32 = 128;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.
     SHAPE_ELLIPSOID: u32 = 1;
     /// Torus.
     SHAPE_TORUS: u32 = 2;
+    /// Tube.
+    SHAPE_TUBE: u32 = 3;
     /// In place of a neighbour at an open edge.
     NO_LEAF: u32 = u32::MAX;
 

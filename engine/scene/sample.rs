@@ -187,6 +187,17 @@ pub enum Shape {
         /// Facets around the ring, and as many around the tube, which keep the volume. >= 4.
         sides: Option<u32>,
     },
+    /// Cylinder along z with a coaxial bore from end to end.
+    Tube {
+        /// Radius of the outer wall, m.
+        outer: f64,
+        /// Radius of the bore, m. < `outer`.
+        inner: f64,
+        /// Height, m.
+        height: f64,
+        /// Facets around each wall, which keep the areas of the sections. >= 3.
+        sides: Option<u32>,
+    },
 }
 
 impl Shape {
@@ -198,7 +209,8 @@ impl Shape {
             | Self::Cone { sides, .. }
             | Self::Sphere { sides, .. }
             | Self::Ellipsoid { sides, .. }
-            | Self::Torus { sides, .. } => sides.is_some(),
+            | Self::Torus { sides, .. }
+            | Self::Tube { sides, .. } => sides.is_some(),
         }
     }
 }

@@ -78,8 +78,8 @@ Meeting meet(Bent ray, uint leaf_index, bool entering, float y, float after) {
     if (is_shape(leaf_index, placed)) {
         ShapeCrossings found = shape_crossings(ray.line, ray.moved, ray.slope, placed);
         uint at;
-        bool torus = TORI && shape_of(placed).kind == SHAPE_TORUS;
-        if (shape_crossing_near(found, y, torus ? after : -FAR_AWAY, entering, at)) {
+        float earliest = has_hole(placed) ? after : -FAR_AWAY;
+        if (shape_crossing_near(found, y, earliest, entering, at)) {
             vec3 normal_ = found.normal_[at];
             return Meeting(MEETS, leaf_index, found.y[at], normal_, normal_);
         }

@@ -10,7 +10,7 @@ const bool TORI = (KINDS & KIND_TORUS) != 0u;
 const bool TORI = false;
 #endif
 
-const bool CONVEX = (KINDS & (KIND_FRUSTUM | KIND_ELLIPSOID)) != 0u;
+const bool CONVEX = (KINDS & (KIND_FRUSTUM | KIND_ELLIPSOID | KIND_TUBE)) != 0u;
 
 struct ShapeCrossings {
     uint count; // 0, 2 or 4, in order: the first an entry, then by turns
@@ -34,18 +34,34 @@ ShapeCrossings shape_crossings(Beam beam, vec2 moved, vec2 bent, Placed placed) 
     }
 #endif
     if (CONVEX) {
-        Chord chord = chord_of(convex_of(beam, placed, shape_of(placed)), beam, moved, bent);
-        all.count = chord.crossed ? 2u : 0u;
-        all.y[0] = chord.enter;
-        all.y[1] = chord.leave;
-        all.normal_[0] = chord.entry_normal;
-        all.normal_[1] = chord.exit_normal;
+        Chord first;
+        Chord second;
+        chords_of(convex_of(beam, placed, shape_of(placed)), beam, moved, bent, first, second);
+        all.count = first.crossed ? 2u : 0u;
+        all.y[0] = first.enter;
+        all.y[1] = first.leave;
+        all.normal_[0] = first.entry_normal;
+        all.normal_[1] = first.exit_normal;
+        if (TUBES) {
+            all.count += second.crossed ? 2u : 0u;
+            all.y[2] = second.enter;
+            all.y[3] = second.leave;
+            all.normal_[2] = second.entry_normal;
+            all.normal_[3] = second.exit_normal;
+        }
     }
     return all;
 }
 
+// Whether a line may cross a shape four times.
+bool has_hole(Placed placed) {
+    if (!TORI && !TUBES) return false;
+    uint kind = shape_of(placed).kind;
+    return (TORI && kind == SHAPE_TORUS) || (TUBES && kind == SHAPE_TUBE);
+}
+
 // The crossing of a ray next to y that goes into the shape, or out of it; false where there is none.
-// One of a torus before `after` belongs to a passage that is over.
+// One before `after` belongs to a passage that is over.
 bool shape_crossing_near(ShapeCrossings all, float y, float after, bool entering,
                          out uint nearest) {
     nearest = all.count;

@@ -238,6 +238,13 @@ position = ["-0.2 mm", "0 mm", "0 mm"]
 material = "nylon 6"
 
 [[object]]
+name = "tube"
+shape = { tube = { outer = "60 um", inner = "40 um", height = "0.2 mm" } }
+rotate = [{ axis = [1, 0, 0], angle = "60 deg" }]
+position = ["0 mm", "0.3 mm", "0 mm"]
+material = "nylon 6"
+
+[[object]]
 name = "smooth"
 shape = { cylinder = { radius = "80 um", height = "1 mm", sides = 24 } }
 normals = "smooth"

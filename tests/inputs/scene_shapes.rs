@@ -55,6 +55,10 @@ fn shapes_read_and_write_back_with_and_without_sides() {
             Shape::Torus { radius: 2e-3, tube_radius: 1e-3, sides: Some(8) },
         ),
         (
+            "tube = { outer = \"2 mm\", inner = \"1.5 mm\", height = \"3 mm\" }".into(),
+            Shape::Tube { outer: 2e-3, inner: 1.5e-3, height: 3e-3, sides: None },
+        ),
+        (
             format!("extrusion = {{ {SQUARE}, height = \"1 mm\" }}"),
             Shape::Extrusion {
                 points: vec![[0.0, 0.0], [1e-3, 0.0], [1e-3, 2e-3], [0.0, 2e-3]],
@@ -105,6 +109,25 @@ fn impossible_shapes_name_the_key_what_was_found_and_what_is_allowed() {
             "torus.sides",
             "the number 3",
             "4 to",
+        ),
+        (
+            "tube = { outer = \"1 mm\", inner = \"1 mm\", height = \"3 mm\" }",
+            "tube.inner",
+            "1 mm",
+            "less than outer, 1 mm",
+        ),
+        (
+            "tube = { outer = \"1 mm\", inner = \"0 mm\", height = \"3 mm\" }",
+            "tube.inner",
+            "0 m",
+            "> 0",
+        ),
+        ("tube = { outer = \"1 mm\", height = \"3 mm\" }", "tube.inner", "nothing", "a length"),
+        (
+            "tube = { outer = \"1 mm\", inner = \"0.5 mm\", height = \"3 mm\", sides = 2 }",
+            "tube.sides",
+            "the number 2",
+            "3 to",
         ),
         ("prism = { radius = \"1 mm\", height = \"1 mm\" }", "prism.sides", "nothing", "3 to"),
         (

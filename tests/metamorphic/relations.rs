@@ -146,7 +146,7 @@ impl Relation {
 /// Makes facets of curved surfaces; the normals that they need, or `None` where there are none.
 fn with_sides(shape: &mut Shape) -> Option<Normals> {
     let (sides, count, normals) = match shape {
-        Shape::Cylinder { sides, .. } | Shape::Cone { sides, .. } => {
+        Shape::Cylinder { sides, .. } | Shape::Cone { sides, .. } | Shape::Tube { sides, .. } => {
             (sides, SIDES_OF_ROUNDS, Normals::Facets)
         }
         Shape::Sphere { sides, .. }

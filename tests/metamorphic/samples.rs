@@ -173,7 +173,8 @@ fn has_sides(shape: &Shape) -> bool {
         | Shape::Cone { sides, .. }
         | Shape::Sphere { sides, .. }
         | Shape::Ellipsoid { sides, .. }
-        | Shape::Torus { sides, .. } => sides.is_some(),
+        | Shape::Torus { sides, .. }
+        | Shape::Tube { sides, .. } => sides.is_some(),
         _ => false,
     }
 }

@@ -95,6 +95,10 @@ fn cases(directory: &Path) -> Vec<(&'static str, Scene)> {
             Shape::Cone { radius: 0.1e-3, top_radius: 0.0, height: 0.3e-3, sides: None },
             [60e-6, 0.5e-3, 20e-6],
         ),
+        at(
+            Shape::Tube { outer: 60e-6, inner: 40e-6, height: 0.2e-3, sides: None },
+            [-0.15e-3, -0.4e-3, 20e-6],
+        ),
     ];
     let round = vec![
         at(Shape::Ellipsoid { semi_axes: [0.1e-3, 0.15e-3, 0.2e-3], sides: None }, [0.0; 3]),

@@ -3,7 +3,7 @@
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use super::{AnalyticShape, Form, Frustum, across};
+use super::{AnalyticShape, Form, Frustum, Tube, across};
 
 /// A crossing of a line with a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,6 +27,7 @@ impl AnalyticShape {
             Form::Frustum(frustum) => frustum_crossings(frustum, origin, direction),
             Form::Ellipsoid(axes) => ellipsoid_crossings(axes, origin, direction),
             Form::Torus(radius, tube) => torus_crossings(radius, tube, origin, direction),
+            Form::Tube(tube) => tube_crossings(tube, origin, direction),
         };
         let crossing = |(at, (t, gradient)): (usize, (f64, DVec3))| ShapeCrossing {
             t,
@@ -95,6 +96,28 @@ fn frustum_crossings(it: Frustum, origin: DVec3, direction: DVec3) -> ArrayVec<(
     let entry = if low > slab[0] { side(enter) } else { -cap };
     let exit = if high < slab[1] { side(leave) } else { cap };
     [(enter, entry), (leave, exit)].into_iter().collect()
+}
+
+/// The chord of the cylinder around a tube without that of its bore.
+fn tube_crossings(it: Tube, origin: DVec3, direction: DVec3) -> ArrayVec<(f64, DVec3), 4> {
+    let within = |radius: f64| {
+        let frustum = Frustum { radius, half_height: it.half_height, widening: 0.0 };
+        frustum_crossings(frustum, origin, direction)
+    };
+    let (outer, bore) = (within(it.outer), within(it.inner));
+    let ([enter, leave], [from, to]) = match (&outer[..], &bore[..]) {
+        ([enter, leave], [from, to]) => ([*enter, *leave], [*from, *to]),
+        _ => return outer,
+    };
+    let wall = |(t, normal): (f64, DVec3)| (t, -normal);
+    let mut found = ArrayVec::new();
+    if from.0 > enter.0 {
+        found.extend([enter, wall(from)]);
+    }
+    if to.0 < leave.0 {
+        found.extend([wall(to), leave]);
+    }
+    found
 }
 
 /// The one change of sign in [low, high], of which `rises` says which way; by halving.

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, SQRT_2};
 
 use super::super::shapes;
 use super::super::surface::Surface;
-use super::{AnalyticShape, Form};
+use super::{AnalyticShape, Form, Tube};
 use crate::numbers;
 
 /// Facets around at least.
@@ -34,6 +34,10 @@ impl AnalyticShape {
                 let ring = around(radius + tube, error / 4.0);
                 shapes::ring_of_tubes(radius, tube, [ring, around(tube, error / 4.0)])
             }
+            Form::Tube(it) => {
+                let [outer, inner] = rings_of(it, error);
+                shapes::pipe([(it.outer, outer), (it.inner, inner)], it.half_height)
+            }
         }
     }
 
@@ -49,6 +53,7 @@ impl AnalyticShape {
             }
             Form::Ellipsoid(axes) => off(axes.max_element(), SQRT_2 * step),
             Form::Torus(radius, tube) => 4.0 * off(radius + tube, step),
+            Form::Tube(it) => off(it.outer, step),
         }
     }
 
@@ -69,8 +74,15 @@ impl AnalyticShape {
                     [radius + tube, tube].map(|it| u64::from(around(it, error / 4.0)));
                 2 * ring * tube
             }
+            Form::Tube(it) => rings_of(it, error).into_iter().map(|it| 4 * u64::from(it)).sum(),
         }
     }
+}
+
+/// Facets around a tube and its bore, whose walls keep apart.
+fn rings_of(it: Tube, error: f64) -> [u32; 2] {
+    let error = error.min(0.25 * it.wall());
+    [it.outer, it.inner].map(|radius| around(radius, error))
 }
 
 /// Half the angle of the chord whose arc of a radius is `error` high.

@@ -27,6 +27,8 @@ pub(crate) enum AnalyticShape {
     Ellipsoid { semi_axes: DVec3 },
     /// Around z. `radius` is that of the circle in the middle of the tube.
     Torus { radius: f64, tube_radius: f64 },
+    /// A cylinder with a coaxial bore through it, from -`half_height` to `half_height`.
+    Tube(Tube),
 }
 
 impl AnalyticShape {
@@ -46,11 +48,14 @@ impl AnalyticShape {
             Shape::Torus { radius, tube_radius, sides: None } => {
                 Some(Self::Torus { radius, tube_radius })
             }
+            Shape::Tube { outer, inner, height, sides: None } => {
+                Some(Self::Tube(Tube { outer, inner, half_height: height / 2.0 }))
+            }
             _ => None,
         }
     }
 
-    /// What the five kinds have in common with fewer.
+    /// What the six kinds have in common with fewer.
     pub(crate) fn form(self) -> Form {
         match self {
             Self::Cylinder { radius, half_height } => {
@@ -64,6 +69,7 @@ impl AnalyticShape {
             Self::Sphere { radius } => Form::Ellipsoid(DVec3::splat(radius)),
             Self::Ellipsoid { semi_axes } => Form::Ellipsoid(semi_axes),
             Self::Torus { radius, tube_radius } => Form::Torus(radius, tube_radius),
+            Self::Tube(tube) => Form::Tube(tube),
         }
     }
 
@@ -85,6 +91,7 @@ impl AnalyticShape {
             Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
             Self::Ellipsoid { semi_axes } => 4.0 / 3.0 * PI * semi_axes.element_product(),
             Self::Torus { radius, tube_radius } => 2.0 * PI * PI * radius * tube_radius.powi(2),
+            Self::Tube(it) => 2.0 * PI * it.wall() * (it.outer + it.inner) * it.half_height,
         }
     }
 
@@ -102,6 +109,7 @@ impl AnalyticShape {
                 4.0 * PI * carlson_rg([x * y, y * z, z * x].map(|product| product * product))
             }
             Self::Torus { radius, tube_radius } => 4.0 * PI * PI * radius * tube_radius,
+            Self::Tube(it) => 2.0 * PI * (it.outer + it.inner) * (it.wall() + 2.0 * it.half_height),
         }
     }
 
@@ -122,18 +130,24 @@ impl AnalyticShape {
             }
             Form::Ellipsoid(axes) => ((point / axes).length() - 1.0) * axes.min_element(),
             Form::Torus(radius, tube) => libm::hypot(across(point) - radius, point.z) - tube,
+            Form::Tube(it) => {
+                let across = across(point);
+                let side = (across - it.outer).max(it.inner - across);
+                side.max(point.z.abs() - it.half_height)
+            }
         }
     }
 
     /// Whether it holds all that lies between its points.
     pub(crate) const fn is_convex(self) -> bool {
-        !matches!(self, Self::Torus { .. })
+        !matches!(self, Self::Torus { .. } | Self::Tube(_))
     }
 
     /// A point well inside.
     pub(crate) fn inner_point(self) -> DVec3 {
         match self.form() {
             Form::Torus(radius, _) => DVec3::new(radius, 0.0, 0.0),
+            Form::Tube(it) => DVec3::new(it.outer.midpoint(it.inner), 0.0, 0.0),
             Form::Frustum(_) | Form::Ellipsoid(_) => DVec3::ZERO,
         }
     }
@@ -167,6 +181,11 @@ impl AnalyticShape {
             Self::Torus { radius, tube_radius } => {
                 Self::Torus { radius, tube_radius: left(tube_radius)? }
             }
+            Self::Tube(it) => {
+                left(0.5 * it.wall())?;
+                let half_height = left(it.half_height)?;
+                Self::Tube(Tube { outer: it.outer - by, inner: it.inner + by, half_height })
+            }
         })
     }
 
@@ -183,6 +202,7 @@ impl AnalyticShape {
             Form::Torus(radius, tube) => {
                 (radius * flat).extend(0.0) + tube * direction.normalize_or_zero()
             }
+            Form::Tube(it) => (it.outer * flat).extend(it.half_height.copysign(direction.z)),
         }
     }
 }
@@ -195,6 +215,23 @@ pub(crate) enum Form {
     Ellipsoid(DVec3),
     /// Radii of the ring and of its tube.
     Torus(f64, f64),
+    Tube(Tube),
+}
+
+/// A cylinder less a coaxial bore, m.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Tube {
+    pub(crate) outer: f64,
+    /// Radius of the bore, above 0 and less than `outer`.
+    pub(crate) inner: f64,
+    pub(crate) half_height: f64,
+}
+
+impl Tube {
+    /// Thickness of the wall.
+    pub(crate) const fn wall(self) -> f64 {
+        self.outer - self.inner
+    }
 }
 
 /// A cylinder, a cone or a truncated one.

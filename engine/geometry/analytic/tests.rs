@@ -6,7 +6,7 @@ use glam::{DQuat, DVec2, DVec3};
 
 use super::super::shapes;
 use super::super::surface::Surface;
-use super::AnalyticShape;
+use super::{AnalyticShape, Tube};
 use crate::scene::Shape;
 
 /// Numbers from 0 to 1, the same at every run.
@@ -26,7 +26,7 @@ impl Draws {
     }
 }
 
-const SHAPES: [AnalyticShape; 8] = [
+const SHAPES: [AnalyticShape; 10] = [
     AnalyticShape::Cylinder { radius: 2e-3, half_height: 3e-3 },
     AnalyticShape::Cone { bottom_radius: 2e-3, top_radius: 0.0, half_height: 1.5e-3 },
     AnalyticShape::Cone { bottom_radius: 1e-3, top_radius: 2.5e-3, half_height: 4e-3 },
@@ -35,6 +35,8 @@ const SHAPES: [AnalyticShape; 8] = [
     AnalyticShape::Torus { radius: 3e-3, tube_radius: 2e-3 },
     AnalyticShape::Torus { radius: 5e-3, tube_radius: 0.4e-3 },
     AnalyticShape::Torus { radius: 2e-3, tube_radius: 1.9999e-3 },
+    AnalyticShape::Tube(Tube { outer: 2e-3, inner: 1.5e-3, half_height: 3e-3 }),
+    AnalyticShape::Tube(Tube { outer: 3e-3, inner: 2.99e-3, half_height: 0.4e-3 }),
 ];
 
 fn radius(shape: AnalyticShape) -> f64 {
@@ -77,8 +79,8 @@ fn crossings_are_where_lines_come_in_and_go_out() {
             }
         }
         assert!(crossed[0] > 100 && crossed[1] > 500, "{shape:?} {crossed:?}");
-        let torus = matches!(shape, AnalyticShape::Torus { .. });
-        assert_eq!(torus, crossed[2] > 20, "{shape:?} {crossed:?}");
+        let has_hole = matches!(shape, AnalyticShape::Torus { .. } | AnalyticShape::Tube(_));
+        assert_eq!(has_hole, crossed[2] > 20, "{shape:?} {crossed:?}");
     }
 }
 
@@ -121,6 +123,11 @@ fn chords_through_centres_are_the_closed_forms() {
     let inner = (4.6e-3_f64.powi(2) - 1e-6).sqrt();
     let outer = (5.4e-3_f64.powi(2) - 1e-6).sqrt();
     close(chord(SHAPES[6], DVec3::X * 1e-3, DVec3::Y), &[outer - inner; 2]);
+    close(chord(SHAPES[8], DVec3::ZERO, DVec3::Y), &[0.5e-3, 0.5e-3]);
+    // In through the upper end of the bore, across it and out through the wall.
+    let down = DVec3::new(1.0, 0.0, -1.0);
+    close(chord(SHAPES[8], DVec3::new(-1.4e-3, 0.0, 3e-3), down), &[0.5e-3]);
+    close(chord(SHAPES[8], DVec3::ZERO, DVec3::Z), &[]);
 }
 
 #[test]

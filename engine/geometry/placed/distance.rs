@@ -1,11 +1,12 @@
 //! Least distance of placed surfaces from each other and from triangles, in f64.
 
-use std::f64::consts::TAU;
-
 use glam::DVec3;
 
+pub(super) use super::around::Distance;
+use super::around::around;
+use super::pipe::Pipe;
 use super::{Place, Prototype};
-use crate::geometry::analytic::{AnalyticShape, Form};
+use crate::geometry::analytic::{AnalyticShape, Form, Tube};
 use crate::geometry::convex::{Separation, separation};
 use crate::geometry::distance::{closest_on_triangle, distance};
 use crate::geometry::surface::{bounds_of, near};
@@ -13,14 +14,6 @@ use crate::geometry::tree::Tree;
 
 /// Triangles or vertices that are gone through one by one.
 const FEW: usize = 256;
-/// Points of the circle in a torus from which the search for its nearest begins.
-const STARTS: u32 = 64;
-/// Narrowings of an interval of that circle: to 1e-10 of it.
-const NARROWINGS: usize = 48;
-
-/// A distance, m, and a point where it is least.
-pub(super) type Distance = (f64, DVec3);
-
 /// A surface in its place.
 #[derive(Clone, Copy)]
 pub(super) struct Standing<'a> {
@@ -37,6 +30,7 @@ pub(super) struct Standing<'a> {
 enum Solid<'a> {
     Convex(AnalyticShape, &'a Place, DVec3),
     Ring(Ring),
+    Pipe(Pipe),
 }
 
 /// The circle in the middle of the tube of a torus.
@@ -129,7 +123,11 @@ impl Standing<'_> {
         let about = self.place.position;
         let solid = self.solid(about)?;
         others.iter().try_fold(f64::INFINITY, |least, corners| {
-            let found = solid.gap_to_triangle(corners.map(|it| it - about), f64::INFINITY)?;
+            let corners = corners.map(|it| it - about);
+            if solid.is_surely_beyond(corners, least) {
+                return Some(least);
+            }
+            let found = solid.gap_to_triangle(corners, f64::INFINITY)?;
             Some(least.min(found.0))
         })
     }
@@ -173,13 +171,21 @@ impl Standing<'_> {
     /// Its exact surface; `None` for a mesh.
     fn solid(&self, about: DVec3) -> Option<Solid<'_>> {
         let shape = self.prototype.shape?;
-        let Form::Torus(radius, tube) = shape.form() else {
-            return Some(Solid::Convex(shape, self.place, self.place.position - about));
-        };
-        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|it| self.place.rotation * it);
-        let (radius, tube) = (radius * self.place.scale, tube * self.place.scale);
+        let axes = || [DVec3::X, DVec3::Y, DVec3::Z].map(|it| self.place.rotation * it);
+        let scale = self.place.scale;
         let centre = self.place.position - about;
-        Some(Solid::Ring(Ring { centre, axes, radius, tube }))
+        Some(match shape.form() {
+            Form::Torus(radius, tube) => {
+                let (radius, tube) = (radius * scale, tube * scale);
+                Solid::Ring(Ring { centre, axes: axes(), radius, tube })
+            }
+            Form::Tube(it) => {
+                let half_height = it.half_height * scale * self.place.stretch;
+                let size = Tube { outer: it.outer * scale, inner: it.inner * scale, half_height };
+                Solid::Pipe(Pipe { centre, axes: axes(), size })
+            }
+            Form::Frustum(_) | Form::Ellipsoid(_) => Solid::Convex(shape, self.place, centre),
+        })
     }
 
     /// Triangles of a mesh that come within a margin of a box, in the world.
@@ -205,10 +211,16 @@ impl Standing<'_> {
 }
 
 impl Solid<'_> {
-    fn support(&self, direction: DVec3) -> Option<DVec3> {
-        let Self::Convex(shape, place, centre) = self else { return None };
-        let linear = place.linear();
-        Some(linear * shape.support(linear.transpose() * direction) + *centre)
+    /// The point of a convex solid that is farthest along a direction.
+    fn support(&self, direction: DVec3) -> DVec3 {
+        match self {
+            Self::Convex(shape, place, centre) => {
+                let linear = place.linear();
+                linear * shape.support(linear.transpose() * direction) + *centre
+            }
+            Self::Ring(ring) => ring.centre,
+            Self::Pipe(pipe) => pipe.support(direction),
+        }
     }
 
     fn distance(&self, other: &Self, limit: f64) -> Option<Distance> {
@@ -217,18 +229,34 @@ impl Solid<'_> {
                 let nearest = other.nearest(point);
                 Some((nearest.distance(point), nearest))
             }),
+            (Self::Ring(ring), Self::Pipe(pipe)) | (Self::Pipe(pipe), Self::Ring(ring)) => ring
+                .distance(limit, 0.0, |point| {
+                    let nearest = pipe.nearest(point);
+                    Some((nearest.distance(point), nearest))
+                }),
             (Self::Ring(ring), convex) | (convex, Self::Ring(ring)) => {
                 ring.distance(limit, 0.0, |point| convex.gap_to_set(|_| point, f64::INFINITY))
             }
-            (convex, other) => {
-                convex.gap_to_set(|along| other.support(along).unwrap_or_default(), limit)
+            (Self::Pipe(pipe), Self::Pipe(other)) => pipe.distance(other, limit),
+            (Self::Pipe(pipe), convex) | (convex, Self::Pipe(pipe)) => {
+                pipe.gap_to_set(|along| convex.support(along), limit)
             }
+            (convex, other) => convex.gap_to_set(|along| other.support(along), limit),
         }
     }
 
     /// Distance of a convex solid from another convex set.
     fn gap_to_set(&self, set: impl Fn(DVec3) -> DVec3, limit: f64) -> Option<Distance> {
-        separation(|along| self.support(along).unwrap_or_default(), set, limit).known()
+        separation(|along| self.support(along), set, limit).known()
+    }
+
+    /// Whether a triangle is farther away than a limit, m, by its size and one point of it: asked of shapes
+    /// alone from which the distance takes long.
+    fn is_surely_beyond(&self, corners: [DVec3; 3], limit: f64) -> bool {
+        let Self::Pipe(pipe) = self else { return false };
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let reach = corners.iter().map(|it| it.distance(middle)).fold(0.0, f64::max);
+        pipe.nearest(middle).distance(middle) - reach > limit
     }
 
     fn gap_to_triangle(&self, corners: [DVec3; 3], limit: f64) -> Option<Distance> {
@@ -248,7 +276,14 @@ impl Solid<'_> {
                 2
             }]
         };
-        self.gap_to_set(farthest, limit)
+        match self {
+            Self::Pipe(_) if self.is_surely_beyond(corners, limit) => None,
+            Self::Pipe(pipe) => match pipe.width_around(corners) {
+                Some(found) => (found.0 <= limit).then_some(found),
+                None => pipe.gap_to_set(farthest, limit),
+            },
+            _ => self.gap_to_set(farthest, limit),
+        }
     }
 }
 
@@ -275,45 +310,8 @@ impl Ring {
         of: impl Fn(DVec3) -> Option<Distance>,
     ) -> Option<Distance> {
         let at = |angle: f64| of(self.point(angle)).unwrap_or((f64::INFINITY, DVec3::ZERO));
-        let step = TAU / f64::from(STARTS);
-        let starts: Vec<f64> = (0..STARTS).map(|k| at(f64::from(k) * step).0).collect();
-        // Between two starts the distance changes by half a step of the circle at most.
-        let may_be = |it: f64| it - 0.5 * step * self.radius <= limit + self.tube + thick;
-        let count = starts.len();
-        let mut least: Option<Distance> = None;
-        for k in 0..count {
-            let [before, here, after] = [k + count - 1, k, k + 1].map(|it| starts[it % count]);
-            if here > before || here > after || !may_be(here) {
-                continue;
-            }
-            let found = at(lowest(|angle| at(angle).0, [k as f64 - 1.0, k as f64 + 1.0], step));
-            if least.is_none_or(|it| found.0 < it.0) {
-                least = Some(found);
-            }
-        }
-        let (to_circle, place) = least?;
+        let (to_circle, place) = around(at, self.radius, limit + self.tube + thick)?;
         let width = to_circle - self.tube - thick;
         (width > 0.0 && width <= limit).then_some((width, place))
     }
-}
-
-/// Where a function of one minimum is least in an interval, by golden sections; the interval in
-/// steps.
-fn lowest(of: impl Fn(f64) -> f64, interval: [f64; 2], step: f64) -> f64 {
-    let golden = (5.0_f64.sqrt() - 1.0) / 2.0;
-    let [mut low, mut high] = interval.map(|it| it * step);
-    let mut inner = [high - golden * (high - low), low + golden * (high - low)];
-    let mut values = inner.map(&of);
-    for _ in 0..NARROWINGS {
-        if values[0] <= values[1] {
-            high = inner[1];
-            inner = [high - golden * (high - low), inner[0]];
-            values = [of(inner[0]), values[0]];
-        } else {
-            low = inner[0];
-            inner = [inner[1], low + golden * (high - low)];
-            values = [values[1], of(inner[1])];
-        }
-    }
-    low.midpoint(high)
 }

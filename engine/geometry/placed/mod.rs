@@ -1,5 +1,6 @@
 //! Surfaces that stand in many places, and analytic ones: kept once, with the places.
 
+mod around;
 mod assemble;
 mod covered;
 mod distance;
@@ -7,6 +8,7 @@ mod gaps;
 mod meeting;
 mod nesting;
 mod own;
+mod pipe;
 mod place;
 mod prototype;
 

@@ -9,7 +9,7 @@ const EXACT: Need = Without("none: exact");
 
 keys! { SHAPE, "object.shape",
     [Forms(&[&["box"], &["cylinder"], &["cone"], &["prism"], &["extrusion"], &["sphere"],
-             &["ellipsoid"], &["torus"]], 0)], [];
+             &["ellipsoid"], &["torus"], &["tube"]], 0)], [];
     box => Inner(&BOX.spec), Required, r#"{ size = ["1 mm", "2 mm", "3 mm"] }"#, "Box.";
     cylinder => Inner(&CYLINDER.spec), Required, r#"{ radius = "4 mm", height = "16 mm" }"#,
         "Cylinder along z.";
@@ -25,6 +25,8 @@ keys! { SHAPE, "object.shape",
         "Ellipsoid.";
     torus => Inner(&TORUS.spec), Required, r#"{ radius = "4 mm", tube_radius = "1 mm" }"#,
         "Torus around z.";
+    tube => Inner(&TUBE.spec), Required, r#"{ outer = "2 mm", inner = "1.5 mm", height = "20 mm" }"#,
+        "Tube along z: a cylinder with a bore from end to end.";
 }
 
 keys! { BOX: Shape, "object.shape.box", [], [];
@@ -76,6 +78,15 @@ keys! { TORUS: Shape, "object.shape.torus", [], [];
     sides at Shape::Torus { sides, .. } => Count(4, limits::SPHERE_SIDES as u64), EXACT, "256",
         "Facets around the ring, and as many around the tube.";
 }
+keys! { TUBE: Shape, "object.shape.tube", [], [];
+    outer at Shape::Tube { outer, .. } => Quantity(Length, POSITIVE), Required, r#""2 mm""#,
+        "Radius of the outer wall.";
+    inner at Shape::Tube { inner, .. } => Quantity(Length, POSITIVE), Required, r#""1.5 mm""#,
+        "Radius of the bore, less than `outer`.";
+    height at Shape::Tube { height, .. } => Quantity(Length, POSITIVE), Required, r#""20 mm""#, "Height.";
+    sides at Shape::Tube { sides, .. } => Count(3, limits::SIDES as u64), EXACT, "2048",
+        "Facets around, of each wall.";
+}
 
 const NAN: f64 = f64::NAN;
 
@@ -90,6 +101,7 @@ pub(crate) static SHAPES: OneOf<Shape> = OneOf {
         (&SPHERE, || NO_SHAPE),
         (&ELLIPSOID, || Shape::Ellipsoid { semi_axes: [NAN; 3], sides: None }),
         (&TORUS, || Shape::Torus { radius: NAN, tube_radius: NAN, sides: None }),
+        (&TUBE, || Shape::Tube { outer: NAN, inner: NAN, height: NAN, sides: None }),
     ],
     none: || NO_SHAPE,
 };
@@ -106,13 +118,16 @@ impl Value for Shape {
 
     fn check(&self, key: &str, _: &Row, faults: &mut Faults) {
         SHAPES.check(self, key, faults);
-        if let Self::Torus { radius, tube_radius, .. } = self
-            && *tube_radius > 0.0
-            && tube_radius >= radius
-        {
-            let allowed = format!("less than radius, {}", Length.rounded(*radius));
-            let key = format!("{key}.torus.tube_radius");
-            faults.add(Error::scene(key, Length.rounded(*tube_radius), allowed));
+        let (less, more, names) = match self {
+            Self::Torus { radius, tube_radius, .. } => {
+                (tube_radius, radius, ["torus.tube_radius", "radius"])
+            }
+            Self::Tube { outer, inner, .. } => (inner, outer, ["tube.inner", "outer"]),
+            _ => return,
+        };
+        if *less > 0.0 && less >= more {
+            let allowed = format!("less than {}, {}", names[1], Length.rounded(*more));
+            faults.add(Error::scene(format!("{key}.{}", names[0]), Length.rounded(*less), allowed));
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::accel::Backend;
 use crate::gpu::{Device, LazyKernel, shaders};
 use crate::interface::{
     BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_ELLIPSOID, KIND_FRUSTUM, KIND_MOVED,
-    KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, RAYS_PER_LANE, TracePush,
+    KIND_ROUGH, KIND_SMOOTH, KIND_TORUS, KIND_TUBE, RAYS_PER_LANE, TracePush,
 };
 use crate::numbers;
 use std::ops::RangeInclusive;
@@ -120,7 +120,7 @@ impl Walks {
             _ if torus => ("exact_bvh_torus", shaders::EXACT_BVH_TORUS),
             _ => ("exact_bvh_placed", shaders::EXACT_BVH_PLACED),
         };
-        let bundled = KIND_FRUSTUM | KIND_ELLIPSOID | KIND_MOVED | OTHER_NORMALS;
+        let bundled = KIND_FRUSTUM | KIND_ELLIPSOID | KIND_TUBE | KIND_MOVED | OTHER_NORMALS;
         let bundles = bundles && kinds & !bundled == 0;
         let single = match kinds {
             0 => [("trace_bvh", shaders::TRACE_BVH), ("trace_bvh_many", shaders::TRACE_BVH_MANY)],

@@ -57,6 +57,11 @@ fn touched(shape: &Shape, [u, v, w]: [f64; 3]) -> [DVec3; 2] {
             let normal = DVec3::new(lean.cos() * cos, lean.cos() * sin, lean.sin());
             [DVec3::new(radius * cos, radius * sin, 0.0) + tube_radius * normal, normal]
         }
+        Shape::Tube { outer, height, .. } if w < 0.5 => side(outer, outer, height),
+        Shape::Tube { outer, inner, height, .. } => {
+            let across = inner + (outer - inner) * v;
+            [DVec3::new(across * cos, across * sin, 0.5 * height), DVec3::Z]
+        }
         Shape::Cylinder { radius, height, .. } if w < 0.5 => side(radius, radius, height),
         Shape::Cylinder { radius, height, .. } => {
             [DVec3::new(radius * v * cos, radius * v * sin, 0.5 * height), DVec3::Z]
@@ -98,6 +103,12 @@ fn any_shape() -> impl Strategy<Value = Shape> {
             sides: None
         }),
         [size(), size(), size()].prop_map(|size| Shape::Box { size }),
+        (size(), 0.1..0.95, size()).prop_map(|(outer, share, height)| Shape::Tube {
+            outer,
+            inner: share * outer,
+            height,
+            sides: None
+        }),
     ]
 }
 
@@ -321,6 +332,52 @@ fn gaps_are_listed_between_shapes_instances_and_meshes() {
     let found = gaps(&found);
     assert_eq!(found.len(), 1, "{found:?}");
     close(&found[0], [2, 3], (gap, 1));
+}
+
+#[test]
+fn what_lies_in_the_bore_of_a_tube_is_a_gap_away_from_its_wall() {
+    let gap = 0.4e-6;
+    let tube = |outer, inner, height| Shape::Tube { outer, inner, height, sides: None };
+    let tilted = |mut object: Object| {
+        object.placement.rotate = vec![([1.0, 0.3, 0.0], 0.4)];
+        object
+    };
+    // A wire longer than the tube, beside its axis; a disc; a tube; a fine ball as a mesh; nothing where
+    // they stand in the mouth.
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 0.3, 0.0).normalize(), 0.4);
+    let beside =
+        |object: Object, own: [f64; 3]| at(tilted(object), (turn * DVec3::from(own)).to_array());
+    let inside = [
+        beside(shape("wire", cylinder(1e-4, 9e-3)), [0.4e-3 - gap, 0.0, 0.0]),
+        beside(shape("disc", cylinder(0.5e-3 - gap, 1e-4)), [0.0; 3]),
+        beside(shape("tube", tube(0.5e-3 - gap, 1e-4, 1e-3)), [0.0; 3]),
+        beside(shape("long tube", tube(0.5e-3 - gap, 1e-4, 7e-3)), [0.0; 3]),
+        beside(
+            shape("torus", Shape::Torus { radius: 4e-4, tube_radius: 1e-4 - gap, sides: None }),
+            [0.0; 3],
+        ),
+        beside(
+            shape("rod", Shape::Prism { radius: 0.5e-3 - gap, height: 1e-3, sides: 6 }),
+            [0.0; 3],
+        ),
+    ];
+    for body in inside {
+        let name = body.name.clone();
+        for swapped in [false, true] {
+            let outer = tilted(shape("outer", tube(1e-3, 0.5e-3, 5e-3)));
+            let mut both = vec![outer, body.clone()];
+            if swapped {
+                both.reverse();
+            }
+            let found = gaps(&contacts(both));
+            assert_eq!(found.len(), 1, "{name}: {found:?}");
+            assert!(found[0].0 == [0, 1] && (found[0].1 - gap).abs() < 2e-9, "{name}: {found:?}");
+        }
+    }
+    // Above the mouth of the bore, as near to the plane of its end as the gap: its edge is farther away.
+    let plug = at(shape("plug", cylinder(0.3e-3, 1e-3)), [0.0, 0.0, 2.5e-3 + 0.5e-3 + gap]);
+    let found = contacts(vec![shape("outer", tube(1e-3, 0.5e-3, 5e-3)), plug]);
+    assert!(found.is_empty(), "{found:?}");
 }
 
 #[test]

@@ -40,7 +40,10 @@ fn volumes_of_shapes_are_those_of_the_formulas_at_any_number_of_sides() {
         let torus = sample(Shape::Torus { radius, tube_radius: 1e-3, sides: Some(sides) });
         let exact = 2.0 * PI * PI * radius * 1e-6;
         assert!(close(torus.objects[0].volume, exact, 1e-11), "torus of {sides}");
-        for part in [cylinder, sphere, prism, ellipsoid, cut, cone, torus] {
+        let tube = sample(Shape::Tube { outer: radius, inner: 3e-3, height, sides: Some(sides) });
+        let exact = PI * 7e-6 * height;
+        assert!(close(tube.objects[0].volume, exact, 1e-12), "tube of {sides}");
+        for part in [cylinder, sphere, prism, ellipsoid, cut, cone, torus, tube] {
             assert_eq!(part.components.len(), 1);
             assert!(part.objects[0].warnings.is_empty(), "{:?}", part.objects[0].warnings);
         }
@@ -98,6 +101,9 @@ fn impossible_shapes_are_refused() {
         Shape::Ellipsoid { semi_axes: [1e-3, -1e-3, 1e-3], sides: Some(16) },
         Shape::Torus { radius: 1e-3, tube_radius: 1e-3, sides: Some(16) },
         Shape::Torus { radius: 1e-3, tube_radius: -1e-3, sides: Some(16) },
+        Shape::Tube { outer: 1e-3, inner: 1e-3, height: 1e-3, sides: Some(16) },
+        Shape::Tube { outer: 1e-3, inner: 0.0, height: 1e-3, sides: Some(16) },
+        Shape::Tube { outer: 1e-3, inner: 0.5e-3, height: 1e-3, sides: Some(2) },
         Shape::Extrusion { points: vec![[0.0, 0.0], [1e-3, 0.0]], height: 1e-3 },
         Shape::Extrusion { points: vec![[0.0, f64::NAN]; 3], height: 1e-3 },
         Shape::Box { size: [1e-3, 0.0, 1e-3] },

@@ -143,6 +143,9 @@ fn enlarged(solid: Solid, by: f64) -> Solid {
         }
         Kind::Ellipsoid(axes) => Kind::Ellipsoid(axes.map(|it| it * by)),
         Kind::Torus { ring, tube } => Kind::Torus { ring: ring * by, tube: tube * by },
+        Kind::Tube { outer, inner, half } => {
+            Kind::Tube { outer: outer * by, inner: inner * by, half: half * by }
+        }
     };
     Solid { kind, position: scaled(solid.position, by), ..solid }
 }

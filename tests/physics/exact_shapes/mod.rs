@@ -46,7 +46,7 @@ fn carbon(solid: &Solid, transport: Transport) -> Scene {
 }
 
 /// Shapes of millimetres, the fibre of 2.5 um, and those of 10 mm.
-const KINDS: [(&str, Kind); 12] = [
+const KINDS: [(&str, Kind); 14] = [
     ("cylinder", cylinder(2e-3, 6e-3)),
     ("flat cylinder", cylinder(3e-3, 0.2e-3)),
     ("cone", Kind::Cone { bottom: 2e-3, top: 0.0, half: 1.5e-3 }),
@@ -59,6 +59,8 @@ const KINDS: [(&str, Kind); 12] = [
     ("large torus", Kind::Torus { ring: 7e-3, tube: 3e-3 }),
     ("large cylinder", cylinder(10e-3, 20e-3)),
     ("large sphere", sphere(10e-3)),
+    ("tube", Kind::Tube { outer: 2e-3, inner: 1.5e-3, half: 4e-3 }),
+    ("hollow fibre", Kind::Tube { outer: 4e-6, inner: 2.5e-6, half: 1e-3 }),
 ];
 
 /// A shape where it is, tilted about z, x and y, scaled, and away from the axis by up to 20 mm.

@@ -148,11 +148,15 @@ fn rays_at(reach: f64, count: usize, random: &mut Random) -> Vec<Ray> {
     (0..count).map(one).collect()
 }
 
+const TUBE: Kind = Kind::Tube { outer: 1.3e-3, inner: 0.8e-3, half: 1e-3 };
+
 /// Scenes by name, and what their surfaces may be off: 1 nm where they are exact, 1e-8 m (facets'
 /// own error) where they are cut.
 fn assemblies() -> Vec<(&'static str, Vec<Solid>, f64, bool)> {
     let tilt = |solid: Solid| solid.turned([1.0, 0.4, -0.2], 0.5);
     let at = |kind, position| Solid::new(kind).at(position);
+    // At a place of the frame of what is tilted.
+    let along = |kind, own| tilt(Solid::new(kind)).at(tilt(Solid::new(kind)).world(own));
     let block = Kind::Box([3e-3, 3.4e-3, 2.8e-3]);
     vec![
         (
@@ -194,6 +198,43 @@ fn assemblies() -> Vec<(&'static str, Vec<Solid>, f64, bool)> {
             ],
             2e-9,
             false,
+        ),
+        (
+            "wire through the bore of a tube, a bead in its wall and one in its mouth",
+            vec![
+                tilt(Solid::new(TUBE)),
+                tilt(Solid::new(cylinder(0.3e-3, 4e-3))),
+                along(sphere(0.1e-3), [1.05e-3, 0.0, 0.2e-3]),
+                along(sphere(0.2e-3), [0.0, 0.55e-3, 1e-3]),
+            ],
+            2e-9,
+            false,
+        ),
+        (
+            "tube in the bore of a tube in a box",
+            vec![
+                tilt(Solid::new(Kind::Box([4e-3, 4e-3, 4e-3]))),
+                Solid::new(TUBE).turned([1.0, 0.0, 0.0], 0.3),
+                Solid::new(Kind::Tube { outer: 0.7e-3, inner: 0.5e-3, half: 1.2e-3 })
+                    .turned([1.0, 0.0, 0.0], 0.32),
+            ],
+            2e-9,
+            false,
+        ),
+        (
+            "liquid that fills the bore of a tube",
+            vec![tilt(Solid::new(TUBE)), tilt(Solid::new(cylinder(0.8e-3, 1.2e-3)))],
+            4e-8,
+            true,
+        ),
+        (
+            "wire through the wall of a tube",
+            vec![
+                tilt(Solid::new(TUBE)),
+                Solid::new(cylinder(0.2e-3, 5e-3)).turned([0.0, 1.0, 0.0], 1.0),
+            ],
+            4e-8,
+            true,
         ),
         (
             "sphere half in a box",

@@ -138,6 +138,12 @@ fn crowd(directory: &std::path::Path) -> Scene {
             WATER,
         ),
         (Solid::new(sphere(0.09e-3)).at([-0.4e-3, 0.0, 0.0]), [0.0, 1e-6]),
+        (
+            Solid::new(Kind::Tube { outer: 0.15e-3, inner: 0.1e-3, half: 0.1e-3 })
+                .turned([1.0, 0.0, 0.0], 0.4)
+                .at([0.8e-3, 0.0, 0.0]),
+            CARBON,
+        ),
         (Solid::new(Kind::Ellipsoid([20e-6, 30e-6, 25e-6])), CARBON),
     ];
     let mut scene = with(scenes::scene(&Setup::paper([8, 3]), &[], &[-20e-6, 0.0, 9e-6]), &solids);

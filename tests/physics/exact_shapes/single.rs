@@ -11,7 +11,7 @@ use beamlet::internals::interface::{
     MOMENTS_BALANCE, MOMENTS_HEAD, MOMENTS_PATH, MOMENTS_PER_MATERIAL,
 };
 use beamlet::internals::trace::Ray;
-use beamlet::scene::Transport;
+use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, SurfaceCrossing};
 
 /// What f32 may leave of a crossing across the surface, m. Tori are corrected in twofold arithmetic
@@ -211,6 +211,67 @@ fn sums_of_the_first_order_are_those_of_f64_on_both_backends() {
     all.displacement.holds();
     all.interior.holds();
     assert!(all.differ.is_empty(), "{:#?}", &all.differ[..1]);
+    bench.end();
+}
+
+/// Two cylinders of opposite sign: T(x) = 2 sqrt(R² - x²) - 2 sqrt(r² - x²), as a cylinder with a bore of
+/// vacuum that ends in it is; along the axis the height, or nothing in the bore.
+#[test]
+fn tube_is_a_cylinder_less_its_bore() {
+    let bench = Bench::new();
+    let [outer, inner, half] = [2e-3, 1.5e-3, 4e-3];
+    let tube = Solid::new(Kind::Tube { outer, inner, half });
+    let cut = [(outer, half), (inner, 0.95 * half)]
+        .map(|(radius, half)| Solid::new(super::cylinder(radius, 2.0 * half)).object("", ""));
+    let along = tube.clone().turned([1.0, 0.0, 0.0], -std::f64::consts::FRAC_PI_2);
+    let mut slope = Worst::new("deflection by a tube of 2 mm, rad", 2e-12);
+    let mut path = Worst::new("way through it, m", 6e-9);
+    let mut nested = Worst::new("slope of a tube less that of nested cylinders, rad", 1e-13);
+    let at = |k: u16| (f32::from(k) - 50.0) * 4.1e-5;
+    let ray = |k| Ray { x: at(k), z: 0.0, slope_x: 0.0, slope_z: 0.0, view: 0, key: 0 };
+    let rays: Vec<Ray> = (0..=100).map(ray).collect();
+    for (backend, transport) in backends()
+        .into_iter()
+        .flat_map(|it| [Transport::FirstOrder, Transport::Exact].map(|by| (it, by)))
+    {
+        let trace = |scene: &Scene| bench.tracer(backend, scene).trace(&rays).expect("results");
+        let objects = cut.to_vec();
+        let cylinders = trace(&super::scene(objects, &[CARBON, [0.0; 2]], transport));
+        for ((ray, result), other) in
+            rays.iter().zip(trace(&carbon(&tube, transport))).zip(&cylinders)
+        {
+            let x = f64::from(ray.x);
+            let root = |radius: f64| (radius * radius - x * x).max(0.0).sqrt();
+            let lens = |radius: f64| {
+                if root(radius) > 0.0 { 2.0 * CARBON[1] * x / root(radius) } else { 0.0 }
+            };
+            let place = || format!("{backend}, {transport:?}, x = {x}");
+            path.take(
+                f64::from(result.optical_depth) / CARBON[0] - 2.0 * (root(outer) - root(inner)),
+                place,
+            );
+            // Bent once, a ray meets the next surface 1e-9 m beside the straight line.
+            let steep = (root(inner) / inner).max(if root(inner) > 0.0 {
+                0.0
+            } else {
+                root(outer) / outer
+            });
+            if steep > 0.3 {
+                slope.take(f64::from(result.slope_x) - (lens(outer) - lens(inner)), place);
+            }
+            nested.take(f64::from(result.slope_x - other.slope_x), place);
+        }
+        for (ray, result) in rays.iter().zip(trace(&carbon(&along, transport))) {
+            let across = f64::from(ray.x).abs();
+            let place = || format!("{backend}, {transport:?}, along the axis, {across} m from it");
+            let want = if (inner..outer).contains(&across) { 2.0 * half } else { 0.0 };
+            path.take(f64::from(result.optical_depth) / CARBON[0] - want, place);
+            slope.take(f64::from(result.slope_x).hypot(f64::from(result.slope_z)), place);
+        }
+    }
+    slope.holds();
+    path.holds();
+    nested.holds();
     bench.end();
 }
 

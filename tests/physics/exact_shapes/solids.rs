@@ -25,6 +25,12 @@ pub(super) enum Kind {
         ring: f64,
         tube: f64,
     },
+    /// A cylinder with a bore from end to end.
+    Tube {
+        outer: f64,
+        inner: f64,
+        half: f64,
+    },
 }
 
 pub(super) const fn cylinder(radius: f64, height: f64) -> Kind {
@@ -93,6 +99,9 @@ impl Solid {
             Kind::Torus { ring, tube } => {
                 Shape::Torus { radius: ring, tube_radius: tube, sides: None }
             }
+            Kind::Tube { outer, inner, half } => {
+                Shape::Tube { outer, inner, height: 2.0 * half, sides: None }
+            }
         };
         let mut object = Object::new(name, shape, material);
         object.placement.scale = self.scale;
@@ -136,6 +145,7 @@ impl Solid {
                     least * least / axes.into_iter().fold(0.0, f64::max)
                 }
                 Kind::Torus { tube, .. } => tube,
+                Kind::Tube { inner, .. } => inner,
             }
     }
 
@@ -157,6 +167,7 @@ impl Solid {
                 Kind::Cone { bottom, top, half } => bottom.max(top).hypot(half),
                 Kind::Ellipsoid(axes) => axes.into_iter().fold(0.0, f64::max),
                 Kind::Torus { ring, tube } => ring + tube,
+                Kind::Tube { outer, half, .. } => outer.hypot(half),
             }
     }
 
@@ -239,6 +250,18 @@ fn off(kind: Kind, p: Vector) -> (f64, Vector) {
             let from_circle = [x - ring * x / across, y - ring * y / across, z];
             (length(from_circle) - tube, unit(from_circle))
         }
+        Kind::Tube { outer, inner, half } => {
+            let across = x.hypot(y);
+            let out = [x / across, y / across, 0.0];
+            let faces = [
+                (across - outer, out),
+                (inner - across, scaled(out, -1.0)),
+                (z.abs() - half, [0.0, 0.0, z.signum()]),
+            ];
+            faces
+                .into_iter()
+                .fold((f64::MIN, out), |most, it| if it.0 > most.0 { it } else { most })
+        }
     }
 }
 
@@ -286,6 +309,13 @@ fn candidates(kind: Kind, o: Vector, d: Vector) -> Vec<f64> {
             // (x² + k)² - 4 (a x² + 2 b x + c)
             let quartic = [k * k - 4.0 * c, -8.0 * b, 2.0 * k - 4.0 * a, 0.0, 1.0];
             zeros(&quartic, 3.0 * (1.0 + t)).into_iter().map(|x| x * ring).collect()
+        }
+        Kind::Tube { outer, inner, half } => {
+            let wall = |radius| candidates(cylinder(radius, 2.0 * half), o, d);
+            let mut all = wall(outer);
+            // Its caps are there already.
+            all.extend(&wall(inner)[2..]);
+            all
         }
     }
 }

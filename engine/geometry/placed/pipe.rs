@@ -1,0 +1,95 @@
+//! Least distance of a tube in its place from other surfaces, in f64. Its bore is no part of it: what
+//! lies in the bore lies apart from it.
+
+use glam::{DVec2, DVec3};
+
+use super::around::{Distance, around};
+use crate::geometry::analytic::{AnalyticShape, Tube};
+use crate::geometry::convex::{Separation, separation};
+
+/// A tube in its place, about a point near it.
+#[derive(Clone, Copy)]
+pub(super) struct Pipe {
+    pub(super) centre: DVec3,
+    /// Of its frame; the last one is along it.
+    pub(super) axes: [DVec3; 3],
+    pub(super) size: Tube,
+}
+
+impl Pipe {
+    fn own(&self, point: DVec3) -> DVec3 {
+        let off = point - self.centre;
+        DVec3::from_array(self.axes.map(|axis| axis.dot(off)))
+    }
+
+    fn from_own(&self, v: DVec3) -> DVec3 {
+        v.x * self.axes[0] + v.y * self.axes[1] + v.z * self.axes[2]
+    }
+
+    /// The point of the cylinder around it that is farthest along a direction.
+    pub(super) fn support(&self, direction: DVec3) -> DVec3 {
+        let own = DVec3::from_array(self.axes.map(|axis| axis.dot(direction)));
+        self.centre + self.from_own(AnalyticShape::Tube(self.size).support(own))
+    }
+
+    /// The point of it that is nearest to a point.
+    pub(super) fn nearest(&self, point: DVec3) -> DVec3 {
+        let Tube { outer, inner, half_height } = self.size;
+        let own = self.own(point);
+        let across = own.truncate().length();
+        let flat = own.truncate().normalize_or(DVec2::X) * across.clamp(inner, outer);
+        self.centre + self.from_own(flat.extend(own.z.clamp(-half_height, half_height)))
+    }
+
+    /// Distance of a triangle that lies in the bore, m; `None` for others.
+    pub(super) fn width_around(&self, corners: [DVec3; 3]) -> Option<Distance> {
+        let width = |corner: &DVec3| {
+            let own = self.own(*corner);
+            let width = self.size.inner - own.truncate().length();
+            (width > 0.0 && own.z.abs() <= self.size.half_height).then_some((width, *corner))
+        };
+        let widths: Option<Vec<Distance>> = corners.iter().map(width).collect();
+        widths?.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    /// Distance from a convex set where it is within a limit, m; `None` where they meet, too.
+    pub(super) fn gap_to_set(&self, set: impl Fn(DVec3) -> DVec3, limit: f64) -> Option<Distance> {
+        match separation(|along| self.support(along), &set, limit) {
+            Separation::Apart => return None,
+            // In the mouth of the bore there is nothing of the tube.
+            Separation::Known(width, at) if self.own(at).truncate().length() >= self.size.inner => {
+                return Some((width, at));
+            }
+            Separation::Known(..) | Separation::Unclear => {}
+        }
+        // From the section of the wall at an angle, which is a rectangle.
+        let Tube { outer, inner, half_height } = self.size;
+        let to_section = |angle: f64| {
+            let (sin, cos) = angle.sin_cos();
+            let out = cos * self.axes[0] + sin * self.axes[1];
+            let section = |along: DVec3| {
+                let across = if out.dot(along) > 0.0 { outer } else { inner };
+                self.centre
+                    + across * out
+                    + half_height.copysign(self.axes[2].dot(along)) * self.axes[2]
+            };
+            separation(section, &set, f64::INFINITY).known().unwrap_or_default()
+        };
+        let found = around(to_section, outer, limit)?;
+        (found.0 > 0.0 && found.0 <= limit).then_some(found)
+    }
+
+    /// Distance from another tube where it is within a limit, m; `None` where they meet or are links of a
+    /// chain, too. Where the mouths of their bores face each other it may be less than the distance.
+    pub(super) fn distance(&self, other: &Self, limit: f64) -> Option<Distance> {
+        let hulls = [self, other].map(|it| move |along| it.support(along));
+        if let Separation::Apart = separation(&hulls[0], &hulls[1], limit) {
+            return None;
+        }
+        // One of them lies outside the cylinder around the other, or in its bore.
+        let [own, others] =
+            [self.gap_to_set(&hulls[1], f64::INFINITY), other.gap_to_set(&hulls[0], f64::INFINITY)];
+        let found = own.into_iter().chain(others).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (found.0 <= limit).then_some(found)
+    }
+}
