@@ -169,6 +169,9 @@ pub struct Work {
     pub estimate: Option<RunEstimate>,
     /// Why there is no estimate, where there is none.
     pub no_estimate: Option<String>,
+    /// Bytes of the moments where a run keeps them, from the estimate of its rays: right to a factor of
+    /// two. `None` without an estimate, or where random rays make the light.
+    pub moments_bytes: Option<u64>,
     /// Memory at the peak and the bands that it allows.
     pub memory: MemoryEstimate,
     /// Bytes of the output on disk.
@@ -218,6 +221,7 @@ fn load_lenient(
             tolerances: costs::tolerances(scene)?,
             estimate: None,
             no_estimate: None,
+            moments_bytes: None,
             memory: memory::estimate(scene, &sample.objects, memory_limit, None)?,
             output_bytes: extent.output_bytes(scene),
         },
@@ -238,6 +242,21 @@ impl CheckReport {
     fn add_doubts_of_scan(&mut self, scene: &Scene) -> Result<()> {
         let curve = self.illumination.as_ref();
         self.warnings.extend(illumination::warnings(scene, &self.setup.nodes, curve)?);
+        Ok(())
+    }
+
+    /// Adds tolerances far below the noise, with the time that a run takes without them where `seconds` gives
+    /// it.
+    fn add_needless(
+        &mut self,
+        scene: &Scene,
+        seconds: impl FnOnce(&Scene) -> Result<Option<f64>>,
+    ) -> Result<()> {
+        let of = self.work.tolerances;
+        if let Some(faster) = costs::by_noise(scene, &of)? {
+            let instead = (faster.sampling.tolerances(), seconds(&faster)?);
+            self.warnings.extend(costs::needless(scene, &of, instead));
+        }
         Ok(())
     }
 

@@ -190,8 +190,8 @@ fn tell_sampling(sampling: &SamplingSummary, out: &mut impl Write) -> Result<(),
         let (beyond, tolerance) = (sampling.beyond_tolerance, sampling.tolerance);
         writeln!(
             out,
-            "         {beyond} of {patches} beamlets and rows may miss the tolerance of \
-             {tolerance:.1e}"
+            "         {beyond} of {patches} beamlets and rows may miss a tolerance: {tolerance:.1e} of open \
+             beam, or that of angles"
         )?;
     }
     Ok(())

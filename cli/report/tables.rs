@@ -181,7 +181,10 @@ fn sampling(summary: &SamplingSummary) -> [TableRow; 3] {
             format!("{rms_error:.1e} of open beam (rms), {worst_error:.1e} (worst)"),
         ),
         TableRow::new(
-            format!("beamlets and rows that may miss the tolerance of {:.1e}", summary.tolerance),
+            format!(
+                "beamlets and rows that may miss a tolerance, {:.1e} of open beam or that of angles",
+                summary.tolerance
+            ),
             format!("{} of {}", count(beyond), count(*patches)),
         )
         .marked(beyond > 0),

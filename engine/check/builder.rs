@@ -88,6 +88,7 @@ impl<'a> Check<'a> {
             _ => {
                 let (mut report, _, edges) = load_lenient(scene, limit, control)?;
                 report.add_edges(scene, edges.as_ref());
+                report.add_needless(scene, |_| Ok(None))?;
                 let reason = if estimates { "it needs a device" } else { "it was not requested" };
                 report.work.no_estimate = Some(reason.into());
                 if let Some(engine) = engine {

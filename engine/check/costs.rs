@@ -1,11 +1,13 @@
 //! The errors that sampling may leave in a run, and what makes a scene slower than it needs to be.
 
-use super::CheckReport;
+use super::display::duration;
+use super::{CheckReport, CheckedContact};
 use crate::Result;
-use crate::geometry::ContactKind;
+use crate::geometry::{ContactKind, place_of};
 use crate::printed::number;
 use crate::run::quality;
-use crate::scene::{Counts, Quality, Scene, Shape, ShapeOrMesh};
+use crate::scene::{Counts, Object, Quality, Scene, Shape, ShapeOrMesh, Tolerances};
+use glam::DVec3;
 use serde::Serialize;
 
 /// Ratio of the expected deviation to a tolerance from which on a larger tolerance is advised: by noise it
@@ -53,61 +55,118 @@ impl CheckedTolerances {
 
 /// What makes a run slower than it needs to be, with the remedy.
 pub(super) fn warnings(scene: &Scene, report: &CheckReport) -> Vec<String> {
-    let mut warnings = needless(scene, &report.work.tolerances);
-    for contact in &report.contacts {
-        let crosses = matches!(contact.kind, ContactKind::Overlap { .. });
-        let cut = |name: &String| {
-            let object = scene.objects.iter().find(|object| object.name == *name);
-            let faceted = report.objects.iter().any(|it| it.name == *name && it.triangles > 0);
-            object.is_some_and(|object| is_exact(&object.geometry)) && faceted
-        };
-        if crosses && (cut(&contact.earlier) || cut(&contact.later)) {
-            warnings.push(format!(
-                "\"{}\" crosses \"{}\": exact shapes that cross become meshes, which takes about ten times \
-                 as long; end one inside the other where the sample allows it",
-                contact.later, contact.earlier
-            ));
-        }
+    report.contacts.iter().filter_map(|contact| meshes(scene, report, contact)).collect()
+}
+
+/// The remedy where exact shapes meet and become meshes for it.
+fn meshes(scene: &Scene, report: &CheckReport, contact: &CheckedContact) -> Option<String> {
+    let named = |name: &String| scene.objects.iter().find(|object| object.name == *name);
+    let cut = |object: &Object| {
+        is_exact(&object.geometry)
+            && report.objects.iter().any(|it| it.name == object.name && it.triangles > 0)
+    };
+    let CheckedContact { earlier, later, .. } = contact;
+    let (first, second) = (named(earlier)?, named(later)?);
+    if !cut(first) && !cut(second) {
+        return None;
     }
-    warnings
+    let is_tube = |object: &Object| {
+        matches!(object.geometry, ShapeOrMesh::Shape(Shape::Tube { sides: None, .. }))
+    };
+    match contact.kind {
+        ContactKind::Overlap { .. } if is_bore(second, first) => Some(format!(
+            "\"{later}\" leaves \"{earlier}\": both become meshes, about ten times slower; end it inside, or \
+             make a tube with an empty bore of the shape `tube`"
+        )),
+        ContactKind::Overlap { .. } => Some(format!(
+            "\"{later}\" crosses \"{earlier}\": exact shapes that cross become meshes, which takes about ten \
+             times as long; end one inside the other where the sample allows it"
+        )),
+        ContactKind::Touch { .. } if is_tube(first) || is_tube(second) => Some(format!(
+            "\"{later}\" touches \"{earlier}\": both become meshes, about ten times slower; a filled tube is \
+             faster as a cylinder, and a later one for the filling that ends inside it"
+        )),
+        ContactKind::Touch { .. } | ContactKind::Gap { .. } => None,
+    }
+}
+
+/// Whether an object is a cylinder on the axis of another one and thinner, both exact and in one place.
+fn is_bore(inner: &Object, outer: &Object) -> bool {
+    let cylinder = |object: &Object| match object.geometry {
+        ShapeOrMesh::Shape(Shape::Cylinder { radius, sides: None, .. })
+            if object.instances.is_none() =>
+        {
+            let place = place_of(&object.placement).ok()?;
+            Some((radius * place.scale, place.position, place.rotation * DVec3::Z))
+        }
+        _ => None,
+    };
+    let (Some(inner), Some(outer)) = (cylinder(inner), cylinder(outer)) else { return false };
+    let off = (inner.1 - outer.1).cross(outer.2).length();
+    inner.0 < outer.0 && inner.2.cross(outer.2).length() < 1e-9 && off < 1e-9
 }
 
 /// Whether an object has exact curved surfaces.
 fn is_exact(geometry: &ShapeOrMesh) -> bool {
     let ShapeOrMesh::Shape(shape) = geometry else { return false };
-    match shape {
-        Shape::Cylinder { sides, .. }
-        | Shape::Cone { sides, .. }
-        | Shape::Sphere { sides, .. }
-        | Shape::Ellipsoid { sides, .. }
-        | Shape::Torus { sides, .. }
-        | Shape::Tube { sides, .. } => sides.is_none(),
-        Shape::Box { .. } | Shape::Prism { .. } | Shape::Extrusion { .. } => false,
-    }
+    !shape.has_facets()
 }
 
-/// Tolerances far below the noise, which somebody gave as numbers.
-fn needless(scene: &Scene, of: &CheckedTolerances) -> Vec<String> {
+/// The scene with the tolerances of its noise in place of numbers far below that; nothing where there are
+/// none.
+///
+/// # Errors
+/// Those of the materials of masks and beam.
+pub(super) fn by_noise(scene: &Scene, of: &CheckedTolerances) -> Result<Option<Scene>> {
+    let [light, angle] = too_small(scene, of);
+    if light.is_none() && angle.is_none() {
+        return Ok(None);
+    }
+    let mut faster = scene.clone();
+    let sampling = &mut faster.sampling;
+    sampling.quality = Some(Quality::Noise);
+    sampling.tolerance = sampling.tolerance.filter(|_| light.is_none());
+    sampling.angle_tolerance = sampling.angle_tolerance.filter(|_| angle.is_none());
+    quality::resolved(&faster, false).map(Some)
+}
+
+/// The noise that tolerances are far below, which somebody gave as numbers: of light and of angles.
+fn too_small(scene: &Scene, of: &CheckedTolerances) -> [Option<f64>; 2] {
     if scene.sampling.quality == Some(Quality::Fine) {
-        return Vec::new();
+        return [None; 2];
     }
+    [(of.open_noise, of.tolerance), (of.expected_angle, of.angle_tolerance)]
+        .map(|(noise, tolerance)| noise.filter(|noise| *noise > NEEDLESS * tolerance))
+}
+
+/// Tolerances far below the noise. `instead`: the tolerances by the noise, and the seconds of a run with
+/// them where these are known.
+pub(super) fn needless(
+    scene: &Scene,
+    of: &CheckedTolerances,
+    instead: (Tolerances, Option<f64>),
+) -> Vec<String> {
+    let [light, angle] = too_small(scene, of);
+    let (Tolerances { light: own_light, angle: own_angle }, seconds) = instead;
+    let time = seconds.map_or(String::new(), |it| format!(": about {}", duration(it)));
+    let text = |key: &str, found: String, times: f64, noise: String, tenth: String| {
+        format!(
+            "sampling.{key} of {found} is {times:.0} times below the noise of {noise}: without a number \
+             sampling.quality = \"noise\" takes {tenth}, which is faster{time}"
+        )
+    };
+    let nrad = |angle: f64| format!("{} nrad", number(angle * 1e9));
     let mut warnings = Vec::new();
-    if let Some(noise) = of.open_noise.filter(|noise| *noise > NEEDLESS * of.tolerance) {
-        warnings.push(format!(
-            "sampling.tolerance of {:e} is {:.0} times below the noise of an open pixel, {noise:.1e}: without \
-             a number sampling.quality = \"noise\" takes a tenth of the noise, which is faster",
-            of.tolerance,
-            noise / of.tolerance
-        ));
+    if let Some(noise) = light {
+        let (found, times) = (format!("{:e}", of.tolerance), noise / of.tolerance);
+        let what = format!("an open pixel, {noise:.1e}");
+        warnings.push(text("tolerance", found, times, what, format!("{own_light:e}")));
     }
-    if let Some(sigma) = of.expected_angle.filter(|sigma| *sigma > NEEDLESS * of.angle_tolerance) {
-        warnings.push(format!(
-            "sampling.angle_tolerance of {} nrad is {:.0} times below the noise of the refraction angle, {} \
-             nrad: without a number sampling.quality = \"noise\" takes a tenth of the noise, which is faster",
-            number(of.angle_tolerance * 1e9),
-            sigma / of.angle_tolerance,
-            number((sigma * 1e9).round())
-        ));
+    if let Some(sigma) = angle {
+        let times = sigma / of.angle_tolerance;
+        let what = format!("the refraction angle, {} nrad", number((sigma * 1e9).round()));
+        let found = nrad(of.angle_tolerance);
+        warnings.push(text("angle_tolerance", found, times, what, nrad(own_angle)));
     }
     warnings
 }

@@ -157,7 +157,9 @@ fn write_estimate(f: &mut Formatter<'_>, work: &Work) -> fmt::Result {
     let rays = [estimate.rays_per_view, estimate.rays].map(about);
     line(f, "rays", format!("about {} per view, {} in all", rays[0], rays[1]))?;
     let time = format!("about {}, without noise and output", duration(estimate.seconds));
-    line(f, "time", time)
+    line(f, "time", time)?;
+    let Some(moments) = work.moments_bytes else { return Ok(()) };
+    line(f, "moments", format!("--keep-moments: 1 to 3 times the rays, about {}", bytes(moments)))
 }
 
 fn write_material(f: &mut Formatter<'_>, material: &Material, width: usize) -> fmt::Result {
@@ -238,7 +240,7 @@ fn about(value: f64) -> String {
 }
 
 /// A time in the unit that suits it, to two digits.
-fn duration(seconds: f64) -> String {
+pub(super) fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 10.0 => format!("{s:.1} s"),
         s if s < 300.0 => format!("{s:.0} s"),

@@ -1,6 +1,6 @@
 //! What of a check needs a device: the illumination curve, and the estimate of rays and time.
 
-use super::{CheckReport, illumination, load_lenient};
+use super::{CheckReport, costs, illumination, load_lenient};
 use crate::run::memory;
 use crate::run::{RunEstimate, Simulation};
 use crate::scene::Scene;
@@ -24,18 +24,25 @@ pub(super) fn estimated(
     report.add_doubts_of_scan(scene)?;
     if !report.refusals.is_empty() {
         report.add_edges(scene, bounded.as_ref());
+        report.add_needless(scene, |_| Ok(None))?;
         report.work.no_estimate = Some("a run refuses the sample".into());
         return Ok(report);
     }
     let objects = sample.objects.clone();
+    // No other run may be estimated without an estimate of this one.
+    let again = costs::by_noise(scene, &report.work.tolerances)?.map(|_| sample.clone());
     let made = Simulation::of_loaded(engine, scene, Some(sample), control);
     let edges = match &made {
         Ok(made) => made.edge_blur(&control.cancel)?,
         Err(_) => bounded,
     };
     report.add_edges(scene, edges.as_ref());
-    match made.and_then(|made| made.estimate_until(&control.cancel)) {
+    let moments = made.as_ref().map_or(None, Simulation::moments_of_rays);
+    let found = made.and_then(|made| made.estimate_until(&control.cancel));
+    let is_known = found.is_ok();
+    match found {
         Ok(estimate) => {
+            report.work.moments_bytes = moments.map(|of_rays| of_rays(estimate.rays));
             let seconds = loaded_in + estimate.seconds;
             let rays = estimate.rays_per_view;
             report.work.memory = memory::estimate_refined(scene, &objects, limit, rays)?;
@@ -44,6 +51,11 @@ pub(super) fn estimated(
         Err(crate::Error::Interrupted) => return Err(crate::Error::Interrupted),
         Err(error) => report.work.no_estimate = Some(error.to_string()),
     }
+    report.add_needless(scene, |faster| {
+        let Some(sample) = again.filter(|_| is_known) else { return Ok(None) };
+        let made = Simulation::of_loaded(engine, faster, Some(sample), control)?;
+        Ok(Some(loaded_in + made.estimate_until(&control.cancel)?.seconds))
+    })?;
     Ok(report)
 }
 

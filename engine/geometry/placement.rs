@@ -7,7 +7,7 @@ use super::surface::{Defect, Surface};
 use crate::scene::Placement;
 
 /// The scale, rotations and position of an object as those of a group of instances.
-pub(super) fn group(placement: &Placement) -> Result<Place, Defect> {
+pub(crate) fn group(placement: &Placement) -> Result<Place, Defect> {
     let scale = placement.scale;
     if !(scale.is_finite() && scale > 0.0) {
         return Err(Defect::new(format!("scale {scale} must be above 0"), "placement"));

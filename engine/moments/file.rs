@@ -9,7 +9,7 @@ mod read;
 pub(super) use read::MomentFile;
 
 use crate::illuminate::NARROW;
-use crate::interface::{CellRow, MOMENTS_PER_MATERIAL};
+use crate::interface::{Cell, CellRow, MOMENTS_PER_MATERIAL};
 use crate::numbers;
 use crate::sampling::{CellBatch, ExactCell};
 use crate::whole_file::refuse_link;
@@ -35,6 +35,11 @@ const RAY: usize = 5;
 const RESULT: usize = 8;
 /// Words of the ray at an end, and of its result.
 const END: usize = RAY + RESULT;
+
+/// Bytes of a cell with so many words of a ray's moments, without the way of rays walked in order.
+pub(crate) const fn cell_bytes(words: usize) -> usize {
+    size_of::<Cell>() + 2 * words * size_of::<f32>()
+}
 
 /// What ties moments to their run: the hash of its scene.toml.
 pub(super) fn scene_digest(run: &Path) -> Result<[u8; 32]> {

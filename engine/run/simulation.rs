@@ -9,17 +9,18 @@ mod rays;
 mod work;
 
 use crate::accel::Backend;
+use crate::cancel::Cancel;
 use crate::detector::{self, DetectorModel};
 use crate::geometry::Sample;
 use crate::gpu::Device;
 use crate::illuminate::{self, EnergyBinning};
-use crate::moments::StoredSource;
+use crate::moments::{self, StoredSource};
 use crate::numbers;
 use crate::run::Control;
 use crate::run::engine::{Engine, EngineOptions};
 use crate::run::memory::MemoryEstimate;
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
-use crate::scene::{Exposure, Scene};
+use crate::scene::{Exposure, Scene, Scheme};
 use crate::stack::{self, RunRecord, RunStart, SamplingSummary, Sink};
 use crate::trace::{DeviceSample, MaterialTable, Tally, TraceKernels, Tracer};
 use crate::{Error, Result};
@@ -31,6 +32,16 @@ use work::ViewWork;
 
 /// A run fails when more than this share of its rays stays unbalanced.
 const UNBALANCED_SHARE: f64 = 1e-5;
+
+/// Cells per ray of a run that keeps moments: 0.3 to 0.7 of them in the shipped experiments and a laboratory
+/// set-up.
+const KEPT_CELLS: f64 = 0.4;
+/// Cells that a run keeps, per ray of one that keeps none, which takes a third to all as many rays.
+const CELLS_IF_KEPT: f64 = 1.0;
+/// Pixels of all views from which on a run that keeps moments is estimated for their size,
+const MANY_PIXELS: f64 = 2e4;
+/// and bytes of moments from which on it announces that.
+const MANY_BYTES: u64 = 200_000_000;
 
 /// One scene, ready on a device. Owns what it needs: the engine may be dropped, and the simulation
 /// may be sent to another thread.
@@ -127,6 +138,15 @@ impl Simulation {
         self.media.moment_words()
     }
 
+    /// Bytes of kept moments by the rays of this simulation, right to a factor of two; `None` where random
+    /// rays make the light.
+    pub(crate) fn moments_of_rays(&self) -> Option<impl Fn(f64) -> u64 + use<>> {
+        let each = moments::file::cell_bytes(self.moment_words());
+        let cells = if self.options().keep_moments { KEPT_CELLS } else { CELLS_IF_KEPT };
+        let bytes = move |rays: f64| numbers::whole::<u64>(cells * rays * each as f64);
+        (self.scene.sampling.scheme == Scheme::Cells).then_some(bytes)
+    }
+
     /// What changes of a cell do to recorded values at the mask offsets of a view.
     fn response(&self, view: Exposure) -> Arc<Response> {
         let optics = self.detector.optics();
@@ -175,6 +195,19 @@ impl Simulation {
         &self.memory
     }
 
+    /// Says how much a run will keep, where that is much.
+    fn announce_moments(&self, cancel: &Cancel) -> Result<()> {
+        let pixels: f64 = self.scene.detector.pixels.map(f64::from).iter().product();
+        let Some(bytes) = self.moments_of_rays() else { return Ok(()) };
+        if pixels * self.scene.scan.angles.len() as f64 >= MANY_PIXELS {
+            let bytes = bytes(self.estimate_until(cancel)?.rays);
+            if bytes >= MANY_BYTES {
+                log::warn!("moments of all views: about {:.1} GB", bytes as f64 / 1e9);
+            }
+        }
+        Ok(())
+    }
+
     /// Runs every view that `control` does not skip and hands it to the sink.
     ///
     /// # Errors
@@ -209,6 +242,9 @@ impl Simulation {
             edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerances().light));
         warning.into_iter().for_each(|text| log::warn!("{text}"));
         let kept = self.kept_error(&control)?;
+        if control.keep.is_some() {
+            self.announce_moments(&control.cancel)?;
+        }
         let views: Vec<Exposure> =
             stack::views(&self.scene)?.filter(|v| !control.skip.contains(v)).collect();
         let mut work = ViewWork::new(self, &views, &control.cancel)?;

@@ -30,9 +30,9 @@ impl ErrorBudget {
 }
 
 /// Counts of a patch that was sampled by `rays` rays and whose values of the grid may be wrong by
-/// `error`, share of open beam.
-pub(super) fn tally_of(error: f64, rays: u32, budget: &ErrorBudget) -> Tally {
-    let error = error / budget.by_grid;
+/// `light`, share of open beam. `displacement`: error of the displacement, share of the budget.
+pub(super) fn tally_of([light, displacement]: [f64; 2], rays: u32, budget: &ErrorBudget) -> Tally {
+    let error = light / budget.by_grid;
     let parts = 1e9 * error;
     Tally {
         patches: 1,
@@ -40,7 +40,7 @@ pub(super) fn tally_of(error: f64, rays: u32, budget: &ErrorBudget) -> Tally {
         most_patch_rays: rays.into(),
         error_squares: numbers::whole::<u64>(parts * parts),
         worst_error: numbers::whole::<u64>(parts),
-        beyond_tolerance: u64::from(error > budget.tolerance),
+        beyond_tolerance: u64::from(error > budget.tolerance || displacement > 1.0),
         ..Tally::default()
     }
 }

@@ -38,6 +38,9 @@ pub(super) struct PatchError {
     pub(super) even: Option<(u32, Even)>,
     /// Estimated error of the recorded value that has the largest, share of open beam.
     pub(super) light: f64,
+    /// Estimated error of the displacement at the mask step that has the largest, share of the budget; 0
+    /// where nothing bounds it.
+    pub(super) displacement: f64,
 }
 
 /// Rectangles of a patch that must be split whatever their neighbours say: a component may hide
@@ -255,10 +258,16 @@ impl Estimator<'_> {
             }
         }
         let worst = steps.iter().map(StepError::light).fold(0.0, f64::max).sqrt();
-        let mut result = PatchError { light: worst, ..PatchError::default() };
         let light = (self.safety() * self.budget.light).powi(2);
         // A rectangle beside a silhouette of the next patch is not crossed itself.
         let bounded = self.budget.displacement.is_finite() && !(crossed && seen);
+        let off = |step: &StepError| step.moment.sqrt() / (self.budget.displacement * step.through);
+        let lit = steps.iter().filter(|step| bounded && step.through > 0.0);
+        let mut result = PatchError {
+            light: worst,
+            displacement: lit.map(off).fold(0.0, f64::max),
+            ..PatchError::default()
+        };
         let aim = if by_rays { SAFETY_OF_RAYS } else { self.safety() };
         let displacement = aim * self.budget.displacement;
         // In shares of the budget of a step; nothing of one that holds it.

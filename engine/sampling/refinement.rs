@@ -47,8 +47,9 @@ pub(super) struct PatchWork {
     pub(super) patch: Patch,
     narrow: Vec<NarrowComponent>,
     pub(super) rays: u32,
-    /// Estimated error of the recorded value that has the largest.
-    pub(super) light: f64,
+    /// Estimated errors: of the recorded value that has the largest, share of open beam, and of the
+    /// displacement, share of the budget.
+    pub(super) errors: [f64; 2],
     /// Nodes that were made last, which others are compared with.
     changed: Vec<u32>,
     /// Nodes that wait for the rays through their centres.
@@ -128,7 +129,7 @@ impl<'a> Refiner<'a> {
         let mut work = PatchWork {
             narrow,
             rays: numbers::count(results.len()),
-            light: 0.0,
+            errors: [0.0; 2],
             changed: Vec::new(),
             pending: Vec::new(),
             pending_pieces: Vec::new(),
@@ -324,7 +325,7 @@ impl<'a> Refiner<'a> {
         }
         let crossed = self.has_silhouette((patch.beamlet, patch.row));
         let error = self.estimator.patch_error(patch, crossed, &openings, narrow, known_errors);
-        work.light = error.light;
+        work.errors = [error.light, error.displacement];
         let most = self.view.budget.max_rays;
         let left = most.saturating_sub(work.rays.max(2 * work.patch.splits)) / 2;
         if let Some(needed) = error.even {

@@ -146,7 +146,7 @@ pub(super) fn refined(
         let (mut cells, empty) = emitter.cells(tracer, &patches)?;
         for work in &group {
             cells.splits += u64::from(work.patch.splits);
-            cells.tally = cells.tally + tally_of(work.light, work.rays, &view.budget);
+            cells.tally = cells.tally + tally_of(work.errors, work.rays, &view.budget);
         }
         // Cells may take as much again.
         drop(patches);

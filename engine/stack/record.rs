@@ -140,7 +140,7 @@ pub struct SamplingSummary {
     pub worst_error: f64,
     /// Error that was allowed, share of open beam.
     pub tolerance: f64,
-    /// Patches that may exceed it.
+    /// Patches that may exceed it, or the tolerance of angles; of kept moments pixels that exceed it.
     pub beyond_tolerance: u64,
 }
 

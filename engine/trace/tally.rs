@@ -46,7 +46,7 @@ pub struct Tally {
     pub error_squares: u64,
     /// Largest of these errors, in 1e-9 of open beam.
     pub worst_error: u64,
-    /// Patches whose estimated error exceeds the tolerance.
+    /// Patches whose estimated error of light or of the displacement exceeds its tolerance.
     pub beyond_tolerance: u64,
 }
 

@@ -165,11 +165,54 @@ fn check_names_needless_tolerances_and_shapes_that_cross() {
     let solid = plain.replace(", sides = 16", "");
     let text = checked(&[&*solid, bore].concat());
     assert!(
+        text.contains("\"bore\" leaves \"rod\": both become meshes") && text.contains("`tube`"),
+        "{text}"
+    );
+    let beside = bore.replace("material", "position = [\"0.1 mm\", \"0 mm\", \"0 mm\"]\nmaterial");
+    let text = checked(&[&*solid, &*beside].concat());
+    assert!(
         text.contains("\"bore\" crosses \"rod\": exact shapes that cross become meshes"),
         "{text}"
     );
     let text = checked(&[&*solid, &*bore.replace("20 mm", "15 mm")].concat());
-    assert!(!text.contains("crosses"), "{text}");
+    assert!(!text.contains("crosses") && !text.contains("leaves"), "{text}");
+    // A tube, empty and filled to its wall.
+    let tube = bore.replace(
+        "cylinder = { radius = \"0.1 mm\"",
+        "tube = { outer = \"0.1 mm\", inner = \"0.08 mm\"",
+    );
+    let far = ["name = \"filling\"\nposition = [\"0 mm\", \"3 mm\", \"0 mm\"]", "0.08 mm"];
+    let apart = tube
+        .replace("name = \"bore\"", "name = \"tube\"\nposition = [\"0 mm\", \"3 mm\", \"0 mm\"]");
+    let filling = bore.replace("name = \"bore\"", far[0]).replace("0.1 mm", far[1]);
+    let text = checked(&[&*solid, &*apart].concat());
+    assert!(!text.contains("become meshes"), "{text}");
+    let text = checked(&[&*solid, &*apart, &*filling].concat());
+    assert!(text.contains("\"filling\" touches \"tube\": both become meshes"), "{text}");
+    let text = checked(&[&*solid, &*apart, &*filling.replace("0.08 mm", "0.07 mm")].concat());
+    assert!(!text.contains("become meshes"), "{text}");
+}
+
+/// The estimate says how long a run takes with the tolerances of the noise, and how much its moments take.
+#[test]
+fn check_estimates_a_run_without_needless_tolerances_and_its_moments() {
+    let directory = tempfile::tempdir().unwrap();
+    let here = directory.path();
+    let sampling = "tolerance = 1e-6\nangle_tolerance = \"2 nrad\"";
+    fs::write(here.join("scene.toml"), scene("photons = 80000", sampling)).unwrap();
+    let text = done(here, "check scene.toml");
+    assert_eq!(text.matches("which is faster: about ").count(), 2, "{text}");
+    assert!(text.contains("takes 4e-4, which") && text.contains("takes 10 nrad, which"), "{text}");
+    let json = done(here, "check scene.toml --json --set sampling.quality=standard");
+    let report: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let expected = report["work"]["moments_bytes"].as_f64().unwrap();
+    done(
+        here,
+        "simulate scene.toml -o run --keep-moments --format npy --set sampling.quality=standard",
+    );
+    let size = fs::metadata(here.join("run/moments/view_0000.bin")).unwrap().len() as f64;
+    println!("measured moments: {expected} bytes expected, {size} written");
+    assert!((0.3..3.0).contains(&(expected / size)), "{expected} for {size}");
 }
 
 /// Without a scene the run's own is changed, with its photons; without a change its bits are the run's.

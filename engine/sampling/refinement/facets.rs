@@ -33,7 +33,7 @@ impl Refiner<'_> {
                 &mut work.known_errors,
             );
             if error.splits.is_empty() {
-                (work.light, work.done) = (error.light, true);
+                (work.errors, work.done) = ([error.light, error.displacement], true);
                 return;
             }
         }
