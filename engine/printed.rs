@@ -60,6 +60,17 @@ pub fn number(value: f64) -> String {
     }
 }
 
+/// A time in the unit that suits it, to two digits.
+pub(crate) fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => format!("{s:.1} s"),
+        s if s < 300.0 => format!("{s:.0} s"),
+        s if s < 3.0 * 3600.0 => format!("{:.0} min", s / 60.0),
+        s if s < 72.0 * 3600.0 => format!("{:.0} h", s / 3600.0),
+        s => format!("{:.0} days", s / 86400.0),
+    }
+}
+
 fn escape(text: &str, keep: impl Fn(char) -> bool) -> String {
     use std::fmt::Write;
     text.chars().fold(String::with_capacity(text.len()), |mut out, c| {

@@ -1,13 +1,11 @@
 //! The errors that sampling may leave in a run, and what makes a scene slower than it needs to be.
 
-use super::display::duration;
 use super::{CheckReport, CheckedContact};
 use crate::Result;
-use crate::geometry::{ContactKind, place_of};
-use crate::printed::number;
+use crate::geometry::{ContactKind, axis_of};
+use crate::printed::{duration, number};
 use crate::run::quality;
 use crate::scene::{Counts, Object, Quality, Scene, Shape, ShapeOrMesh, Tolerances};
-use glam::DVec3;
 use serde::Serialize;
 
 /// Ratio of the expected deviation to a tolerance from which on a larger tolerance is advised: by noise it
@@ -96,14 +94,17 @@ fn is_bore(inner: &Object, outer: &Object) -> bool {
         ShapeOrMesh::Shape(Shape::Cylinder { radius, sides: None, .. })
             if object.instances.is_none() =>
         {
-            let place = place_of(&object.placement).ok()?;
-            Some((radius * place.scale, place.position, place.rotation * DVec3::Z))
+            Some((radius * object.placement.scale, axis_of(&object.placement)?))
         }
         _ => None,
     };
-    let (Some(inner), Some(outer)) = (cylinder(inner), cylinder(outer)) else { return false };
-    let off = (inner.1 - outer.1).cross(outer.2).length();
-    inner.0 < outer.0 && inner.2.cross(outer.2).length() < 1e-9 && off < 1e-9
+    let (Some((thin, [from, along])), Some((thick, [to, axis]))) =
+        (cylinder(inner), cylinder(outer))
+    else {
+        return false;
+    };
+    let off = (from - to).cross(axis).length();
+    thin < thick && along.cross(axis).length() < 1e-9 && off < 1e-9
 }
 
 /// Whether an object has exact curved surfaces.

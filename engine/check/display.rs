@@ -2,7 +2,7 @@
 
 use super::{CheckReport, CheckedObject, ExpectedUncertainty, IlluminationCurve, Material, Work};
 use crate::numbers;
-use crate::printed::number;
+use crate::printed::{duration, number};
 use std::fmt::{self, Display, Formatter};
 
 /// Most objects of a list by name.
@@ -237,17 +237,6 @@ fn about(value: f64) -> String {
     let unit = 10_f64.powf(digits.max(0.0));
     let rounded = numbers::whole::<u64>((value / unit).round() * unit);
     count(rounded)
-}
-
-/// A time in the unit that suits it, to two digits.
-pub(super) fn duration(seconds: f64) -> String {
-    match seconds {
-        s if s < 10.0 => format!("{s:.1} s"),
-        s if s < 300.0 => format!("{s:.0} s"),
-        s if s < 3.0 * 3600.0 => format!("{:.0} min", s / 60.0),
-        s if s < 72.0 * 3600.0 => format!("{:.0} h", s / 3600.0),
-        s => format!("{:.0} days", s / 86400.0),
-    }
 }
 
 /// Bytes in the unit that suits them.

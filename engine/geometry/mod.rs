@@ -47,8 +47,10 @@ pub use load::load;
 pub(crate) use load::{load_lenient_watched, load_watched, triangles_in_files};
 pub(crate) use overlap::PEAK_PER_CUT_TRIANGLE;
 pub use overlap::{Contact, ContactKind};
-pub(crate) use placed::{FacetNumbers, FacetOf, Place, Placed, Prototype};
-pub(crate) use placement::group as place_of;
+#[cfg(test)]
+pub(crate) use placed::Place;
+pub(crate) use placed::{FacetNumbers, FacetOf, Placed, Prototype};
+pub(crate) use placement::axis_of;
 pub(crate) use read::file_hash;
 pub(crate) use sizes::unit_warnings;
 pub(crate) use smooth::{CornerNormals, corner_normals};

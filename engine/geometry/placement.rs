@@ -7,7 +7,7 @@ use super::surface::{Defect, Surface};
 use crate::scene::Placement;
 
 /// The scale, rotations and position of an object as those of a group of instances.
-pub(crate) fn group(placement: &Placement) -> Result<Place, Defect> {
+pub(super) fn group(placement: &Placement) -> Result<Place, Defect> {
     let scale = placement.scale;
     if !(scale.is_finite() && scale > 0.0) {
         return Err(Defect::new(format!("scale {scale} must be above 0"), "placement"));
@@ -18,6 +18,11 @@ pub(crate) fn group(placement: &Placement) -> Result<Place, Defect> {
     }
     let position = DVec3::from_array(placement.position);
     Ok(Place { scale, stretch: 1.0, rotation: rotation.normalize(), position })
+}
+
+/// The centre of a shape, m, and the direction of its z; `None` where the placement is not possible.
+pub(crate) fn axis_of(placement: &Placement) -> Option<[DVec3; 2]> {
+    group(placement).ok().map(|place| [place.position, place.rotation * DVec3::Z])
 }
 
 fn unit_axis(axis: [f64; 3], angle: f64) -> Result<DVec3, Defect> {
