@@ -1,13 +1,16 @@
 //! Run directories and stacks in files; sizes of memory as text.
 
 use crate::errors::raised;
+use crate::retrieve::Retrieved;
 use crate::stacks::json;
 use crate::work::interruptible;
 use beamlet::Error;
-use beamlet::ndarray::Array4;
-use beamlet::stack::{OpenRun, StackFile};
+use beamlet::ndarray::{Array4, Axis, stack};
+use beamlet::retrieve::Record;
+use beamlet::stack::{GeometryFile, Maps, OpenRun, StackFile, layout};
 use numpy::{IntoPyArray, PyArray4};
 use pyo3::prelude::*;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// File or folder of a stack, and its views, steps, rows and columns.
@@ -57,6 +60,40 @@ pub(crate) fn read_stack<'py>(
         Array4::from_shape_vec((views, steps, rows, columns), all).map_err(|_| purpose())
     })?;
     Ok(values.into_pyarray(py))
+}
+
+/// Images of a run directory or of a folder of retrieved images, with record and geometry.
+#[pyfunction]
+pub(crate) fn read_images(py: Python<'_>, path: PathBuf) -> PyResult<Retrieved<'_>> {
+    let folder = match layout::is_run(&path) {
+        true => path.join(layout::RETRIEVED),
+        false => path,
+    };
+    let (record, geometry, images) = interruptible(py, None, |watch| {
+        let record = Record::read(&folder.join(layout::RECORD))?;
+        let geometry = match folder.join(layout::GEOMETRY).exists() {
+            true => Some(GeometryFile::read(&folder)?),
+            false => None,
+        };
+        let maps = Maps::open(&folder)?;
+        let mut images = BTreeMap::new();
+        for name in maps.names() {
+            watch.check()?;
+            let views = match name.contains("flat") {
+                true => 1,
+                false => maps.views(),
+            };
+            let views: Vec<_> =
+                (0..views).map(|view| maps.map(name, view)).collect::<beamlet::Result<_>>()?;
+            let views: Vec<_> = views.iter().map(|image| image.view()).collect();
+            let stack = stack(Axis(0), &views)
+                .map_err(|error| Error::argument(name, error.to_string(), "one shape"))?;
+            images.insert(name.to_owned(), stack);
+        }
+        Ok((record, geometry, images))
+    })?;
+    let images = images.into_iter().map(|(name, it)| (name, it.into_pyarray(py))).collect();
+    Ok((images, json(&record)?, geometry.as_ref().map(json).transpose()?))
 }
 
 /// Bytes of a size of memory such as "2 GiB".

@@ -40,6 +40,7 @@ fn _beamlet(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(work::stop, module)?)?;
     module.add_function(wrap_pyfunction!(engine::devices, module)?)?;
     module.add_function(wrap_pyfunction!(files::open_run, module)?)?;
+    module.add_function(wrap_pyfunction!(files::read_images, module)?)?;
     module.add_function(wrap_pyfunction!(files::read_stack, module)?)?;
     module.add_function(wrap_pyfunction!(files::memory_size, module)?)?;
     module.add_function(wrap_pyfunction!(retrieve::retrieve, module)?)?;

@@ -25,8 +25,9 @@ pub(crate) struct Options {
     bad_pixels: Option<PathBuf>,
 }
 
-/// Images by name, `[view][row][column]`, and the record of the retrieval as JSON.
-type Retrieved<'py> = (BTreeMap<String, Bound<'py, PyArray3<f32>>>, String);
+/// Images by name, `[view][row][column]`, record of the retrieval and geometry of the views as JSON.
+pub(crate) type Retrieved<'py> =
+    (BTreeMap<String, Bound<'py, PyArray3<f32>>>, String, Option<String>);
 
 fn method(py: Python<'_>, name: &str) -> PyResult<Method> {
     let names = Method::ALL.map(Method::name).join(", ");
@@ -105,5 +106,5 @@ pub(crate) fn retrieve<'py>(
         work().map_err(|error| scene.located(error))
     })?;
     let images = found.images.into_iter().map(|(name, it)| (name, it.into_pyarray(py)));
-    Ok((images.collect(), json(&found.record)?))
+    Ok((images.collect(), json(&found.record)?, found.geometry))
 }

@@ -1,8 +1,10 @@
 //! Scenes, and meshes given as arrays.
 
 use crate::errors::raised;
+use crate::stacks::json;
 use beamlet::geometry::{NamedMesh, write_meshes};
 use beamlet::scene::{Mesh, ShapeOrMesh};
+use beamlet::stack::GeometryFile;
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 use std::collections::BTreeMap;
@@ -137,16 +139,16 @@ impl Scene {
         self.scene.detector.pitch
     }
 
-    /// Distances from the source to the axis of rotation and to the detector, m.
+    /// Angles, distances, columns and rows as geometry.json has them.
     #[getter]
-    fn distances(&self) -> [f64; 2] {
-        [self.scene.source.distance, self.scene.detector.distance]
+    fn geometry(&self) -> PyResult<String> {
+        json(&GeometryFile::of(&self.scene))
     }
 
-    /// Whether the detector counts photons.
+    /// Photon energy, keV; `None` for a spectrum.
     #[getter]
-    fn has_counts(&self) -> bool {
-        self.scene.detector.counts.is_some()
+    fn energy(&self) -> Option<f64> {
+        self.scene.source.beam.single_energy()
     }
 
     /// Title; `None` without one.

@@ -111,11 +111,11 @@ class Engine:
         validation: bool = False,
     ) -> None:
         _vulkan.find_driver()
-        backend = backend or os.environ.get("BEAMLET_BACKEND") or None  # type: ignore[assignment]
         name = None if device is None else str(device)
+        way = backend or os.environ.get("BEAMLET_BACKEND") or None
         self.keep_moments = keep_moments
         self._engine = _beamlet.Engine(
-            name, backend, _bytes(memory_limit), keep_moments, validation
+            name, way, _bytes(memory_limit), keep_moments, validation
         )
         _open.add(self)
 
@@ -277,6 +277,6 @@ def pixels(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Centres of the columns (x, ascending) and rows (z, from the top) on the detector, m."""
     columns, rows = scene._scene.pixels
     across, down = scene._scene.pitch
-    x = (np.arange(columns) + 0.5 - columns / 2) * across
-    z = (rows / 2 - np.arange(rows) - 0.5) * down
-    return x, z
+    x = (np.arange(columns, dtype=np.float64) + (0.5 - columns / 2)) * across
+    z = (np.arange(rows, dtype=np.float64) + (0.5 - rows / 2)) * -down
+    return np.asarray(x), np.asarray(z)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _beamlet
-from ._engine import Engine, Progress, default_engine, pixels
-from ._errors import ArgumentError
-from ._scene import Scene
+from ._engine import Engine, Progress, default_engine
+from ._errors import ArgumentError, Error
+from ._scene import Path, Scene
 
 Method = Literal[
     "gaussian",
@@ -72,15 +72,62 @@ class Images(Mapping[str, Image]):
     """Retrieved images by name, float32 ``[view][row][column]``; those of the flat have one view.
 
     A pixel without an answer is NaN and has a bit in ``flags``; `flag_meanings` explains the bits.
+
+    Attributes:
+        record: Method, units, flags and their counts: ``retrieved.json``.
+        geometry: Angles, distances and places of columns: ``geometry.json``; ``None`` where the angles
+            of the views are not known.
+        scene: The scene, where it is known.
     """
 
     def __init__(
-        self, scene: Scene, images: Mapping[str, Image], record: Mapping[str, Any], engine: Engine
+        self,
+        images: Mapping[str, Image],
+        record: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None,
+        scene: Scene | None,
+        engine: Engine | None,
     ) -> None:
-        self.scene = scene
         self.record = dict(record)
+        self.geometry = None if geometry is None else dict(geometry)
+        self.scene = scene
         self._images = dict(images)
         self._engine = engine
+
+    @classmethod
+    def _of(
+        cls, found: tuple[dict[str, Image], str, str | None], scene: Scene | None,
+        engine: Engine | None,
+    ) -> Images:
+        images, record, geometry = found
+        views = None if geometry is None else json.loads(geometry)
+        return cls(images, json.loads(record), views, scene, engine)
+
+    @classmethod
+    def open(cls, path: Path, engine: Engine | None = None) -> Images:
+        """Reads the images of a run directory, or of a folder of retrieved images.
+
+        Raises:
+            FileError: No images are there.
+        """
+        self = cls._of(_beamlet.read_images(path), None, engine)
+        try:
+            self.scene = Scene.from_toml(self.record["geometry"] or "")
+        except Error:
+            # Its files are gone; the images do without them.
+            self.scene = None
+        return self
+
+    @property
+    def title(self) -> str | None:
+        """Title of the scene."""
+        title: str | None = self.record.get("title")
+        return title
+
+    @property
+    def energy(self) -> float | None:
+        """Photon energy, keV; ``None`` for a spectrum."""
+        return None if self.scene is None else self.scene._scene.energy
 
     def __getitem__(self, name: str) -> Image:
         try:
@@ -150,18 +197,18 @@ class Images(Mapping[str, Image]):
         """
         name = {"mu": "transmission", "delta": "refraction"}.get(quantity, quantity)
         sinograms = self[name]
-        if self.record["method"] == "beamlet":
-            raise _wrong("method", "beamlet", "a method with an image per pixel")
         if quantity == "mu":
             with np.errstate(divide="ignore", invalid="ignore"):
                 sinograms = -np.log(sinograms)
+        if self.geometry is None:
+            raise _wrong("geometry", "views without angles", "a scene with an angle for each view")
         if not np.isfinite(sinograms).all():
             bad = int((~np.isfinite(sinograms)).sum())
             found = f"{bad} pixels without a finite value"
             raise _wrong(name, found, "a value in each pixel: fill them before")
         return reconstruct(
             sinograms,
-            self.scene,
+            self.geometry,
             quantity,
             voxel=voxel,
             size=size,
@@ -209,7 +256,7 @@ def _retrieve(
             path = f"{folder}/bad_pixels.npy"
             np.save(path, np.asarray(bad_pixels).astype(np.float32))
             chosen["bad_pixels"] = path
-        images, record = _beamlet.retrieve(
+        found = _beamlet.retrieve(
             engine._engine,
             scene._scene,
             kind,
@@ -220,7 +267,7 @@ def _retrieve(
             chosen,
             progress,
         )
-    return Images(scene, images, json.loads(record), engine)
+    return Images._of(found, scene, engine)
 
 
 def lengths(name: str, values: Sequence[str | float] | NDArray[np.floating[Any]]) -> list[float]:
@@ -294,7 +341,7 @@ def retrieve(
 
 def reconstruct(
     sinograms: ArrayLike,
-    geometry: Scene,
+    geometry: Scene | Mapping[str, Any],
     quantity: Quantity = "mu",
     voxel: str | float | None = None,
     size: Sequence[int] | None = None,
@@ -308,7 +355,7 @@ def reconstruct(
 
     Args:
         sinograms: ``[view][row][column]``: -ln T, refraction angles (rad), or variances (rad²).
-        geometry: Scene with distances, pixels and angles.
+        geometry: Scene, or a dict with the keys of ``geometry.json`` (docs/reading.md).
         quantity: What the sinograms are: ``mu``, ``delta`` or ``dark_field``.
         voxel: Side of the voxels, as ``"50 um"`` or in m; default: a pixel at the axis.
         size: Voxels along x, y and z; default: the field of view.
@@ -324,13 +371,14 @@ def reconstruct(
     array = np.asarray(sinograms)
     if array.ndim != 3 or array.dtype.kind not in "fiu":
         raise _wrong("sinograms", f"shape {array.shape}, dtype {array.dtype}", "(view, row, column)")
-    x, z = pixels(geometry)
-    angles = geometry.angles
+    views = geometry.geometry if isinstance(geometry, Scene) else geometry
+    if views["axis_column"] is None:
+        raise _wrong("scan", "views that move the sample", "views on a circle")
     circle = {
-        "distances": list(geometry._scene.distances),
-        "columns": x.tolist(),
-        "rows": z.tolist(),
-        "angles": angles.tolist(),
+        "distances": [views["source_to_axis_m"], views["source_to_detector_m"]],
+        "columns": views["columns_m"],
+        "rows": views["rows_m"],
+        "angles": views["angles_rad"],
         "axis": float(axis),
     }
     side = None if voxel is None else lengths("voxel", [voxel])[0]

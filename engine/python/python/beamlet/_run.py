@@ -104,9 +104,8 @@ class Run:
         of_flat, of_sample, of_counts, record = _beamlet.open_run(path)
         counts = None
         if of_counts is not None:
-            flat, sample, dark = of_counts
-            frames = None if dark is None else _mapped(*dark)[0]
-            counts = Counts(_mapped(*flat)[0], _mapped(*sample), frames)
+            dark = None if of_counts[2] is None else _mapped(*of_counts[2])[0]
+            counts = Counts(_mapped(*of_counts[0])[0], _mapped(*of_counts[1]), dark)
         scene = Scene.load(os.path.join(path, "scene.toml"))
         kept = path if os.path.isdir(os.path.join(path, "moments")) else None
         flat, sample = _mapped(*of_flat)[0], _mapped(*of_sample)
@@ -134,7 +133,7 @@ class Run:
 
     def to_xarray(self) -> Any:
         """Flat and sample with their axes as an ``xarray.Dataset``; needs xarray."""
-        import xarray
+        import xarray  # type: ignore[import-not-found, unused-ignore]
 
         axes = self.axes
         names = [axis.name for axis in axes]

@@ -153,8 +153,8 @@ class Scene:
         >>> scene = Scene(
         ...     source={"distance": "1.2 m", "spot": "30 um", "energy": "30 keV"},
         ...     detector={"distance": "1.8 m", "pixels": [8, 2], "pitch": "150 um"},
-        ...     object=[{"name": "rod", "shape": "cylinder", "radius": "0.2 mm",
-        ...              "height": "9 mm", "material": "nylon 6"}],
+        ...     object=[{"name": "rod", "material": "nylon 6",
+        ...              "shape": {"cylinder": {"radius": "0.2 mm", "height": "9 mm"}}}],
         ... )
         >>> scene.shape
         (1, 1, 2, 8)
@@ -256,6 +256,13 @@ class Scene:
     def angles(self) -> NDArray[np.float64]:
         """Angles of the views, rad."""
         return np.array(self._scene.angles)
+
+    @property
+    def geometry(self) -> dict[str, Any]:
+        """Angles, distances, and places of columns and rows: the keys of ``geometry.json``
+        (docs/reading.md)."""
+        geometry: dict[str, Any] = json.loads(self._scene.geometry)
+        return geometry
 
     def save(self, directory: Path) -> str:
         """Writes the resolved scene, with every default, as ``scene.toml``, and its meshes of arrays.

@@ -88,7 +88,7 @@ def material(
     Example:
         >>> water = material("water", [20.0, 30.0])
         >>> bool(np.all(np.diff(water.mu) < 0)), f"{water.delta[1]:.3e}"
-        (True, '2.558e-07')
+        (True, '2.560e-07')
     """
     energies = np.atleast_1d(np.asarray(energy, dtype=np.float64))
     inner = None if scene is None else scene._scene

@@ -1,0 +1,129 @@
+"""The engine of beamlet; `beamlet` wraps it. Checked against the module by mypy's stubtest."""
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Path = str | os.PathLike[str]
+_Progress = Callable[[str, float | None], object] | None
+_Floats = NDArray[np.float32]
+_Counts = tuple[_Floats, _Floats, _Floats]
+_Run = tuple[_Floats, _Floats, _Counts | None, str]
+_Images = tuple[dict[str, _Floats], str, str | None]
+_Shape = tuple[int, int, int, int]
+_Place = tuple[Path, _Shape]
+
+__all__ = [
+    "Engine",
+    "Scene",
+    "__version__",
+    "compare",
+    "devices",
+    "fbp",
+    "lengths",
+    "material",
+    "memory_size",
+    "open_run",
+    "program",
+    "read_images",
+    "read_stack",
+    "retrieve",
+    "spectrum",
+    "stop",
+]
+__version__: str
+
+@final
+class Scene:
+    @staticmethod
+    def load(path: _Path, sets: Sequence[str]) -> Scene: ...
+    @staticmethod
+    def parse(
+        text: str,
+        json: bool,
+        directory: _Path,
+        sets: Sequence[str],
+        meshes: Mapping[str, tuple[NDArray[np.float64], NDArray[np.uint32]]],
+    ) -> Scene: ...
+    def to_toml(self, directory: _Path) -> str: ...
+    @property
+    def angles(self) -> list[float]: ...
+    @property
+    def energy(self) -> float | None: ...
+    @property
+    def geometry(self) -> str: ...
+    @property
+    def mask_offsets(self) -> list[float]: ...
+    @property
+    def pitch(self) -> list[float]: ...
+    @property
+    def pixels(self) -> list[int]: ...
+    @property
+    def title(self) -> str | None: ...
+
+@final
+class Engine:
+    def __new__(
+        cls,
+        device: str | None,
+        backend: str | None,
+        memory_limit: int | None,
+        keep_moments: bool,
+        validation: bool,
+    ) -> Engine: ...
+    def check(self, scene: Scene, progress: _Progress) -> tuple[str, str]: ...
+    def close(self) -> bool: ...
+    def description(self) -> str: ...
+    def illuminate(self, kept: _Path, scene: Scene, progress: _Progress) -> _Run: ...
+    def simulate(self, scene: Scene, kept: _Path | None, progress: _Progress) -> _Run: ...
+    def simulate_to(
+        self,
+        scene: Scene,
+        path: _Path,
+        meshes: _Path,
+        format: str,
+        overwrite: bool,
+        resume: bool,
+        progress: _Progress,
+    ) -> str: ...
+
+def compare(a: _Path, b: _Path, progress: _Progress) -> str: ...
+def devices() -> str: ...
+def fbp(
+    engine: Engine,
+    circle: Mapping[str, object],
+    sinograms: _Floats,
+    of: str,
+    grid: Mapping[str, object],
+    window: str,
+    cut_off: float,
+    progress: _Progress,
+) -> tuple[_Floats, list[float], list[float], str]: ...
+def lengths(name: str, texts: Sequence[str]) -> list[float]: ...
+def material(
+    name: str, energies: Sequence[float], density: float | None, scene: Scene | None
+) -> tuple[list[float], list[float]]: ...
+def memory_size(text: str) -> int: ...
+def open_run(
+    path: _Path,
+) -> tuple[_Place, _Place, tuple[_Place, _Place, _Place | None] | None, str]: ...
+def program(words: Sequence[str]) -> int: ...
+def read_images(path: _Path) -> _Images: ...
+def read_stack(path: _Path, steps: int, views: int) -> _Floats: ...
+def retrieve(
+    engine: Engine,
+    scene: Scene,
+    kind: str,
+    flat: _Floats,
+    sample: _Floats,
+    dark: _Floats | None,
+    mask_offsets: Sequence[float] | None,
+    options: Mapping[str, object],
+    progress: _Progress,
+) -> _Images: ...
+def spectrum(scene: Scene) -> str: ...
+def stop() -> bool: ...

@@ -1,0 +1,301 @@
+"""Retrieved images as HDF5 files of other tools, by h5py.
+
+    python -m beamlet.convert RUN --to nxtomo|cil|dxchange -o FILE
+
+One contrast a file, but for DXchange. Datasets are contiguous and unfiltered; lengths are m in NXtomo,
+mm in CIL. A scan on a circle is required: these files have one axis of rotation and even columns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._errors import ArgumentError, Error, FileError
+from ._images import Images
+from ._scene import Path
+
+if TYPE_CHECKING:
+    import h5py
+
+Contrast = Literal["transmission", "refraction", "dark_field"]
+
+#: What the contrasts are, for people who open the files.
+ABOUT = {
+    "transmission": "transmission T, 1 without sample",
+    "refraction": "refraction angle alpha, positive towards +x",
+    "dark_field": "variance of the refraction angle, sigma_DF^2",
+}
+
+
+def _wrong(name: str, found: str, allowed: str) -> ArgumentError:
+    return ArgumentError(
+        f"{name}: found {found}; allowed: {allowed}", key=name, found=found, allowed=allowed
+    )
+
+
+def _circle(images: Images) -> dict[str, Any]:
+    """Geometry of a scan on a circle with even columns."""
+    geometry = images.geometry
+    if geometry is None:
+        raise _wrong("geometry", "views without angles", "a scene with an angle for each view")
+    if geometry["axis_column"] is None:
+        raise _wrong("scan", "views that move the sample", "views on a circle")
+    if geometry["astra_cone_vec_mm"] is None:
+        raise _wrong("columns", "columns at uneven places", "even columns")
+    return geometry
+
+
+def _data(images: Images, contrast: str) -> NDArray[np.float32]:
+    if contrast not in images:
+        raise _wrong("contrast", contrast, ", ".join(name for name in ABOUT if name in images))
+    return np.ascontiguousarray(images[contrast], dtype=np.float32)
+
+
+def _pitch(places: list[float], other: list[float]) -> float:
+    """Distance of places; of the others, where there is one place."""
+    if len(places) < 2:
+        places = other
+    return abs(places[-1] - places[0]) / max(len(places) - 1, 1)
+
+
+def _written(path: Path, write: Callable[[h5py.File], None]) -> None:
+    """Writes a file whole or not at all; one that is there is not replaced."""
+    import h5py
+
+    part = FilePath(f"{os.fspath(path)}.part")
+    try:
+        with h5py.File(part, "x") as file:
+            write(file)
+        os.link(part, path)
+    except OSError as error:
+        message = f"{os.fspath(path)}: cannot be written: {error}"
+        raise FileError(message, file=path, found=str(error)) from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _group(file: h5py.File, path: str, kind: str) -> Any:
+    group = file.require_group(path)
+    group.attrs["NX_class"] = kind
+    return group
+
+
+def _value(group: Any, name: str, value: Any, units: str | None = None) -> Any:
+    group[name] = value
+    if units is not None:
+        group[name].attrs["units"] = units
+    return group[name]
+
+
+def to_nxtomo(images: Images, path: Path, contrast: Contrast = "transmission") -> None:
+    """Writes a contrast as NXtomo: for the transmission a dark frame of 0 and a flat frame of 1 come
+    first, by ``image_key``; the others have projections alone.
+
+    Raises:
+        ArgumentError: No scan on a circle, or no such contrast.
+        FileError: There is such a file, or it cannot be written.
+    """
+    geometry, data = _circle(images), _data(images, contrast)
+    angles = np.array(geometry["angles_deg"])
+    keys = np.zeros(len(data), dtype=np.int64)
+    if contrast == "transmission":
+        frame = np.zeros((1, *data.shape[1:]), dtype=np.float32)
+        data = np.concatenate([frame, frame + 1, data])
+        keys = np.concatenate([[2, 1], keys])
+        angles = np.concatenate([angles[:1], angles[:1], angles])
+    across = _pitch(geometry["columns_m"], geometry["columns_m"])
+    down = _pitch(geometry["rows_m"], geometry["columns_m"])
+    near, far = geometry["source_to_axis_m"], geometry["source_to_detector_m"]
+
+    def write(file: h5py.File) -> None:
+        file.attrs["default"] = "entry0000"
+        entry = _group(file, "entry0000", "NXentry")
+        entry.attrs["version"] = 2.1
+        entry.attrs["default"] = "data"
+        _value(entry, "definition", "NXtomo")
+        _value(entry, "title", f"beamlet: {ABOUT[contrast]}")
+        instrument = _group(file, "entry0000/instrument", "NXinstrument")
+        _value(instrument, "name", "beamlet")
+        source = _group(file, "entry0000/instrument/source", "NXsource")
+        _value(source, "distance", -near, "m")
+        _value(source, "probe", "x-ray")
+        beam = _group(file, "entry0000/instrument/beam", "NXbeam")
+        if images.energy is not None:
+            _value(beam, "incident_energy", images.energy, "keV")
+        detector = _group(file, "entry0000/instrument/detector", "NXdetector")
+        _value(detector, "data", data).attrs["interpretation"] = "image"
+        detector["data"].attrs["units"] = images.units[contrast]
+        _value(detector, "image_key", keys)
+        _value(detector, "image_key_control", keys)
+        _value(detector, "x_pixel_size", across, "m")
+        _value(detector, "y_pixel_size", down, "m")
+        _value(detector, "distance", far - near, "m")
+        middle = (len(geometry["columns_m"]) - 1) / 2
+        _value(detector, "x_rotation_axis_pixel_position", geometry["axis_column"] - middle)
+        _value(detector, "field_of_view", "Full")
+        sample = _group(file, "entry0000/sample", "NXsample")
+        _value(sample, "name", images.title or "sample")
+        _value(sample, "rotation_angle", angles, "degree")
+        _value(sample, "x_pixel_size", across * near / far, "m")
+        _value(sample, "y_pixel_size", down * near / far, "m")
+        _value(sample, "propagation_distance", near * (far - near) / far, "m")
+        plot = _group(file, "entry0000/data", "NXdata")
+        plot.attrs["signal"] = "data"
+        plot["data"] = detector["data"]
+        plot["image_key"] = detector["image_key"]
+        plot["rotation_angle"] = sample["rotation_angle"]
+
+    _written(path, write)
+
+
+def to_cil(images: Images, path: Path, contrast: Contrast = "transmission") -> None:
+    """Writes a contrast in the layout of CIL's NEXUSDataWriter, for its NEXUSDataReader. Lengths are mm;
+    source and detector lie along y, rows begin at the top. CIL turns source and detector by minus
+    its angles, so that these are minus the angles of the views.
+
+    Raises:
+        ArgumentError: Views that move the sample (CIL's writer has no such geometry), or no such
+            contrast.
+        FileError: There is such a file, or it cannot be written.
+    """
+    geometry, data = _circle(images), _data(images, contrast)
+    views, rows, columns = data.shape
+    # A single row is a fan: CIL has two dimensions then.
+    sides = 2 if rows == 1 else 3
+    places = 1e3 * np.array(geometry["columns_m"])
+    near, far = 1e3 * geometry["source_to_axis_m"], 1e3 * geometry["source_to_detector_m"]
+
+    def vector(x: float, y: float, z: float) -> NDArray[np.float32]:
+        return np.array([x, y, z][:sides], dtype=np.float32)
+
+    def write(file: h5py.File) -> None:
+        file.attrs["creator"] = np.bytes_("NEXUSDataWriter.py")
+        file.attrs["file_name"] = os.path.abspath(path)
+        file.attrs["NeXus_version"] = "4.3.0"
+        file.attrs["written_by"] = "beamlet"
+        _group(file, "entry1", "NXentry")
+        entry = _group(file, "entry1/tomo_entry", "NXentry")
+        values = _value(_group(file, "entry1/tomo_entry/data", "NXdata"), "data",
+                        data[:, 0] if rows == 1 else data)
+        names = ["angle", "vertical", "horizontal"] if rows > 1 else ["angle", "horizontal"]
+        values.attrs["data_type"] = "AcquisitionData"
+        for index, name in enumerate(names):
+            values.attrs[f"dim{index}"] = name
+        values.attrs["geometry"] = "cone"
+        values.attrs["dimension"] = f"{sides}D"
+        values.attrs["num_channels"] = 1
+        values.attrs["num_pixels_h"] = columns
+        values.attrs["pixel_size_h"] = (places[-1] - places[0]) / (columns - 1)
+        values.attrs["panel_origin"] = "top-left"
+        values.attrs["description"] = ABOUT[contrast]
+        values.attrs["units"] = images.units[contrast]
+        config = entry.create_group("config")
+        config["source/position"] = vector(0, -near, 0)
+        config["detector/position"] = vector((places[0] + places[-1]) / 2, far - near, 0)
+        config["detector/direction_x"] = vector(1, 0, 0)
+        config["rotation_axis/position"] = vector(0, 0, 0)
+        if rows > 1:
+            values.attrs["num_pixels_v"] = rows
+            values.attrs["pixel_size_v"] = 1e3 * _pitch(geometry["rows_m"], geometry["columns_m"])
+            config["detector/direction_y"] = vector(0, 0, 1)
+            config["rotation_axis/direction"] = vector(0, 0, 1)
+        config["angles"] = -np.array(geometry["angles_deg"], dtype=np.float32)
+        config["angles"].attrs["angle_unit"] = "degree"
+        config["angles"].attrs["initial_angle"] = 0.0
+        assert views == len(config["angles"])
+
+    _written(path, write)
+
+
+def to_dxchange(images: Images, path: Path) -> None:
+    """Writes all contrasts as DXchange: the transmission under ``/exchange`` with a white frame of 1 and
+    a dark frame of 0, the refraction (rad) under ``/exchange1``, the dark field (rad²) under
+    ``/exchange2``; ``theta`` in degrees.
+
+    Raises:
+        ArgumentError: Views without angles.
+        FileError: There is such a file, or it cannot be written.
+    """
+    if images.geometry is None:
+        raise _wrong("geometry", "views without angles", "a scene with an angle for each view")
+    theta = np.array(images.geometry["angles_deg"])
+
+    def write(file: h5py.File) -> None:
+        file["implements"] = "exchange"
+        groups = ("exchange", "exchange1", "exchange2")
+        for group, contrast in zip(groups, ABOUT, strict=True):
+            if contrast not in images:
+                continue
+            data = _value(file.create_group(group), "data", _data(images, contrast))
+            data.attrs["axes"] = "theta:y:x"
+            data.attrs["units"] = images.units[contrast]
+            data.attrs["description"] = ABOUT[contrast]
+            file[f"{group}/title"] = contrast
+            _value(file[group], "theta", theta, "degrees")
+        frame = (1, *images.transmission.shape[1:])
+        file["exchange/data_white"] = np.ones(frame, dtype=np.float32)
+        file["exchange/data_dark"] = np.zeros(frame, dtype=np.float32)
+
+    _written(path, write)
+
+
+def to_astra(images: Images, contrast: Contrast = "transmission") -> dict[str, Any]:
+    """Projections and geometry as astra-toolbox takes them, lengths in mm.
+
+    Returns:
+        ``projections`` (row, view, column) of the contrast, ``vectors`` of ``cone_vec``, and
+        ``proj_geom``, the dict of ``astra.create_proj_geom("cone_vec", ...)``.
+
+    Raises:
+        ArgumentError: Columns at uneven places, or no such contrast.
+    """
+    geometry, data = _circle(images), _data(images, contrast)
+    vectors = np.array(geometry["astra_cone_vec_mm"])
+    views, rows, columns = data.shape
+    proj_geom = {
+        "type": "cone_vec",
+        "DetectorRowCount": rows,
+        "DetectorColCount": columns,
+        "Vectors": vectors,
+    }
+    projections = np.ascontiguousarray(data.transpose(1, 0, 2))
+    assert projections.shape[1] == len(vectors) == views
+    return {"projections": projections, "vectors": vectors, "proj_geom": proj_geom}
+
+
+def main(words: list[str] | None = None) -> int:
+    """``python -m beamlet.convert``; the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m beamlet.convert", description=__doc__)
+    parser.add_argument("run", help="run directory with retrieved images, or a folder of images")
+    parser.add_argument("--to", required=True, choices=["nxtomo", "cil", "dxchange"])
+    parser.add_argument("-o", "--output", required=True, help="file, which must not be there yet")
+    parser.add_argument("--contrast", choices=list(ABOUT), default="transmission",
+                        help="contrast of an NXtomo or CIL file")
+    arguments = parser.parse_args(words)
+    try:
+        images = Images.open(arguments.run)
+        if arguments.to == "nxtomo":
+            to_nxtomo(images, arguments.output, arguments.contrast)
+        elif arguments.to == "cil":
+            to_cil(images, arguments.output, arguments.contrast)
+        else:
+            to_dxchange(images, arguments.output)
+    except ImportError as error:
+        print(f"error: {error}: pip install 'beamlet[convert]'", file=sys.stderr)
+        return 1
+    except Error as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,190 @@
+"""Errors: each names key, what was found, and a remedy."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import SCENE
+
+import beamlet as bl
+
+
+def changed(section: str, key: str, value: Any) -> dict[str, Any]:
+    scene = copy.deepcopy(SCENE)
+    part = scene[section]
+    (part[0] if isinstance(part, list) else part)[key] = value
+    return scene
+
+
+def tetrahedron() -> tuple[np.ndarray, np.ndarray]:
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    return vertices, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+
+
+def with_mesh(mesh: Any, **keys: Any) -> dict[str, Any]:
+    scene = copy.deepcopy(SCENE)
+    scene["object"] = [{"name": "body", "mesh": mesh, "material": "resin", "unit": "mm", **keys}]
+    return scene
+
+
+def test_unknown_keys_of_dicts_are_named_with_their_place() -> None:
+    with pytest.raises(bl.SceneError) as raised:
+        bl.Scene.from_dict(changed("detector", "pixelz", 3))
+    error = raised.value
+    assert error.key == "detector.pixelz" and error.found and "pixels" in str(error)
+    assert error.line and "pixelz" in str(error)
+    assert isinstance(error, ValueError) and error.errors == (error,)
+
+
+def test_several_errors_come_at_once() -> None:
+    scene = changed("detector", "pixels", [0, 4])
+    scene["source"]["energy"] = "30"
+    with pytest.raises(bl.SceneError) as raised:
+        bl.Scene.from_dict(scene)
+    assert {error.key for error in raised.value.errors} == {"source.energy", "detector.pixels[0]"}
+
+
+def test_files_name_file_and_line(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text('[source]\ndistance = "1 m"\nspot = "30 parsec"\nenergy = "30 keV"\n')
+    with pytest.raises(bl.SceneError) as raised:
+        bl.Scene.load(path)
+    first = raised.value.errors[-1]
+    assert (first.file, first.line, first.key) == (str(path), 3, "source.spot")
+    with pytest.raises(bl.FileError) as missing:
+        bl.Scene.load(tmp_path / "none.toml")
+    assert isinstance(missing.value, OSError) and missing.value.file == str(tmp_path / "none.toml")
+
+
+def test_values_of_dicts_may_be_of_numpy_and_nothing_else_is_guessed() -> None:
+    scene = changed("detector", "pixels", np.array([24, 4]))
+    assert bl.Scene.from_dict(scene).shape == (1, 5, 4, 24)
+    with pytest.raises(bl.ArgumentError, match="set"):
+        bl.Scene.from_dict(changed("detector", "pixels", {1, 2}))
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "key"),
+    [
+        (np.zeros((4, 2)), np.zeros((4, 3), int), "object.body.vertices"),
+        (np.zeros((4, 3)), np.zeros((4, 4), int), "object.body.faces"),
+        (np.zeros((4, 3)), np.zeros((4, 3)), "object.body.faces"),
+        (np.zeros((4, 3), complex), np.zeros((4, 3), int), "object.body.vertices"),
+        (np.full((4, 3), np.nan), np.zeros((4, 3), int), "object.body.vertices"),
+        (np.zeros((4, 3)), np.array([[0, 1, 4]]), "object.body.faces"),
+        (np.zeros((4, 3)), np.array([[0, 1, -1]]), "object.body.faces"),
+        (np.array(["a"]), np.zeros((4, 3), int), "object.body.vertices"),
+    ],
+)
+def test_arrays_that_are_no_mesh(vertices: Any, faces: Any, key: str) -> None:
+    with pytest.raises(bl.ArgumentError) as raised:
+        bl.Scene.from_dict(with_mesh((vertices, faces)))
+    assert raised.value.key == key and raised.value.found and raised.value.allowed
+
+
+def test_meshes_need_a_unit_and_faces() -> None:
+    scene = with_mesh(tetrahedron())
+    del scene["object"][0]["unit"]
+    with pytest.raises(bl.ArgumentError, match="unit"):
+        bl.Scene.from_dict(scene)
+    with pytest.raises(bl.ArgumentError, match="vertices and faces"):
+        bl.Scene.from_dict(with_mesh(3.5))
+
+
+def test_open_meshes_are_refused_and_turned_ones_taken(engine: bl.Engine) -> None:
+    vertices, faces = tetrahedron()
+    with pytest.raises(bl.MeshError) as raised:
+        engine.simulate(bl.Scene.from_dict(with_mesh((vertices, faces[:3]))))
+    assert "body" in str(raised.value.key)
+    outside = engine.simulate(bl.Scene.from_dict(with_mesh((vertices, faces))))
+    inside = engine.simulate(bl.Scene.from_dict(with_mesh((vertices, faces[:, ::-1]))))
+    assert np.allclose(outside.sample, inside.sample, atol=1e-6)
+    assert outside.sample.min() < outside.flat.max()
+
+
+def test_meshes_of_arrays_and_of_files_are_alike(
+    engine: bl.Engine, scene: bl.Scene, tmp_path: Path
+) -> None:
+    class Mesh:
+        """As trimesh has it."""
+
+        units = "mm"
+
+        def __init__(self) -> None:
+            self.vertices, self.faces = tetrahedron()
+
+    of_object = with_mesh(Mesh())
+    del of_object["object"][0]["unit"]
+    a = bl.Scene.from_dict(of_object)
+    run = engine.simulate(a, seed=1)
+    b = bl.Scene.load(a.save(tmp_path / "saved"))
+    assert np.array_equal(run.sample, engine.simulate(b, seed=1).sample)
+    stored = engine.simulate_to(a, tmp_path / "run", seed=1)
+    assert np.array_equal(run.sample, stored.sample)
+    moved = a.replace("detector_mask.projected_aperture", "20 um")
+    assert np.array_equal(run.illuminate(moved).sample, stored.illuminate(
+        stored.scene.replace("detector_mask.projected_aperture", "20 um")).sample)
+    assert engine.check(a).refusals == []
+    # Meshes are no part of what `replace` reads again.
+    assert a.replace("object.body.material", "gold").shape == a.shape
+
+
+def test_stacks_of_other_shapes_and_types(engine: bl.Engine, scene: bl.Scene) -> None:
+    offsets = scene.mask_offsets
+    flat, sample = np.ones((5, 4, 24)), np.ones((5, 4, 24))
+    for wrong, key in (
+        (lambda: bl.retrieve(flat[0], sample, offsets, scene, engine=engine), "flat"),
+        (lambda: bl.retrieve(flat > 0, sample, offsets, scene, engine=engine), "flat"),
+        (lambda: bl.retrieve(flat, sample[0, 0], offsets, scene, engine=engine), "sample"),
+        (lambda: bl.retrieve(flat, sample, ["1"], scene, engine=engine), "offsets"),
+        (lambda: bl.reconstruct(sample[0], scene, engine=engine), "sinograms"),
+        (lambda: bl.reconstruct(sample, scene, engine=engine), "angles"),
+        (lambda: bl.reconstruct(sample, scene, "my", engine=engine), "quantity"),  # type: ignore[arg-type]
+        (lambda: bl.reconstruct(sample, scene, voxel="9", engine=engine), "voxel"),
+        (lambda: bl.retrieve(flat, sample, offsets, scene, "fast", engine=engine), ""),  # type: ignore[arg-type]
+    ):
+        with pytest.raises((bl.ArgumentError, bl.SceneError, bl.FileError)) as raised:
+            wrong()  # type: ignore[no-untyped-call]
+        assert not key or raised.value.key == key, raised.value
+    with pytest.raises(bl.FileError, match="flat"):
+        bl.retrieve(flat[:3], sample, offsets, scene, engine=engine)
+    with pytest.raises(bl.FileError, match="sample"):
+        bl.retrieve(flat, sample[:, :, :20], offsets, scene, engine=engine)
+
+
+def test_options_and_closed_engines(scene: bl.Scene) -> None:
+    with pytest.raises(bl.ArgumentError, match="ray-query"):
+        bl.Engine(backend="fast")  # type: ignore[arg-type]
+    with pytest.raises(bl.ArgumentError, match="GiB"):
+        bl.Engine(memory_limit="two")
+    with pytest.raises(bl.DeviceError) as raised:
+        bl.Engine(device="no such device")
+    assert raised.value.remedy
+    engine = bl.Engine()
+    assert engine.device.name and engine.close() and engine.close()
+    with pytest.raises(bl.DeviceError, match="closed"):
+        engine.simulate(scene)
+    with pytest.raises(bl.OutOfMemoryError) as short, bl.Engine(memory_limit="1 MiB") as small:
+        small.simulate(scene)
+    assert isinstance(short.value, MemoryError) and short.value.remedy
+
+
+def test_runs_say_what_they_lack(scene: bl.Scene, engine: bl.Engine, tmp_path: Path) -> None:
+    run = engine.simulate(scene)
+    with pytest.raises(bl.ArgumentError, match="photons"):
+        run.retrieve(counts=True)
+    with pytest.raises(bl.ArgumentError, match="counts"):
+        run.retrieve(weights="poisson")
+    with pytest.raises(bl.ArgumentError, match="simulate_to"):
+        run.view()
+    with pytest.raises(bl.FileError, match=r"run\.json"):
+        bl.Run.open(tmp_path)
+    with pytest.raises(KeyError, match="transmission"):
+        run.retrieve(method="two-step").dark_field
+    engine.simulate_to(scene, tmp_path / "run")
+    with pytest.raises(bl.FileError, match="overwrite"):
+        engine.simulate_to(scene, tmp_path / "run")
