@@ -22,14 +22,14 @@ impl Pipe {
         DVec3::from_array(self.axes.map(|axis| axis.dot(off)))
     }
 
-    fn from_own(&self, v: DVec3) -> DVec3 {
+    fn world_direction(&self, v: DVec3) -> DVec3 {
         v.x * self.axes[0] + v.y * self.axes[1] + v.z * self.axes[2]
     }
 
     /// The point of the cylinder around it that is farthest along a direction.
     pub(super) fn support(&self, direction: DVec3) -> DVec3 {
         let own = DVec3::from_array(self.axes.map(|axis| axis.dot(direction)));
-        self.centre + self.from_own(AnalyticShape::Tube(self.size).support(own))
+        self.centre + self.world_direction(AnalyticShape::Tube(self.size).support(own))
     }
 
     /// The point of it that is nearest to a point.
@@ -38,7 +38,7 @@ impl Pipe {
         let own = self.own(point);
         let across = own.truncate().length();
         let flat = own.truncate().normalize_or(DVec2::X) * across.clamp(inner, outer);
-        self.centre + self.from_own(flat.extend(own.z.clamp(-half_height, half_height)))
+        self.centre + self.world_direction(flat.extend(own.z.clamp(-half_height, half_height)))
     }
 
     /// Distance of a triangle that lies in the bore, m; `None` for others.
@@ -83,12 +83,12 @@ impl Pipe {
     /// chain, too. Where the mouths of their bores face each other it may be less than the distance.
     pub(super) fn distance(&self, other: &Self, limit: f64) -> Option<Distance> {
         let hulls = [self, other].map(|it| move |along| it.support(along));
-        if let Separation::Apart = separation(&hulls[0], &hulls[1], limit) {
+        if let Separation::Apart = separation(hulls[0], hulls[1], limit) {
             return None;
         }
         // One of them lies outside the cylinder around the other, or in its bore.
         let [own, others] =
-            [self.gap_to_set(&hulls[1], f64::INFINITY), other.gap_to_set(&hulls[0], f64::INFINITY)];
+            [self.gap_to_set(hulls[1], f64::INFINITY), other.gap_to_set(hulls[0], f64::INFINITY)];
         let found = own.into_iter().chain(others).max_by(|a, b| a.0.total_cmp(&b.0))?;
         (found.0 <= limit).then_some(found)
     }
