@@ -83,7 +83,8 @@ pub(crate) enum Verb {
     Compare(Compare),
     /// Check a scene without simulating it, or the files of a run against their checksums
     Check(Check),
-    /// Draw a scene (set-up, sample), a run (frames, retrieved images, curves) or retrieved images
+    /// Draw a scene (set-up, sample), a run (frames, retrieved images, curves), retrieved images or
+    /// volumes
     View(View),
     /// Write a run or retrieved images as one page to explore in a browser
     Report(Report),

@@ -13,11 +13,12 @@ use std::path::PathBuf;
     beamlet view run -o pictures --show retrieved --map refraction,refraction_sigma --view 3\n  \
     beamlet view run -o pictures --range refraction=-5..5 --width 2400\n  \
     beamlet view run --retrieved other -o pictures --format svg\n  \
-    beamlet view measured_images -o pictures\n\n\
+    beamlet view measured_images -o pictures\n  \
+    beamlet view volume -o pictures --map mu --slice 12 --range mu=0..60\n\n\
     Prints the names of the files that it wrote. Nothing is written where anything is wrong. \
     docs/pictures.md explains each picture.")]
 pub(crate) struct View {
-    /// Scene file (TOML or JSON), run directory, or directory of retrieved images
+    /// Scene file (TOML or JSON), run directory, directory of retrieved images, or of volumes
     pub(crate) what: PathBuf,
     /// Directory to write the pictures to
     #[arg(short, long, value_name = "DIR")]
@@ -60,12 +61,12 @@ pub(crate) struct ViewOfScene {
 
 /// What is asked of the pictures of a run.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Pictures of a run or of retrieved images")]
+#[command(next_help_heading = "Pictures of a run, of retrieved images or of volumes")]
 pub(crate) struct ViewOfRun {
     /// What to draw [default: everything that the run has]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
     pub(crate) show: Vec<Show>,
-    /// Retrieved images to draw, by name [default: the three contrasts]
+    /// Retrieved images or volumes to draw, by name [default: the three contrasts; every volume]
     #[arg(long = "map", value_delimiter = ',', value_name = "NAME")]
     pub(crate) maps: Vec<String>,
     /// Directory of the run's retrieved images [default: RUN/retrieved]
@@ -84,6 +85,9 @@ pub(crate) struct ViewOfRun {
     /// Row of profiles and sinograms, from 0 on top [default: the middle]
     #[arg(long, value_name = "N")]
     pub(crate) row: Option<u32>,
+    /// Slice of a reconstruction, from 0 at the bottom [default: the middle]
+    #[arg(long, value_name = "N")]
+    pub(crate) slice: Option<u32>,
     /// Pixel of the illumination curve [default: where the sample deflects most in the row]
     #[arg(long, value_name = "COL,ROW", value_parser = pixel)]
     pub(crate) pixel: Option<[u32; 2]>,

@@ -283,10 +283,11 @@ fn summary(
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     writeln!(out, "grid     {}", grid_words(&record.grid()))?;
     for (name, counts) in &record.pixels {
-        let filled = counts.without_answer + counts.dark;
+        let is_mu = name == Quantity::Mu.name();
+        let misfits = if is_mu { "filled" } else { "kept" };
         writeln!(
             out,
-            "pixels   {name}: {filled} of {} filled ({} without an answer, {} with T <= 0), {} misfits kept",
+            "pixels   {name}: of {} {} without an answer and {} with T <= 0 filled, {} misfits {misfits}",
             counts.pixels, counts.without_answer, counts.dark, counts.misfits
         )?;
     }

@@ -1,6 +1,7 @@
 //! `beamlet view`: pictures of a scene, of a run or of retrieved images.
 
 mod chosen;
+mod volume;
 
 use super::pictures::{PictureForm, Pictures};
 use crate::args::{View, ViewOfRun, ViewOfScene};
@@ -10,6 +11,7 @@ use crate::picture::set_up;
 use crate::progress::Reporter;
 use beamlet::Control;
 use beamlet::scene::Scene;
+use beamlet::stack::layout;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -21,20 +23,25 @@ pub(super) fn run(arguments: &View, out: &mut impl Write) -> Result<(), Failure>
     let (pictures, read) = if arguments.what.is_dir() {
         if !of_scene.sets.is_empty() || of_scene.device.device.is_some() || camera {
             let problem =
-                "--set, --azimuth, --elevation and --device are for scenes; this is a run";
+                "--set, --azimuth, --elevation and --device are for scenes; this is a folder";
             return Err(Failure::Usage(problem.into()));
         }
         let read = std::iter::once(&arguments.what).chain(&arguments.of_run.retrieved);
         let read = read.cloned().collect();
         reporter.doing("drawing");
-        (chosen::of(&arguments.what, &arguments.of_run, form)?, read)
+        let pictures = match layout::is_volume(&arguments.what) {
+            true => volume::of(&arguments.what, &arguments.of_run, form)?,
+            false => chosen::of(&arguments.what, &arguments.of_run, form)?,
+        };
+        (pictures, read)
     } else {
-        let ViewOfRun { show, maps, retrieved, ranges, view, step, row, pixel } = &arguments.of_run;
-        let numbers = [view, step, row].iter().any(|number| number.is_some());
+        let ViewOfRun { show, maps, retrieved, ranges, view, step, row, pixel, slice } =
+            &arguments.of_run;
+        let numbers = [view, step, row, slice].iter().any(|number| number.is_some());
         let lists = !show.is_empty() || !maps.is_empty() || !ranges.is_empty();
         if numbers || lists || pixel.is_some() || retrieved.is_some() {
-            let problem = "--show, --map, --retrieved, --range, --view, --step, --row and --pixel \
-                           are for runs and retrieved images; this is a scene";
+            let problem = "--show, --map, --retrieved, --range, --view, --step, --row, --pixel and \
+                           --slice are for runs, retrieved images and reconstructions; this is a scene";
             return Err(Failure::Usage(problem.into()));
         }
         scene(arguments, form, &mut reporter)?

@@ -1,8 +1,8 @@
 //! An image in colours on its axes, with its bar; and sinograms.
 
-use super::axes::{Axes, BELOW, LEFT};
+use super::axes::{Axes, BELOW, LEFT, ticks};
 use super::colour::SMALL;
-use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
+use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
 use super::quantity::Quantity;
 use super::scale::Scale;
 use super::text::wrapped;
@@ -33,6 +33,8 @@ pub(crate) struct Grid {
     equal: bool,
     /// Values of y with their texts, where they are not to be round numbers.
     marks: Vec<(f64, String)>,
+    /// Whether a bar shows a length, in mm.
+    has_bar: bool,
 }
 
 impl Grid {
@@ -44,14 +46,19 @@ impl Grid {
                 let half = |pitch: f64, count: usize| 1e3 * pitch * count as f64 / 2.0;
                 let (x, z) = (half(across, columns), half(up, rows));
                 let labels = ["x on the detector [mm]", "z [mm]"];
-                Self { x: [-x, x], y: [-z, z], labels, equal: true, marks }
+                Self { x: [-x, x], y: [-z, z], labels, equal: true, marks, has_bar: false }
             }
             None => {
                 let x = [-0.5, columns as f64 - 0.5];
                 let y = [rows as f64 - 0.5, -0.5];
-                Self { x, y, labels: ["column", "row"], equal: true, marks }
+                Self { x, y, labels: ["column", "row"], equal: true, marks, has_bar: false }
             }
         }
+    }
+
+    /// A slice of a volume, by the edges of its voxels along x and y of the picture, mm.
+    pub(crate) fn of_slice([x, y]: [[f64; 2]; 2], labels: [&'static str; 2]) -> Self {
+        Self { x, y, labels, equal: true, marks: Vec::new(), has_bar: true }
     }
 
     /// Images of beamlets, by their number from 0, on the rows of this grid.
@@ -142,6 +149,9 @@ pub(crate) fn draw(grid: &Grid, image: &ImagePlot<'_>) -> Drawing {
     }
     let axes = Axes { area, x: grid.x, y: grid.y, marks: grid.marks.clone() };
     axes.frame(&mut drawing, grid.labels[0], grid.labels[1]);
+    if grid.has_bar {
+        scale_bar(&mut drawing, &axes);
+    }
     drawing.text([left, 26.0], image.title.clone(), 17.0, INK, Anchor::Start);
     for (at, line) in notes.into_iter().enumerate() {
         drawing.text([left, ABOVE + LINE * at as f64], line, SMALL, GREY, Anchor::Start);
@@ -153,6 +163,26 @@ pub(crate) fn draw(grid: &Grid, image: &ImagePlot<'_>) -> Drawing {
     let bar = Area::new(area.right() + 20.0, area.top + 12.0, 16.0, area.height - 24.0);
     image.scale.bar(&mut drawing, bar, &image.quantity.words());
     drawing
+}
+
+/// A bar of a round length, a fifth of the width or so, with its length in words.
+fn scale_bar(drawing: &mut Drawing, axes: &Axes) {
+    let width = axes.x[1] - axes.x[0];
+    let rounds = ticks(0.0, width, 5);
+    let Some((length, _)) = rounds.into_iter().find(|(length, _)| *length > 0.0) else { return };
+    let area = axes.area;
+    let long = length / width * area.width;
+    let words = super::text::length(1e-3 * length);
+    let plate = Area::new(
+        area.left + 8.0,
+        area.bottom() - 34.0,
+        long.max(text_width(&words, SMALL)) + 16.0,
+        26.0,
+    );
+    drawing.area(plate, Paint { fill: Some(([255; 3], 0.75)), ..Paint::default() });
+    let (left, down) = (plate.left + 8.0, plate.bottom() - 6.0);
+    drawing.line([left, down], [left + long, down], Paint::line(INK, 3.0));
+    drawing.text([left, down - 6.0], words, SMALL, INK, Anchor::Start);
 }
 
 /// Lines across flagged pixels, black with white edges, to be seen on any colour.

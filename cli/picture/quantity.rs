@@ -63,6 +63,26 @@ impl Quantity {
         }
     }
 
+    /// A volume by its name.
+    pub(crate) fn of_volume(name: &str) -> Self {
+        let make = |label: &str, unit, factor, map| Self {
+            label: label.into(),
+            unit,
+            factor,
+            map,
+            empty: None,
+        };
+        let (known, truth) =
+            name.strip_suffix("_truth").map_or((name, ""), |known| (known, ", truth"));
+        match known {
+            "mu" => make(&format!("attenuation µ{truth}"), "1/m", 1.0, Map::Grey),
+            "delta" => make(&format!("refraction δ{truth}"), "10⁻⁹", 1e9, Map::Grey),
+            "dark-field" => make("dark field per length", "µrad²/mm", 1e9, Map::Inferno),
+            "labels" => make("objects", "", 1.0, Map::Viridis),
+            _ => make(name, "", 1.0, Map::Viridis),
+        }
+    }
+
     /// A difference B - A of images of this quantity.
     pub(crate) fn of_difference(self) -> Self {
         let label = format!("B − A: {}", self.label);

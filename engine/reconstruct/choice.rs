@@ -5,6 +5,9 @@ use super::grid::VolumeGrid;
 use crate::numbers::whole;
 use crate::{Error, Result};
 
+/// Voxels that can be counted: 2^40, 4 TiB.
+const MOST: f64 = (1_u64 << 40) as f64;
+
 /// What differs from the grid of the field of view.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 #[non_exhaustive]
@@ -49,6 +52,11 @@ impl GridChoice {
             |axis: usize| middle(axis) - voxel[axis] * (size[axis].saturating_sub(1)) as f64 / 2.0;
         let origin = self.origin.unwrap_or_else(|| [0, 1, 2].map(begin));
         let grid = VolumeGrid { size, voxel, origin };
+        let voxels: f64 = size.iter().map(|side| *side as f64).product();
+        if voxels > MOST {
+            let found = format!("{size:?}: {voxels:.3e} voxels");
+            return Err(Error::argument("grid", found, format!("up to {MOST:.3e} voxels")));
+        }
         grid.check(geometry)?;
         refuse_unseen(&grid, geometry)?;
         Ok(grid)

@@ -39,12 +39,10 @@ pub fn estimate(
 ) -> Result<VolumeEstimate> {
     parallel::start_threads()?;
     let even = Resampling::of(&geometry.columns);
-    let [views, rows, columns] = geometry.shape();
+    let [views, rows, _] = geometry.shape();
     let [x, y, z] = grid.size;
-    let bytes =
-        |sides: [usize; 3]| sides.iter().fold(4, |all: u64, side| all.saturating_mul(*side as u64));
-    let [sinograms, filtered] = [columns, even.len()].map(|columns| bytes([views, rows, columns]));
-    let volume_bytes = bytes([x, y, z]);
+    let filtered = bytes([views, rows, even.len()]);
+    let volume_bytes = bytes(grid.size);
     let slice = VolumeGrid { size: [x, y, 1], ..*grid };
     let few = (MEASURED / (x * y)).clamp(1, views);
     let part = ScanGeometry { angles: geometry.angles[..few].to_vec(), ..geometry.clone() };
@@ -61,8 +59,20 @@ pub fn estimate(
         + filtered.min(at_once.max(bytes([1, rows, even.len()])));
     Ok(VolumeEstimate {
         volume_bytes,
-        host_bytes: sinograms + filtered + volume_bytes,
+        host_bytes: host_bytes(geometry, grid),
         device_bytes,
         seconds,
     })
+}
+
+/// Bytes of an array of f32.
+fn bytes(sides: [usize; 3]) -> u64 {
+    sides.iter().fold(4, |all, side| all.saturating_mul(*side as u64))
+}
+
+/// Most bytes on the host at a time: sinograms, filtered projections, a volume.
+pub(super) fn host_bytes(geometry: &ScanGeometry, grid: &VolumeGrid) -> u64 {
+    let [views, rows, columns] = geometry.shape();
+    let filtered = bytes([views, rows, Resampling::of(&geometry.columns).len()]);
+    bytes([views, rows, columns]).saturating_add(filtered).saturating_add(bytes(grid.size))
 }

@@ -187,11 +187,13 @@ impl Input {
                     let maps = folders.iter().map(|of| read(of, quantity.image()));
                     let maps = maps.collect::<Result<Vec<_>>>()?;
                     let has_flags = |of: &&(PathBuf, Maps)| of.1.names().any(|name| name == FLAGS);
-                    for of in folders.iter().filter(has_flags) {
-                        preparation.count_flags(&read(of, FLAGS)?);
-                    }
+                    let flags = folders.iter().map(|of| has_flags(&of).then(|| read(of, FLAGS)));
+                    let flags = flags.map(Option::transpose).collect::<Result<Vec<_>>>()?;
                     for (to, [folder, column]) in columns.iter().enumerate() {
                         image.column_mut(to).assign(&maps[*folder].column(*column));
+                        if let Some(flags) = &flags[*folder] {
+                            preparation.flags_of_column(to, flags.column(*column));
+                        }
                     }
                 }
             }

@@ -4,6 +4,7 @@ use super::grid::Volume;
 use super::quantity::Quantity;
 use super::record::VolumeRecord;
 use super::write::VolumeFormat;
+use crate::array_file::LONGEST_SIDE;
 use crate::stack::{StackFile, layout};
 use crate::{Error, Result, reserve};
 use ndarray::{Array2, Array3, s};
@@ -36,6 +37,14 @@ impl OpenVolumes {
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref().to_path_buf();
         let record = VolumeRecord::read(&path)?;
+        let is_name = |name: &String| !name.contains(['/', '\\']);
+        if record.size.iter().any(|side| *side == 0 || *side > LONGEST_SIDE as usize)
+            || !record.units.keys().all(is_name)
+        {
+            let problem =
+                format!("claims volumes {:?} of {:?} voxels", record.units.keys(), record.size);
+            return Err(Error::file(path.join(layout::VOLUME), problem, None));
+        }
         Ok(Self { path, record })
     }
 

@@ -3,7 +3,7 @@
 use super::geometry::ScanGeometry;
 use crate::numbers::{single, whole};
 use crate::retrieve::flags;
-use ndarray::{Array2, ArrayViewMut2};
+use ndarray::{Array2, ArrayView1, ArrayViewMut2};
 use serde::{Deserialize, Serialize};
 
 /// Pixels of the sinograms of one quantity, over all views.
@@ -16,8 +16,9 @@ pub struct PixelCounts {
     pub without_answer: u64,
     /// Pixels whose transmission is not above 0, filled likewise.
     pub dark: u64,
-    /// Pixels that are flagged as misfits. Their values count: silhouettes are among them, which hold
-    /// much of the integral of refraction.
+    /// Pixels with an answer that are flagged as misfits. For μ they are filled likewise: on a
+    /// silhouette the transmission may be off by a third. Refraction and dark field keep their values,
+    /// for silhouettes hold much of the integral of refraction.
     pub misfits: u64,
 }
 
@@ -26,23 +27,26 @@ pub struct PixelCounts {
 pub(super) struct Preparation<'a> {
     geometry: &'a ScanGeometry,
     is_transmission: bool,
+    /// Misfits of the view that comes next, `[row][column]`; none where there are no flags.
+    misfits: Array2<bool>,
     counts: PixelCounts,
 }
 
 impl<'a> Preparation<'a> {
     /// `is_transmission`: values are transmissions, and become their −ln.
     pub(super) fn new(geometry: &'a ScanGeometry, is_transmission: bool) -> Self {
-        Self { geometry, is_transmission, counts: PixelCounts::default() }
+        let misfits = Array2::default((geometry.rows.len(), geometry.columns.len()));
+        Self { geometry, is_transmission, misfits, counts: PixelCounts::default() }
+    }
+
+    /// Takes a column of flags of the view that comes next.
+    pub(super) fn flags_of_column(&mut self, column: usize, flags: ArrayView1<'_, f32>) {
+        let is_misfit = |value: &f32| whole::<u32>(f64::from(*value)) & flags::MISFIT != 0;
+        self.misfits.column_mut(column).assign(&flags.mapv(|value| is_misfit(&value)));
     }
 
     pub(super) const fn counts(&self) -> PixelCounts {
         self.counts
-    }
-
-    /// Counts the misfits of an image of flags.
-    pub(super) fn count_flags(&mut self, image: &Array2<f32>) {
-        let is_misfit = |value: &&f32| whole::<u32>(f64::from(**value)) & flags::MISFIT != 0;
-        self.counts.misfits += image.iter().filter(is_misfit).count() as u64;
     }
 
     /// Makes a view ready, `[row][column]`.
@@ -51,9 +55,12 @@ impl<'a> Preparation<'a> {
     /// Why it cannot be, in words: no pixel has a value.
     pub(super) fn view(&mut self, image: &mut ArrayViewMut2<'_, f32>) -> Result<(), &'static str> {
         self.counts.pixels += image.len() as u64;
-        for value in image.iter_mut() {
+        for (value, misfit) in image.iter_mut().zip(&self.misfits) {
+            self.counts.misfits += u64::from(*misfit && value.is_finite());
             if !value.is_finite() {
                 self.counts.without_answer += 1;
+                *value = f32::NAN;
+            } else if self.is_transmission && *misfit {
                 *value = f32::NAN;
             } else if self.is_transmission && *value <= 0.0 {
                 self.counts.dark += 1;
@@ -148,11 +155,18 @@ mod tests {
     }
 
     #[test]
-    fn misfits_are_counted_and_keep_their_values() {
+    fn misfits_are_filled_for_transmissions_and_kept_for_angles() {
         let geometry = geometry();
-        let mut preparation = Preparation::new(&geometry, false);
         let misfit = single(f64::from(flags::MISFIT));
-        preparation.count_flags(&array![[0.0, misfit, misfit + 1.0, 1.0]]);
-        assert_eq!(preparation.counts().misfits, 2);
+        for (is_transmission, expected) in [(true, 0.0), (false, 2.0)] {
+            let mut preparation = Preparation::new(&geometry, is_transmission);
+            preparation.flags_of_column(1, array![misfit, 1.0].view());
+            preparation.flags_of_column(3, array![1.0, misfit + 1.0].view());
+            let mut image = array![[1.0, 2.0, 1.0, 1.0], [1.0, 1.0, 1.0, f32::NAN]];
+            preparation.view(&mut image.view_mut()).unwrap();
+            assert_eq!(image[[0, 1]].to_bits(), f32::to_bits(expected));
+            let counts = preparation.counts();
+            assert_eq!([counts.pixels, counts.without_answer, counts.misfits], [8, 1, 1]);
+        }
     }
 }

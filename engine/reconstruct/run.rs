@@ -1,5 +1,6 @@
 //! A whole reconstruction: from sinograms to a folder of volumes.
 
+use super::estimate::host_bytes;
 use super::input::Input;
 use super::plan::VolumePlan;
 use super::record::VolumeRecord;
@@ -8,7 +9,7 @@ use super::truth::Truth;
 use super::write::{VolumeFormat, write};
 use crate::cancel::Aside;
 use crate::retrieve::path_hash;
-use crate::run::RowsControl;
+use crate::run::{RowsControl, require_memory};
 use crate::stack::layout::{ERRORS, REGIONS};
 use crate::stack::{ImageDirectory, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
@@ -104,6 +105,7 @@ pub fn reconstruct(
     to.check(input)?;
     plan.regions.iter().try_for_each(|region| region.check(&plan.grid))?;
     let geometry = input.geometry();
+    require_memory(host_bytes(geometry, &plan.grid), "a reconstruction")?;
     let mut record = VolumeRecord::begin(engine, geometry, plan, to.format);
     let paths = input.paths();
     let hashes: Aside<Result<BTreeMap<String, String>>> = Aside::begin(move |end| {

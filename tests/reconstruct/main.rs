@@ -11,3 +11,5 @@ mod support;
 mod fbp;
 mod refused;
 mod set_up;
+#[cfg(feature = "cli")]
+mod verb;

@@ -29,6 +29,9 @@ const DRAWING: u64 = 48 << 20;
 /// Draws what is asked of a run or of retrieved images.
 pub(super) fn of(path: &Path, asked: &ViewOfRun, form: PictureForm) -> Result<Pictures, Failure> {
     refuse_ignored(asked)?;
+    if asked.slice.is_some() {
+        return Err(Failure::Usage("--slice is for reconstructions".into()));
+    }
     let run = Subject::open(path, asked.retrieved.as_deref())?;
     let [views, _, rows, columns] = run.shape().map(|side| side as u64);
     let largest = columns.saturating_mul(rows.max(views));

@@ -232,7 +232,7 @@ fn description(steps: u32, views: u32, spacing: Option<f64>) -> String {
     }
     text.push_str("unit=um\n");
     if let Some(spacing) = spacing {
-        let _ = writeln!(text, "spacing={}", spacing * 1e6);
+        let _ = writeln!(text, "spacing={}", (spacing * 1e12).round() / 1e6);
     }
     text.push_str("loop=false\n");
     text

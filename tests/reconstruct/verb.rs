@@ -1,0 +1,294 @@
+//! `beamlet reconstruct` by the program: volumes in files, dithers, regions, truth, and bad input.
+
+use crate::support::program::{beamlet, done, ended, run, workplace};
+use beamlet::ndarray::{Array3, s};
+use beamlet::reconstruct::{OpenVolumes, Quantity, VolumeRecord};
+use ndarray_npy::{ReadNpyExt, WriteNpyExt};
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::Command;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+
+/// A rod beside the axis in a fan with a cone of three rows.
+const SCENE: &str = r#"
+[source]
+distance = "1.2 m"
+spot = "10 um"
+energy = "30 keV"
+[detector]
+distance = "1.8 m"
+pixels = [32, 3]
+pitch = "150 um"
+[sample_mask]
+distance = "1.1 m"
+projected_aperture = "30 um"
+transmission = 0.0
+[detector_mask]
+projected_aperture = "30 um"
+transmission = 0.0
+[sampling]
+tolerance = 5e-3
+angle_tolerance = "1 urad"
+[scan]
+mask_offsets = { from = "-20 um", to = "20 um", count = 7 }
+angles = { from = "0 deg", to = "360 deg", count = 36 }
+[[object]]
+name = "rod"
+shape = { cylinder = { radius = "0.7 mm", height = "6 mm" } }
+material = "plastic"
+position = ["0.4 mm", "0.2 mm", "0 mm"]
+[materials.plastic]
+mu = "50 /m"
+delta = 4e-7
+"#;
+const ROD: &str = "rod=cylinder:0.4mm,0.2mm,0.4mm";
+
+/// A run that is retrieved, for all tests.
+fn place() -> &'static TempDir {
+    static PLACE: OnceLock<TempDir> = OnceLock::new();
+    PLACE.get_or_init(|| {
+        let place = workplace(SCENE);
+        done(place.path(), "simulate scene.toml -q -o run --format npy");
+        done(place.path(), "retrieve run -q --format npy");
+        place
+    })
+}
+
+fn volume(folder: &Path, quantity: Quantity) -> Array3<f32> {
+    OpenVolumes::open(folder).unwrap().volume(quantity).unwrap().values
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// The number in a column of the line of a table that begins with some words.
+fn number(table: &str, line: &str, column: &str) -> f64 {
+    let mut lines = table.lines();
+    let at = lines.next().unwrap().split(',').position(|name| name == column).unwrap();
+    let found = lines.find(|text| text.starts_with(line)).unwrap();
+    found.split(',').nth(at).unwrap().parse().unwrap()
+}
+
+#[test]
+fn a_run_becomes_the_same_volumes_in_every_format() {
+    let here = place().path();
+    for format in ["tiff", "npy", "exr", "mhd"] {
+        done(here, &format!("reconstruct run -o {format} --format {format} -q"));
+    }
+    assert_eq!(names(&here.join("npy")), ["dark-field.npy", "delta.npy", "mu.npy", "volume.json"]);
+    assert_eq!(names(&here.join("exr/mu")).len(), 3);
+    for quantity in Quantity::ALL {
+        let first = volume(&here.join("tiff"), quantity);
+        assert_eq!(first.dim(), (3, 32, 32));
+        for other in ["npy", "exr", "mhd"] {
+            assert_eq!(volume(&here.join(other), quantity), first, "{other}");
+        }
+    }
+    // The header of a MetaImage, in mm.
+    let header = fs::read_to_string(here.join("mhd/mu.mhd")).unwrap();
+    for line in ["DimSize = 32 32 3", "ElementType = MET_FLOAT", "ElementDataFile = mu.raw"] {
+        assert!(header.contains(line), "{header}");
+    }
+    let value = |key: &str| -> Vec<f64> {
+        let line = header.lines().find(|line| line.starts_with(key)).unwrap();
+        line.split_once('=').unwrap().1.split_whitespace().map(|n| n.parse().unwrap()).collect()
+    };
+    assert!(value("ElementSpacing").iter().all(|side| (side - 0.1).abs() < 1e-12));
+    assert!((value("Offset")[0] + 1.55).abs() < 1e-12 && (value("Offset")[2] + 0.1).abs() < 1e-12);
+    // Page by page the TIFF has the spacing of its slices, for ImageJ.
+    let tiff = fs::read(here.join("tiff/mu.tif")).unwrap();
+    let text = String::from_utf8_lossy(&tiff[..2000]).into_owned();
+    assert!(text.contains("slices=3\nunit=um\nspacing=100"), "{text}");
+    // What is there stays, but for --overwrite, which leaves nothing of the other format.
+    let again = run(here, "reconstruct run -o npy");
+    assert!(ended(&again, 1).contains("--overwrite"));
+    done(here, "reconstruct run -o npy -q --overwrite --quantity mu --format mhd");
+    assert_eq!(names(&here.join("npy")), ["mu.mhd", "mu.raw", "volume.json"]);
+    fs::write(here.join("npy/mine.txt"), "of others").unwrap();
+    let refused = run(here, "reconstruct run -o npy --overwrite");
+    assert!(ended(&refused, 1).contains("mine.txt"));
+}
+
+#[test]
+fn regions_and_truth_have_the_constants_of_the_rod() {
+    let here = place().path();
+    let out = done(here, &format!("reconstruct run -o truth --truth --region {ROD} --format npy"));
+    let [regions, errors] = ["regions.csv", "errors.csv"]
+        .map(|name| fs::read_to_string(here.join("truth").join(name)).unwrap());
+    assert!(out.contains(&regions) && out.contains(&errors), "{out}");
+    // 36 views, a Gaussian as the curve, apertures that see a fifth: some per cent (tomography).
+    let mu = number(&regions, "rod,mu,", "mean");
+    assert!((mu / 50.0 - 1.0).abs() < 0.06, "{mu}");
+    let delta = number(&regions, "rod,delta,", "mean");
+    assert!((delta / 4e-7 - 1.0).abs() < 0.25, "{delta}");
+    assert_eq!(number(&errors, "rod,plastic,mu,", "truth").to_bits(), 50_f64.to_bits());
+    let record = VolumeRecord::read(&here.join("truth")).unwrap();
+    assert_eq!(record.labels[&1], "rod (plastic)");
+    // Labels are the discs of a closed form, by the centre of each voxel.
+    let labels =
+        Array3::<f32>::read_npy(File::open(here.join("truth/labels.npy")).unwrap()).unwrap();
+    for (at, label) in labels.indexed_iter() {
+        let [x, y, _] = record.grid().centre(at);
+        let from_rim = (x - 4e-4).hypot(y - 2e-4) - 7e-4;
+        assert!(from_rim.abs() < 1e-7 || (*label > 0.5) == (from_rim < 0.0), "{at:?}: {label}");
+    }
+    let truth = Array3::<f32>::read_npy(File::open(here.join("truth/mu_truth.npy")).unwrap());
+    assert_eq!(truth.unwrap(), labels.mapv(|label| 50.0 * label));
+}
+
+#[test]
+fn five_dithers_interleave_by_their_places() {
+    let place = workplace(SCENE);
+    let here = place.path();
+    let mut folders = String::new();
+    for dither in [1, -2, 0, 2, -1] {
+        // Openings of both masks move by 30 um on the detector.
+        let moved = |distance: f64| f64::from(dither) * 30.0 * distance / 1.8;
+        let sets = format!("sample_mask.offset={} um", moved(1.1));
+        let other = format!("detector_mask.offset={} um", moved(1.8));
+        let views = "scan.angles={ from = \"0 deg\", to = \"360 deg\", count = 24 }";
+        let name = format!("dither{dither}");
+        let words = ["simulate", "scene.toml", "-q", "-o", &name, "--format", "npy"];
+        let sets = ["--set", &sets, "--set", &other, "--set", views];
+        let simulated = beamlet(here).args(words).args(sets).output().unwrap();
+        assert!(ended(&simulated, 0).is_empty());
+        done(here, &format!("retrieve {name} -q --method exact-curve --format npy"));
+        folders.push_str(&format!(" {name}"));
+    }
+    let line =
+        format!("reconstruct{folders} -o all --format npy --quantity delta --region {ROD} -q");
+    done(here, &line);
+    let record = VolumeRecord::read(&here.join("all")).unwrap();
+    assert_eq!(record.sinograms, [24, 3, 160]);
+    assert!((record.axis_column - 79.5).abs() < 0.01, "{}", record.axis_column);
+    let regions = fs::read_to_string(here.join("all/regions.csv")).unwrap();
+    let delta = number(&regions, "rod,delta,", "mean");
+    // The bias of attenuation gradients is -1.5 %, the curve's up to 1 %; 24 views.
+    assert!((delta / 4e-7 - 1.0).abs() < 0.04, "{delta}");
+    // Twice the same places, and other angles.
+    let twice = run(here, "reconstruct dither0 dither0/retrieved -o twice");
+    assert!(ended(&twice, 1).contains("dithers have to differ"));
+    let path = here.join("dither1/retrieved/geometry.json");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(
+        &path,
+        text.replace("\"source_to_detector_m\": 1.8", "\"source_to_detector_m\": 1.9"),
+    )
+    .unwrap();
+    let other = run(here, "reconstruct dither0 dither1 -o other");
+    assert!(ended(&other, 1).contains("has other distances than dither0/retrieved"));
+    assert!(!here.join("twice").exists() && !here.join("other").exists());
+}
+
+#[test]
+fn sinograms_from_a_file_are_the_retrieved_ones() {
+    let here = place().path();
+    let read = |name: &str| {
+        Array3::<f32>::read_npy(File::open(here.join("run/retrieved").join(name)).unwrap()).unwrap()
+    };
+    let write = |name: &str, values: &Array3<f32>| {
+        values.write_npy(File::create(here.join(name)).unwrap()).unwrap();
+    };
+    write("angles.npy", &read("refraction.npy"));
+    write("short.npy", &read("refraction.npy").slice(s![..35, .., ..]).to_owned());
+    let from = "--geometry scene.toml --format npy";
+    done(here, &format!("reconstruct angles.npy -o file --quantity delta -q {from}"));
+    done(here, "reconstruct run -o images --quantity delta -q --format npy");
+    let [file, images] = ["file", "images"].map(|name| volume(&here.join(name), Quantity::Delta));
+    assert_eq!(file, images);
+    let refused = |line: &str, code, word: &str| {
+        let message = ended(&run(here, line), code);
+        assert!(message.contains(word), "{line}: {message}");
+        assert!(!here.join("none").exists() && !here.join("none.partial").exists(), "{line}");
+    };
+    let short = format!("reconstruct short.npy -o none --quantity delta {from}");
+    refused(&short, 1, "[35, 3, 32]; the scene has 36 angles, 3 rows and 32 columns");
+    refused("reconstruct angles.npy -o none --quantity delta", 1, "need --geometry");
+    refused(&format!("reconstruct angles.npy -o none {from}"), 2, "needs --quantity");
+    refused(
+        &format!("reconstruct scene.toml -o none --quantity mu {from}"),
+        1,
+        "no file of sinograms",
+    );
+    refused(&format!("reconstruct run -o none --quantity mu {from}"), 2, "folders have their own");
+    // A view without a value.
+    let mut empty = read("refraction.npy");
+    empty.slice_mut(s![3, .., ..]).fill(f32::NAN);
+    write("empty.npy", &empty);
+    let line = format!("reconstruct empty.npy -o none --quantity delta {from}");
+    refused(&line, 1, "view 3 has no pixel with a value");
+}
+
+#[test]
+fn bad_input_is_refused_and_nothing_is_written() {
+    let here = place().path();
+    for (line, code, word) in [
+        ("reconstruct nowhere -o none", 1, "retrieved.json"),
+        ("reconstruct run -o none --origin 9mm,9mm,0mm --size 2,2,1", 1, "that the views see"),
+        ("reconstruct run -o none --size 0,2,1", 2, "three whole numbers above 0"),
+        ("reconstruct run -o none --voxel 0um", 2, "above 0"),
+        ("reconstruct run -o none --voxel 5", 2, "without a unit"),
+        ("reconstruct run -o none --cut-off 2", 1, "cut_off"),
+        ("reconstruct run -o none --quantity nu", 2, "dark-field"),
+        ("reconstruct run -o none --region a=ball:1mm", 2, "NAME=cylinder"),
+        ("reconstruct run -o none --region a=sphere:9mm,0mm,0mm,1um", 1, "regions with a voxel"),
+        ("reconstruct run -o run/retrieved", 1, "run/retrieved"),
+        ("reconstruct run -o scene.toml", 1, "not a directory"),
+    ] {
+        let output = run(here, line);
+        let message = ended(&output, code);
+        assert!(message.contains(word), "{line}: {message}");
+        assert!(!here.join("none").exists() && !here.join("none.partial").exists(), "{line}");
+    }
+    let place = workplace(SCENE);
+    let few = ["--set", "scan.angles=[\"0 deg\", \"50 deg\", \"100 deg\"]"];
+    let words = ["simulate", "scene.toml", "-q", "-o", "run"];
+    let simulated = beamlet(&place).args(words).args(few).output().unwrap();
+    ended(&simulated, 0);
+    let output = run(&place, "reconstruct run -o none");
+    let message = ended(&output, 1);
+    assert!(message.contains("half a turn and the fan"), "{message}");
+    assert!(!place.path().join("none").exists() && !place.path().join("none.partial").exists());
+}
+
+#[test]
+fn a_dry_run_says_what_it_would_take_and_writes_nothing() {
+    let here = place().path();
+    let out = done(here, "reconstruct run -o dry --dry-run --voxel 50um");
+    for words in
+        ["64 x 64 x 6 voxels", "MiB on the host", "s of back-projection", "nothing was written"]
+    {
+        assert!(out.contains(words), "{words}: {out}");
+    }
+    assert!(!here.join("dry").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_ends_within_a_second_and_leaves_nothing() {
+    let here = place().path();
+    let line = "reconstruct run -o big --size 1500,1500,24 --voxel 2um -q";
+    let mut child = beamlet(here).args(line.split_whitespace()).spawn().unwrap();
+    let partial = here.join("big.partial");
+    let since = Instant::now();
+    while !partial.exists() && since.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    std::thread::sleep(Duration::from_millis(300));
+    assert!(child.try_wait().unwrap().is_none(), "it is over already");
+    let kill = format!("kill -INT {}", child.id());
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    let since = Instant::now();
+    let status = child.wait().unwrap();
+    assert_eq!(status.code(), Some(130));
+    // A second on an idle machine; others may work here, too.
+    assert!(since.elapsed() < Duration::from_secs(5), "{:?}", since.elapsed());
+    assert!(!partial.exists() && !here.join("big").exists());
+}
