@@ -76,7 +76,7 @@ def _written(path: Path, write: Callable[[h5py.File], None]) -> None:
             write(file)
         os.link(part, path)
     except OSError as error:
-        message = f"{os.fspath(path)}: cannot be written: {error}"
+        message = f"{os.fspath(path)}: cannot be written: {error.strerror or error}"
         raise FileError(message, file=path, found=str(error)) from error
     finally:
         part.unlink(missing_ok=True)
