@@ -87,5 +87,5 @@ lines python "$root/docs/how-to/design.md" >design.py
 # Five apertures, and the offsets of a page that says that check warns of them.
 [ "$(grep -c '^ *[0-9]' design.table)" = 5 ]
 grep -q 'warning: scan.mask_offsets cover' design.log
-grep -q 'exact shapes that cross become meshes' faster.log
+grep -q '"bore" leaves "tube": both become meshes' faster.log
 echo "README.md: $(grep -c . readme.sh) lines in each of 3 formats"
