@@ -26,6 +26,7 @@ pub mod check;
 #[doc(hidden)]
 pub mod cli_support;
 pub mod compare;
+mod csv_table;
 mod detector;
 mod error;
 mod folder;

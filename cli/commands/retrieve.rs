@@ -119,6 +119,7 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let mut scene = Scene::load_with(geometry, &arguments.sets)?;
     if let Some(list) = &arguments.offsets {
         scene.scan.mask_offsets = offsets(list)?;
+        scene.scan.view_offsets.clear();
     }
     let flat = StackFile::open(flat)?;
     let sample = StackFile::open(sample)?;

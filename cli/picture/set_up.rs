@@ -48,7 +48,7 @@ fn caption(scene: &Scene) -> String {
         1 => format!("{} × {} (FWHM)", length(across), length(up)),
         n => format!("of {n} parts, {} × {} (FWHM by variance)", length(across), length(up)),
     };
-    let views = match scene.scan.angles.len() {
+    let views = match scene.scan.views() {
         1 => "1 view".to_owned(),
         count => format!("{count} views (angle 0 is drawn)"),
     };

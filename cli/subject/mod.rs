@@ -130,11 +130,11 @@ impl Subject {
     }
 
     /// Angles of the views, rad; none where the geometry does not say which they are.
-    pub(crate) fn angles(&self) -> &[f64] {
-        let Some(scene) = &self.scene else { return &[] };
-        match self.run.is_some() || scene.scan.angles.len() == self.views() {
-            true => &scene.scan.angles,
-            false => &[],
+    pub(crate) fn angles(&self) -> Vec<f64> {
+        let Some(scene) = &self.scene else { return Vec::new() };
+        match self.run.is_some() || scene.scan.views() == self.views() {
+            true => (0..scene.scan.views()).map(|view| scene.scan.angle_of(view)).collect(),
+            false => Vec::new(),
         }
     }
 

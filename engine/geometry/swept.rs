@@ -223,9 +223,9 @@ struct Reach {
 
 /// The view in words.
 fn at(scene: &Scene, view: usize) -> String {
-    let angle = format!("at angle {:.3} deg", scene.scan.angles[view].to_degrees());
-    match scene.scan.motions.is_empty() {
-        true => angle,
-        false => format!("{angle}, moved as in view {view}"),
+    let angle = format!("at angle {:.3} deg", scene.scan.angle_of(view).to_degrees());
+    match scene.scan.moves() {
+        false => angle,
+        true => format!("{angle}, moved as in view {view}"),
     }
 }

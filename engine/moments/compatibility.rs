@@ -21,8 +21,16 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
         let count = |s: &Scene| format!("{} angles", s.scan.angles.len());
         return differs("scan.angles", format!("other angles ({})", count(scene)), count(base));
     }
-    if base.scan.motions != scene.scan.motions {
-        return differs("scan.motions", "other motions of the sample".into(), "its motions".into());
+    let (before, now) = (&base.scan, &scene.scan);
+    let same = [
+        ("motions", before.motions == now.motions),
+        ("axis", before.axis == now.axis),
+        ("travel", before.has_travel_of(now)),
+        ("dithers", before.dithers == now.dithers),
+    ];
+    if let Some((key, _)) = same.iter().find(|(_, same)| !same) {
+        let found = "other motions of the sample".into();
+        return differs(&format!("scan.{key}"), found, "its motions".into());
     }
     if base.objects.len() != scene.objects.len() {
         let count = |s: &Scene| format!("{} objects", s.objects.len());

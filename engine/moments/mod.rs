@@ -91,7 +91,7 @@ impl StoredMoments {
         }
         let lock = lock(run)?;
         let scene_digest = file::scene_digest(run)?;
-        let views = (0..scene.scan.angles.len())
+        let views = (0..scene.scan.views())
             .map(|view| MomentFile::open(&directory, numbers::count(view), &scene_digest))
             .collect::<Result<_>>()?;
         let run = run.to_path_buf();

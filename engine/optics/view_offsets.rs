@@ -16,12 +16,12 @@ pub(crate) struct ViewOffsets {
 impl ViewOffsets {
     /// `within`: an offset less whole periods.
     pub(super) fn new(scan: &Scan, within: impl Fn(f64) -> f64) -> Self {
-        let reduced = |list: &Vec<f64>| list.iter().map(|offset| within(*offset)).collect();
+        let reduced = |list: &[f64]| list.iter().map(|offset| within(*offset)).collect();
         let bits = |list: &Vec<f64>| list.iter().map(|it| it.to_bits()).collect::<Vec<_>>();
         let mut lists = vec![reduced(&scan.mask_offsets)];
         let mut known = HashMap::from([(bits(&lists[0]), 0)]);
-        let of_view = scan.view_offsets.iter().map(|list| {
-            let list = reduced(list);
+        let of_view = (0..scan.views()).filter(|_| !scan.view_offsets.is_empty()).map(|view| {
+            let list = reduced(scan.offsets_of(view));
             *known.entry(bits(&list)).or_insert_with(|| {
                 lists.push(list);
                 numbers::count(lists.len() - 1)

@@ -1,6 +1,6 @@
 //! The geometry of a scan on a circle.
 
-use crate::scene::{Motion, Scene};
+use crate::scene::{RotationAxis, Scene};
 use crate::stack::GeometryFile;
 use crate::{Error, Result};
 
@@ -39,18 +39,23 @@ impl ScanGeometry {
     }
 
     /// The scan of a scene: columns are the centres of the openings of the detector mask before each
-    /// pixel, rows those of the pixels.
+    /// pixel, rows those of the pixels, and the axis
+    /// is where `scan.axis` has it.
     ///
     /// # Errors
-    /// [`Error::Scene`] where its views move the sample: these are no circle.
+    /// [`Error::Scene`] where its views move the sample otherwise: these are no circle.
     pub fn of_scene(scene: &Scene) -> Result<Self> {
-        if scene.scan.motions.iter().any(|motion| *motion != Motion::IDENTITY) {
+        let [x, y, z] = scene.scan.axis.shift;
+        let mut circle = scene.scan.clone();
+        circle.axis = RotationAxis::new([0.0, 0.0, z], circle.axis.tilt_x, circle.axis.tilt_y);
+        if circle.moves() {
             let found = "motions of the sample";
-            return Err(Error::scene("scan.motions", found, "none: reconstruction needs a circle"));
+            let allowed = "none but a shift of the axis in x and y: reconstruction needs a circle";
+            return Err(Error::scene("scan.motions", found, allowed));
         }
         let file = GeometryFile::of(scene);
-        let distances = [scene.source.distance, scene.detector.distance];
-        Ok(Self::new(distances, file.columns_m, file.rows_m, file.angles_rad))
+        let distances = [scene.source.distance + y, scene.detector.distance];
+        Ok(Self { axis: x, ..Self::new(distances, file.columns_m, file.rows_m, file.angles_rad) })
     }
 
     /// Magnification from the axis of rotation to the detector.

@@ -65,11 +65,11 @@ impl FitOptions {
 }
 
 /// Fits curves taken at the same offsets.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Fitter {
     device: Arc<Device>,
-    kernel: Kernel,
-    steps: Buffer,
+    kernel: Arc<Kernel>,
+    steps: Arc<Buffer>,
     step_count: usize,
     /// Centre and half width of the scan.
     middle: f64,
@@ -105,6 +105,33 @@ impl Fitter {
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn new(engine: &Engine, offsets: &[f64], options: &FitOptions) -> Result<Self> {
+        if !(options.gain.is_finite() && options.gain > 0.0) {
+            let found = options.gain.to_string();
+            return Err(Error::argument("gain", found, "a number above zero"));
+        }
+        if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
+            let found = options.read_noise.to_string();
+            return Err(Error::argument("read_noise", found, "a number of at least zero"));
+        }
+        let device = engine.device().clone();
+        let kernel = Arc::new(device.kernel("fit", shaders::FIT, push_bytes::<FitPush>())?);
+        Self::with_kernel(device, kernel, offsets, options)
+    }
+
+    /// The same fits of curves taken at other offsets.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn at(&self, offsets: &[f64]) -> Result<Self> {
+        Self::with_kernel(self.device.clone(), self.kernel.clone(), offsets, &self.options)
+    }
+
+    fn with_kernel(
+        device: Arc<Device>,
+        kernel: Arc<Kernel>,
+        offsets: &[f64],
+        options: &FitOptions,
+    ) -> Result<Self> {
         let mut sorted = offsets.to_vec();
         sorted.sort_by(f64::total_cmp);
         let different = 1 + sorted.windows(2).filter(|pair| pair[0] < pair[1]).count();
@@ -114,14 +141,6 @@ impl Fitter {
                 format!("{} offsets, {different} of them different", offsets.len()),
                 "a fit of four unknowns needs at least 4 different, finite offsets",
             ));
-        }
-        if !(options.gain.is_finite() && options.gain > 0.0) {
-            let found = options.gain.to_string();
-            return Err(Error::argument("gain", found, "a number above zero"));
-        }
-        if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
-            let found = options.read_noise.to_string();
-            return Err(Error::argument("read_noise", found, "a number of at least zero"));
         }
         let [low, high] = [sorted[0], sorted[sorted.len() - 1]];
         let (middle, half) = (f64::midpoint(low, high), (high - low) / 2.0);
@@ -139,11 +158,9 @@ impl Fitter {
                 }
             })
             .collect();
-        let device = engine.device().clone();
-        let push = push_bytes::<FitPush>();
         Ok(Self {
-            kernel: device.kernel("fit", shaders::FIT, push)?,
-            steps: device.upload("mask steps", &steps)?,
+            kernel,
+            steps: Arc::new(device.upload("mask steps", &steps)?),
             device,
             step_count: offsets.len(),
             middle,

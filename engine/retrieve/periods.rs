@@ -6,8 +6,12 @@ use crate::scene::Scene;
 
 /// Least and greatest mask offset of a scene, m.
 pub(super) fn ends(scene: &Scene) -> [f64; 2] {
+    ends_of(&scene.scan.mask_offsets)
+}
+
+fn ends_of(offsets: &[f64]) -> [f64; 2] {
     let wider = |[low, high]: [f64; 2], at: &f64| [low.min(*at), high.max(*at)];
-    scene.scan.mask_offsets.iter().fold([f64::INFINITY, f64::NEG_INFINITY], wider)
+    offsets.iter().fold([f64::INFINITY, f64::NEG_INFINITY], wider)
 }
 
 /// Period of the illumination curves of a scene, m; infinite without a sample mask.
@@ -32,6 +36,19 @@ impl WholePeriods {
             Self { count, period }
         } else {
             Self { count: 0.0, period: 0.0 }
+        }
+    }
+
+    /// Periods that take the middle of other offsets nearest to that of the flat's without its own.
+    pub(super) fn nearest_to(self, flat: &[f64], other: &[f64]) -> Self {
+        let middle = |offsets| {
+            let [low, high] = ends_of(offsets);
+            f64::midpoint(low, high)
+        };
+        let more = ((middle(other) - middle(flat)) / self.period).round();
+        match more.is_finite() {
+            true => Self { count: self.count + more, ..self },
+            false => self,
         }
     }
 

@@ -1,6 +1,7 @@
 //! One method on one set-up: the flat's curves once, then the images of each view.
 
 mod fits;
+mod view_scan;
 
 use super::beamlets::Beamlets;
 use super::curves::Curves;
@@ -19,7 +20,9 @@ use crate::scene::Scene;
 use crate::stack::GeometryFile;
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array2, Array3, ArrayView3, Axis, s};
+use std::borrow::Cow;
 use std::ops::Range;
+use view_scan::{ViewScan, ViewScans};
 
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
 /// takes seconds, a sixteenth of it, so that a retrieval can be stopped.
@@ -34,6 +37,8 @@ pub struct Retriever {
     offsets: Vec<f64>,
     /// As `offsets`, of the sample.
     sample_offsets: Vec<f64>,
+    /// Those of each angle, where they differ from those of the flat.
+    view_scans: Option<ViewScans>,
     fitter: Option<Fitter>,
     beamlets: Option<Beamlets>,
     shape: CurveGeometry,
@@ -76,16 +81,9 @@ impl Retriever {
     /// ```
     pub fn new(engine: &Engine, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let method = options.method;
-        if scene.scan.view_offsets.iter().any(|list| *list != scene.scan.mask_offsets) {
-            let found = "other mask offsets in some views than in the flat";
-            return Err(Error::scene(
-                "scan.view_offsets",
-                found,
-                "scan.mask_offsets in every view",
-            ));
-        }
-        method.check(scene, &scene.scan.mask_offsets)?;
         let periods = WholePeriods::of(scene);
+        let view_scans = ViewScans::of(scene, method, periods)?;
+        method.check(scene, &scene.scan.mask_offsets)?;
         let offsets = periods.without(&scene.scan.mask_offsets);
         let fits = matches!(method, Method::Gaussian | Method::TwoStep);
         if options.weights == Weights::Poisson && !fits && method != Method::Beamlet {
@@ -116,6 +114,10 @@ impl Retriever {
         }
         let sample_offsets = match (&options.sample_offsets, method) {
             (None, _) => offsets.clone(),
+            (Some(_), Method::TwoStep) if view_scans.is_some() => {
+                let found = "offsets of the sample beside scan.view_offsets";
+                return Err(Error::argument("sample_offsets", found, "one of them"));
+            }
             (Some(other), Method::TwoStep) if other.len() >= 2 => periods.without(other),
             (Some(other), _) => {
                 return Err(Error::argument(
@@ -152,6 +154,7 @@ impl Retriever {
             periods,
             offsets,
             sample_offsets,
+            view_scans,
             flat: None,
         })
     }
@@ -233,7 +236,11 @@ impl Retriever {
         reserve::ask(bytes, &purpose, "retrieve frames with fewer pixels")?;
         let mut all = Curves::new(rows as usize * across);
         self.bands(rows, columns, self.offsets.len(), control, |band, control| {
-            let curves = self.curves(read(band.clone())?, &self.offsets, None, &control.cancel)?;
+            let scan = ViewScan {
+                offsets: &self.offsets,
+                fitter: self.fitter.as_ref().map(Cow::Borrowed),
+            };
+            let curves = self.curves(read(band.clone())?, &scan, None, &control.cancel)?;
             all.put(band.start as usize * across, &curves);
             Ok(())
         })?;
@@ -246,12 +253,13 @@ impl Retriever {
         Ok(())
     }
 
-    /// The images of a view; the flat comes first.
+    /// The images of the view of this index, at its own mask offsets; the flat comes first.
     ///
     /// # Errors
-    /// As [`Retriever::set_flat`], and where there is no flat.
+    /// As [`Retriever::set_flat`], and where there is no flat, or the scene has offsets of fewer views.
     pub fn retrieve(
         &self,
+        view: usize,
         columns: usize,
         read: &mut ReadRows<'_>,
         control: &mut RowsControl<'_>,
@@ -267,22 +275,25 @@ impl Retriever {
                 "frames of one shape for flat and sample",
             ));
         }
-        let chosen = self.two_steps(flat);
+        let scan = self.view_scan(view)?;
+        let chosen = self.two_steps(flat, scan.offsets);
         let offsets_used = chosen.map_or(self.sample_offsets.len(), |steps| steps.len());
         let across = flat.columns;
         let mut images = Images::new(self.names(), flat.rows, across);
         let rows = numbers::count(flat.rows);
         self.bands(rows, columns, self.sample_offsets.len(), control, |band, control| {
             let mut data = read(band.clone())?;
-            let mut offsets = self.sample_offsets.clone();
+            let mut two = Vec::new();
             if let Some([i, j]) = chosen {
                 data =
                     ndarray::stack![Axis(0), data.slice(s![i, .., ..]), data.slice(s![j, .., ..])];
-                offsets = vec![offsets[i], offsets[j]];
+                two = vec![scan.offsets[i], scan.offsets[j]];
             }
+            let at_two = ViewScan { offsets: &two, fitter: None };
+            let scan = if chosen.is_some() { &at_two } else { &scan };
             let pixels = band.start as usize * across..band.end as usize * across;
             let known = Some((&flat.curves, pixels.start));
-            let curves = self.curves(data, &offsets, known, &control.cancel)?;
+            let curves = self.curves(data, scan, known, &control.cancel)?;
             images.take(pixels, &flat.curves, &curves, self.angle_per_shift);
             Ok(())
         })?;
@@ -326,7 +337,8 @@ impl Retriever {
         self.set_flat(rows, columns, &mut |band| Ok(part(flat, &band)), &mut RowsControl::default())
     }
 
-    /// The images of a view, from an array `[step][row][column]`.
+    /// The images of the first view, from an array `[step][row][column]`; of any view, where all have the
+    /// mask offsets of the flat.
     ///
     /// # Errors
     /// As [`Retriever::retrieve`].
@@ -347,13 +359,21 @@ impl Retriever {
     /// # Ok::<(), beamlet::Error>(())
     /// ```
     pub fn retrieve_array(&self, sample: ArrayView3<'_, f32>) -> Result<Images> {
+        self.retrieve_array_of(0, sample)
+    }
+
+    /// As [`Retriever::retrieve_array`], of the view of this index.
+    ///
+    /// # Errors
+    /// As [`Retriever::retrieve`].
+    pub fn retrieve_array_of(&self, view: usize, sample: ArrayView3<'_, f32>) -> Result<Images> {
         let (_, rows, columns) = sample.dim();
         if self.flat.as_ref().is_some_and(|flat| flat.rows != rows) {
             let allowed = "frames of one shape for flat and sample";
             return Err(Error::argument("sample", format!("{rows} rows"), allowed));
         }
         let mut read = |band| Ok(part(sample, &band));
-        self.retrieve(columns, &mut read, &mut RowsControl::default())
+        self.retrieve(view, columns, &mut read, &mut RowsControl::default())
     }
 
     /// Calls `work` for bands of rows.

@@ -223,7 +223,7 @@ fn retrieve_to(
     let mut brighter = 0;
     for view in 0..input.views() {
         let mut read = |band| input.sample_rows(view, band);
-        let mut retrieved = retriever.retrieve(columns, &mut read, &mut inner)?;
+        let mut retrieved = retriever.retrieve(view, columns, &mut read, &mut inner)?;
         if let Some(bad) = input.bad_pixels() {
             retriever.mark_bad(&mut retrieved, bad);
         }

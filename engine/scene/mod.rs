@@ -23,6 +23,7 @@ pub(crate) mod path;
 mod polygon;
 mod read;
 mod sample;
+mod scan;
 mod set;
 mod table;
 mod targets;
@@ -46,10 +47,11 @@ pub(crate) mod schema {
     pub use super::keys::schema::json_schema;
 }
 pub use model::{
-    MaskBody, MaskSpec, Quality, Sampling, Scan, Scene, Scheme, Source, Tolerances, Transport,
+    MaskBody, MaskSpec, Quality, Sampling, Scene, Scheme, Source, Tolerances, Transport,
 };
 pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
+pub use scan::{RotationAxis, Scan};
 pub use targets::RandomRays;
 pub use view::{Pose, View};
 

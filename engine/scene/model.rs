@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{Beam, Detector, MaterialSpec, Motion, Object, RandomRays, ShapeOrMesh};
+use super::{Beam, Detector, MaterialSpec, Object, RandomRays, Scan, ShapeOrMesh};
 use crate::spot::Spot;
 
 /// Name of the region of the surroundings among the objects.
@@ -333,42 +333,4 @@ pub enum Transport {
     FirstOrder,
     /// Exact transport, with refraction at every surface, for every ray.
     Exact,
-}
-
-/// Mask offsets, angles and motions.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub struct Scan {
-    /// Displacements of the sample mask along +x in its own plane, m. At least one.
-    pub mask_offsets: Vec<f64>,
-    /// Rotation of source, masks and detector about +z, rad. At least one.
-    pub angles: Vec<f64>,
-    /// Motion of the sample in each view, before source, masks and detector turn: one for each angle, or
-    /// none where the sample rests. Scene files have no key for it.
-    pub motions: Vec<Motion>,
-    /// Displacements of the sample mask in each view, m: one list for each angle, with as many steps as
-    /// `mask_offsets`, which serve the flat then; or none where they serve all views. Scene files have no
-    /// key for it.
-    pub view_offsets: Vec<Vec<f64>>,
-}
-
-impl Default for Scan {
-    /// Aligned masks and one view at angle 0.
-    fn default() -> Self {
-        Self::new(vec![0.0], vec![0.0])
-    }
-}
-
-impl Scan {
-    /// Mask offsets (m) and angles (rad), at least one each.
-    #[must_use]
-    pub const fn new(mask_offsets: Vec<f64>, angles: Vec<f64>) -> Self {
-        Self { mask_offsets, angles, motions: Vec::new(), view_offsets: Vec::new() }
-    }
-
-    /// Displacements of the sample mask in a view, m.
-    #[must_use]
-    pub fn offsets_of(&self, view: usize) -> &[f64] {
-        self.view_offsets.get(view).unwrap_or(&self.mask_offsets)
-    }
 }

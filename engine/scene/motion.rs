@@ -31,6 +31,17 @@ impl Motion {
         Self { rotation: DMat3::from_cols(x, y, DVec3::Z), translation: DVec3::ZERO }
     }
 
+    /// Rotation about +x or +y by an angle (rad). At 0 it is [`Self::IDENTITY`].
+    pub(super) fn about_x_or_y(axis: [f64; 3], angle: f64) -> Self {
+        let (axis, (sine, cosine)) = (DVec3::from_array(axis), libm::sincos(angle));
+        let turned = |v: DVec3| {
+            let along = axis * axis.dot(v);
+            along + (v - along) * cosine + axis.cross(v) * sine + DVec3::ZERO
+        };
+        let rotation = DMat3::from_cols(turned(DVec3::X), turned(DVec3::Y), turned(DVec3::Z));
+        Self { rotation, translation: DVec3::ZERO }
+    }
+
     /// Rotation about an axis of any length through the origin by an angle (rad), right-handed.
     ///
     /// # Errors
@@ -48,6 +59,35 @@ impl Motion {
         let [x, y, z] = (unit * libm::sin(angle / 2.0)).to_array();
         let turn = DQuat::from_xyzw(x, y, z, libm::cos(angle / 2.0)).normalize();
         Ok(Self { rotation: DMat3::from_quat(turn), translation: DVec3::ZERO })
+    }
+
+    /// Rotation that takes +x, +y and +z to these directions, which are unit vectors at right angles to
+    /// each other, right-handed.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where they are not, to 1e-9.
+    pub(super) fn with_axes([x, y, z]: [[f64; 3]; 3]) -> Result<Self> {
+        let rotation = DMat3::from_cols(x.into(), y.into(), z.into());
+        let left = rotation.transpose() * rotation - DMat3::IDENTITY;
+        let is_rotation = left.to_cols_array().iter().all(|it| it.abs() < 1e-9);
+        if is_rotation && rotation.determinant() > 0.0 {
+            return Ok(Self { rotation, translation: DVec3::ZERO });
+        }
+        let found = format!("the directions {x:?}, {y:?} and {z:?}");
+        Err(Error::argument("motion", found, "unit vectors at right angles, right-handed, to 1e-9"))
+    }
+
+    /// Rotation by a unit quaternion w, x, y, z.
+    pub(super) fn of_quaternion([w, x, y, z]: [f64; 4]) -> Self {
+        let rotation = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w));
+        Self { rotation, translation: DVec3::ZERO }
+    }
+
+    /// Directions that +x, +y and +z are rotated to, where there is a rotation, and the translation, m.
+    pub(super) fn parts(&self) -> (Option<[[f64; 3]; 3]>, [f64; 3]) {
+        let columns = self.rotation.to_cols_array_2d();
+        let turn = (self.rotation != DMat3::IDENTITY).then_some(columns);
+        (turn, self.translation.to_array())
     }
 
     /// Translation, m.

@@ -40,11 +40,12 @@ pub struct Pose {
 impl Scene {
     /// The view of this index: source, masks and detector turned by its angle about +z around the sample
     /// that its motion moved, in the coordinates of the sample.
-    /// Panics where the scan has no angle of this index.
     #[must_use]
     pub(crate) fn view(&self, index: usize) -> View {
-        let set_up = Motion::about_z(self.scan.angles[index]);
-        let moved = self.scan.motions.get(index);
+        let set_up = Motion::about_z(self.scan.angle_of(index));
+        let after = self.scan.after(index);
+        let set_up = if after == Motion::IDENTITY { set_up } else { after.inverse().then(&set_up) };
+        let moved = self.scan.before(index);
         let world_from_beam = moved.map_or(set_up, |moved| set_up.then(&moved.inverse()));
         let centre = self.source.distance;
         let pose = |mask: &MaskSpec| Pose {
@@ -67,19 +68,22 @@ impl Scene {
     /// The motion from the world to the beam frame of a view, whose x runs along the columns of a
     /// detector of this pitch: its rounding depends on the pitch.
     pub(crate) fn motion(&self, index: usize, pitch: f64) -> Motion {
-        let [x, y, _] = Motion::about_z(self.scan.angles[index]).direction([pitch, 0.0, 0.0]);
+        let [x, y, _] = Motion::about_z(self.scan.angle_of(index)).direction([pitch, 0.0, 0.0]);
         let turn = Motion::onto_x([x, y]);
-        self.scan.motions.get(index).map_or(turn, |moved| moved.then(&turn))
+        let after = self.scan.after(index);
+        let turn = if after == Motion::IDENTITY { turn } else { turn.then(&after) };
+        self.scan.before(index).map_or(turn, |moved| moved.then(&turn))
     }
 
     /// The views of the scan, in order.
     pub fn views(&self) -> impl Iterator<Item = View> + '_ {
-        (0..self.scan.angles.len()).map(|index| self.view(index))
+        (0..self.scan.views()).map(|index| self.view(index))
     }
 
     /// How far views move the rotation centre at most, m.
     pub(crate) fn displacement(&self) -> f64 {
-        self.scan.motions.iter().map(|motion| motion.offset().length()).fold(0.0, f64::max)
+        let moved = self.views().map(|view| view.motion.offset().length());
+        moved.fold(0.0, f64::max)
     }
 }
 

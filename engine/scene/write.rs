@@ -8,8 +8,8 @@ use super::keys::record::{Keys, Record};
 use super::keys::surroundings::write_surroundings;
 use super::keys::value::Base;
 use super::text::{Text, quoted};
-use super::{Motion, Object, Scene, path};
-use crate::{Error, Result};
+use super::{Object, Scene, path};
+use crate::Result;
 
 impl Text {
     /// A table by its heading.
@@ -43,18 +43,6 @@ pub(super) fn to_toml(
     hashes: &BTreeMap<String, String>,
     sets: &[String],
 ) -> Result<String> {
-    if scene.scan.motions.iter().any(|motion| *motion != Motion::IDENTITY) {
-        let found = "a motion of the sample in its views";
-        let allowed = "scan.angles alone: a scene file has no key for other motions, and would lose them; \
-                       take the frames from an array or callback sink";
-        return Err(Error::scene("scan.motions", found, allowed));
-    }
-    if scene.scan.view_offsets.iter().any(|list| *list != scene.scan.mask_offsets) {
-        let found = "other mask offsets in some views";
-        let allowed = "scan.mask_offsets alone: a scene file has no key for those of views, and would lose \
-                       them; take the frames from an array or callback sink";
-        return Err(Error::scene("scan.view_offsets", found, allowed));
-    }
     let base = &Base { scene, directory };
     let mut out = Text::default();
     out.comment(concat!("Resolved scene, beamlet ", env!("CARGO_PKG_VERSION")));

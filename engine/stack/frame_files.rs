@@ -262,8 +262,8 @@ impl About {
         about.insert("mask_offset".into(), offsets.get(step as usize).copied().into());
         if let Exposure::Sample(index) = view {
             about.insert("view".into(), index.into());
-            if let Some(&angle) = self.scene.scan.angles.get(index as usize) {
-                about.insert("angle".into(), angle.into());
+            if (index as usize) < self.scene.scan.views() {
+                about.insert("angle".into(), self.scene.scan.angle_of(index as usize).into());
                 let vectors = serde_json::to_value(self.scene.view(index as usize));
                 about.insert("vectors".into(), vectors.unwrap_or_default());
             }

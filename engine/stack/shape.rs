@@ -64,7 +64,7 @@ impl StackShape {
                 .map_err(|_| Error::scene(key, format!("{n} entries"), "fewer than 2^32"))
         };
         let extent = Self {
-            views: count("scan.angles", scene.scan.angles.len())?,
+            views: count("scan.angles", scene.scan.views())?,
             steps: count("scan.mask_offsets", scene.scan.mask_offsets.len())?,
             rows: scene.detector.pixels[1],
             columns: scene.detector.pixels[0],

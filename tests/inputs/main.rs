@@ -11,6 +11,7 @@ mod layers;
 mod material;
 mod names;
 mod paper;
+mod scan;
 mod scene;
 mod scene_beam;
 mod scene_docs;

@@ -5,12 +5,13 @@
 
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
-use crate::reference::surfaces::{cuboid, prism, star};
+use crate::reference::surfaces::{body, cuboid, prism, star};
 use crate::support::{CARBON, WATER, Worst, backends, engine, sample};
 use beamlet::Backend;
 use beamlet::internals::trace::{Moment, Ray, moments, trace};
 use beamlet::scene::{
-    self, Instances, MaterialSpec, Motion, Normals, Object, Scene, Shape, ShapeOrMesh, Transport,
+    self, Instances, MaterialSpec, Motion, Normals, Object, RotationAxis, Scene, Shape,
+    ShapeOrMesh, Transport,
 };
 use std::fmt::Write;
 use std::path::Path;
@@ -191,6 +192,92 @@ fn moved_samples_have_the_sums_of_tilted_ones_to_1e_6() {
         }
         worst.holds();
     }
+}
+
+/// A scan with every motion that a scene has keys for: four views.
+fn scanned(rest: &Scene) -> Scene {
+    let mut scene = rest.clone();
+    scene.scan.angles = ANGLES.to_vec();
+    scene.scan.axis = RotationAxis::new([20e-6, -0.3e-3, 10e-6], 0.15, -0.25);
+    scene.scan.travel = [50e-6, 0.0, -0.1e-3];
+    scene.scan.dithers = vec![-15e-6, 25e-6];
+    scene
+}
+
+/// The samples of these views at angle 0, placed by rotations about z, y and x, one after the other.
+fn placed_as_scanned(rest: &Scene, view: usize) -> Scene {
+    let (angle, dither) = (ANGLES[view / 2], [-15e-6, 25e-6][view % 2]);
+    let turns = angle / std::f64::consts::TAU;
+    let turn = |axis, angle| Motion::about(axis, angle).unwrap();
+    let (about_y, about_x) = (turn([0.0, 1.0, 0.0], -0.25), turn([1.0, 0.0, 0.0], 0.15));
+    let mut scene = rest.clone();
+    for object in &mut scene.objects {
+        let rotations =
+            [([0.0, 0.0, 1.0], -angle), ([0.0, 1.0, 0.0], -0.25), ([1.0, 0.0, 0.0], 0.15)];
+        object.placement.rotate.extend(rotations);
+        let place = turn([0.0, 0.0, 1.0], -angle).point(object.placement.position);
+        let [x, y, z] = [place[0] + 50e-6 * turns, place[1], place[2] - 0.1e-3 * turns];
+        let [x, y, z] = about_x.point(about_y.point([x, y, z]));
+        object.placement.position = [x + 20e-6 + dither, y - 0.3e-3, z + 10e-6];
+    }
+    scene
+}
+
+#[test]
+fn axis_travel_and_dithers_have_the_stacks_of_placed_samples_to_5e_5() {
+    let directory = tempfile::tempdir().unwrap();
+    let mut worst = Worst::new("axis, travel, dithers against placed, tolerance 1e-5", 5e-5);
+    let names = ["mesh", "frusta"];
+    let cases = cases(directory.path()).into_iter().filter(|(name, _)| names.contains(name));
+    for ((name, mut rest), backend) in cases.zip(backends().into_iter().cycle()) {
+        rest.sampling.tolerance = Some(1e-5);
+        let got = engine(backend).simulate(&scanned(&rest)).unwrap().sample;
+        assert_eq!(got.dim().0, 4);
+        for view in 0..4 {
+            let scene = placed_as_scanned(&rest, view);
+            let want = engine(backend).simulate(&scene).unwrap().sample;
+            let least = want.iter().fold(1.0_f32, |m, v| m.min(*v));
+            assert!(least < 0.16, "{name}: no pixel sees the sample: {least}");
+            for ((_, step, row, column), value) in want.indexed_iter() {
+                let place =
+                    || format!("{name}, {backend}, view {view}, step {step}, {column}, {row}");
+                worst.take(f64::from(got[[view, step, row, column]] - value), place);
+            }
+        }
+    }
+    worst.holds();
+}
+
+/// A dithered pixel is five of a finer detector, at the place that its dither takes them to.
+#[test]
+fn dithers_of_wide_pixels_are_sums_of_narrow_ones() {
+    let mut setup = Setup::paper([4, 2]);
+    (setup.sample_mask, setup.detector_mask) = (None, None);
+    let mut fine = setup.clone();
+    (fine.pixels, fine.pitch) = ([40, 2], [setup.pitch[0] / 5.0, setup.pitch[1]]);
+    // Thin: the magnification of its depth moves a shadow by 1e-4 of a dither.
+    let star = body(star(0.11e-3, 0.17e-3, 2, 5), 30.0 * CARBON[0], CARBON[1]);
+    let [mut wide, mut fine] =
+        [&setup, &fine].map(|setup| scenes::scene(setup, std::slice::from_ref(&star), &[0.0]));
+    let step = fine.detector.pitch[0] * setup.source_distance / setup.detector_distance;
+    wide.scan.dithers = (-2..=2).map(|k| step * f64::from(k)).collect();
+    for scene in [&mut wide, &mut fine] {
+        scene.sampling.tolerance = Some(1e-5);
+    }
+    let engine = engine(Backend::Bvh);
+    let [wide, fine] = [wide, fine].map(|scene| engine.simulate(&scene).unwrap().sample);
+    let mut worst = Worst::new("dithers against a finer detector", 1e-4);
+    let mut largest = 0.0_f64;
+    for ((view, _, row, column), got) in wide.indexed_iter() {
+        // The sample moved by +k columns is seen k columns to the left.
+        let first = 10 + 5 * column + 2 - view;
+        let narrow = (first..first + 5).map(|it| f64::from(fine[[0, 0, row, it]]));
+        let want = narrow.sum::<f64>() / 5.0;
+        largest = largest.max(f64::from(wide[[0, 0, row, column]] - got).abs());
+        worst.take(f64::from(*got) - want, || format!("dither {view}, column {column}, row {row}"));
+    }
+    assert!(largest > 0.02, "dithers change nothing: {largest}");
+    worst.holds();
 }
 
 #[test]

@@ -5,7 +5,6 @@ use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid};
 use crate::support::{CARBON, engine};
 use beamlet::Backend;
-use beamlet::retrieve::{RetrieveOptions, Retriever};
 use beamlet::scene::{RandomRays, Scene, Scheme};
 use ndarray::Axis;
 
@@ -42,18 +41,4 @@ fn views_with_offsets_of_their_own_have_the_bits_of_scans_with_these() {
             assert_eq!(got, want, "{scheme:?}, view {view}");
         }
     }
-}
-
-#[test]
-fn retrieval_refuses_views_with_offsets_of_their_own() {
-    let mut scene = scene();
-    scene.scan.view_offsets = vec![LISTS[0].to_vec(); 3];
-    let options = RetrieveOptions::default();
-    let refused = |scene: &Scene| {
-        let retriever = Retriever::new(&engine(Backend::Bvh), scene, &options);
-        retriever.err().is_some_and(|error| error.to_string().contains("scan.view_offsets"))
-    };
-    assert!(!refused(&scene));
-    scene.scan.view_offsets[1] = LISTS[1].to_vec();
-    assert!(refused(&scene));
 }

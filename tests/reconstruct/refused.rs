@@ -3,7 +3,7 @@
 use crate::set_up::{PIXEL, fan, grid, places, reconstruct, views};
 use beamlet::ndarray::Array3;
 use beamlet::reconstruct::{FbpOptions, Quantity, ScanGeometry, VolumeGrid};
-use beamlet::scene::{Beam, Detector, Motion, Scene, Source};
+use beamlet::scene::{Beam, Detector, Motion, RotationAxis, Scene, Source};
 
 #[track_caller]
 fn refused(geometry: &ScanGeometry, sinograms: &Array3<f32>, grid: &VolumeGrid, words: &str) {
@@ -48,6 +48,12 @@ fn the_scan_of_a_scene_has_its_pixels_and_no_motions() {
     let grid = VolumeGrid::of(&geometry).unwrap();
     assert_eq!(grid.size, [4, 4, 2]);
     assert!((grid.voxel[0] - 100e-6).abs() < 1e-12 && (grid.origin[2] + 50e-6 / 1.5).abs() < 1e-12);
+    scene.scan.axis = RotationAxis::new([0.3e-3, 2e-3, 0.0], 0.0, 0.0);
+    let shifted = ScanGeometry::of_scene(&scene).unwrap();
+    assert_eq!((shifted.axis, shifted.source_distance), (0.3e-3, 1.202));
+    scene.scan.axis.tilt_x = 1e-3;
+    assert!(ScanGeometry::of_scene(&scene).is_err());
+    scene.scan.axis = RotationAxis::default();
     scene.scan.motions = vec![Motion::translation([1e-3, 0.0, 0.0]); 180];
     let message = ScanGeometry::of_scene(&scene).unwrap_err().to_string();
     assert!(message.contains("motions"), "{message}");

@@ -469,3 +469,57 @@ fn closed_form_of_the_reference_is_the_methods_curve() {
     let [flat, _] = curves(&[3.0], 30.0 * UM, false);
     assert!((f64::from(flat[[0, 0, 0]]) - masks.intensity(3.0 * UM)).abs() < 1e-7);
 }
+
+/// Views whose offsets differ from those of the flat, and by whole periods of 100 um.
+#[test]
+fn views_are_fitted_at_their_own_offsets() {
+    let engine = engine();
+    let (flat_offsets, near) = (even(9, 25.0), even(9, 22.0));
+    let lists: Vec<Vec<f64>> =
+        [3.0, 48.0, -700.0].map(|by| near.iter().map(|offset| offset + by).collect()).to_vec();
+    let mut scene = scene(&flat_offsets, &[]);
+    scene.scan.angles = vec![0.0, 1.0, 2.0];
+    scene.scan.view_offsets =
+        lists.iter().map(|list| list.iter().map(|offset| offset * UM).collect()).collect();
+    // Curves repeat with the period.
+    let curve = |t: f64, centre: f64, width: f64| {
+        move |_: usize, at: f64| {
+            let period = 100.0 * UM;
+            let from = (at - centre) - period * ((at - centre) / period).round();
+            0.1 * t * (-0.5 * (from / width).powi(2)).exp() + 0.01
+        }
+    };
+    let flat = frames(&flat_offsets, curve(1.0, 2.0 * UM, 9.0 * UM));
+    for method in [Method::Gaussian, Method::TwoStep] {
+        let options = RetrieveOptions::default().with_method(method);
+        let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
+        retriever.set_flat_array(flat.view()).unwrap();
+        // Two-step takes the steps on the slopes of the flat, which view 1 does not have.
+        let fitted = |view: &usize| *view != 1 || method == Method::Gaussian;
+        for view in (0..3).filter(fitted) {
+            let list = &lists[view];
+            // The middle view is scanned around its own curve, 48 um away: half a period.
+            let centre = if view == 1 { 50.0 } else { 3.5 } * UM;
+            let sample = frames(list, curve(0.6, centre, 9.0 * UM));
+            let images = retriever.retrieve_array_of(view, sample.view()).unwrap();
+            let [t, alpha] = ["transmission", "refraction"].map(|name| value(&images, name, 4));
+            let want = -ARM * (centre - 2.0 * UM);
+            // Fits leave 1e-5 of a width of 9 um, over a shift of 1.5 um; f32 holds the sums to 1e-5.
+            assert!((t / 0.6 - 1.0).abs() < 1e-4, "{method}, view {view}: {t}");
+            assert!((alpha / want - 1.0).abs() < 1e-3, "{method}, {view}: {alpha} {want}");
+        }
+        let beyond = retriever.retrieve_array_of(3, flat.view()).unwrap_err().to_string();
+        assert!(beyond.contains("view 3") && beyond.contains("0 to 2"), "{beyond}");
+    }
+    let refusal = |scene: &Scene, method: Method| {
+        let options = RetrieveOptions::default().with_method(method);
+        Retriever::new(&engine, scene, &options).unwrap_err().to_string()
+    };
+    scene.scan.view_offsets[1] = vec![7.0 * UM; 9];
+    let text = refusal(&scene, Method::Gaussian);
+    assert!(text.contains("scan.view_offsets[1]") && text.contains("at least 4"), "{text}");
+    scene.scan.mask_offsets = vec![0.0];
+    scene.scan.view_offsets = vec![vec![0.0], vec![5.0 * UM], vec![10.0 * UM]];
+    let text = refusal(&scene, Method::Gaussian);
+    assert!(text.contains("scan.view_offsets") && text.contains("in every view"), "{text}");
+}

@@ -192,7 +192,7 @@ impl<'a> Chosen<'a> {
     }
 
     fn at_view(&self) -> String {
-        match (self.run.views(), self.run.angles()) {
+        match (self.run.views(), &self.run.angles()[..]) {
             (1, [] | [_]) => String::new(),
             (_, []) => format!("view {}", self.view),
             (_, angles) => {

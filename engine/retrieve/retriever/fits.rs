@@ -7,6 +7,7 @@ use super::super::least_squares::{self, CurveScan};
 use super::super::method::Method;
 use super::super::shape::CurveShape;
 use super::super::{closed, flags};
+use super::view_scan::ViewScan;
 use super::{Flat, Retriever};
 use crate::cancel::Cancel;
 use crate::{Error, Result};
@@ -15,7 +16,7 @@ use rayon::prelude::*;
 
 impl Retriever {
     /// The two steps of the sample that two-step uses.
-    pub(super) fn two_steps(&self, flat: &Flat) -> Option<[usize; 2]> {
+    pub(super) fn two_steps(&self, flat: &Flat, offsets: &[f64]) -> Option<[usize; 2]> {
         if self.options.method != Method::TwoStep {
             return None;
         }
@@ -29,22 +30,22 @@ impl Retriever {
         known.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let [centre, width] = known.get(known.len() / 2).map_or([0.0, 0.0], |k| k.map(f64::from));
         let nearest = |to: f64| {
-            let distance = |i: &usize| (self.sample_offsets[*i] - to).abs();
-            (0..self.sample_offsets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            let distance = |i: &usize| (offsets[*i] - to).abs();
+            (0..offsets.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))
         };
         let [left, right] = [nearest(centre - width)?, nearest(centre + width)?];
-        Some(if left == right { [0, self.sample_offsets.len() - 1] } else { [left, right] })
+        Some(if left == right { [0, offsets.len() - 1] } else { [left, right] })
     }
 
     /// The curves of a band. `known`: of a sample, the flat's curves and the first of this band.
     pub(super) fn curves(
         &self,
         data: Array3<f32>,
-        offsets: &[f64],
+        scan: &ViewScan<'_>,
         known: Option<(&Curves, usize)>,
         cancel: &Cancel,
     ) -> Result<Curves> {
-        let steps = data.dim().0;
+        let (steps, offsets) = (data.dim().0, scan.offsets);
         if steps != offsets.len() {
             return Err(Error::scene(
                 "scan.mask_offsets",
@@ -58,7 +59,7 @@ impl Retriever {
         };
         let (steps, rows, columns) = data.dim();
         let on_flat = self.options.method == Method::TwoStep && known.is_some();
-        if let Some(fitter) = self.fitter.as_ref().filter(|_| !on_flat) {
+        if let Some(fitter) = scan.fitter.as_ref().filter(|_| !on_flat) {
             let flat = data.into_shape_with_order((steps, rows * columns)).map_err(|error| {
                 Error::argument("frames", error.to_string(), "frames in C order")
             })?;

@@ -95,7 +95,7 @@ impl Simulation {
         scene.sampling.tolerance =
             Some(scene.sampling.tolerances().light.min(stored.base_tolerance()));
         let fresh = Self::new(&self.engine, &scene, &mut own)?;
-        let count = numbers::count(self.scene.scan.angles.len());
+        let count = numbers::count(self.scene.scan.views());
         let looks = count.min(MOST_VIEWS);
         let views: Vec<u32> = (0..looks)
             .map(|look| match looks < count {

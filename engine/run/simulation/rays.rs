@@ -30,7 +30,7 @@ pub fn moments(
 
 impl Simulation {
     fn check_views(&self, mut views: impl Iterator<Item = u32>) -> Result<()> {
-        let count = self.scene.scan.angles.len();
+        let count = self.scene.scan.views();
         match views.find(|view| *view as usize >= count) {
             Some(view) => Err(Error::argument(
                 "rays",

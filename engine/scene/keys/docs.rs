@@ -72,6 +72,7 @@ fn unit(kind: &Kind) -> String {
         Kind::Corners(_) => "list of pairs of lengths".into(),
         Kind::Step => "length or angle".into(),
         Kind::Series(dimension, _) => format!("list of {}s", noun(*dimension)),
+        Kind::Lists(dimension, _) => format!("list of lists of {}s", noun(*dimension)),
         Kind::Unit => "unit of length, or a length".into(),
         Kind::Number(noun, _) => bare(noun),
         Kind::Direction => "direction".into(),
@@ -95,6 +96,7 @@ fn range(kind: &Kind) -> String {
         Kind::Line => "1 to 200 characters".into(),
         Kind::Corners(most) => format!("3 to {most} corners"),
         Kind::Series(_, most) => format!("1 to {most} of them"),
+        Kind::Lists(_, most) => format!("up to {most} of them each"),
         Kind::Unit => "> 0".into(),
         Kind::Direction => "length > 0".into(),
         Kind::Word(words) => {

@@ -6,8 +6,8 @@ pub(super) use super::faults::{Faults, in_range, named, whole};
 pub(super) use super::record::{Keys, OneOf, Record, inline, keys};
 pub(super) use super::row::Group::{Forms, With};
 pub(super) use super::row::Kind::{
-    self, Corners, Count, Counts, Direction, Either, File, Flag, Hash, Inner, Lengths, Line, Name,
-    Named, Number, Pair, Quantity, Series, Step, Tables, Unit, Word,
+    self, Corners, Count, Counts, Direction, Either, File, Flag, Hash, Inner, Lengths, Line, Lists,
+    Name, Named, Number, Pair, Quantity, Series, Step, Tables, Unit, Word,
 };
 pub(super) use super::row::Need::{self, Default, Required, Without};
 pub(super) use super::row::{ANY, IMAGE, MATERIAL, NOT_NEGATIVE, POSITIVE, Range, Row, within};

@@ -69,6 +69,8 @@ pub(crate) enum Kind {
     Step,
     /// A list of up to so many quantities, or a range of them.
     Series(Dimension, u32),
+    /// A list of lists of quantities of one length each, up to so many.
+    Lists(Dimension, u32),
     /// A unit of length.
     Unit,
     /// A number without a unit, by what it is.
@@ -206,7 +208,7 @@ impl Kind {
     pub(crate) fn table(&self) -> Option<&'static Spec> {
         match self {
             Self::Inner(spec) | Self::Tables(spec) => Some(spec),
-            Self::Either(_, _, table) => table.table(),
+            Self::Either(_, short, table) => table.table().or_else(|| short.table()),
             _ => None,
         }
     }
@@ -240,12 +242,16 @@ impl Row {
                     "a list of 1 to {most} quantities, or {{ from, to, count }} or {{ from, to, step }}"
                 )
             }
+            Kind::Lists(..) => such("a list of lists of one length"),
             Kind::Unit => such("the length of 1.0 in the mesh file"),
             Kind::Direction => such("a direction"),
             Kind::Hash => "the SHA-256 of the file, 64 hexadecimal digits".to_owned(),
             Kind::Inner(spec) if !spec.path.contains('.') => format!("a table [{}]", spec.path),
             Kind::Inner(_) | Kind::Named(_) => such("a table"),
             Kind::Tables(_) => such("a list of tables"),
+            Kind::Either("", list, Kind::File(noun)) => {
+                format!("{}; or {noun}", self.allowed_of(list))
+            }
             Kind::Either("", short, _) => self.allowed_of(short),
             Kind::Either(words, ..) => (*words).to_owned(),
         }

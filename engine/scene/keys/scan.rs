@@ -1,16 +1,43 @@
-//! Keys of the scan: mask offsets and angles, as lists or ranges.
+//! Keys of the scan: mask offsets, angles, motions and dithers.
 
+use super::motion::MOTION;
 use super::prelude::*;
-use crate::scene::Scan;
+use super::series::RANGE;
+use crate::scene::{RotationAxis, Scan};
+
+/// A list or range of lengths or angles, or a file of them.
+macro_rules! series {
+    ($dimension:ident, $most:expr) => {
+        Either(
+            "",
+            &Either("", &Series($dimension, $most), &Inner(&RANGE)),
+            &File("path of a CSV file"),
+        )
+    };
+}
 
 keys! { SCAN: Scan, "scan", [],
-    ["steps" => "mask_offsets", "offsets" => "mask_offsets", "views" => "angles"];
-    mask_offsets => Either("", &Series(Length, limits::MASK_OFFSETS), &Inner(&RANGE)),
+    ["steps" => "mask_offsets", "offsets" => "mask_offsets", "views" => "angles", "pitch" => "travel"];
+    mask_offsets => series!(Length, limits::MASK_OFFSETS),
         Default(r#"["0 m"]"#), r#"["-10 um", "0 um", "10 um"]"#,
         "Displacements of the sample mask along +x in its own plane.";
-    angles => Either("", &Series(Angle, limits::ANGLES), &Inner(&RANGE)), Default(r#"["0 deg"]"#),
+    view_offsets => Either("", &Lists(Length, limits::MASK_OFFSETS), &File("path of a CSV file")),
+        Without("`mask_offsets` at every angle"), r#""offsets.csv""#,
+        "Displacements of the sample mask at each angle, as many as `mask_offsets`, which the flat has.";
+    angles => series!(Angle, limits::ANGLES), Default(r#"["0 deg"]"#),
         r#"{ from = "0 deg", to = "360 deg", count = 360 }"#,
         "Rotation of source, masks and detector about +z.";
+    motions => Either("", &Tables(&MOTION), &File("path of a CSV file")), Without("the sample rests"),
+        r#""motions.csv""#,
+        "Rigid motion of the sample at each angle, before source, masks and detector turn.";
+    axis => Inner(&AXIS.spec), Without("the z axis"), r#"{ shift = ["0.1 mm", "0 mm", "0 mm"] }"#,
+        "Axis of rotation in the frame of the set-up; the sample is moved with it.";
+    travel => Lengths("lengths along x, y and z", ANY), Default(r#"["0 m", "0 m", "0 m"]"#),
+        r#"["0 mm", "0 mm", "2 mm"]"#,
+        "Displacement of the sample for each full turn of the angle: along z helical, along x cycloidal.";
+    dithers => Either("", &Series(Length, limits::DITHERS), &Inner(&RANGE)),
+        Without("one view for each angle"), r#"["-10 um", "10 um"]"#,
+        "Displacements of the sample along +x of the set-up; each angle has a view for each of them.";
 }
 
 impl Record for Scan {
@@ -19,138 +46,40 @@ impl Record for Scan {
     fn begin(_: &dyn Fn(&str) -> bool) -> Self {
         Self::default()
     }
-}
 
-keys! { RANGE, "scan.range",
-    [Forms(&[&["from"], &["start"]], 0), Forms(&[&["to"], &["stop"]], 0), Forms(&[&["step"], &["count"]], 1)],
-    ["end" => "to", "steps" => "count", "num" => "count", "n" => "count", "number" => "count"];
-    from => Step, Required, r#""-25 um""#, "First value.";
-    to => Step, Required, r#""25 um""#, "Last offset; end of the angles, which is left out.";
-    count => Count(1, limits::ANGLES as u64), Required, "11", "Number of values, as many as a list may have.";
-    step => Step, Required, r#""5 um""#, "Distance of the values, a whole number of which is the range.";
-    start => Step, Required, r#""-25 um""#, "Another name of `from`.";
-    stop => Step, Required, r#""25 um""#, "Another name of `to`.";
-}
-
-/// Quantity and greatest length of a series.
-fn series_of(kind: &Kind) -> (Dimension, u32) {
-    match kind {
-        Either(_, Series(dimension, most), _) => (*dimension, *most),
-        _ => (Length, limits::MASK_OFFSETS),
-    }
-}
-
-impl Value for Vec<f64> {
-    fn read(item: &ListItem<'_>, row: &'static Row) -> Result<Self> {
-        let (dimension, most) = series_of(&row.kind);
-        if item.is_table() {
-            let table = item.table(&RANGE)?;
-            let end = |name: &str, other: &str| match table.get(other) {
-                Some(item) => item.quantity(dimension),
-                None => table.require_as(name, dimension.allowed())?.quantity(dimension),
-            };
-            let (from, to) = (end("from", "start")?, end("to", "stop")?);
-            let count = read_count(&table, [from, to], dimension, most)?;
-            return Ok(spread(dimension)(from, to, count));
+    /// Motions without angles are those of views at angle 0.
+    fn finish(&mut self, table: &Table<'_>) -> Result<()> {
+        if table.get("angles").is_none() && self.motions.len() > 1 {
+            self.angles = vec![0.0; self.motions.len()];
         }
-        let allowed = row.allowed();
-        let items = item.items(&allowed)?;
-        if items.is_empty() || items.len() > most as usize {
-            return item.refuse(item.mismatch(allowed), vec![0.0]);
-        }
-        items.iter().map(|item| item.quantity(dimension)).collect()
+        Ok(())
     }
 
-    /// A range where one reads back to the same bits, or else the list.
-    fn write(&self, row: &Row, _: &Base<'_>) -> Result<Option<String>> {
-        let (dimension, _) = series_of(&row.kind);
-        let count = u32::try_from(self.len()).unwrap_or(0);
-        let from = self.first().copied().unwrap_or(0.0);
-        let same = |end: &&f64| {
-            let bits = |values: &[f64]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-            count > 2 && bits(&spread(dimension)(from, **end, count)) == bits(self)
-        };
-        Ok(Some(match ends(self, dimension).iter().find(same) {
-            Some(end) => {
-                let (from, to) = (quantity(from, dimension), quantity(*end, dimension));
-                format!("{{ from = {from}, to = {to}, count = {count} }}")
-            }
-            None => list(self, dimension),
-        }))
-    }
-
-    fn check(&self, key: &str, row: &Row, faults: &mut Faults) {
-        let (dimension, most) = series_of(&row.kind);
-        if self.is_empty() || self.len() > most as usize {
-            let found = format!("{} of them", self.len());
-            faults.add(Error::scene(key, found, format!("1 to {most} of them")));
-        } else if let Some(value) = self.iter().find(|value| !value.is_finite()) {
-            faults.add(Error::scene(key, dimension.rounded(*value), "a finite value"));
+    fn leaves_out(&self, key: &str) -> bool {
+        match key {
+            "view_offsets" => self.view_offsets.is_empty(),
+            "motions" => self.motions.is_empty(),
+            "axis" => self.axis == RotationAxis::default(),
+            "travel" => self.travel.iter().all(|length| *length == 0.0),
+            "dithers" => self.dithers.is_empty(),
+            _ => false,
         }
     }
 }
 
-/// The count of a range, given as it is or by the step, which has to fit between the ends.
-fn read_count(
-    table: &Table<'_>,
-    [from, to]: [f64; 2],
-    dimension: Dimension,
-    most: u32,
-) -> Result<u32> {
-    let Some(item) = table.get("step") else {
-        let counts = format!("a whole number from 1 to {most}; or step instead");
-        let count = table.require_as("count", counts)?.integer(1..=u64::from(most))?;
-        return Ok(u32::try_from(count).unwrap_or(most));
-    };
-    let step = item.quantity(dimension)?;
-    if [from, to, step].iter().any(|value| value.is_nan()) {
-        return Ok(1);
+keys! { AXIS: RotationAxis, "scan.axis", [], [];
+    shift => Lengths("lengths along x, y and z", ANY), Default(r#"["0 m", "0 m", "0 m"]"#),
+        r#"["0.1 mm", "0 mm", "0 mm"]"#, "Displacement of the axis from the rotation centre.";
+    tilt_x => Quantity(Angle, ANY), Default(r#""0 deg""#), r#""0.2 deg""#,
+        "Rotation of the axis about +x, after `tilt_y`.";
+    tilt_y => Quantity(Angle, ANY), Default(r#""0 deg""#), r#""0.1 deg""#,
+        "Rotation of the axis about +y.";
+}
+
+impl Record for RotationAxis {
+    const KEYS: &'static Keys<Self> = &AXIS;
+
+    fn begin(_: &dyn Fn(&str) -> bool) -> Self {
+        Self::default()
     }
-    let steps = (to - from) / step;
-    let whole = steps.round();
-    // Offsets have both ends.
-    let count = whole + if dimension == Length { 1.0 } else { 0.0 };
-    // Written decimals miss the whole number by their rounding only.
-    if steps.is_finite() && (steps - whole).abs() < 1e-6 && count >= 1.0 && count <= f64::from(most)
-    {
-        return Ok(crate::numbers::whole(count));
-    }
-    let span = dimension.rounded(to - from);
-    let found = dimension.rounded(step);
-    let allowed =
-        format!("a step of which a whole number, up to {most} values in all, makes {span}");
-    item.refuse(item.error(found, allowed), 1)
-}
-
-/// Values of a range by its ends and their count.
-fn spread(dimension: Dimension) -> fn(f64, f64, u32) -> Vec<f64> {
-    if dimension == Length { offset_range } else { angle_range }
-}
-
-/// `count` offsets with both ends included; a single one lies in the middle.
-fn offset_range(from: f64, to: f64, count: u32) -> Vec<f64> {
-    let last = f64::from(count - 1);
-    let offset = |index| match index {
-        _ if count == 1 => from + (to - from) / 2.0,
-        _ if index == count - 1 => to,
-        _ => from + (to - from) * (f64::from(index) / last),
-    };
-    (0..count).map(offset).collect()
-}
-
-/// `count` angles with the end excluded.
-fn angle_range(from: f64, to: f64, count: u32) -> Vec<f64> {
-    (0..count).map(|index| from + (to - from) * (f64::from(index) / f64::from(count))).collect()
-}
-
-/// Candidates for the end of a range: of offsets the last; of angles, whose end is excluded, its round
-/// degrees and as computed.
-fn ends(values: &[f64], dimension: Dimension) -> Vec<f64> {
-    if dimension == Length {
-        return vec![values.last().copied().unwrap_or(0.0)];
-    }
-    let [first, second, ..] = values else { return Vec::new() };
-    let end = first + (second - first) * values.len() as f64;
-    let degrees = (end.to_degrees() * 1e6).round() / 1e6;
-    vec![degrees.to_radians(), end]
 }

@@ -105,6 +105,10 @@ fn kind(kind: &Kind) -> Value {
         Kind::Series(dimension, most) => {
             several(&quantity(&[*dimension], super::row::ANY), 1, *most)
         }
+        Kind::Lists(dimension, most) => json!({
+            "type": "array",
+            "items": several(&quantity(&[*dimension], super::row::ANY), 1, *most),
+        }),
         Kind::Number(_, range) => number(*range),
         Kind::Direction => several(&json!({ "type": "number" }), 3, 3),
         Kind::Count(low, high) => whole(*low, *high),

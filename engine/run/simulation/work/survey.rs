@@ -95,7 +95,7 @@ impl ViewWork<'_> {
     }
 
     fn view_count(&self) -> f64 {
-        self.simulation.scene.scan.angles.len() as f64
+        self.simulation.scene.scan.views() as f64
     }
 
     /// Makes the sums those of the band with a row of the grid, and gives the band's rows there.

@@ -1,0 +1,90 @@
+//! Mask offsets of the sample in a view, and what fits curves at them.
+
+use super::super::fitter::Fitter;
+use super::super::method::Method;
+use super::super::periods::WholePeriods;
+use super::Retriever;
+use crate::scene::Scene;
+use crate::{Error, Result};
+use std::borrow::Cow;
+
+/// Offsets of each angle, where they differ from those of the flat.
+#[derive(Debug)]
+pub(super) struct ViewScans {
+    /// Offsets without whole periods, m, by angle.
+    lists: Vec<Vec<f64>>,
+    /// Views of an angle.
+    dithers: usize,
+}
+
+/// The scan of a view.
+#[derive(Debug)]
+pub(super) struct ViewScan<'a> {
+    pub(super) offsets: &'a [f64],
+    pub(super) fitter: Option<Cow<'a, Fitter>>,
+}
+
+impl ViewScans {
+    /// The offsets of the angles of a scene whose flat has `periods`; `None` where all are those of the
+    /// flat.
+    ///
+    /// # Errors
+    /// [`Error::Scene`] with the angle whose offsets `method` cannot serve.
+    pub(super) fn of(scene: &Scene, method: Method, periods: WholePeriods) -> Result<Option<Self>> {
+        let scan = &scene.scan;
+        if scan.view_offsets.iter().all(|list| *list == scan.mask_offsets) {
+            return Ok(None);
+        }
+        if scan.mask_offsets.len() == 1 || method == Method::Beamlet {
+            let found =
+                format!("{} mask steps at each angle, which differ", scan.mask_offsets.len());
+            let allowed = match method {
+                Method::Beamlet => "beamlet needs the same offset at every angle".to_owned(),
+                _ => format!(
+                    "{method} fits a curve in every view: steps of several angles make none, for the \
+                     sample turns between them"
+                ),
+            };
+            return Err(Error::scene("scan.view_offsets", found, allowed));
+        }
+        let of_angle = |(angle, list): (usize, &Vec<f64>)| {
+            method.check(scene, list).map_err(|error| match error {
+                Error::Scene { key, found, allowed, .. } if key == "scan.mask_offsets" => {
+                    Error::scene(format!("scan.view_offsets[{angle}]"), found, allowed)
+                }
+                other => other,
+            })?;
+            Ok(periods.nearest_to(&scan.mask_offsets, list).without(list))
+        };
+        let lists = scan.view_offsets.iter().enumerate().map(of_angle).collect::<Result<_>>()?;
+        Ok(Some(Self { lists, dithers: scan.dithers_of_angle() }))
+    }
+
+    /// Angles with offsets.
+    pub(super) fn angles(&self) -> usize {
+        self.lists.len()
+    }
+}
+
+impl Retriever {
+    /// The scan of a view of the sample.
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the scene has no offsets of the view; [`Error::Device`],
+    /// [`Error::Memory`].
+    pub(super) fn view_scan(&self, view: usize) -> Result<ViewScan<'_>> {
+        let fitter = self.fitter.as_ref();
+        let Some(scans) = &self.view_scans else {
+            let fitter = fitter.map(Cow::Borrowed);
+            return Ok(ViewScan { offsets: &self.sample_offsets, fitter });
+        };
+        let Some(offsets) = scans.lists.get(view / scans.dithers) else {
+            let found = format!("view {view}");
+            let views = scans.angles() * scans.dithers;
+            let allowed = format!("0 to {}, of which the scene has mask offsets", views - 1);
+            return Err(Error::argument("view", found, allowed));
+        };
+        let fitter = fitter.map(|fitter| fitter.at(offsets)).transpose()?.map(Cow::Owned);
+        Ok(ViewScan { offsets, fitter })
+    }
+}

@@ -1,0 +1,208 @@
+//! Keys of the scan: lists and files of offsets, angles and motions, and the views that they make.
+
+#![allow(clippy::unwrap_used, reason = "clippy exempts tests, but not what they call")]
+#![allow(clippy::float_cmp, reason = "quantities read to the nearest double, without slack")]
+
+use crate::paper::{PAPER, load, parts};
+use beamlet::Error;
+use beamlet::scene::{Motion, RotationAxis, Scene};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The paper's scene with another table `[scan]`.
+fn text(scan: &str) -> String {
+    let mut scene: toml::Table = PAPER.parse().unwrap();
+    scene.insert("scan".into(), toml::Value::Table(scan.parse().unwrap()));
+    scene.to_string()
+}
+
+/// The scene with these keys of the scan, in a folder with these files.
+fn scene(scan: &str, files: &[(&str, &str)]) -> Result<Scene, Error> {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        std::fs::write(directory.path().join(name), text).unwrap();
+    }
+    Scene::from_toml(&text(scan), directory.path())
+}
+
+#[track_caller]
+fn assert_refused(scan: &str, files: &[(&str, &str)], words: &[&str]) {
+    let error = scene(scan, files).unwrap_err().to_string();
+    for word in words {
+        assert!(error.contains(word), "{word:?} in: {error}");
+    }
+}
+
+/// What a scene's scan is after its text was written and read without the files.
+#[track_caller]
+fn assert_kept(scene: &Scene) {
+    let text = scene.to_toml(Path::new("."), &BTreeMap::new(), &[]).unwrap();
+    assert_eq!(Scene::from_toml(&text, ".").unwrap().scan, scene.scan, "{text}");
+}
+
+#[test]
+fn files_have_the_values_of_lists() {
+    let files = [
+        ("angles.csv", "# stage\nview,angle_deg\n0,0\n1,12.5\n2,-7\n"),
+        ("offsets.csv", "offset_um\n-25\n0.1\n25\n"),
+        ("by_angle.csv", "offset_0_um,offset_1_mm,offset_2_um\n1,2e-3,3\n4,5e-3,6\n7,8e-3,9\n"),
+    ];
+    let of_files = scene(
+        "angles = \"angles.csv\"\nmask_offsets = \"offsets.csv\"\nview_offsets = \"by_angle.csv\"",
+        &files,
+    );
+    let lists = "angles = [\"0 deg\", \"12.5 deg\", \"-7 deg\"]
+        mask_offsets = [\"-25 um\", \"0.1 um\", \"25 um\"]
+        view_offsets = [[\"1 um\", \"2 um\", \"3 um\"], [\"4 um\", \"5 um\", \"6 um\"], [\"7 um\", \"8 um\", \"9 um\"]]";
+    let of_files = of_files.unwrap();
+    assert_eq!(of_files.scan, scene(lists, &[]).unwrap().scan);
+    assert_eq!(of_files.scan.offsets_of(1), [4e-6, 5e-6, 6e-6]);
+    assert_kept(&of_files);
+}
+
+#[test]
+fn motions_by_axis_by_quaternion_and_in_the_scene_are_the_same() {
+    let by_axis = "x_mm,y_mm,z_mm,axis_x,axis_y,axis_z,angle_deg,view\n1,0,-2,0,0,1,0,0\n0,0.5,0,0,3,0,90,1\n";
+    let half = 0.5_f64.sqrt();
+    let by_quaternion =
+        format!("qw,qx,qy,qz,x_um,y_um,z_um\n2,0,0,0,1000,0,-2000\n{half},0,{half},0,0,500,0\n");
+    let listed = "motions = [{ translation = [\"1 mm\", \"0 mm\", \"-2 mm\"] },
+        { translation = [\"0 mm\", \"0.5 mm\", \"0 mm\"], axis = [0, 3, 0], angle = \"90 deg\" }]";
+    let file = "motions = \"motions.csv\"";
+    let scenes = [
+        scene(file, &[("motions.csv", by_axis)]),
+        scene(file, &[("motions.csv", &by_quaternion)]),
+        scene(listed, &[]),
+    ];
+    let third = Motion::about([0.0, 1.0, 0.0], std::f64::consts::FRAC_PI_2).unwrap();
+    let wanted = [
+        Motion::translation([1e-3, 0.0, -2e-3]),
+        third.then(&Motion::translation([0.0, 5e-4, 0.0])),
+    ];
+    for scene in scenes {
+        let scene = scene.unwrap();
+        assert_eq!(scene.scan.angles, [0.0, 0.0], "motions without angles");
+        for (motion, wanted) in scene.scan.motions.iter().zip(&wanted) {
+            for point in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.2, 0.3, 1.0]] {
+                let off =
+                    motion.point(point).iter().zip(wanted.point(point)).map(|(a, b)| (a - b).abs());
+                assert!(off.fold(0.0, f64::max) < 1e-15, "{motion:?} for {wanted:?}");
+            }
+        }
+        assert_kept(&scene);
+    }
+}
+
+#[test]
+fn axis_travel_and_dithers_are_kept_and_make_views() {
+    let scan = "angles = { from = \"0 deg\", to = \"360 deg\", count = 3 }
+        axis = { shift = [\"0.1 mm\", \"-0.2 mm\", \"0 mm\"], tilt_x = \"0.3 deg\", tilt_y = \"-1 deg\" }
+        travel = [\"0 mm\", \"0 mm\", \"3 mm\"]
+        dithers = { from = \"-10 um\", to = \"10 um\", count = 2 }";
+    let scene = scene(scan, &[]).unwrap();
+    let radians = f64::to_radians;
+    let axis = RotationAxis::new([1e-4, -2e-4, 0.0], radians(0.3), radians(-1.0));
+    assert_eq!(scene.scan.axis, axis);
+    assert_eq!((scene.scan.views(), scene.views().count()), (6, 6));
+    assert_kept(&scene);
+    // The middle of the sample at the second dither of the second angle: 1 mm along the axis.
+    let [x, y, z] = scene.views().nth(3).unwrap().motion.point([0.0; 3]);
+    let up = [
+        radians(-1.0).sin(),
+        -radians(0.3).sin() * radians(-1.0).cos(),
+        radians(0.3).cos() * radians(-1.0).cos(),
+    ];
+    let wanted = [10e-6 + 1e-4 + 1e-3 * up[0], -2e-4 + 1e-3 * up[1], 1e-3 * up[2]];
+    assert!(
+        [x, y, z].iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-16),
+        "{x} {y} {z} {wanted:?}"
+    );
+}
+
+#[test]
+fn golden_angles_fill_the_range_evenly_at_any_count() {
+    let scan = "angles = { from = \"10 deg\", to = \"190 deg\", count = 34, order = \"golden\" }";
+    let angles = scene(scan, &[]).unwrap().scan.angles;
+    let mut degrees: Vec<f64> = angles.iter().map(|angle| angle.to_degrees()).collect();
+    assert!((degrees[1] - degrees[0] - 180.0 * 0.618_033_988_75).abs() < 1e-6, "{degrees:?}");
+    degrees.sort_by(f64::total_cmp);
+    // 34 is a Fibonacci number: gaps differ by no more than the square of the golden section.
+    let gaps: Vec<f64> = degrees.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let [least, most] =
+        [gaps.iter().copied().fold(f64::MAX, f64::min), gaps.iter().copied().fold(0.0, f64::max)];
+    assert!(degrees[0] >= 10.0 && degrees[33] < 190.0 && most / least < 2.7, "{least} {most}");
+}
+
+#[test]
+fn tables_that_are_none_are_refused_with_their_line() {
+    let angles = |text| [("angles.csv", text)];
+    let of_angles = "angles = \"angles.csv\"";
+    assert_refused(
+        of_angles,
+        &angles("view,angle_deg\n0,1\n2,3\n"),
+        &["angles.csv:3:1", "view", "\"2\"", "without gaps"],
+    );
+    assert_refused(
+        of_angles,
+        &angles("view,angle_deg\n0,1\n0,3\n"),
+        &["angles.csv:3:1", "repeats"],
+    );
+    assert_refused(of_angles, &angles("angle\n1\n"), &["angles.csv:1:1", "angle_deg"]);
+    assert_refused(of_angles, &angles("angle_um\n1\n"), &["angles.csv:1:1", "\"angle_um\""]);
+    assert_refused(of_angles, &angles("angle_deg,angle_rad\n1,2\n"), &["angles.csv:1:11"]);
+    assert_refused(of_angles, &angles("view\n0\n"), &["angles.csv:1:1", "no column of values"]);
+    assert_refused(of_angles, &angles("angle_deg\n1\nnan\n"), &["angles.csv:3:1", "nan", "finite"]);
+    assert_refused(of_angles, &angles("angle_deg\n1 deg\n"), &["angles.csv:2:1", "\"1 deg\""]);
+    assert_refused(of_angles, &angles("angle_deg\n1,2\n"), &["angles.csv:2:2", "2 fields"]);
+    assert_refused(of_angles, &angles("angle_deg\n"), &["no rows"]);
+    assert_refused(of_angles, &[], &["scan.angles", "angles.csv"]);
+    let motions = |text| [("motions.csv", text)];
+    let of_motions = "motions = \"motions.csv\"";
+    assert_refused(
+        of_motions,
+        &motions("x_mm,y_mm,z_mm,scale\n1,2,3,4\n"),
+        &["motions.csv:1:16", "scale"],
+    );
+    assert_refused(
+        of_motions,
+        &motions("x_mm,y_mm,z_mm,qw,qx,qy,qz\n1,2,3,0,0,0,0\n"),
+        &["motions.csv:2:7", "quaternion"],
+    );
+    let rows = "x_mm,y_mm,z_mm,view\n1,2,3,0\n1,2,3,2\n";
+    assert_refused(of_motions, &motions(rows), &["motions.csv:3:7", "without gaps"]);
+    let three = "x_mm,y_mm,z_mm\n1,2,3\n1,2,3\n1,2,3\n";
+    let both = "motions = \"motions.csv\"\nangles = [\"0 deg\", \"1 deg\"]";
+    assert_refused(both, &motions(three), &["scan.motions", "3 motions", "2, one for each angle"]);
+    let offsets = [("by_angle.csv", "offset_0_um,offset_2_um\n1,2\n")];
+    assert_refused(
+        "view_offsets = \"by_angle.csv\"",
+        &offsets,
+        &["by_angle.csv:1:13", "offset_2_um"],
+    );
+    let two = [("by_angle.csv", "offset_0_um\n1\n2\n")];
+    assert_refused(
+        "view_offsets = \"by_angle.csv\"",
+        &two,
+        &["scan.view_offsets", "2 lists", "1, one for each angle"],
+    );
+}
+
+#[test]
+fn values_that_cannot_be_are_refused_by_key() {
+    let refused = |scan: &str| {
+        let (_, key, found, _) = parts(load(&text(scan)));
+        (key, found)
+    };
+    let motion = |keys: &str| refused(&format!("motions = [{{ {keys} }}]"));
+    assert_eq!(motion("angle = \"1 deg\"").0, "scan.motions[0].angle");
+    assert_eq!(motion("x = [1, 0, 0], y = [0, 1, 0]").0, "scan.motions[0]");
+    let skew = motion("x = [1, 0, 0], y = [0, 1, 0], z = [0, 0, 1.0001]");
+    assert!(skew.0 == "scan.motions[0]" && skew.1.contains("1.0001"), "{skew:?}");
+    let mirrored = motion("x = [1, 0, 0], y = [0, 1, 0], z = [0, 0, -1]");
+    assert_eq!(mirrored.0, "scan.motions[0]");
+    let order =
+        refused("mask_offsets = { from = \"0 um\", to = \"9 um\", count = 4, order = \"golden\" }");
+    assert_eq!(order.0, "scan.mask_offsets.order");
+    assert_eq!(refused("dithers = []").0, "scan.dithers");
+    assert_eq!(refused("travel = [\"0 m\", \"inf m\", \"0 m\"]").0, "scan.travel[1]");
+}
