@@ -2,6 +2,7 @@
 //! `commands`.
 
 mod beam;
+mod convert;
 mod look;
 mod mesh;
 mod names;
@@ -13,6 +14,7 @@ mod values;
 mod view;
 
 pub(crate) use beam::{Material, Spectrum};
+pub(crate) use convert::{Convert, Program};
 pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
 pub(crate) use reconstruct::{QuantityName, Reconstruct, ReconstructionName};
@@ -52,6 +54,7 @@ impl Arguments {
             Verb::Illuminate(illuminate) => illuminate.messages,
             Verb::Retrieve(retrieve) => retrieve.messages,
             Verb::Reconstruct(reconstruct) => reconstruct.messages,
+            Verb::Convert(convert) => convert.messages,
             Verb::Compare(compare) => compare.messages,
             Verb::Check(check) => check.messages,
             Verb::View(view) => view.messages,
@@ -79,6 +82,8 @@ pub(crate) enum Verb {
     Retrieve(Box<Retrieve>),
     /// Reconstruct volumes of attenuation, delta and dark field from a run or retrieved images
     Reconstruct(Box<Reconstruct>),
+    /// Write retrieved images for another program: ASTRA
+    Convert(Convert),
     /// Compare two stacks, runs or retrievals
     Compare(Compare),
     /// Check a scene without simulating it, or the files of a run against their checksums

@@ -274,7 +274,7 @@ fn setup(
     nodes: Nodes,
     detector: &DetectorModel,
 ) -> Setup {
-    let reach = (0..scene.scan.views()).flat_map(|view| swept.extents(view)).fold(
+    let reach = (0..scene.scan.poses()).flat_map(|view| swept.extents(view)).fold(
         None,
         |reach: Option<[f64; 2]>, extent| {
             let [low, high] = extent.y.map(|y| scene.source.distance + y);

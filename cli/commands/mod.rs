@@ -4,6 +4,7 @@ mod beam;
 mod check;
 mod compare;
 mod completions;
+mod convert;
 mod devices;
 mod difference_pictures;
 mod example;
@@ -39,6 +40,7 @@ fn verb(arguments: Arguments, out: &mut impl Write) -> Result<(), Failure> {
         Verb::Illuminate(arguments) => illuminate::run(&arguments, out),
         Verb::Retrieve(arguments) => retrieve::run(&arguments, out),
         Verb::Reconstruct(arguments) => reconstruct::run(&arguments, out),
+        Verb::Convert(arguments) => convert::run(&arguments, out),
         Verb::Compare(arguments) => compare::run(&arguments, out),
         Verb::Check(arguments) => check::run(&arguments, out),
         Verb::View(arguments) => view::run(&arguments, out),

@@ -29,7 +29,7 @@ pub(crate) struct Subject {
     /// Intensities of a run: flat and sample.
     frames: Option<[StackFile; 2]>,
     maps: Option<Maps>,
-    /// Images with a column per beamlet, which stand on no pixels.
+    /// Images with a column per beamlet or dithered pixel, which stand on no pixels.
     beamlets: Option<Maps>,
     /// retrieved.json.
     record: Option<Record>,
@@ -134,6 +134,7 @@ impl Subject {
         let Some(scene) = &self.scene else { return Vec::new() };
         match self.run.is_some() || scene.scan.views() == self.views() {
             true => (0..scene.scan.views()).map(|view| scene.scan.angle_of(view)).collect(),
+            false if scene.scan.angles.len() == self.views() => scene.scan.angles.clone(),
             false => Vec::new(),
         }
     }

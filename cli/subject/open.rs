@@ -8,7 +8,7 @@ use beamlet::stack::layout::{self, RECORD, RETRIEVED, RUN};
 use beamlet::stack::{Maps, OpenRun};
 use std::path::{Path, PathBuf};
 
-/// Images, of pixels or of beamlets, and their record.
+/// Images, of pixels or of beamlets or dithers, and their record.
 struct Images {
     maps: Maps,
     of_beamlets: bool,
@@ -23,7 +23,7 @@ impl Images {
         let record = Record::read(&directory.join(RECORD))?;
         let first = maps.names().next().map(str::to_owned).unwrap_or_default();
         let (rows, columns) = maps.map(&first, 0)?.dim();
-        let of_beamlets = record.method == Method::Beamlet.name();
+        let of_beamlets = record.method == Method::Beamlet.name() || !record.columns.is_empty();
         Ok(Self { maps, of_beamlets, record, rows, columns })
     }
 }

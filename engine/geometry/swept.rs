@@ -39,9 +39,10 @@ pub struct BeamExtent {
     pub z: [f64; 2],
 }
 
-/// The outlines of the objects of a sample, for the views of a scene.
+/// The outlines of the objects of a sample, for the views of a scene: in fly scans for each pose, those of
+/// a view one after the other.
 pub fn swept(scene: &Scene, sample: &Sample) -> Swept {
-    let motions: Vec<Motion> = scene.views().map(|view| view.motion).collect();
+    let motions: Vec<Motion> = scene.poses().collect();
     let source = scene.source.distance;
     let outlines = match motions.iter().all(Motion::keeps_upright) {
         true => Outlines::Upright(outline::upright(sample)),
@@ -221,9 +222,10 @@ struct Reach {
     passes: bool,
 }
 
-/// The view in words.
-fn at(scene: &Scene, view: usize) -> String {
-    let angle = format!("at angle {:.3} deg", scene.scan.angle_of(view).to_degrees());
+/// The pose in words.
+fn at(scene: &Scene, pose: usize) -> String {
+    let angle = format!("at angle {:.3} deg", scene.scan.angle_of_pose(pose).to_degrees());
+    let view = scene.scan.view_of(pose);
     match scene.scan.moves() {
         false => angle,
         true => format!("{angle}, moved as in view {view}"),

@@ -27,6 +27,7 @@ pub(super) fn check(base: &Scene, scene: &Scene) -> Result<()> {
         ("axis", before.axis == now.axis),
         ("travel", before.has_travel_of(now)),
         ("dithers", before.dithers == now.dithers),
+        ("fly", before.fly == now.fly),
     ];
     if let Some((key, _)) = same.iter().find(|(_, same)| !same) {
         let found = "other motions of the sample".into();

@@ -1,6 +1,6 @@
 //! The geometry of a scan on a circle.
 
-use crate::scene::{RotationAxis, Scene};
+use crate::scene::Scene;
 use crate::stack::GeometryFile;
 use crate::{Error, Result};
 
@@ -45,10 +45,8 @@ impl ScanGeometry {
     /// # Errors
     /// [`Error::Scene`] where its views move the sample otherwise: these are no circle.
     pub fn of_scene(scene: &Scene) -> Result<Self> {
-        let [x, y, z] = scene.scan.axis.shift;
-        let mut circle = scene.scan.clone();
-        circle.axis = RotationAxis::new([0.0, 0.0, z], circle.axis.tilt_x, circle.axis.tilt_y);
-        if circle.moves() {
+        let [x, y, _] = scene.scan.axis.shift;
+        if !scene.scan.is_circle() {
             let found = "motions of the sample";
             let allowed = "none but a shift of the axis in x and y: reconstruction needs a circle";
             return Err(Error::scene("scan.motions", found, allowed));

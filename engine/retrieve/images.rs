@@ -51,6 +51,23 @@ impl Images {
         Self { names, maps }
     }
 
+    /// Names of the images.
+    pub(super) fn names(&self) -> &[&'static str] {
+        &self.names
+    }
+
+    /// Rows of each image.
+    pub(super) fn rows(&self) -> usize {
+        self.maps.first().map_or(0, Array2::nrows)
+    }
+
+    /// Takes a column of other images of the same names.
+    pub(super) fn copy_column(&mut self, at: usize, from: &Self, column: usize) {
+        for (map, other) in self.maps.iter_mut().zip(&from.maps) {
+            map.column_mut(at).assign(&other.column(column));
+        }
+    }
+
     /// Names and images.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Array2<f32>)> {
         self.names.iter().copied().zip(&self.maps)

@@ -270,7 +270,7 @@ impl Input {
 
     /// Whether the scene has the angle of each view; warns where it has other angles.
     pub(super) fn has_angles(&self) -> bool {
-        let (views, angles) = (self.views(), self.scene.scan.angles.len());
+        let (views, angles) = (self.views(), self.scene.scan.views());
         let has = angles == views || self.is_run;
         if !has {
             log::warn!(
@@ -278,6 +278,24 @@ impl Input {
             );
         }
         has
+    }
+
+    /// Angles of which there are the views of all dithers.
+    ///
+    /// # Errors
+    /// [`Error::File`] where there is none, and where measured stacks have some of the dithers of an angle.
+    pub(super) fn angles(&self) -> Result<usize> {
+        let (views, dithers) = (self.views(), self.scene.scan.dithers_of_angle());
+        let angles = views / dithers;
+        if angles * dithers == views {
+            return Ok(angles);
+        }
+        let problem = format!("has {views} views; each angle has {dithers}, by scan.dithers");
+        if angles == 0 || !self.is_run {
+            return Err(Error::file(self.sample.path(), problem, None));
+        }
+        log::warn!("{}: {problem}; the last are left out", self.sample.path().display());
+        Ok(angles)
     }
 
     /// Mask steps of the flat and of each view of the sample.

@@ -11,6 +11,7 @@ pub(crate) mod fitter;
 pub mod flags;
 mod images;
 mod input;
+mod joined;
 mod least_squares;
 mod method;
 mod misfit;

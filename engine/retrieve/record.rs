@@ -91,6 +91,10 @@ pub struct Record {
     pub angle_per_shift: f64,
     /// Views, rows and columns of the images.
     pub shape: [usize; 3],
+    /// Of images of dithered views: pixel (or beamlet) and dither of each column, from 0; empty without
+    /// dithers. geometry.json has their places.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub columns: Vec<[usize; 2]>,
     /// Unit of each image by its name.
     pub units: BTreeMap<String, String>,
     /// Meaning of each bit of `flags` by its value.

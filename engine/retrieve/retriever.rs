@@ -8,6 +8,7 @@ use super::curves::Curves;
 use super::fitter::{FitOptions, Fitter, Weights};
 use super::flags;
 use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
+use super::joined::JoinedColumns;
 use super::method::Method;
 use super::misfit::{self, Noise};
 use super::options::{ReadRows, RetrieveOptions};
@@ -159,13 +160,30 @@ impl Retriever {
         })
     }
 
-    /// Geometry of the images of the first `views` views of a scene: columns of pixels, or beamlets.
-    pub(super) fn geometry(&self, scene: &Scene, views: usize) -> GeometryFile {
-        let columns = match &self.beamlets {
+    /// Geometry of the images of the first `angles` angles of a scene: columns of pixels or beamlets, those
+    /// of all dithers side by side.
+    pub(super) fn geometry(&self, scene: &Scene, angles: usize) -> GeometryFile {
+        match self.joined(scene) {
+            None => GeometryFile::with_columns(scene, self.places(scene), angles),
+            Some(joined) => {
+                let mut at_rest = scene.clone();
+                at_rest.scan.dithers.clear();
+                GeometryFile::with_columns(&at_rest, joined.places().to_vec(), angles)
+            }
+        }
+    }
+
+    /// Places of the columns of a view, x from the optical axis on the detector, m.
+    fn places(&self, scene: &Scene) -> Vec<f64> {
+        match &self.beamlets {
             Some(beamlets) => beamlets.places().to_vec(),
             None => Optics::of(scene).column_places(),
-        };
-        GeometryFile::with_columns(scene, columns, views)
+        }
+    }
+
+    /// Columns of the dithers of a scene side by side; `None` without dithers.
+    pub(super) fn joined(&self, scene: &Scene) -> Option<JoinedColumns> {
+        JoinedColumns::of(scene, &self.places(scene))
     }
 
     /// Frames of the flat, and of a view of the sample.

@@ -2,6 +2,7 @@
 
 use super::images::{FLAGS, Images, OF_FLAT, unit};
 use super::input::Input;
+use super::joined::JoinedColumns;
 use super::misfit::median;
 use super::options::RetrieveOptions;
 use super::record::Record;
@@ -189,6 +190,8 @@ fn retrieve_to(
     let input = input.fitted_to(&retriever)?;
     let [rows, columns] = input.frame();
     let row_count = numbers::count(rows);
+    let angles = input.angles()?;
+    retriever.check_views(input.views())?;
     let all = u64::from(row_count) * (input.views() as u64 + 1);
     let mut done = 0;
     let mut outer = control.progress.take();
@@ -207,7 +210,10 @@ fn retrieve_to(
     if (0..flat.len()).all(|at| !flat.has_answer(at)) {
         return Err(Error::scene("flat", no_answers(flat), "a flat with light in some pixel"));
     }
-    let mut record = begun(&input, &retriever, &options, [input.views(), rows, across]);
+    let joined = retriever.joined(input.scene());
+    let across = joined.as_ref().map_or(across, |joined| joined.order().len());
+    let mut record = begun(&input, &retriever, &options, [angles, rows, across]);
+    record.columns = joined.as_ref().map(JoinedColumns::order).unwrap_or_default().to_vec();
     let value = if input.counts() { "counts" } else { "open pixels" };
     let names = retriever.names();
     for name in names.iter().copied().chain(OF_FLAT) {
@@ -215,39 +221,60 @@ fn retrieve_to(
     }
     for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
         cancel.check()?;
-        let values = ArrayView2::from_shape((rows, across), values)
+        let values = ArrayView2::from_shape((rows, flat.len() / rows.max(1)), values)
             .map_err(|error| Error::argument(name, error.to_string(), "a value for each pixel"))?;
+        let wide = joined.as_ref().map(|joined| joined.flat(values));
+        let values = wide.as_ref().map_or(values, |wide| wide.view());
         put(&record, Image { name, unit: unit(name, value), views: 1, values })?;
     }
     let mut residuals = Vec::new();
     let mut brighter = 0;
-    for view in 0..input.views() {
-        let mut read = |band| input.sample_rows(view, band);
-        let mut retrieved = retriever.retrieve(view, columns, &mut read, &mut inner)?;
-        if let Some(bad) = input.bad_pixels() {
-            retriever.mark_bad(&mut retrieved, bad);
-        }
+    for angle in 0..angles {
+        let retrieved = of_angle(&input, &retriever, joined.as_ref(), angle, &mut inner)?;
         for (name, image) in retrieved.iter() {
             cancel.check()?;
-            let (unit, views) = (unit(name, value), input.views());
-            put(&record, Image { name, unit, views, values: image.view() })?;
+            let unit = unit(name, value);
+            put(&record, Image { name, unit, views: angles, values: image.view() })?;
         }
         count(&mut record, retrieved.get(FLAGS));
         brighter += above_one(&retrieved);
         let left = retrieved.get("residual_sample").into_iter().flatten();
         residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
     }
-    warn_of_light(brighter, input.views() * rows * across);
+    warn_of_light(brighter, angles * rows * across);
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.inputs = hashes.wait(&cancel, &mut || {})??;
     record.began = Some(began);
     record.written = Some(now());
     record.duration_s = since.elapsed().as_secs_f64();
     let geometry = match input.has_angles() {
-        true => Some(retriever.geometry(input.scene(), input.views()).text()?),
+        true => Some(retriever.geometry(input.scene(), angles).text()?),
         false => None,
     };
     Ok((record, geometry))
+}
+
+/// The images of an angle; those of its dithers side by side.
+fn of_angle(
+    input: &Input,
+    retriever: &Retriever,
+    joined: Option<&JoinedColumns>,
+    angle: usize,
+    control: &mut RowsControl<'_>,
+) -> Result<Images> {
+    let [_, columns] = input.frame();
+    let mut of_view = |view: usize| {
+        let mut read = |band| input.sample_rows(view, band);
+        let mut images = retriever.retrieve(view, columns, &mut read, control)?;
+        if let Some(bad) = input.bad_pixels() {
+            retriever.mark_bad(&mut images, bad);
+        }
+        Ok(images)
+    };
+    let Some(joined) = joined else { return of_view(angle) };
+    let dithers = input.scene().scan.dithers_of_angle();
+    let views = angle * dithers..(angle + 1) * dithers;
+    Ok(joined.images(&views.map(of_view).collect::<Result<Vec<_>>>()?))
 }
 
 /// Images of the flat, in the order of [`OF_FLAT`].
@@ -319,6 +346,7 @@ fn begun(
         lever_arm: scene.lever_arm(),
         angle_per_shift: retriever.angle_per_shift(),
         shape,
+        columns: Vec::new(),
         units: BTreeMap::new(),
         flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),
         flags: meanings,

@@ -174,7 +174,7 @@ pub(super) fn suspects(scene: &Scene, swept: &Swept) -> Vec<Suspect> {
     }
     let paths = [0, 1].map(|axis| LightPath::new(scene, axis));
     let bound = |y: f64| paths.iter().map(|path| path.bound(y)).fold(0.0, f64::max);
-    let views = scene.scan.views();
+    let views = scene.scan.poses();
     let every = views.div_ceil(MOST_VIEWS).max(1);
     let mut suspects = Vec::new();
     for view in (0..views).step_by(every) {

@@ -113,8 +113,13 @@ impl Simulation {
         )
     }
 
-    fn projected_bounds(&self, view: u32) -> Vec<ProjectedBounds> {
-        let motion = self.scene.view(view as usize).motion;
+    /// View of a pose of the sample.
+    fn view_of(&self, pose: u32) -> u32 {
+        numbers::count(self.scene.scan.view_of(pose as usize))
+    }
+
+    fn projected_bounds(&self, pose: u32) -> Vec<ProjectedBounds> {
+        let motion = self.scene.pose(pose as usize, self.scene.detector.pitch[0]);
         sampling::projected_bounds(&self.sample, &self.lattice, &motion)
     }
 
@@ -162,6 +167,7 @@ impl Simulation {
         }
     }
 
+    /// A pose of the sample, by its index.
     fn view<'a>(
         &'a self,
         index: u32,
@@ -171,7 +177,7 @@ impl Simulation {
         let optics = self.detector.optics();
         sampling::ViewContext {
             optics,
-            motion: self.scene.motion(index as usize, optics.detector.pitch[0]),
+            motion: self.scene.pose(index as usize, optics.detector.pitch[0]),
             sample: &self.sample,
             facets: &self.facets,
             lattice: &self.lattice,
@@ -232,6 +238,10 @@ impl Simulation {
         if self.stored.is_some() && control.keep.is_some() {
             let found = "moments to be kept of a scene that is itself made from kept moments";
             return Err(Error::argument("control.keep", found, "a simulation that traces"));
+        }
+        if control.keep.is_some() && self.scene.scan.poses_of_view() > 1 {
+            let found = "a fly scan, whose moments are to be kept";
+            return Err(Error::scene("scan.fly", found, "no fly scan, or no --keep-moments"));
         }
         if let Some(warning) = detector::offset_warning(&self.scene) {
             log::warn!("{warning}");

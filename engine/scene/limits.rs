@@ -33,6 +33,8 @@ pub(crate) const MASK_OFFSETS: u32 = 100_000;
 pub(super) const OFFSET_PERIODS: f64 = 1e9;
 /// Angles of a scan.
 pub(crate) const ANGLES: u32 = 10_000_000;
+/// Angles of a view of a fly scan.
+pub(crate) const FLY: u32 = 1000;
 /// Dithers of a scan.
 pub(crate) const DITHERS: u32 = 1000;
 /// Facets around a cylinder, cone, prism or wall of a tube.

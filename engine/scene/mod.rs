@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 mod beam;
+mod cone_vec;
 mod derived;
 mod detector;
 mod exposure;
@@ -51,7 +52,7 @@ pub use model::{
 };
 pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
-pub use scan::{RotationAxis, Scan};
+pub use scan::{Fly, RotationAxis, Scan};
 pub use targets::RandomRays;
 pub use view::{Pose, View};
 

@@ -12,7 +12,7 @@ use super::keys::top::{TOP, read_title};
 use super::keys::value::{Value, optional, required};
 use super::table::{ListItem, Table};
 use super::tree::Document;
-use super::{MaterialSpec, Scene};
+use super::{MaterialSpec, Scene, cone_vec};
 use crate::Result;
 
 /// Reads a scene. The result still has to be validated. Errors are reported to the document; without
@@ -46,6 +46,7 @@ pub(super) fn read_scene(document: &Document) -> Option<Scene> {
         let table = item.table(&super::keys::object::SURROUNDINGS);
         document.keep(table.and_then(|table| read_surroundings(&table, &mut scene)));
     }
+    document.keep(read_cone_vec(&top, &mut scene));
     document.keep(hash_spot(&top, &mut scene));
     Some(scene)
 }
@@ -61,6 +62,37 @@ fn read_files(top: &Table<'_>) -> Result<BTreeMap<PathBuf, String>> {
     };
     let named = item.named()?;
     named.iter().map(|(path, item)| Ok((PathBuf::from(path), String::read(item, row)?))).collect()
+}
+
+/// Motions by the vectors of a file: they need source and detector.
+fn read_cone_vec(top: &Table<'_>, scene: &mut Scene) -> Result<()> {
+    let Some(scan) = top.get("scan") else { return Ok(()) };
+    let scan = scan.table(&super::keys::scan::SCAN.spec)?;
+    let Some(item) = scan.get("cone_vec") else { return Ok(()) };
+    if let Some(other) = ["angles", "motions"].iter().find(|key| scan.get(key).is_some()) {
+        let found = format!("both cone_vec and {other}");
+        return item.refuse(item.error(found, "cone_vec alone, or angles and motions"), ());
+    }
+    let path: PathBuf = required(&scan, "cone_vec")?;
+    let rows = match cone_vec::read(&item.directory().join(&path)) {
+        Ok(rows) => rows,
+        Err(error) => {
+            return item.refuse(item.error(error.to_string(), "12 numbers a line, in mm"), ());
+        }
+    };
+    let mut motions = Vec::with_capacity(rows.len());
+    for (view, row) in rows.iter().enumerate() {
+        match cone_vec::motion(scene, row) {
+            Ok(motion) => motions.push(motion),
+            Err([found, allowed]) => {
+                let found = format!("{}, view {view}: {found}", path.display());
+                return item.refuse(item.error(found, allowed), ());
+            }
+        }
+    }
+    scene.scan.angles = vec![0.0; motions.len()];
+    scene.scan.motions = motions;
+    Ok(())
 }
 
 fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {

@@ -25,6 +25,26 @@ pub struct Scan {
     /// Displacements of the sample along +x in the frame of the set-up, m: each angle has a view for each
     /// of them, in this order. Without any, each angle is one view.
     pub dithers: Vec<f64>,
+    /// Turn of the sample during the exposure of a view; `None` where it rests.
+    pub fly: Option<Fly>,
+}
+
+/// A turn during the exposure: a view is the mean of the intensities at even angles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Fly {
+    /// Angles of a view, in the middles of as many parts of the sweep.
+    pub count: u32,
+    /// Turn during the exposure, rad, with the angle of the view in its middle.
+    pub sweep: f64,
+}
+
+impl Fly {
+    /// A mean over `count` angles of a sweep (rad).
+    #[must_use]
+    pub const fn new(count: u32, sweep: f64) -> Self {
+        Self { count, sweep }
+    }
 }
 
 /// The axis of rotation in the frame of the set-up, in which +y is the optical axis. The origin of the
@@ -74,6 +94,7 @@ impl Scan {
             axis: RotationAxis::new([0.0; 3], 0.0, 0.0),
             travel: [0.0; 3],
             dithers: Vec::new(),
+            fly: None,
         }
     }
 
@@ -87,6 +108,36 @@ impl Scan {
     #[must_use]
     pub const fn dithers_of_angle(&self) -> usize {
         if self.dithers.is_empty() { 1 } else { self.dithers.len() }
+    }
+
+    /// Poses of the sample in each view, whose intensities are averaged: one, but in fly scans.
+    #[must_use]
+    pub fn poses_of_view(&self) -> usize {
+        self.fly.map_or(1, |fly| fly.count.max(1) as usize)
+    }
+
+    /// Poses of the sample in all views, those of a view one after the other.
+    #[must_use]
+    pub fn poses(&self) -> usize {
+        self.views() * self.poses_of_view()
+    }
+
+    /// Index of the view of a pose.
+    #[must_use]
+    pub fn view_of(&self, pose: usize) -> usize {
+        pose / self.poses_of_view()
+    }
+
+    /// Angle of a pose, rad.
+    pub(crate) fn angle_of_pose(&self, pose: usize) -> f64 {
+        let angle = self.angle_of(self.view_of(pose));
+        match self.fly {
+            Some(fly) if fly.count > 1 => {
+                let part = (pose % self.poses_of_view()) as f64 + 0.5;
+                angle + fly.sweep * (part / f64::from(fly.count) - 0.5)
+            }
+            _ => angle,
+        }
     }
 
     /// Index of the angle of a view.
@@ -118,10 +169,10 @@ impl Scan {
         self.motions.get(self.angle_index(view))
     }
 
-    /// Motion of the sample in a view after the turn, in the frame of the set-up: travel along the axis
+    /// Motion of the sample in a view after the turn by an angle, in the frame of the set-up: travel along the axis
     /// as it is without shift and tilt, then that of the axis, then the dither.
-    pub(super) fn after(&self, view: usize) -> Motion {
-        let turns = self.angle_of(view) / TAU;
+    pub(super) fn after(&self, view: usize, angle: f64) -> Motion {
+        let turns = angle / TAU;
         let travel = Motion::translation(self.travel.map(|length| length * turns + 0.0));
         let dither = Motion::translation([self.dither_of(view), 0.0, 0.0]);
         travel.then(&self.axis.motion()).then(&dither)
@@ -132,15 +183,23 @@ impl Scan {
         self.travel.map(f64::to_bits) == other.travel.map(f64::to_bits)
     }
 
+    /// Whether the sample only turns about an upright axis, which may be beside the optical axis.
+    #[must_use]
+    pub fn is_circle(&self) -> bool {
+        let rests = self.motions.iter().all(|motion| *motion == Motion::IDENTITY);
+        let RotationAxis { shift: [_, _, z], tilt_x, tilt_y } = self.axis;
+        rests && is_zero(&self.travel) && is_zero(&self.dithers) && is_zero(&[z, tilt_x, tilt_y])
+    }
+
     /// Whether the sample does anything but turn about z.
     #[must_use]
     pub fn moves(&self) -> bool {
-        let any = |lengths: &[f64]| lengths.iter().any(|length| *length != 0.0);
-        self.motions.iter().any(|motion| *motion != Motion::IDENTITY)
-            || self.axis != RotationAxis::default()
-            || any(&self.travel)
-            || any(&self.dithers)
+        !self.is_circle() || !is_zero(&self.axis.shift)
     }
+}
+
+fn is_zero(values: &[f64]) -> bool {
+    values.iter().all(|value| *value == 0.0)
 }
 
 #[cfg(test)]
@@ -156,8 +215,18 @@ mod tests {
         assert_eq!(scan.views(), 6);
         let of = |view| (scan.angle_of(view), scan.dither_of(view));
         assert_eq!([2, 3].map(of), [(0.5, 1e-5), (1.5, -1e-5)]);
-        assert_eq!(scan.after(2), Motion::translation([1e-5, 0.0, 0.0]));
+        assert_eq!(scan.after(2, 0.5), Motion::translation([1e-5, 0.0, 0.0]));
         assert!(scan.moves());
+    }
+
+    #[test]
+    fn poses_of_a_view_are_the_middles_of_parts_of_its_sweep() {
+        let mut scan = Scan::new(vec![0.0], vec![0.5, 1.5]);
+        assert_eq!((scan.poses(), scan.angle_of_pose(1)), (2, 1.5));
+        scan.fly = Some(Fly::new(4, 0.8));
+        assert_eq!((scan.poses(), scan.view_of(3), scan.view_of(4)), (8, 0, 1));
+        let near = |pose, angle: f64| (scan.angle_of_pose(pose) - angle).abs() < 1e-15;
+        assert!(near(0, 0.2) && near(3, 0.8) && near(4, 1.2) && near(5, 1.4));
     }
 
     #[test]
@@ -165,7 +234,7 @@ mod tests {
         let mut scan = Scan::new(vec![0.0], vec![TAU / 2.0]);
         scan.travel = [0.0, 0.0, 4e-3];
         scan.axis = RotationAxis::new([1e-3, 2e-3, 0.0], 0.1, 0.2);
-        let [x, y, z] = scan.after(0).point([0.0; 3]);
+        let [x, y, z] = scan.after(0, TAU / 2.0).point([0.0; 3]);
         // Travel is along the tilted axis: half of 4 mm.
         let up = [0.2_f64.sin(), -0.2_f64.cos() * 0.1_f64.sin(), 0.2_f64.cos() * 0.1_f64.cos()];
         let want = [1e-3 + 2e-3 * up[0], 2e-3 + 2e-3 * up[1], 2e-3 * up[2]];

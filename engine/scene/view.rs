@@ -38,12 +38,13 @@ pub struct Pose {
 }
 
 impl Scene {
-    /// The view of this index: source, masks and detector turned by its angle about +z around the sample
+    /// The view of this index, at the middle of its sweep in a fly scan: source, masks and detector turned by its angle about +z around the sample
     /// that its motion moved, in the coordinates of the sample.
     #[must_use]
     pub(crate) fn view(&self, index: usize) -> View {
-        let set_up = Motion::about_z(self.scan.angle_of(index));
-        let after = self.scan.after(index);
+        let angle = self.scan.angle_of(index);
+        let set_up = Motion::about_z(angle);
+        let after = self.scan.after(index, angle);
         let set_up = if after == Motion::IDENTITY { set_up } else { after.inverse().then(&set_up) };
         let moved = self.scan.before(index);
         let world_from_beam = moved.map_or(set_up, |moved| set_up.then(&moved.inverse()));
@@ -61,16 +62,26 @@ impl Scene {
             row: world_from_beam.direction([0.0, 0.0, -self.detector.pitch[1]]),
             sample_mask: self.sample_mask.as_ref().map(pose),
             detector_mask: self.detector_mask.as_ref().map(pose),
-            motion: self.motion(index, column),
+            motion: self.motion(index, angle, column),
         }
     }
 
-    /// The motion from the world to the beam frame of a view, whose x runs along the columns of a
-    /// detector of this pitch: its rounding depends on the pitch.
-    pub(crate) fn motion(&self, index: usize, pitch: f64) -> Motion {
-        let [x, y, _] = Motion::about_z(self.scan.angle_of(index)).direction([pitch, 0.0, 0.0]);
+    /// The motion from the world to the beam frame of a pose of the sample, whose x runs along the columns
+    /// of a detector of this pitch: its rounding depends on the pitch.
+    pub(crate) fn pose(&self, pose: usize, pitch: f64) -> Motion {
+        self.motion(self.scan.view_of(pose), self.scan.angle_of_pose(pose), pitch)
+    }
+
+    /// The motions of all poses.
+    pub(crate) fn poses(&self) -> impl Iterator<Item = Motion> + '_ {
+        (0..self.scan.poses()).map(|pose| self.pose(pose, self.detector.pitch[0]))
+    }
+
+    /// The motion of a view at an angle.
+    fn motion(&self, index: usize, angle: f64, pitch: f64) -> Motion {
+        let [x, y, _] = Motion::about_z(angle).direction([pitch, 0.0, 0.0]);
         let turn = Motion::onto_x([x, y]);
-        let after = self.scan.after(index);
+        let after = self.scan.after(index, angle);
         let turn = if after == Motion::IDENTITY { turn } else { turn.then(&after) };
         self.scan.before(index).map_or(turn, |moved| moved.then(&turn))
     }
@@ -82,7 +93,7 @@ impl Scene {
 
     /// How far views move the rotation centre at most, m.
     pub(crate) fn displacement(&self) -> f64 {
-        let moved = self.views().map(|view| view.motion.offset().length());
+        let moved = self.poses().map(|pose| pose.offset().length());
         moved.fold(0.0, f64::max)
     }
 }

@@ -3,7 +3,7 @@
 
 use super::layout;
 use crate::optics::Optics;
-use crate::scene::{Motion, Scene};
+use crate::scene::Scene;
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -59,7 +59,7 @@ impl GeometryFile {
     /// mask let through.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
-        Self::with_columns(scene, Optics::of(scene).column_places(), scene.scan.angles.len())
+        Self::with_columns(scene, Optics::of(scene).column_places(), scene.scan.views())
     }
 
     /// The geometry of the first `views` views of a scene with columns at these places, x from the
@@ -67,11 +67,14 @@ impl GeometryFile {
     #[must_use]
     pub fn with_columns(scene: &Scene, columns: Vec<f64>, views: usize) -> Self {
         let optics = Optics::of(scene);
-        let angles: Vec<f64> = scene.scan.angles.iter().copied().take(views).collect();
+        let scan = &scene.scan;
+        let angles: Vec<f64> =
+            (0..scan.views().min(views)).map(|view| scan.angle_of(view)).collect();
         let [_, rows] = scene.detector.pixels;
         let row =
             |row: u32| (f64::from(rows) / 2.0 - f64::from(row) - 0.5) * scene.detector.pitch[1];
-        let is_circle = scene.scan.motions.iter().all(|motion| *motion == Motion::IDENTITY);
+        let source_to_axis = optics.rotation + scan.axis.shift[1];
+        let axis = scan.axis.shift[0] * optics.detector.distance / source_to_axis;
         let text = |sides: &str| sides.to_owned();
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -82,11 +85,11 @@ impl GeometryFile {
                 volumes: text("[z][y][x], each ascending"),
             },
             angles_deg: angles.iter().map(|angle| angle.to_degrees()).collect(),
-            source_to_axis_m: optics.rotation,
+            source_to_axis_m: source_to_axis,
             source_to_detector_m: optics.detector.distance,
             source_to_sample_mask_m: scene.sample_mask.as_ref().map(|mask| mask.distance),
             source_to_analyser_m: optics.analyser,
-            axis_column: if is_circle { index_of(0.0, &columns) } else { None },
+            axis_column: if scan.is_circle() { index_of(axis, &columns) } else { None },
             astra_cone_vec_mm: even(&columns).map(|even| vectors(scene, even, angles.len())),
             angles_rad: angles,
             columns_m: columns,

@@ -6,6 +6,7 @@
 //! RUN/flat/step_000.exr  sample/view_0000/step_000.exr  dark/…  counts/…      a file per frame
 //! RUN/moments/view_0000.bin
 //! RUN/retrieved/retrieved.json  geometry.json  NAME.npy  or  NAME/view_0000.exr
+//! ASTRA/astra.json  load_astra.py  NAME.npy
 //! VOLUME/volume.json  NAME.npy  or  NAME/slice_0000.exr  or  NAME.mhd  NAME.raw
 //! ```
 //!
@@ -35,6 +36,10 @@ pub const VOLUME: &str = "volume.json";
 pub const REGIONS: &str = "regions.csv";
 /// Errors by object, in the folder of a reconstruction with its truth.
 pub const ERRORS: &str = "errors.csv";
+/// Description of projections for ASTRA, in their folder.
+pub const ASTRA: &str = "astra.json";
+/// Script that loads these projections.
+pub(crate) const ASTRA_SCRIPT: &str = "load_astra.py";
 /// Folder of the stacks of detector numbers.
 pub(crate) const COUNTS: &str = "counts";
 /// Folder of kept moments.
@@ -57,8 +62,8 @@ const DARK: &str = "dark";
 const VIEW: &str = "view_";
 const STEP: &str = "step_";
 const SLICE: &str = "slice_";
-/// Endings of files beside the arrays of a folder of volumes.
-const BESIDE: [&str; 3] = [".csv", HEADER, RAW];
+/// Endings of files beside the arrays of a folder.
+const BESIDE: [&str; 4] = [".csv", ".py", HEADER, RAW];
 /// Endings of a `MetaImage`: its header, and its values.
 const HEADER: &str = ".mhd";
 const RAW: &str = ".raw";

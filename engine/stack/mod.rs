@@ -8,6 +8,7 @@
 mod apart;
 mod array;
 mod array_frames;
+mod astra;
 mod callback;
 mod frame_files;
 mod frames;
@@ -29,6 +30,7 @@ mod verify;
 pub use crate::array_file::{Abilities, Format};
 pub use apart::{is_of_run, is_same_place, refuse_overlap};
 pub use array::{ArraySink, CountStacks, Stacks};
+pub use astra::{AstraFile, write_astra};
 pub use callback::CallbackSink;
 pub use geometry_file::{GeometryFile, Order};
 pub(crate) use image_folder::{ImageDirectory, Kind};

@@ -73,7 +73,7 @@ impl DeviceSample {
             kinds,
         } = bvh;
         let reach = from_axis(sample);
-        let motions: Vec<Motion> = scene.views().map(|view| view.motion).collect();
+        let motions: Vec<Motion> = scene.poses().collect();
         let is_moved = !motions.iter().all(Motion::is_turn);
         let reach = if is_moved { from_origin(sample) + scene.displacement() } else { reach };
         let views: Vec<_> = motions.iter().map(|motion| view(scene, motion, reach)).collect();

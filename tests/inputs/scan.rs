@@ -98,7 +98,8 @@ fn axis_travel_and_dithers_are_kept_and_make_views() {
     let scan = "angles = { from = \"0 deg\", to = \"360 deg\", count = 3 }
         axis = { shift = [\"0.1 mm\", \"-0.2 mm\", \"0 mm\"], tilt_x = \"0.3 deg\", tilt_y = \"-1 deg\" }
         travel = [\"0 mm\", \"0 mm\", \"3 mm\"]
-        dithers = { from = \"-10 um\", to = \"10 um\", count = 2 }";
+        dithers = { from = \"-10 um\", to = \"10 um\", count = 2 }
+        fly = { count = 4, sweep = \"1.5 deg\" }";
     let scene = scene(scan, &[]).unwrap();
     let radians = f64::to_radians;
     let axis = RotationAxis::new([1e-4, -2e-4, 0.0], radians(0.3), radians(-1.0));

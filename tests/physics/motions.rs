@@ -248,6 +248,47 @@ fn axis_travel_and_dithers_have_the_stacks_of_placed_samples_to_5e_5() {
     worst.holds();
 }
 
+#[test]
+fn fly_scans_are_the_means_of_their_angles() {
+    let directory = tempfile::tempdir().unwrap();
+    let (_, rest) = cases(directory.path()).swap_remove(0);
+    let sweep = 0.06;
+    let middles = [0.3, 1.1];
+    for (scheme, backend) in
+        [Scheme::Cells, Scheme::Random].into_iter().zip(backends().into_iter().cycle())
+    {
+        let mut fly = rest.clone();
+        fly.sampling.scheme = scheme;
+        fly.sampling.rays = RandomRays::Count(40);
+        fly.scan.angles = middles.to_vec();
+        fly.scan.view_offsets = vec![vec![-16e-6, 7e-6], vec![-9e-6, 11e-6]];
+        fly.scan.fly = Some(Fly::new(3, sweep));
+        let mut single = fly.clone();
+        single.scan.fly = None;
+        // The same bits.
+        let of_angle =
+            |middle: f64| [0.5, 1.5, 2.5].map(|part| middle + sweep * (part / 3.0 - 0.5));
+        single.scan.angles = middles.into_iter().flat_map(of_angle).collect();
+        single.scan.view_offsets =
+            (0..6).map(|pose: usize| fly.scan.view_offsets[pose / 3].clone()).collect();
+        let got = engine(backend).simulate(&fly).unwrap();
+        let want = engine(backend).simulate(&single).unwrap();
+        assert_eq!(got.flat, want.flat);
+        let mut largest = 0.0_f64;
+        for ((view, step, row, column), got) in got.sample.indexed_iter() {
+            let of = |pose: usize| f64::from(want.sample[[3 * view + pose, step, row, column]]);
+            let mean = (of(0) + of(1) + of(2)) / 3.0;
+            largest = largest.max((of(2) - of(0)).abs());
+            // f32 rounds the mean.
+            assert!(
+                (f64::from(*got) - mean).abs() < 1e-7,
+                "{scheme:?}, view {view}: {got} for {mean}"
+            );
+        }
+        assert!(largest > 1e-3, "the sweep changes nothing: {largest}");
+    }
+}
+
 /// A dithered pixel is five of a finer detector, at the place that its dither takes them to.
 #[test]
 fn dithers_of_wide_pixels_are_sums_of_narrow_ones() {

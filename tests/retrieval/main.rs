@@ -5,7 +5,11 @@ mod reference;
 #[path = "../support/mod.rs"]
 mod support;
 
+#[cfg(feature = "cli")]
+mod astra;
 mod dark_field;
+#[cfg(feature = "cli")]
+mod dithers;
 mod expected;
 mod fits;
 mod geometry_file;

@@ -67,6 +67,20 @@ impl ViewScans {
 }
 
 impl Retriever {
+    /// Refuses more views than have mask offsets.
+    ///
+    /// # Errors
+    /// [`Error::Scene`].
+    pub(in super::super) fn check_views(&self, views: usize) -> Result<()> {
+        let Some(scans) = &self.view_scans else { return Ok(()) };
+        let has = scans.angles() * scans.dithers;
+        if views <= has {
+            return Ok(());
+        }
+        let found = format!("offsets of {has} views for {views}");
+        Err(Error::scene("scan.view_offsets", found, "offsets of every view of the sample"))
+    }
+
     /// The scan of a view of the sample.
     ///
     /// # Errors

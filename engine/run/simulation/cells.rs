@@ -15,7 +15,7 @@ use std::ops::Range;
 pub fn cells_of_rows(simulation: &Simulation, view: u32, rows: Range<i64>) -> Result<CellBatch> {
     let projected_bounds = simulation.projected_bounds(view);
     let mut tracer = simulation.tracer(simulation.start.backend)?;
-    let response = simulation.response(Exposure::Sample(view));
+    let response = simulation.response(Exposure::Sample(simulation.view_of(view)));
     let view = simulation.view(view, &projected_bounds, &response);
     let mut parts = Vec::new();
     let room = simulation.room();

@@ -136,7 +136,7 @@ impl Simulation {
             std::iter::once(0.0).chain(points.iter().map(|[offset, _]| *offset)).collect();
         let traced = self.trace_line(tracer, line, path, &offsets)?;
         let Some((centre, beside)) = traced.split_first() else { return Ok(0.0) };
-        let steps = self.scene.scan.offsets_of(line.view as usize);
+        let steps = self.scene.scan.offsets_of(self.scene.scan.view_of(line.view as usize));
         Ok(largest_error(path, steps, centre, points.iter().zip(beside)))
     }
 

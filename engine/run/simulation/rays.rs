@@ -30,7 +30,7 @@ pub fn moments(
 
 impl Simulation {
     fn check_views(&self, mut views: impl Iterator<Item = u32>) -> Result<()> {
-        let count = self.scene.scan.views();
+        let count = self.scene.scan.poses();
         match views.find(|view| *view as usize >= count) {
             Some(view) => Err(Error::argument(
                 "rays",

@@ -1,6 +1,7 @@
 //! The run in progress: bands of rows, traced and illuminated in groups, handed to the sink.
 
 mod detection;
+mod mean;
 mod random;
 mod share;
 mod survey;
@@ -21,6 +22,8 @@ use crate::scene::{Exposure, Scheme};
 use crate::stack::Sink;
 use crate::trace::Tally;
 use crate::trace::Tracer;
+use mean::Mean;
+use ndarray::Array3;
 use share::Share;
 use std::ops::Range;
 use std::sync::Arc;
@@ -59,6 +62,8 @@ pub(super) struct ViewWork<'s> {
     rows_total: u64,
     share: Share,
     cancel: Cancel,
+    /// Pose of the sample in work.
+    pose: u32,
     /// Index of the list of mask offsets of the view, and the response at these.
     response: (usize, Arc<Response>),
 }
@@ -120,9 +125,10 @@ impl<'s> ViewWork<'s> {
             tally: Tally::default(),
             seconds: Seconds::default(),
             rows_done: 0,
-            rows_total: (lit_views
+            rows_total: ((blank + (lit_views - blank) * scene.scan.poses_of_view())
                 * bands(grid.pixels[1], band).map(|rows| grid.own_rows(&rows).len()).sum::<usize>())
                 as u64,
+            pose: 0,
             share: Share::new([blank, lit_views - blank], traced),
             cancel: cancel.clone(),
             response: (0, simulation.response.clone()),
@@ -144,32 +150,28 @@ impl<'s> ViewWork<'s> {
             return self.dark(sink);
         }
         let detector = &self.simulation.detector;
-        let list = self.take_offsets(view);
-        let projected_bounds = match view {
-            Exposure::Sample(i)
-                if !self.simulation.sample.is_empty() && self.simulation.stored.is_none() =>
-            {
-                self.simulation.projected_bounds(i)
-            }
-            _ => Vec::new(),
-        };
+        self.take_offsets(view);
+        let poses: Vec<(u32, Vec<ProjectedBounds>)> = self.poses(view);
         let halo = self.simulation.lattice.halo;
         let sampled: Vec<Range<i64>> = bands(rows, self.band)
             .map(|band| detector.grid().lit_rows(&band))
             .map(|lit| i64::from(lit.start) - halo..i64::from(lit.end) + halo)
             .collect();
         let lattice = &self.simulation.lattice;
-        self.share.begin(lattice, &projected_bounds, view != Exposure::Flat, &sampled);
+        self.share.begin(
+            lattice,
+            &poses[0].1,
+            view != Exposure::Flat,
+            &sampled.repeat(poses.len()),
+        );
         self.report(view, control)?;
         for band in bands(rows, self.band) {
-            let lit = detector.grid().lit_rows(&band);
-            self.sums.clear(&lit)?;
-            self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, list))?;
-            self.band(view, &projected_bounds, &lit, &detector.grid().own_rows(&band), control)?;
-            let begin = Instant::now();
-            let intensities =
-                detector.intensities(view, &band, self.sums.intensities()?, &self.cancel)?;
-            self.seconds.detect += begin.elapsed().as_secs_f64();
+            let mut mean = Mean::of(poses.len());
+            for (pose, projected_bounds) in &poses {
+                self.pose = *pose;
+                mean.add(self.lit_band(view, projected_bounds, &band, control)?);
+            }
+            let intensities = mean.finish();
             let begin = Instant::now();
             let counts = detector.counts(view, &band, intensities.view(), &self.cancel)?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
@@ -182,6 +184,39 @@ impl<'s> ViewWork<'s> {
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
         Ok(())
+    }
+
+    /// Poses of the sample in a view, each with its shadows; one without any for a flat.
+    fn poses(&self, view: Exposure) -> Vec<(u32, Vec<ProjectedBounds>)> {
+        let Exposure::Sample(view) = view else { return vec![(0, Vec::new())] };
+        let is_traced = !self.simulation.sample.is_empty() && self.simulation.stored.is_none();
+        let count = numbers::count(self.simulation.scene.scan.poses_of_view());
+        let bounds = |pose| match is_traced {
+            true => self.simulation.projected_bounds(pose),
+            false => Vec::new(),
+        };
+        (view * count..(view + 1) * count).map(|pose| (pose, bounds(pose))).collect()
+    }
+
+    /// Intensities of a band at one pose of the sample.
+    fn lit_band(
+        &mut self,
+        view: Exposure,
+        projected_bounds: &[ProjectedBounds],
+        band: &Range<u32>,
+        control: &mut Control<'_>,
+    ) -> Result<Array3<f32>> {
+        let detector = &self.simulation.detector;
+        let lit = detector.grid().lit_rows(band);
+        let list = self.response.0;
+        self.sums.clear(&lit)?;
+        self.lights.iter_mut().try_for_each(|light| light.set_band(&lit, list))?;
+        self.band(view, projected_bounds, &lit, &detector.grid().own_rows(band), control)?;
+        let begin = Instant::now();
+        let intensities =
+            detector.intensities(view, band, self.sums.intensities()?, &self.cancel)?;
+        self.seconds.detect += begin.elapsed().as_secs_f64();
+        Ok(intensities)
     }
 
     /// Takes the response at the mask offsets of a view; index of their list.
@@ -299,6 +334,7 @@ impl<'s> ViewWork<'s> {
         let lit = inner.start - blur_rows..inner.end + blur_rows;
         let steps = numbers::count(self.simulation.scene.scan.mask_offsets.len());
         let Self { cells, bars, lights, sums, tally, tracer, simulation, cancel, share, .. } = self;
+        let pose = self.pose;
         let (_, response) = &self.response;
         let counted = [self.rows_done, self.rows_total];
         let mut advance = share::advance(&mut control.progress, share, (view, rows), counted);
@@ -340,8 +376,8 @@ impl<'s> ViewWork<'s> {
                 let gather = |cell_rows: &CellBatch| gather(tracer, spectral, cell_rows);
                 stored.lists(spectral, index, [rows, &lit], gather, &mut light)?;
             }
-            (Exposure::Sample(index), ..) if !projected_bounds.is_empty() => {
-                let view = simulation.view(index, projected_bounds, response);
+            (Exposure::Sample(_), ..) if !projected_bounds.is_empty() => {
+                let view = simulation.view(pose, projected_bounds, response);
                 let room = simulation.room();
                 sampling::sample_rows(
                     &view,
@@ -376,8 +412,10 @@ impl<'s> ViewWork<'s> {
         projected_bounds: &[ProjectedBounds],
         row: u32,
         control: &mut Control<'_>,
-    ) -> Result<ndarray::Array3<f32>> {
+    ) -> Result<Array3<f32>> {
         let simulation = self.simulation;
+        // Moments that are kept have one pose in each view.
+        self.pose = view;
         let (band, view) = (row..row + 1, Exposure::Sample(view));
         let lit = simulation.detector.grid().lit_rows(&band);
         self.sums.clear(&lit)?;

@@ -3,7 +3,7 @@
 use super::motion::MOTION;
 use super::prelude::*;
 use super::series::RANGE;
-use crate::scene::{RotationAxis, Scan};
+use crate::scene::{Fly, RotationAxis, Scan};
 
 /// A list or range of lengths or angles, or a file of them.
 macro_rules! series {
@@ -30,6 +30,9 @@ keys! { SCAN: Scan, "scan", [],
     motions => Either("", &Tables(&MOTION), &File("path of a CSV file")), Without("the sample rests"),
         r#""motions.csv""#,
         "Rigid motion of the sample at each angle, before source, masks and detector turn.";
+    cone_vec by hand => File("path of a file of 12 numbers a line"), Without("`angles` and `motions`"),
+        r#""vectors.txt""#,
+        "Vectors of ASTRA's cone_vec, mm, for each view; in place of `angles` and `motions`.";
     axis => Inner(&AXIS.spec), Without("the z axis"), r#"{ shift = ["0.1 mm", "0 mm", "0 mm"] }"#,
         "Axis of rotation in the frame of the set-up; the sample is moved with it.";
     travel => Lengths("lengths along x, y and z", ANY), Default(r#"["0 m", "0 m", "0 m"]"#),
@@ -38,6 +41,9 @@ keys! { SCAN: Scan, "scan", [],
     dithers => Either("", &Series(Length, limits::DITHERS), &Inner(&RANGE)),
         Without("one view for each angle"), r#"["-10 um", "10 um"]"#,
         "Displacements of the sample along +x of the set-up; each angle has a view for each of them.";
+    fly => Inner(&FLY.spec), Without("the sample rests in each view"),
+        r#"{ count = 8, sweep = "1 deg" }"#,
+        "Turn of the sample during the exposure of a view, whose intensities are means.";
 }
 
 impl Record for Scan {
@@ -62,8 +68,24 @@ impl Record for Scan {
             "axis" => self.axis == RotationAxis::default(),
             "travel" => self.travel.iter().all(|length| *length == 0.0),
             "dithers" => self.dithers.is_empty(),
+            "fly" => self.fly.is_none(),
             _ => false,
         }
+    }
+}
+
+keys! { FLY: Fly, "scan.fly", [], [];
+    count => Count(1, limits::FLY as u64), Required, "8",
+        "Angles of a view, in the middles of equal parts of the sweep.";
+    sweep => Quantity(Angle, ANY), Required, r#""1 deg""#,
+        "Turn during the exposure; the angle of the view is in its middle.";
+}
+
+impl Record for Fly {
+    const KEYS: &'static Keys<Self> = &FLY;
+
+    fn begin(_: &dyn Fn(&str) -> bool) -> Self {
+        Self::new(1, f64::NAN)
     }
 }
 

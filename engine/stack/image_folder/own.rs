@@ -19,6 +19,8 @@ const OF_OTHERS: &str =
 pub(crate) enum Kind {
     /// Retrieved images, or differences of images: an image per view.
     Images,
+    /// Projections for ASTRA: an image per row.
+    Astra,
     /// Volumes: an image per slice.
     Volume,
 }
@@ -28,6 +30,7 @@ impl Kind {
     pub(crate) const fn record(self) -> &'static str {
         match self {
             Self::Images => layout::RECORD,
+            Self::Astra => layout::ASTRA,
             Self::Volume => layout::VOLUME,
         }
     }
@@ -35,6 +38,7 @@ impl Kind {
     const fn noun(self) -> &'static str {
         match self {
             Self::Images => "retrieved images",
+            Self::Astra => "projections for ASTRA",
             Self::Volume => "a reconstruction",
         }
     }
@@ -145,7 +149,7 @@ fn refuse_others(
             true
         } else {
             let is_image = || layout::array_name(name).is_some_and(is_name);
-            let known = [layout::RECORD, layout::VOLUME, GEOMETRY, MARK];
+            let known = [layout::RECORD, layout::ASTRA, layout::VOLUME, GEOMETRY, MARK];
             kind.is_file() && (known.contains(&name) || is_image() || is_file(name))
         };
         if !ours {

@@ -44,7 +44,7 @@ impl ViewWork<'_> {
         }
         let view = match view {
             Exposure::Flat | Exposure::Dark => 0,
-            Exposure::Sample(i) => i,
+            Exposure::Sample(_) => self.pose,
         };
         for (pixels, empty) in [(&met, false), (&missed, true)] {
             if !pixels.is_empty() {

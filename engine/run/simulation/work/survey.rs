@@ -94,8 +94,9 @@ impl ViewWork<'_> {
         self.simulation.scene.scan.mask_offsets.len() as f64 / f64::from(self.steps()) - 1.0
     }
 
+    /// Poses of the sample: one for each view, but in fly scans.
     fn view_count(&self) -> f64 {
-        self.simulation.scene.scan.views() as f64
+        self.simulation.scene.scan.poses() as f64
     }
 
     /// Makes the sums those of the band with a row of the grid, and gives the band's rows there.
@@ -226,7 +227,7 @@ impl ViewWork<'_> {
             cells.add(lights.iter().zip(lists), sums, steps)?;
             Ok(left_out * begin.elapsed().as_secs_f64())
         };
-        let response = simulation.response(Exposure::Sample(view));
+        let response = simulation.response(Exposure::Sample(simulation.view_of(view)));
         let view = simulation.view(view, projected_bounds, &response);
         sampling::survey_rows(&view, tracer, rows, &lit, chosen, &mut add)
     }

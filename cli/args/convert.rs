@@ -1,0 +1,35 @@
+//! Arguments of the verb that writes images for other programs.
+
+use super::shared::Messages;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    beamlet retrieve run\n  \
+    beamlet convert run --to astra -o astra\n\n\
+    Writes each retrieved image as NAME.npy, [row][view][column], astra.json with the vectors of the \
+    views (cone_vec) and the extents of a volume in mm, and load_astra.py, which loads both.")]
+pub(crate) struct Convert {
+    /// Run with retrieved images, or a directory of these
+    #[arg(value_name = "RUN|IMAGES")]
+    pub(crate) input: PathBuf,
+    /// Program to write for
+    #[arg(long, value_enum, value_name = "PROGRAM")]
+    pub(crate) to: Program,
+    /// Directory to write
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) output: PathBuf,
+    /// Replace what beamlet wrote there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+    #[command(flatten)]
+    pub(crate) messages: Messages,
+}
+
+/// Programs that images are written for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Program {
+    /// The ASTRA toolbox
+    Astra,
+}

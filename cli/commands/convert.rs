@@ -1,0 +1,42 @@
+//! `beamlet convert`: retrieved images for other programs.
+
+use crate::args::{Convert, Program};
+use crate::failure::Failure;
+use crate::interrupt;
+use crate::progress::Reporter;
+use beamlet::Error;
+use beamlet::stack::{layout, refuse_overlap, write_astra};
+use std::io::Write;
+
+pub(super) fn run(arguments: &Convert, out: &mut impl Write) -> Result<(), Failure> {
+    let Program::Astra = arguments.to;
+    let images = match layout::is_run(&arguments.input) {
+        true => arguments.input.join(layout::RETRIEVED),
+        false => arguments.input.clone(),
+    };
+    if !layout::is_retrieved(&images) {
+        let problem = "holds no retrieved images: beamlet retrieve makes them";
+        return Err(Failure::File { path: images, problem: problem.into() });
+    }
+    refuse_overlap(&arguments.output, std::slice::from_ref(&images))?;
+    let cancel = interrupt::listen();
+    let mut reporter = Reporter::new(arguments.messages);
+    let mut progress = |done, all| reporter.rows(done, all);
+    let written =
+        write_astra(&images, &arguments.output, arguments.overwrite, &mut progress, &cancel);
+    reporter.finish();
+    match written {
+        Ok(_) if arguments.messages.quiet => Ok(()),
+        Ok(about) => {
+            let [rows, views, columns] = about.shape;
+            let names: Vec<&str> = about.units.keys().map(String::as_str).collect();
+            let path = beamlet::cli_support::printed::path(&arguments.output);
+            writeln!(out, "arrays   {path}, {rows} rows, {views} views, {columns} columns")?;
+            Ok(writeln!(out, "         {}", names.join(", "))?)
+        }
+        Err(Error::Interrupted) => {
+            Err(Failure::Interrupted { advice: "nothing was written".into() })
+        }
+        Err(error) => Err(error.into()),
+    }
+}

@@ -1,0 +1,174 @@
+//! `beamlet convert --to astra`: what is written is where the vectors say, by a projector of its own.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use crate::support::program::{Workplace, stderr};
+use beamlet::scene::Scene;
+use beamlet::stack::StackFile;
+use serde_json::Value;
+
+/// Radius (mm) and centre (mm) of the balls; the attenuation is 0.4 /mm.
+const BALLS: [(f64, [f64; 3]); 2] = [(0.22, [0.25, 0.1, 0.12]), (0.15, [-0.3, 0.05, -0.15])];
+const SCENE: &str = r#"
+[source]
+distance = "1.2 m"
+spot = "0 um"
+energy = "30 keV"
+[detector]
+distance = "1.8 m"
+pixels = [8, 6]
+pitch = ["150 um", "100 um"]
+[sample_mask]
+distance = "1.1 m"
+projected_aperture = "30 um"
+transmission = 0.0
+[detector_mask]
+distance = "1.8 m"
+projected_aperture = "40 um"
+transmission = 0.0
+[sampling]
+tolerance = 1e-4
+[scan]
+mask_offsets = { from = "-25 um", to = "25 um", count = 7 }
+angles = ["0 deg", "50 deg", "160 deg"]
+travel = ["0 mm", "0 mm", "0.2 mm"]
+axis = { shift = ["0.05 mm", "-3 mm", "0 mm"], tilt_x = "4 deg" }
+[materials.resin]
+mu = "4 /cm"
+delta = 0.0
+[[object]]
+name = "large"
+shape = { sphere = { radius = "0.22 mm" } }
+material = "resin"
+position = ["0.25 mm", "0.1 mm", "0.12 mm"]
+[[object]]
+name = "small"
+shape = { sphere = { radius = "0.15 mm" } }
+material = "resin"
+position = ["-0.3 mm", "0.05 mm", "-0.15 mm"]
+"#;
+
+/// Path (mm) of a line from `from` through `to` in a ball.
+fn chord(from: [f64; 3], to: [f64; 3], (radius, centre): (f64, [f64; 3])) -> f64 {
+    let line = [0, 1, 2].map(|k| to[k] - from[k]);
+    let away = [0, 1, 2].map(|k| centre[k] - from[k]);
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let along = dot(away, line) / dot(line, line).sqrt();
+    let beside = dot(away, away) - along * along;
+    2.0 * (radius * radius - beside).max(0.0).sqrt()
+}
+
+/// Mean of exp(-0.4 path) over what a pixel sees of the sample: the aperture of 20 um by its row.
+fn transmission(vector: &[f64], row: f64, column: f64) -> f64 {
+    let mut sum = 0.0;
+    let parts = 8;
+    for across in 0..parts {
+        for up in 0..parts {
+            let part = |at: i32| (f64::from(at) + 0.5) / f64::from(parts) - 0.5;
+            // The window of the detector mask is 40 um of the pixel of 150.
+            let (u, v) = (column + part(across) * 30.0 / 150.0, row + part(up));
+            let to = [0, 1, 2].map(|k| vector[3 + k] + u * vector[6 + k] + v * vector[9 + k]);
+            let path: f64 =
+                BALLS.iter().map(|ball| chord([vector[0], vector[1], vector[2]], to, *ball)).sum();
+            sum += (-0.4 * path).exp();
+        }
+    }
+    sum / f64::from(parts * parts)
+}
+
+#[test]
+fn projections_are_where_their_vectors_say() {
+    let work = Workplace::new(SCENE);
+    let simulated = work.simulate(&["--format", "exr"]);
+    assert!(simulated.status.success(), "{}", stderr(&simulated));
+    let early = work.beamlet(&["convert", "run", "--to", "astra", "-o", "astra"]);
+    assert!(stderr(&early).contains("holds no retrieved images"), "{}", stderr(&early));
+    let done = work.beamlet(&["retrieve", "run", "-q"]);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let words = ["convert", "run", "--to", "astra", "-o", "astra"];
+    let done = work.beamlet(&words);
+    assert!(done.status.success(), "{}", stderr(&done));
+    let again = work.beamlet(&words);
+    assert!(stderr(&again).contains("--overwrite"), "{}", stderr(&again));
+    assert!(work.beamlet(&[&words[..], &["--overwrite"]].concat()).status.success());
+    let about: Value =
+        serde_json::from_slice(&std::fs::read(work.path("astra/astra.json")).unwrap()).unwrap();
+    assert_eq!(about["shape"], serde_json::json!([6, 3, 8]));
+    assert!(about["units"]["flat_centre"].is_null() && about["units"]["refraction"] == "rad");
+    let volume: Vec<f64> = serde_json::from_value(about["volume_mm"].clone()).unwrap();
+    // The axis is 3 mm nearer to the source.
+    let half = 4.0 * 0.15 * 1197.0 / 1800.0;
+    assert!(
+        (volume[1] - half).abs() < 1e-9 && (volume[5] - 3.0 * 0.1 * 0.665).abs() < 1e-9,
+        "{volume:?}"
+    );
+    assert!(work.path("astra/load_astra.py").is_file());
+    let stack = StackFile::open(work.path("astra/transmission.npy")).unwrap();
+    assert_eq!(stack.shape(), [1, 6, 3, 8]);
+    let vectors: Vec<Vec<f64>> = serde_json::from_value(about["cone_vec_mm"].clone()).unwrap();
+    let (mut darkest, mut worst) = (1.0_f64, 0.0_f64);
+    for row in 0..6 {
+        for (view, vector) in vectors.iter().enumerate() {
+            let values = stack.frame(0, row, 0..3).unwrap();
+            for column in 0..8_usize {
+                let got = f64::from(values[[view, column]]);
+                let want = transmission(vector, row as f64 - 2.5, column as f64 - 3.5);
+                darkest = darkest.min(want);
+                worst = worst.max((got - want).abs());
+                // Rims of balls within a pixel: the fit of a curve weighs the aperture.
+                assert!(
+                    (got - want).abs() < 0.01,
+                    "row {row}, view {view}, {column}: {got} for {want}"
+                );
+            }
+        }
+    }
+    assert!(darkest < 0.87, "{darkest} {worst}");
+}
+
+#[test]
+fn vectors_of_a_run_are_the_motions_of_another() {
+    let work = Workplace::new(SCENE);
+    let scene = Scene::load(work.path("scene.toml")).unwrap();
+    let mut lines = String::new();
+    for view in scene.views() {
+        let all = [view.source, view.detector, view.column, view.row];
+        let numbers: Vec<String> =
+            all.as_flattened().iter().map(|it| format!("{}", it * 1e3)).collect();
+        lines += &format!("{}\n", numbers.join(" "));
+    }
+    std::fs::write(work.path("vectors.txt"), &lines).unwrap();
+    let scan = "[scan]\nmask_offsets = { from = \"-25 um\", to = \"25 um\", count = 7 }\n";
+    let (head, rest) = SCENE.split_once("[scan]").unwrap();
+    let (_, tail) = rest.split_once("[materials").unwrap();
+    let with = |keys: &str| format!("{head}{scan}{keys}\n[materials{tail}");
+    let of = |text: &str| Scene::from_toml(text, work.path("scene.toml").parent().unwrap());
+    let found = of(&with("cone_vec = \"vectors.txt\"")).unwrap();
+    assert_eq!(found.views().count(), 3);
+    for (found, wanted) in found.views().zip(scene.views()) {
+        for point in [[0.0; 3], [1e-3, 0.0, 0.0], [0.0, 1e-3, 2e-3]] {
+            let [a, b] = [found.motion.point(point), wanted.motion.point(point)];
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12), "{a:?} for {b:?}");
+        }
+    }
+    let refused = |keys: &str, words: [&str; 2]| {
+        let error = of(&with(keys)).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    };
+    refused("cone_vec = \"vectors.txt\"\nangles = [\"0 deg\"]", ["scan.cone_vec", "both"]);
+    refused("cone_vec = \"none.txt\"", ["scan.cone_vec", "none.txt"]);
+    let second = lines.lines().nth(1).unwrap();
+    let short = second.rsplit_once(' ').unwrap().0;
+    std::fs::write(work.path("vectors.txt"), lines.replace(second, short)).unwrap();
+    refused("cone_vec = \"vectors.txt\"", ["line 2", "11 numbers"]);
+    let far: Vec<String> = second
+        .split(' ')
+        .enumerate()
+        .map(|(at, word)| {
+            let value: f64 = word.parse().unwrap();
+            format!("{}", if at < 3 { value * 1.001 } else { value })
+        })
+        .collect();
+    std::fs::write(work.path("vectors.txt"), lines.replace(second, &far.join(" "))).unwrap();
+    refused("cone_vec = \"vectors.txt\"", ["view 1", "detector"]);
+}
