@@ -5,7 +5,7 @@ use crate::numbers::single;
 use crate::optics::{self, Optics, ThinCurve};
 use crate::retrieve::{Curves, FitOptions, Fitter, Weights, three_step_uncertainties};
 use crate::run::quality;
-use crate::scene::{Counts, Object, Scatter, Scene, Scheme};
+use crate::scene::{Counts, Object, Scan, Scatter, Scene, Scheme};
 use crate::spectrum::Nodes;
 use crate::{Engine, Result};
 use ndarray::{Array2, ArrayView2, Axis};
@@ -129,8 +129,7 @@ pub(super) fn illumination(
 fn flat(engine: &Engine, scene: &Scene, offsets: Vec<f64>) -> Result<Vec<f64>> {
     let mut bare = scene.clone();
     bare.objects = Vec::<Object>::new();
-    bare.scan.angles = vec![0.0];
-    bare.scan.mask_offsets = offsets;
+    bare.scan = Scan::new(offsets, vec![0.0]);
     bare.sampling.scheme = Scheme::Cells;
     let detector = &mut bare.detector;
     detector.counts = None;

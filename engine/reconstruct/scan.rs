@@ -13,18 +13,22 @@ impl ScanGeometry {
     /// [`Error::File`] where its views move the sample, or where it holds no scan.
     pub fn of_file(file: &GeometryFile, folder: &Path) -> Result<Self> {
         let refused = |problem: String| Error::file(folder.join(GEOMETRY), problem, None);
-        if file.axis_column.is_none() {
+        let Some(axis) = file.axis_column else {
             let problem = "has no axis of rotation (axis_column): reconstruction needs a circle of views, \
                            and two columns";
             return Err(refused(problem.into()));
-        }
-        let made = Self::new(
+        };
+        let mut made = Self::new(
             [file.source_to_axis_m, file.source_to_detector_m],
             file.columns_m.clone(),
             file.rows_m.clone(),
             file.angles_rad.clone(),
         );
         made.check().map_err(|error| refused(error.to_string()))?;
+        // Beside the optical axis; on it places of columns are rounded.
+        if (made.axis_column() - axis).abs() > 1e-6 {
+            made.set_axis_column(axis);
+        }
         Ok(made)
     }
 

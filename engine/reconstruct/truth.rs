@@ -7,7 +7,7 @@ use crate::cancel::Cancel;
 use crate::material::Constants;
 use crate::numbers::single;
 use crate::run::Control;
-use crate::scene::Scene;
+use crate::scene::{Scan, Scene};
 use crate::trace::{MaterialTable, Ray, SurfaceCrossing};
 use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array3, s};
@@ -46,8 +46,7 @@ impl Truth {
     ) -> Result<Self> {
         // Lines along y are rays of the view at 0.
         let mut upright = scene.clone();
-        upright.scan.angles = vec![0.0];
-        upright.scan.motions.clear();
+        upright.scan = Scan::new(vec![0.0], vec![0.0]);
         let media = MaterialTable::of(&upright)?;
         let mean = media.mean();
         let around = mean[0];

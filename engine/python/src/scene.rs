@@ -124,7 +124,8 @@ impl Scene {
     /// Angles of the views, rad.
     #[getter]
     fn angles(&self) -> Vec<f64> {
-        self.scene.scan.angles.clone()
+        let scan = &self.scene.scan;
+        (0..scan.views()).map(|view| scan.angle_of(view)).collect()
     }
 
     /// Columns and rows of the detector.
