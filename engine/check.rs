@@ -14,6 +14,7 @@ use crate::{Control, Result, run};
 use serde::Serialize;
 use std::sync::Arc;
 
+mod angles;
 mod builder;
 mod contacts;
 mod costs;

@@ -19,11 +19,15 @@ use std::path::PathBuf;
 pub(crate) struct Retrieve {
     /// Run directory of `beamlet simulate`
     #[arg(required_unless_present = "flat",
-        conflicts_with_all = ["flat", "sample", "dark", "geometry", "offsets", "sets"])]
+        conflicts_with_all = ["flat", "flats_every", "sample", "dark", "geometry", "offsets", "sets"])]
     pub(crate) run: Option<PathBuf>,
     /// Flat frames: NPY, EXR, TIFF, or a folder of frames
     #[arg(long, value_name = "FILE", requires_all = ["sample", "geometry", "output"])]
     pub(crate) flat: Option<PathBuf>,
+    /// Views between one flat and the next, where FILE of --flat has several: the flat of a view is
+    /// interpolated between those before and behind it [default: one flat, or one for each view]
+    #[arg(long, value_name = "N", requires = "flat", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) flats_every: Option<u32>,
     /// Sample frames, one view or several
     #[arg(long, value_name = "FILE", requires = "flat")]
     pub(crate) sample: Option<PathBuf>,

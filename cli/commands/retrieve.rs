@@ -125,7 +125,9 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
     let sample = StackFile::open(sample)?;
     let dark = arguments.dark.as_ref().map(StackFile::open).transpose()?;
     let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(lists(arguments)).collect();
-    let input = Input::measured(&scene, flat, sample, dark.as_ref())?.with_read(&others);
+    let input = Input::measured(&scene, flat, sample, dark.as_ref())?
+        .with_flats_every(arguments.flats_every)
+        .with_read(&others);
     Ok((input, output.clone()))
 }
 

@@ -236,7 +236,7 @@ impl Subject {
         let fitted = self.fitted.as_ref().ok_or_else(|| self.no_frames())?;
         Ok(match view {
             Some(view) => fitted.sample_rows(view, rows)?,
-            None => fitted.flat_rows(rows)?,
+            None => fitted.flat_rows(0, rows)?,
         })
     }
 

@@ -39,6 +39,7 @@ pub(super) fn doubts(scene: &Scene, report: &CheckReport) -> Vec<String> {
     .into_iter()
     .flatten()
     .collect();
+    doubts.extend(super::angles::doubts(&scene.scan));
     doubts.extend(thick_bars(scene));
     doubts.extend(odd_materials(scene));
     let passed = masks.into_iter().flatten().map(open_share).fold(1.0, f64::min);

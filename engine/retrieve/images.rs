@@ -68,6 +68,12 @@ impl Images {
         }
     }
 
+    /// Images of one shape by their names.
+    pub(super) fn of(images: Vec<(&'static str, Array2<f32>)>) -> Self {
+        let (names, maps) = images.into_iter().unzip();
+        Self { names, maps }
+    }
+
     /// Names and images.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, &Array2<f32>)> {
         self.names.iter().copied().zip(&self.maps)

@@ -2,6 +2,7 @@
 
 mod bad_pixels;
 mod faults;
+mod flats;
 mod reopened;
 
 use super::retriever::Retriever;
@@ -26,6 +27,8 @@ pub struct Input {
     scene: Scene,
     flat: StackFile,
     sample: StackFile,
+    /// Views between one flat and the next; `None` where there is one flat, or one for each view.
+    flats_every: Option<u32>,
     dark: Option<Array2<f32>>,
     /// File or folder of the dark frames.
     dark_path: Option<PathBuf>,
@@ -85,6 +88,7 @@ impl Input {
             scene: scene.clone(),
             flat,
             sample,
+            flats_every: None,
             dark: None,
             dark_path: None,
             bad: None,
@@ -146,11 +150,7 @@ impl Input {
         }
         let scene = scene.with_file_hashes()?;
         faults::check_offsets(&scene)?;
-        let [views, _, rows, columns] = flat.shape();
-        if views != 1 {
-            let problem = format!("has {views} views; a flat has one");
-            return Err(Error::file(flat.path(), problem, None));
-        }
+        let [_, _, rows, columns] = flat.shape();
         for other in std::iter::once(&sample).chain(dark) {
             let [_, _, other_rows, other_columns] = other.shape();
             if [other_rows, other_columns] != [rows, columns] {
@@ -181,6 +181,7 @@ impl Input {
             scene,
             flat,
             sample,
+            flats_every: None,
             dark,
             dark_path,
             bad: None,
@@ -325,10 +326,13 @@ impl Input {
     pub(crate) fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
         self.check_dark()?;
         let [flat, sample] = retriever.steps();
-        let frames = self.flat.shape()[1];
+        let [flats, frames, ..] = self.flat.shape();
         if frames != flat {
             let problem = format!("has {frames} frames for {flat} mask offsets");
-            return Err(Error::file(self.flat.path(), problem, None));
+            if flats != 1 || frames % flat != 0 {
+                return Err(Error::file(self.flat.path(), problem, None));
+            }
+            self.flat = self.flat.with_steps(flat)?;
         }
         let path = self.sample.path().to_path_buf();
         let [views, frames, ..] = self.sample.shape();
@@ -341,15 +345,8 @@ impl Input {
                 format!("has {frames} frames in each of {views} views for {sample} mask offsets");
             Error::file(path, problem, None)
         })?;
+        self.check_flats()?;
         Ok(self)
-    }
-
-    /// Rows of the flat, `[step][row][column]`.
-    ///
-    /// # Errors
-    /// As [`StackFile::rows`].
-    pub fn flat_rows(&self, rows: Range<u32>) -> Result<Array3<f32>> {
-        self.corrected(self.flat.rows(0, rows.clone())?, &rows)
     }
 
     /// Rows of a view of the sample, `[step][row][column]`.

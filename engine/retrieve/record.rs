@@ -95,6 +95,9 @@ pub struct Record {
     /// dithers. geometry.json has their places.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub columns: Vec<[usize; 2]>,
+    /// Views between one measured flat and the next, where flats are interpolated.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flats_every: Option<u32>,
     /// Unit of each image by its name.
     pub units: BTreeMap<String, String>,
     /// Meaning of each bit of `flags` by its value.

@@ -14,7 +14,7 @@ use crate::stack::layout::GEOMETRY;
 use crate::stack::{Format, ImageDirectory, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
 use crate::{Engine, Error, Result, reserve};
-use ndarray::{Array3, ArrayView2};
+use ndarray::{Array2, Array3, ArrayView2};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
@@ -192,7 +192,8 @@ fn retrieve_to(
     let row_count = numbers::count(rows);
     let angles = input.angles()?;
     retriever.check_views(input.views())?;
-    let all = u64::from(row_count) * (input.views() as u64 + 1);
+    let flats = if input.has_flats() { input.views() } else { 1 };
+    let all = u64::from(row_count) * (input.views() + flats) as u64;
     let mut done = 0;
     let mut outer = control.progress.take();
     let mut advance = |rows: u64, _: u64| {
@@ -204,7 +205,7 @@ fn retrieve_to(
     let cancel = control.cancel.clone();
     let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
     let hashes = input.hashes();
-    retriever.set_flat(row_count, columns, &mut |band| input.flat_rows(band), &mut inner)?;
+    retriever.set_flat(row_count, columns, &mut |band| input.flat_rows(0, band), &mut inner)?;
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);
     if (0..flat.len()).all(|at| !flat.has_answer(at)) {
@@ -219,19 +220,18 @@ fn retrieve_to(
     for name in names.iter().copied().chain(OF_FLAT) {
         record.units.insert(name.to_owned(), unit(name, value).to_owned());
     }
-    for (name, values) in OF_FLAT.into_iter().zip(of_flat(flat)) {
-        cancel.check()?;
-        let values = ArrayView2::from_shape((rows, flat.len() / rows.max(1)), values)
-            .map_err(|error| Error::argument(name, error.to_string(), "a value for each pixel"))?;
-        let wide = joined.as_ref().map(|joined| joined.flat(values));
-        let values = wide.as_ref().map_or(values, |wide| wide.view());
-        put(&record, Image { name, unit: unit(name, value), views: 1, values })?;
+    if !input.has_flats() {
+        for (name, image) in flat_images(flat, rows, joined.as_ref())? {
+            cancel.check()?;
+            put(&record, Image { name, unit: unit(name, value), views: 1, values: image.view() })?;
+        }
     }
     let mut residuals = Vec::new();
     let mut brighter = 0;
     for angle in 0..angles {
-        let retrieved = of_angle(&input, &retriever, joined.as_ref(), angle, &mut inner)?;
-        for (name, image) in retrieved.iter() {
+        let (retrieved, of_flats) =
+            of_angle(&input, &mut retriever, joined.as_ref(), angle, &mut inner)?;
+        for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
             cancel.check()?;
             let unit = unit(name, value);
             put(&record, Image { name, unit, views: angles, values: image.view() })?;
@@ -254,32 +254,56 @@ fn retrieve_to(
     Ok((record, geometry))
 }
 
-/// The images of an angle; those of its dithers side by side.
+/// The images of an angle, and those of its flats where views have their own; of dithers side by side.
 fn of_angle(
     input: &Input,
-    retriever: &Retriever,
+    retriever: &mut Retriever,
     joined: Option<&JoinedColumns>,
     angle: usize,
     control: &mut RowsControl<'_>,
-) -> Result<Images> {
-    let [_, columns] = input.frame();
-    let mut of_view = |view: usize| {
+) -> Result<(Images, Option<Images>)> {
+    let [rows, columns] = input.frame();
+    let mut of_view = |view: usize| -> Result<(Images, Option<Images>)> {
+        let mut of_flat = None;
+        if input.has_flats() {
+            // The first was taken to begin with.
+            if view > 0 {
+                let mut read = |band| input.flat_rows(view, band);
+                retriever.set_flat(numbers::count(rows), columns, &mut read, control)?;
+            }
+            let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
+            let images = flat_images(flat, rows, None)?;
+            of_flat = Some(Images::of(images));
+        }
         let mut read = |band| input.sample_rows(view, band);
         let mut images = retriever.retrieve(view, columns, &mut read, control)?;
         if let Some(bad) = input.bad_pixels() {
             retriever.mark_bad(&mut images, bad);
         }
-        Ok(images)
+        Ok((images, of_flat))
     };
     let Some(joined) = joined else { return of_view(angle) };
     let dithers = input.scene().scan.dithers_of_angle();
     let views = angle * dithers..(angle + 1) * dithers;
-    Ok(joined.images(&views.map(of_view).collect::<Result<Vec<_>>>()?))
+    let (images, flats): (Vec<Images>, Vec<Option<Images>>) =
+        views.map(of_view).collect::<Result<Vec<_>>>()?.into_iter().unzip();
+    let flats: Option<Vec<Images>> = flats.into_iter().collect();
+    Ok((joined.images(&images), flats.map(|flats| joined.images(&flats))))
 }
 
-/// Images of the flat, in the order of [`OF_FLAT`].
-fn of_flat(flat: &Curves) -> [&Vec<f32>; 5] {
-    [&flat.amplitude, &flat.centre, &flat.width, &flat.background, &flat.residual]
+/// Images of the flat, in the order of [`OF_FLAT`]; those of dithers repeat them.
+fn flat_images(
+    flat: &Curves,
+    rows: usize,
+    joined: Option<&JoinedColumns>,
+) -> Result<Vec<(&'static str, Array2<f32>)>> {
+    let of = [&flat.amplitude, &flat.centre, &flat.width, &flat.background, &flat.residual];
+    let image = |(name, values): (&'static str, &Vec<f32>)| {
+        let values = ArrayView2::from_shape((rows, flat.len() / rows.max(1)), values)
+            .map_err(|error| Error::argument(name, error.to_string(), "a value for each pixel"))?;
+        Ok((name, joined.map_or_else(|| values.to_owned(), |joined| joined.flat(values))))
+    };
+    OF_FLAT.into_iter().zip(of).map(image).collect()
 }
 
 /// What stands against an answer, for a message.
@@ -347,6 +371,7 @@ fn begun(
         angle_per_shift: retriever.angle_per_shift(),
         shape,
         columns: Vec::new(),
+        flats_every: input.flats_every(),
         units: BTreeMap::new(),
         flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),
         flags: meanings,
@@ -395,7 +420,7 @@ fn warn_of_light(brighter: usize, pixels: usize) {
 }
 
 /// Counts flagged pixels and those without an answer.
-fn count(record: &mut Record, flag_image: Option<&ndarray::Array2<f32>>) {
+fn count(record: &mut Record, flag_image: Option<&Array2<f32>>) {
     let none = flags::of_pixel(flags::NO_ANSWER, flags::NO_ANSWER) | flags::BAD_PIXEL;
     for value in flag_image.into_iter().flatten() {
         let bits = numbers::whole::<u32>(f64::from(*value));

@@ -10,8 +10,8 @@ use crate::support::{CARBON, WATER, Worst, backends, engine, sample};
 use beamlet::Backend;
 use beamlet::internals::trace::{Moment, Ray, moments, trace};
 use beamlet::scene::{
-    self, Instances, MaterialSpec, Motion, Normals, Object, RotationAxis, Scene, Shape,
-    ShapeOrMesh, Transport,
+    self, Fly, Instances, MaterialSpec, Motion, Normals, Object, RandomRays, RotationAxis, Scene,
+    Scheme, Shape, ShapeOrMesh, Transport,
 };
 use std::fmt::Write;
 use std::path::Path;

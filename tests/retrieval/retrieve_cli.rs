@@ -18,7 +18,7 @@ use beamlet::RowsControl;
 use beamlet::retrieve::{ImagesTo, Input, Record, RetrieveOptions, flags, retrieve};
 use beamlet::stack::{Format, Maps, OpenRun, StackFile};
 use beamlet::{Cancel, Engine, EngineOptions, Error};
-use ndarray::{Array3, Array4};
+use ndarray::{Array3, Array4, Axis};
 use ndarray_npy::{read_npy, write_npy};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -278,7 +278,7 @@ fn measured_16_bit_tiffs_with_a_dark_frame_give_the_runs_contrasts() {
 
     // A sample in the place of the flat is warned of, the other way round nothing is.
     let view: Array4<f32> = read_npy(run.join("sample.npy")).unwrap();
-    write_npy(place.join("view.npy"), &view.index_axis(ndarray::Axis(0), 1)).unwrap();
+    write_npy(place.join("view.npy"), &view.index_axis(Axis(0), 1)).unwrap();
     for (flat, sample, warns) in
         [("run/flat.npy", "view.npy", false), ("view.npy", "run/flat.npy", true)]
     {
@@ -397,7 +397,7 @@ fn bad_pixels_have_a_flag_of_their_own_and_change_no_other_pixel() {
     good(place, &["retrieve", "run", "--format", "npy", "-o", "clean"]);
     let mut flat: Array3<f32> = read_npy(run.join("flat.npy")).unwrap();
     let sample: Array4<f32> = read_npy(run.join("sample.npy")).unwrap();
-    let mut view = sample.index_axis(ndarray::Axis(0), 0).to_owned();
+    let mut view = sample.index_axis(Axis(0), 0).to_owned();
     let mut dark = Array3::<f32>::zeros((1, 4, 64));
     // A gap of two columns, of which one is at the cylinder, and a hot pixel.
     let is_bad =
@@ -598,4 +598,56 @@ fn noise_that_nothing_uses_is_refused() {
     bad(folder.path(), &["retrieve", "run", "--gain", "3"], 2, "--counts");
     let words = ["retrieve", "run", "--counts"];
     bad(folder.path(), &words, 1, "detector.photons");
+}
+
+/// A source that fades by 1 % from flat to flat, each third of a view.
+#[test]
+fn flats_between_views_are_interpolated_and_each_view_may_have_its_own() {
+    let (folder, run) = copy();
+    let place = folder.path();
+    good(place, &["retrieve", "run", "--format", "npy"]);
+    let flat: Array3<f32> = read_npy(run.join("flat.npy")).unwrap();
+    let sample: Array4<f32> = read_npy(run.join("sample.npy")).unwrap();
+    // Light at the time of a view; a flat is taken before each second one.
+    let light = |time: f32| 1.0 - 0.01 * (time + 0.5);
+    let views: Vec<Array3<f32>> = (0..5)
+        .map(|view| sample.index_axis(Axis(0), view % 2).mapv(|y| y * light(view as f32)))
+        .collect();
+    let stack = |all: &[Array3<f32>]| {
+        ndarray::stack(Axis(0), &all.iter().map(|it| it.view()).collect::<Vec<_>>()).unwrap()
+    };
+    write_npy(place.join("sample.npy"), &stack(&views)).unwrap();
+    let flats: Vec<Array3<f32>> =
+        (0..4).map(|k| flat.mapv(|y| y * light(2.0 * k as f32 - 0.5))).collect();
+    write_npy(place.join("some.npy"), &stack(&flats)).unwrap();
+    let own: Vec<Array3<f32>> = (0..5).map(|view| flat.mapv(|y| y * light(view as f32))).collect();
+    write_npy(place.join("own.npy"), &stack(&own)).unwrap();
+    let list: Vec<String> = (0..11).map(|i| format!("{} um", -25 + 5 * i)).collect();
+    let offsets = list.join(", ");
+    let of = |flat: &str, more: &[&str], to: &str| -> Vec<String> {
+        let words = ["retrieve", "--flat", flat, "--sample", "sample.npy", "--offsets", &offsets];
+        let to = ["--geometry", SCENE, "-o", to];
+        words.iter().chain(&to).chain(more).map(|word| (*word).to_owned()).collect()
+    };
+    let simulated = Maps::open(run.join("retrieved")).unwrap();
+    for (flat, more) in [("some.npy", ["--flats-every", "2"].as_slice()), ("own.npy", &[])] {
+        let line = of(flat, more, &flat[..3]);
+        good(place, &line.iter().map(String::as_str).collect::<Vec<_>>());
+        let images = Maps::open(place.join(&flat[..3])).unwrap();
+        assert_eq!(images.map("flat_amplitude", 4).unwrap().dim(), (4, 64));
+        for view in 0..5 {
+            let [a, b] = [(&simulated, view % 2), (&images, view)]
+                .map(|(maps, view)| maps.map("transmission", view).unwrap());
+            // f32 and the end of fits: 1e-5. Without the right flat T is off by 1e-2.
+            assert!((&a - &b).iter().all(|d| d.abs() < 3e-5 || d.is_nan()), "{flat}, view {view}");
+        }
+    }
+    let refused = |flat: &str, more: &[&str], word: &str| {
+        let line = of(flat, more, "none");
+        let output = beamlet(place, &line.iter().map(String::as_str).collect::<Vec<_>>());
+        let message = told(&output);
+        assert!(message.contains(word), "{word}: {message}");
+    };
+    refused("some.npy", &[], "4 flats for 5 views");
+    refused("own.npy", &["--flats-every", "2"], "5 flats for 5 views, 2 between them: 3, or 4");
 }

@@ -30,7 +30,8 @@ impl Input {
         let open = |source: &String| StackFile::open(place(source, directory));
         let (flat, mut sample) = (open(flat)?, open(sample)?);
         let dark = record.dark.as_ref().map(open).transpose()?;
-        let [views, rows, _] = record.shape;
+        let [angles, rows, _] = record.shape;
+        let views = angles * scene.scan.dithers_of_angle();
         let [found, frames, ..] = sample.shape();
         if found != views && views > 0 {
             sample = sample.with_steps(found * frames / views)?;
@@ -47,6 +48,11 @@ impl Input {
                 return Err(Error::file(other.path(), problem, None));
             }
         }
+        let steps = record.offsets.len();
+        let flat = match flat.shape()[1] {
+            frames if frames > steps && steps > 0 => flat.with_steps(steps)?,
+            _ => flat,
+        };
         let dark_path = dark.as_ref().map(|dark| dark.path().to_path_buf());
         let read = [&flat, &sample].into_iter().chain(&dark).map(|s| s.path().to_owned()).collect();
         let dark = dark.as_ref().map(mean).transpose()?;
@@ -56,6 +62,7 @@ impl Input {
             scene,
             flat,
             sample,
+            flats_every: record.flats_every,
             dark,
             dark_path,
             bad: None,

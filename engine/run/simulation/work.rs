@@ -157,13 +157,10 @@ impl<'s> ViewWork<'s> {
             .map(|band| detector.grid().lit_rows(&band))
             .map(|lit| i64::from(lit.start) - halo..i64::from(lit.end) + halo)
             .collect();
+        let repeated: Vec<Range<i64>> =
+            poses.iter().flat_map(|_| sampled.iter().cloned()).collect();
         let lattice = &self.simulation.lattice;
-        self.share.begin(
-            lattice,
-            &poses[0].1,
-            view != Exposure::Flat,
-            &sampled.repeat(poses.len()),
-        );
+        self.share.begin(lattice, &poses[0].1, view != Exposure::Flat, &repeated);
         self.report(view, control)?;
         for band in bands(rows, self.band) {
             let mut mean = Mean::of(poses.len());

@@ -58,6 +58,7 @@ impl Sheet {
         {
             let key = match self.kind {
                 Kind::Images => "view",
+                Kind::Astra => "row",
                 Kind::Volume => "slice",
             };
             about.insert(key.into(), self.next.into());
@@ -74,7 +75,7 @@ impl Sheet {
     fn path_of(&self, view: u32) -> PathBuf {
         let name = match self.kind {
             Kind::Images => layout::image_of_view(self.sides[0], view, self.format),
-            Kind::Volume => layout::image_of_slice(self.sides[0], view, self.format),
+            Kind::Astra | Kind::Volume => layout::image_of_slice(self.sides[0], view, self.format),
         };
         self.path.join(name)
     }

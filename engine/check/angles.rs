@@ -1,0 +1,81 @@
+//! Doubts about the angles of a scan: views that repeat others, and gaps.
+
+use crate::scene::Scan;
+use std::f64::consts::TAU;
+
+/// Angles nearer to one another than this are the same view, rad.
+const SAME: f64 = 1e-7;
+/// Angles of a scan in which a gap is looked for.
+const LEAST: usize = 8;
+/// Gap beyond which angles are missing, in medians of the gaps; golden angles have gaps of 1 to 2.62.
+const GAP: f64 = 3.0;
+
+/// Doubts about the angles; none where the sample moves otherwise, for angles may repeat then.
+pub(super) fn doubts(scan: &Scan) -> Vec<String> {
+    if !scan.is_circle() || !scan.view_offsets.is_empty() {
+        return Vec::new();
+    }
+    let mut angles: Vec<(f64, usize)> = (0..scan.angles.len())
+        .map(|view| (libm::remainder(scan.angles[view], TAU).rem_euclid(TAU), view))
+        .collect();
+    angles.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let gap = |pair: &[(f64, usize)]| pair[1].0 - pair[0].0;
+    let around = |a: &(f64, usize), b: &(f64, usize)| a.0 + TAU - b.0;
+    let mut doubts = Vec::new();
+    let same = angles.windows(2).find(|pair| gap(pair) < SAME).map(|pair| [pair[0].1, pair[1].1]);
+    let ends = match angles[..] {
+        [first, .., last] if around(&first, &last) < SAME => Some([first.1, last.1]),
+        _ => None,
+    };
+    let degrees = |view: usize| scan.angles[view].to_degrees();
+    if let Some([a, b]) = same.or(ends) {
+        let [a, b] = [a.min(b), a.max(b)];
+        doubts.push(format!(
+            "views {a} and {b} of scan.angles are the same, at {:.4} and {:.4} deg: is one too many?",
+            degrees(a),
+            degrees(b)
+        ));
+    }
+    let mut gaps: Vec<f64> = angles.windows(2).map(gap).collect();
+    gaps.sort_by(f64::total_cmp);
+    if angles.len() >= LEAST
+        && let Some(widest) = angles.windows(2).max_by(|a, b| gap(a).total_cmp(&gap(b)))
+        // Behind the last angle of half a turn there is none.
+        && gap(widest) < TAU / 4.0
+        && gap(widest) > GAP * gaps[gaps.len() / 2]
+    {
+        doubts.push(format!(
+            "scan.angles have a gap of {:.4} deg between views {} and {}, {:.1} times the median: are \
+             views missing?",
+            gap(widest).to_degrees(),
+            widest[0].1,
+            widest[1].1,
+            gap(widest) / gaps[gaps.len() / 2]
+        ));
+    }
+    doubts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(degrees: impl Iterator<Item = f64>) -> Vec<String> {
+        doubts(&Scan::new(vec![0.0], degrees.map(f64::to_radians).collect()))
+    }
+
+    #[test]
+    fn repeats_and_gaps_are_found_and_even_and_golden_angles_have_none() {
+        let even = || (0..36).map(f64::from);
+        assert!(of(even().map(|k| 10.0 * k)).is_empty());
+        assert!(of(even().map(|k| -90.0 + 5.0 * k)).is_empty());
+        for count in [9, 50, 100] {
+            let golden = (0..count).map(|k| 180.0 * (f64::from(k) * 0.618_033_988_75).fract());
+            assert!(of(golden).is_empty());
+        }
+        let closed = of((0..=36).map(|k| 10.0 * f64::from(k)));
+        assert!(closed.len() == 1 && closed[0].contains("views 0 and 36"), "{closed:?}");
+        let gap = of(even().filter(|k| !(12.0..15.0).contains(k)).map(|k| 10.0 * k));
+        assert!(gap.len() == 1 && gap[0].contains("gap of 40.0000 deg between views 11 and 12"));
+    }
+}

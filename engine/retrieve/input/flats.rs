@@ -1,0 +1,80 @@
+//! Flats of a scan: one for all views, one for each, or one every few views.
+
+use super::Input;
+use crate::{Error, Result};
+use ndarray::Array3;
+use std::ops::Range;
+
+impl Input {
+    /// Takes flats that were taken every `views` views, the first before the first view: that of a view is
+    /// interpolated between those before and behind it.
+    #[must_use]
+    pub const fn with_flats_every(mut self, views: Option<u32>) -> Self {
+        self.flats_every = views;
+        self
+    }
+
+    /// Views between one flat and the next, where they are interpolated.
+    pub(in super::super) const fn flats_every(&self) -> Option<u32> {
+        self.flats_every
+    }
+
+    /// Whether views have flats of their own.
+    pub(in super::super) const fn has_flats(&self) -> bool {
+        self.flat.shape()[0] > 1
+    }
+
+    /// Refuses flats that are neither one, nor one for each view, nor enough for the views between them.
+    pub(super) fn check_flats(&self) -> Result<()> {
+        let (flats, views) = (self.flat.shape()[0], self.views());
+        let refused = |problem: String| Err(Error::file(self.flat.path(), problem, None));
+        match self.flats_every {
+            None if flats == 1 || flats == views => Ok(()),
+            None => refused(format!(
+                "has {flats} flats for {views} views: one, one for each view, or --flats-every N"
+            )),
+            Some(0) => refused("has no views between its flats: at least 1".to_owned()),
+            Some(_) if flats < 2 => refused("has one flat; --flats-every needs two".to_owned()),
+            Some(every) => {
+                let needed = views.div_ceil(every as usize);
+                if flats == needed || flats == needed + 1 {
+                    return Ok(());
+                }
+                refused(format!(
+                    "has {flats} flats for {views} views, {every} between them: {needed}, or {} with \
+                     one behind the last view",
+                    needed + 1
+                ))
+            }
+        }
+    }
+
+    /// Rows of the flat of a view, `[step][row][column]`.
+    ///
+    /// # Errors
+    /// As [`crate::stack::StackFile::rows`].
+    pub fn flat_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
+        let last = self.flat.shape()[0] - 1;
+        let Some(every) = self.flats_every else {
+            return self.corrected(self.flat.rows(view.min(last), rows.clone())?, &rows);
+        };
+        // A flat is taken between two views; behind the last one nothing is known but it.
+        let place = (view as f64 + 0.5) / f64::from(every);
+        let before = (view / every as usize).min(last);
+        let first = self.corrected(self.flat.rows(before, rows.clone())?, &rows)?;
+        if before == last {
+            return Ok(first);
+        }
+        let next = self.corrected(self.flat.rows(before + 1, rows.clone())?, &rows)?;
+        let share = crate::numbers::single(place - before as f64);
+        let mut mean = first;
+        mean.zip_mut_with(&next, |a, b| {
+            *a = match a.max(*b) {
+                // A value that is left out in either is left out.
+                most if most >= super::LEFT_OUT => most,
+                _ => *a + share * (b - *a),
+            };
+        });
+        Ok(mean)
+    }
+}
