@@ -20,7 +20,8 @@ pub(crate) struct Quantities {
     pub(crate) kind: TableKind,
     /// Name of the columns, without unit.
     pub(crate) name: &'static str,
-    pub(crate) dimension: Dimension,
+    /// `None`: numbers without a unit, columns `NAME` or `NAME_0` and so on.
+    pub(crate) dimension: Option<Dimension>,
     pub(crate) columns: Numbered,
 }
 
@@ -51,8 +52,15 @@ impl Quantities {
                 Numbered::No => self.name.to_owned(),
                 Numbered::Yes => format!("{}_{number}", self.name),
             };
-            let unit = name.strip_prefix(&stem).and_then(|rest| rest.strip_prefix('_'));
-            let is_unit = |unit: &&str| self.dimension.units().any(|known| known == *unit);
+            let rest = name.strip_prefix(&stem);
+            let unit = match self.dimension {
+                Some(_) => rest.and_then(|rest| rest.strip_prefix('_')),
+                None => rest,
+            };
+            let is_unit = |unit: &&str| match self.dimension {
+                Some(dimension) => dimension.units().any(|known| known == *unit),
+                None => unit.is_empty(),
+            };
             match unit.filter(is_unit).filter(|_| number == 0 || self.columns == Numbered::Yes) {
                 Some(unit) => columns.push(Some(unit.to_owned())),
                 None => {
@@ -75,8 +83,12 @@ impl Quantities {
                 row.check_view(index)?;
                 continue;
             };
+            let Some(dimension) = self.dimension else {
+                values.push(row.number(index, self.name)?);
+                continue;
+            };
             let text = row.field(index).unwrap_or_default();
-            match self.dimension.parse(&format!("{text} {unit}")) {
+            match dimension.parse(&format!("{text} {unit}")) {
                 Ok(value) => values.push(value),
                 Err(_) => {
                     let found = row.shown(index);

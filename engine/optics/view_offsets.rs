@@ -20,8 +20,9 @@ impl ViewOffsets {
         let bits = |list: &Vec<f64>| list.iter().map(|it| it.to_bits()).collect::<Vec<_>>();
         let mut lists = vec![reduced(&scan.mask_offsets)];
         let mut known = HashMap::from([(bits(&lists[0]), 0)]);
-        let of_view = (0..scan.views()).filter(|_| !scan.view_offsets.is_empty()).map(|view| {
-            let list = reduced(scan.offsets_of(view));
+        let differ = !scan.view_offsets.is_empty() || !scan.errors.mask_offsets.is_empty();
+        let of_view = (0..scan.views()).filter(|_| differ).map(|view| {
+            let list = reduced(&scan.applied_offsets(view));
             *known.entry(bits(&list)).or_insert_with(|| {
                 lists.push(list);
                 numbers::count(lists.len() - 1)

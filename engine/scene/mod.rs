@@ -25,6 +25,7 @@ mod polygon;
 mod read;
 mod sample;
 mod scan;
+mod scan_errors;
 mod set;
 mod table;
 mod targets;
@@ -53,6 +54,7 @@ pub use model::{
 pub use motion::Motion;
 pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub use scan::{Fly, RotationAxis, Scan};
+pub use scan_errors::ScanErrors;
 pub use targets::RandomRays;
 pub use view::{Pose, View};
 

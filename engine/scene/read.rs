@@ -92,6 +92,7 @@ fn read_cone_vec(top: &Table<'_>, scene: &mut Scene) -> Result<()> {
     }
     scene.scan.angles = vec![0.0; motions.len()];
     scene.scan.motions = motions;
+    scene.scan.draw_errors();
     Ok(())
 }
 

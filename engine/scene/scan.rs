@@ -1,6 +1,6 @@
 //! The scan: mask offsets and views, with the motion of the sample in each.
 
-use super::Motion;
+use super::{Motion, ScanErrors};
 use std::f64::consts::TAU;
 
 /// Mask offsets, angles and motions. A view is one angle, or one dither of an angle.
@@ -27,6 +27,8 @@ pub struct Scan {
     pub dithers: Vec<f64>,
     /// Turn of the sample during the exposure of a view; `None` where it rests.
     pub fly: Option<Fly>,
+    /// What the scan does beside this.
+    pub errors: ScanErrors,
 }
 
 /// A turn during the exposure: a view is the mean of the intensities at even angles.
@@ -95,6 +97,7 @@ impl Scan {
             travel: [0.0; 3],
             dithers: Vec::new(),
             fly: None,
+            errors: ScanErrors { mask_offsets: Vec::new(), intensities: Vec::new(), drawn: None },
         }
     }
 
@@ -162,6 +165,28 @@ impl Scan {
     #[must_use]
     pub fn offsets_of(&self, view: usize) -> &[f64] {
         self.view_offsets.get(self.angle_index(view)).unwrap_or(&self.mask_offsets)
+    }
+
+    /// Displacements of the sample mask in a view as they are, with their errors, m.
+    #[must_use]
+    pub fn applied_offsets(&self, view: usize) -> Vec<f64> {
+        let asked = self.offsets_of(view).iter();
+        match self.errors.mask_offsets.get(view) {
+            None => asked.copied().collect(),
+            Some(errors) => asked.zip(errors).map(|(asked, error)| asked + error).collect(),
+        }
+    }
+
+    /// Light of a frame of a view over the nominal one.
+    #[must_use]
+    pub fn intensity(&self, view: usize, step: usize) -> f64 {
+        self.errors.intensities.get(view).and_then(|list| list.get(step)).copied().unwrap_or(1.0)
+    }
+
+    /// Draws the errors that are to be drawn.
+    pub(super) fn draw_errors(&mut self) {
+        let (views, steps) = (self.views(), self.mask_offsets.len());
+        self.errors.draw(views, steps);
     }
 
     /// Motion of the sample in a view before the set-up turns.

@@ -51,6 +51,7 @@ impl Scene {
         faults.note(self.validate_offsets("scan.mask_offsets", &self.scan.mask_offsets));
         faults.note(self.validate_view_offsets());
         faults.note(self.validate_motions());
+        faults.note(self.validate_errors());
         for (name, spec) in &self.materials {
             faults.note(named("materials", name));
             let table = path::join("materials", name);
@@ -190,6 +191,36 @@ impl Scene {
                 return Err(Error::scene(key, format!("{offset}"), "finite numbers"));
             }
             self.validate_offsets(&key, list)?;
+        }
+        Ok(())
+    }
+
+    /// Lists of errors are one for each view, each with the steps of the scan.
+    fn validate_errors(&self) -> Result<()> {
+        let (views, steps) = (self.scan.views(), self.scan.mask_offsets.len());
+        let errors = &self.scan.errors;
+        for (name, lists) in
+            [("mask_offsets", &errors.mask_offsets), ("intensities", &errors.intensities)]
+        {
+            let key = format!("scan.errors.{name}");
+            if !lists.is_empty() && lists.len() != views {
+                let found = format!("{} lists", lists.len());
+                return Err(Error::scene(key, found, format!("{views}, one for each view")));
+            }
+            if let Some(view) = lists.iter().position(|list| list.len() != steps) {
+                let found = format!("{} values in view {view}", lists[view].len());
+                return Err(Error::scene(key, found, format!("{steps}, one for each mask step")));
+            }
+            let is_wrong =
+                |value: &f64| !value.is_finite() || (name == "intensities" && *value <= 0.0);
+            if let Some(view) = lists.iter().position(|list| list.iter().any(is_wrong)) {
+                let found = format!("{:?} in view {view}", lists[view]);
+                return Err(Error::scene(key, found, "finite numbers; intensities above 0"));
+            }
+        }
+        for view in 0..errors.mask_offsets.len() {
+            let key = format!("scan.errors.mask_offsets[{view}]");
+            self.validate_offsets(&key, &self.scan.applied_offsets(view))?;
         }
         Ok(())
     }

@@ -262,6 +262,12 @@ impl About {
         about.insert("mask_offset".into(), offsets.get(step as usize).copied().into());
         if let Exposure::Sample(index) = view {
             about.insert("view".into(), index.into());
+            if !self.scene.scan.errors.is_none() {
+                let (scan, view, step) = (&self.scene.scan, index as usize, step as usize);
+                let applied = scan.applied_offsets(view).get(step).copied();
+                about.insert("mask_offset_applied".into(), applied.into());
+                about.insert("intensity_applied".into(), scan.intensity(view, step).into());
+            }
             if (index as usize) < self.scene.scan.views() {
                 about.insert("angle".into(), self.scene.scan.angle_of(index as usize).into());
                 let vectors = serde_json::to_value(self.scene.view(index as usize));

@@ -32,7 +32,8 @@ impl ViewAngles {
     /// Angles of the views of `scene`.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
-        let angles_rad = scene.scan.angles.clone();
+        let scan = &scene.scan;
+        let angles_rad: Vec<f64> = (0..scan.views()).map(|view| scan.angle_of(view)).collect();
         let degrees = angles_rad.iter().map(|angle| (angle.to_degrees() * 1e9).round() / 1e9);
         Self { angles_deg: degrees.collect(), angles_rad }
     }

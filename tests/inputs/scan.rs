@@ -84,9 +84,9 @@ fn motions_by_axis_by_quaternion_and_in_the_scene_are_the_same() {
         assert_eq!(scene.scan.angles, [0.0, 0.0], "motions without angles");
         for (motion, wanted) in scene.scan.motions.iter().zip(&wanted) {
             for point in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.2, 0.3, 1.0]] {
-                let off =
-                    motion.point(point).iter().zip(wanted.point(point)).map(|(a, b)| (a - b).abs());
-                assert!(off.fold(0.0, f64::max) < 1e-15, "{motion:?} for {wanted:?}");
+                let [found, wanted] = [motion.point(point), wanted.point(point)];
+                let is_near = found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-15);
+                assert!(is_near, "{found:?} for {wanted:?}");
             }
         }
         assert_kept(&scene);
@@ -154,7 +154,7 @@ fn tables_that_are_none_are_refused_with_their_line() {
     assert_refused(of_angles, &angles("view\n0\n"), &["angles.csv:1:1", "no column of values"]);
     assert_refused(of_angles, &angles("angle_deg\n1\nnan\n"), &["angles.csv:3:1", "nan", "finite"]);
     assert_refused(of_angles, &angles("angle_deg\n1 deg\n"), &["angles.csv:2:1", "\"1 deg\""]);
-    assert_refused(of_angles, &angles("angle_deg\n1,2\n"), &["angles.csv:2:2", "2 fields"]);
+    assert_refused(of_angles, &angles("angle_deg\n1,2\n"), &["angles.csv:2:1", "2 fields"]);
     assert_refused(of_angles, &angles("angle_deg\n"), &["no rows"]);
     assert_refused(of_angles, &[], &["scan.angles", "angles.csv"]);
     let motions = |text| [("motions.csv", text)];
@@ -206,4 +206,45 @@ fn values_that_cannot_be_are_refused_by_key() {
     assert_eq!(order.0, "scan.mask_offsets.order");
     assert_eq!(refused("dithers = []").0, "scan.dithers");
     assert_eq!(refused("travel = [\"0 m\", \"inf m\", \"0 m\"]").0, "scan.travel[1]");
+}
+
+#[test]
+fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
+    let two = "mask_offsets = [\"0 um\", \"5 um\"]\nangles = [\"0 deg\", \"1 deg\"]\n";
+    let of = |errors: &str, files: &[(&str, &str)]| {
+        scene(&format!("{two}errors = {{ {errors} }}"), files)
+    };
+    let files = [
+        ("mask.csv", "view,offset_0_um,offset_1_nm\n0,1,-2000\n1,3,4000\n"),
+        ("light.csv", "intensity_0,intensity_1\n1,0.9\n1.1,1\n"),
+    ];
+    let of_files = of("mask_offsets = \"mask.csv\", intensities = \"light.csv\"", &files).unwrap();
+    let lists = "mask_offsets = [[\"1 um\", \"-2 um\"], [\"3 um\", \"4 um\"]], intensities = [[1, 0.9], [1.1, 1.0]]";
+    assert_eq!(of_files.scan, of(lists, &[]).unwrap().scan);
+    assert_eq!(of_files.scan.offsets_of(1), [0.0, 5e-6]);
+    assert_eq!(of_files.scan.applied_offsets(1), [3e-6, 5e-6 + 4e-6]);
+    assert_eq!((of_files.scan.intensity(0, 1), of_files.scan.intensity(1, 1)), (0.9, 1.0));
+    assert_kept(&of_files);
+    let drawn = of("offset_sigma = \"2 um\", intensity_walk = 0.01, seed = 5", &[]).unwrap();
+    assert_eq!(drawn.scan.errors.mask_offsets.len(), 2);
+    assert!(drawn.scan.errors.intensities.concat().iter().all(|it| (it - 1.0).abs() < 0.1));
+    assert_kept(&drawn);
+    assert_eq!(
+        drawn.scan,
+        of("seed = 5, offset_sigma = \"2 um\", intensity_walk = 0.01", &[]).unwrap().scan
+    );
+    assert_ne!(
+        drawn.scan,
+        of("seed = 6, offset_sigma = \"2 um\", intensity_walk = 0.01", &[]).unwrap().scan
+    );
+    let refused = |errors: &str, word: &str| {
+        let error = of(errors, &[]).unwrap_err().to_string();
+        assert!(error.contains("scan.errors") && error.contains(word), "{error}");
+    };
+    refused("intensities = [[1, 2]]", "1 lists");
+    refused("intensities = [[1, 2], [1]]", "1 values in view 1");
+    refused("intensities = [[1, 2], [1, 0]]", "in view 1");
+    refused("mask_offsets = [[\"1 um\", \"1 um\"], [\"1 um\", \"1e9 m\"]]", "mask_offsets[1]");
+    refused("intensities = [[1, 1], [1, 1]], intensity_walk = 0.1", "both");
+    refused("intensity_sigma = -0.1", "intensity_sigma");
 }

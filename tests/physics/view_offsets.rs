@@ -42,3 +42,20 @@ fn views_with_offsets_of_their_own_have_the_bits_of_scans_with_these() {
         }
     }
 }
+
+#[test]
+fn errors_of_a_scan_are_in_its_frames_and_not_in_the_flat() {
+    let engine = engine(Backend::Bvh);
+    let mut asked = scene();
+    asked.scan.errors.mask_offsets = vec![vec![0.0, 2e-6], vec![-3e-6, 0.0], vec![0.0, 0.0]];
+    let mut applied = scene();
+    applied.scan.view_offsets = (0..3).map(|view| asked.scan.applied_offsets(view)).collect();
+    asked.scan.errors.intensities = vec![vec![1.0, 0.5], vec![1.0, 1.0], vec![0.97, 1.0]];
+    let [got, want] = [&asked, &applied].map(|scene| engine.simulate(scene).expect("stacks"));
+    assert_eq!(got.flat, want.flat);
+    for ((view, step, row, column), want) in want.sample.indexed_iter() {
+        let light = asked.scan.errors.intensities[view][step];
+        let got = f64::from(got.sample[[view, step, row, column]]);
+        assert!((got - light * f64::from(*want)).abs() < 1e-7, "view {view}, step {step}");
+    }
+}

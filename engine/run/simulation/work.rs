@@ -168,7 +168,8 @@ impl<'s> ViewWork<'s> {
                 self.pose = *pose;
                 mean.add(self.lit_band(view, projected_bounds, &band, control)?);
             }
-            let intensities = mean.finish();
+            let mut intensities = mean.finish();
+            self.scale(view, &mut intensities);
             let begin = Instant::now();
             let counts = detector.counts(view, &band, intensities.view(), &self.cancel)?;
             self.seconds.noise += begin.elapsed().as_secs_f64();
@@ -181,6 +182,19 @@ impl<'s> ViewWork<'s> {
             self.seconds.write += begin.elapsed().as_secs_f64();
         }
         Ok(())
+    }
+
+    /// Gives the frames of a view the light that they have over the nominal one.
+    fn scale(&self, view: Exposure, intensities: &mut Array3<f32>) {
+        let scan = &self.simulation.scene.scan;
+        let Exposure::Sample(view) = view else { return };
+        if scan.errors.intensities.is_empty() {
+            return;
+        }
+        for (step, mut frame) in intensities.outer_iter_mut().enumerate() {
+            let light = scan.intensity(view as usize, step);
+            frame.mapv_inplace(|y| numbers::single(light * f64::from(y)));
+        }
     }
 
     /// Poses of the sample in a view, each with its shadows; one without any for a flat.

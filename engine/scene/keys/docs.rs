@@ -72,7 +72,10 @@ fn unit(kind: &Kind) -> String {
         Kind::Corners(_) => "list of pairs of lengths".into(),
         Kind::Step => "length or angle".into(),
         Kind::Series(dimension, _) => format!("list of {}s", noun(*dimension)),
-        Kind::Lists(dimension, _) => format!("list of lists of {}s", noun(*dimension)),
+        Kind::Lists(dimension, _) => {
+            let noun = dimension.map_or_else(|| "number".to_owned(), noun);
+            format!("list of lists of {noun}s")
+        }
         Kind::Unit => "unit of length, or a length".into(),
         Kind::Number(noun, _) => bare(noun),
         Kind::Direction => "direction".into(),

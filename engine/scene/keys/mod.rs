@@ -19,6 +19,7 @@ pub(crate) mod row;
 pub(crate) mod value;
 
 pub(crate) mod detector;
+pub(crate) mod frames;
 pub(crate) mod mask;
 pub(crate) mod material;
 pub(crate) mod motion;

@@ -1,8 +1,8 @@
-//! Keys of a rigid motion, tables of motions, and offsets by angle.
+//! Keys of a rigid motion, and tables of motions.
 
 use super::prelude::*;
 use super::series::placed;
-use crate::csv_table::{Numbered, Placement, PlacementTable, Quantities, TableKind};
+use crate::csv_table::{Placement, PlacementTable, TableKind};
 use crate::scene::Motion;
 use std::path::Path;
 
@@ -26,6 +26,10 @@ fn read_motion(item: &ListItem<'_>) -> Result<Motion> {
     let table = item.table(&MOTION)?;
     let translation: [f64; 3] = optional(&table, "translation")?.unwrap_or_default();
     let [x, y, z] = ["x", "y", "z"].map(|key| optional::<[f64; 3]>(&table, key));
+    if let (None, Some(angle)) = (table.get("axis"), table.get("angle")) {
+        let error = angle.error("an angle without axis", "axis and angle");
+        return angle.refuse(error, Motion::IDENTITY);
+    }
     let turn = match (optional::<[f64; 3]>(&table, "axis")?, [x?, y?, z?]) {
         (None, [None, None, None]) => Ok(Motion::IDENTITY),
         (Some(axis), [None, None, None]) => {
@@ -82,34 +86,5 @@ impl Value for Vec<Motion> {
     fn write(&self, _: &Row, _: &Base<'_>) -> Result<Option<String>> {
         let motions: Vec<String> = self.iter().map(write_motion).collect();
         Ok(Some(format!("[{}]", motions.join(", "))))
-    }
-}
-
-impl Value for Vec<Vec<f64>> {
-    fn read(item: &ListItem<'_>, row: &'static Row) -> Result<Self> {
-        let Some(path) = item.as_text() else {
-            let values = |item: &ListItem<'_>| -> Result<Vec<f64>> {
-                item.items(&row.allowed())?.iter().map(|item| item.quantity(Length)).collect()
-            };
-            return item.items(&row.allowed())?.iter().map(values).collect();
-        };
-        let kind = TableKind {
-            key: "view_offsets",
-            noun: "mask offsets of views",
-            columns: "columns offset_0_UNIT, offset_1_UNIT and so on, one for each mask step, with a unit \
-                      of length, as offset_0_um; view, if any",
-            most: limits::ANGLES as usize,
-        };
-        let columns = Numbered::Yes;
-        let table = Quantities { kind, name: "offset", dimension: Length, columns };
-        match table.read(&item.directory().join(Path::new(path))) {
-            Ok(rows) => Ok(rows),
-            Err(error) => item.refuse(placed(item, error), Self::new()),
-        }
-    }
-
-    fn write(&self, _: &Row, _: &Base<'_>) -> Result<Option<String>> {
-        let lists: Vec<String> = self.iter().map(|offsets| list(offsets, Length)).collect();
-        Ok(Some(format!("[{}]", lists.join(", "))))
     }
 }

@@ -69,8 +69,8 @@ pub(crate) enum Kind {
     Step,
     /// A list of up to so many quantities, or a range of them.
     Series(Dimension, u32),
-    /// A list of lists of quantities of one length each, up to so many.
-    Lists(Dimension, u32),
+    /// A list of lists of quantities, or of numbers, of one length each, up to so many.
+    Lists(Option<Dimension>, u32),
     /// A unit of length.
     Unit,
     /// A number without a unit, by what it is.

@@ -1,5 +1,6 @@
 //! Keys of the scan: mask offsets, angles, motions and dithers.
 
+use super::frames::{ERRORS, frames};
 use super::motion::MOTION;
 use super::prelude::*;
 use super::series::RANGE;
@@ -21,7 +22,7 @@ keys! { SCAN: Scan, "scan", [],
     mask_offsets => series!(Length, limits::MASK_OFFSETS),
         Default(r#"["0 m"]"#), r#"["-10 um", "0 um", "10 um"]"#,
         "Displacements of the sample mask along +x in its own plane.";
-    view_offsets => Either("", &Lists(Length, limits::MASK_OFFSETS), &File("path of a CSV file")),
+    view_offsets => frames!(Some(Length)),
         Without("`mask_offsets` at every angle"), r#""offsets.csv""#,
         "Displacements of the sample mask at each angle, as many as `mask_offsets`, which the flat has.";
     angles => series!(Angle, limits::ANGLES), Default(r#"["0 deg"]"#),
@@ -44,6 +45,8 @@ keys! { SCAN: Scan, "scan", [],
     fly => Inner(&FLY.spec), Without("the sample rests in each view"),
         r#"{ count = 8, sweep = "1 deg" }"#,
         "Turn of the sample during the exposure of a view, whose intensities are means.";
+    errors => Inner(&ERRORS), Without("none"), r#"{ offset_sigma = "2 um" }"#,
+        "What the scan does beside what it asks for; retrieval does not know of it.";
 }
 
 impl Record for Scan {
@@ -58,6 +61,10 @@ impl Record for Scan {
         if table.get("angles").is_none() && self.motions.len() > 1 {
             self.angles = vec![0.0; self.motions.len()];
         }
+        // Vectors make views when source and detector are known.
+        if table.get("cone_vec").is_none() {
+            self.draw_errors();
+        }
         Ok(())
     }
 
@@ -69,6 +76,7 @@ impl Record for Scan {
             "travel" => self.travel.iter().all(|length| *length == 0.0),
             "dithers" => self.dithers.is_empty(),
             "fly" => self.fly.is_none(),
+            "errors" => self.errors.is_none(),
             _ => false,
         }
     }

@@ -107,7 +107,14 @@ fn kind(kind: &Kind) -> Value {
         }
         Kind::Lists(dimension, most) => json!({
             "type": "array",
-            "items": several(&quantity(&[*dimension], super::row::ANY), 1, *most),
+            "items": several(
+                &dimension.map_or_else(
+                    || number(super::row::ANY),
+                    |dimension| quantity(&[dimension], super::row::ANY),
+                ),
+                1,
+                *most,
+            ),
         }),
         Kind::Number(_, range) => number(*range),
         Kind::Direction => several(&json!({ "type": "number" }), 3, 3),

@@ -47,7 +47,7 @@ fn read_file(
         _ => ("offset", "offsets", "the column offset_UNIT with a unit of length, as offset_um"),
     };
     let kind = TableKind { key, noun, columns, most: most as usize };
-    let table = Quantities { kind, name: key, dimension, columns: Numbered::No };
+    let table = Quantities { kind, name: key, dimension: Some(dimension), columns: Numbered::No };
     match table.read(&item.directory().join(path)) {
         Ok(rows) => Ok(rows.into_iter().flatten().collect()),
         Err(error) => item.refuse(placed(item, error), vec![0.0]),
@@ -57,7 +57,7 @@ fn read_file(
 /// The error of a file at the key that names it; errors with a line of their own keep that.
 pub(super) fn placed(item: &ListItem<'_>, error: Error) -> Error {
     match error {
-        Error::File { .. } => item.error(error.to_string(), "a file that can be read"),
+        Error::File { .. } => item.error(error.to_string(), "a file that can be read, or a list"),
         other => other,
     }
 }
@@ -85,6 +85,8 @@ impl Value for Vec<f64> {
         }
         if let Some(path) = item.as_text()
             && matches!(row.kind, Either(_, _, File(_)))
+            // A value that should be in a list is no file.
+            && dimension.parse(path).is_err()
         {
             return read_file(item, Path::new(path), dimension, most);
         }

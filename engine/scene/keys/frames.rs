@@ -1,0 +1,144 @@
+//! Values of frames by angle or view and mask step, and errors of a scan.
+
+use super::prelude::*;
+use super::series::placed;
+use crate::csv_table::{Numbered, Quantities, TableKind};
+use crate::scene::ScanErrors;
+use crate::scene::scan_errors::DrawnErrors;
+use std::path::Path;
+
+/// Lists of lengths or numbers by view, or a file of them.
+macro_rules! frames {
+    ($dimension:expr) => {
+        Either("", &Lists($dimension, limits::MASK_OFFSETS), &File("path of a CSV file"))
+    };
+}
+pub(super) use frames;
+
+keys! { ERRORS, "scan.errors", [], [];
+    mask_offsets => frames!(Some(Length)), Without("none"), r#"[["1 um", "-2 um"]]"#,
+        "Displacements of the sample mask beside its offsets, a list for each view.";
+    offset_sigma => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#), r#""2 um""#,
+        "Standard deviation of independent errors of the mask offsets.";
+    offset_walk => Quantity(Length, NOT_NEGATIVE), Default(r#""0 m""#), r#""0.1 um""#,
+        "Standard deviation of the steps of a random walk of the mask, from frame to frame.";
+    intensities => frames!(None), Without("1"), "[[1.0, 0.97]]",
+        "Light of each frame over the nominal one, a list for each view.";
+    intensity_sigma => Number("a number", NOT_NEGATIVE), Default("0.0"), "0.01",
+        "Standard deviation of independent relative errors of the light.";
+    intensity_walk => Number("a number", NOT_NEGATIVE), Default("0.0"), "0.001",
+        "Standard deviation of the relative steps of a random walk of the light, from frame to frame.";
+    seed => Count(0, u64::MAX), Default("1"), "1", "Seed of what is drawn.";
+}
+
+impl Value for ScanErrors {
+    fn read(item: &ListItem<'_>, _: &'static Row) -> Result<Self> {
+        let table = item.table(&ERRORS)?;
+        let number = |key: &str| -> Result<f64> {
+            let (Some(item), row) = (table.get(key), table.row(key)?) else { return Ok(0.0) };
+            let value = f64::read(&item, row)?;
+            match in_range(key, &row.kind, value) {
+                Err(_) if !value.is_nan() => {
+                    let found = format!("{value:?}");
+                    item.refuse(item.error(found, row.kind.range_allowed()), 0.0)
+                }
+                _ => Ok(value),
+            }
+        };
+        let drawn = DrawnErrors {
+            offset_sigma: number("offset_sigma")?,
+            offset_walk: number("offset_walk")?,
+            intensity_sigma: number("intensity_sigma")?,
+            intensity_walk: number("intensity_walk")?,
+            seed: optional(&table, "seed")?.unwrap_or(1),
+        };
+        let errors = Self {
+            mask_offsets: optional(&table, "mask_offsets")?.unwrap_or_default(),
+            intensities: optional(&table, "intensities")?.unwrap_or_default(),
+            drawn: Some(drawn),
+        };
+        for (list, keys) in [
+            ("mask_offsets", ["offset_sigma", "offset_walk"]),
+            ("intensities", ["intensity_sigma", "intensity_walk"]),
+        ] {
+            let Some(given) = table.get(list) else { continue };
+            if let Some(other) = keys.iter().find(|key| table.get(key).is_some()) {
+                let found = format!("both {list} and {other}");
+                return given
+                    .refuse(given.error(found, "a list, or what is drawn"), Self::default());
+            }
+        }
+        Ok(errors)
+    }
+
+    /// What was applied, drawn or not.
+    fn write(&self, _: &Row, base: &Base<'_>) -> Result<Option<String>> {
+        let mut keys = Vec::new();
+        for (name, lists) in
+            [("mask_offsets", &self.mask_offsets), ("intensities", &self.intensities)]
+        {
+            let row = ERRORS.row(name).filter(|_| !lists.is_empty());
+            if let Some(text) = row.map(|row| lists.write(row, base)).transpose()?.flatten() {
+                keys.push((name, text));
+            }
+        }
+        Ok((!keys.is_empty()).then(|| inline(&keys)))
+    }
+}
+
+/// Quantity of lists by view.
+fn dimension_of(kind: &Kind) -> Option<Dimension> {
+    match kind {
+        Lists(dimension, _) => *dimension,
+        Either(_, lists, _) => dimension_of(lists),
+        _ => None,
+    }
+}
+
+impl Value for Vec<Vec<f64>> {
+    fn read(item: &ListItem<'_>, row: &'static Row) -> Result<Self> {
+        let dimension = dimension_of(&row.kind);
+        let Some(path) = item.as_text() else {
+            let value = |item: &ListItem<'_>| match dimension {
+                Some(dimension) => item.quantity(dimension),
+                None => item.number(),
+            };
+            let values = |item: &ListItem<'_>| -> Result<Vec<f64>> {
+                item.items(&row.allowed())?.iter().map(value).collect()
+            };
+            return item.items(&row.allowed())?.iter().map(values).collect();
+        };
+        let (name, noun, columns) = match dimension {
+            Some(_) => (
+                "offset",
+                "mask offsets of views",
+                "columns offset_0_UNIT, offset_1_UNIT and so on, one for each mask step, with a unit of \
+                 length, as offset_0_um; view, if any",
+            ),
+            None => (
+                "intensity",
+                "intensities of views",
+                "columns intensity_0, intensity_1 and so on, one for each mask step; view, if any",
+            ),
+        };
+        let kind = TableKind { key: row.name, noun, columns, most: limits::ANGLES as usize };
+        let table = Quantities { kind, name, dimension, columns: Numbered::Yes };
+        match table.read(&item.directory().join(Path::new(path))) {
+            Ok(rows) => Ok(rows),
+            Err(error) => item.refuse(placed(item, error), Self::new()),
+        }
+    }
+
+    fn write(&self, row: &Row, _: &Base<'_>) -> Result<Option<String>> {
+        let dimension = dimension_of(&row.kind);
+        let of_list = |values: &Vec<f64>| match dimension {
+            Some(dimension) => list(values, dimension),
+            None => {
+                let texts: Vec<String> = values.iter().map(|value| number(*value)).collect();
+                format!("[{}]", texts.join(", "))
+            }
+        };
+        let lists: Vec<String> = self.iter().map(of_list).collect();
+        Ok(Some(format!("[{}]", lists.join(", "))))
+    }
+}
