@@ -71,6 +71,11 @@ const PERMUTATIONS: &[Permutation] = &[
     ("random_light", "random_light.comp", &[]),
     ("fit", "retrieve/fit.comp", &[]),
     ("back_project", "reconstruct/back_project.comp", &[]),
+    ("back_project_variance", "reconstruct/back_project.comp", &[("VARIANCE", "1")]),
+    ("project", "reconstruct/project.comp", &[]),
+    ("project_cone", "reconstruct/project.comp", &[("CONE", "1")]),
+    ("project_back", "reconstruct/project_back.comp", &[]),
+    ("project_back_cone", "reconstruct/project_back.comp", &[("CONE", "1")]),
 ];
 
 /// The shaders of the tests, from tests/device/shaders/; they are not part of the library.

@@ -17,7 +17,7 @@ pub(crate) use beam::{Material, Spectrum};
 pub(crate) use convert::{Convert, Program};
 pub(crate) use look::{Check, Compare};
 pub(crate) use mesh::{Mask, Mesh};
-pub(crate) use reconstruct::{QuantityName, Reconstruct, ReconstructionName};
+pub(crate) use reconstruct::{Centre, QuantityName, Reconstruct, ReconstructionName};
 pub(crate) use retrieve::Retrieve;
 pub(crate) use shared::Messages;
 pub(crate) use simulate::{Illuminate, Simulate};

@@ -32,12 +32,20 @@ pub(crate) struct Reconstruct {
     /// Method
     #[arg(long, value_enum, default_value_t = ReconstructionName::Fbp)]
     pub(crate) method: ReconstructionName,
-    /// Window of the filter
-    #[arg(long, value_parser = filter(), default_value = "ram-lak")]
-    pub(crate) filter: Filter,
-    /// Frequency from which on nothing counts, as a share of Nyquist's: above 0, up to 1
-    #[arg(long, value_name = "SHARE", value_parser = above_zero, default_value_t = 1.0)]
-    pub(crate) cut_off: f64,
+    #[command(flatten)]
+    pub(crate) filtered: Filtered,
+    #[command(flatten)]
+    pub(crate) iterated: Iterated,
+    /// Use the uncertainties of the retrieval: fbp writes those of voxels and of means of regions,
+    /// iterative methods weigh by them
+    #[arg(long)]
+    pub(crate) sigma: bool,
+    /// Take stripes of single columns off the sinograms, which are rings in slices
+    #[arg(long)]
+    pub(crate) rings: bool,
+    /// Leave out kμ, which is added to delta for gradients of the attenuation where mu is made, too
+    #[arg(long)]
+    pub(crate) no_gradient_bias: bool,
     /// Side of a voxel [default: a pixel as the axis of rotation sees it]
     #[arg(long, value_name = "LENGTH", value_parser = length)]
     pub(crate) voxel: Option<f64>,
@@ -48,10 +56,10 @@ pub(crate) struct Reconstruct {
     /// lies about them]
     #[arg(long, value_name = "X,Y,Z", value_parser = lengths, allow_hyphen_values = true)]
     pub(crate) origin: Option<[f64; 3]>,
-    /// Column of the axis of rotation, counted from 0 at the centre of the first, with a fraction
-    /// [default: that of geometry.json or of the scene]
-    #[arg(long, value_name = "PIXELS", value_parser = finite, allow_negative_numbers = true)]
-    pub(crate) centre: Option<f64>,
+    /// Column of the axis of rotation, counted from 0 at the centre of the first, with a fraction; auto
+    /// finds it by lines that are seen from both ends [default: that of geometry.json or of the scene]
+    #[arg(long, value_name = "auto|PIXELS", value_parser = centre, allow_negative_numbers = true)]
+    pub(crate) centre: Option<Centre>,
     /// File format of the volumes
     #[arg(long, value_parser = format(), default_value = "tiff")]
     pub(crate) format: VolumeFormat,
@@ -84,11 +92,66 @@ pub(crate) struct Reconstruct {
     pub(crate) messages: Messages,
 }
 
+/// Options of filtered back-projection.
+#[derive(Debug, Args)]
+pub(crate) struct Filtered {
+    /// Window of the filter of fbp
+    #[arg(long, value_parser = filter(), default_value = "ram-lak")]
+    pub(crate) filter: Filter,
+    /// Frequency from which on nothing counts in fbp, as a share of Nyquist's: above 0, up to 1
+    #[arg(long, value_name = "SHARE", value_parser = above_zero, default_value_t = 1.0)]
+    pub(crate) cut_off: f64,
+    /// Corrections for the lever arms of voxels before and behind the axis in fbp [default: 1 for views
+    /// over less than a turn, else 0]
+    #[arg(long, value_name = "COUNT")]
+    pub(crate) arm_passes: Option<usize>,
+    /// Continue rows of a body wider than the detector as an ellipse, in fbp of mu and dark-field
+    #[arg(long)]
+    pub(crate) extrapolate: bool,
+}
+
+/// Options of iterative methods.
+#[derive(Debug, Args)]
+pub(crate) struct Iterated {
+    /// Most iterations of cgls, sirt and bb
+    #[arg(long, value_name = "COUNT", default_value_t = 20)]
+    pub(crate) iterations: usize,
+    /// End iterations at this root mean square of the residuals, in the unit of the sinograms
+    #[arg(long, value_name = "RMS", value_parser = above_zero)]
+    pub(crate) discrepancy: Option<f64>,
+    /// Keep voxels at or above zero, in sirt and bb
+    #[arg(long)]
+    pub(crate) non_negative: bool,
+    /// Make delta of refraction angles integrated along the rows, in cgls, sirt and bb
+    #[arg(long)]
+    pub(crate) phase: bool,
+}
+
 /// `--method`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ReconstructionName {
     /// Filtered back-projection; FDK in cones
     Fbp,
+    /// Conjugate gradients
+    Cgls,
+    /// Simultaneous iterative reconstruction; delta by --phase
+    Sirt,
+    /// Gradient descent with the steps of Barzilai and Borwein
+    Bb,
+}
+
+/// `--centre`
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Centre {
+    Auto,
+    Column(f64),
+}
+
+fn centre(text: &str) -> Result<Centre, String> {
+    if text == "auto" {
+        return Ok(Centre::Auto);
+    }
+    finite(text).map(Centre::Column).map_err(|error| format!("{error}, or auto"))
 }
 
 /// `--quantity`: one, or all.

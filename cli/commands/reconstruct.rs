@@ -1,14 +1,14 @@
 //! `beamlet reconstruct`: retrieved images or sinograms to volumes.
 
 use super::simulate::command_line;
-use crate::args::{QuantityName, Reconstruct, ReconstructionName};
+use crate::args::{Centre, QuantityName, Reconstruct, ReconstructionName};
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::cli_support::printed;
 use beamlet::reconstruct::{
-    FbpOptions, GridChoice, Input, Method, Quantity, Reconstructed, Truth, VolumeEstimate,
-    VolumePlan, VolumesTo, estimate, reconstruct,
+    FbpOptions, GridChoice, Input, IterativeOptions, Method, Quantity, Reconstructed, Solver,
+    Truth, VolumeEstimate, VolumePlan, VolumesTo, estimate, gradient_bias, reconstruct,
 };
 use beamlet::retrieve::{self, ImagesTo, Record, RetrieveOptions};
 use beamlet::scene::Scene;
@@ -40,10 +40,15 @@ fn work(
     let began = Instant::now();
     let engine = Engine::open(&arguments.device.options())?;
     let mut source = Source::of(arguments, &engine, cancel, reporter)?;
-    if let Some(column) = arguments.centre {
-        source.input = source.input.with_centre(column);
+    match arguments.centre {
+        Some(Centre::Column(column)) => source.input = source.input.with_centre(column),
+        Some(Centre::Auto) => {
+            reporter.doing("finding the axis of rotation");
+            source.input = source.input.with_found_centre(cancel)?;
+        }
+        None => {}
     }
-    let plan = plan(arguments, &source.input)?;
+    let plan = plan(arguments, &source.input)?.with_gradient_bias(bias(arguments, &source));
     let mut to = VolumesTo::new(&arguments.output, arguments.format);
     to = to.with_overwrite(arguments.overwrite);
     to.check(&source.input)?;
@@ -90,6 +95,8 @@ struct Source {
     scene: Option<Scene>,
     /// Images that were made on the way.
     retrieved: Option<PathBuf>,
+    /// Standard deviation of the curves without sample, m of offset.
+    flat_width: Option<f64>,
 }
 
 impl Source {
@@ -128,11 +135,11 @@ impl Source {
             }
         }
         let input = Input::of_images(&folders)?;
-        if arguments.truth && scene.is_none() {
-            let record = Record::read(&folders[0].join(layout::RECORD))?;
+        let record = Record::read(&folders[0].join(layout::RECORD))?;
+        if scene.is_none() {
             scene = record.geometry.map(|text| Scene::from_toml(&text, &folders[0])).transpose()?;
         }
-        Ok(Self { input, scene, retrieved })
+        Ok(Self { input, scene, retrieved, flat_width: record.flat_width })
     }
 
     fn of_file(arguments: &Reconstruct, geometry: &Path) -> Result<Self, Failure> {
@@ -157,7 +164,7 @@ impl Source {
         let scene = Scene::load_with(geometry, &arguments.sets)?;
         let input = Input::of_file(path, *quantity, &scene)
             .map_err(|error| Scene::locate(geometry, &arguments.sets, error))?;
-        Ok(Self { input, scene: Some(scene), retrieved: None })
+        Ok(Self { input, scene: Some(scene), retrieved: None, flat_width: None })
     }
 }
 
@@ -206,13 +213,48 @@ fn plan(arguments: &Reconstruct, input: &Input) -> Result<VolumePlan, Failure> {
         .with_voxel(arguments.voxel)
         .with_size(arguments.size)
         .with_origin(arguments.origin);
-    let method = match arguments.method {
-        ReconstructionName::Fbp => Method::Fbp(
-            FbpOptions::default().with_filter(arguments.filter).with_cut_off(arguments.cut_off),
-        ),
-    };
+    // δ needs the volume of μ before.
+    quantities.sort_by_key(|quantity| Quantity::ALL.iter().position(|other| other == quantity));
     let grid = choice.grid(input.geometry())?;
-    Ok(VolumePlan::new(quantities, grid, method).with_regions(arguments.regions.clone()))
+    let plan = VolumePlan::new(quantities, grid, method(arguments));
+    Ok(plan
+        .with_regions(arguments.regions.clone())
+        .with_rings(arguments.rings)
+        .with_sigma(arguments.sigma))
+}
+
+fn method(arguments: &Reconstruct) -> Method {
+    let solver = match arguments.method {
+        ReconstructionName::Fbp => {
+            let given = &arguments.filtered;
+            let options =
+                FbpOptions::default().with_filter(given.filter).with_cut_off(given.cut_off);
+            let options = options.with_arm_passes(given.arm_passes);
+            return Method::Fbp(options.with_extrapolate(given.extrapolate));
+        }
+        ReconstructionName::Cgls => Solver::Cgls,
+        ReconstructionName::Sirt => Solver::Sirt,
+        ReconstructionName::Bb => Solver::Bb,
+    };
+    let given = &arguments.iterated;
+    let options = IterativeOptions::default()
+        .with_solver(solver)
+        .with_iterations(given.iterations)
+        .with_discrepancy(given.discrepancy)
+        .with_non_negative(given.non_negative);
+    Method::iterative(options, given.phase)
+}
+
+/// Length of the bias of δ by gradients of μ, where the retrieval and the scene give it.
+fn bias(arguments: &Reconstruct, source: &Source) -> Option<f64> {
+    let (scene, width) = (source.scene.as_ref()?, source.flat_width?);
+    let has_masks = scene.sample_mask.is_some() && scene.detector_mask.is_some();
+    if arguments.no_gradient_bias || !has_masks {
+        return None;
+    }
+    gradient_bias(scene, width)
+        .inspect_err(|error| log::warn!("delta is not corrected for gradients of mu: {error}"))
+        .ok()
 }
 
 /// Where the voxels lie, in words.
@@ -282,6 +324,10 @@ fn summary(
     let [views, rows, columns] = record.sinograms;
     writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
     writeln!(out, "grid     {}", grid_words(&record.grid()))?;
+    writeln!(out, "axis     in column {:.3}", record.axis_column)?;
+    if let Some(k) = record.gradient_bias_m {
+        writeln!(out, "bias     delta + k mu, k = {k:.3e} m (gradients of the attenuation)")?;
+    }
     for (name, counts) in &record.pixels {
         let is_mu = name == Quantity::Mu.name();
         let misfits = if is_mu { "filled" } else { "kept" };

@@ -19,6 +19,7 @@ mod faults;
 mod instance;
 mod kernel;
 mod pace;
+mod paced;
 mod physical;
 mod recorder;
 mod retire;

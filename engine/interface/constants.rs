@@ -163,4 +163,11 @@ shared_constants! {
     FIT_CONDITION: usize = 8;
     /// `CURVE_` bits, as a float.
     FIT_FLAGS: usize = 9;
+
+    /// Of a projection: all voxels of a ray count alike,
+    ARM_NONE: u32 = 0;
+    /// by the lever arm, and less the farther they are from the source: derivatives along a row;
+    ARM_SLOPE: u32 = 1;
+    /// by the square of the lever arm: variances of angles.
+    ARM_SQUARED: u32 = 2;
 }

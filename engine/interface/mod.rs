@@ -85,7 +85,7 @@ pub use light::{
     Aperture, BeamletGeometry, Cell, CellRow, IlluminatePush, IlluminationParams, Mask, Pixel,
     RandomLightPush, RandomRaysPush, SpotPart,
 };
-pub use reconstruct::{BackProjectPush, ViewTurn};
+pub use reconstruct::{BackProjectPush, ProjectBackPush, ProjectPush, Sheet, ViewTurn};
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed, Prototype,
     Ray, RayResult, Sample, Surface, SurfaceCrossing, TracePush, ViewTransform,

@@ -1,4 +1,4 @@
-//! What back-projection reads.
+//! What projections and back-projections read.
 
 shared_structs! {
     /// Structs of reconstruction.
@@ -8,6 +8,94 @@ shared_structs! {
     pub struct ViewTurn in ViewTurns(readonly) {
         pub cosine: f32,
         pub sine: f32,
+    }
+
+    /// Rays of neighbouring columns of a view that cross the volume along the same axis. A slice is
+    /// counted from the middle one, a place on the detector in mean distances of columns from its
+    /// middle, voxels of a slice from the middle of it. What a ray is like in a slice is a sum
+    /// `value + by_slice * slice + by_place * place + by_both * slice * place`, over that of `weight`.
+    pub struct Sheet in Sheets(readonly) {
+        /// Voxels at which a ray crosses the slice.
+        pub cross: f32,
+        pub cross_by_slice: f32,
+        pub cross_by_place: f32,
+        pub cross_by_both: f32,
+        pub weight: f32,
+        pub weight_by_place: f32,
+        /// Distance from the source along the optical axis, over that of the axis of rotation.
+        pub scale: f32,
+        pub scale_by_slice: f32,
+        /// Depth behind the axis of rotation, m.
+        pub depth: f32,
+        pub depth_by_slice: f32,
+        pub depth_by_place: f32,
+        /// Columns of the sheet: from `begin`, before `end`.
+        pub begin: u32,
+        pub end: u32,
+        /// Slices lie across x, not across y.
+        pub is_x: u32,
+    }
+
+    /// Push constants of `reconstruct/project.comp`.
+    pub struct ProjectPush {
+        /// Two of each view.
+        pub sheets: u64 => Sheets,
+        /// Place of each column.
+        pub places: u64 => Projections,
+        /// `[z][y][x]` of a slab.
+        pub volume: u64 => Projections,
+        /// `[view][row][column]`, added to.
+        pub rays: u64 => Floats,
+        pub columns: u32,
+        pub rows: u32,
+        pub size_x: u32,
+        pub size_y: u32,
+        /// Planes of the volume in the slab.
+        pub first_plane: u32,
+        pub plane_end: u32,
+        /// Rays of this dispatch: from `first`, before `end`.
+        pub first: u32,
+        pub end: u32,
+        /// `ARM_`
+        pub arm: u32,
+        /// One over the lever arm of the axis of rotation, 1/m.
+        pub per_lever: f32,
+        /// Taken off the factor of the arm.
+        pub arm_less: f32,
+        /// Place of the first row at the axis of rotation, distance of rows, and place of plane 0, in
+        /// distances of planes.
+        pub row_zero: f32,
+        pub row_step: f32,
+        pub plane_zero: f32,
+    }
+
+    /// Push constants of `reconstruct/project_back.comp`.
+    pub struct ProjectBackPush {
+        pub sheets: u64 => Sheets,
+        pub places: u64 => Projections,
+        /// Per place in mean distances from the first column: the first column from there on.
+        pub starts: u64 => Words,
+        /// `[z][y][x]` of a slab, added to.
+        pub volume: u64 => Floats,
+        /// `[view][row][column]`.
+        pub rays: u64 => Projections,
+        pub view_count: u32,
+        pub columns: u32,
+        pub rows: u32,
+        /// Places of columns are whole numbers from the first.
+        pub is_even: u32,
+        pub size_x: u32,
+        pub size_y: u32,
+        pub first_plane: u32,
+        /// Voxels of this dispatch: from `first`, before `end`.
+        pub first: u32,
+        pub end: u32,
+        pub arm: u32,
+        pub per_lever: f32,
+        pub arm_less: f32,
+        pub row_zero: f32,
+        pub row_step: f32,
+        pub plane_zero: f32,
     }
 
     /// Push constants of `reconstruct/back_project.comp`. Lengths in m.

@@ -2,10 +2,11 @@
 
 use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
+use super::quantity::Quantity;
+use super::work::Work;
 use crate::gpu::{Device, Kernel, Memory, Pace, shaders};
-use crate::interface::{BackProjectPush, GROUP, ViewTurn};
+use crate::interface::{BackProjectPush, ViewTurn};
 use crate::numbers::{count, single};
-use crate::run::RowsControl;
 use crate::trace::push_bytes;
 use crate::{Engine, Result, reserve};
 use ndarray::{Array3, ArrayView3};
@@ -34,7 +35,30 @@ impl<'a> BackProjector<'a> {
         geometry: &ScanGeometry,
         [first, pitch]: [f64; 2],
         grid: &'a VolumeGrid,
-        is_squared: bool,
+        quantity: Quantity,
+    ) -> Result<Self> {
+        let kernel = ("back_project", shaders::BACK_PROJECT);
+        Self::with_kernel(engine, geometry, ([first, pitch], kernel), grid, quantity)
+    }
+
+    /// For variances of projections: of each column, then of each times the next one.
+    pub(super) fn of_variances(
+        engine: &Engine,
+        geometry: &ScanGeometry,
+        columns: [f64; 2],
+        grid: &'a VolumeGrid,
+        quantity: Quantity,
+    ) -> Result<Self> {
+        let kernel = ("back_project_variance", shaders::BACK_PROJECT_VARIANCE);
+        Self::with_kernel(engine, geometry, (columns, kernel), grid, quantity)
+    }
+
+    fn with_kernel(
+        engine: &Engine,
+        geometry: &ScanGeometry,
+        ([first, pitch], (name, code)): ([f64; 2], (&str, &'static [u32])),
+        grid: &'a VolumeGrid,
+        quantity: Quantity,
     ) -> Result<Self> {
         let scale = geometry.magnification();
         let row_pitch = geometry.row_pitch();
@@ -42,7 +66,7 @@ impl<'a> BackProjector<'a> {
             size_x: count(grid.size[0]),
             size_y: count(grid.size[1]),
             rows: count(geometry.rows.len()),
-            is_squared: is_squared.into(),
+            is_squared: (quantity != Quantity::Delta).into(),
             origin: grid.origin.map(single),
             voxel: grid.voxel.map(single),
             axis: single(geometry.axis),
@@ -59,11 +83,7 @@ impl<'a> BackProjector<'a> {
         };
         let device = engine.device().clone();
         Ok(Self {
-            kernel: device.kernel(
-                "back_project",
-                shaders::BACK_PROJECT,
-                push_bytes::<BackProjectPush>(),
-            )?,
+            kernel: device.kernel(name, code, push_bytes::<BackProjectPush>())?,
             device,
             push,
             grid,
@@ -82,7 +102,7 @@ impl<'a> BackProjector<'a> {
     pub(super) fn sum(
         &self,
         projections: ArrayView3<'_, f32>,
-        control: &mut RowsControl<'_>,
+        work: &mut Work<'_>,
     ) -> Result<Array3<f32>> {
         let [x, y, z] = self.grid.size;
         let (views, rows, columns) = projections.dim();
@@ -93,7 +113,7 @@ impl<'a> BackProjector<'a> {
         let room = (at_once * rows * columns * 4) as u64;
         let images = self.device.buffer("filtered projections", room, Memory::Device)?;
         let mut pace = Pace::new(1 << 12, 256, 1 << 20);
-        let total = (y * z * views) as u64;
+        let total = (x * y * z * views) as f64;
         let mut done = 0;
         for (number, slab) in values.chunks_mut(slices * x * y).enumerate() {
             volume.write(0, slab)?;
@@ -111,41 +131,17 @@ impl<'a> BackProjector<'a> {
                     first_slice: count(number * slices),
                     ..self.push
                 };
-                let mut report = |voxels: usize| {
-                    if let Some(progress) = &mut control.progress {
-                        progress(done + (voxels * n / x) as u64, total);
-                    }
+                let mut report = |voxels: u32| {
+                    (work.report)((done + voxels as usize * n) as f64 / total);
                 };
-                self.dispatch(push, slab.len(), &mut pace, &control.cancel, &mut report)?;
-                done += (slab.len() * n / x) as u64;
+                let push = |first, end| BackProjectPush { first, end, ..push };
+                let pace = (&mut pace, &work.cancel);
+                self.device.run_paced(&self.kernel, count(slab.len()), pace, push, &mut report)?;
+                done += slab.len() * n;
             }
             volume.read_into(0, slab)?;
         }
         let shape = (z, y, x);
         Ok(Array3::from_shape_vec(shape, values).unwrap_or_else(|_| Array3::zeros(shape)))
-    }
-
-    fn dispatch(
-        &self,
-        push: BackProjectPush,
-        voxels: usize,
-        pace: &mut Pace,
-        cancel: &crate::Cancel,
-        report: &mut dyn FnMut(usize),
-    ) -> Result<()> {
-        let (mut first, voxels) = (0, count(voxels));
-        while first < voxels {
-            cancel.check()?;
-            let n = pace.size().min(voxels - first);
-            let push = BackProjectPush { first, end: first + n, ..push };
-            let groups = [n.div_ceil(GROUP), 1, 1];
-            let time = self.device.run(|r| {
-                r.dispatch(&self.kernel, bytemuck::bytes_of(&push), groups);
-            })?;
-            first += n;
-            pace.adapt(time);
-            report(first as usize);
-        }
-        Ok(())
     }
 }

@@ -3,7 +3,9 @@
 use super::back_projector::BackProjector;
 use super::geometry::ScanGeometry;
 use super::grid::VolumeGrid;
+use super::quantity::Quantity;
 use super::resampling::Resampling;
+use super::work::Work;
 use crate::run::RowsControl;
 use crate::{Engine, Result, parallel};
 use ndarray::Array3;
@@ -46,13 +48,14 @@ pub fn estimate(
     let slice = VolumeGrid { size: [x, y, 1], ..*grid };
     let few = (MEASURED / (x * y)).clamp(1, views);
     let part = ScanGeometry { angles: geometry.angles[..few].to_vec(), ..geometry.clone() };
-    let projector = BackProjector::new(engine, &part, [even.first, even.pitch], &slice, true)?;
+    let projector =
+        BackProjector::new(engine, &part, [even.first, even.pitch], &slice, Quantity::Mu)?;
     let projections = Array3::zeros((few, rows, even.len()));
-    let mut quiet = RowsControl { progress: None, cancel: control.cancel.clone() };
+    let mut work = Work { cancel: control.cancel.clone(), report: &mut |_| () };
     // The first makes the kernel and finds the pace.
-    projector.sum(projections.view(), &mut quiet)?;
+    projector.sum(projections.view(), &mut work)?;
     let since = Instant::now();
-    projector.sum(projections.view(), &mut quiet)?;
+    projector.sum(projections.view(), &mut work)?;
     let seconds = since.elapsed().as_secs_f64() * (z * views) as f64 / few as f64;
     let at_once = 4 * super::back_projector::AT_ONCE as u64;
     let device_bytes = volume_bytes.min(at_once.max(bytes([x, y, 1])))

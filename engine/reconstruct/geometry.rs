@@ -20,6 +20,9 @@ pub struct ScanGeometry {
     pub rows: Vec<f64>,
     /// x of the axis of rotation from the optical axis.
     pub axis: f64,
+    /// Axis of rotation to the plane in which displacements are measured (the detector mask, or the
+    /// detector without one). Infinite: voxels before and behind the axis count alike.
+    pub lever: f64,
     /// Angles of the views, in any order.
     pub angles: Vec<f64>,
 }
@@ -35,7 +38,8 @@ impl ScanGeometry {
         angles: Vec<f64>,
     ) -> Self {
         let [source_distance, detector_distance] = distances;
-        Self { source_distance, detector_distance, columns, rows, axis: 0.0, angles }
+        let lever = f64::INFINITY;
+        Self { source_distance, detector_distance, columns, rows, axis: 0.0, lever, angles }
     }
 
     /// The scan of a scene: columns are the centres of the openings of the detector mask before each
@@ -53,7 +57,9 @@ impl ScanGeometry {
         }
         let file = GeometryFile::of(scene);
         let distances = [scene.source.distance + y, scene.detector.distance];
-        Ok(Self { axis: x, ..Self::new(distances, file.columns_m, file.rows_m, file.angles_rad) })
+        let lever = scene.analyser_distance() - distances[0];
+        let made = Self::new(distances, file.columns_m, file.rows_m, file.angles_rad);
+        Ok(Self { axis: x, lever, ..made })
     }
 
     /// Magnification from the axis of rotation to the detector.
@@ -71,6 +77,25 @@ impl ScanGeometry {
         self.source_distance.is_infinite()
     }
 
+    /// Views, rows and columns, as arrays have them.
+    pub(super) const fn dim(&self) -> (usize, usize, usize) {
+        (self.angles.len(), self.rows.len(), self.columns.len())
+    }
+
+    /// Length of a line through a place on the detector, per depth along the optical axis.
+    pub(super) fn length(&self, place: f64, row: usize) -> f64 {
+        let per = self.per_distance() / self.magnification();
+        (place * per).hypot(self.rows[row] * per).hypot(1.0)
+    }
+
+    /// Tangent of a refraction angle in the plane of a row: less its change per change along x of the
+    /// integral of δ over the depth, and per integral over the lever arm.
+    pub(super) fn tangents(&self, place: f64, row: usize) -> [f64; 2] {
+        let tangent = place * self.per_distance() / self.magnification();
+        let square = self.length(place, row).powi(2);
+        [square * (1.0 + tangent * tangent), square * tangent]
+    }
+
     /// Checks what the fields promise.
     ///
     /// # Errors
@@ -85,6 +110,9 @@ impl ScanGeometry {
         }
         if !self.axis.is_finite() {
             return wrong("axis", self.axis.to_string(), "a finite number");
+        }
+        if self.lever.is_nan() || self.lever <= 0.0 {
+            return wrong("lever", self.lever.to_string(), "a length above zero");
         }
         let is_finite = |list: &[f64]| list.iter().all(|value| value.is_finite());
         if self.columns.len() < 2
@@ -122,4 +150,26 @@ impl ScanGeometry {
             _ => 0.0,
         }
     }
+}
+
+/// # Errors
+/// [`Error::Argument`] for an array of another shape.
+pub(super) fn same_shape(
+    name: &str,
+    found: (usize, usize, usize),
+    needed: (usize, usize, usize),
+) -> Result<()> {
+    if found == needed {
+        return Ok(());
+    }
+    Err(Error::argument(name, format!("shape {found:?}"), format!("{needed:?}")))
+}
+
+/// Borders of columns: half the way to the next ones.
+pub(super) fn borders(columns: &[f64]) -> Vec<f64> {
+    let last = columns.len() - 1;
+    let middle = |n: usize| f64::midpoint(columns[n], columns[n + 1]);
+    let before = columns[0] - (columns[1] - columns[0]) / 2.0;
+    let behind = columns[last] + (columns[last] - columns[last - 1]) / 2.0;
+    [before].into_iter().chain((0..last).map(middle)).chain([behind]).collect()
 }

@@ -1,5 +1,7 @@
 //! What is reconstructed: images of one or several retrievals, or sinograms in files.
 
+use super::centre::find_axis;
+use super::data::Data;
 use super::geometry::ScanGeometry;
 use super::prepare::{PixelCounts, Preparation};
 use super::quantity::Quantity;
@@ -9,7 +11,7 @@ use crate::scene::Scene;
 use crate::stack::layout::{self, GEOMETRY, RECORD};
 use crate::stack::{GeometryFile, Maps};
 use crate::{Error, Result, reserve};
-use ndarray::Array3;
+use ndarray::{Array2, Array3};
 use std::path::{Path, PathBuf};
 
 /// Image of the flags of a retrieval.
@@ -133,6 +135,20 @@ impl Input {
         self
     }
 
+    /// The same with the axis of rotation that the sinograms show ([`super::find_axis`]): those of μ,
+    /// without them of the dark field, then of δ.
+    ///
+    /// # Errors
+    /// As [`Input::sinograms`] and [`super::find_axis`].
+    pub fn with_found_centre(mut self, cancel: &Cancel) -> Result<Self> {
+        let has = self.quantities();
+        let order = [Quantity::Mu, Quantity::DarkField, Quantity::Delta];
+        let of = order.into_iter().find(|of| has.contains(of)).unwrap_or(Quantity::Mu);
+        let (sinograms, _) = self.sinograms(of, cancel)?;
+        self.geometry.axis = find_axis(&self.geometry, sinograms.view(), Data::of(of))?;
+        Ok(self)
+    }
+
     /// Quantities that there are sinograms of.
     #[must_use]
     pub fn quantities(&self) -> Vec<Quantity> {
@@ -183,18 +199,17 @@ impl Input {
             match &self.source {
                 Source::File { file, .. } => self.read_view(file, view, &mut image)?,
                 Source::Images { folders, columns } => {
-                    let read = |(_, maps): &(PathBuf, Maps), name| maps.map(name, view);
-                    let maps = folders.iter().map(|of| read(of, quantity.image()));
-                    let maps = maps.collect::<Result<Vec<_>>>()?;
                     let has_flags = |of: &&(PathBuf, Maps)| of.1.names().any(|name| name == FLAGS);
-                    let flags = folders.iter().map(|of| has_flags(&of).then(|| read(of, FLAGS)));
-                    let flags = flags.map(Option::transpose).collect::<Result<Vec<_>>>()?;
+                    let flags_of = |of: &(PathBuf, Maps)| {
+                        has_flags(&of).then(|| of.1.map(FLAGS, view)).transpose()
+                    };
+                    let flags = folders.iter().map(flags_of).collect::<Result<Vec<_>>>()?;
                     for (to, [folder, column]) in columns.iter().enumerate() {
-                        image.column_mut(to).assign(&maps[*folder].column(*column));
                         if let Some(flags) = &flags[*folder] {
                             preparation.flags_of_column(to, flags.column(*column));
                         }
                     }
+                    self.read_images(quantity.image(), view, &mut image)?;
                 }
             }
             preparation.view(&mut image).map_err(|problem| {
@@ -203,6 +218,78 @@ impl Input {
             })?;
         }
         Ok((all, preparation.counts()))
+    }
+
+    /// Whether there are deviations of the values of a quantity.
+    #[must_use]
+    pub fn has_sigmas(&self, quantity: Quantity) -> bool {
+        let Source::Images { folders, .. } = &self.source else { return false };
+        let name = sigma_of(quantity);
+        folders.iter().all(|(_, maps)| maps.names().any(|other| other == name))
+    }
+
+    /// Standard deviations of the values of [`Input::sinograms`], `[view][row][column]`, by the retrieval;
+    /// NaN where a pixel has none.
+    ///
+    /// # Errors
+    /// [`Error::File`] where there are none or a file cannot be read; [`Error::Memory`],
+    /// [`Error::Interrupted`].
+    pub fn sigmas(&self, quantity: Quantity, cancel: &Cancel) -> Result<Array3<f32>> {
+        let name = sigma_of(quantity);
+        if !self.has_sigmas(quantity) {
+            let path = self.paths().into_iter().next().unwrap_or_default();
+            let problem = format!("has no image {name}, which the deviations are made of");
+            return Err(Error::file(path, problem, None));
+        }
+        let [views, rows, columns] = self.geometry.shape();
+        let values = reserve::zeroed(views * rows * columns, "deviations")?;
+        let mut all = Array3::from_shape_vec((views, rows, columns), values)
+            .map_err(|error| Error::argument("sinograms", error.to_string(), "their shape"))?;
+        let mut transmission = Array2::zeros((rows, columns));
+        for (view, mut image) in all.outer_iter_mut().enumerate() {
+            cancel.check()?;
+            self.read_images(&name, view, &mut image)?;
+            if quantity == Quantity::Mu {
+                self.read_images(quantity.image(), view, &mut transmission.view_mut())?;
+                image.zip_mut_with(&transmission, |sigma, t| {
+                    *sigma = if *t > 0.0 { *sigma / t } else { f32::NAN };
+                });
+            }
+            image.mapv_inplace(|sigma| if sigma.is_finite() { sigma } else { f32::NAN });
+        }
+        Ok(all)
+    }
+
+    /// The same, with the deviations of the next pixels where one has none.
+    ///
+    /// # Errors
+    /// As [`Input::sigmas`], and where a view has none.
+    pub(super) fn filled_sigmas(&self, quantity: Quantity, cancel: &Cancel) -> Result<Array3<f32>> {
+        let mut all = self.sigmas(quantity, cancel)?;
+        let mut preparation = Preparation::new(&self.geometry, false);
+        for (view, mut image) in all.outer_iter_mut().enumerate() {
+            preparation.view(&mut image).map_err(|problem| {
+                let path = self.paths().into_iter().next().unwrap_or_default();
+                Error::file(path, format!("{}: view {view} {problem}", sigma_of(quantity)), None)
+            })?;
+        }
+        Ok(all)
+    }
+
+    /// Reads an image of a view from every folder.
+    fn read_images(
+        &self,
+        name: &str,
+        view: usize,
+        image: &mut ndarray::ArrayViewMut2<'_, f32>,
+    ) -> Result<()> {
+        let Source::Images { folders, columns } = &self.source else { return Ok(()) };
+        let maps = folders.iter().map(|(_, maps)| maps.map(name, view));
+        let maps = maps.collect::<Result<Vec<_>>>()?;
+        for (to, [folder, column]) in columns.iter().enumerate() {
+            image.column_mut(to).assign(&maps[*folder].column(*column));
+        }
+        Ok(())
     }
 
     fn read_view(
@@ -221,6 +308,11 @@ impl Input {
         read.map(|read| image.assign(&read))
             .map_err(|error| Error::argument("sinograms", error.to_string(), "rows and columns"))
     }
+}
+
+/// Image of the deviations of a quantity.
+fn sigma_of(quantity: Quantity) -> String {
+    format!("{}_sigma", quantity.image())
 }
 
 /// What two scans of one sample do not share, where they do not.

@@ -1,47 +1,90 @@
 //! Reconstruction: from sinograms of attenuation, refraction and dark field to volumes.
 //!
-//! Filtered back-projection in parallel beams, fans and cones. Formulas: docs/physics.md.
+//! Parallel beams, fans and cones, on a circle. Formulas: docs/physics.md.
 //!
 //! From retrieved images to files: [`Input`] reads sinograms (`prepare.rs` fills their gaps),
 //! [`GridChoice`] chooses voxels, a [`Method`] makes a [`Volume`], [`reconstruct`] writes a folder of
 //! them (`write.rs`, `record.rs`) with means of [`Region`]s and a [`Truth`], [`OpenVolumes`] reads it.
+//!
+//! From sinograms to volumes, in the order of the data:
+//!
+//! - `geometry`, `grid`, `quantity`, `data`: the scan, the voxels, what values are.
+//! - `centre`, `rings`, `hardening`, `phase`: sinograms corrected.
+//! - `redundancy`, `resampling`, `filter`, `extrapolation`, `filtering`: rows weighted and filtered.
+//! - `back_projector`, `fbp_options`, `fbp`, `sigma`: filtered back-projection, and its noise.
+//! - `joseph`, `projector`, `model`: projections of a volume, and the transpose.
+//! - `solver`, `measured`, `preconditioner`, `vectors`, `problem`, `iterative`: least squares.
+//! - `gradient_bias`: slices corrected.
+//! - `work`: progress of several stages.
 
 mod back_projector;
+mod centre;
 mod choice;
+mod data;
 mod estimate;
+mod extrapolation;
 mod fbp;
+mod fbp_options;
 mod filter;
+mod filtering;
 mod geometry;
+mod gradient_bias;
 mod grid;
+mod hardening;
 mod input;
+mod iterative;
+mod joseph;
+mod measured;
 mod method;
+mod model;
 mod open;
+mod phase;
 mod plan;
+mod preconditioner;
 mod prepare;
+mod problem;
+mod projector;
 mod quantity;
 mod record;
 mod redundancy;
 mod regions;
 mod resampling;
+mod rings;
 mod run;
 mod scan;
+mod sigma;
+mod solver;
 mod truth;
+mod vectors;
+mod work;
 mod write;
 
+pub use centre::find_axis;
 pub use choice::GridChoice;
+pub use data::Data;
 pub use estimate::{VolumeEstimate, estimate};
-pub use fbp::{FbpOptions, fbp};
+pub use fbp::fbp;
+pub use fbp_options::FbpOptions;
 pub use filter::Filter;
 pub use geometry::ScanGeometry;
+pub use gradient_bias::{add_gradient_bias, gradient_bias};
 pub use grid::{Volume, VolumeGrid};
+pub use hardening::BeamHardening;
 pub use input::Input;
-pub use method::Method;
+pub use iterative::{Iterated, iterate};
+pub use measured::Measured;
+pub use method::{Made, Method};
+pub use model::Model;
 pub use open::OpenVolumes;
+pub use phase::phase_along_rows;
 pub use plan::VolumePlan;
 pub use prepare::PixelCounts;
 pub use quantity::Quantity;
 pub use record::VolumeRecord;
 pub use regions::{Region, RegionMean, RegionShape, region_table};
+pub use rings::suppress_rings;
 pub use run::{Reconstructed, VolumesTo, reconstruct};
+pub use sigma::{fbp_mean_sigma, fbp_sigma};
+pub use solver::{IterativeOptions, Solver};
 pub use truth::Truth;
 pub use write::VolumeFormat;

@@ -17,17 +17,32 @@ pub struct VolumePlan {
     pub method: Method,
     /// Regions whose means are written as CSV.
     pub regions: Vec<Region>,
+    /// The deviations of the retrieval are used: filtered back-projection makes volumes of the deviations
+    /// of voxels, and those of means of regions; iterative methods weigh values by one over the squares.
+    pub sigma: bool,
+    /// Stripes of single columns are taken off ([`super::suppress_rings`]).
+    pub rings: bool,
+    /// Length k of the bias of δ by gradients of μ ([`super::gradient_bias`]): δ becomes δ + kμ where μ is
+    /// made, too.
+    pub gradient_bias: Option<f64>,
 }
 
 impl VolumePlan {
-    /// A plan without regions.
+    /// A plan without regions and corrections.
     #[must_use]
     pub const fn new(quantities: Vec<Quantity>, grid: VolumeGrid, method: Method) -> Self {
-        Self { quantities, grid, method, regions: Vec::new() }
+        let regions = Vec::new();
+        Self { quantities, grid, method, regions, sigma: false, rings: false, gradient_bias: None }
     }
 
     setters! {
         /// Sets the regions whose means are written.
         with_regions(regions: Vec<Region>);
+        /// Uses the deviations of the retrieval.
+        with_sigma(sigma: bool);
+        /// Takes stripes of single columns off.
+        with_rings(rings: bool);
+        /// Sets the length of the bias of δ.
+        with_gradient_bias(gradient_bias: impl Into<Option<f64>>);
     }
 }

@@ -43,6 +43,12 @@ pub struct VolumeRecord {
     pub sinograms: [usize; 3],
     /// Column of the axis of rotation among these columns, counted from 0.
     pub axis_column: f64,
+    /// Stripes of single columns were taken off.
+    #[serde(default)]
+    pub rings: bool,
+    /// Length k with which kμ was added to δ, m; `None` where it was not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gradient_bias_m: Option<f64>,
     /// Pixels of the sinograms by quantity.
     pub pixels: BTreeMap<String, PixelCounts>,
     /// File format of the volumes.
@@ -89,6 +95,8 @@ impl VolumeRecord {
             inputs: BTreeMap::new(),
             sinograms: geometry.shape(),
             axis_column: geometry.axis_column(),
+            rings: plan.rings,
+            gradient_bias_m: None,
             pixels: BTreeMap::new(),
             format,
             order: "[z][y][x]".to_owned(),

@@ -76,6 +76,11 @@ impl Redundancy {
         Ok(made)
     }
 
+    /// Views over a whole turn.
+    pub(super) const fn is_turn(&self) -> bool {
+        self.since.is_none()
+    }
+
     /// Angle between the line through `u` on the virtual detector and that through the axis.
     fn fan_angle(&self, u: f64) -> f64 {
         libm::atan(u * self.per_distance) - self.axis_angle

@@ -1,16 +1,21 @@
 //! A whole reconstruction: from sinograms to a folder of volumes.
 
 use super::estimate::host_bytes;
+use super::gradient_bias::add_gradient_bias;
 use super::input::Input;
+use super::method::Made;
 use super::plan::VolumePlan;
+use super::quantity::Quantity;
 use super::record::VolumeRecord;
-use super::regions::region_table;
+use super::regions::{Region, region_table};
+use super::rings::suppress_rings;
+use super::sigma::{fbp_mean_sigma, fbp_sigma};
 use super::truth::Truth;
 use super::write::{VolumeFormat, write};
 use crate::cancel::Aside;
 use crate::retrieve::path_hash;
 use crate::run::{RowsControl, require_memory};
-use crate::stack::layout::{ERRORS, REGIONS};
+use crate::stack::layout::{ERRORS, REGIONS, RESIDUALS};
 use crate::stack::{ImageDirectory, Kind, now, refuse_overlap};
 use crate::whole_file::write_file;
 use crate::{Engine, Error, Result};
@@ -104,6 +109,7 @@ pub fn reconstruct(
     let since = Instant::now();
     to.check(input)?;
     plan.regions.iter().try_for_each(|region| region.check(&plan.grid))?;
+    plan.quantities.iter().try_for_each(|quantity| plan.method.check(*quantity))?;
     let geometry = input.geometry();
     require_memory(host_bytes(geometry, &plan.grid), "a reconstruction")?;
     let mut record = VolumeRecord::begin(engine, geometry, plan, to.format);
@@ -120,11 +126,15 @@ pub fn reconstruct(
         to.overwrite,
         record.about(),
     )?;
-    let (mut regions, mut errors) = (String::new(), String::new());
+    let [mut regions, mut errors, mut residuals] = [const { String::new() }; 3];
+    let mut mu = None;
     let parts = plan.quantities.len() as u64;
     for (number, quantity) in (0..).zip(plan.quantities.iter().copied()) {
-        let (sinograms, counts) = input.sinograms(quantity, &control.cancel)?;
+        let (mut sinograms, counts) = input.sinograms(quantity, &control.cancel)?;
         record.pixels.insert(quantity.name().to_owned(), counts);
+        if plan.rings {
+            suppress_rings(geometry, sinograms.view_mut())?;
+        }
         let cancel = control.cancel.clone();
         let mut advance = |done: u64, all: u64| {
             if let Some(progress) = &mut control.progress {
@@ -133,15 +143,24 @@ pub fn reconstruct(
             }
         };
         let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
-        let volume = plan.method.volume(
+        let weights = (plan.sigma && plan.method.filtered().is_none())
+            .then(|| input.sigmas(quantity, &cancel).map(weights_of))
+            .transpose()?;
+        let made = plan.method.volume(
             engine,
             geometry,
-            sinograms.view(),
+            (sinograms.view(), weights.as_ref().map(|weights| weights.view())),
             quantity,
             &plan.grid,
             &mut inner,
         )?;
         drop(sinograms);
+        append(&mut residuals, &residual_table(quantity, &made));
+        let mut volume = made.volume;
+        if let (Quantity::Delta, Some(k), Some(mu)) = (quantity, plan.gradient_bias, &mu) {
+            add_gradient_bias(&mut volume, mu, k)?;
+            record.gradient_bias_m = Some(k);
+        }
         let mut put = |name: &str, unit: &str, values: &Array3<f32>| {
             record.units.insert(name.to_owned(), unit.to_owned());
             let files = write(&mut images, to.format, (name, unit), &plan.grid, values, &cancel)?;
@@ -149,8 +168,25 @@ pub fn reconstruct(
             Ok::<(), Error>(())
         };
         put(quantity.name(), quantity.unit(), &volume.values)?;
+        let mut of_means = None;
+        if let (true, Some(options)) = (plan.sigma, plan.method.filtered()) {
+            let sigmas = input.filled_sigmas(quantity, &cancel)?;
+            let given = (geometry, sigmas.view(), quantity);
+            let mut quiet = RowsControl { progress: None, cancel: cancel.clone() };
+            let map = fbp_sigma(engine, given, &plan.grid, options, &mut quiet)?;
+            put(&format!("{}_sigma", quantity.name()), quantity.unit(), &map.values)?;
+            let of = |region: &Region| {
+                let voxels = region.voxels(&plan.grid);
+                let mut quiet = RowsControl { progress: None, cancel: cancel.clone() };
+                fbp_mean_sigma(given, &plan.grid, &voxels, options, &mut quiet)
+            };
+            of_means = Some(plan.regions.iter().map(of).collect::<Result<Vec<f64>>>()?);
+        }
         if !plan.regions.is_empty() {
-            append(&mut regions, &region_table(&plan.regions, &[&volume])?);
+            append(&mut regions, &region_table(&plan.regions, &volume, of_means.as_deref())?);
+        }
+        if quantity == Quantity::Mu && plan.gradient_bias.is_some() {
+            mu = Some(volume.clone());
         }
         if let Some(truth) = truth {
             if let Some(values) = truth.values(quantity) {
@@ -162,7 +198,7 @@ pub fn reconstruct(
             }
         }
     }
-    for (name, table) in [(REGIONS, &regions), (ERRORS, &errors)] {
+    for (name, table) in [(REGIONS, &regions), (ERRORS, &errors), (RESIDUALS, &residuals)] {
         if !table.is_empty() {
             write_file(&images.file(name)?, table.as_bytes())?;
             record.files.push(name.to_owned());
@@ -176,6 +212,33 @@ pub fn reconstruct(
     images.finish(Some(&record.text()?))?;
     let table = |text: String| (!text.is_empty()).then_some(text);
     Ok(Reconstructed { record, regions: table(regions), errors: table(errors) })
+}
+
+/// One over the squares of deviations, 0 where there is none. Deviations below a tenth of the median
+/// count as this.
+fn weights_of(mut sigmas: Array3<f32>) -> Array3<f32> {
+    let mut known: Vec<f32> = sigmas.iter().copied().filter(|sigma| *sigma > 0.0).collect();
+    let middle = known.len() / 2;
+    let least = match known.is_empty() {
+        true => 1.0,
+        false => *known.select_nth_unstable_by(middle, f32::total_cmp).1 / 10.0,
+    };
+    let weight = |sigma: f32| if sigma.is_nan() { 0.0 } else { sigma.max(least).powi(-2) };
+    sigmas.mapv_inplace(weight);
+    sigmas
+}
+
+/// Residuals of the iterations, as CSV; empty without.
+fn residual_table(quantity: Quantity, made: &Made) -> String {
+    let mut text = String::new();
+    for (n, residual) in made.residuals.iter().enumerate() {
+        if n == 0 {
+            text.push_str("quantity,iteration,residual,taken\n");
+        }
+        let taken = u8::from(n == made.best);
+        text.push_str(&format!("{},{n},{residual:e},{taken}\n", quantity.name()));
+    }
+    text
 }
 
 /// Appends a table to one with the same heading.

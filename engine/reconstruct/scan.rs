@@ -24,6 +24,7 @@ impl ScanGeometry {
             file.rows_m.clone(),
             file.angles_rad.clone(),
         );
+        made.lever = file.source_to_analyser_m - file.source_to_axis_m;
         made.check().map_err(|error| refused(error.to_string()))?;
         // Beside the optical axis; on it places of columns are rounded.
         if (made.axis_column() - axis).abs() > 1e-6 {

@@ -5,7 +5,7 @@ use crate::cancel::Cancel;
 use crate::gpu::{Buffer, Device, Kernel, Memory, Pace, shaders};
 use crate::interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
-    FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, GROUP, Step,
+    FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, Step,
 };
 use crate::numbers::{self, single};
 use crate::trace::push_bytes;
@@ -229,31 +229,20 @@ impl Fitter {
         pace: &mut Pace,
         cancel: &Cancel,
     ) -> Result<()> {
-        let mut first = 0;
-        while first < count {
-            cancel.check()?;
-            let n = (count - first).min(pace.size());
-            let push = FitPush {
-                steps: self.steps.address(),
-                curves: input.address(),
-                fits: output.address(),
-                step_count: numbers::count(self.step_count),
-                pixel_count: count,
-                first,
-                poisson: (self.options.weights == Weights::Poisson).into(),
-                gain: single(self.options.gain),
-                saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
-                min_width: single(self.min_width),
-                max_width: single(self.max_width),
-            };
-            let groups = [n.div_ceil(GROUP), 1, 1];
-            let time = self.device.run(|r| {
-                r.dispatch(&self.kernel, bytemuck::bytes_of(&push), groups);
-            })?;
-            first += n;
-            pace.adapt(time);
-        }
-        Ok(())
+        let push = |first, _| FitPush {
+            steps: self.steps.address(),
+            curves: input.address(),
+            fits: output.address(),
+            step_count: numbers::count(self.step_count),
+            pixel_count: count,
+            first,
+            poisson: (self.options.weights == Weights::Poisson).into(),
+            gain: single(self.options.gain),
+            saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
+            min_width: single(self.min_width),
+            max_width: single(self.max_width),
+        };
+        self.device.run_paced(&self.kernel, count, (pace, cancel), push, &mut |_| ())
     }
 
     /// From planes of values in half widths to curves in the offsets' unit.

@@ -40,6 +40,8 @@ pub const ERRORS: &str = "errors.csv";
 pub const ASTRA: &str = "astra.json";
 /// Script that loads these projections.
 pub(crate) const ASTRA_SCRIPT: &str = "load_astra.py";
+/// Residuals of iterations, in the folder of an iterative reconstruction.
+pub const RESIDUALS: &str = "residuals.csv";
 /// Folder of the stacks of detector numbers.
 pub(crate) const COUNTS: &str = "counts";
 /// Folder of kept moments.

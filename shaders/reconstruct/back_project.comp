@@ -1,6 +1,7 @@
 #version 460
 // Adds filtered projections to the voxels of a slab: one thread a voxel, views in order, linear
-// interpolation between columns and rows.
+// interpolation between columns and rows. VARIANCE: the same of variances of rows, whose columns are
+// correlated by their filter.
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference2 : require
@@ -12,6 +13,20 @@ layout(local_size_x = GROUP) in;
 
 #include "interface/BackProjectPush.glsl"
 
+#ifdef VARIANCE
+// Variance between two columns of a row, which has the variances of columns, then those of each
+// with the next.
+float between(uint start, float column) {
+    start *= 2u;
+    uint left = min(uint(column), push.columns - 1u);
+    uint right = min(left + 1u, push.columns - 1u);
+    float b = column - float(left);
+    float a = 1.0 - b;
+    float both = push.projections.at[start + push.columns + left];
+    return a * a * push.projections.at[start + left] + 2.0 * a * b * both
+        + b * b * push.projections.at[start + right];
+}
+#else
 // Value between two columns of a row.
 float between(uint start, float column) {
     uint left = min(uint(column), push.columns - 1u);
@@ -19,6 +34,7 @@ float between(uint start, float column) {
     float a = push.projections.at[start + left];
     return a + (column - float(left)) * (push.projections.at[start + right] - a);
 }
+#endif
 
 void main() {
     uint voxel = push.first + gl_GlobalInvocationID.x;
@@ -46,8 +62,15 @@ void main() {
         uint start = view * push.rows;
         float value = between((start + row) * push.columns, at.x);
         float under = between((start + below) * push.columns, at.x);
-        value += (at.y - float(row)) * (under - value);
-        sum += value * (push.is_squared != 0u ? near * near : near);
+        float share = at.y - float(row);
+        float weight = push.is_squared != 0u ? near * near : near;
+#ifdef VARIANCE
+        value = (1.0 - share) * (1.0 - share) * value + share * share * under;
+        weight *= weight;
+#else
+        value += share * (under - value);
+#endif
+        sum += value * weight;
     }
     push.volume.at[voxel] = sum;
 }

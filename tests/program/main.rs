@@ -11,6 +11,7 @@ mod cli_beam;
 mod clipping;
 mod doubts;
 mod hostile;
+mod iterated;
 mod mesh;
 mod mistakes;
 mod pictures;

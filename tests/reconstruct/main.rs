@@ -8,8 +8,14 @@ mod reference;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod arm;
+mod corrections;
 mod fbp;
+mod iterative;
+mod peers;
+mod projector;
 mod refused;
 mod set_up;
+mod sigma;
 #[cfg(feature = "cli")]
 mod verb;

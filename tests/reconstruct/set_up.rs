@@ -19,6 +19,11 @@ pub(crate) fn views(count: i32) -> Vec<f64> {
     (0..count).map(|n| f64::from(2 * n).to_radians()).collect()
 }
 
+/// Views over a whole turn.
+pub(crate) fn views_over_a_turn(count: i32) -> Vec<f64> {
+    (0..count).map(|n| std::f64::consts::TAU * f64::from(n) / f64::from(count)).collect()
+}
+
 /// A fan of ±26° that sees 96 pixels at the axis of rotation, twice as large on the detector.
 pub(crate) fn fan(count: i32) -> ScanGeometry {
     ScanGeometry::new([0.01, 0.02], places(96, 2.0 * PIXEL), vec![0.0], views(count))
@@ -37,7 +42,8 @@ pub(crate) fn blobs() -> [Blob; 2] {
     ]
 }
 
-/// Integrals of blobs along the lines to the pixels, or slopes of their refraction along x.
+/// Integrals of blobs along the lines to the pixels, or slopes of their refraction along x, with the
+/// lever arm of the geometry.
 pub(crate) fn sinograms(
     geometry: &ScanGeometry,
     blobs: &[Blob],
@@ -55,12 +61,18 @@ pub(crate) fn sinograms(
             // The sample turns back where source and detector turn.
             let placed = blob.placed(-geometry.angles[view], geometry.axis);
             let (integral, deflection) = placed.line(from, direction);
-            if quantity != Quantity::Delta {
-                return integral;
-            }
             let [dx, dy, dz] = direction;
             let length = (dx * dx + dy * dy + dz * dz).sqrt();
-            length * (deflection[0] * dy - dx * deflection[1]) / (dy * dy)
+            let arm = 1.0 - placed.nearest(from, direction)[1] / geometry.lever;
+            // Of a Gaussian about the nearest point.
+            let spread = blob.sigma * dy / length / geometry.lever;
+            match quantity {
+                Quantity::Mu => integral,
+                Quantity::DarkField => integral * (arm * arm + spread * spread),
+                Quantity::Delta => {
+                    arm * length * (deflection[0] * dy - dx * deflection[1]) / (dy * dy)
+                }
+            }
         };
         blobs.iter().map(value).sum::<f64>() as f32
     })

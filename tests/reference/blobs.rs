@@ -37,4 +37,11 @@ impl Blob {
             self.peak * self.sigma * TAU.sqrt() * (-dot(across, across) / (2.0 * square)).exp();
         (integral, across.map(|w| -integral * w / square))
     }
+
+    /// Point of a line that is next to the centre, where the mean of the blob along it lies, too.
+    pub(crate) fn nearest(&self, from: [f64; 3], direction: [f64; 3]) -> [f64; 3] {
+        let to = [0, 1, 2].map(|axis| self.centre[axis] - from[axis]);
+        let along = dot(to, direction) / dot(direction, direction);
+        [0, 1, 2].map(|axis| from[axis] + along * direction[axis])
+    }
 }

@@ -1,0 +1,179 @@
+//! Standard deviations of filtered back-projections from those of the sinograms. Noise of neighbouring
+//! voxels is correlated, by the filter and by the lines that they share.
+
+use super::back_projector::BackProjector;
+use super::fbp::check;
+use super::fbp_options::FbpOptions;
+use super::filtering::Filtering;
+use super::geometry::ScanGeometry;
+use super::grid::{Volume, VolumeGrid};
+use super::quantity::Quantity;
+use super::work::reporting;
+use crate::numbers::{single, whole};
+use crate::run::RowsControl;
+use crate::{Engine, Error, Result, parallel, reserve};
+use ndarray::{Array3, ArrayView3};
+use rayon::prelude::*;
+
+/// Standard deviation of each voxel of [`super::fbp`], by those of independent values of sinograms,
+/// `[view][row][column]`. Corrections of lever arms count as small: they are left out.
+///
+/// # Errors
+/// As [`super::fbp`]; [`Error::Argument`] for columns that are uneven, rows that are extrapolated, and
+/// deviations below zero.
+pub fn fbp_sigma(
+    engine: &Engine,
+    (geometry, sigmas, quantity): (&ScanGeometry, ArrayView3<'_, f32>, Quantity),
+    grid: &VolumeGrid,
+    options: &FbpOptions,
+    control: &mut RowsControl<'_>,
+) -> Result<Volume> {
+    let filtering = prepared(geometry, sigmas, quantity, options)?;
+    grid.check(geometry)?;
+    let (views, rows, columns) = sigmas.dim();
+    let kernels = [0, 1].map(|shift| filtering.filter().squared(shift));
+    let mut variances: Vec<f32> = reserve::zeroed(2 * views * rows * columns, "variances")?;
+    let cancel = &control.cancel;
+    variances.par_chunks_mut(2 * columns).enumerate().try_for_each(|(number, out)| {
+        cancel.check()?;
+        let (view, row) = (number / rows, number % rows);
+        let given: Vec<f64> = deviations(&filtering, geometry, sigmas, [view, row])
+            .map(|deviation| deviation * deviation)
+            .collect();
+        for (out, kernel) in out.chunks_mut(columns).zip(&kernels) {
+            out.iter_mut().zip(kernel.apply(&given)).for_each(|(to, from)| *to = single(from));
+        }
+        Ok(())
+    })?;
+    let shape = (views, 2 * rows, columns);
+    let variances =
+        Array3::from_shape_vec(shape, variances).unwrap_or_else(|_| Array3::zeros(shape));
+    let mut projector =
+        BackProjector::of_variances(engine, geometry, filtering.columns(), grid, quantity)?;
+    if let Some(at_once) = options.at_once {
+        projector = projector.with_at_once(at_once);
+    }
+    let mut values = reporting(control, |work| projector.sum(variances.view(), work))?;
+    // Sums of f32 may end below zero where all is nothing.
+    values.mapv_inplace(|variance| variance.max(0.0).sqrt());
+    Ok(Volume::new(*grid, quantity, values))
+}
+
+/// Standard deviation of the mean of [`super::fbp`] over voxels, each as its x, y and z, by those of
+/// independent values of sinograms, `[view][row][column]`.
+///
+/// # Errors
+/// As [`fbp_sigma`]; [`Error::Argument`] for no voxel, or one beyond the grid.
+pub fn fbp_mean_sigma(
+    (geometry, sigmas, quantity): (&ScanGeometry, ArrayView3<'_, f32>, Quantity),
+    grid: &VolumeGrid,
+    voxels: &[[usize; 3]],
+    options: &FbpOptions,
+    control: &mut RowsControl<'_>,
+) -> Result<f64> {
+    let filtering = prepared(geometry, sigmas, quantity, options)?;
+    grid.check(geometry)?;
+    let is_beyond = |voxel: &&[usize; 3]| (0..3).any(|axis| voxel[axis] >= grid.size[axis]);
+    if let Some(voxel) = voxels.iter().find(is_beyond) {
+        let found = format!("{voxel:?}");
+        return Err(Error::argument("voxels", found, format!("below {:?}", grid.size)));
+    }
+    if voxels.is_empty() {
+        return Err(Error::argument("voxels", "none", "one or more"));
+    }
+    let cancel = &control.cancel;
+    let of_view = |view: usize| {
+        cancel.check()?;
+        let spread = spread(geometry, &filtering, quantity, (grid, voxels), view);
+        let mut sum = 0.0;
+        for (row, line) in spread.chunks(filtering.count()).enumerate() {
+            let filtered = filtering.filter().apply(line);
+            let given = deviations(&filtering, geometry, sigmas, [view, row]);
+            sum += filtered.iter().zip(given).map(|(a, b)| (a * b).powi(2)).sum::<f64>();
+        }
+        Ok(sum)
+    };
+    let sums: Vec<f64> =
+        (0..geometry.angles.len()).into_par_iter().map(of_view).collect::<Result<_>>()?;
+    Ok(sums.iter().sum::<f64>().sqrt() / voxels.len() as f64)
+}
+
+/// # Errors
+/// [`Error::Argument`] for what has no deviation that is known.
+fn prepared<'a>(
+    geometry: &'a ScanGeometry,
+    sigmas: ArrayView3<'_, f32>,
+    quantity: Quantity,
+    options: &FbpOptions,
+) -> Result<Filtering<'a>> {
+    check(geometry, sigmas)?;
+    options.check(quantity)?;
+    parallel::start_threads()?;
+    if let Some(((view, row, column), value)) = sigmas.indexed_iter().find(|(_, v)| **v < 0.0) {
+        let found = format!("{value} in view {view}, row {row}, column {column}");
+        return Err(Error::argument("sigmas", found, "at least zero"));
+    }
+    if options.extrapolate {
+        let allowed = "rows as they are: what noise does to extrapolated ones is unknown";
+        return Err(Error::argument("extrapolate", "true", allowed));
+    }
+    let filtering = Filtering::new(geometry, quantity, options)?;
+    if !filtering.is_even() {
+        let allowed = "even ones: what interpolation does to noise is unknown";
+        return Err(Error::argument("columns", "uneven places", allowed));
+    }
+    Ok(filtering)
+}
+
+/// Standard deviations of the weighted values of a row.
+fn deviations<'a>(
+    filtering: &'a Filtering<'_>,
+    geometry: &'a ScanGeometry,
+    sigmas: ArrayView3<'a, f32>,
+    [view, row]: [usize; 2],
+) -> impl Iterator<Item = f64> + 'a {
+    geometry.columns.iter().enumerate().map(move |(column, place)| {
+        f64::from(sigmas[[view, row, column]]) * filtering.weight(view, row, *place)
+    })
+}
+
+/// The transpose of the sum of back-projection, for ones in some voxels: weights of the columns of a view,
+/// row by row.
+fn spread(
+    geometry: &ScanGeometry,
+    filtering: &Filtering<'_>,
+    quantity: Quantity,
+    (grid, voxels): (&VolumeGrid, &[[usize; 3]]),
+    view: usize,
+) -> Vec<f64> {
+    let (columns, rows) = (filtering.count(), geometry.rows.len());
+    let [first, pitch] = filtering.columns();
+    let (sine, cosine) = (libm::sin(geometry.angles[view]), libm::cos(geometry.angles[view]));
+    let scale = geometry.magnification();
+    let last = [(columns - 1) as f64, (rows - 1) as f64];
+    let mut spread = vec![0.0; rows * columns];
+    for voxel in voxels {
+        let [x, y, z] =
+            [0, 1, 2].map(|axis| grid.origin[axis] + grid.voxel[axis] * voxel[axis] as f64);
+        let depth = y * cosine - x * sine;
+        let near = 1.0 / (1.0 + depth * geometry.per_distance());
+        let across = (x * cosine + y * sine + geometry.axis) * near * scale;
+        let at = [
+            (across - first) / pitch,
+            (geometry.rows[0] - z * near * scale) / geometry.row_pitch(),
+        ];
+        if (0..2).any(|n| at[n] < -0.5 || at[n] > last[n] + 0.5) {
+            continue;
+        }
+        let weight = if quantity == Quantity::Delta { near } else { near * near };
+        let [column, row] = [0, 1].map(|n| at[n].clamp(0.0, last[n]));
+        let [left, top] = [column, row].map(|place| whole::<usize>(place));
+        for (n, share) in [(0, 1.0 - (row - top as f64)), (1, row - top as f64)] {
+            let start = (top + n).min(rows - 1) * columns;
+            let right = column - left as f64;
+            spread[start + left] += weight * share * (1.0 - right);
+            spread[start + (left + 1).min(columns - 1)] += weight * share * right;
+        }
+    }
+    spread
+}

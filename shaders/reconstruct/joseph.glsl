@@ -1,0 +1,49 @@
+// Coefficients of Joseph's projector, the same for both directions: a ray meets a slice of the volume
+// between two voxels, and counts in each by what is left of a voxel's side.
+
+// A ray in the slices of its sheet: values in the middle slice, and changes from slice to slice.
+struct Line {
+    // Voxels from the middle of the slice.
+    vec2 cross;
+    // Distance from the source, as a share of the distance to the axis.
+    vec2 scale;
+    // Depth behind the axis, m.
+    vec2 depth;
+};
+
+Line line_at(Sheet sheet, float place) {
+    float per = 1.0 / (sheet.weight + sheet.weight_by_place * place);
+    vec2 across = vec2(sheet.cross + sheet.cross_by_place * place,
+                       sheet.cross_by_slice + sheet.cross_by_both * place);
+    vec2 depth = vec2(sheet.depth + sheet.depth_by_place * place, sheet.depth_by_slice);
+    return Line(across * per, vec2(sheet.scale, sheet.scale_by_slice) * per, depth * per);
+}
+
+float along(vec2 law, float slice) { return law.x + law.y * slice; }
+
+// Share of the side of a voxel at `voxel` that a ray at `place` gets.
+float share(float place, float voxel) { return max(0.0, 1.0 - abs(place - voxel)); }
+
+// Factor by which a voxel counts for what it does to the angle of a ray there.
+float arm(Line line, float slice) {
+    if (push.arm == ARM_NONE) return 1.0;
+    float lever = 1.0 - along(line.depth, slice) * push.per_lever;
+    if (push.arm == ARM_SQUARED) return lever * lever - push.arm_less;
+    return (lever - push.arm_less) / along(line.scale, slice);
+}
+
+#ifdef CONE
+// Plane of the volume, counted from its first, that a ray in a row meets.
+vec2 height_of(Line line, uint row) {
+    vec2 height = line.scale * (push.row_zero - push.row_step * float(row));
+    return vec2(height.x - push.plane_zero, height.y);
+}
+#endif
+
+// Whole numbers from `low` to `high`: the first, and one behind the last, from 0 to `count`. A little
+// more than there are: coefficients decide.
+ivec2 between(float low, float high, uint count) {
+    float end = float(count);
+    return ivec2(int(ceil(clamp(low - 1e-3, 0.0, end))),
+                 int(floor(clamp(high + 1e-3, -1.0, end - 1.0))) + 1);
+}

@@ -1,0 +1,75 @@
+#version 460
+// Integrals of a volume along rays by Joseph's method: one thread a ray; planes of the volume in order,
+// in each the slices in order.
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+#include "interface.glsl"
+
+layout(local_size_x = GROUP) in;
+
+#include "interface/ProjectPush.glsl"
+#include "reconstruct/joseph.glsl"
+
+// Slices, counted from 0, where a law lies between two values.
+ivec2 slices_between(vec2 law, float low, float high, float middle, uint count) {
+    float slope = abs(law.y) < 1e-9 ? 1e-9 : law.y;
+    vec2 at = (vec2(low, high) + vec2(-1e-3, 1e-3) - law.x) / slope + middle;
+    return between(min(at.x, at.y), max(at.x, at.y), count);
+}
+
+void main() {
+    uint ray = push.first + gl_GlobalInvocationID.x;
+    if (ray >= push.end) return;
+    uint column = ray % push.columns;
+    uint view = ray / (push.columns * push.rows);
+    uint number = 2u * view;
+    if (column >= push.sheets.at[number].end) number++;
+    Sheet sheet = push.sheets.at[number];
+    Line line = line_at(sheet, push.places.at[column]);
+
+    bool is_x = sheet.is_x != 0u;
+    uint size = is_x ? push.size_y : push.size_x;
+    uint count = is_x ? push.size_x : push.size_y;
+    uint stride = is_x ? push.size_x : 1u;
+    uint slice_stride = is_x ? 1u : push.size_x;
+    float middle = 0.5 * float(size - 1u);
+    float middle_slice = 0.5 * float(count - 1u);
+    ivec2 inside = slices_between(line.cross, -1.0 - middle, middle + 1.0, middle_slice, count);
+    float sum = push.rays.at[ray];
+#ifdef CONE
+    vec2 height = height_of(line, ray / push.columns % push.rows);
+    vec2 ends = vec2(along(height, float(inside.x) - middle_slice),
+                     along(height, float(inside.y - 1) - middle_slice));
+    ivec2 planes = between(min(ends.x, ends.y) - 1.0, max(ends.x, ends.y) + 1.0, push.plane_end);
+    for (int plane = max(planes.x, int(push.first_plane)); plane < planes.y; plane++) {
+        float place = float(plane);
+        ivec2 slices = slices_between(height, place - 1.0, place + 1.0, middle_slice, count);
+        slices = ivec2(max(slices.x, inside.x), min(slices.y, inside.y));
+        uint start = (uint(plane) - push.first_plane) * push.size_x * push.size_y;
+#else
+        ivec2 slices = inside;
+        uint start = 0u;
+#endif
+        for (int slice = slices.x; slice < slices.y; slice++) {
+            float at = float(slice) - middle_slice;
+            float cross = along(line.cross, at) + middle;
+            float left = floor(cross);
+            int voxel = int(left);
+            uint from = start + uint(slice) * slice_stride;
+            float a = push.volume.at[from + uint(clamp(voxel, 0, int(size) - 1)) * stride];
+            float b = push.volume.at[from + uint(clamp(voxel + 1, 0, int(size) - 1)) * stride];
+            a = voxel >= 0 && voxel < int(size) ? a * share(cross, left) : 0.0;
+            b = voxel >= -1 && voxel < int(size) - 1 ? b * share(cross, left + 1.0) : 0.0;
+#ifdef CONE
+            sum += (a + b) * share(along(height, at), place) * arm(line, at);
+        }
+    }
+#else
+            sum += (a + b) * arm(line, at);
+        }
+#endif
+    push.rays.at[ray] = sum;
+}

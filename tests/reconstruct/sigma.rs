@@ -1,0 +1,105 @@
+//! Deviations of volumes by those of sinograms, against the scatter over noisy sinograms.
+
+use crate::set_up::{PIXEL, fan, grid, places, reconstruct, views};
+use crate::support;
+use beamlet::ndarray::Array3;
+use beamlet::reconstruct::{
+    FbpOptions, Filter, Quantity, ScanGeometry, VolumeGrid, fbp_mean_sigma, fbp_sigma,
+};
+use beamlet::{Backend, RowsControl};
+
+const COUNT: usize = 100;
+
+/// Standard normal numbers.
+fn normal(state: &mut u64) -> f64 {
+    let mut uniform = || {
+        *state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((*state >> 11) as f64 + 0.5) / 2.0_f64.powi(53)
+    };
+    (-2.0 * uniform().ln()).sqrt() * (std::f64::consts::TAU * uniform()).cos()
+}
+
+/// Noise that changes from view to view and over the row.
+fn deviations(geometry: &ScanGeometry) -> Array3<f32> {
+    let shape = (geometry.angles.len(), geometry.rows.len(), geometry.columns.len());
+    Array3::from_shape_fn(shape, |(view, _, column)| {
+        (1e-3 * (1.0 + 0.5 * (view as f64 / 20.0).sin()) * (1.0 + column as f64 / 96.0)) as f32
+    })
+}
+
+fn compare(geometry: &ScanGeometry, quantity: Quantity, grid: &VolumeGrid, options: FbpOptions) {
+    let sigmas = deviations(geometry);
+    let control = &mut RowsControl::default();
+    let engine = support::engine(Backend::Bvh);
+    let map =
+        fbp_sigma(&engine, (geometry, sigmas.view(), quantity), grid, &options, control).unwrap();
+    // A disc of voxels beside the middle, in the first plane.
+    let region: Vec<[usize; 3]> = (0..grid.size[0] * grid.size[1])
+        .map(|n| [n % grid.size[0], n / grid.size[0], 0])
+        .filter(|[x, y, _]| (*x as f64 - 12.0).hypot(*y as f64 - 14.0) < 7.0)
+        .collect();
+    let given = (geometry, sigmas.view(), quantity);
+    let of_mean = fbp_mean_sigma(given, grid, &region, &options, control).unwrap();
+    let mut state = 7;
+    let mut squares = Array3::<f64>::zeros(map.values.dim());
+    let mut of_means = 0.0;
+    for _ in 0..COUNT {
+        let noise = sigmas.mapv(|sigma| (f64::from(sigma) * normal(&mut state)) as f32);
+        let made = reconstruct(geometry, &noise, quantity, grid, &options).unwrap().values;
+        squares.zip_mut_with(&made, |sum, value| *sum += f64::from(*value).powi(2) / COUNT as f64);
+        let sum: f64 = region.iter().map(|[x, y, z]| f64::from(made[[*z, *y, *x]])).sum();
+        of_means += (sum / region.len() as f64).powi(2) / COUNT as f64;
+    }
+    // Means over blocks, for a hundred sinograms scatter by 7 % in a voxel.
+    let block = grid.size[0] / 2;
+    for (left, top) in [(0, 0), (block, 0), (0, block), (block, block)] {
+        let part = |squares: &dyn Fn(usize, usize) -> f64| -> f64 {
+            (0..block * block).map(|n| squares(top + n / block, left + n % block)).sum()
+        };
+        let found = part(&|y, x| squares[[0, y, x]]).sqrt();
+        let expected = part(&|y, x| f64::from(map.values[[0, y, x]]).powi(2)).sqrt();
+        println!("measured σ {quantity:?}: {:.3} of the scatter", expected / found);
+        assert!((expected / found - 1.0).abs() < 0.1, "{expected} {found}");
+    }
+    println!("measured σ of a mean {quantity:?}: {:.3} of the scatter", of_mean / of_means.sqrt());
+    assert!((of_mean / of_means.sqrt() - 1.0).abs() < 0.15, "{of_mean} {}", of_means.sqrt());
+    // As if voxels were independent.
+    let square = |at: &[usize; 3]| f64::from(map.values[[at[2], at[1], at[0]]]).powi(2);
+    let alone = region.iter().map(square).sum::<f64>().sqrt() / region.len() as f64;
+    assert!((alone / of_mean - 1.0).abs() > 0.3, "{alone} {of_mean}");
+}
+
+#[test]
+fn deviations_are_the_scatter_of_noisy_sinograms() {
+    let grid = grid([40, 40, 1]);
+    compare(&fan(118), Quantity::Mu, &grid, FbpOptions::default());
+    let smooth = FbpOptions::default().with_filter(Filter::Hann).with_cut_off(0.8);
+    compare(&fan(180), Quantity::Delta, &grid, smooth);
+    let pitch = 2.0 * PIXEL;
+    let rows = places(6, pitch).into_iter().rev().collect();
+    let cone = ScanGeometry::new([0.02, 0.04], places(60, pitch), rows, views(180));
+    compare(&cone, Quantity::DarkField, &crate::set_up::grid([40, 40, 2]), FbpOptions::default());
+}
+
+#[test]
+fn unknown_deviations_are_refused() {
+    let mut geometry = fan(180);
+    let engine = support::engine(Backend::Bvh);
+    let grid = grid([8, 8, 1]);
+    let refused = |geometry: &ScanGeometry, sigmas: &Array3<f32>, options, words: &str| {
+        let control = &mut RowsControl::default();
+        let made =
+            fbp_sigma(&engine, (geometry, sigmas.view(), Quantity::Mu), &grid, &options, control);
+        let message = made.unwrap_err().to_string();
+        assert!(message.contains(words), "{message}");
+    };
+    let mut sigmas = deviations(&geometry);
+    let extrapolated = FbpOptions::default().with_extrapolate(true);
+    refused(&geometry, &sigmas, extrapolated, "extrapolated");
+    sigmas[[2, 0, 3]] = -1.0;
+    refused(&geometry, &sigmas, FbpOptions::default(), "view 2, row 0, column 3");
+    sigmas[[2, 0, 3]] = 1.0;
+    geometry.columns[5] += 0.5 * PIXEL;
+    refused(&geometry, &sigmas, FbpOptions::default(), "uneven");
+}
