@@ -8,7 +8,7 @@ use crate::{Error, Result};
 use ndarray::Zip;
 
 /// Length k by which δ comes out too small, δ − kμ, where a step of the sample mask moves the aperture
-/// over the sample (docs/physics.md): (M/z)(z_c/z₁)(σ² − a²/12), σ the standard deviation of the curve
+/// over the sample (docs/physics.md): `(M/z)(z_c/z₁)(σ² − a²/12)`, σ the standard deviation of the curve
 /// without sample in offsets of the mask (`flat_width`, m), a its aperture.
 ///
 /// # Errors

@@ -66,7 +66,7 @@ fn medians(sinograms: ArrayView3<'_, f32>, row: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Small values that have these fourth differences: (DᵀD + λ) x = Dᵀ d, by Cholesky's method in bands.
+/// Small values that have these fourth differences: `(DᵀD + λ) x = Dᵀ d`, by Cholesky's method in bands.
 fn stripes(differences: &[f64]) -> Vec<f64> {
     const BAND: usize = FOURTH.len();
     let columns = differences.len() + BAND - 1;

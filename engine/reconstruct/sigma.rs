@@ -167,7 +167,7 @@ fn spread(
         }
         let weight = if quantity == Quantity::Delta { near } else { near * near };
         let [column, row] = [0, 1].map(|n| at[n].clamp(0.0, last[n]));
-        let [left, top] = [column, row].map(|place| whole::<usize>(place));
+        let [left, top] = [column, row].map(whole::<usize>);
         for (n, share) in [(0, 1.0 - (row - top as f64)), (1, row - top as f64)] {
             let start = (top + n).min(rows - 1) * columns;
             let right = column - left as f64;
