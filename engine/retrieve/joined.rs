@@ -16,7 +16,7 @@ pub(super) struct JoinedColumns {
 impl JoinedColumns {
     /// Columns of the dithers of a scene whose views have columns at `places`; `None` without dithers.
     ///
-    /// A sample that is moved by d is seen at x as one at rest is at x - d z_d / z_c, with the distances
+    /// A sample that is moved by d is seen at x as one at rest is at `x - d z_d / z_c`, with the distances
     /// of detector and axis of rotation from the source.
     pub(super) fn of(scene: &Scene, places: &[f64]) -> Option<Self> {
         let dithers = &scene.scan.dithers;

@@ -205,7 +205,7 @@ impl Simulation {
     fn announce_moments(&self, cancel: &Cancel) -> Result<()> {
         let pixels: f64 = self.scene.detector.pixels.map(f64::from).iter().product();
         let Some(bytes) = self.moments_of_rays() else { return Ok(()) };
-        if pixels * self.scene.scan.angles.len() as f64 >= MANY_PIXELS {
+        if pixels * self.scene.scan.views() as f64 >= MANY_PIXELS {
             let bytes = bytes(self.estimate_until(cancel)?.rays);
             if bytes >= MANY_BYTES {
                 log::warn!("moments of all views: about {:.1} GB", bytes as f64 / 1e9);

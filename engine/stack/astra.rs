@@ -43,7 +43,7 @@ pub struct AstraFile {
 }
 
 /// Writes the images of a folder of retrieved images into another folder: each as `NAME.npy`
-/// `[row][view][column]`, with astra.json and load_astra.py. `progress` takes the rows that are done, and
+/// `[row][view][column]`, with `astra.json` and `load_astra.py`. `progress` takes the rows that are done, and
 /// all.
 ///
 /// # Errors
