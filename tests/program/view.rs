@@ -331,7 +331,7 @@ fn what_is_not_there_is_refused_and_nothing_is_written() {
         ("view run --row 4", 2, "4 rows"),
         ("view run --show retrieved --map contrast", 1, "dark_field"),
         ("view run --show maps", 2, "sinograms"),
-        ("view run --azimuth 10", 2, "this is a run"),
+        ("view run --azimuth 10", 2, "this is a folder"),
         ("view scene.toml --pixel 1,1", 2, "this is a scene"),
         ("view scene.toml --azimuth up", 2, "degrees"),
         ("view bare --show retrieved", 1, "beamlet retrieve"),
