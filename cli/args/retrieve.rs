@@ -2,7 +2,8 @@
 
 use super::names::{MethodName, WeightsName, format};
 use super::shared::{DeviceArguments, Messages};
-use super::values::{above_zero, from_zero, key_value, single, two_steps};
+use super::values::{above_zero, bin, columns, from_zero, key_value, region, single, two_steps};
+use beamlet::retrieve::{Columns, Region};
 use beamlet::stack::Format;
 use clap::Args;
 use std::path::PathBuf;
@@ -38,6 +39,16 @@ pub(crate) struct Retrieve {
     /// with row,column on each line, counted from 0; they have no answer and a flag of their own
     #[arg(long, value_name = "FILE")]
     pub(crate) bad_pixels: Option<PathBuf>,
+    /// Columns to keep, counted from 0, the end excluded, as `1::2` for a mask of two pixels per period
+    #[arg(long, value_name = "START:END:STEP", value_parser = columns)]
+    pub(crate) columns: Option<Columns>,
+    /// Columns and rows to add to one pixel, behind --columns: sums of counts, means of intensities
+    #[arg(long, value_name = "COLUMNS,ROWS", value_parser = bin)]
+    pub(crate) bin: Option<[usize; 2]>,
+    /// Pixels (behind --columns and --bin) with nothing in the beam, the ends excluded: transmission, refraction, dose of each step and
+    /// drift there are reported, with a warning where they are not those of an empty beam
+    #[arg(long, value_name = "C0:C1[,R0:R1]", value_parser = region)]
+    pub(crate) empty_beam: Option<Region>,
     /// Offsets of the sample mask: a list with units, or a file with one on each line
     /// [default: those of the geometry's scan]
     #[arg(long, value_name = "LIST|FILE", requires = "flat", allow_hyphen_values = true)]

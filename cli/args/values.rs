@@ -1,6 +1,9 @@
 //! Values that are checked as they are typed.
 
 use crate::numbers;
+use beamlet::retrieve::{Columns, Region};
+use std::ops::Range;
+
 pub(super) fn two_steps(text: &str) -> Result<[usize; 2], String> {
     let steps: Option<Vec<usize>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
     match steps.as_deref() {
@@ -110,5 +113,34 @@ pub(super) fn key_value(text: &str) -> Result<String, String> {
     match text.split_once('=') {
         Some((key, _)) if !key.trim().is_empty() => Ok(text.to_owned()),
         _ => Err("write key.path=value, as in 'source.energy=40 keV'".into()),
+    }
+}
+
+/// A rectangle of pixels: columns, and rows where they follow.
+pub(super) fn region(text: &str) -> Result<Region, String> {
+    let range = |text: &str| -> Option<Range<usize>> {
+        let (from, to) = text.split_once(':')?;
+        let range = from.trim().parse().ok()?..to.trim().parse().ok()?;
+        (range.start < range.end).then_some(range)
+    };
+    let found = match text.split_once(',') {
+        None => range(text).map(|columns| Region::new(columns, None)),
+        Some((columns, rows)) => {
+            range(columns).and_then(|columns| Some(Region::new(columns, Some(range(rows)?))))
+        }
+    };
+    found
+        .ok_or_else(|| "allowed: C0:C1 or C0:C1,R0:R1, pixels from 0, the ends excluded".to_owned())
+}
+
+pub(super) fn columns(text: &str) -> Result<Columns, String> {
+    Columns::parse(text).map_err(|error| error.to_string())
+}
+
+pub(super) fn bin(text: &str) -> Result<[usize; 2], String> {
+    let counts: Option<Vec<usize>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
+    match counts.as_deref() {
+        Some(&[columns, rows]) if columns > 0 && rows > 0 => Ok([columns, rows]),
+        _ => Err("write columns,rows from 1 on, as in 2,1".into()),
     }
 }

@@ -1,14 +1,14 @@
 //! `beamlet retrieve`: a run or measured stacks to transmission, refraction and dark field.
 
+mod summary;
+
 use super::simulate::command_line;
 use crate::args::Retrieve;
 use crate::failure::Failure;
 use crate::interrupt;
 use crate::progress::Reporter;
 use beamlet::RowsControl;
-use beamlet::retrieve::{
-    ImagesTo, Input, Method, Record, RetrieveOptions, Weights, flags, offsets, retrieve,
-};
+use beamlet::retrieve::{ImagesTo, Input, Method, RetrieveOptions, Weights, offsets, retrieve};
 use beamlet::scene::Scene;
 use beamlet::stack::{OpenRun, StackFile, layout, refuse_overlap};
 use beamlet::{Engine, Error};
@@ -29,7 +29,11 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     if let Some(file) = &arguments.bad_pixels {
         input = input.with_bad_pixels(file)?;
     }
+    if arguments.columns.is_some() || arguments.bin.is_some() {
+        input = input.with_selection(arguments.columns, arguments.bin)?;
+    }
     let of_scene = input.noise();
+    let gain_assumed = arguments.gain.is_none() && of_scene.is_none();
     let gain = match (input.counts(), arguments.gain) {
         (true, gain) => gain.or(of_scene.map(|[gain, _]| gain)).or(Some(1.0)),
         (false, None) => None,
@@ -42,6 +46,8 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
         .with_method(arguments.method.into())
         .with_weights(arguments.weights.into())
         .with_gain(gain)
+        .with_gain_assumed(gain_assumed)
+        .with_empty_beam(arguments.empty_beam.clone())
         .with_read_noise(arguments.read_noise.or(of_scene.map(|[_, noise]| noise)).unwrap_or(0.0))
         .with_steps(arguments.steps)
         .with_sample_offsets(arguments.sample_offsets.as_deref().map(offsets).transpose()?);
@@ -76,7 +82,9 @@ pub(super) fn run(arguments: &Retrieve, out: &mut impl Write) -> Result<(), Fail
     match done {
         Ok(record) if arguments.json => super::write_json(&record, out),
         Ok(_) if arguments.messages.quiet => Ok(()),
-        Ok(record) => summary(&record, &path, began.elapsed().as_secs_f64(), has_counts, out),
+        Ok(record) => {
+            summary::write(&record, &path, began.elapsed().as_secs_f64(), has_counts, out)
+        }
         Err(Error::Interrupted) => {
             Err(Failure::Interrupted { advice: "nothing was written".into() })
         }
@@ -129,67 +137,4 @@ fn measured(arguments: &Retrieve) -> Result<(Input, PathBuf), Failure> {
         .with_flats_every(arguments.flats_every)
         .with_read(&others);
     Ok((input, output.clone()))
-}
-
-/// What would settle the fits, where every pixel is ill-conditioned.
-fn remedy(record: &Record, pixels: u64) -> Option<String> {
-    let all = |bit: u32| record.flagged.get(&bit).is_some_and(|count| *count == pixels);
-    if !all(flags::of_pixel(flags::ILL_CONDITIONED, 0))
-        && !all(flags::of_pixel(0, flags::ILL_CONDITIONED))
-    {
-        return None;
-    }
-    let [low, high] = record
-        .offsets
-        .iter()
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| [low.min(*at), high.max(*at)]);
-    let sigma = record.flat_width.filter(|_| record.method != "beamlet")?;
-    Some(format!(
-        "every pixel is ill-conditioned: {} offsets cover {:.1} sigma of the flat's curve (sigma {:.1} \
-         um); seven or more over +-{:.0} um would settle width and background",
-        record.offsets.len(),
-        (high - low) / sigma,
-        sigma * 1e6,
-        2.5e6 * sigma
-    ))
-}
-
-/// What the user wants to know at the end, on stdout. `has_counts`: of the run that was read.
-fn summary(
-    record: &Record,
-    path: &Path,
-    seconds: f64,
-    has_counts: bool,
-    out: &mut impl Write,
-) -> Result<(), Failure> {
-    let [views, rows, columns] = record.shape;
-    if let Some(title) = &record.title {
-        writeln!(out, "title    {}", beamlet::cli_support::printed::line(title))?;
-    }
-    writeln!(out, "images   {}", beamlet::cli_support::printed::path(path))?;
-    writeln!(out, "method   {}, weights {}", record.method, record.weights)?;
-    writeln!(out, "views    {views} of {columns} x {rows} pixels, in {seconds:.1} s")?;
-    let pixels = views * rows * columns;
-    writeln!(out, "pixels   {} of {pixels} without an answer", record.without_answer)?;
-    let remedy = remedy(record, pixels as u64);
-    let said_once =
-        [flags::of_pixel(flags::ILL_CONDITIONED, 0), flags::of_pixel(0, flags::ILL_CONDITIONED)];
-    for (bit, count) in record.flagged.iter().filter(|(_, count)| **count > 0) {
-        if remedy.is_none() || !said_once.contains(bit) {
-            let meaning = record.flags.get(bit).map_or("", String::as_str);
-            writeln!(out, "         {count} with flag {bit} ({meaning})")?;
-        }
-    }
-    if let Some(residual) = record.residual.filter(|_| !record.counts) {
-        let share = 100.0 * residual;
-        writeln!(out, "misfit   fits leave {share:.2} % of open beam (rms, median of all pixels)")?;
-    }
-    if let Some(remedy) = remedy {
-        writeln!(out, "note     {remedy}")?;
-    }
-    if has_counts && !record.counts {
-        let way = "--counts --weights poisson retrieves from them, with their uncertainties";
-        writeln!(out, "note     the run has counts, too: {way}")?;
-    }
-    Ok(())
 }

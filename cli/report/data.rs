@@ -133,7 +133,7 @@ pub(super) fn collect(run: &Subject, most: u64) -> Result<Data, Failure> {
     let maps = [Map::Grey, Map::Viridis, Map::Inferno, Map::Diverging];
     let tables: serde_json::Map<String, Value> =
         maps.into_iter().map(|map| (format!("{map:?}"), table_of(map).into())).collect();
-    let pitch = run.scene().map(|scene| scene.detector.pitch.map(|pitch| 1e3 * pitch));
+    let pitch = run.pitch().map(|pitch| pitch.map(|pitch| 1e3 * pitch));
     let (labels, length) = match pitch {
         Some(_) => (["x [mm]", "z [mm]"], "mm"),
         None => (["x [pixels]", "z [pixels]"], "pixels"),

@@ -142,7 +142,13 @@ impl Subject {
     /// Where the pixels of frames and images stand.
     pub(crate) fn grid(&self) -> Grid {
         let [_, _, rows, columns] = self.shape;
-        Grid::of_pixels(self.scene.as_ref().map(|scene| scene.detector.pitch), [rows, columns])
+        Grid::of_pixels(self.pitch(), [rows, columns])
+    }
+
+    /// Size of a pixel of frames and images, x and z, m.
+    pub(crate) fn pitch(&self) -> Option<[f64; 2]> {
+        let of_scene = self.scene.as_ref().map(|scene| scene.detector.pitch);
+        self.fitted.as_ref().map(Input::pitch).or(of_scene)
     }
 
     /// What to do where there are no retrieved images.

@@ -64,6 +64,14 @@ impl Subject {
             let found = Images::open(&retrieved)?;
             let (rows, columns) = (found.rows, found.columns);
             let differs = [rows, columns] != shape[2..];
+            if found.record.kept_columns.is_some() || found.record.bin.is_some() {
+                return Err(Failure::File {
+                    path: retrieved,
+                    problem: "holds images of selected or added pixels (--columns, --bin), which \
+                              are not those of the run: name this directory alone"
+                        .into(),
+                });
+            }
             if differs && !found.of_beamlets || found.maps.views() > shape[0] {
                 return Err(Failure::File {
                     path: retrieved,

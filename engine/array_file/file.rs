@@ -99,6 +99,15 @@ impl ArrayFile {
         }
     }
 
+    /// Whether values have 8 bits.
+    pub(crate) const fn has_bytes(&self) -> bool {
+        match self {
+            Self::Exr(_) => false,
+            Self::Npy(file) => file.has_bytes(),
+            Self::Tiff(pages) => pages.has_bytes(),
+        }
+    }
+
     /// Whether a few rows cost no more than their share: nothing is decoded whole.
     pub(crate) const fn reads_any_rows(&self) -> bool {
         matches!(self, Self::Npy(_))
@@ -125,15 +134,21 @@ impl ArrayFile {
     }
 }
 
-/// Begins a file that takes frames one after another: number, rows and columns.
+/// Begins a file that takes frames one after another: number, rows and columns. `pitch`: of a pixel, x
+/// and z, m, where it has one and the format holds it.
 ///
 /// # Errors
 /// [`Error::File`].
-pub(crate) fn append(path: &Path, format: Format, sides: [u32; 3]) -> Result<Box<dyn Append>> {
+pub(crate) fn append(
+    path: &Path,
+    format: Format,
+    sides: [u32; 3],
+    pitch: Option<[f64; 2]>,
+) -> Result<Box<dyn Append>> {
     match format {
         Format::Exr => Ok(exr::append(path)),
         Format::Npy => npy::append(path, sides),
-        Format::Tiff => tiff::append(path, sides),
+        Format::Tiff => tiff::append(path, sides, pitch),
     }
 }
 
@@ -174,7 +189,7 @@ mod tests {
 
     /// Two frames of a file for which three were announced.
     fn appended(path: &Path, format: Format) -> Vec<u8> {
-        let mut file = append(path, format, [3, 2, 3]).unwrap();
+        let mut file = append(path, format, [3, 2, 3], None).unwrap();
         frames().iter().for_each(|frame| file.put(frame.view(), "a word of its own").unwrap());
         file.finish().unwrap();
         std::fs::read(path).unwrap()

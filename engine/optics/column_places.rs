@@ -10,21 +10,30 @@ impl Optics {
     /// the parts of the pixels behind openings of the detector mask; of whole pixels without a mask, and
     /// where a pixel lies behind bars.
     pub(crate) fn column_places(&self) -> Vec<f64> {
+        self.column_lights().into_iter().map(|[place, _]| place).collect()
+    }
+
+    /// As [`Optics::column_places`], each with the width of the openings, in pixels: 1 without a mask, 0
+    /// behind bars.
+    pub(crate) fn column_lights(&self) -> Vec<[f64; 2]> {
         let (half, columns) = (self.detector.half(0), self.detector.pixels[0]);
         let windows =
             self.detector_mask.as_ref().map(|mask| mask.openings_in_columns(&self.detector, 0.0));
         let place = |column: u32| {
             let left = f64::from(column) - half;
-            let behind = windows.as_ref().and_then(|windows| centre(windows, left, half));
-            behind.unwrap_or(left + 0.5) * self.detector.pitch[0]
+            let [centre, width] = match &windows {
+                None => [left + 0.5, 1.0],
+                Some(windows) => centre(windows, left, half).unwrap_or([left + 0.5, 0.0]),
+            };
+            [centre * self.detector.pitch[0], width]
         };
         (0..columns).map(place).collect()
     }
 }
 
-/// Centre of the openings between `left` and `left` + 1, columns from the optical axis. `half`: of the
+/// Centre and width of the openings between `left` and `left` + 1, columns from the optical axis. `half`: of the
 /// apertures, which number as the columns do.
-fn centre(windows: &Openings, left: f64, half: f64) -> Option<f64> {
+fn centre(windows: &Openings, left: f64, half: f64) -> Option<[f64; 2]> {
     let period = windows.period[0];
     let number = |place: f64| (place - windows.offset) / period + half - 0.5;
     let mut number_of = number(left).floor() - 1.0;
@@ -40,7 +49,7 @@ fn centre(windows: &Openings, left: f64, half: f64) -> Option<f64> {
         }
         number_of += 1.0;
     }
-    (width > LEAST_PART).then(|| moment / width)
+    (width > LEAST_PART).then(|| [moment / width, width])
 }
 
 #[cfg(test)]

@@ -8,12 +8,15 @@ use crate::scene::{Blur, Scene};
 use crate::spectrum;
 use crate::{Error, Result, numbers};
 use ndarray::{Array3, ArrayView3};
+use std::ops::Range;
 
 /// Where beamlets land on the detector.
 #[derive(Debug, Clone)]
 pub(super) struct Beamlets {
     /// First pixel of each beamlet's window.
     starts: Vec<usize>,
+    /// From beamlet to beamlet on the detector, m.
+    period: f64,
     /// The light of each aperture.
     beamlets: Vec<Beamlet>,
     /// Pixels of a window.
@@ -61,6 +64,7 @@ impl Beamlets {
             .collect();
         Ok(Self {
             starts,
+            period: period * optics.detector.pitch[0],
             beamlets: lights(scene, &optics, mask, &slopes)?,
             pixels: numbers::whole::<usize>(pixels),
             columns: numbers::whole::<usize>(columns),
@@ -74,9 +78,21 @@ impl Beamlets {
         &self.places
     }
 
+    /// From beamlet to beamlet on the detector, m.
+    pub(super) const fn period(&self) -> f64 {
+        self.period
+    }
+
     /// Number of beamlets along a row.
     pub(super) fn count(&self) -> usize {
         self.starts.len()
+    }
+
+    /// Beamlets whose windows are within these columns.
+    pub(super) fn within(&self, columns: &Range<usize>) -> Range<usize> {
+        let first = self.starts.partition_point(|start| *start < columns.start);
+        let last = self.starts.partition_point(|start| start + self.pixels <= columns.end);
+        first..last.max(first)
     }
 
     /// The light of the apertures, in the order of the beamlets.

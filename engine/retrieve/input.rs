@@ -1,9 +1,11 @@
 //! What is retrieved from: a run of beamlet, or measured stacks with their geometry.
 
 mod bad_pixels;
+mod correction;
 mod faults;
 mod flats;
 mod reopened;
+mod selection;
 
 use super::retriever::Retriever;
 use crate::cancel::{Aside, Cancel};
@@ -12,14 +14,14 @@ use crate::numbers;
 use crate::scene::{Scene, hash_until, text_hash};
 use crate::stack::layout::{GEOMETRY, LOG, SCENE};
 use crate::stack::{OpenRun, StackFile};
-use crate::{Error, Result, folder, input_file, reserve};
-use ndarray::{Array2, Array3, Zip};
+use crate::{Error, Result, folder, input_file};
+use correction::{Correction, Dark, LEFT_OUT};
+use ndarray::Array3;
+pub use selection::Columns;
+use selection::Selection;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-/// Stands for a value that is left out: finite, and above every saturation.
-const LEFT_OUT: f32 = f32::MAX;
 
 /// Stacks of flat and sample, and the scene whose geometry and offsets they have.
 #[derive(Debug)]
@@ -29,13 +31,8 @@ pub struct Input {
     sample: StackFile,
     /// Views between one flat and the next; `None` where there is one flat, or one for each view.
     flats_every: Option<u32>,
-    dark: Option<Array2<f32>>,
-    /// File or folder of the dark frames.
-    dark_path: Option<PathBuf>,
-    /// File of bad pixels, and these, `[row][column]`.
-    bad: Option<(PathBuf, Array2<bool>)>,
-    /// Values from here on, before the dark is subtracted, are left out.
-    saturation: Option<f32>,
+    correction: Correction,
+    selection: Selection,
     /// Detector number of one photon, and the noise of no light, where the scene has them.
     noise: Option<[f64; 2]>,
     counts: bool,
@@ -45,9 +42,31 @@ pub struct Input {
     read: Vec<PathBuf>,
     /// Files of each folder of measured frames, in their order.
     frames: BTreeMap<String, Vec<String>>,
+    /// Warnings about the files.
+    warnings: Vec<String>,
 }
 
 impl Input {
+    /// Values as they are in the files.
+    fn new(scene: Scene, flat: StackFile, sample: StackFile, read: Vec<PathBuf>) -> Self {
+        let [_, _, rows, columns] = flat.shape();
+        let frame = [rows, columns];
+        Self {
+            scene,
+            flat,
+            sample,
+            flats_every: None,
+            correction: Correction::default(),
+            selection: Selection::whole(frame),
+            noise: None,
+            counts: false,
+            is_run: false,
+            read,
+            frames: BTreeMap::new(),
+            warnings: Vec::new(),
+        }
+    }
+
     /// A run; with `counts` its detector numbers instead of intensities. Noise and saturation are
     /// then those of the scene's detector, and the mean of the run's dark frames is subtracted.
     ///
@@ -84,21 +103,7 @@ impl Input {
     /// Simulated intensities of a scene.
     #[must_use]
     pub fn simulated(scene: &Scene, flat: StackFile, sample: StackFile) -> Self {
-        Self {
-            scene: scene.clone(),
-            flat,
-            sample,
-            flats_every: None,
-            dark: None,
-            dark_path: None,
-            bad: None,
-            saturation: None,
-            noise: None,
-            counts: false,
-            is_run: true,
-            read: Vec::new(),
-            frames: BTreeMap::new(),
-        }
+        Self { is_run: true, ..Self::new(scene.clone(), flat, sample, Vec::new()) }
     }
 
     /// Simulated detector numbers of a scene. Noise and saturation are those of its detector; the mean
@@ -121,14 +126,10 @@ impl Input {
             Some(n) => Some([DetectorModel::variance_per_value(scene)?, n.electronic_noise]),
             None => None,
         };
-        Ok(Self {
-            dark: dark.map(mean).transpose()?,
-            dark_path: dark.map(|dark| dark.path().to_path_buf()),
-            saturation,
-            noise,
-            counts: true,
-            ..Self::simulated(scene, flat, sample)
-        })
+        let correction =
+            Correction { dark: dark.map(Dark::of).transpose()?, bad: None, saturation };
+        let input = Self::simulated(scene, flat, sample);
+        Ok(Self { correction, noise, counts: true, ..input })
     }
 
     /// Measured stacks. `scene` gives the geometry; its mask offsets are those of the frames.
@@ -166,32 +167,19 @@ impl Input {
         let read = files.map(Path::to_owned).collect();
         let names = |s: &StackFile| Some((s.path().display().to_string(), s.frame_names()?));
         let frames = [&flat, &sample].into_iter().chain(dark).filter_map(names).collect();
-        let dark_path = dark.map(|dark| dark.path().to_path_buf());
         faults::check_sample(&flat, &sample)?;
+        let warnings = faults::of_bytes(&flat, &sample);
         let dark = match dark {
-            Some(dark) => {
-                let mean = mean(dark)?;
-                faults::check_dark(&flat, dark, &mean)?;
-                Some(mean)
+            Some(stack) => {
+                let dark = Dark::of(stack)?;
+                faults::check_dark(&flat, &dark)?;
+                Some(dark)
             }
             None => None,
         };
-        let (saturation, noise, counts) = (None, None, true);
-        Ok(Self {
-            scene,
-            flat,
-            sample,
-            flats_every: None,
-            dark,
-            dark_path,
-            bad: None,
-            saturation,
-            noise,
-            counts,
-            is_run: false,
-            read,
-            frames,
-        })
+        let correction = Correction { dark, ..Correction::default() };
+        let input = Self::new(scene, flat, sample, read);
+        Ok(Self { correction, counts: true, frames, warnings, ..input })
     }
 
     /// Names other files that were read for it, such as that of the geometry, for the record.
@@ -215,7 +203,7 @@ impl Input {
     #[must_use]
     pub const fn saturated_at(mut self, saturation: Option<f32>) -> Self {
         if saturation.is_some() {
-            self.saturation = saturation;
+            self.correction.saturation = saturation;
         }
         self
     }
@@ -240,6 +228,16 @@ impl Input {
         self.counts
     }
 
+    /// Warnings about the files.
+    pub(super) fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Whether these are stacks given beside a geometry, and not those of a run.
+    pub(super) const fn is_measured(&self) -> bool {
+        !self.is_run
+    }
+
     /// Files or folders of flat and sample.
     #[must_use]
     pub fn sources(&self) -> Vec<String> {
@@ -249,7 +247,7 @@ impl Input {
     /// File or folder of the dark frames.
     #[must_use]
     pub(crate) fn dark_source(&self) -> Option<String> {
-        self.dark_path.as_ref().map(|path| path.display().to_string())
+        self.correction.dark.as_ref().map(|dark| dark.path.display().to_string())
     }
 
     /// Files of each folder of measured frames, in their order, by the folder's path.
@@ -305,9 +303,14 @@ impl Input {
         [self.flat.shape()[1], self.sample.shape()[1]]
     }
 
-    /// Rows and columns of a frame.
+    /// Rows and columns of a frame, of what is kept of it.
     #[must_use]
-    pub const fn frame(&self) -> [usize; 2] {
+    pub fn frame(&self) -> [usize; 2] {
+        self.selection.frame()
+    }
+
+    /// Rows and columns of a frame as the files have it.
+    const fn whole_frame(&self) -> [usize; 2] {
         let [_, _, rows, columns] = self.flat.shape();
         [rows, columns]
     }
@@ -315,7 +318,7 @@ impl Input {
     /// The saturation that a retriever of these values has to know.
     #[must_use]
     pub fn saturation(&self) -> Option<f32> {
-        self.saturation.map(|_| LEFT_OUT)
+        self.correction.saturation.map(|_| LEFT_OUT)
     }
 
     /// Splits the sample's frames into views of as many steps as `retriever` has offsets.
@@ -324,7 +327,7 @@ impl Input {
     /// [`Error::File`] where frames and offsets do not agree in number, naming the file, and where the
     /// mean of the dark is not finite in a pixel that is not a bad one.
     pub(crate) fn fitted_to(mut self, retriever: &Retriever) -> Result<Self> {
-        self.check_dark()?;
+        self.correction.check()?;
         let [flat, sample] = retriever.steps();
         let [flats, frames, ..] = self.flat.shape();
         if frames != flat {
@@ -354,51 +357,15 @@ impl Input {
     /// # Errors
     /// As [`StackFile::rows`].
     pub fn sample_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
-        self.corrected(self.sample.rows(view, rows.clone())?, &rows)
+        self.values(&self.sample, view, &rows)
     }
 
-    /// Refuses a dark without a value in a pixel that is not a bad one.
-    fn check_dark(&self) -> Result<()> {
-        let (Some(dark), Some(path)) = (&self.dark, &self.dark_path) else { return Ok(()) };
-        let is_bad = |at| self.bad_pixels().is_some_and(|bad| bad[at]);
-        match dark.indexed_iter().find(|(at, value)| !value.is_finite() && !is_bad(*at)) {
-            None => Ok(()),
-            Some(((row, column), _)) => {
-                let problem = format!(
-                    "is not finite in row {row}, column {column}: --bad-pixels leaves out such pixels"
-                );
-                Err(Error::file(path, problem, None))
-            }
-        }
-    }
-
-    /// Marks what is saturated and what is bad, and subtracts the dark.
-    fn corrected(&self, mut data: Array3<f32>, rows: &Range<u32>) -> Result<Array3<f32>> {
-        let dark = self
-            .dark
-            .as_ref()
-            .map(|dark| dark.slice(ndarray::s![rows.start as usize..rows.end as usize, ..]));
-        for mut frame in data.outer_iter_mut() {
-            if let Some(saturation) = self.saturation {
-                frame.mapv_inplace(|y| if y >= saturation { LEFT_OUT } else { y });
-            }
-            if let Some(dark) = &dark {
-                Zip::from(&mut frame).and(dark).for_each(|y, dark| {
-                    if *y < LEFT_OUT {
-                        *y -= dark;
-                    }
-                });
-            }
-            if let Some(bad) = self.bad_pixels() {
-                let bad = bad.slice(ndarray::s![rows.start as usize..rows.end as usize, ..]);
-                Zip::from(&mut frame).and(&bad).for_each(|y, bad| {
-                    if *bad {
-                        *y = f32::NAN;
-                    }
-                });
-            }
-        }
-        Ok(data)
+    /// Rows of a view, corrected, of the pixels that are kept.
+    fn values(&self, stack: &StackFile, view: usize, rows: &Range<u32>) -> Result<Array3<f32>> {
+        let rows = self.selection.rows(rows);
+        let mut data = stack.rows(view, rows.clone())?;
+        self.correction.apply(&mut data, &rows);
+        Ok(self.selection.of(data, self.counts))
     }
 }
 
@@ -415,23 +382,6 @@ pub(crate) fn path_hash(path: &Path, cancel: &Cancel) -> Result<String> {
     };
     let lines = paths.iter().map(line).collect::<Result<String>>()?;
     Ok(text_hash(&lines))
-}
-
-/// Mean of all frames.
-fn mean(stack: &StackFile) -> Result<Array2<f32>> {
-    let [views, steps, rows, columns] = stack.shape();
-    let sums = reserve::zeroed::<f64>(rows * columns, "the mean of dark frames")?;
-    let mut sum = Array2::from_shape_vec((rows, columns), sums)
-        .map_err(|error| Error::file(stack.path(), format!("cannot be read: {error}"), None))?;
-    let all = 0..numbers::count(rows);
-    for view in 0..views {
-        for step in 0..steps {
-            let frame = stack.frame(view, step, all.clone())?;
-            Zip::from(&mut sum).and(&frame).for_each(|sum, y| *sum += f64::from(*y));
-        }
-    }
-    let count = (views * steps) as f64;
-    Ok(sum.mapv(|sum| numbers::single(sum / count)))
 }
 
 /// Mask offsets from a list such as "-10 um, 0 um, 10 um", or from a file with one per line.

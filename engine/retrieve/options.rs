@@ -1,5 +1,6 @@
 //! What a caller chooses of a retrieval, and how it steers one.
 
+use super::diagnosis::Region;
 use super::fitter::Weights;
 use super::method::Method;
 use crate::Result;
@@ -26,6 +27,8 @@ pub struct RetrieveOptions {
     /// Value of one count, where the values are counts: uncertainties of weighted fits and of
     /// closed forms come from it. `None`: values are intensities.
     pub gain: Option<f64>,
+    /// Whether the gain is a guess: uncertainties follow it, and no warning compares values with it.
+    pub gain_assumed: bool,
     /// Standard deviation of noise besides that of counts, for weighted fits. >= 0.
     pub read_noise: f64,
     /// Values from here on are left out and flagged.
@@ -34,6 +37,9 @@ pub struct RetrieveOptions {
     pub steps: Option<[usize; 2]>,
     /// Two-step: offsets of the sample's steps, where they are not those of the flat, m.
     pub sample_offsets: Option<Vec<f64>>,
+    /// Pixels of the frames with nothing in the beam: transmission, refraction, dose and drift there go
+    /// to the record.
+    pub empty_beam: Option<Region>,
 }
 
 impl RetrieveOptions {
@@ -44,6 +50,8 @@ impl RetrieveOptions {
         with_weights(weights: Weights);
         /// Declares values to be counts, of which one is `gain`.
         with_gain(gain: impl Into<Option<f64>>);
+        /// Declares the gain to be a guess.
+        with_gain_assumed(gain_assumed: bool);
         /// Sets the standard deviation of noise besides that of counts.
         with_read_noise(read_noise: f64);
         /// Leaves out and flags values from here on.
@@ -52,6 +60,8 @@ impl RetrieveOptions {
         with_steps(steps: impl Into<Option<[usize; 2]>>);
         /// Two-step: sets the offsets of the sample's steps, m.
         with_sample_offsets(sample_offsets: impl Into<Option<Vec<f64>>>);
+        /// Names pixels with nothing in the beam.
+        with_empty_beam(empty_beam: impl Into<Option<Region>>);
     }
 }
 

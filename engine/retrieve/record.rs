@@ -1,5 +1,6 @@
 //! retrieved.json: what the images are, in which units, and what their flags say.
 
+use super::diagnosis::EmptyBeam;
 use crate::stack::layout::RECORD;
 use crate::{Error, Result, input_file};
 use serde::{Deserialize, Serialize};
@@ -40,6 +41,9 @@ pub struct Record {
     pub counts: bool,
     /// Variance of a value over its mean, where the values are counts.
     pub gain: Option<f64>,
+    /// Whether the gain is a guess.
+    #[serde(default)]
+    pub gain_assumed: bool,
     /// Standard deviation of a value's noise besides that of counts.
     #[serde(default)]
     pub read_noise: f64,
@@ -56,6 +60,21 @@ pub struct Record {
     /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bad_pixels: Option<String>,
+    /// Columns that were kept of the frames, `START:END:STEP`; `None` where all were, and in records of
+    /// earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub kept_columns: Option<String>,
+    /// Columns and rows that were added to one pixel; `None` where none were, and in records of earlier
+    /// versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bin: Option<[usize; 2]>,
+    /// Place of each column of the images, as in geometry.json: x from the optical axis on the detector,
+    /// m; empty in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub columns_m: Vec<f64>,
+    /// From pixel to pixel of the images on the detector, x and z, m; 0 in records of earlier versions.
+    #[serde(default)]
+    pub pitch: [f64; 2],
     /// The scene whose geometry the frames have, as TOML with absolute paths; `None` in records of
     /// earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -83,6 +102,27 @@ pub struct Record {
     /// beam, or counts; `None` where the method leaves nothing, and in records of earlier versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub residual: Option<f64>,
+    /// Median, over pixels and then views, of the reduced chi squared of the fits of the sample, over the
+    /// median of noise alone: 1 where values scatter as counts of this gain do. `None` where values are no
+    /// counts or the method leaves nothing, and in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reduced_chi_square: Option<f64>,
+    /// The same beyond the residuals of the flat, which hold what the curve of the method leaves of that
+    /// of the masks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chi_square_beyond_flat: Option<f64>,
+    /// Pixels over all views whose transmission exceeds 1.01 by four of their deviations.
+    #[serde(default)]
+    pub above_one: u64,
+    /// Values of flat and sample below zero, behind the dark.
+    #[serde(default)]
+    pub negative_values: u64,
+    /// Pixels that were named as empty beam, and what is found there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub empty_beam: Option<EmptyBeam>,
+    /// Warnings about the data.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Mask magnification M.
     pub magnification: f64,
     /// Lever arm z, m.

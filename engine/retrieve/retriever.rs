@@ -8,6 +8,7 @@ use super::curves::Curves;
 use super::fitter::{FitOptions, Fitter, Weights};
 use super::flags;
 use super::images::{CONTRASTS, FLAGS, Images, OF_SAMPLE};
+use super::input::Input;
 use super::joined::JoinedColumns;
 use super::method::Method;
 use super::misfit::{self, Noise};
@@ -15,7 +16,6 @@ use super::options::{ReadRows, RetrieveOptions};
 use super::periods::WholePeriods;
 use super::shape::CurveGeometry;
 use crate::numbers;
-use crate::optics::Optics;
 use crate::run::RowsControl;
 use crate::scene::Scene;
 use crate::stack::GeometryFile;
@@ -160,36 +160,56 @@ impl Retriever {
         })
     }
 
-    /// Geometry of the images of the first `angles` angles of a scene: columns of pixels or beamlets, those
+    /// Geometry of the images of the first `angles` angles of an input: columns of pixels or beamlets, those
     /// of all dithers side by side.
-    pub(super) fn geometry(&self, scene: &Scene, angles: usize) -> GeometryFile {
-        match self.joined(scene) {
-            None => GeometryFile::with_columns(scene, self.places(scene), angles),
-            Some(joined) => {
-                let mut at_rest = scene.clone();
-                at_rest.scan.dithers.clear();
-                GeometryFile::with_columns(&at_rest, joined.places().to_vec(), angles)
-            }
+    pub(super) fn geometry(&self, input: &Input, angles: usize) -> GeometryFile {
+        let mut scene = input.image_scene();
+        scene.scan.dithers.clear();
+        GeometryFile::with_columns(&scene, self.columns_m(input), angles)
+    }
+
+    /// Places of the columns of the images, x from the optical axis on the detector, m, ascending.
+    pub(super) fn columns_m(&self, input: &Input) -> Vec<f64> {
+        match self.joined(input) {
+            Some(joined) => joined.places().to_vec(),
+            None => self.places(input),
         }
     }
 
-    /// Places of the columns of a view, x from the optical axis on the detector, m.
-    fn places(&self, scene: &Scene) -> Vec<f64> {
+    /// Places of the columns of a view, beamlets or pixels, as those of the images.
+    fn places(&self, input: &Input) -> Vec<f64> {
         match &self.beamlets {
             Some(beamlets) => beamlets.places().to_vec(),
-            None => Optics::of(scene).column_places(),
+            None => input.columns_m(),
         }
     }
 
-    /// Columns of the dithers of a scene side by side; `None` without dithers.
-    pub(super) fn joined(&self, scene: &Scene) -> Option<JoinedColumns> {
-        JoinedColumns::of(scene, &self.places(scene))
+    /// Columns of the dithers of an input side by side; `None` without dithers.
+    pub(super) fn joined(&self, input: &Input) -> Option<JoinedColumns> {
+        JoinedColumns::of(input.scene(), &self.places(input))
     }
 
     /// Frames of the flat, and of a view of the sample.
     #[must_use]
     pub fn steps(&self) -> [usize; 2] {
         [self.offsets.len(), self.sample_offsets.len()]
+    }
+
+    /// Offsets of the flat's and the sample's steps, without whole periods, m; none of a sample whose views
+    /// have offsets of their own.
+    pub(super) fn offsets(&self) -> [&[f64]; 2] {
+        let of_sample = if self.view_scans.is_some() { &[] } else { &self.sample_offsets[..] };
+        [&self.offsets, of_sample]
+    }
+
+    /// Size of a pixel of the images, x and z, m, of frames with pixels of this size.
+    pub(super) fn pitch(&self, [x, z]: [f64; 2]) -> [f64; 2] {
+        [self.beamlets.as_ref().map_or(x, Beamlets::period), z]
+    }
+
+    /// Columns of the images whose values are all in these columns of the frames.
+    pub(super) fn curves_within(&self, columns: Range<usize>) -> Range<usize> {
+        self.beamlets.as_ref().map_or(columns.clone(), |beamlets| beamlets.within(&columns))
     }
 
     /// Refraction angle per metre of shift of a curve's centre: -M/z for a scan of the sample

@@ -1,5 +1,6 @@
 //! A whole retrieval: from an input to a directory of images.
 
+use super::diagnosis::Diagnosis;
 use super::images::{FLAGS, Images, OF_FLAT, unit};
 use super::input::Input;
 use super::joined::JoinedColumns;
@@ -7,7 +8,7 @@ use super::misfit::median;
 use super::options::RetrieveOptions;
 use super::record::Record;
 use super::retriever::Retriever;
-use super::{Curves, Weights, flags};
+use super::{Curves, Method, Weights, flags};
 use crate::numbers;
 use crate::run::RowsControl;
 use crate::stack::layout::GEOMETRY;
@@ -17,6 +18,7 @@ use crate::{Engine, Error, Result, reserve};
 use ndarray::{Array2, Array3, ArrayView2};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::ops::Range;
 use std::path::Path;
 use std::time::Instant;
 
@@ -84,6 +86,7 @@ pub fn retrieve(
     let mut directory = None;
     let begin = |record: &Record| {
         ImageDirectory::begin(to.path, Kind::Images, to.format, to.overwrite, about(record))
+            .map(|directory| directory.with_pitch(record.pitch))
     };
     let mut put = |record: &Record, image: Image<'_>| {
         let directory = match &mut directory {
@@ -185,7 +188,12 @@ fn retrieve_to(
 ) -> Result<(Record, Option<String>)> {
     let (began, since) = (now(), Instant::now());
     let saturation = input.saturation().or(options.saturation);
-    let options = options.clone().with_saturation(saturation);
+    let noise = options.read_noise * (input.added() as f64).sqrt();
+    let options = options.clone().with_saturation(saturation).with_read_noise(noise);
+    if options.method == Method::Beamlet && input.selection() != (None, None) {
+        let allowed = "every pixel: beamlets are found among all of them";
+        return Err(Error::argument("columns", "a part of the pixels", allowed));
+    }
     let mut retriever = Retriever::new(engine, input.scene(), &options)?;
     let input = input.fitted_to(&retriever)?;
     let [rows, columns] = input.frame();
@@ -205,13 +213,19 @@ fn retrieve_to(
     let cancel = control.cancel.clone();
     let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
     let hashes = input.hashes();
-    retriever.set_flat(row_count, columns, &mut |band| input.flat_rows(0, band), &mut inner)?;
+    let mut diagnosis = Diagnosis::begin(&retriever, &options, input.frame(), input.is_measured())?;
+    let mut read = |band: Range<u32>| {
+        let data = input.flat_rows(0, band.clone())?;
+        diagnosis.take_flat(&data, &band);
+        Ok(data)
+    };
+    retriever.set_flat(row_count, columns, &mut read, &mut inner)?;
     let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
     let across = flat.len() / rows.max(1);
     if (0..flat.len()).all(|at| !flat.has_answer(at)) {
         return Err(Error::scene("flat", no_answers(flat), "a flat with light in some pixel"));
     }
-    let joined = retriever.joined(input.scene());
+    let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());
     let mut record = begun(&input, &retriever, &options, [angles, rows, across]);
     record.columns = joined.as_ref().map(JoinedColumns::order).unwrap_or_default().to_vec();
@@ -227,68 +241,102 @@ fn retrieve_to(
         }
     }
     let mut residuals = Vec::new();
-    let mut brighter = 0;
+    let bad = input.bad_pixels();
+    let scan = ScanOf { input: &input, joined: joined.as_ref(), bad: bad.as_ref() };
     for angle in 0..angles {
         let (retrieved, of_flats) =
-            of_angle(&input, &mut retriever, joined.as_ref(), angle, &mut inner)?;
+            scan.angle(angle, &mut retriever, &mut diagnosis, &mut inner)?;
         for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
             cancel.check()?;
             let unit = unit(name, value);
             put(&record, Image { name, unit, views: angles, values: image.view() })?;
         }
         count(&mut record, retrieved.get(FLAGS));
-        brighter += above_one(&retrieved);
         let left = retrieved.get("residual_sample").into_iter().flatten();
         residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
     }
-    warn_of_light(brighter, angles * rows * across);
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
+    diagnosis.finish(&mut record, input.warnings());
     record.inputs = hashes.wait(&cancel, &mut || {})??;
     record.began = Some(began);
     record.written = Some(now());
     record.duration_s = since.elapsed().as_secs_f64();
     let geometry = match input.has_angles() {
-        true => Some(retriever.geometry(input.scene(), angles).text()?),
+        true => Some(retriever.geometry(&input, angles).text()?),
         false => None,
     };
     Ok((record, geometry))
 }
 
-/// The images of an angle, and those of its flats where views have their own; of dithers side by side.
-fn of_angle(
-    input: &Input,
-    retriever: &mut Retriever,
-    joined: Option<&JoinedColumns>,
-    angle: usize,
-    control: &mut RowsControl<'_>,
-) -> Result<(Images, Option<Images>)> {
-    let [rows, columns] = input.frame();
-    let mut of_view = |view: usize| -> Result<(Images, Option<Images>)> {
+/// What the images of an angle are made of.
+#[derive(Clone, Copy)]
+struct ScanOf<'a> {
+    input: &'a Input,
+    joined: Option<&'a JoinedColumns>,
+    /// Bad pixels of the images.
+    bad: Option<&'a Array2<bool>>,
+}
+
+impl ScanOf<'_> {
+    /// The images of an angle, and those of its flats where views have their own; of dithers side by side.
+    fn angle(
+        self,
+        angle: usize,
+        retriever: &mut Retriever,
+        diagnosis: &mut Diagnosis,
+        control: &mut RowsControl<'_>,
+    ) -> Result<(Images, Option<Images>)> {
+        let Some(joined) = self.joined else {
+            return self.view(angle, retriever, diagnosis, control);
+        };
+        let dithers = self.input.scene().scan.dithers_of_angle();
+        let views = angle * dithers..(angle + 1) * dithers;
+        let (images, flats): (Vec<Images>, Vec<Option<Images>>) = views
+            .map(|view| self.view(view, retriever, diagnosis, control))
+            .collect::<Result<Vec<_>>>()?
+            .into_iter()
+            .unzip();
+        let flats: Option<Vec<Images>> = flats.into_iter().collect();
+        Ok((joined.images(&images), flats.map(|flats| joined.images(&flats))))
+    }
+
+    /// The images of a view, and those of its flat where views have their own.
+    fn view(
+        self,
+        view: usize,
+        retriever: &mut Retriever,
+        diagnosis: &mut Diagnosis,
+        control: &mut RowsControl<'_>,
+    ) -> Result<(Images, Option<Images>)> {
+        let input = self.input;
+        let [rows, columns] = input.frame();
         let mut of_flat = None;
         if input.has_flats() {
             // The first was taken to begin with.
             if view > 0 {
-                let mut read = |band| input.flat_rows(view, band);
+                let mut read = |band: Range<u32>| {
+                    let data = input.flat_rows(view, band.clone())?;
+                    diagnosis.take_flat(&data, &band);
+                    Ok(data)
+                };
                 retriever.set_flat(numbers::count(rows), columns, &mut read, control)?;
             }
             let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
-            let images = flat_images(flat, rows, None)?;
-            of_flat = Some(Images::of(images));
+            of_flat = Some(Images::of(flat_images(flat, rows, None)?));
         }
-        let mut read = |band| input.sample_rows(view, band);
+        let mut read = |band: Range<u32>| {
+            let data = input.sample_rows(view, band.clone())?;
+            diagnosis.take_sample(&data, &band);
+            Ok(data)
+        };
         let mut images = retriever.retrieve(view, columns, &mut read, control)?;
-        if let Some(bad) = input.bad_pixels() {
+        if let Some(bad) = self.bad {
             retriever.mark_bad(&mut images, bad);
         }
+        let Some(flat) = retriever.flat_curves() else { return Err(Error::Interrupted) };
+        diagnosis.view(flat, &images, [rows, flat.len() / rows.max(1)]);
         Ok((images, of_flat))
-    };
-    let Some(joined) = joined else { return of_view(angle) };
-    let dithers = input.scene().scan.dithers_of_angle();
-    let views = angle * dithers..(angle + 1) * dithers;
-    let (images, flats): (Vec<Images>, Vec<Option<Images>>) =
-        views.map(of_view).collect::<Result<Vec<_>>>()?.into_iter().unzip();
-    let flats: Option<Vec<Images>> = flats.into_iter().collect();
-    Ok((joined.images(&images), flats.map(|flats| joined.images(&flats))))
+    }
 }
 
 /// Images of the flat, in the order of [`OF_FLAT`]; those of dithers repeat them.
@@ -324,6 +372,7 @@ fn begun(
     shape: [usize; 3],
 ) -> Record {
     let scene = input.scene();
+    let (columns, bin) = input.selection();
     let mut meanings = BTreeMap::new();
     for (bit, name, meaning) in flags::MEANINGS {
         meanings.insert(flags::of_pixel(bit, 0), format!("flat {name}: {meaning}"));
@@ -347,11 +396,16 @@ fn begun(
         },
         counts: input.counts(),
         gain: options.gain,
+        gain_assumed: options.gain.is_some() && options.gain_assumed,
         read_noise: options.read_noise,
         sources: input.sources(),
         frames: input.frames().clone(),
         dark: input.dark_source(),
         bad_pixels: input.bad_pixels_source(),
+        kept_columns: columns.map(|columns| columns.to_string()),
+        bin,
+        columns_m: retriever.columns_m(input),
+        pitch: retriever.pitch(input.pitch()),
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
         inputs: BTreeMap::new(),
@@ -366,6 +420,12 @@ fn begun(
             .flat_curves()
             .and_then(|flat| median(flat.width.iter().copied().map(f64::from).collect())),
         residual: None,
+        reduced_chi_square: None,
+        chi_square_beyond_flat: None,
+        above_one: 0,
+        negative_values: 0,
+        empty_beam: None,
+        warnings: Vec::new(),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),
         angle_per_shift: retriever.angle_per_shift(),
@@ -392,31 +452,6 @@ fn about(record: &Record) -> serde_json::Value {
         "row_0": "top (largest z); columns run along +x",
         "sign": "refraction > 0 deflects towards +x",
     })
-}
-
-/// Transmission above which a pixel has more light than the flat: refraction at edges adds a few per cent.
-const BRIGHT: f32 = 1.05;
-/// Share of the pixels of such transmission from which on a warning speaks of them.
-const MANY: f64 = 0.05;
-
-/// Pixels whose transmission exceeds 1.05 by four of their deviations, where these are known.
-fn above_one(retrieved: &Images) -> usize {
-    let Some(transmission) = retrieved.get("transmission") else { return 0 };
-    let sigmas = retrieved.get("transmission_sigma");
-    let sigma = |at| sigmas.map_or(0.0, |sigmas| sigmas[at]);
-    transmission.indexed_iter().filter(|(at, t)| **t > BRIGHT + 4.0 * sigma(*at)).count()
-}
-
-/// Warns where the sample has more light than the flat in many of `pixels` pixels.
-fn warn_of_light(brighter: usize, pixels: usize) {
-    let share = brighter as f64 / pixels.max(1) as f64;
-    if share > MANY {
-        log::warn!(
-            "transmission exceeds {BRIGHT} in {:.0} % of the pixels: flat and sample may be swapped, or the \
-             dose of the sample may be higher",
-            100.0 * share
-        );
-    }
 }
 
 /// Counts flagged pixels and those without an answer.

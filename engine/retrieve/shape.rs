@@ -142,6 +142,20 @@ impl CurveShape {
         }
     }
 
+    /// Scale and spread of a curve of this area and standard deviation.
+    pub(super) fn of_area(self, area: f64, width: f64) -> [f64; 2] {
+        match self {
+            Self::Trapezoid { top } => {
+                let spread = libm::fma(6.0 * width, width, -top * top).max(top * top).sqrt();
+                [area / (spread + top), spread]
+            }
+            Self::Blurred { base, top, .. } => {
+                let own = libm::fma(base, base, top * top) / 6.0;
+                [area, (width * width - own).max(1e-6 * own)]
+            }
+        }
+    }
+
     /// Scale and spread of a curve of this area and standard deviation, roughly.
     pub(super) fn guess(self, area: f64, deviation: f64) -> [f64; 2] {
         let variance = deviation * deviation;

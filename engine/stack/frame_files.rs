@@ -141,7 +141,8 @@ impl FrameFiles {
     fn write_frame(&self, view: Exposure, step: u32, frame: ArrayView2<'_, f32>) -> Result<()> {
         let path = self.root.join(layout::PARTIAL).join(self.step_name(step));
         let about = self.about.of_frame(view, step);
-        append(&path, self.format, [1, self.extent.rows, self.extent.columns])?.put(frame, &about)
+        let sides = [1, self.extent.rows, self.extent.columns];
+        append(&path, self.format, sides, None)?.put(frame, &about)
     }
 
     /// Renames the frames to where they belong.

@@ -13,6 +13,7 @@ mod dithers;
 mod expected;
 mod fits;
 mod geometry_file;
+mod lab_faults;
 mod misfit;
 #[cfg(feature = "cli")]
 mod provenance;
@@ -21,4 +22,6 @@ mod retrieval;
 mod retrieve_cli;
 mod retrieved;
 mod rough_fibres;
+#[cfg(feature = "cli")]
+mod selection;
 mod tracking;

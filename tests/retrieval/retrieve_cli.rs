@@ -158,7 +158,14 @@ fn every_format_holds_the_same_images_with_their_units() {
     let file = File::open(run.join("retrieved/refraction.tif")).unwrap();
     let mut pages = tiff::decoder::Decoder::new(file).unwrap();
     let about = pages.get_tag_ascii_string(tiff::tags::Tag::ImageDescription).unwrap();
-    let about: serde_json::Value = serde_json::from_str(&about).unwrap();
+    let (calibration, about) = about.split_once("beamlet=").unwrap();
+    assert_eq!(calibration, "ImageJ=1.53t\nunit=um\nloop=false\n");
+    for tag in [tiff::tags::Tag::XResolution, tiff::tags::Tag::YResolution] {
+        let pixels_per_um = pages.get_tag(tag).unwrap().into_u32_vec().unwrap();
+        let pitch = f64::from(pixels_per_um[1]) / f64::from(pixels_per_um[0]);
+        assert!((pitch - 150.0).abs() < 1e-4, "{pitch}");
+    }
+    let about: serde_json::Value = serde_json::from_str(about).unwrap();
     assert_eq!(
         (about["unit"].as_str(), about["image"].as_str()),
         (Some("rad"), Some("refraction"))

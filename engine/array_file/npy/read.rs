@@ -44,6 +44,11 @@ impl ValueType {
 }
 
 impl NpyFile {
+    /// Whether values have 8 bits.
+    pub(crate) const fn has_bytes(&self) -> bool {
+        self.sample.bytes() == 1
+    }
+
     pub(crate) fn open(path: &Path) -> Result<Self> {
         let unread = |error| Error::file(path, "cannot be read", Some(error));
         let mut file = BufReader::new(input_file::open(path).map_err(unread)?);

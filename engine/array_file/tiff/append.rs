@@ -1,5 +1,6 @@
 //! Files of pages that come one after another, each with its own description.
 
+use super::ahead::per_micrometre;
 use crate::array_file::parts::{Append, unwritten};
 use crate::{Error, Result, numbers, reserve};
 use ndarray::ArrayView2;
@@ -8,8 +9,8 @@ use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tiff::encoder::colortype::Gray32Float;
-use tiff::encoder::{TiffEncoder, TiffKind};
-use tiff::tags::Tag;
+use tiff::encoder::{Rational, TiffEncoder, TiffKind};
+use tiff::tags::{ResolutionUnit, Tag};
 
 /// Files above this many bytes are `BigTIFF`.
 const CLASSIC: u64 = 4_000_000_000;
@@ -45,19 +46,31 @@ struct TiffWriter<K: TiffKind> {
     path: PathBuf,
     encoder: TiffEncoder<Out, K>,
     out: Out,
+    /// Size of a pixel, x and z, m; `None` where it has none.
+    pitch: Option<[f64; 2]>,
 }
 
-/// Begins a file of pages: their number, rows and columns.
-pub(crate) fn append(path: &Path, sides: [u32; 3]) -> Result<Box<dyn Append>> {
+/// Begins a file of pages: their number, rows and columns. With a pitch (x and z, m) `ImageJ` shows
+/// lengths.
+pub(crate) fn append(
+    path: &Path,
+    sides: [u32; 3],
+    pitch: Option<[f64; 2]>,
+) -> Result<Box<dyn Append>> {
     let file = File::create(path).map_err(|error| unwritten(path, error))?;
     let out = Out(Arc::new(Mutex::new(BufWriter::new(file))));
     let failed = |error| refused(path, error);
     let (path, file) = (path.to_path_buf(), out.clone());
     let bytes = sides.iter().fold(4, |bytes: u64, side| bytes.saturating_mul((*side).into()));
     Ok(if bytes < CLASSIC {
-        Box::new(TiffWriter { encoder: TiffEncoder::new(file).map_err(failed)?, path, out })
+        Box::new(TiffWriter { encoder: TiffEncoder::new(file).map_err(failed)?, path, out, pitch })
     } else {
-        Box::new(TiffWriter { encoder: TiffEncoder::new_big(file).map_err(failed)?, path, out })
+        Box::new(TiffWriter {
+            encoder: TiffEncoder::new_big(file).map_err(failed)?,
+            path,
+            out,
+            pitch,
+        })
     })
 }
 
@@ -67,20 +80,36 @@ impl<K: TiffKind + Send + 'static> Append for TiffWriter<K> {
         let mut write = || {
             let [columns, rows] = [frame.ncols(), frame.nrows()].map(numbers::count);
             let mut page = self.encoder.new_image::<Gray32Float>(columns, rows)?;
-            page.encoder().write_tag(Tag::ImageDescription, about)?;
+            match self.pitch {
+                None => page.encoder().write_tag(Tag::ImageDescription, about)?,
+                Some(pitch) => {
+                    let about = calibrated(about);
+                    page.encoder().write_tag(Tag::ImageDescription, about.as_str())?;
+                    let [x, z] = pitch.map(per_micrometre).map(|[n, d]| Rational { n, d });
+                    page.resolution_unit(ResolutionUnit::None);
+                    page.x_resolution(x);
+                    page.y_resolution(z);
+                }
+            }
             page.write_data(&values)
         };
         write().map_err(|error| refused(&self.path, error))
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        let Self { path, encoder, out } = *self;
+        let Self { path, encoder, out, .. } = *self;
         // What the encoder writes as it goes.
         drop(encoder);
         let mut file = out.lock();
         let synced = file.flush().and_then(|()| file.get_ref().sync_all());
         synced.map_err(|error| unwritten(&path, error))
     }
+}
+
+/// A description by which `ImageJ` knows the unit of the resolution. It walks from page to page unless
+/// the description counts them, which is for values without a gap.
+fn calibrated(about: &str) -> String {
+    format!("ImageJ=1.53t\nunit=um\nloop=false\nbeamlet={about}\n")
 }
 
 fn refused(path: &Path, error: tiff::TiffError) -> Error {

@@ -28,6 +28,8 @@ pub(crate) struct TiffPages {
     frames: Vec<usize>,
     /// Pages that are reduced copies of others.
     reduced: usize,
+    /// Whether values of the first frame have 8 bits.
+    has_bytes: bool,
     /// Knows where every page begins, so that seeking does not walk the file again.
     pages: Mutex<Pages>,
 }
@@ -89,7 +91,9 @@ impl TiffPages {
         let frame = frame_of(path, &mut pages)?;
         refuse_hollow(path, frame)?;
         let frames = vec![reduced];
-        Ok(Self { path: path.to_path_buf(), frame, frames, reduced, pages: Mutex::new(pages) })
+        let has_bytes = matches!(pages.colortype(), Ok(ColorType::Gray(8)));
+        let (path, pages) = (path.to_path_buf(), Mutex::new(pages));
+        Ok(Self { path, frame, frames, reduced, has_bytes, pages })
     }
 
     /// Rows and columns of a frame.
@@ -105,6 +109,11 @@ impl TiffPages {
     /// Pages that are reduced copies of others, and no frames.
     pub(crate) const fn reduced(&self) -> usize {
         self.reduced
+    }
+
+    /// Whether values of the first frame have 8 bits.
+    pub(crate) const fn has_bytes(&self) -> bool {
+        self.has_bytes
     }
 
     /// Some rows of a frame.

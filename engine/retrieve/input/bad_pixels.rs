@@ -18,7 +18,7 @@ impl Input {
     ///
     /// [`BAD_PIXEL`]: crate::retrieve::flags::BAD_PIXEL
     pub fn with_bad_pixels(mut self, path: &Path) -> Result<Self> {
-        let frame = self.frame();
+        let frame = self.whole_frame();
         let bad = match Format::of(path) {
             Some(_) => of_image(path, frame)?,
             None => of_list(path, frame)?,
@@ -36,18 +36,18 @@ impl Input {
             );
         }
         self.read.push(path.to_path_buf());
-        self.bad = Some((path.to_path_buf(), bad));
+        self.correction.bad = Some((path.to_path_buf(), bad));
         Ok(self)
     }
 
-    /// Bad pixels, `[row][column]`, where a file names them.
-    pub(crate) fn bad_pixels(&self) -> Option<&Array2<bool>> {
-        self.bad.as_ref().map(|(_, bad)| bad)
+    /// Bad pixels of those that are kept, `[row][column]`, where a file names them.
+    pub(crate) fn bad_pixels(&self) -> Option<Array2<bool>> {
+        self.correction.bad_pixels().map(|bad| self.selection.of_mask(bad))
     }
 
     /// File of the bad pixels.
     pub(crate) fn bad_pixels_source(&self) -> Option<String> {
-        self.bad.as_ref().map(|(path, _)| path.display().to_string())
+        self.correction.bad.as_ref().map(|(path, _)| path.display().to_string())
     }
 }
 

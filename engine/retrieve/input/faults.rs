@@ -2,6 +2,7 @@
 //! another.
 
 use super::Scene;
+use super::correction::Dark;
 use crate::retrieve::periods;
 use crate::stack::StackFile;
 use crate::units::Dimension::Length;
@@ -53,8 +54,23 @@ pub(super) fn check_sample(flat: &StackFile, sample: &StackFile) -> Result<()> {
     Err(Error::file(sample.path(), problem, None))
 }
 
+/// Warnings about values of 8 bits: converted ones, each stack by a scale of its own.
+pub(super) fn of_bytes(flat: &StackFile, sample: &StackFile) -> Vec<String> {
+    let of = |(stack, other): (&StackFile, &StackFile)| {
+        stack.has_bytes().then(|| {
+            format!(
+                "{}: has values of 8 bits{}; programs that convert to 8 bits scale each stack by its own \
+                 range, which transmission follows: give the values of the detector",
+                stack.path().display(),
+                if other.has_bytes() { "" } else { ", unlike the other stack" }
+            )
+        })
+    };
+    [(sample, flat), (flat, sample)].into_iter().filter_map(of).collect()
+}
+
 /// Refuses a dark that is brighter than the flat in its darkest steps.
-pub(super) fn check_dark(flat: &StackFile, dark: &StackFile, mean: &Array2<f32>) -> Result<()> {
+pub(super) fn check_dark(flat: &StackFile, dark: &Dark) -> Result<()> {
     let [_, steps, rows, _] = flat.shape();
     let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
     for step in 0..steps {
@@ -62,9 +78,9 @@ pub(super) fn check_dark(flat: &StackFile, dark: &StackFile, mean: &Array2<f32>)
         ends = [ends[0].min(level), ends[1].max(level)];
     }
     let [darkest, brightest] = ends;
-    let of_dark = level(mean);
+    let of_dark = level(&dark.mean);
     if of_dark.is_nan() {
-        return Err(Error::file(dark.path(), "is not finite in any pixel", None));
+        return Err(Error::file(&dark.path, "is not finite in any pixel", None));
     }
     if !(darkest.is_finite() && brightest.is_finite()) {
         // No pixel has a value: reported where curves are read.
@@ -79,7 +95,7 @@ pub(super) fn check_dark(flat: &StackFile, dark: &StackFile, mean: &Array2<f32>)
          a dark is taken without beam",
         flat.path().display()
     );
-    Err(Error::file(dark.path(), problem, None))
+    Err(Error::file(&dark.path, problem, None))
 }
 
 /// Mean over the pixels of a frame that have a value; NaN where none has.

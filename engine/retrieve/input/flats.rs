@@ -56,16 +56,16 @@ impl Input {
     pub fn flat_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
         let last = self.flat.shape()[0] - 1;
         let Some(every) = self.flats_every else {
-            return self.corrected(self.flat.rows(view.min(last), rows.clone())?, &rows);
+            return self.values(&self.flat, view.min(last), &rows);
         };
         // A flat is taken between two views; behind the last one nothing is known but it.
         let place = (view as f64 + 0.5) / f64::from(every);
         let before = (view / every as usize).min(last);
-        let first = self.corrected(self.flat.rows(before, rows.clone())?, &rows)?;
+        let first = self.values(&self.flat, before, &rows)?;
         if before == last {
             return Ok(first);
         }
-        let next = self.corrected(self.flat.rows(before + 1, rows.clone())?, &rows)?;
+        let next = self.values(&self.flat, before + 1, &rows)?;
         let share = crate::numbers::single(place - before as f64);
         let mut mean = first;
         mean.zip_mut_with(&next, |a, b| {

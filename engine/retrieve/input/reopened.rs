@@ -1,6 +1,8 @@
 //! The measured stacks of a retrieval, opened again to be looked at.
 
-use super::{Input, mean};
+use super::Input;
+use super::correction::{Correction, Dark};
+use super::selection::Columns;
 use crate::retrieve::Record;
 use crate::scene::Scene;
 use crate::stack::StackFile;
@@ -30,20 +32,19 @@ impl Input {
         let open = |source: &String| StackFile::open(place(source, directory));
         let (flat, mut sample) = (open(flat)?, open(sample)?);
         let dark = record.dark.as_ref().map(open).transpose()?;
-        let [angles, rows, _] = record.shape;
+        let angles = record.shape[0];
         let views = angles * scene.scan.dithers_of_angle();
         let [found, frames, ..] = sample.shape();
         if found != views && views > 0 {
             sample = sample.with_steps(found * frames / views)?;
         }
-        let frame = [flat.shape()[2], flat.shape()[3]];
-        for other in [&flat, &sample].into_iter().chain(&dark) {
-            let [_, _, other_rows, columns] = other.shape();
-            if other_rows != rows || [other_rows, columns] != frame {
+        let [_, _, rows, columns] = flat.shape();
+        for other in [&sample].into_iter().chain(&dark) {
+            let [_, _, other_rows, other_columns] = other.shape();
+            if [other_rows, other_columns] != [rows, columns] {
                 let problem = format!(
-                    "has frames of {other_rows} x {columns} pixels; the images of {} have {rows} \
-                     rows",
-                    directory.display()
+                    "has frames of {other_rows} x {other_columns} pixels; {} has {rows} x {columns}",
+                    flat.path().display()
                 );
                 return Err(Error::file(other.path(), problem, None));
             }
@@ -53,26 +54,31 @@ impl Input {
             frames if frames > steps && steps > 0 => flat.with_steps(steps)?,
             _ => flat,
         };
-        let dark_path = dark.as_ref().map(|dark| dark.path().to_path_buf());
         let read = [&flat, &sample].into_iter().chain(&dark).map(|s| s.path().to_owned()).collect();
-        let dark = dark.as_ref().map(mean).transpose()?;
-        let (saturation, noise, counts) = (None, None, record.counts);
-        let frames = record.frames.clone();
-        Ok(Self {
-            scene,
-            flat,
-            sample,
+        let dark = dark.as_ref().map(Dark::of).transpose()?;
+        let correction = Correction { dark, ..Correction::default() };
+        let (counts, frames) = (record.counts, record.frames.clone());
+        let input = Self::new(scene, flat, sample, read);
+        let mut input = Self {
             flats_every: record.flats_every,
-            dark,
-            dark_path,
-            bad: None,
-            saturation,
-            noise,
+            correction,
             counts,
             is_run: false,
-            read,
             frames,
-        })
+            ..input
+        };
+        let columns = record.kept_columns.as_deref().map(Columns::parse).transpose()?;
+        input = input.with_selection(columns, record.bin)?;
+        let found = input.frame()[0];
+        if found != record.shape[1] {
+            let problem = format!(
+                "has frames of {found} rows; the images of {} have {}",
+                directory.display(),
+                record.shape[1]
+            );
+            return Err(Error::file(input.flat.path(), problem, None));
+        }
+        Ok(input)
     }
 }
 

@@ -95,7 +95,7 @@ impl Retriever {
     }
 
     /// The shape of methods that fit one, in the unit of offsets.
-    pub(super) fn shape(&self) -> Option<CurveShape> {
+    pub(in crate::retrieve) fn shape(&self) -> Option<CurveShape> {
         let m = self.shape.magnification;
         let [base, top] = [self.shape.half_base() / m, self.shape.half_top() / m];
         let period = self.shape.period;

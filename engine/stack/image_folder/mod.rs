@@ -31,6 +31,8 @@ pub(crate) struct ImageDirectory {
     files: Vec<PathBuf>,
     /// Stands in the images' own metadata.
     about: serde_json::Value,
+    /// Size of a pixel on the detector, x and z, m.
+    pitch: Option<[f64; 2]>,
     sheets: BTreeMap<String, Sheet>,
     overwrite: bool,
     finished: bool,
@@ -77,10 +79,17 @@ impl ImageDirectory {
             format,
             overwrite,
             about,
+            pitch: None,
             sheets: BTreeMap::new(),
             finished: false,
             mark,
         })
+    }
+
+    /// Calibrates images by the size of a pixel, x and z, m.
+    pub(crate) const fn with_pitch(mut self, pitch: [f64; 2]) -> Self {
+        self.pitch = Some(pitch);
+        self
     }
 
     /// Refuses to go on with a folder in the making that was moved or removed.
@@ -105,7 +114,8 @@ impl ImageDirectory {
                 about.insert("unit".into(), unit.into());
             }
             let shape = [views, image.nrows(), image.ncols()];
-            let sheet = Sheet::begin(&self.partial, name, self.format, self.kind, shape, about)?;
+            let (pitch, path) = (self.pitch, &self.partial);
+            let sheet = Sheet::begin(path, name, self.format, self.kind, shape, pitch, about)?;
             self.sheets.insert(name.to_owned(), sheet);
         }
         self.sheets.get_mut(name).map_or(Ok(()), |sheet| sheet.put(image))

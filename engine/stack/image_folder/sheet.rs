@@ -18,6 +18,8 @@ pub(super) struct Sheet {
     about: serde_json::Value,
     /// Views, rows and columns.
     sides: [u32; 3],
+    /// Size of a pixel on the detector, x and z, m.
+    pitch: Option<[f64; 2]>,
     next: u32,
     /// The file of all views; `None` where each has a file.
     file: Option<Box<dyn Append>>,
@@ -37,17 +39,18 @@ impl Sheet {
         format: Format,
         kind: Kind,
         sides: [usize; 3],
+        pitch: Option<[f64; 2]>,
         about: serde_json::Value,
     ) -> Result<Self> {
         let (path, sides) = (layout::array(folder, name, format), sides.map(numbers::count));
         let file = if format.abilities().pages {
-            Some(append(&path, format, sides)?)
+            Some(append(&path, format, sides, pitch)?)
         } else {
             let unwritten = |error| Error::file(&path, "cannot be written", Some(error));
             folder::make(&path).map_err(unwritten)?;
             None
         };
-        Ok(Self { path, format, kind, about, sides, next: 0, file })
+        Ok(Self { path, format, kind, about, sides, pitch, next: 0, file })
     }
 
     /// The next view.
@@ -67,7 +70,10 @@ impl Sheet {
         self.next += 1;
         match &mut self.file {
             Some(file) => file.put(image, &about.to_string()),
-            None => append(&path, self.format, self.sides)?.put(image, &about.to_string()),
+            None => {
+                let file = append(&path, self.format, self.sides, self.pitch);
+                file?.put(image, &about.to_string())
+            }
         }
     }
 

@@ -28,6 +28,8 @@ pub struct StackFile {
     path: PathBuf,
     shape: [usize; 4],
     source: StackSource,
+    /// Whether values (of the first frame of a folder) have 8 bits.
+    has_bytes: bool,
     /// Of a stack of a run.
     checksums: Option<Checksums>,
 }
@@ -81,7 +83,7 @@ impl StackFile {
         let path = PathBuf::from(name);
         refuse_wide(&path, [shape[2], shape[3]])?;
         let source = StackSource::Values(StackValues(Box::new(read)));
-        Self { path, shape, source, checksums: None }.refuse_empty()
+        Self { path, shape, source, has_bytes: false, checksums: None }.refuse_empty()
     }
 
     /// Opens a stack: reads headers, no values.
@@ -127,20 +129,24 @@ impl StackFile {
                 shape[1] + skipped
             );
         }
+        let has_bytes = file.has_bytes();
         let source = StackSource::File(file);
-        let stack = Self { path: path.to_path_buf(), shape, source, checksums: None };
+        let stack = Self { path: path.to_path_buf(), shape, source, has_bytes, checksums: None };
         stack.refuse_empty()
     }
 
     fn open_folder(path: &Path) -> Result<Self> {
         let frames = folder::frames(path)?;
-        let [rows, columns] = match frames.files.first() {
-            Some(frame) => ArrayFile::open(frame, frames.format)?.frames().1,
-            None => [0, 0],
+        let ([rows, columns], has_bytes) = match frames.files.first() {
+            Some(frame) => {
+                let file = ArrayFile::open(frame, frames.format)?;
+                (file.frames().1, file.has_bytes())
+            }
+            None => ([0, 0], false),
         };
         let shape = [frames.views, frames.files.len() / frames.views.max(1), rows, columns];
         let source = StackSource::Frames(frames);
-        let stack = Self { path: path.to_path_buf(), shape, source, checksums: None };
+        let stack = Self { path: path.to_path_buf(), shape, source, has_bytes, checksums: None };
         if log::log_enabled!(log::Level::Info) {
             let names = stack.frame_names().unwrap_or_default();
             let (count, all) = (names.len(), names.join(", "));
@@ -231,6 +237,11 @@ impl StackFile {
     #[must_use]
     pub const fn shape(&self) -> [usize; 4] {
         self.shape
+    }
+
+    /// Whether values (of the first frame of a folder) have 8 bits.
+    pub(crate) const fn has_bytes(&self) -> bool {
+        self.has_bytes
     }
 
     /// Whether a few rows cost no more than their share: nothing is decoded or compared whole.

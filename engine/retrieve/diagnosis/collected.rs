@@ -1,0 +1,231 @@
+//! The diagnosis of a retrieval, view by view.
+
+use super::borders::Borders;
+use super::chi_square::{self, PixelResiduals};
+use super::empty_beam::{self, EmptyBeam, EmptyBeamOfView};
+use super::fitted::Model;
+use super::leverage::Leverage;
+use super::light::{self, LightCounts};
+use super::steps::{self, PixelSteps, Unsteady};
+use super::warnings::{self, Findings};
+use super::watched::Watched;
+use crate::retrieve::curves::Curves;
+use crate::retrieve::images::Images;
+use crate::retrieve::misfit::median;
+use crate::retrieve::{Method, Record, RetrieveOptions, Retriever};
+use crate::{Error, Result};
+use ndarray::Array3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// What is kept of flat and views to find faults by.
+#[derive(Debug)]
+pub(crate) struct Diagnosis {
+    options: RetrieveOptions,
+    model: Option<Model>,
+    /// Offsets of the sample's steps where they are those of the flat; else none.
+    offsets: Vec<f64>,
+    /// Refraction angle per shift of a centre, rad/m.
+    angle_per_shift: f64,
+    /// Whether values were measured: simulated ones have no faults of a laboratory.
+    measured: bool,
+    flat: Watched,
+    sample: Watched,
+    empty: Option<Empty>,
+    /// Median width of the flat's curves, m.
+    width: f64,
+    found: Found,
+}
+
+/// Pixels that are named as empty beam.
+#[derive(Debug)]
+struct Empty {
+    /// Rows and columns of pixels.
+    pixels: [Range<usize>; 2],
+    /// Rows and columns of the images.
+    images: [Range<usize>; 2],
+    flat: Watched,
+    sample: Watched,
+    views: Vec<EmptyBeamOfView>,
+}
+
+/// What views have had so far.
+#[derive(Debug, Default)]
+struct Found {
+    views: usize,
+    light: LightCounts,
+    negative: u64,
+    /// Reduced chi squared of views: of the fits, and beyond what those of the flat leave.
+    chi_squares: Vec<[f64; 2]>,
+    unsteady: Vec<(usize, Unsteady)>,
+    borders: Vec<(usize, Borders)>,
+    divided: usize,
+}
+
+impl Diagnosis {
+    /// Ready for the rows of frames of `frame` (rows, columns).
+    ///
+    /// # Errors
+    /// [`Error::Argument`] where the empty beam is no part of the frame.
+    pub(crate) fn begin(
+        retriever: &Retriever,
+        options: &RetrieveOptions,
+        frame: [usize; 2],
+        measured: bool,
+    ) -> Result<Self> {
+        let [rows, columns] = frame;
+        let [flat_steps, sample_steps] = retriever.steps();
+        let saturation = options.saturation;
+        let empty = match &options.empty_beam {
+            None => None,
+            Some(region) => {
+                let [of_rows, of_columns] = region.within(frame)?;
+                let across = retriever.curves_within(of_columns.clone());
+                if across.is_empty() {
+                    let found = format!("columns {}:{}", of_columns.start, of_columns.end);
+                    return Err(Error::argument("empty_beam", found, "columns of a whole beamlet"));
+                }
+                let pixels = [of_rows.clone(), of_columns];
+                let flat = Watched::over(&pixels, columns, flat_steps, saturation);
+                Some(Empty {
+                    pixels,
+                    images: [of_rows, across],
+                    sample: flat.again(sample_steps),
+                    flat,
+                    views: Vec::new(),
+                })
+            }
+        };
+        let flat = Watched::over(&[0..rows, 0..columns], columns, flat_steps, saturation);
+        let [of_flat, of_sample] = retriever.offsets();
+        let is_one = of_flat == of_sample;
+        Ok(Self {
+            options: options.clone(),
+            model: Model::of(retriever, options.method),
+            offsets: if is_one { of_flat.to_vec() } else { Vec::new() },
+            angle_per_shift: retriever.angle_per_shift(),
+            measured,
+            sample: flat.again(sample_steps),
+            flat,
+            empty,
+            width: f64::NAN,
+            found: Found::default(),
+        })
+    }
+
+    /// Keeps values of rows of the flat, `[step][row][column]`.
+    pub(crate) fn take_flat(&mut self, data: &Array3<f32>, rows: &Range<u32>) {
+        let of_empty = self.empty.as_mut().map(|empty| &mut empty.flat);
+        [Some(&mut self.flat), of_empty].into_iter().flatten().for_each(|of| of.take(data, rows));
+    }
+
+    /// Keeps values of rows of the view to come, `[step][row][column]`.
+    pub(crate) fn take_sample(&mut self, data: &Array3<f32>, rows: &Range<u32>) {
+        let of_empty = self.empty.as_mut().map(|empty| &mut empty.sample);
+        [Some(&mut self.sample), of_empty].into_iter().flatten().for_each(|of| of.take(data, rows));
+    }
+
+    /// Examines a view whose rows were taken.
+    pub(crate) fn view(&mut self, flat: &Curves, images: &Images, shape: [usize; 2]) {
+        if self.found.views == 0 {
+            self.width =
+                median(flat.width.iter().copied().map(f64::from).collect()).unwrap_or(f64::NAN);
+        }
+        let view = self.found.views;
+        self.found.views += 1;
+        self.found.light.add(images);
+        self.found.negative += self.sample.negative();
+        let divided = self.measured && light::is_divided(&self.flat, &self.sample);
+        self.found.divided += usize::from(divided);
+        self.fits(flat, images, view);
+        if let Some(empty) = &mut self.empty {
+            let model = self.model;
+            let curve = |at: usize| model?.of_flat(flat, at);
+            let pixels = empty_beam::pixels(&empty.flat, &empty.sample, curve);
+            let of_view = EmptyBeamOfView::of(
+                images,
+                &empty.images,
+                self.angle_per_shift,
+                &pixels,
+                &self.offsets,
+            );
+            empty.views.push(of_view);
+            empty.sample = empty.sample.again_same();
+        } else if self.measured && self.options.method != Method::TwoStep {
+            // Two steps on the curve of another fit are off by more than a border may be.
+            let angle = (self.width * self.angle_per_shift).abs();
+            let borders = Borders::of(images, shape, angle);
+            self.found.borders.extend(borders.map(|borders| (view, borders)));
+        }
+        self.sample = self.sample.again_same();
+    }
+
+    /// Residuals of the fits of a view.
+    fn fits(&mut self, flat: &Curves, images: &Images, view: usize) {
+        let (Some(model), false) = (self.model, self.offsets.len() < 5) else { return };
+        if matches!(self.options.method, Method::TwoStep | Method::Moments | Method::ThreeStep) {
+            return;
+        }
+        let pairs: Vec<_> = self.flat.iter().zip(self.sample.iter()).collect();
+        let of_pixel = |at: usize, values: [&[f64]; 2]| {
+            let curves = [model.of_flat(flat, at)?, model.of_sample(flat, images, at)?];
+            let of = |curve| Leverage::of(curve, &self.offsets, &self.options);
+            let (of_flat, of_sample) = (of(&curves[0])?, of(&curves[1])?);
+            let leverages = [&of_flat, &of_sample];
+            let heights = curves.map(|curve| curve.amplitude);
+            let steps = PixelSteps::of(leverages, values, heights, curves[1].width)?;
+            Some((PixelResiduals::of(leverages, values, heights), steps, heights[1]))
+        };
+        let pixels: Vec<_> = pairs
+            .par_iter()
+            .filter_map(|((at, flat), (_, sample))| of_pixel(*at, [flat, sample]))
+            .collect();
+        let freedom = self.offsets.len() - 4;
+        let own = chi_square::reduced(pixels.iter().map(|(r, ..)| r.own), freedom);
+        let beyond = chi_square::reduced(pixels.iter().map(|(r, ..)| r.beyond_flat), freedom);
+        if let (Some(own), Some(beyond), true) = (own, beyond, self.options.gain.is_some()) {
+            self.found.chi_squares.push([own, beyond]);
+        }
+        if !self.measured {
+            return;
+        }
+        // Pixels with little light are noisier than the rest.
+        let bright =
+            median(pixels.iter().map(|(.., height)| *height).collect()).unwrap_or(0.0) / 2.0;
+        let bright: Vec<PixelSteps> =
+            pixels.into_iter().filter(|(.., height)| *height > bright).map(|(_, s, _)| s).collect();
+        self.found.unsteady.extend(steps::unsteady(&bright).map(|found| (view, found)));
+    }
+
+    /// Writes the findings into the record, and logs the warnings, behind those about the files.
+    pub(crate) fn finish(self, record: &mut Record, of_files: &[String]) {
+        let Found { views, light, negative, chi_squares, unsteady, borders, divided } = self.found;
+        let middle = |at: usize| median(chi_squares.iter().map(|pair| pair[at]).collect());
+        record.reduced_chi_square = middle(0);
+        record.chi_square_beyond_flat = middle(1);
+        record.above_one = light.bright;
+        record.negative_values = negative + self.flat.negative();
+        record.empty_beam = self.empty.map(|empty| {
+            let [rows, columns] = empty.pixels.map(|range| [range.start, range.end]);
+            EmptyBeam { columns, rows, views: empty.views }
+        });
+        let found = warnings::of(&Findings {
+            views,
+            light,
+            chi_squares: &chi_squares,
+            is_noise_known: self.options.gain.is_some() && !self.options.gain_assumed,
+            unsteady: &unsteady,
+            borders: &borders,
+            divided,
+            empty_beam: record.empty_beam.as_ref(),
+            measured: self.measured,
+            width: self.width,
+            angle_per_shift: self.angle_per_shift,
+            is_beamlet: self.options.method == Method::Beamlet,
+        });
+        record.warnings = of_files.iter().cloned().chain(found).collect();
+        for warning in &record.warnings {
+            log::warn!("{warning}");
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! Share of the values of a curve that a fit of four numbers follows.
+
+use super::fitted::FittedCurve;
+use crate::retrieve::equations::{Equations, add, inverse};
+use crate::retrieve::{RetrieveOptions, Weights};
+
+/// Least expected value, as a part of the amplitude: that of weighted fits.
+const LEAST: f64 = 1e-3;
+
+/// A fitted curve at the offsets of a scan.
+pub(super) struct Leverage {
+    /// Values of the curve.
+    pub(super) values: Vec<f64>,
+    /// Slopes of the values by the curve's centre.
+    pub(super) by_centre: Vec<f64>,
+    /// Variance of each value by the noise of photons and of reading.
+    pub(super) variances: Vec<f64>,
+    slopes: Vec<[f64; 4]>,
+    /// `[i][j]`: change of fitted value i by measured value j.
+    hat: Vec<Vec<f64>>,
+    weights: Vec<f64>,
+}
+
+impl Leverage {
+    /// `None` where the fit is singular.
+    pub(super) fn of(
+        curve: &FittedCurve,
+        offsets: &[f64],
+        options: &RetrieveOptions,
+    ) -> Option<Self> {
+        let (values, slopes): (Vec<f64>, Vec<[f64; 4]>) =
+            offsets.iter().map(|x| curve.at(*x)).unzip();
+        let gain = options.gain.unwrap_or(1.0);
+        let least = LEAST * curve.amplitude;
+        let noise = options.read_noise.powi(2);
+        let variances: Vec<f64> = values.iter().map(|y| gain * y.max(least) + noise).collect();
+        let weights: Vec<f64> = match options.weights {
+            Weights::Poisson => variances.iter().map(|variance| variance.recip()).collect(),
+            Weights::None => vec![1.0; values.len()],
+        };
+        let hat = hat(&slopes, &weights)?;
+        let by_centre = slopes.iter().map(|slope| slope[1]).collect();
+        Some(Self { values, by_centre, variances, slopes, hat, weights })
+    }
+
+    /// Sum of weighted squares of residuals, and its expectation by the noise alone. In units of the
+    /// weights, so that only their quotient means something.
+    pub(super) fn squares(&self, measured: &[f64]) -> [f64; 2] {
+        let found = (0..self.values.len())
+            .map(|k| self.weights[k] * (measured[k] - self.values[k]).powi(2))
+            .sum();
+        [found, self.expected()]
+    }
+
+    /// Expected sum of weighted squares of residuals.
+    fn expected(&self) -> f64 {
+        let terms = (0..self.values.len())
+            .map(|k| self.weights[k] * self.variances[k] * (1.0 - self.hat[k][k]));
+        terms.sum()
+    }
+
+    /// `(1 - J (JT J)^-1 JT) / variance` for values of one variance, J the slopes: the weights of residuals
+    /// that the curve does not follow, whatever the weights of its fit were. `None` where the fit is
+    /// singular.
+    pub(super) fn remainder(&self, variance: f64) -> Option<Vec<Vec<f64>>> {
+        let n = self.slopes.len();
+        let hat = hat(&self.slopes, &vec![1.0; n])?;
+        let of = |i: usize, k: usize| (f64::from(u8::from(i == k)) - hat[i][k]) / variance;
+        Some((0..n).map(|i| (0..n).map(|k| of(i, k)).collect()).collect())
+    }
+
+    /// Sum of terms, one for each value, by the weights of the fit.
+    pub(super) fn weighted(&self, terms: &[f64]) -> f64 {
+        self.weights.iter().zip(terms).map(|(weight, term)| weight * term).sum()
+    }
+
+    /// Variance of each value times the share of it that the fit does not follow.
+    pub(super) fn residual_variances(&self) -> Vec<f64> {
+        (0..self.values.len())
+            .map(|k| self.variances[k] * (1.0 - self.hat[k][k]).max(0.0))
+            .collect()
+    }
+}
+
+/// `[i][j]`: change of fitted value i by measured value j.
+fn hat(slopes: &[[f64; 4]], weights: &[f64]) -> Option<Vec<Vec<f64>>> {
+    let mut equations: Equations = [[0.0; 5]; 4];
+    for (slope, weight) in slopes.iter().zip(weights) {
+        add(&mut equations, *slope, *weight, 0.0);
+    }
+    let inverse = inverse(&equations)?;
+    let row = |of: &[f64; 4]| -> Vec<f64> {
+        let half: [f64; 4] = std::array::from_fn(|j| (0..4).map(|i| of[i] * inverse[i][j]).sum());
+        let terms = slopes.iter().zip(weights);
+        terms.map(|(s, w)| w * (0..4).map(|j| half[j] * s[j]).sum::<f64>()).collect()
+    };
+    Some(slopes.iter().map(row).collect())
+}

@@ -1,0 +1,214 @@
+//! Findings as lines for the log and the record: what was found, its likely cause, the remedy.
+
+use super::borders::Borders;
+use super::empty_beam::EmptyBeam;
+use super::light::LightCounts;
+use super::steps::Unsteady;
+use crate::retrieve::misfit::median;
+
+/// Share of the pixels from which on a transmission above 1 is no edge.
+const MANY: f64 = 0.01;
+/// Pixels above 1 for each one below from which on the sample is brighter than the flat.
+const RATIO: u64 = 3;
+/// Reduced chi squared from which on values scatter by more than photons do.
+const CHI_SQUARE: f64 = 2.0;
+/// Standard deviations from which on a value of the empty beam is another.
+const SIGMAS: f64 = 4.0;
+/// Least differences in the empty beam: of transmission and dose, and of the centre in widths of the
+/// flat's curve.
+const LEAST: f64 = 1e-3;
+
+/// What a diagnosis found.
+pub(super) struct Findings<'a> {
+    pub(super) views: usize,
+    pub(super) light: LightCounts,
+    /// Of each view: of the fits, and beyond what those of the flat leave.
+    pub(super) chi_squares: &'a [[f64; 2]],
+    /// Whether the gain is that of the detector, and not assumed.
+    pub(super) is_noise_known: bool,
+    pub(super) unsteady: &'a [(usize, Unsteady)],
+    pub(super) borders: &'a [(usize, Borders)],
+    /// Views that do not follow the flat.
+    pub(super) divided: usize,
+    pub(super) empty_beam: Option<&'a EmptyBeam>,
+    pub(super) measured: bool,
+    /// Of the flat's curves, m.
+    pub(super) width: f64,
+    pub(super) angle_per_shift: f64,
+    pub(super) is_beamlet: bool,
+}
+
+/// Warnings, the gravest first.
+pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
+    if found.divided > 0 {
+        // Nothing else that was retrieved from such values means anything.
+        return vec![format!(
+            "{}the values of the sample do not change with the mask offset as those of the flat do: \
+             give frames of the detector, not frames that were divided by the flat",
+            place(found, found.divided, None)
+        )];
+    }
+    let measured = found.measured;
+    [
+        brighter(found).filter(|_| measured),
+        dose(found),
+        drift(found),
+        unsteady(found),
+        scatter(found),
+    ]
+    .into_iter()
+    .flatten()
+    .chain(empty_beam(found))
+    .collect()
+}
+
+/// Begins a message where only some of several views are concerned. `worst`: the view of the numbers.
+fn place(found: &Findings<'_>, count: usize, worst: Option<usize>) -> String {
+    match (found.views, worst) {
+        (0 | 1, _) => String::new(),
+        (all, None) => format!("{count} of {all} views: "),
+        (all, Some(view)) => format!("{count} of {all} views, most in view {view}: "),
+    }
+}
+
+fn brighter(found: &Findings<'_>) -> Option<String> {
+    let LightCounts { above, below, pixels, .. } = found.light;
+    let share = above as f64 / pixels.max(1) as f64;
+    (share > MANY && above > RATIO * below).then(|| {
+        format!(
+            "transmission exceeds 1 in {:.0} % of the pixels and is below 1 in {:.0} %: flat and sample \
+             may be swapped (check --flat and --sample), or the dose of the sample may be higher",
+            100.0 * share,
+            100.0 * below as f64 / pixels.max(1) as f64
+        )
+    })
+}
+
+/// The view that differs most, with the number of views that differ.
+fn worst<T: Copy>(
+    all: impl Iterator<Item = (usize, T)>,
+    size: impl Fn(&T) -> f64,
+) -> Option<(usize, usize, T)> {
+    let mut count = 0;
+    let most = all.inspect(|_| count += 1).max_by(|a, b| size(&a.1).total_cmp(&size(&b.1)))?;
+    Some((count, most.0, most.1))
+}
+
+const NAME_IT: &str = "--empty-beam C0:C1 measures it in columns that are empty";
+
+fn dose(found: &Findings<'_>) -> Option<String> {
+    let all = found.borders.iter().copied().filter(|(_, borders)| borders.has_other_dose);
+    let (count, view, borders) = worst(all, |b| (b.transmission.value - 1.0).abs())?;
+    Some(format!(
+        "{}transmission is {} in the {} columns at either side, with no structure: unless a slab fills \
+         the field, the dose of the sample is {:+.1} % of the flat's; {NAME_IT}",
+        place(found, count, Some(view)),
+        with_sigma(borders.transmission.value, borders.transmission.sigma, 4),
+        borders.width,
+        100.0 * (borders.transmission.value - 1.0)
+    ))
+}
+
+fn drift(found: &Findings<'_>) -> Option<String> {
+    let all = found.borders.iter().copied().filter(|(_, borders)| borders.has_drift);
+    let (count, view, borders) = worst(all, |b| b.refraction.value.abs())?;
+    Some(format!(
+        "{}refraction is {} urad in the {} columns at either side, with no structure: unless a prism \
+         fills the field, {} by {:.2} um between flat and sample; {NAME_IT}",
+        place(found, count, Some(view)),
+        with_sigma(1e6 * borders.refraction.value, 1e6 * borders.refraction.sigma, 3),
+        borders.width,
+        moved(found),
+        1e6 * borders.refraction.value / found.angle_per_shift
+    ))
+}
+
+const fn moved(found: &Findings<'_>) -> &'static str {
+    if found.is_beamlet { "the beamlets moved on the detector" } else { "a mask drifted" }
+}
+
+fn unsteady(found: &Findings<'_>) -> Option<String> {
+    let (count, view, unsteady) = worst(found.unsteady.iter().copied(), |of| of.dose)?;
+    Some(format!(
+        "{}the steps leave the fitted curves in all pixels alike: the dose varies by {:.1} % (rms) from \
+         step to step, or the mask offsets are off by {:.2} um; monitor the dose, or check --offsets",
+        place(found, count, Some(view)),
+        100.0 * unsteady.dose,
+        1e6 * unsteady.offset * found.width
+    ))
+}
+
+fn scatter(found: &Findings<'_>) -> Option<String> {
+    let beyond = median(found.chi_squares.iter().map(|pair| pair[1]).collect())?;
+    (found.is_noise_known && beyond > CHI_SQUARE).then(|| {
+        format!(
+            "reduced chi squared of the sample is {beyond:.1} beyond what the fits of the flat leave \
+             (median of the pixels): values scatter by more than the noise of counts; check --gain and \
+             --read-noise, and whether dose and offsets were steady"
+        )
+    })
+}
+
+fn empty_beam(found: &Findings<'_>) -> Vec<String> {
+    let Some(empty) = found.empty_beam else { return Vec::new() };
+    let views = || empty.views.iter().enumerate();
+    let other = |of: [f64; 2], expected: f64, least: f64| {
+        ((of[0] - expected).abs() > (SIGMAS * of[1]).max(least)).then_some(of)
+    };
+    let mut lines = Vec::new();
+    let without = views().filter(|(_, of)| of.transmission.is_none()).count();
+    if without > 0 {
+        let begin = place(found, without, None);
+        lines.push(format!("{begin}fewer than two pixels of the empty beam have an answer"));
+    }
+    let all = views().filter_map(|(view, of)| Some((view, other(of.transmission?, 1.0, LEAST)?)));
+    if let Some((count, view, [value, sigma])) = worst(all, |[value, _]| (value - 1.0).abs()) {
+        lines.push(format!(
+            "{}transmission of the empty beam is {}: the dose of the sample is {:+.2} % of the flat's, \
+             or something is in the beam",
+            place(found, count, Some(view)),
+            with_sigma(value, sigma, 4),
+            100.0 * (value - 1.0)
+        ));
+    }
+    let least = LEAST * found.width;
+    let all = views().filter_map(|(view, of)| Some((view, other(of.drift?, 0.0, least)?)));
+    if let Some((count, view, [value, sigma])) = worst(all, |[value, _]| value.abs()) {
+        let angle = found.angle_per_shift;
+        lines.push(format!(
+            "{}refraction of the empty beam is {} urad: {} by {} um between flat and sample",
+            place(found, count, Some(view)),
+            with_sigma(1e6 * value * angle, (1e6 * sigma * angle).abs(), 3),
+            moved(found),
+            with_sigma(1e6 * value, 1e6 * sigma, 3)
+        ));
+    }
+    let all = views().filter_map(|(view, of)| Some((view, dose_scatter(&of.dose)?)));
+    if let Some((count, view, scatter)) = worst(all, |scatter| *scatter) {
+        lines.push(format!(
+            "{}the dose of the empty beam varies by {:.1} % (rms) from step to step: the source is not \
+             steady, or mask offsets are off where curves are steep",
+            place(found, count, Some(view)),
+            100.0 * scatter
+        ));
+    }
+    lines
+}
+
+/// Standard deviation of the doses of steps beyond their noise; `None` where noise explains it.
+pub(super) fn dose_scatter(doses: &[[f64; 2]]) -> Option<f64> {
+    let weight = |[_, sigma]: &[f64; 2]| sigma.max(LEAST).powi(-2);
+    let weights: f64 = doses.iter().map(weight).sum();
+    let mean = doses.iter().map(|dose| weight(dose) * dose[0]).sum::<f64>() / weights;
+    let squares: f64 = doses.iter().map(|dose| weight(dose) * (dose[0] - mean).powi(2)).sum();
+    let freedom = doses.len().saturating_sub(1) as f64;
+    if freedom < 1.0 || squares < freedom + SIGMAS * (2.0 * freedom).sqrt() {
+        return None;
+    }
+    Some(((squares - freedom) / weights).sqrt())
+}
+
+/// A value with its uncertainty.
+fn with_sigma(value: f64, sigma: f64, digits: usize) -> String {
+    format!("{value:.digits$} ± {sigma:.digits$}")
+}
