@@ -123,7 +123,7 @@ fn random_rays_serve_every_step_alike() {
 }
 
 /// A result as bits.
-fn bits(result: &RayResult) -> [u32; 8] {
+fn bits(result: &RayResult) -> [u32; 9] {
     bytemuck::cast(*result)
 }
 

@@ -111,7 +111,7 @@ fn many_triangles() {
 #[test]
 fn pictures_of_a_scene() {
     let place = workplace();
-    let limits = [32, 40, 60, 80, 100, 150, 200, 300, 350, 400, 450, 500, 600, 800, 1500];
+    let limits = [36, 40, 60, 80, 100, 150, 200, 300, 350, 400, 450, 500, 600, 800, 1500];
     sweep(&place, &limits, &["view", "scene.toml", "-o", "out"]);
     // A million triangles, of which the plane of the set-up cuts few.
     let sphere = "object.part.shape={sphere={radius=\"0.4 mm\",sides=1000}}";
@@ -152,7 +152,7 @@ fn stacks_that_are_read() {
         within(&place, limit, &["compare", "run", "run"]);
     }
     // The page and pictures.
-    let limits = [32, 40, 60, 80, 100, 150, 200, 300, 400, 600, 1500];
+    let limits = [36, 40, 60, 80, 100, 150, 200, 300, 400, 600, 1500];
     sweep(&place, &limits, &["report", "run", "-o", "page.html", "--overwrite"]);
     sweep(&place, &limits, &["view", "run", "-o", "pictures", "--overwrite"]);
 }
