@@ -28,10 +28,10 @@ pub struct Iterated {
 /// hundreds of iterations.
 ///
 /// # Errors
-/// [`Error::Argument`] for a geometry, grid or options that cannot be, arrays of other shapes, values
+/// [`crate::Error::Argument`] for a geometry, grid or options that cannot be, arrays of other shapes, values
 /// of weight that are not finite, weights below zero or all zero, a start that is not finite, views
 /// that do not meet the volume, and methods that do not fit: SIRT for refraction angles, bounds for
-/// conjugate gradients; [`Error::Interrupted`], [`Error::Device`], [`Error::Memory`].
+/// conjugate gradients; [`crate::Error::Interrupted`], [`crate::Error::Device`], [`crate::Error::Memory`].
 ///
 /// # Example
 ///

@@ -44,8 +44,8 @@ impl<'a> Model<'a> {
     /// that are on the device at once; `None`: 64 Mi each.
     ///
     /// # Errors
-    /// [`Error::Argument`] for a geometry or grid that cannot be, more than one plane of voxels for one
-    /// row, a fan of 90° or more; [`Error::Device`], [`Error::Memory`].
+    /// [`crate::Error::Argument`] for a geometry or grid that cannot be, more than one plane of voxels for one
+    /// row, a fan of 90° or more; [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn new(
         engine: &Engine,
         geometry: &'a ScanGeometry,
@@ -80,8 +80,8 @@ impl<'a> Model<'a> {
     /// Sinograms, `[view][row][column]`, of a volume, `[z][y][x]`.
     ///
     /// # Errors
-    /// [`Error::Argument`] for a volume of another shape than the grid; [`Error::Interrupted`],
-    /// [`Error::Device`], [`Error::Memory`].
+    /// [`crate::Error::Argument`] for a volume of another shape than the grid; [`crate::Error::Interrupted`],
+    /// [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn project(
         &self,
         volume: ArrayView3<'_, f32>,
@@ -95,8 +95,8 @@ impl<'a> Model<'a> {
     /// The transpose of [`Model::project`]: a volume, `[z][y][x]`, of sinograms.
     ///
     /// # Errors
-    /// [`Error::Argument`] for sinograms of another shape than the scan; [`Error::Interrupted`],
-    /// [`Error::Device`], [`Error::Memory`].
+    /// [`crate::Error::Argument`] for sinograms of another shape than the scan; [`crate::Error::Interrupted`],
+    /// [`crate::Error::Device`], [`crate::Error::Memory`].
     pub fn transpose(
         &self,
         sinograms: ArrayView3<'_, f32>,

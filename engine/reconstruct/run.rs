@@ -78,8 +78,8 @@ pub struct Reconstructed {
 /// are written, too, and the errors by material.
 ///
 /// # Errors
-/// As [`Input::sinograms`] and [`Method::volume`]; [`Error::File`] where the place is taken or cannot be
-/// written; [`Error::Interrupted`]. Nothing is left behind then.
+/// As [`Input::sinograms`] and [`super::Method::volume`]; [`Error::File`] where the place is taken or
+/// cannot be written; [`Error::Interrupted`]. Nothing is left behind then.
 ///
 /// # Example
 ///

@@ -307,11 +307,7 @@ fn an_empty_beam_reports_dose_and_drift() {
     let found = record(&truth.scene, [&flat, &sample], &options);
     warned(
         &found,
-        &[
-            "transmission of the empty beam is 0.9",
-            "a mask drifted by -0.",
-            "the dose of the empty beam varies by ",
-        ],
+        &["transmission of the empty beam is 0.9", "a mask drifted by -0.", "the dose varies by "],
     );
     let of_view = &found.empty_beam.unwrap().views[0];
     let [drift, sigma] = of_view.drift.unwrap();
