@@ -239,7 +239,7 @@ fn description(steps: u32, views: u32, spacing: Option<f64>) -> String {
 }
 
 /// Pixels per micrometre of pixels this long (m), as a fraction.
-pub(super) fn per_micrometre(pitch: f64) -> [u32; 2] {
+fn per_micrometre(pitch: f64) -> [u32; 2] {
     let micrometres = pitch * 1e6;
     // As many digits as there is room for.
     let mut over = 1_000_000_u32;

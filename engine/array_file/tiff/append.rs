@@ -1,6 +1,5 @@
 //! Files of pages that come one after another, each with its own description.
 
-use super::ahead::per_micrometre;
 use crate::array_file::parts::{Append, unwritten};
 use crate::{Error, Result, numbers, reserve};
 use ndarray::ArrayView2;
@@ -80,16 +79,12 @@ impl<K: TiffKind + Send + 'static> Append for TiffWriter<K> {
         let mut write = || {
             let [columns, rows] = [frame.ncols(), frame.nrows()].map(numbers::count);
             let mut page = self.encoder.new_image::<Gray32Float>(columns, rows)?;
-            match self.pitch {
-                None => page.encoder().write_tag(Tag::ImageDescription, about)?,
-                Some(pitch) => {
-                    let about = calibrated(about);
-                    page.encoder().write_tag(Tag::ImageDescription, about.as_str())?;
-                    let [x, z] = pitch.map(per_micrometre).map(|[n, d]| Rational { n, d });
-                    page.resolution_unit(ResolutionUnit::None);
-                    page.x_resolution(x);
-                    page.y_resolution(z);
-                }
+            page.encoder().write_tag(Tag::ImageDescription, about)?;
+            if let Some(pitch) = self.pitch {
+                let [x, z] = pitch.map(per_centimetre);
+                page.resolution_unit(ResolutionUnit::Centimeter);
+                page.x_resolution(x);
+                page.y_resolution(z);
             }
             page.write_data(&values)
         };
@@ -106,10 +101,12 @@ impl<K: TiffKind + Send + 'static> Append for TiffWriter<K> {
     }
 }
 
-/// A description by which `ImageJ` knows the unit of the resolution. It walks from page to page unless
-/// the description counts them, which is for values without a gap.
-fn calibrated(about: &str) -> String {
-    format!("ImageJ=1.53t\nunit=um\nloop=false\nbeamlet={about}\n")
+/// Pixels per centimetre. The tags alone calibrate: with a description of `ImageJ` readers take the values
+/// of all pages to follow one another, which they do not here.
+fn per_centimetre(pitch: f64) -> Rational {
+    let n = 1_000_000_000_u32;
+    let d = numbers::whole::<u32>((100.0 * pitch * f64::from(n)).round()).max(1);
+    Rational { n, d }
 }
 
 fn refused(path: &Path, error: tiff::TiffError) -> Error {
