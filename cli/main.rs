@@ -6,6 +6,8 @@
 
 mod args;
 mod commands;
+#[cfg(test)]
+mod documents;
 mod failure;
 mod interrupt;
 #[path = "../engine/numbers.rs"]

@@ -1,6 +1,6 @@
-//! Sampling: which rays are traced, and the cells that are made of them (docs/physics.md,
-//! "Refinement"). A beamlet and detector row is a patch; each patch is an adaptive quadrature of
-//! the recorded values over (x, z), refined until its error budget holds.
+//! Sampling: which rays are traced, and the cells that are made of them (docs/sampling.md).
+//! A patch is one beamlet and one detector row; each patch is an adaptive quadrature of the recorded
+//! values over (x, z), refined until its error budget holds.
 
 mod alignment;
 mod base_lattice;
