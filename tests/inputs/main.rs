@@ -2,6 +2,7 @@
 //! engine. None of these tests needs a Vulkan device.
 
 mod circles;
+mod documents;
 mod file_names;
 mod garbage;
 mod geometry;
