@@ -9,9 +9,9 @@ const HEIGHTS: [f32; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
 /// Times that an interval with a silhouette is halved.
 const HALVINGS: u32 = 12;
 
-/// Silhouettes that slant by the same over a row to this, m, are straight,
+/// Largest deviation of slants over a row for a straight silhouette, m.
 const STRAIGHT: f32 = 0.1e-6;
-/// where it is no more than this share of the period.
+/// The same as a fraction of the period.
 const STRAIGHT_SHARE: f32 = 0.002;
 
 /// How silhouettes slant.
@@ -21,7 +21,7 @@ pub(super) struct Slant {
     pub(super) shear: f32,
     /// All slant alike, at all heights.
     pub(super) straight: bool,
-    /// Largest change of x by curvature, m per row squared, of those that stand on three scanlines.
+    /// Largest curvature of silhouettes seen on three scanlines: change of x, m per row squared.
     pub(super) bow: f32,
 }
 
@@ -52,7 +52,7 @@ pub(super) struct Scanlines {
     lines: Vec<Scanline>,
     /// Number of the line, and x.
     pending: Vec<(usize, f32)>,
-    /// There are lines between the two that a silhouette stands on alone.
+    /// Lines were added between the two that a silhouette crosses alone.
     doubled: bool,
 }
 
@@ -65,7 +65,7 @@ impl Scanlines {
         scanlines
     }
 
-    /// Adds lines at these heights, and asks for their rays.
+    /// Adds lines at these heights and requests their rays.
     fn add(&mut self, heights: &[f32]) {
         let line = |height: &f32| Scanline { height: *height, rays: Vec::new(), halvings: 0 };
         self.lines.extend(heights.iter().map(line));
@@ -106,7 +106,8 @@ impl Scanlines {
         (self.lines.windows(2).map(between).collect(), unmatched)
     }
 
-    /// Heights between the two scanlines that a silhouette stands on alone: two do not tell how it bows.
+    /// Heights between the two scanlines of a silhouette that has only two: they do not show its
+    /// curvature.
     fn between(&self) -> Vec<f32> {
         let (sections, _) = self.sections();
         let continued = |gap: usize, section: &Section| {
@@ -122,7 +123,7 @@ impl Scanlines {
         sections.iter().enumerate().filter_map(alone).collect()
     }
 
-    /// How the silhouettes slant that stand on two scanlines or more: by the median.
+    /// Median slant of the silhouettes found on two scanlines or more.
     pub(super) fn slant(&self) -> Option<Slant> {
         let (sections, unmatched) = self.sections();
         let mut bow = 0.0_f32;

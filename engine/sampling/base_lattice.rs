@@ -1,5 +1,5 @@
-//! The rays at fixed places that every patch begins with, of some rows and one ring around them.
-//! What they find depends on no band of rows, so that refinement may look at neighbours.
+//! Base rays of some rows and one ring around them, at fixed places in every patch. Their results do not
+//! depend on bands of rows, so refinement may use neighbours.
 
 use super::patch::part;
 use super::patch_grid::PatchGrid;
@@ -10,8 +10,8 @@ use crate::numbers::{self, single};
 use crate::trace::Tracer;
 use std::ops::Range;
 
-/// Rows whose rays go to the device side by side: cells are narrow and rows high, so that rays at
-/// one x of a few rows are closer than those of one row.
+/// Rows whose rays go to the device side by side: cells are narrow and rows high, so rays at one x of a
+/// few rows are closer than the rays of one row.
 pub(super) const ROWS_TOGETHER: i64 = 4;
 
 /// Results of the base rays of some rows and beamlets.
@@ -24,7 +24,7 @@ pub(super) struct BaseLattice {
     /// Place of the results of a patch, by row and beamlet; none where no shadow falls.
     places: Vec<Option<u32>>,
     results: Vec<RayResult>,
-    /// Of rays that meet nothing.
+    /// Result of rays that miss the sample.
     empty: RayResult,
 }
 
@@ -99,8 +99,8 @@ impl BaseLattice {
         self.period / self.base[0] as f32
     }
 
-    /// What the base ray nearest to a place, given from the patch `beamlet` and `row`, found;
-    /// nothing beyond the lattice.
+    /// Result of the base ray nearest to a place, relative to the patch `beamlet` and `row`; `None`
+    /// beyond the lattice.
     pub(super) fn at(&self, beamlet: i64, row: i64, [x, z]: [f32; 2]) -> Option<Found> {
         let side = numbers::whole::<i64>(f64::from((x / self.period + 0.5).floor()));
         let level = numbers::whole::<i64>(f64::from(z.floor()));
@@ -146,8 +146,8 @@ impl BaseLattice {
     }
 }
 
-/// Marks the patches of rows that a shadow touches and whose light may be recorded: that of other
-/// rows only where a surface throws it out of its row.
+/// Marks patches touched by a shadow whose light may be recorded: in other rows only if a surface throws
+/// it out of its row.
 fn mark_occupied(view: &ViewContext<'_>, grid: &PatchGrid, places: &mut [Option<u32>]) {
     let recorded = view.recorded_rows();
     // Rows beside these are neighbours, by which they are judged.

@@ -69,8 +69,8 @@ impl CellBatch {
         all
     }
 
-    /// The cells in parts of whole cell rows, with about `most` cells each; without counts. What is
-    /// made of cells may take many times their memory.
+    /// The cells in parts of whole cell rows, about `most` cells each, without counts. Later stages may
+    /// need many times the memory of cells.
     pub(crate) fn parts(&self, most: usize) -> impl Iterator<Item = Cow<'_, Self>> {
         let mut rest = &self.cell_rows[..];
         std::iter::from_fn(move || {
@@ -136,7 +136,7 @@ fn join<T: Pod + Send + Sync>(
     }
 }
 
-/// A cell row with what its cells let through and how far their light lands.
+/// A cell row with the transmission of its cells and the reach of their light.
 fn reach_of(cell_row: CellRow, cells: &[Cell]) -> CellRow {
     let mut cell_row = CellRow {
         light: 0.0,

@@ -1,5 +1,5 @@
-//! Rows of cells from the rectangles of a patch: those that stand side by side at the same heights
-//! are a row, cut into several where the patch slants.
+//! Rows of cells from the rectangles of a patch: rectangles side by side at the same heights form a row,
+//! cut into several rows if the patch slants.
 
 use super::cell_batch::{CellBatch, empty_cell_row};
 use super::cell_moments::{CellMoments, ExactCell};
@@ -11,17 +11,17 @@ use crate::interface::{Cell, CellRow, FLAG_EXACT, FLAG_NOT_FINITE};
 use crate::numbers::{self, single};
 use std::ops::Range;
 
-/// Slanting rectangles become rows of cells that x moves over by this at most, m,
+/// Largest shift in x over one row of cells of a slanting rectangle, m.
 const SLANT_OF_A_ROW: f32 = 0.7e-6;
-/// by this share of the period,
+/// The same as a fraction of the period.
 const SLANT_SHARE: f32 = 0.01;
-/// and as many at most.
+/// Largest number of rows of cells per rectangle.
 const MOST_HEIGHTS: f32 = 64.0;
 /// Light of both ends of a rectangle that lands farther apart than this, relative to its height, is
 /// spread over what lies between.
 const STRETCHED: f64 = 0.2;
 
-/// Where a row of cells stands.
+/// Position of a row of cells.
 struct RowPlace<'a> {
     patch: &'a Patch,
     /// Interval within the detector row, 0..1 downwards.
@@ -35,7 +35,7 @@ struct RowPlace<'a> {
 struct RowCells {
     cells: Vec<Cell>,
     moments: CellMoments,
-    /// Rows where the light lands, from that of the patch on.
+    /// Rows where the light lands, relative to the row of the patch.
     lands: Range<i64>,
     /// Cells whose light lands too far off to follow.
     landed_off: u64,
@@ -108,7 +108,7 @@ impl Emitter<'_> {
         }
     }
 
-    /// The cell of a rectangle, if any of it stands in the period.
+    /// The cell of a rectangle, if any part of it lies in the period.
     fn push_cell(
         &self,
         row: &mut RowCells,

@@ -5,8 +5,8 @@ use super::patch_grid::PatchGrid;
 use super::projected_bounds::ProjectedBounds;
 use super::view_context::ViewContext;
 
-/// Patches that are crowded by the projected bounds of components, and the components that
-/// stand in such patches alone: bundles of fibres, whose facets need not be looked at one by one.
+/// Patches crowded by the projected bounds of components, and the components that lie only in such
+/// patches: bundles of fibres, whose facets need not be listed.
 pub(super) fn bundles(view: &ViewContext<'_>, grid: &PatchGrid) -> (Vec<bool>, Vec<bool>) {
     let each = |shadow: &ProjectedBounds, visit: &mut dyn FnMut(usize)| {
         let [rows, beamlets] = shadow.patches(view.lattice);

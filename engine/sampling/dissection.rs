@@ -19,21 +19,21 @@ pub(super) const MOST_FACETS: usize = 32;
 const MOST_REGIONS: usize = 256;
 /// Most facets over a region, beside those that fill the rectangle.
 const MOST_LAYERS: usize = 12;
-/// Bounds of a triangle are unlike by this to those of the interval of its variance.
+/// Difference between a triangle and the interval of its variance.
 const TRIANGLE: f64 = 0.6;
 /// Pieces are taken to be at least as wide and high as this share of the rectangle.
 const THINNEST: f64 = 1e-3;
-/// Pieces with less than this share of the light that the first order may leave in a rectangle are
-/// left out where it does not tell in which row they land.
+/// Pieces with less than this fraction of the first-order remainder of a rectangle are dropped if their
+/// landing row is unknown.
 const NOTHING: f64 = 1e-2;
 /// Pieces that are not in balance are left out up to this share of the rectangle.
 const SLIVER: f64 = 1e-5;
 /// Pieces fill the rectangle to this.
 const WHOLE: f64 = 1e-7;
 
-/// A part of a rectangle that the same facets cover. Parts stand in the rectangle by their
-/// centroids, as rectangles of their areas that leave no gap, so that together they cover it
-/// evenly; where light of a part lands on the analyser has its mean and variance all the same.
+/// Part of a rectangle covered by the same facets. Parts lie in the rectangle by their centroids, as
+/// rectangles of their areas without gaps, so that together they cover it evenly; the landing position of
+/// a part has the exact mean and variance.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Piece {
     /// Its rectangle: m from the beamlet's centre, and share of the row.
@@ -50,12 +50,12 @@ pub(super) struct Piece {
     pub(super) result: RayResult,
     /// Where in the row its light comes from.
     pub(super) rows: PieceRows,
-    /// How unlike the light of the part along x and z is to that of an interval of its variance:
-    /// 1 for a triangle.
+    /// Difference between the light of the part and of an interval of its variance, along x and z: 1 for
+    /// a triangle.
     pub(super) outline: [f32; 2],
     /// Change of the optical depth along x, 1/m.
     pub(super) slope_depth: f32,
-    /// The first order is not enough: its result is to be that of the ray through its centroid.
+    /// The first order is insufficient: take the result of the ray through the centroid.
     pub(super) by_ray: bool,
 }
 
@@ -131,7 +131,7 @@ impl FacetMeans<'_> {
             let polygons = || group.iter().map(|region| &region.polygon);
             match self.piece(patch, &facets, (&moments, polygons), [centre, half]) {
                 Some(piece) => pieces.extend(piece),
-                // Facets seen edge-on are left out, and what they would balance is as thin.
+                // Facets seen edge-on are dropped; the facets that balance them are as thin.
                 None if moments.area <= SLIVER * whole => {}
                 None => return None,
             }
@@ -169,7 +169,7 @@ impl FacetMeans<'_> {
             share = share.min(added.share);
             met.add(self.steps[facet.component as usize].hash, facet.front, 1);
         }
-        // Mean light over z, as that of an interval.
+        // Mean light over z, as for an interval.
         let rise_z = rise[1].abs() * (3.0 * zz).sqrt();
         numbers[0] -= log_sinhc(rise_z).min(numbers[0].max(0.0));
         let finite = numbers.iter().chain(&rise).all(|number| number.is_finite());
@@ -214,9 +214,8 @@ impl FacetMeans<'_> {
         }))
     }
 
-    /// What of a piece crosses the borders of its row when it is displaced by `down` rows. `whole`:
-    /// the interval that stands for it; its polygons are about `centre`, and its optical depth
-    /// changes by `rise` per row.
+    /// Light of a piece that crosses the borders of its row after a displacement by `down` rows. `whole`:
+    /// its interval; polygons are relative to `centre`; optical depth changes by `rise` per row.
     fn rows_of<'p, I: Iterator<Item = &'p Polygon>>(
         &self,
         moments: &AreaMoments,

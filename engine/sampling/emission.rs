@@ -15,15 +15,15 @@ use crate::trace::Tracer;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Rectangles are joined up to this share of the period,
+/// Largest width of joined rectangles, fraction of the period.
 const WIDEST_JOINED: f32 = 1.0 / 20.0;
-/// and up to this change of optical depth: light is linear in a cell.
+/// Largest change of optical depth over joined rectangles: light is linear in a cell.
 const STEEPEST_JOINED: f32 = 0.02;
-/// Optical depth may leave the straight line of a joined cell by this over a whole beamlet,
+/// Largest deviation of optical depth from the line of a joined cell over a whole beamlet.
 const DEPTH_JOINED: f32 = 2e-5;
-/// displacement by this share of what the budget allows,
+/// Largest deviation of displacement, fraction of the budget.
 const DISPLACEMENT_JOINED: f64 = 0.1;
-/// and narrower cells than this share of the period by more, in proportion.
+/// Cells narrower than this fraction of the period may deviate more, in proportion.
 const FULL_SHARE: f32 = 1.0 / 40.0;
 
 /// Makes cells.
@@ -57,7 +57,7 @@ impl<'a> Emitter<'a> {
         }
     }
 
-    /// The cells of patches, and the places (column, row) of those that no ray of meets the sample.
+    /// The cells of patches, and the places (column, row) of patches that miss the sample.
     pub(super) fn cells(
         &self,
         tracer: &mut Tracer,

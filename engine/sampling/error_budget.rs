@@ -1,4 +1,4 @@
-//! What sampling may leave in recorded values, and what it is estimated to have left.
+//! Error budget of recorded values, and the estimated error.
 
 use crate::numbers;
 use crate::trace::Tally;
@@ -11,7 +11,7 @@ const UNBOUNDED: f64 = 10e-9;
 pub(crate) struct ErrorBudget {
     /// Error of a value of the grid that takes the light, share of open beam.
     pub light: f64,
-    /// Error of such a value over that of a recorded one: parts of a pixel are more in error than it is.
+    /// Error of a grid value over the error of a recorded one: parts of a pixel err more than the pixel.
     pub by_grid: f64,
     /// Error of a recorded value, share of open beam.
     pub tolerance: f64,

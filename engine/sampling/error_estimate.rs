@@ -1,13 +1,11 @@
-//! Error of one rectangle of a patch: what recorded values may miss because its result is that of one
-//! ray, or the linear one that fits it best.
+//! Error of one rectangle of a patch, represented by one ray or by the best linear fit.
 //!
-//! By a ray (`ray_error.rs`): the result is linear, with slopes from its neighbours. Its error is taken from the
-//! neighbours that it predicts worst: the change of the recorded light if the rectangle were like
-//! that neighbour, times 1 / sqrt(12), the standard deviation of a place spread evenly over a step.
-//! By its best fit: the standard deviation of what the facets do from the fit counts, and only
-//! where windows are not straight over the rectangle, or edges of openings cut it.
-//! Errors of rectangles add up as independent ones, those of pieces as sums: along a silhouette their
-//! outlines are alike.
+//! Represented by a ray (`ray_error.rs`): the result is linear, with slopes from its neighbours. Its
+//! error is the largest change of recorded light if the rectangle were like a neighbour, times 1 /
+//! sqrt(12), the standard deviation of a place spread evenly over a step. Represented by a fit: the
+//! standard deviation of the facets about the fit, and only if windows are not straight over the
+//! rectangle, or edges of openings cut it. Errors of rectangles add as independent ones, errors of pieces
+//! as sums: along a silhouette their outlines are alike.
 
 use super::base_lattice::BaseLattice;
 use super::dissection::Piece;
@@ -20,17 +18,17 @@ use crate::interface::RayResult;
 use crate::numbers::single;
 use std::ops::Range;
 
-/// Light of a triangle at one side of an edge that cuts it, beside that of an interval.
+/// Error of an edge through a triangular piece, relative to a uniform one.
 const CUT: f32 = 0.1;
-/// Change of the density of a triangle's light near its border, beside that of an interval.
+/// Change of the density of a triangle's light near its border, relative to an interval.
 const DENSITY: f32 = 0.2;
-/// Part of a change of light along z that a row's border tells although its mean and slope are
-/// right, per square of the height over the blur.
+/// Fraction of a change of light along z that a row's border shows in spite of correct mean and slope,
+/// per square of height over blur.
 const BEND: f32 = 0.1;
-/// Part of a change of light along z that a row's border tells where the mean over the band beside
-/// it is right: a triangle is not a Gaussian.
+/// Fraction of a change of light along z that a row's border shows if the mean over the band beside it is
+/// correct: a triangle is not a Gaussian.
 const BAND: f32 = 0.05;
-/// Part of what a mean leaves along x that changes over z, not over x.
+/// Fraction of the x residual attributed to variation along z.
 const ALONG_Z: f32 = 0.5;
 /// Light that a blur takes over a border, per standard deviation of it: 1 / sqrt(2 pi).
 const BLURRED: f32 = 0.398_942_3;
@@ -38,7 +36,7 @@ const BLURRED: f32 = 0.398_942_3;
 const CANCELLED: f32 = 0.25;
 /// Rays that are off by more standard deviations are too few to count.
 const FARTHEST: f32 = 100.0;
-/// Errors of rows beside the detector add to those of its rows: they are to be as many times less.
+/// Errors of rows beside the detector add to the errors of its rows; they must be smaller by this factor.
 const BESIDE: f32 = 4.0;
 /// Standard deviation of a place spread evenly over an interval, share of the interval.
 pub(super) const SPREAD: f32 = 0.288_675_13;
@@ -112,7 +110,7 @@ pub(super) struct Estimator<'a> {
     pub(super) row_blur: f32,
     /// Moments are kept: light moves otherwise at other energies.
     pub(super) other_energies: bool,
-    /// By how much more than told pieces err together.
+    /// Correction factor of the summed error of pieces.
     pub(super) pieces: f64,
     /// No means over facets are taken: all rectangles are known by rays.
     pub(super) by_rays_alone: bool,
@@ -198,7 +196,7 @@ impl Estimator<'_> {
             let half = self.response.magnification * (3.0 * piece.variance).sqrt();
             let apart = piece.centroid[0] - 0.5 * (piece.x[0] + piece.x[1]);
             let aside = (apart.abs() / node.width()).min(1.0);
-            // A Gaussian makes up for what is wider than its rectangle.
+            // A Gaussian replaces a piece that is wider than its rectangle.
             let width = piece.x[1] - piece.x[0];
             let wider = (1.0 - width * width / (12.0 * piece.variance).max(f32::MIN_POSITIVE))
                 .abs()
@@ -206,7 +204,7 @@ impl Estimator<'_> {
             let unlike = piece.outline[0].max(wider);
             let mut along = unlike * self.response.outline(column, at, half);
             if self.response.any_masks {
-                // It stays where it stands.
+                // The piece is not moved.
                 along += self.response.change(
                     column,
                     [1.0, 0.0],
@@ -324,8 +322,8 @@ impl Estimator<'_> {
         move |off| change(off).max(change(-off))
     }
 
-    /// Change of the light in any window by what a mean leaves along x, and by the slope over z that
-    /// it has there. Light and landing point of the mean are given, spread over 2 `half`.
+    /// Largest change of light in a window by the residual of a mean along x, and by its slope over z
+    /// there. Light and landing point of the mean are spread over 2 `half`.
     fn along_x(
         &self,
         residuals: &Residuals,
@@ -374,7 +372,7 @@ impl Estimator<'_> {
         if bottom.floor() - top.floor() < 0.5 {
             return 0.0;
         }
-        // Mean and slope are right: a wide blur tells little more.
+        // Mean and slope are right: a wide blur shows little more.
         let height = node.height();
         let blur2 = self.row_blur.powi(2).max(1e-12);
         let curvature = (BEND * height * height / blur2).min(if known { BAND } else { 1.0 });

@@ -1,4 +1,4 @@
-//! Facets of the sample by patch: those that its rays can meet, and whether a silhouette crosses it.
+//! Facets of the sample by patch: candidates for its rays, and whether a silhouette crosses it.
 
 use super::crowding::{bundles, curved};
 use super::lattice::Lattice;
@@ -23,7 +23,7 @@ const CROWDED: u32 = 1 << 31;
 /// Triangles that one task takes.
 const TRIANGLES_OF_A_TASK: usize = 1 << 12;
 
-/// What a surface does to rays: constants inside less those outside.
+/// Effect of a surface on rays: constants inside minus constants outside.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfaceStep {
     /// Of its component, as in signatures of rays.
@@ -39,7 +39,7 @@ pub(super) struct SurfaceStep {
 /// Surfaces of a sample, for means over facets.
 #[derive(Debug)]
 pub(crate) struct SampleFacets {
-    /// No mean takes the place of rays: facets tell what is between them.
+    /// No mean replaces rays: facets describe the space between them.
     pub(super) by_rays_alone: bool,
     /// By component.
     pub(super) steps: Vec<SurfaceStep>,
@@ -151,7 +151,7 @@ impl PatchFacet {
         });
     }
 
-    /// What it has in a rectangle of this centre and half size.
+    /// Its part inside a rectangle of this centre and half size.
     pub(super) fn within(&self, centre: [f64; 2], half: [f64; 2]) -> Area {
         match self.overlap(centre, half) {
             Overlap::None => Area::NONE,

@@ -1,5 +1,5 @@
-//! Exact means of the first order over rectangles: sums over facets of what each adds, times the
-//! area that it has in the rectangle. They need no ray, and no facet is missed between rays.
+//! Exact means of the first order over rectangles: sums over facets, weighted by their area in the
+//! rectangle. They need no ray, and no facet is missed between rays.
 
 use super::facet_lists::{PatchFacet, SurfaceStep};
 use super::lattice::Lattice;
@@ -18,14 +18,14 @@ const FIRST_ORDER_SHARE: f64 = 0.05;
 /// An error of the displacement that moves light to other rows, pitches of them.
 const FAR_OFF: f64 = 0.1;
 
-/// Height of the band beside a row's border that light crosses the border from, standard
-/// deviations of the blur. The weight falls linearly to nothing over it: its mean distance from the
-/// border is that of one side of the blur.
+/// Height of the band beside a row's border from which light crosses the border, standard deviations of
+/// the blur. The weight falls linearly to zero over it: its mean distance from the border equals that of
+/// one side of the blur.
 const BORDER_BAND: f64 = 2.4;
 /// Least height of a band, rows.
 const THINNEST_BAND: f64 = 1e-3;
 
-/// What the facets say of a rectangle.
+/// Result of a rectangle from its facets.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Mean {
     /// The linear model that fits it best, to first order: means over all its rays.
@@ -36,7 +36,7 @@ pub(super) enum Mean {
     Unknown,
 }
 
-/// What a facet adds to the result of a ray.
+/// Contribution of a facet to the result of a ray.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Added {
     /// Optical depth, displacement (m) and slope along x and z.
@@ -52,7 +52,7 @@ pub(super) struct Added {
 }
 
 impl Added {
-    /// What the first order may leave in the displacement, m.
+    /// First-order remainder of the displacement, m.
     pub(super) fn error(&self) -> f64 {
         if self.share < 1.0 {
             FIRST_ORDER_ERROR * self.lever / (self.share * self.share * self.share)
@@ -210,8 +210,8 @@ impl<'a> FacetMeans<'a> {
         sums
     }
 
-    /// Adds what a facet does over a part of the rectangle; nothing where the first order is not
-    /// enough, or there are too many sheets.
+    /// Adds the contribution of a facet over a part of the rectangle; `None` if the first order is
+    /// insufficient, or there are too many sheets.
     fn add(
         &self,
         patch: &Patch,
@@ -251,8 +251,8 @@ impl<'a> FacetMeans<'a> {
         Some(())
     }
 
-    /// What a facet adds to the result of the ray through a place (x from the beamlet's centre, m;
-    /// share of the row).
+    /// Contribution of a facet to the result of the ray through a place (x from the beamlet's centre, m;
+    /// fraction of the row).
     pub(super) fn added(&self, patch: &Patch, facet: &PatchFacet, [x, z]: Corner) -> Added {
         let step = &self.steps[facet.component as usize];
         let slope = self.lattice.slopes(patch.beamlet, x, patch.row as f64 + z);
@@ -281,8 +281,8 @@ impl<'a> FacetMeans<'a> {
         }
     }
 
-    /// The linear result that fits a rectangle best, and what it leaves; nothing where sheets do not
-    /// cover all of it, or the first order is not enough.
+    /// The best linear result of a rectangle, and its residual; `None` if sheets do not cover all of it,
+    /// or the first order is insufficient.
     fn fit(
         &self,
         sums: &RectangleSums,
@@ -310,8 +310,8 @@ impl<'a> FacetMeans<'a> {
         }
         let mut numbers = sums.result.map(|sum| sum / area);
         if !self.strict {
-            // A cell has no slopes along z: the mean displacement is that of its light, the mean
-            // light that of a slope.
+            // A cell has no slopes along z: the displacement is weighted by the light, and the light is
+            // the mean over the slope.
             let rise_z = sums.depth_by_z / area / z2;
             numbers[1] -= across * rise_z * z2;
             numbers[0] -= (0.5 * rise_z * rise_z * z2).min(numbers[0].max(0.0));

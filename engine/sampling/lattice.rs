@@ -1,5 +1,5 @@
-//! The lattice of cells: where beamlets stand in the cell plane, which rays bound their cells,
-//! and where they land. All in f64 on the host; the device gets offsets inside an index.
+//! The lattice of cells: positions of beamlets in the cell plane, the rays that bound their cells, and
+//! their landing points. All in f64 on the host; the device gets offsets inside an index.
 
 use super::row_spread::{PieceRows, RowSpread};
 use crate::interface::{BeamletGeometry, Ray};
@@ -23,7 +23,7 @@ pub struct Lattice {
     pub cells: u32,
     /// Beamlets whose light may reach the detector.
     pub beamlets: Range<i64>,
-    /// Those of them that reach it without a deflection.
+    /// Beamlets among them that reach it without a deflection.
     pub direct: Range<i64>,
     /// Rows beyond a band (or the detector) whose light may reach it.
     pub halo: i64,
@@ -64,8 +64,8 @@ fn edge_blur(optics: &Optics) -> f64 {
 }
 
 impl Lattice {
-    /// Whether cells stand and land as on another lattice; how finely it is sampled, and which
-    /// rows see the bars of masks under one angle, does not count.
+    /// Whether cells have the positions and landing points of another lattice, whatever the fineness of
+    /// its sampling and of its blocks of rows.
     #[must_use]
     pub(crate) fn places_like(&self, other: &Self) -> bool {
         *self == Self { cells: self.cells, alike_rows: self.alike_rows, ..other.clone() }
@@ -171,7 +171,7 @@ impl Lattice {
         self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
     }
 
-    /// The same for a piece: those of its outline, or else of its interval.
+    /// The same for a piece: by its outline, or else by its interval.
     pub(super) fn piece_shares(&self, rows: &PieceRows, down: f64) -> [f32; 2] {
         let Some(shares) = rows.by_outline(down, self.row_spread.blur) else {
             return self.row_shares(rows.whole[0], rows.whole[1], down);

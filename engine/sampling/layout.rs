@@ -1,4 +1,4 @@
-//! Where pieces of a rectangle stand in it: as rectangles of their areas that leave no gap.
+//! Layout of pieces in a rectangle: rectangles of their areas without gaps.
 
 use super::dissection::Piece;
 use crate::numbers::single;
@@ -6,8 +6,8 @@ use crate::numbers::single;
 /// Of more pieces only cuts through the middle third are looked at.
 const MOST_CUTS: usize = 24;
 
-/// Stands those pieces that `order` names in their rectangle: cut in two where the least of them
-/// lies on the wrong side, and so on.
+/// Lays out the pieces named by `order` in their rectangle: cut in two where the smallest area lies on
+/// the wrong side, recursively.
 pub(super) fn stand(pieces: &mut [Piece], order: &mut [usize], x: [f32; 2], z: [f32; 2]) {
     if let [only] = order {
         (pieces[*only].x, pieces[*only].z) = (x, z);

@@ -26,8 +26,7 @@ pub(crate) struct MomentRecording {
     reference: Vec<Constants>,
     /// How much more strongly the sample may refract than at these constants, 1 or more.
     pub(super) delta_ratio: f64,
-    /// Signature of a ray that goes into a body and out of it, and meets no other, with the
-    /// body's material; sorted.
+    /// Signatures of a ray through one body alone, with the body's material; sorted.
     single: Vec<(u32, u32)>,
     /// Words of a ray's moments.
     words: usize,
@@ -94,7 +93,7 @@ impl MomentRecording {
         (differs(|c| c.mu) && differs(|c| c.delta)).then_some(material)
     }
 
-    /// Differences of mu and delta from those of the surroundings.
+    /// Differences of mu and delta from the surroundings.
     fn step(&self, material: usize) -> [f64; 2] {
         let (inside, outside) = (&self.reference[material], &self.reference[0]);
         [inside.mu - outside.mu, inside.delta - outside.delta]
@@ -177,8 +176,8 @@ impl MomentRecording {
     }
 }
 
-/// The linear model of a rectangle: that of its ray, and optical depth and displacement at both ends
-/// of x.
+/// The linear model of a rectangle: the result of its ray, and optical depth and displacement at both
+/// ends of x.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LinearModel {
     pub(super) result: RayResult,

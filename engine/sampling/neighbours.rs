@@ -5,8 +5,8 @@ use super::error_estimate::Estimator;
 use super::patch::{Node, Patch, alike, is_drawn};
 use crate::interface::RayResult;
 
-/// Neighbours are compared with a rectangle where their centres stand no farther aside than this
-/// part of its size: as far as those of rectangles three times as large do.
+/// Largest offset between centres of a rectangle and its neighbour, in units of its size: large enough
+/// for rectangles three times as large.
 const NEAR: f32 = 1.05;
 
 /// Slopes of optical depth and displacement along x (per m) and z (per row).
@@ -54,8 +54,8 @@ impl Estimator<'_> {
         if (0.0..1.0).contains(&z) || alike(&nearest.result, own) {
             return Some(nearest);
         }
-        // In the rows above and below rays stand far apart: a silhouette between two of them says
-        // nothing of a narrow rectangle.
+        // Rays in the rows above and below are far apart: a silhouette between two of them is unrelated
+        // to a narrow rectangle.
         let beside = [-self.base.width(), self.base.width()].into_iter().filter_map(at);
         Some(beside.into_iter().find(|found| alike(&found.result, own)).unwrap_or(nearest))
     }
@@ -143,7 +143,7 @@ impl Estimator<'_> {
         let comparable = |result: &RayResult| alike(result, own) && !is_drawn(result);
         let slope = |of: fn(&RayResult) -> f32| {
             let mut slopes = [0.0_f32; 2];
-            // Neighbours of other sizes stand aslant: what the other axis explains is taken off.
+            // Neighbours of other sizes lie diagonally: subtract the change along the other axis.
             for axis in [1, 0, 1] {
                 let along = [2 * axis, 2 * axis + 1].map(|side| {
                     let found = neighbours[3 * side..3 * side + 3].iter().flatten();

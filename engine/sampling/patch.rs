@@ -1,7 +1,7 @@
-//! A patch: one beamlet and detector row, cut into rectangles. A rectangle is known by the ray
-//! through its centre, or by its facets.
-//! Rectangles are split in three, so that the middle one keeps the ray. Their coordinates are
-//! (x - shear (z - 1/2), z): a silhouette that slants by `shear` stands upright in them.
+//! A patch: one beamlet and detector row, cut into rectangles. A rectangle is represented by the ray
+//! through its centre, or by its facets. Rectangles are split in three, so that the middle one keeps the
+//! ray. Their coordinates are (x - shear (z - 1/2), z): a silhouette that slants by `shear` is upright in
+//! them.
 
 mod beside;
 mod node;
@@ -33,8 +33,8 @@ pub(super) enum Axis {
 
 /// Lines of a patch whose rays are spread evenly.
 pub(super) const EVEN_LINES: u32 = 4;
-/// How far rays of these lines stand in their rectangles, parts of the width: together they are four
-/// times as many places.
+/// Positions of the rays of these lines in their rectangles, fractions of the width: together they are
+/// four times as dense.
 const EVEN_PLACES: [f32; EVEN_LINES as usize] = [0.125, 0.625, 0.375, 0.875];
 
 /// Rays that are spread evenly over a patch, for structure that they do not resolve.
@@ -42,9 +42,9 @@ const EVEN_PLACES: [f32; EVEN_LINES as usize] = [0.125, 0.625, 0.375, 0.875];
 pub(super) enum Even {
     /// They are not: rectangles are refined.
     No,
-    /// They tell how many are needed.
+    /// Trial rays, which determine the number.
     Trial,
-    /// As many as were found to be needed.
+    /// The final number of rays.
     Settled,
 }
 
@@ -63,14 +63,14 @@ pub(super) struct Patch {
     pub(super) straight: bool,
     /// Change of x by the curvature of its silhouettes, m per row squared, where they are not.
     pub(super) bow: f32,
-    /// Whether its rays are spread evenly: they do not stand in the middles of rectangles.
+    /// Whether its rays are spread evenly, not at the centres of rectangles.
     pub(super) even: Even,
     /// The base rectangles, by z, then x; then the parts of those that were split.
     pub(super) nodes: Vec<Node>,
     pub(super) splits: u32,
-    /// Rays that met other surfaces than the rectangle that they stood in.
+    /// Rays that crossed other surfaces than the rectangle that contains them.
     pub(super) witnesses: Vec<Witness>,
-    /// Facets that it may meet, where they are known.
+    /// Facets that its rays may cross, if known.
     pub(super) facets: Option<Vec<PatchFacet>>,
     /// Indices of facets, by rectangle.
     list: Vec<u32>,
@@ -212,7 +212,7 @@ impl Patch {
         }
     }
 
-    /// Lists those of the facets of `before`, a range of the list, that touch a rectangle.
+    /// Lists the facets of `before`, a range of the list, that touch a rectangle.
     fn list_facets(&mut self, node: usize, before: [u32; 2]) {
         let Some(facets) = &self.facets else { return };
         let node = &mut self.nodes[node];
@@ -273,7 +273,7 @@ impl Patch {
         self.place(self.ray_coordinates(node))
     }
 
-    /// Sets the result of a rectangle to that of its ray.
+    /// Sets the result of a rectangle to the result of its ray.
     pub(super) fn set_result(&mut self, node: u32, result: &RayResult) {
         let node = &mut self.nodes[node as usize];
         node.result = *result;
@@ -288,8 +288,8 @@ impl Patch {
         self.pieces.get(first as usize..end as usize)
     }
 
-    /// Takes what the facets say of a rectangle; whether that is all that is to be known. By rays
-    /// alone it is what a ray does not see.
+    /// Stores the result from the facets of a rectangle; returns whether it is sufficient. With rays
+    /// alone it bounds the space between rays.
     pub(super) fn set_mean(&mut self, index: u32, mean: &Mean, by_rays_alone: bool) -> bool {
         let node = &mut self.nodes[index as usize];
         (node.known, node.crossings) = (Known::Ray(None), None);
@@ -319,7 +319,7 @@ impl Patch {
         }
     }
 
-    /// What it holds in memory, in rectangles.
+    /// Its size in memory, in rectangles.
     pub(super) fn size(&self) -> usize {
         self.nodes.len() + self.list.len() / FACETS_OF_A_RECTANGLE + self.pieces.len()
     }

@@ -11,20 +11,20 @@ use crate::optics::Optics;
 /// Rectangles that would hold this part of the budget at every mask step, were all like them, are
 /// not split.
 const NEGLIGIBLE: f64 = 0.01;
-/// Part of the budget that refinement aims at for the mask step that is worst,
+/// Fraction of the budget that refinement aims at for the worst mask step.
 const SAFETY: f64 = 0.45;
-/// and where there is one step alone: the root mean square is to be a third of the budget.
+/// The same with a single step, where the root mean square should be a third of the budget.
 const SAFETY_OF_ONE: f64 = 0.2;
-/// The same of angles where rays tell them: facets about as wide as rays stand apart hide between them.
-/// With 0.45 prisms and fine balls were off by 0.46 of 3 nrad, with 0.23 by 0.34.
+/// The same for angles determined by rays: facets about as wide as the distance of rays hide between
+/// them. With 0.45 prisms and fine balls erred by 0.46 of 3 nrad, with 0.23 by 0.34.
 const SAFETY_OF_RAYS: f64 = 0.2;
-/// Tolerance from which on pieces err as told, share of open beam,
+/// Tolerance above which the estimate holds, fraction of the open beam.
 const FINE: f64 = 1e-4;
-/// the power of the tolerance by which they err by more below it,
+/// Exponent of its correction below that tolerance.
 const FALL: f64 = 0.9;
-/// by how much at most,
+/// Upper limit of the correction.
 const MOST_OF_PIECES: f64 = 3.0;
-/// and by how much where there is a detector mask alone.
+/// Lower limit behind a detector mask alone.
 const DETECTOR_MASK_ALONE: f64 = 1.5;
 /// Part of its square that the error of a rectangle keeps when it is split.
 const LEFT: f64 = 1.0 / 9.0;
@@ -34,7 +34,7 @@ const LEFT: f64 = 1.0 / 9.0;
 pub(super) struct PatchError {
     /// Leaves to split, with the axis.
     pub(super) splits: Vec<(u32, Axis)>,
-    /// Number of rays that are to be spread evenly anew, where they do not resolve what it holds.
+    /// Number of evenly spread rays that the patch needs, if its rays do not resolve its content.
     pub(super) even: Option<(u32, Even)>,
     /// Estimated error of the recorded value that has the largest, share of open beam.
     pub(super) light: f64,
@@ -55,7 +55,7 @@ pub(super) struct NarrowComponent {
     pub(super) light: f64,
 }
 
-/// What is known of the rectangles of a patch, by node.
+/// Known errors of the rectangles of a patch, by node.
 #[derive(Debug, Default)]
 pub(super) struct KnownErrors {
     errors: Vec<Option<CellError>>,
@@ -135,7 +135,7 @@ struct StepError {
 #[derive(Clone, Copy)]
 struct Weighing<'a> {
     response: &'a Response,
-    /// By how much more than told pieces err, where they err together.
+    /// Correction factor of pieces that err together.
     together: Option<f64>,
 }
 
@@ -180,15 +180,15 @@ impl StepError {
         self.part(self)
     }
 
-    /// What it adds to the square of all of them.
+    /// Its contribution to the square of the sum.
     fn part(&self, all: &Self) -> f64 {
         self.apart + self.together * all.together
     }
 }
 
-/// By how much more than told pieces of rectangles err together. What their estimate leaves out falls
-/// more slowly than it does as rectangles shrink: at 3e-5 it was a third of the error of a radiograph,
-/// at 1e-4 as large. A detector mask alone cuts the light of a rim where it is steepest: half of it at 1e-4.
+/// Correction factor of the summed error of pieces. Neglected terms fall more slowly than the estimate as
+/// rectangles shrink: at 3e-5 they were a third of the error of a radiograph, at 1e-4 as large. A
+/// detector mask alone cuts the light of a rim where it is steepest: half of it at 1e-4.
 pub(super) fn error_of_pieces(optics: &Optics, tolerance: f64) -> f64 {
     let alone = optics.sample_mask.is_none() && optics.detector_mask.is_some();
     let tight = (FINE / tolerance).powf(FALL).min(MOST_OF_PIECES);
@@ -201,7 +201,7 @@ impl Estimator<'_> {
         if self.response.steps() > 1 { SAFETY } else { SAFETY_OF_ONE }
     }
 
-    /// Finds what is not known of the leaves of a patch. `openings`: of its beamlet.
+    /// Computes the missing errors of the leaves of a patch. `openings`: of its beamlet.
     fn complete(&self, patch: &Patch, openings: &[Opening], known_errors: &mut KnownErrors) {
         known_errors.errors.resize(patch.nodes.len(), None);
         known_errors.seen.resize(patch.nodes.len(), None);
@@ -220,9 +220,9 @@ impl Estimator<'_> {
         pool_draws(&mut known_errors.errors, patch);
     }
 
-    /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide.
-    /// `crossed`: a silhouette may cross it, as far as facets tell. `known_errors`: what is known of its
-    /// nodes; the rest is found.
+    /// The error of a patch. `openings`: of its beamlet. `narrow`: components that may hide between rays.
+    /// `crossed`: a silhouette may cross it, according to its facets. `known_errors`: known errors of its
+    /// nodes; the others are computed.
     pub(super) fn patch_error(
         &self,
         patch: &Patch,
@@ -241,7 +241,7 @@ impl Estimator<'_> {
                 Some((error, &patch.nodes[leaf as usize], runs))
             })
         };
-        // For any window, of which none sees all of them at its steepest, they count by themselves.
+        // For any window, of which none sees all of them at its steepest, they count as independent.
         let alike = !self.other_energies;
         let response = self.response;
         let weighing = Weighing { response, together: alike.then_some(self.pieces) };

@@ -28,7 +28,7 @@ impl Area {
         Self { area, centroid: centre, moments: [square(half[0]), 0.0, square(half[1])] }
     }
 
-    /// Of what a triangle has in a rectangle.
+    /// The part of a triangle inside a rectangle.
     pub(super) fn within(triangle: &[Corner; 3], centre: Corner, half: [f64; 2]) -> Self {
         // From the centre: corners may be far off, and areas small.
         let corners = triangle.map(|c| [c[0] - centre[0], c[1] - centre[1]]);

@@ -1,4 +1,4 @@
-//! Which beamlets can meet the sample: the shadows of its components on the detector.
+//! Beamlets that may cross the sample: shadows of its components on the detector.
 
 use super::lattice::Lattice;
 use crate::geometry::{Component, Lids, Placed, Sample};
@@ -21,7 +21,7 @@ pub(crate) struct ProjectedBounds {
     /// Area that a component that may hide shows to the source, m in the cell plane times rows;
     /// infinite for others.
     pub area: f64,
-    /// Row coordinates of what of it is not upright: light that it throws out of its row comes from
+    /// Row coordinates of its surfaces that are not upright: light thrown out of its row comes from
     /// there.
     pub lids: Lids,
 }
@@ -57,8 +57,8 @@ pub(crate) fn touches_pixel(
     })
 }
 
-/// Mean chord below which a component can hide between two rays is half of it: two rays then
-/// meet it wherever it is thicker than its mean.
+/// Largest distance of rays that hides no component, over its mean chord: at half of it, two rays cross
+/// the component wherever it is thicker than its mean.
 const CHORD_SHARE: f64 = 0.5;
 
 /// Shadows of all components in a view.

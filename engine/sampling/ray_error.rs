@@ -11,10 +11,10 @@ use crate::interface::RayResult;
 pub(super) const THROWN: f32 = 0.05;
 /// Least displacement along z by which light enters the recorded rows, half rows.
 const LEAST_REACH: f32 = 0.01;
-/// A silhouette among at most as many crossings may take or give all light of a rectangle.
+/// Crossings up to which one silhouette may take or add all light of a rectangle.
 const SILHOUETTE_CROSSINGS: f32 = 8.0;
 
-/// A body that takes a part of a side of a rectangle may take as many times that part of its area.
+/// Area that a body may take of a rectangle, over the part of a side that it takes.
 const ENTERED: f32 = 1.0;
 
 /// A rectangle that is known by a ray.
@@ -34,7 +34,7 @@ struct ByRay<'a> {
     beside: Option<f32>,
 }
 
-/// What a neighbour shows.
+/// Changes towards a neighbour.
 #[derive(Default)]
 struct Change {
     /// Change of the recorded light if the rectangle were like the neighbour, share of its light.
@@ -103,8 +103,8 @@ impl Estimator<'_> {
             change[1] = change[1].max(all);
         }
         let [width, height] = [node.width(), node.height() * self.row_height];
-        // Rays that draw their normals stand in columns: rectangles one above the other err together at
-        // a silhouette that stands upright.
+        // Rays that draw their normals form columns: rectangles one above the other err together at an
+        // upright silhouette.
         let axis = if change[0] > 2.0 * change[1] {
             Axis::X
         } else if change[1] > 2.0 * change[0] || (height > width && !drawn) {
@@ -133,7 +133,7 @@ impl Estimator<'_> {
         let column = self.column(patch.beamlet);
         let x = patch.place(node.centre())[0];
         let growth = (self.response.magnification + slopes.displacement[0]).abs();
-        // One that slants stands at other x at its ends.
+        // A slanting one has other x at its ends.
         let slant = self.response.magnification * (patch.shear * node.height()).abs();
         ByRay {
             node,
@@ -183,7 +183,7 @@ impl Estimator<'_> {
         tailed(deviation, farthest, self.either_way(column, [passed, at], passed, half)) + down
     }
 
-    /// What a neighbour shows of a rectangle.
+    /// Change of a rectangle towards a neighbour.
     fn change_to(&self, by_ray: &ByRay<'_>, found: &Found) -> Change {
         let own = &by_ray.node.result;
         let result = &found.result;
@@ -227,7 +227,7 @@ impl Estimator<'_> {
         node.z[0] <= 0.0 || node.z[1] >= 1.0 || lands[0].floor() < lands[1].floor()
     }
 
-    /// What a neighbour on the same surfaces shows: how far the linear result is off there.
+    /// Error of the linear result at a neighbour on the same surfaces.
     fn change_on_surface(&self, by_ray: &ByRay<'_>, found: &Found) -> Change {
         let ByRay { node, slopes, column, passed, at, half, .. } = by_ray;
         let (own, result, centre) = (&node.result, &found.result, node.centre());
@@ -237,7 +237,7 @@ impl Estimator<'_> {
         };
         let depth = off(|result| result.optical_depth, slopes.depth);
         let displacement = off(|result| result.displacement_x, slopes.displacement);
-        // A slope between rays that stand close may predict any depth.
+        // A slope between rays close to each other may predict any depth.
         let there = (-result.optical_depth).exp();
         let other = [(passed * (-depth).exp()).min(2.0 * passed.max(there)), at + displacement];
         let mut light = self.response.change(*column, [*passed, *at], other, *half);
@@ -251,7 +251,7 @@ impl Estimator<'_> {
         Change { light, over, moved: displacement.abs(), silhouette: false }
     }
 
-    /// Change of the recorded light if the silhouette towards a neighbour stood on the other side.
+    /// Change of the recorded light if the silhouette towards a neighbour were on the other side.
     fn change_over_silhouette(&self, by_ray: &ByRay<'_>, result: &RayResult) -> f32 {
         let ByRay { node, column, passed, x, at, half, .. } = *by_ray;
         let there = (-result.optical_depth).exp();

@@ -1,5 +1,5 @@
-//! Adaptive refinement of patches: judge, split where the error is, trace or sum over facets, until
-//! every budget holds. All patches ask for their rays together, so that the device gets many.
+//! Adaptive refinement of patches: estimate, split where the error is, trace or sum over facets, until
+//! every budget holds. All patches request their rays together, so that the device gets many.
 
 mod borders;
 mod even;
@@ -30,9 +30,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Least width of a rectangle, m: coordinates in f32 are as coarse across a detector.
 const LEAST_WIDTH: f64 = 2e-9;
-/// Least width where pixels are small, share of the period: light at a silhouette is known no better,
+/// Least width of a rectangle, fraction of the period: light at a silhouette is known no better.
 const LEAST_SHARE: f64 = 2e-5;
-/// and share of the width that is sampled: two steps of coordinates in f32.
+/// Least width of a rectangle, fraction of the sampled width: two steps of f32 coordinates.
 const COARSENESS: f64 = 2.4e-7;
 /// Least height of a rectangle, rows.
 const LEAST_HEIGHT: f32 = 1.0 / 8192.0;
@@ -338,7 +338,7 @@ impl<'a> Refiner<'a> {
         if !held.takes(error.splits.len().min(left as usize)) {
             return false;
         }
-        // Rays in the order of x: neighbours meet the same triangles.
+        // Rays in the order of x: neighbours cross the same triangles.
         let mut splits = error.splits;
         splits.truncate(left as usize);
         let place = |node: u32| work.patch.nodes[node as usize].x[0];

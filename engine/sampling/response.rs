@@ -37,14 +37,14 @@ pub(crate) struct Response {
     steps: usize,
     /// Beamlet's centre from the centre of the nearest period of the sample mask, m.
     mask_offset: Vec<f32>,
-    /// What the shadow of thick bars takes of each side of an opening, m, by beamlet.
+    /// Reduction of each side of an opening by the shadow of thick bars, m, by beamlet.
     shadow: Vec<f32>,
     /// How far an opening is seen beyond its edges, m.
     soft: f32,
     /// Share of the light that the bars of the sample mask let through; 0 where that is too little
     /// to count.
     leak: f32,
-    /// A period of the lattice, which is that of the openings, and its half, m.
+    /// Period of the lattice and of the openings, and its half, m.
     period: f32,
     half_period: f32,
     /// Recorded value per metre of open cell plane.
@@ -315,15 +315,15 @@ fn any_openings(openings: &Openings) -> Vec<Opening> {
     (0..numbers::whole::<u32>(count)).map(opening).collect()
 }
 
-/// What the shadow of thick bars of the sample mask takes of each side of an aperture, m, seen
-/// under an angle of this slope.
+/// Reduction of each side of an aperture by the shadow of thick bars of the sample mask, m, at an angle
+/// of this slope.
 fn shadow(optics: &Optics, slope: f32) -> f32 {
     let thickness = optics.sample_mask.as_ref().and_then(Mask::side_shadow);
     thickness.map_or(0.0, |thickness| 0.5 * single(thickness) * slope.abs())
 }
 
-/// Those of some offsets of the sample mask, m, that stand farther apart than `least`: what is
-/// right at two steps is right at those between.
+/// Offsets of the sample mask farther apart than `least`, m: two accurate steps make the steps between
+/// them accurate.
 fn told_apart(offsets: &[f64], least: f64) -> Vec<f64> {
     let mut sorted = offsets.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

@@ -15,16 +15,16 @@ const MOMENTS: u64 = 4;
 pub(crate) struct Room {
     /// Rays in memory at a time, about.
     pub(crate) rays_at_once: usize,
-    /// Memory limit of a run, and what it leaves for refinement, bytes; without a limit one patch
-    /// may take any memory.
+    /// Memory limit of a run, and its remainder for refinement, bytes; without a limit one patch may take
+    /// any memory.
     pub(crate) limit: Option<[u64; 2]>,
     /// Words of the moments of a ray, where they are recorded.
     pub(crate) words: usize,
 }
 
 impl Room {
-    /// Rectangles that several patches may have: as many leaves as memory is reckoned for, with
-    /// what they were split from.
+    /// Rectangles shared by several patches: the planned leaves, with the rectangles that they were split
+    /// from.
     pub(super) const fn rectangles(&self) -> usize {
         2 * self.rays_at_once
     }

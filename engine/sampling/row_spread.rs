@@ -48,7 +48,7 @@ impl RowSpread {
     }
 }
 
-/// What of the light of polygons a blur takes over a border: integrals over their area.
+/// Light of polygons that a blur moves over a border: integrals over their area.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Crossed {
     /// Of the share that crosses.
@@ -107,7 +107,7 @@ impl RowSpread {
     }
 }
 
-/// Where in its row the light of a piece comes from, and what of it lands in the rows beside.
+/// Origin of the light of a piece in its row, and its shares in the rows beside.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PieceRows {
     /// The interval of its centroid and variance.
@@ -120,12 +120,12 @@ pub(super) struct PieceRows {
     pub(super) rises: [f64; 2],
 }
 
-/// Shares of a piece are linear in its displacement over this share of the blur,
+/// Range of the displacement over which shares of a piece are linear, fraction of the blur.
 const NEAR_FIRST_ORDER: f64 = 0.3;
-/// and, where there is no blur, over this share of its height.
+/// The same without blur, fraction of the height.
 const NEAR_SHARP: f64 = 0.01;
-/// Light beyond the rows beside is left to them up to that of this many standard deviations of the
-/// blur: 2e-4 of a piece that ends there.
+/// Light beyond the rows beside is added to them within this distance in standard deviations of the blur:
+/// 2e-4 of a piece that ends there.
 const FARTHEST_BESIDE: f64 = 3.5;
 
 impl PieceRows {

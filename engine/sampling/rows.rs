@@ -1,4 +1,4 @@
-//! Cells of some rows of a view: base rays, refinement of each patch, and what that makes.
+//! Cells of some rows of a view: base rays, refinement of each patch, and the resulting cells.
 
 use super::base_lattice::{BaseLattice, ROWS_TOGETHER};
 use super::cell_batch::{CellBatch, blank_cell_rows, empty_cell};
@@ -31,13 +31,12 @@ pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<
 /// Learns what share of the patches of its rows is done.
 pub(crate) type Advance<'a> = &'a mut dyn FnMut(&Tracer, f64);
 
-/// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: the rows from
-/// which undeflected light matters; what neither stands nor lands there is left out. `room`: what
-/// refinement may hold in memory. The cells, but not their order, are the same whatever `rows` and
-/// `room` are.
+/// Samples the patches of some rows and hands their cells to `take`, in parts. `lit`: rows whose
+/// undeflected light is needed; other cells are kept only if light lands there. `room`: memory of
+/// refinement. The cells, but not their order, are the same for any `rows` and `room`.
 ///
 /// # Errors
-/// As [`Tracer::trace`]; those of `take`.
+/// As [`Tracer::trace`]; errors of `take`.
 pub(crate) fn sample_rows(
     view: &ViewContext<'_>,
     tracer: &mut Tracer,
@@ -102,8 +101,7 @@ pub(crate) fn sample_rows(
     Ok(())
 }
 
-/// Takes the cells of some patches, and the places (column, row) of those that no ray of meets the
-/// sample.
+/// Receives the cells of some patches, and the places (column, row) of patches that miss the sample.
 pub(super) type TakeRefined<'a> =
     &'a mut dyn FnMut(&mut Tracer, CellBatch, Vec<(i64, i64)>) -> Result<()>;
 

@@ -10,9 +10,9 @@ use arrayvec::ArrayVec;
 const MOST_SHEETS: usize = 8;
 /// Sheets cover a rectangle a whole number of times to this.
 pub(super) const WHOLE: f64 = 1e-4;
-/// Standard deviation of a parabola of curvature 1 from its chord's mean, over a width of 1,
+/// Standard deviation of a parabola of curvature 1 about its chord, over a width of 1.
 const BOW: f64 = 0.037;
-/// and of a line with random kinks, per standard deviation of its slope.
+/// Standard deviation of a line with random kinks, per standard deviation of its slope.
 const KINKS: f64 = 0.2;
 
 /// What one side of one component does over a rectangle: integrals over its area.
@@ -107,7 +107,7 @@ impl Met {
 /// Planes fitted to the displacements of all sheets of a rectangle.
 #[derive(Default)]
 pub(super) struct SheetFits {
-    /// What its rays cross.
+    /// Surfaces that its rays cross.
     pub(super) met: Met,
     /// Slope over x of the displacement along x, over z of the same, over z of that along z.
     pub(super) slope: f64,
@@ -117,7 +117,8 @@ pub(super) struct SheetFits {
     pub(super) depth: f64,
     pub(super) variance: f64,
     pub(super) variance_z: f64,
-    /// How wide and high facets are whose displacement along x stands out, beside the rectangle: m2.
+    /// Width and height of facets whose displacement along x is outstanding, relative to the rectangle:
+    /// m2.
     pub(super) spread: [f64; 2],
     /// Farthest that the displacements along x and z are off their means, m.
     pub(super) farthest: [f64; 2],
@@ -190,7 +191,7 @@ pub(super) struct RectangleSums {
     /// Of the numbers of the result.
     pub(super) result: [f64; 5],
     pub(super) sheets: ArrayVec<Sheet, MOST_SHEETS>,
-    /// Of what the first order leaves in the displacement.
+    /// First-order remainder of the displacement.
     pub(super) first_order: f64,
     /// Least cosine of incidence, over that which the first order needs.
     pub(super) share: f64,

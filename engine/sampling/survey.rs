@@ -13,7 +13,7 @@ use crate::trace::Tracer;
 use std::ops::Range;
 use std::time::Instant;
 
-/// What is looked at takes as much memory as a run does without a limit.
+/// A survey takes as much memory as a run without a limit.
 const ROOM: Room = Room { rays_at_once: 1 << 17, limit: None, words: 0 };
 
 /// Takes cells as [`super::rows::Take`] does, and returns the seconds that a run takes for them
@@ -25,7 +25,7 @@ pub(crate) type TakePart<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Res
 pub(crate) struct PatchCost {
     /// Patches of this kind.
     pub patches: f64,
-    /// Those of them that were refined.
+    /// Patches among them that were refined.
     pub refined: f64,
     /// Rays of the refined ones beyond their base rays.
     pub rays: f64,
@@ -85,7 +85,7 @@ impl RowsCost {
 /// their cells to `take`.
 ///
 /// # Errors
-/// As [`Tracer::trace`]; those of `take`.
+/// As [`Tracer::trace`]; errors of `take`.
 pub(crate) fn survey_rows(
     view: &ViewContext<'_>,
     tracer: &mut Tracer,

@@ -1,16 +1,14 @@
 //! Structure that rays do not resolve, such as bundles of fibres: rays spread evenly over what mask
 //! steps open, and the error that they leave.
 //!
-//! Rectangles are not split where rays differ from their neighbours: that is chance there, and rays
-//! that are bent far would lose weight. Nor do the rays that count decide on their own number, for
-//! those would be left as they are that happen to be alike. Rays are tried until they tell how many
-//! are needed; where these are more, the patch gets as many, all of them anew. They stand on a few lines, each shifted
-//! against the others, so that all stand at places of their own along x, at even distances; heights
-//! in a line are a Kronecker sequence.
-//! The error follows from the mean square of the change from a ray to the next along x: 1/12 of it
-//! where few see a jump, for that may stand anywhere between two rays, and 1/2 where rays differ as
-//! much as any two, for then one is a sample of what it stands for. The change to the ray after the
-//! next tells which: twice as much where jumps are few, no more where nothing is resolved.
+//! Rectangles are not split where rays differ from their neighbours: differences are chance there, and
+//! rays that are bent far would lose weight. Trial rays set the number of rays; choosing it from the rays
+//! themselves is biased. If the number is larger than the trial, the patch gets new rays. They lie on a
+//! few shifted lines, all at places of their own along x, at even distances; heights in a line are a
+//! Kronecker sequence. The error follows from the mean square of the change from a ray to the next along
+//! x: 1/12 of it if few see a jump, which may lie anywhere between two rays, and 1/2 if rays differ as
+//! much as any two, each then being a random sample. The change to the ray after the next decides between
+//! the two: it is twice as large if jumps are few, and no larger if nothing is resolved.
 
 use super::error_estimate::{Estimator, SPREAD};
 use super::patch::{self, EVEN_LINES, Even, Node, Patch};
@@ -22,21 +20,20 @@ use crate::numbers;
 
 /// Crossings of a ray, on average, from which on structure may be too fine for rays.
 const FINE_CROSSINGS: u64 = 8;
-/// What the mean of two neighbours misses, over how they differ, squared: 3/4 where light is random,
-/// 1/4 at a jump, 0 where it is smooth.
+/// Error of the mean of two neighbours over their difference, squared: 3/4 for random light, 1/4 at a
+/// jump, 0 for smooth light.
 const UNLIKE: f32 = 0.5;
-/// Part of the budget that the number of rays aims at for the mask step that is worst,
+/// Fraction of the budget that the number of rays aims at for the worst mask step.
 const AIM: f64 = 0.4;
-/// and where there is one step alone: the root mean square is to be a third of the budget.
+/// The same with a single step, where the root mean square should be a third of the budget.
 const AIM_OF_ONE: f64 = 0.3;
 /// Part of the budget up to which rays that were settled on are left as they are.
 const ACCEPTED: f64 = 0.9;
 /// Rays of the first trial.
 pub(super) const FIRST: u32 = 48;
-/// Largest factor by which the number of rays grows after a trial. Where more are needed, the next
-/// trial has as many,
+/// Largest growth of the number of rays after a trial. If more are needed, another trial follows.
 const MOST_GROWTH: f64 = 100.0;
-/// and after a trial of fewer than [`FEW`] rays, which is less exact.
+/// The same after a trial of fewer than [`FEW`] rays, which is less exact.
 const MOST_GROWTH_OF_FEW: f64 = 8.0;
 const FEW: f64 = 256.0;
 /// Rectangles are compared where their widths differ by no more than this.
@@ -49,7 +46,7 @@ struct Sample {
     width: f32,
     /// Its ray from the centre of the beamlet, m.
     x: f32,
-    /// What passes the sample, share of what meets it.
+    /// Transmitted fraction of the light.
     passed: f32,
     displacement: f32,
     landed: Landed,
@@ -145,7 +142,7 @@ fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
     seen
 }
 
-/// Whether rays cross so many surfaces on average that what they meet may be too fine for them.
+/// Whether rays cross too many surfaces on average to resolve them.
 pub(super) fn cross_many<'r>(results: impl Iterator<Item = &'r RayResult>) -> bool {
     let all = |(crossings, count): (u64, u64), result: &RayResult| {
         (crossings + u64::from(result.crossings), count + 1)
@@ -155,13 +152,13 @@ pub(super) fn cross_many<'r>(results: impl Iterator<Item = &'r RayResult>) -> bo
 }
 
 impl Estimator<'_> {
-    /// Whether rays of a patch do not resolve what it holds: they cross many surfaces, and their
-    /// neighbours say nothing of their light.
+    /// Whether the rays of a patch do not resolve it: they cross many surfaces, and their neighbours do
+    /// not predict their light.
     pub(super) fn is_unresolved(&self, patch: &Patch) -> bool {
         if !cross_many(patch.leaves().map(|leaf| &patch.nodes[leaf as usize].result)) {
             return false;
         }
-        // What the mean of the two neighbours along an axis misses, and how they differ: squares.
+        // Squared error of the mean of two neighbours along an axis, and squared difference of the two.
         let (mut missed, mut differ) = (0.0, 0.0);
         for leaf in patch.leaves() {
             let node = &patch.nodes[leaf as usize];
@@ -177,7 +174,7 @@ impl Estimator<'_> {
         missed > UNLIKE * differ
     }
 
-    /// Change of the light between two results, where the ray of a rectangle stands.
+    /// Change of the light between two results, at the ray of a rectangle.
     fn change_between(&self, patch: &Patch, node: &Node, a: &RayResult, b: &RayResult) -> f32 {
         let column = self.column(patch.beamlet);
         let x = patch.place(node.centre())[0];
@@ -212,7 +209,7 @@ impl Estimator<'_> {
         let times = |step: &Changes| step.times(step.error() / (aim * self.budget.light));
         let least = if hides { 3.0 } else { 1.0 };
         let growth = steps.iter().map(times).fold(least, f64::max);
-        // As many anew would be the same.
+        // The same number of new rays would give the same.
         if patch.even == Even::Trial && growth <= 1.0 {
             return result;
         }
@@ -314,7 +311,7 @@ fn mean(a: &RayResult, b: &RayResult) -> RayResult {
     }
 }
 
-/// Whether rays that follow one another so far apart stand at even distances.
+/// Whether consecutive rays at this distance in the order are evenly spaced.
 fn is_beside(sample: &Sample, other: &Sample, apart: usize) -> bool {
     let [narrow, wide] = [sample.width.min(other.width), sample.width.max(other.width)];
     let distance = other.x - sample.x;
@@ -362,7 +359,7 @@ mod tests {
         let ends = [borders[0], borders[borders.len() - 1]];
         assert_eq!(ends.map(f32::to_bits), [-50e-6_f32, 50e-6].map(f32::to_bits));
         let widths: Vec<f32> = borders.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        // 35 of 1 um, and what stands before, between and behind them.
+        // 35 of 1 um, and the gaps before, between and behind them.
         let even = widths.iter().filter(|width| (**width - 1e-6).abs() < 1e-9).count();
         assert_eq!([even, widths.len()], [35, 38]);
         // Where bars let a quarter of the light through columns are four times as wide.

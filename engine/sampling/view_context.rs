@@ -12,16 +12,16 @@ use crate::optics::Optics;
 use crate::scene::Motion;
 use std::ops::Range;
 
-/// What the cells of a view are made from.
+/// Inputs of the cells of a view.
 #[derive(Debug)]
 pub(crate) struct ViewContext<'a> {
-    /// What the light meets.
+    /// Elements of the beam.
     pub optics: &'a Optics,
     /// The sample in the view.
     pub motion: Motion,
     /// Its sample.
     pub sample: &'a Sample,
-    /// Surfaces of the sample, whose facets say what is between rays.
+    /// Surfaces of the sample, whose facets describe the space between rays.
     pub facets: &'a SampleFacets,
     /// Its lattice.
     pub lattice: &'a Lattice,

@@ -29,8 +29,8 @@ pub(super) struct Windows {
     period: f32,
     /// Standard deviation of the blur on the analyser, m.
     blur: f32,
-    /// From the centre of the nearest of these windows to that of the nearest aperture of the detector
-    /// mask, m, by beamlet of the lattice; empty where they are those apertures.
+    /// Distance from the centre of the nearest of these windows to the centre of the nearest aperture of
+    /// the detector mask, m, by beamlet of the lattice; empty if they are those apertures.
     aside: Vec<f32>,
 }
 
@@ -59,8 +59,8 @@ impl Windows {
         }
     }
 
-    /// Landing point from the centre of a window of light that lands at `at` from that of an aperture of
-    /// the detector mask, m.
+    /// Distance of the landing point of light from the centre of a window, m, given the distance `at`
+    /// from the centre of an aperture of the detector mask.
     fn landing(&self, column: usize, at: f32) -> f32 {
         self.aside.get(column).map_or(at, |aside| at + aside)
     }

@@ -11,7 +11,17 @@ use std::path::{Component, Path, PathBuf};
 const OF_OTHER_PROGRAMS: [&str; 2] = ["docs/how-to/coming-from.md", "docs/how-to/cad.md"];
 /// Beginnings of names that are made while the program runs, and of names in examples.
 const MADE: [&str; 11] = [
-    "counts_…", "view8_", "view9_", "view10_", "scan_", "par_", "f_", "delta_", "mu_", "NAME", "run_",
+    "counts_…",
+    "view8_",
+    "view9_",
+    "view10_",
+    "scan_",
+    "par_",
+    "f_",
+    "delta_",
+    "mu_",
+    "NAME",
+    "run_",
 ];
 
 fn files(folder: &str, endings: &[&str], out: &mut Vec<PathBuf>) {

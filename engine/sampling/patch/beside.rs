@@ -1,9 +1,9 @@
-//! What stands in a rectangle or beside it, and its own ray does not show.
+//! Surfaces in a rectangle or beside it that its own ray does not show.
 
 use super::{Node, Patch, no_silhouette_between};
 use crate::interface::RayResult;
 
-/// A ray beside those of rectangles.
+/// A ray beside the rays of rectangles.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::sampling) struct Witness {
     /// Coordinates.
@@ -12,16 +12,16 @@ pub(in crate::sampling) struct Witness {
 }
 
 impl Patch {
-    /// A witness in a rectangle that met other surfaces than its ray.
+    /// A witness in a rectangle that crossed other surfaces than its ray.
     pub(in crate::sampling) fn unlike_witness(&self, node: &Node) -> Option<&Witness> {
         self.witnesses.iter().find(|witness| {
             node.holds(witness.at) && !no_silhouette_between(&witness.result, &node.result)
         })
     }
 
-    /// Leaves along the sides of a rectangle whose rays met other surfaces: the largest part of a side
-    /// that they take, and the result of one; nothing where there are none. `out`: how far beyond the
-    /// sides they are looked for.
+    /// Leaves along the sides of a rectangle whose rays crossed other surfaces: the largest part of a
+    /// side that they take, and the result of one; `None` without such leaves. `out`: search distance
+    /// beyond the sides.
     pub(in crate::sampling) fn unlike_beside(
         &self,
         node: &Node,

@@ -3,7 +3,7 @@
 use super::Axis;
 use crate::interface::{FLAG_DRAWN, FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
 
-/// What the linear model that fits a rectangle best leaves of what its facets do.
+/// Residual of the best linear model of a rectangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::sampling) struct Residuals {
     /// Slopes along x which the fit has, of displacement and optical depth.
@@ -22,7 +22,7 @@ pub(in crate::sampling) struct Residuals {
     pub(in crate::sampling) across: f32,
     /// Most that the displacement along x and z of any ray leaves the fit, m.
     pub(in crate::sampling) farthest: [f32; 2],
-    /// Along which facets are narrower whose displacement stands out, beside the rectangle.
+    /// Axis along which facets with outstanding displacement are narrower, relative to the rectangle.
     pub(in crate::sampling) narrower: Axis,
 }
 
@@ -61,7 +61,7 @@ pub(in crate::sampling) struct AllRays {
 }
 
 impl AllRays {
-    /// From their mean and what that leaves.
+    /// From a mean and its residual.
     pub(in crate::sampling) fn new(mean: &RayResult, left: &Residuals) -> Self {
         Self {
             mean: [mean.displacement_x, mean.displacement_z],
@@ -76,7 +76,7 @@ impl AllRays {
 /// How the result of a rectangle is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::sampling) enum Known {
-    /// By the ray through its centre, with what its facets tell of all its rays.
+    /// The ray through its centre, with the facets' bounds on all its rays.
     Ray(Option<AllRays>),
     /// As the linear model that fits it best.
     Mean(Residuals),
@@ -134,7 +134,7 @@ impl Node {
         self.crossings.is_some()
     }
 
-    /// Whether no ray of it meets the sample.
+    /// Whether all its rays miss the sample.
     pub(in crate::sampling) fn is_empty(&self) -> bool {
         self.result.crossings == 0 && !matches!(self.known, Known::Pieces(_))
     }
@@ -157,8 +157,8 @@ pub(in crate::sampling) fn is_drawn(result: &RayResult) -> bool {
     result.flags & FLAG_DRAWN != 0
 }
 
-/// Whether no silhouette stands between two rays. Those that draw their normals may be reflected or
-/// not on one surface: any that meet the sample are alike.
+/// Whether no silhouette lies between two rays. Rays that draw their normals may reflect or not on one
+/// surface: any two that cross the sample are alike.
 pub(in crate::sampling) fn no_silhouette_between(a: &RayResult, b: &RayResult) -> bool {
     if is_drawn(a) || is_drawn(b) {
         return (a.crossings == 0) == (b.crossings == 0);

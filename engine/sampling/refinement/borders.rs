@@ -1,4 +1,4 @@
-//! Rays along the borders of patches: a body that enters by a corner stands between all others.
+//! Rays along the borders of patches: a body that enters through a corner lies between all other rays.
 
 use super::{PatchWork, Refiner, Rounds};
 use crate::Result;
@@ -9,13 +9,13 @@ use crate::sampling::unresolved::cross_many;
 use crate::trace::Tracer;
 use rayon::prelude::*;
 
-/// Rays along each border,
+/// Rays along each border.
 const ALONG: u16 = 16;
-/// and times that the interval between two that met different surfaces is halved.
+/// Bisections of an interval between two rays that crossed different surfaces.
 const HALVINGS: u32 = 6;
 /// Within the border, parts of the patch.
 const INSIDE: f32 = 1e-6;
-/// Axis along which each border stands, and the coordinate across, parts of the patch.
+/// Axis of each border, and the coordinate across it, fractions of the patch.
 const BORDERS: [(usize, f32); 4] = [(0, INSIDE), (0, 1.0 - INSIDE), (1, INSIDE), (1, 1.0 - INSIDE)];
 
 /// Rays along the borders of a patch, in the order of the place along each.
@@ -43,8 +43,8 @@ impl BorderRays {
         [self.period * (place[0] - 0.5), place[1]]
     }
 
-    /// Those that met other surfaces than the rectangles of a patch that they stand in, and those on both
-    /// sides of where a silhouette crosses a border: rectangles that are split there may be unlike them.
+    /// Rays that crossed other surfaces than the rectangles that contain them, and rays on both sides of
+    /// a silhouette at a border: rectangles split there may differ from them.
     fn witnesses(&self, patch: &Patch) -> Vec<Witness> {
         let mut witnesses = Vec::new();
         for (border, rays) in self.rays.iter().enumerate() {
@@ -90,8 +90,8 @@ impl Rounds for BorderRays {
 }
 
 impl Refiner<'_> {
-    /// Whether a silhouette stands in a patch or beside it, as far as base rays tell. Where they cross many
-    /// surfaces, bodies stand everywhere.
+    /// Whether a silhouette lies in a patch or beside it, according to base rays. If they cross many
+    /// surfaces, bodies are everywhere.
     fn is_near_silhouette(&self, patch: &Patch) -> bool {
         let base = self.estimator.base;
         let Some(own) = base.patch(patch.beamlet, patch.row) else { return false };
@@ -106,8 +106,8 @@ impl Refiner<'_> {
         })
     }
 
-    /// Traces rays along the borders of patches near silhouettes that rays alone know. Each that met other
-    /// surfaces than the rectangle that it stands in is a witness.
+    /// Traces rays along the borders of patches near silhouettes that only rays know. Each that crossed
+    /// other surfaces than its rectangle is a witness.
     pub(super) fn look_along_borders(
         &self,
         tracer: &mut Tracer,

@@ -9,8 +9,8 @@ use super::{PatchWork, Refiner};
 use crate::numbers::{self, single};
 
 impl Refiner<'_> {
-    /// Replaces the rectangles of a patch by about `count` with rays that are spread evenly, or by as
-    /// many as `max_rays` leaves; the patch is done where that is no gain. False where memory lacks.
+    /// Replaces the rectangles of a patch by about `count` evenly spread rays, limited by `max_rays`; the
+    /// patch is done if that is no gain. False if memory is short.
     pub(super) fn begin_even(
         &self,
         work: &mut PatchWork,
@@ -38,7 +38,7 @@ impl Refiner<'_> {
         work.patch = Patch::even(beamlet, row, borders, even);
         work.known_errors = KnownErrors::default();
         work.changed.clear();
-        // Rays in the order of x: neighbours meet the same surfaces.
+        // Rays in the order of x: neighbours cross the same surfaces.
         let place = |node: &u32| work.patch.ray(*node)[0];
         let mut rays: Vec<u32> = (0..count).collect();
         rays.sort_by(|a, b| place(a).total_cmp(&place(b)));

@@ -1,16 +1,16 @@
-//! What facets tell: means and pieces in place of rays, or what is between rays.
+//! Results from facets: means and pieces in place of rays, or bounds between rays.
 
 use super::super::patch::{Known, Node, Patch};
 use super::super::patch_error::KnownErrors;
 use super::{COLUMNS_AT_RIMS, PatchWork, Refiner};
 use crate::numbers;
 
-/// A rectangle that is known as a mean becomes pieces only where its error is more than this share
-/// of its light: outlines of pieces err by about as much,
+/// Error of a mean, as a fraction of its light, above which the rectangle is cut into pieces: outlines of
+/// pieces err by about as much.
 const LEAST_ERROR_OF_PIECES: f32 = 0.02;
-/// where its facets are no more than this,
+/// Largest number of its facets.
 const MOST_FACETS_OF_PIECES: usize = 12;
-/// and where that leaves less than this share of its error.
+/// Largest error of the pieces, as a fraction of its error.
 const GAIN_OF_PIECES: f32 = 0.5;
 
 impl Refiner<'_> {
@@ -54,7 +54,7 @@ impl Refiner<'_> {
         }
     }
 
-    /// Lets the facets of a patch tell what is between its rays. Those of one that slants do not.
+    /// Bounds the space between the rays of a patch by its facets; slanting patches are skipped.
     pub(super) fn look_at_facets(&self, work: &mut PatchWork) {
         let Patch { beamlet, row, shear, .. } = work.patch;
         let Some((lists, _)) = &self.facets else { return };
@@ -68,8 +68,8 @@ impl Refiner<'_> {
         }
     }
 
-    /// Sets the result of a rectangle to the mean over its facets, where there is one, or cuts it
-    /// into its pieces. By rays alone it learns what a ray does not see.
+    /// Sets the result of a rectangle to the mean over its facets, or cuts it into pieces. With rays
+    /// alone it bounds the space between them.
     pub(super) fn take_mean(&self, work: &mut PatchWork, node: u32) -> bool {
         let Some((_, means)) = &self.facets else { return false };
         let patch = &mut work.patch;

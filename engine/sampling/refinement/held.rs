@@ -9,14 +9,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Bytes of a ray that is traced: its place, it and its result, each twice.
 const RAY: usize = 2 * (size_of::<[f32; 2]>() + size_of::<Ray>() + size_of::<RayResult>());
 
-/// Bytes that a split adds: its parts, what is known of their errors, and their rays.
+/// Bytes added by a split: its parts, their known errors, and their rays.
 const SPLIT: usize = PARTS as usize * (size_of::<Node>() + KnownErrors::NODE) + 2 * RAY;
 
 /// Bytes that patches hold together.
 pub(super) struct Held {
     bytes: AtomicU64,
     most: u64,
-    /// What they would hold, where that is more than `most`.
+    /// Total size, if above `most`.
     full: AtomicU64,
 }
 

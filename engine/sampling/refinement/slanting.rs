@@ -13,7 +13,7 @@ use rayon::prelude::*;
 const MOST_ALIGNED: u32 = 8;
 /// Most that rectangles slant over a row, periods.
 const MOST_SHEAR: f32 = 2.0;
-/// Silhouettes may bow by as many times what three scanlines tell.
+/// Factor on the curvature of silhouettes that three scanlines show.
 const BOW: f32 = 1.5;
 /// Lines of rectangles that a patch with silhouettes begins with.
 const LINES: u32 = 3;
@@ -55,8 +55,7 @@ impl Refiner<'_> {
         self.trace_pending(tracer, work)
     }
 
-    /// Silhouettes between base rays that stand side by side, where there are any in the patch or
-    /// around it.
+    /// Silhouettes between base rays side by side, if any in the patch or around it.
     fn silhouettes(&self, patch: &Patch) -> Option<u32> {
         let mut count = None;
         for node in &patch.nodes {
